@@ -1,0 +1,113 @@
+"""Every exception heatertune raises on purpose.
+
+HeatertuneError
+├── InputError                 something the user gave cannot be used
+│   ├── LogError               a log file, with line, column and value
+│   ├── DocumentError          a JSON document of a stage
+│   ├── UnknownName            a target, rule or table that does not exist
+│   └── OutOfRange             a value outside its physical or logical range
+├── NotRepresentable           a design the PLC's words cannot hold
+└── ExportRefused              words whose proof failed, without --force
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+__all__ = [
+    "DocumentError",
+    "ExportRefused",
+    "HeatertuneError",
+    "InputError",
+    "LogError",
+    "NotRepresentable",
+    "OutOfRange",
+    "UnknownName",
+]
+
+
+class HeatertuneError(Exception):
+    """Base of all errors a user can meet; its text is one line."""
+
+
+class InputError(HeatertuneError, ValueError):
+    """Raised when something the user gave cannot be used."""
+
+
+class LogError(InputError):
+    """Raised when a log file cannot be understood.
+
+    The text names the file and, where known, the line (1 = first line of the file), the column,
+    the value found there, and what would be right.
+    """
+
+    def __init__(
+        self,
+        problem: str,
+        *,
+        file: str | Path,
+        line: int | None = None,
+        column: str | None = None,
+        value: str | None = None,
+        expected: str | None = None,
+    ) -> None:
+        self.problem, self.file, self.line = problem, str(file), line
+        self.column, self.value, self.expected = column, value, expected
+        place = f"{file}" + (f", line {line}" if line is not None else "")
+        place += f", column {column}" if column is not None else ""
+        found = f" {value!r}" if value is not None else ""
+        wanted = f"; expected {expected}" if expected is not None else ""
+        super().__init__(f"{place}: {problem}{found}{wanted}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _rebuild_log_error, (
+            self.problem, self.file, self.line, self.column, self.value, self.expected,
+        )  # fmt: skip
+
+
+def _rebuild_log_error(
+    problem: str, file: str, line: int | None, column: str | None, value: str | None, expected: str | None
+) -> LogError:
+    return LogError(problem, file=file, line=line, column=column, value=value, expected=expected)
+
+
+class DocumentError(InputError):
+    """Raised when a stage's JSON document is not what the next stage can read."""
+
+
+class UnknownName(InputError):
+    """Raised when a name is not one of those that exist."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        self.kind, self.name, self.known = kind, name, tuple(known)
+        super().__init__(f"unknown {kind} {name!r}; known: {', '.join(self.known)}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return UnknownName, (self.kind, self.name, self.known)
+
+
+class OutOfRange(InputError):
+    """Raised when a value breaks the rule of its field."""
+
+    def __init__(self, field: str, value: object, rule: str) -> None:
+        self.field, self.value, self.rule = field, value, rule
+        super().__init__(f"{field} = {value!r} is out of range: must be {rule}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return OutOfRange, (self.field, self.value, self.rule)
+
+
+class NotRepresentable(HeatertuneError, ValueError):
+    """Raised when a design does not fit the words of the target; nothing is clipped."""
+
+    def __init__(self, field: str, value: float, allowed: str, remedy: str) -> None:
+        self.field, self.value, self.allowed, self.remedy = field, value, allowed, remedy
+        super().__init__(f"{field} would be {value:g}, allowed {allowed}; {remedy}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return NotRepresentable, (self.field, self.value, self.allowed, self.remedy)
+
+
+class ExportRefused(HeatertuneError):
+    """Raised when the proof of the words ended in FAIL and the export was not forced."""

@@ -1,0 +1,85 @@
+"""The log as the other stages see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import OutOfRange
+
+__all__ = ["MIN_SAMPLES", "Log"]
+
+#: Fewer readings than this cannot carry the five unknowns of a heater model.
+MIN_SAMPLES = 20
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Log:
+    """A temperature record.
+
+    Attributes:
+        name: short name shown to people.
+        source: where the numbers come from (a file's name, a paper's table).
+        time_s: instants [s], strictly increasing, shape (n,).
+        temperature_degC: process variable [°C], shape (n,).
+        power_pct: heater power [0…100 % of full power], held from its instant to the next, shape (n,), or None.
+        setpoint_degC: setpoint [°C], shape (n,), or None.
+        repairs: what the reader changed or assumed, one sentence each.
+        doubts: readings that look odd but were left as they are, one sentence each.
+        same_heater: names of built-in logs taken on the same heater.
+
+    Raises:
+        OutOfRange: shapes differ, fewer than 20 readings, times not increasing, values not finite,
+            temperature constant.
+    """
+
+    name: str
+    source: str
+    time_s: Array
+    temperature_degC: Array
+    power_pct: Array | None = None
+    setpoint_degC: Array | None = None
+    repairs: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    same_heater: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        if n < MIN_SAMPLES:
+            raise OutOfRange("number of samples", n, f">= {MIN_SAMPLES}")
+        for name in ("time_s", "temperature_degC", "power_pct", "setpoint_degC"):
+            column = getattr(self, name)
+            if column is not None:
+                object.__setattr__(self, name, _frozen(name, column, n))
+        if not np.all(np.diff(self.time_s) > 0):
+            raise OutOfRange("time_s", float(self.time_s[0]), "strictly increasing")
+        if np.ptp(self.temperature_degC) == 0.0:
+            raise OutOfRange("temperature_degC", float(self.temperature_degC[0]), "varying, not constant")
+
+    def window(self, start_s: float, end_s: float) -> Log:
+        """Return the readings with start_s <= time <= end_s."""
+        keep = (self.time_s >= start_s) & (self.time_s <= end_s)
+
+        def cut(column: Array | None) -> Array | None:
+            return None if column is None else column[keep]
+
+        return Log(
+            name=self.name, source=self.source, time_s=self.time_s[keep],
+            temperature_degC=self.temperature_degC[keep], power_pct=cut(self.power_pct),
+            setpoint_degC=cut(self.setpoint_degC), repairs=self.repairs, doubts=self.doubts,
+            same_heater=self.same_heater,
+        )  # fmt: skip
+
+
+def _frozen(name: str, column: Array, n: int) -> Array:
+    array = np.array(column, dtype=np.float64)
+    if array.shape != (n,):
+        raise OutOfRange(name, array.shape, f"of shape ({n},)")
+    if not np.all(np.isfinite(array)):
+        raise OutOfRange(name, float(array[~np.isfinite(array)][0]), "finite")
+    array.setflags(write=False)
+    return array

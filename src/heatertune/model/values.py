@@ -1,0 +1,224 @@
+"""Heater models and what a fit found out about them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import OutOfRange
+from heatertune.units import check
+
+__all__ = ["Candidate", "FittedModel", "Fopdt", "HeaterModel", "Interval", "Outcome", "Residuals", "TwoLag"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fopdt:
+    """First order plus dead time: T' = (ambient + gain·power(t − dead time) − T)/time constant.
+
+    Attributes:
+        gain_degC_per_pct: steady rise per percent of heater power [°C/%].
+        time_constant_s: [s].
+        dead_time_s: [s].
+        ambient_degC: temperature without power [°C], None where unknown.
+
+    Raises:
+        OutOfRange: a gain or time constant that is not positive, a negative dead time.
+    """
+
+    gain_degC_per_pct: float
+    time_constant_s: float
+    dead_time_s: float
+    ambient_degC: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_plant(self)
+
+    @property
+    def lags_s(self) -> tuple[float, ...]:
+        """Time constants of the lags in series [s]."""
+        return (self.time_constant_s,)
+
+    def half_rule(self) -> Fopdt:
+        """Return the model itself: it is of first order already."""
+        return self
+
+    def frequency_response(self, omega: Array) -> npt.NDArray[np.complex128]:
+        """Return G(jω) [°C/%] at `omega` [rad/s], shape (n,), with the exact e^(−jωL)."""
+        return _response(self, omega)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwoLag:
+    """Two lags in series and a dead time: the heater and the sensor (or the mass behind it).
+
+    Attributes:
+        gain_degC_per_pct: steady rise per percent of heater power [°C/%].
+        time_constant_s: the larger lag [s].
+        second_time_constant_s: the smaller lag [s].
+        dead_time_s: [s].
+        ambient_degC: temperature without power [°C], None where unknown.
+
+    Raises:
+        OutOfRange: a gain or lag that is not positive, lags in the wrong order, a negative dead time.
+    """
+
+    gain_degC_per_pct: float
+    time_constant_s: float
+    second_time_constant_s: float
+    dead_time_s: float
+    ambient_degC: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_plant(self)
+        check("second_time_constant_s", self.second_time_constant_s, above=0.0, most=self.time_constant_s)
+
+    @property
+    def lags_s(self) -> tuple[float, ...]:
+        """Time constants of the lags in series [s]."""
+        return (self.time_constant_s, self.second_time_constant_s)
+
+    def half_rule(self) -> Fopdt:
+        """Return the FOPDT of Skogestad's half rule.
+
+        Half of the smaller lag goes to the time constant, half to the dead time (S. Skogestad, "Simple
+        analytic rules for model reduction and PID controller tuning", J. Process Control 13 (2003), eq. 10).
+        """
+        half = self.second_time_constant_s / 2.0
+        return Fopdt(
+            gain_degC_per_pct=self.gain_degC_per_pct,
+            time_constant_s=self.time_constant_s + half,
+            dead_time_s=self.dead_time_s + half,
+            ambient_degC=self.ambient_degC,
+        )
+
+    def frequency_response(self, omega: Array) -> npt.NDArray[np.complex128]:
+        """Return G(jω) [°C/%] at `omega` [rad/s], shape (n,), with the exact e^(−jωL)."""
+        return _response(self, omega)
+
+
+HeaterModel = Fopdt | TwoLag
+
+
+def _check_plant(plant: HeaterModel) -> None:
+    check("gain_degC_per_pct", plant.gain_degC_per_pct, above=0.0)
+    check("time_constant_s", plant.time_constant_s, above=0.0)
+    check("dead_time_s", plant.dead_time_s, least=0.0)
+    if plant.ambient_degC is not None:
+        check("ambient_degC", plant.ambient_degC, least=-273.15)
+
+
+def _response(plant: HeaterModel, omega: Array) -> npt.NDArray[np.complex128]:
+    s = 1j * np.asarray(omega, dtype=np.float64)
+    response = plant.gain_degC_per_pct * np.exp(-s * plant.dead_time_s)
+    for lag in plant.lags_s:
+        response = response / (lag * s + 1.0)
+    return np.asarray(response, dtype=np.complex128)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval:
+    """A 95 % confidence interval; an end that lies on a bound of the search is open and None."""
+
+    low: float | None
+    high: float | None
+
+    def __post_init__(self) -> None:
+        if self.low is not None and self.high is not None and self.low > self.high:
+            raise OutOfRange("low", self.low, f"<= high = {self.high:g}")
+
+
+class Outcome(Enum):
+    """How a fit ended; each member is the sentence a person needs, remedy included."""
+
+    IDENTIFIED = "All parameters are identified."
+    COMBINATIONS_ONLY = (
+        "Only combinations of parameters are identified: log the heater power, "
+        "or an open-loop step that lasts at least three time constants."
+    )
+    NO_POWER_CHANGE = "The power never changes, so the gain is unknown: log a step of the power."
+    POOR_FIT = "No model explains the log well: log the power, and keep doors and fans still."
+    BY_HAND = "The model was given by hand; no log supports it."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """One model that explains a log nearly as well as the best.
+
+    Attributes:
+        model: the heater.
+        log: name of the log it was fitted to.
+        window_s: first and last instant used [s].
+        law: the controller hypothesis simulated inside the fit, or "power logged".
+        controller: fitted constants of that hypothesis, name → value, unit in the name.
+        fit_pct: 100·(1 − ‖y−ŷ‖/‖y−ȳ‖) [%].
+        rmse_degC: root mean square simulation error [°C].
+        delta_bic: BIC above the best model on the same rows (AR(1) errors).
+    """
+
+    model: HeaterModel
+    log: str
+    window_s: tuple[float, float]
+    law: str
+    fit_pct: float
+    rmse_degC: float
+    delta_bic: float
+    controller: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """Short name for tables and pictures."""
+        order = "one lag" if isinstance(self.model, Fopdt) else "two lags"
+        return f"{self.log}, {order}, {self.law}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Residuals:
+    """The log, what the working model makes of it, and how the rest is correlated.
+
+    Attributes:
+        time_s, measured_degC, simulated_degC: shape (n,).
+        autocorrelation: at lags 1…, shape (m,).
+    """
+
+    time_s: Array
+    measured_degC: Array
+    simulated_degC: Array
+    autocorrelation: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FittedModel:
+    """What a log says about its heater.
+
+    Attributes:
+        model: the FOPDT to work with.
+        ci95: field name → 95 % interval, None where the log does not identify the field.
+        combinations: identifiable combinations, name with unit → (value, interval).
+        candidates: every model that explains the data nearly as well; tuning and proof run on all.
+        outcome: how the fit ended, with the remedy.
+        fit_pct: of the working model [%], None for a model given by hand.
+        method: how it was found, one sentence.
+        notes: what the log cannot tell and what that means, one sentence each.
+        residuals: of the working model, None for a model given by hand.
+    """
+
+    model: Fopdt
+    outcome: Outcome
+    method: str
+    ci95: Mapping[str, Interval | None] = field(default_factory=dict)
+    combinations: Mapping[str, tuple[float, Interval]] = field(default_factory=dict)
+    candidates: tuple[Candidate, ...] = ()
+    fit_pct: float | None = None
+    notes: tuple[str, ...] = ()
+    residuals: Residuals | None = None
+
+    @property
+    def plants(self) -> tuple[HeaterModel, ...]:
+        """Every heater a design has to serve; the working model alone where there are no candidates."""
+        return tuple(c.model for c in self.candidates) or (self.model,)

@@ -1,0 +1,81 @@
+"""The controller a tuning found, in the standard form."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from heatertune.errors import OutOfRange
+from heatertune.units import check
+
+__all__ = ["Margins", "PidDesign"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Margins:
+    """Robustness of one sampled loop, from its exact frequency response.
+
+    Attributes:
+        ms: max |1/(1 + L)|; infinite where the closed loop is unstable.
+        mt: max |L/(1 + L)|; infinite where the closed loop is unstable.
+        gain_margin: factor by which the gain may grow; infinite where no crossing limits it.
+        phase_margin_deg: [°].
+    """
+
+    ms: float
+    mt: float
+    gain_margin: float
+    phase_margin_deg: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether the closed loop is stable."""
+        return math.isfinite(self.ms)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PidDesign:
+    """u = K·(e + 1/TN·∫e dt + TV·de/dt), sampled every TA.
+
+    Attributes:
+        gain_pct_per_degC: K, proportional gain [% of full power per °C].
+        integral_time_s: TN [s]; infinite without integral action.
+        derivative_time_s: TV [s]; 0 without derivative action.
+        sample_time_s: TA [s].
+        structure: "p", "pi" or "pid".
+        method: how it was found.
+        margins: worst over the models it was made for, None where not computed.
+        iae_load: ∫|e| dt after a load step of 1 % power, worst over the models [°C·s], None where not computed.
+        iae_setpoint: ∫|e| dt after a setpoint step of 1 °C [s], None where not computed.
+        notes: what the reader should know, one sentence each.
+
+    Raises:
+        OutOfRange: a gain that is zero or not finite, a time that is not positive, a structure that contradicts
+            TN or TV.
+    """
+
+    gain_pct_per_degC: float
+    integral_time_s: float
+    derivative_time_s: float
+    sample_time_s: float
+    structure: str
+    method: str
+    margins: Margins | None = None
+    iae_load: float | None = None
+    iae_setpoint: float | None = None
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        check("gain_pct_per_degC", self.gain_pct_per_degC)
+        if self.gain_pct_per_degC == 0.0:
+            raise OutOfRange("gain_pct_per_degC", 0.0, "not zero")
+        check("integral_time_s", self.integral_time_s, above=0.0, infinite=True)
+        check("derivative_time_s", self.derivative_time_s, least=0.0)
+        check("sample_time_s", self.sample_time_s, above=0.0)
+        if self.structure != structure_of(self.integral_time_s, self.derivative_time_s):
+            raise OutOfRange("structure", self.structure, "the one that TN and TV make")
+
+
+def structure_of(integral_time_s: float, derivative_time_s: float) -> str:
+    """Return the letters of the parts that act: "p", "pi", "pd" or "pid"."""
+    return "p" + ("i" if math.isfinite(integral_time_s) else "") + ("d" if derivative_time_s > 0.0 else "")

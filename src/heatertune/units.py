@@ -1,0 +1,56 @@
+"""The nomenclature: symbols, names and units used everywhere, and the conversions between units.
+
+Temperatures are in °C, times in seconds, heater power in percent of full power. A field's unit is the end
+of its name: ``time_constant_s``, ``gain_degC_per_pct``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from heatertune.errors import OutOfRange
+
+__all__ = ["NOMENCLATURE", "check", "degF_to_degC", "kelvin_to_degC"]
+
+#: field name → (symbol, name, unit)
+NOMENCLATURE: Final[dict[str, tuple[str, str, str]]] = {
+    "gain_degC_per_pct": ("k", "process gain", "°C/%"),
+    "time_constant_s": ("T", "time constant", "s"),
+    "second_time_constant_s": ("T2", "second time constant", "s"),
+    "dead_time_s": ("L", "dead time", "s"),
+    "ambient_degC": ("Ta", "ambient temperature", "°C"),
+    "gain_pct_per_degC": ("K", "proportional gain", "%/°C"),
+    "integral_time_s": ("TN", "integral-action time", "s"),
+    "derivative_time_s": ("TV", "derivative-action time", "s"),
+    "sample_time_s": ("TA", "sampling interval", "s"),
+    "ms": ("Ms", "maximum sensitivity", "1"),
+    "mt": ("Mt", "maximum complementary sensitivity", "1"),
+    "gain_margin": ("GM", "gain margin", "1"),
+    "phase_margin_deg": ("PM", "phase margin", "°"),
+    "iae_load": ("IAE", "integrated absolute error after a load step of 1 % power", "°C·s"),
+}
+
+
+def check(field: str, value: float, *, above: float | None = None, least: float | None = None,
+          most: float | None = None, infinite: bool = False) -> None:  # fmt: skip
+    """Raise `OutOfRange` unless `value` is a number that keeps the field's bounds."""
+    rules = [
+        (not math.isnan(value) and (infinite or math.isfinite(value)), "a finite number"),
+        (above is None or value > above, f"> {above:g}" if above is not None else ""),
+        (least is None or value >= least, f">= {least:g}" if least is not None else ""),
+        (most is None or value <= most, f"<= {most:g}" if most is not None else ""),
+    ]
+    for kept, rule in rules:
+        if not kept:
+            raise OutOfRange(field, value, rule)
+
+
+def degF_to_degC(value: float) -> float:
+    """Return °C for °F: (F − 32)·5/9."""
+    return (value - 32.0) * 5.0 / 9.0
+
+
+def kelvin_to_degC(value: float) -> float:
+    """Return °C for kelvin: K − 273.15."""
+    return value - 273.15
