@@ -1,0 +1,43 @@
+"""From resampled values to intervals that admit what they do not know."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.model.statistics import percentile_interval
+from heatertune.model.values import Interval
+
+__all__ = ["envelope", "identified", "identified_parts", "interval"]
+
+Array = npt.NDArray[np.float64]
+
+_WIDE = 0.3  # an interval wider than ±30 % of its centre identifies nothing
+
+
+def interval(values: Array, low: float, high: float) -> Interval:
+    """Return the central 95 % of resampled values; an end on a bound of the search is open (None)."""
+    lower, upper = percentile_interval(values[np.isfinite(values)])
+    margin = 1e-3 * (high - low) if np.isfinite(high - low) else 0.0
+    return Interval(
+        low=None if lower <= low + margin else lower, high=None if upper >= high - margin else upper
+    )
+
+
+def envelope(parts: Interval, values: list[float]) -> Interval:
+    """Return the interval widened until it holds every value."""
+    low = None if parts.low is None else min(parts.low, *values)
+    high = None if parts.high is None else max(parts.high, *values)
+    return Interval(low=low, high=high)
+
+
+def identified_parts(found: Interval | None) -> bool:
+    """Return whether an interval is closed and no wider than ±30 % of its centre."""
+    if found is None or found.low is None or found.high is None:
+        return False
+    return found.high - found.low <= _WIDE * abs(found.high + found.low)
+
+
+def identified(found: Interval) -> Interval | None:
+    """Return the interval, or None where it identifies nothing."""
+    return found if identified_parts(found) else None

@@ -1,0 +1,40 @@
+"""What a fit needs to know of a controller that runs inside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+__all__ = ["Constant", "ControllerLaw"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Constant:
+    """One unknown constant of a law, with the bounds of its search.
+
+    A logarithmic one is searched by ratio.
+    """
+
+    name: str
+    low: float
+    high: float
+    logarithmic: bool = False
+
+
+class ControllerLaw(Protocol):
+    """A hypothesis about the controller that made a log.
+
+    Its step is handed in by whoever knows the controller; the model stage only calls it.
+    """
+
+    @property
+    def name(self) -> str:
+        """Short name for tables."""
+
+    @property
+    def constants(self) -> tuple[Constant, ...]:
+        """At most four unknown constants."""
+
+    @property
+    def step(self) -> Any:
+        """Compiled function (constants[4], memory[4], error °C, interval s) → power 0…100 %; memory begins at 0."""

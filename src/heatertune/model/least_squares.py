@@ -1,0 +1,101 @@
+"""Many bounded least-squares problems at once.
+
+Multi-start and bootstrap both solve the same small problem some hundred times; solving all rows together keeps the
+compiled simulation busy. The step is Levenberg's and Marquardt's (D. W. Marquardt, "An algorithm for least-squares
+estimation of nonlinear parameters", SIAM J. Appl. Math. 11 (1963) 431–441), projected onto the bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Minima", "minimise"]
+
+Array = npt.NDArray[np.float64]
+
+#: rows of parameters (n, p), and which problem each row belongs to (n,) → residuals (n, m)
+Residuals = Callable[[Array, npt.NDArray[np.intp]], Array]
+
+_DIFFERENCE = 1e-4  # finite-difference step as a share of the parameter's range
+_DAMPING = (1e-8, 1e8)
+
+
+@dataclass(frozen=True, slots=True)
+class Minima:
+    """Where each start ended: parameters (n, p) and sums of squares (n,)."""
+
+    parameters: Array
+    cost: Array
+
+
+def minimise(
+    residuals: Residuals, starts: Array, low: Array, high: Array, *, iterations: int = 60, tolerance: float = 1e-6
+) -> Minima:
+    """Return the local minimum that each row of `starts` leads to.
+
+    A parameter whose bounds are equal keeps its starting value in every row (so the rows may differ in it).
+
+    Args:
+        residuals: see `Residuals`; rows that are not finite count as infinitely bad.
+        starts: shape (n, p).
+        low, high: bounds, shape (p,).
+        iterations: most steps tried.
+        tolerance: relative decrease of the cost below which a row rests.
+    """
+    free = np.flatnonzero(high > low)
+    width = (high - low)[free]
+    z = starts.copy()
+    z[:, free] = np.clip(z[:, free], low[free], high[free])
+    rows = np.arange(len(z))
+    r, cost = _evaluate(residuals, z, rows)
+    damping = np.full(len(z), 1e-2)
+    resting = np.zeros(len(z), dtype=np.int64)
+    for _ in range(iterations):
+        live = np.flatnonzero((resting < 3) & np.isfinite(cost))  # noqa: PLR2004 - three poor steps in a row
+        if not len(live):
+            break
+        step = _step(residuals, z[live], r[live], rows[live], free, low, high, damping[live])
+        trial = z[live].copy()
+        trial[:, free] = np.clip(trial[:, free] + step * width, low[free], high[free])
+        r_new, cost_new = _evaluate(residuals, trial, rows[live])
+        better = cost_new < cost[live]
+        gained = np.where(better, (cost[live] - cost_new) / np.maximum(cost[live], 1e-300), 0.0)
+        resting[live] = np.where(gained > tolerance, 0, resting[live] + (better | (damping[live] > 1e3)))
+        damping[live] = np.clip(np.where(better, damping[live] / 3.0, damping[live] * 4.0), *_DAMPING)
+        taken = live[better]
+        z[taken], r[taken], cost[taken] = trial[better], r_new[better], cost_new[better]
+    return Minima(z, cost)
+
+
+def _evaluate(residuals: Residuals, z: Array, rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
+    r = residuals(z, rows)
+    cost = np.einsum("nm,nm->n", r, r)
+    return r, np.where(np.isfinite(cost), cost, np.inf)
+
+
+def _step(
+    residuals: Residuals, z: Array, r: Array, rows: npt.NDArray[np.intp], free: npt.NDArray[np.intp],
+    low: Array, high: Array, damping: Array,
+) -> Array:  # fmt: skip
+    """Return the damped Gauss–Newton step of the free parameters, as shares of their ranges, shape (n, q)."""
+    n, q = len(z), len(free)
+    width = (high - low)[free]
+    sign = np.where(z[:, free] + _DIFFERENCE * width > high[free], -1.0, 1.0)
+    moved = np.repeat(z[:, None, :], q, axis=1)
+    moved[:, np.arange(q), free] += sign * _DIFFERENCE * width
+    shifted = residuals(moved.reshape(n * q, -1), np.repeat(rows, q)).reshape(n, q, -1)
+    jacobian = np.nan_to_num((shifted - r[:, None, :]) / (sign * _DIFFERENCE)[:, :, None])
+    gradient = np.einsum("nqm,nm->nq", jacobian, r)
+    normal = np.einsum("nqm,nrm->nqr", jacobian, jacobian)
+    held = ((z[:, free] <= low[free]) & (gradient > 0)) | ((z[:, free] >= high[free]) & (gradient < 0))
+    diagonal = np.einsum("nqq->nq", normal)
+    floor = 1e-9 * diagonal.max(axis=1, keepdims=True) + 1e-12
+    damped = normal + (damping[:, None] * np.maximum(diagonal, floor))[:, :, None] * np.eye(q)
+    moving = ~held[:, :, None] & ~held[:, None, :]
+    damped = np.where(moving, damped, np.eye(q))
+    step: Array = -np.linalg.solve(damped, np.where(held, 0.0, gradient)[:, :, None])[:, :, 0]
+    return step

@@ -1,0 +1,119 @@
+"""From a hypothesis to its best fit: random starts, a race, a descent, and the information criterion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.model.closed_loop import Hypothesis
+from heatertune.model.least_squares import Residuals, minimise
+from heatertune.model.statistics import ar1_bic, fit_pct
+
+__all__ = ["Fit", "fit_all", "residuals_of"]
+
+Array = npt.NDArray[np.float64]
+
+_RANDOM, _RACERS, _FINALISTS = 1500, 12, 3
+_EVENT_INSTANTS = 24  # instants tried for a setpoint step
+_EARLY = 0.4  # share of the record that the first look takes
+_HOPELESS = 40.0  # BIC behind the leader after the race
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """A hypothesis at its best.
+
+    Attributes:
+        hypothesis: what was fitted.
+        vector: the unknowns, shape (p,).
+        simulated_degC: its readings, shape (m,).
+        fit_pct, rmse_degC, bic: how well it explains them.
+    """
+
+    hypothesis: Hypothesis
+    vector: Array
+    simulated_degC: Array
+    fit_pct: float
+    rmse_degC: float
+    bic: float
+
+
+def residuals_of(hypothesis: Hypothesis, measured: Array) -> Residuals:
+    """Return the residual function; `measured` is one record (m,) for all rows or one per row (n, m)."""
+
+    def residuals(z: Array, rows: npt.NDArray[np.intp]) -> Array:
+        record = measured if measured.ndim == 1 else measured[rows]
+        return hypothesis.simulate(z) - record
+
+    return residuals
+
+
+def fit_all(hypotheses: Sequence[Hypothesis], *, seed: int = 1) -> list[Fit]:
+    """Return the fit of every hypothesis, the best by BIC first.
+
+    All race; those that are not more than 40 BIC points behind the leader descend to the end. The compiled loops
+    run side by side.
+    """
+    forms = {hypothesis.form: hypothesis for hypothesis in hypotheses}
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        beginnings = dict(zip(forms, pool.map(lambda form: _begin(forms[form], seed), forms), strict=True))
+        raced = list(pool.map(lambda hypothesis: _race(hypothesis, beginnings[hypothesis.form], seed), hypotheses))
+        leader = min(fit.bic for fit in raced)
+        near = [fit.bic < leader + _HOPELESS for fit in raced]
+        fits = list(pool.map(lambda fit, worth: _descend(fit) if worth else fit, raced, near))
+    return sorted(fits, key=lambda fit: fit.bic)
+
+
+def _begin(hypothesis: Hypothesis, seed: int) -> Array:
+    """Return what explains the record's beginning: short enough to be free of most events, and it holds the heat-up."""
+    rng = np.random.default_rng(seed)
+    early = hypothesis.early(_EARLY)
+    return _descent(early, _best_of(early, early.starts(rng, _RANDOM), _RACERS), 25)[:_FINALISTS]
+
+
+def _race(hypothesis: Hypothesis, beginnings: Array, seed: int) -> Fit:
+    """Return the leader of a short race between random starts and the fits of the record's beginning."""
+    rng = np.random.default_rng(seed)
+    seeds = hypothesis.adopt(beginnings, rng, _EVENT_INSTANTS)
+    fresh = _best_of(hypothesis, hypothesis.starts(rng, _RANDOM), _RACERS // 2)
+    leaders = _descent(hypothesis, np.concatenate([seeds, fresh]), 8)[:_RACERS]
+    return _fit(hypothesis, _descent(hypothesis, leaders, 15)[0])
+
+
+def _descend(fit: Fit) -> Fit:
+    """Return the fit at rest; an event's instant is moved by some scans each way until that gains nothing."""
+    hypothesis = fit.hypothesis
+    z = _descent(hypothesis, fit.vector[None, :], 60)[0]
+    for _ in range(4 * any(segment.event for segment in hypothesis.segments)):
+        moved = _descent(hypothesis, hypothesis.shifted_events(z), 10)[0]
+        if np.array_equal(moved, z):
+            break
+        z = moved
+    return _fit(hypothesis, z)
+
+
+def _best_of(hypothesis: Hypothesis, z: Array, n: int) -> Array:
+    """Return the n vectors with the smallest sums of squares, best first."""
+    cost = np.sum((hypothesis.simulate(z) - hypothesis.measured) ** 2, axis=1)
+    return np.asarray(z[np.argsort(np.where(np.isfinite(cost), cost, np.inf))[:n]])
+
+
+def _descent(hypothesis: Hypothesis, starts: Array, iterations: int) -> Array:
+    """Return where the starts lead to, best first."""
+    residuals = residuals_of(hypothesis, hypothesis.measured)
+    minima = minimise(residuals, starts, hypothesis.low, hypothesis.high, iterations=iterations)
+    return np.asarray(minima.parameters[np.argsort(minima.cost)])
+
+
+def _fit(hypothesis: Hypothesis, z: Array) -> Fit:
+    measured, simulated = hypothesis.measured, hypothesis.simulate(z[None, :])[0]
+    return Fit(
+        hypothesis=hypothesis, vector=z, simulated_degC=simulated,
+        fit_pct=fit_pct(measured, simulated),
+        rmse_degC=float(np.sqrt(np.mean((measured - simulated) ** 2))),
+        bic=ar1_bic(measured - simulated, hypothesis.unknowns),
+    )  # fmt: skip

@@ -1,0 +1,41 @@
+"""Where a log was disturbed: the part before is what a model has to explain."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from heatertune.log.values import MIN_SAMPLES, Log
+
+__all__ = ["disturbance_s", "undisturbed"]
+
+_SHARE = 0.1  # of the log's span: a jump no heater makes between two readings
+_TIMES = 10.0  # the usual departure from the neighbouring slopes
+
+
+def disturbance_s(log: Log) -> float | None:
+    """Return the instant of the last reading before the first jump [s], None without one.
+
+    A jump departs from the median slope of its neighbours by more than a tenth of the log's span and by more than
+    ten times the usual departure. Jumps within the first 20 readings are not looked for: they would leave
+    too little to fit.
+    """
+    change = np.diff(log.temperature_degC)
+    padded = np.pad(change, 3, mode="edge")
+    usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, 7), axis=1)
+    departure = np.abs(change - usual)
+    typical = 1.4826 * float(np.median(departure))
+    threshold = max(_SHARE * float(np.ptp(log.temperature_degC)), _TIMES * typical)
+    found = np.flatnonzero(departure > threshold)
+    found = found[found >= MIN_SAMPLES]
+    return float(log.time_s[found[0]]) if len(found) else None
+
+
+def undisturbed(log: Log) -> tuple[Log, str | None]:
+    """Return the log up to its first disturbance, and a sentence about what was left out (None: nothing)."""
+    end = disturbance_s(log)
+    if end is None:
+        return log, None
+    left = int(np.count_nonzero(log.time_s > end))
+    return log.window(float(log.time_s[0]), end), (
+        f"The temperature jumps after {end:g} s; the {left} readings from there on were left out of the fit."
+    )

@@ -1,0 +1,170 @@
+"""The exact set of gains that keep a sensitivity limit, and the search built on it.
+
+With C = K·c(jω), |1 + K·h| ≥ 1/Ms at one frequency excludes one interval of K (a quadratic in K); what is left over all
+frequencies and all models is the feasible set. It need not be connected, so its pieces are tried
+from the top. That leaves a search over TN (and TV) only, and no start value can mislead it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import InputError
+from heatertune.model.values import HeaterModel
+from heatertune.pid.response import iae_load
+from heatertune.pid.robustness import margins
+from heatertune.pid.sampled import SampledPlant, controller_response, frequencies, sample_plant
+from heatertune.pid.values import PidDesign, structure_of
+
+__all__ = ["Problem", "largest_gain", "search"]
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+_PIECES = 4  # feasible pieces tried, from the top
+_TOLERANCE = 1.002  # the check's frequencies are finer than the search's
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """Minimise the mean load IAE over the models subject to Ms ≤ `ms` on each.
+
+    Attributes:
+        plants: the heaters to serve.
+        structure: "p", "pi" or "pid".
+        ms: limit of the maximum sensitivity.
+        sample_time_s: TA [s].
+    """
+
+    plants: tuple[HeaterModel, ...]
+    structure: str
+    ms: float
+    sample_time_s: float
+
+    @property
+    def slowest_s(self) -> float:
+        """Largest sum of lags and dead time of the models [s]."""
+        return max(sum(plant.lags_s) + plant.dead_time_s for plant in self.plants)
+
+    def design(self, gain: float, integral_time_s: float, derivative_time_s: float) -> PidDesign:
+        """Return the design with these settings."""
+        return PidDesign(
+            gain_pct_per_degC=gain, integral_time_s=integral_time_s, derivative_time_s=derivative_time_s,
+            sample_time_s=self.sample_time_s, structure=structure_of(integral_time_s, derivative_time_s),
+            method="optimum",
+        )  # fmt: skip
+
+    def cost(self, design: PidDesign) -> float:
+        """Return the mean over the models of ∫|e| dt after a load step of 1 % [°C·s]; an offset counts per second.
+
+        A P controller keeps an offset whatever its gain; its cost is the negative gain.
+        """
+        if not math.isfinite(design.integral_time_s):
+            return -design.gain_pct_per_degC
+        return float(np.mean([iae_load(plant, design) for plant in self.plants]))
+
+
+def largest_gain(problem: Problem, integral_time_s: float, derivative_time_s: float) -> list[float]:
+    """Return the upper ends of the feasible pieces of K > 0, the largest first; empty where none is stable."""
+    omega = frequencies(problem.sample_time_s, problem.slowest_s, 300)
+    unit = problem.design(1.0, integral_time_s, derivative_time_s)
+    c = controller_response(unit, omega)
+    excluded: list[tuple[float, float]] = []
+    for plant in _sampled(problem):
+        excluded += _excluded(plant.frequency_response(omega) * c, problem.ms)
+    tops = _tops(excluded)
+    return [top for top in tops[-_PIECES:][::-1] if _keeps(problem, top, integral_time_s, derivative_time_s)]
+
+
+def search(problem: Problem, *, around: PidDesign | None = None) -> PidDesign:
+    """Return the best design: a grid over TN (and TV), then zooms around the best point.
+
+    `around` is a design for a neighbouring problem (another TA); the grid then covers its surroundings only.
+
+    Raises:
+        InputError: no gain keeps the limit on all models.
+    """
+    if problem.structure == "p":
+        found = _best_gain(problem, math.inf, 0.0)
+        if found is None:
+            raise _impossible(problem)
+        return found[1]
+    integral, derivative = _grids(problem, around)
+    best: tuple[float, PidDesign] | None = None
+    for _ in range(4):
+        for tn in integral:
+            for tv in derivative:
+                tried = _best_gain(problem, float(tn), float(tv))
+                if tried is not None and (best is None or tried[0] < best[0]):
+                    best = tried
+        if best is None:
+            raise _impossible(problem)
+        integral = _zoom(integral, best[1].integral_time_s)
+        derivative = _zoom(derivative, best[1].derivative_time_s)
+    return best[1]
+
+
+def _grids(problem: Problem, around: PidDesign | None) -> tuple[Array, Array]:
+    slow = problem.slowest_s
+    derivative = np.geomspace(slow / 80.0, slow / 3.0, 8) if problem.structure == "pid" else np.zeros(1)
+    if around is None:
+        return np.geomspace(slow / 12.0, 3.0 * slow, 16), derivative
+    near = np.geomspace(0.6, 1.6, 5)
+    return around.integral_time_s * near, around.derivative_time_s * near if len(derivative) > 1 else derivative
+
+
+def _impossible(problem: Problem) -> InputError:
+    return InputError(
+        f"no {problem.structure.upper()} controller keeps Ms <= {problem.ms:g} on all {len(problem.plants)} models; "
+        "allow a larger --ms, or narrow the models with a better log"
+    )
+
+
+def _best_gain(problem: Problem, tn: float, tv: float) -> tuple[float, PidDesign] | None:
+    """Return cost and design of the best feasible gain for one TN and TV."""
+    designs = [problem.design(top, tn, tv) for top in largest_gain(problem, tn, tv)]
+    # just below the limit the response may ring: a smaller gain can have the smaller cost
+    designs += [replace(d, gain_pct_per_degC=0.85 * d.gain_pct_per_degC) for d in designs[-1:]]
+    priced = [(problem.cost(design), design) for design in designs]
+    return min(priced, key=lambda pair: pair[0], default=None)
+
+
+def _zoom(grid: Array, centre: float) -> Array:
+    if len(grid) == 1:
+        return grid
+    ratio = (grid[1] / grid[0]) ** 0.9
+    return np.geomspace(centre / ratio, centre * ratio, 5)
+
+
+def _sampled(problem: Problem) -> list[SampledPlant]:
+    return [sample_plant(plant, problem.sample_time_s) for plant in problem.plants]
+
+
+def _excluded(h: Complex, ms: float) -> list[tuple[float, float]]:
+    """Return the intervals of K > 0 that some frequency excludes: |1 + K·h|² < 1/Ms²."""
+    a, b, c = np.abs(h) ** 2, h.real, 1.0 - 1.0 / ms**2
+    root = b**2 - a * c
+    hit = (root > 0.0) & (b < 0.0)
+    low = (-b[hit] - np.sqrt(root[hit])) / a[hit]
+    high = (-b[hit] + np.sqrt(root[hit])) / a[hit]
+    return list(zip(low.tolist(), high.tolist(), strict=True))
+
+
+def _tops(excluded: Sequence[tuple[float, float]]) -> list[float]:
+    """Return the upper ends of the gaps between the excluded intervals, ascending."""
+    tops, reached = [], 0.0
+    for low, high in sorted(excluded):
+        if low > reached:
+            tops.append(low)
+        reached = max(reached, high)
+    return tops
+
+
+def _keeps(problem: Problem, gain: float, tn: float, tv: float) -> bool:
+    design = problem.design(gain, tn, tv)
+    return all(margins(plant, design).ms <= problem.ms * _TOLERANCE for plant in problem.plants)

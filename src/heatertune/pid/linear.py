@@ -1,0 +1,61 @@
+"""The same sampled loop in python-control: the second opinion on margins and linear responses."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.model.values import HeaterModel
+from heatertune.pid.sampled import sample_plant
+from heatertune.pid.values import Margins, PidDesign
+
+__all__ = ["control_margins", "loop_transfer_function", "setpoint_response"]
+
+Array = npt.NDArray[np.float64]
+
+
+def loop_transfer_function(model: HeaterModel, design: PidDesign) -> Any:
+    """Return L(z) = G(z)·C(z) as a python-control TransferFunction with dt = TA, dead time as powers of z."""
+    import control  # noqa: PLC0415 - takes longer to import than everything else together
+
+    ta = design.sample_time_s
+    plant = sample_plant(model, ta)
+    z = control.tf([1.0, 0.0], [1.0], ta)
+    modes = [
+        control.tf([now, before], [1.0, -pole], ta)
+        for pole, now, before in zip(plant.poles, plant.now, plant.before, strict=True)
+    ]
+    shift = control.tf([1.0], np.append(1.0, np.zeros(plant.delay + 1)), ta)
+    parts = control.tf([1.0], [1.0], ta)
+    if math.isfinite(design.integral_time_s):
+        parts = parts + (ta / design.integral_time_s) * z / (z - 1.0)
+    if design.derivative_time_s > 0.0:
+        parts = parts + (design.derivative_time_s / (2.0 * ta)) * (z - 1.0) / (z - 0.5)
+    return sum(modes[1:], modes[0]) * shift * (design.gain_pct_per_degC * parts)
+
+
+def control_margins(model: HeaterModel, design: PidDesign) -> Margins:
+    """Return python-control's margins: its poles decide on stability, its `stability_margins` on the distances."""
+    import control  # noqa: PLC0415
+
+    loop = loop_transfer_function(model, design)
+    omega = np.geomspace(1e-5, math.pi / design.sample_time_s, 4000)
+    response = loop(np.exp(1j * omega * design.sample_time_s))
+    gain, phase, distance, *_ = control.stability_margins((np.abs(response), np.degrees(np.angle(response)), omega))
+    closed = control.feedback(loop, 1)
+    if float(np.max(np.abs(closed.poles()))) >= 1.0:
+        return Margins(ms=math.inf, mt=math.inf, gain_margin=float(gain), phase_margin_deg=float(phase))
+    mt = float(np.max(np.abs(response / (1.0 + response))))
+    return Margins(ms=1.0 / float(distance), mt=mt, gain_margin=float(gain), phase_margin_deg=float(phase))
+
+
+def setpoint_response(model: HeaterModel, design: PidDesign, samples: int) -> Array:
+    """Return python-control's response to a unit setpoint step at each sample [°C], shape (samples,)."""
+    import control  # noqa: PLC0415
+
+    closed = control.feedback(loop_transfer_function(model, design), 1)
+    times = np.arange(samples) * design.sample_time_s
+    return np.asarray(control.step_response(closed, times).outputs)

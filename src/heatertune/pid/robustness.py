@@ -1,0 +1,85 @@
+"""How much the plant may differ before the loop misbehaves: margins of the sampled loop, exactly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.model.values import HeaterModel
+from heatertune.pid.sampled import controller_response, frequencies, sample_plant
+from heatertune.pid.values import Margins, PidDesign
+
+__all__ = ["loop_response", "margins", "worst"]
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+
+def loop_response(model: HeaterModel, design: PidDesign, omega: Array) -> Complex:
+    """Return L = G·C of the sampled loop at `omega` [rad/s], shape (n,)."""
+    return sample_plant(model, design.sample_time_s).frequency_response(omega) * controller_response(design, omega)
+
+
+def margins(model: HeaterModel, design: PidDesign) -> Margins:
+    """Return Ms, Mt, gain and phase margin of the sampled loop; Ms and Mt are infinite where it is unstable."""
+    slowest = max(*model.lags_s, model.dead_time_s, design.sample_time_s)
+    if math.isfinite(design.integral_time_s):
+        slowest = max(slowest, design.integral_time_s)
+    omega = frequencies(design.sample_time_s, slowest)
+    loop = loop_response(model, design, omega)
+    gain, phase = _crossings(omega, loop)
+    if not _encloses_nothing(loop, math.isfinite(design.integral_time_s)):
+        return Margins(ms=math.inf, mt=math.inf, gain_margin=gain, phase_margin_deg=phase)
+    return Margins(
+        ms=float(np.max(1.0 / np.abs(1.0 + loop))),
+        mt=float(np.max(np.abs(loop / (1.0 + loop)))),
+        gain_margin=gain,
+        phase_margin_deg=phase,
+    )
+
+
+def worst(found: Sequence[Margins]) -> Margins:
+    """Return the worst of each margin."""
+    return Margins(
+        ms=max(m.ms for m in found),
+        mt=max(m.mt for m in found),
+        gain_margin=min(m.gain_margin for m in found),
+        phase_margin_deg=min(m.phase_margin_deg for m in found),
+    )
+
+
+def _encloses_nothing(loop: Complex, integrating: bool) -> bool:
+    """Return whether the Nyquist curve leaves −1 outside (open loop stable but for one integrator).
+
+    1 + L turns from −90° (integrator) or from a positive real number to the real axis at half the sampling
+    frequency; without encirclement it ends on the positive side after exactly that turn.
+    """
+    distance = 1.0 + loop
+    turned = float(np.unwrap(np.angle(distance))[-1] - np.angle(distance[0]))
+    expected = math.pi / 2.0 if integrating else 0.0
+    start = float(np.angle(distance[0]))
+    begins_well = start < 0.0 if integrating else distance[0].real > 0.0
+    return bool(begins_well) and abs(turned - expected) < math.pi / 2.0
+
+
+def _crossings(omega: Array, loop: Complex) -> tuple[float, float]:
+    """Return the gain margin (smallest factor > 1 to instability) and the phase margin [°]."""
+    phase = np.unwrap(np.angle(loop))
+    size = np.abs(loop)
+    gain = math.inf
+    for level in np.arange(-9, 2) * 2.0 * math.pi - math.pi:
+        for k in np.flatnonzero(np.diff(np.signbit(phase - level))):
+            share = (level - phase[k]) / (phase[k + 1] - phase[k])
+            at = float(np.exp(np.log(size[k]) + share * np.log(size[k + 1] / size[k])))
+            gain = min(gain, 1.0 / at) if at < 1.0 else min(gain, 1.0 / at)
+    if loop[-1].real < 0.0:  # at half the sampling frequency L is real
+        gain = min(gain, 1.0 / abs(float(loop[-1].real)))
+    margin = math.inf
+    for k in np.flatnonzero(np.diff(np.signbit(size - 1.0))):
+        share = math.log(1.0 / size[k]) / math.log(size[k + 1] / size[k])
+        at = float(phase[k] + share * (phase[k + 1] - phase[k]))
+        margin = min(margin, math.degrees(at) + 180.0)
+    return gain, margin

@@ -1,0 +1,89 @@
+"""The loop as a PLC runs it: a sampled controller, a power held between samples, exact fractional dead time.
+
+Controller, backward difference, with the derivative filter D_k = D_{k−1}/2 + TV/(2·TA)·(e_k − e_{k−1}) of OB251:
+
+    C(z) = K·[1 + TA/TN·1/(1 − 1/z) + TV/(2·TA)·(1 − 1/z)/(1 − 1/(2z))]
+
+Plant: each lag as a first-order mode behind a hold; a dead time of d samples and a fraction splits each input between
+two samples (the modified z-transform; K. J. Åström and B. Wittenmark, "Computer-Controlled Systems", 3rd ed., sec. 2.3).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.model.values import HeaterModel, TwoLag
+from heatertune.pid.values import PidDesign
+
+__all__ = ["SampledPlant", "controller_response", "frequencies", "sample_plant"]
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+_NEARLY_EQUAL = 1e-4  # relative distance below which two lags are moved apart; the answer changes by 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SampledPlant:
+    """G behind a hold, as modes in parallel: x⁺ = pole·x + now·u[k−delay] + before·u[k−delay−1].
+
+    Attributes:
+        poles, now, before: per mode, shape (m,); the output is the sum of the modes [°C].
+        delay: whole samples of dead time.
+        sample_time_s: TA [s].
+    """
+
+    poles: Array
+    now: Array
+    before: Array
+    delay: int
+    sample_time_s: float
+
+    def frequency_response(self, omega: Array) -> Complex:
+        """Return the pulse transfer function at e^(jω·TA) [°C/%], shape (n,)."""
+        z = np.exp(1j * np.asarray(omega) * self.sample_time_s)
+        modes = (self.now[:, None] + self.before[:, None] / z) / (z - self.poles[:, None])
+        return np.asarray(modes.sum(axis=0) * z ** (-self.delay))
+
+
+def sample_plant(model: HeaterModel, sample_time_s: float, *, computing_delay_s: float = 0.0) -> SampledPlant:
+    """Return the plant seen by a controller that acts every `sample_time_s` and a hold [s]."""
+    dead = model.dead_time_s + computing_delay_s
+    delay = math.floor(dead / sample_time_s)
+    late = dead - delay * sample_time_s
+    lags, shares = _modes(model)
+    whole = np.exp(-sample_time_s / lags)
+    rest = np.exp(-(sample_time_s - late) / lags)
+    gains = model.gain_degC_per_pct * shares
+    return SampledPlant(
+        poles=whole, now=gains * (1.0 - rest), before=gains * (rest - whole), delay=delay, sample_time_s=sample_time_s
+    )
+
+
+def controller_response(design: PidDesign, omega: Array) -> Complex:
+    """Return C(e^(jω·TA)) [%/°C], shape (n,)."""
+    backward = np.exp(-1j * np.asarray(omega) * design.sample_time_s)
+    parts = np.ones_like(backward)
+    if math.isfinite(design.integral_time_s):
+        parts = parts + design.sample_time_s / design.integral_time_s / (1.0 - backward)
+    if design.derivative_time_s > 0.0:
+        difference = design.derivative_time_s / (2.0 * design.sample_time_s)
+        parts = parts + difference * (1.0 - backward) / (1.0 - 0.5 * backward)
+    return np.asarray(design.gain_pct_per_degC * parts)
+
+
+def frequencies(sample_time_s: float, slowest_s: float, n: int = 1500) -> Array:
+    """Return n frequencies from far below 1/`slowest_s` up to half the sampling frequency [rad/s]."""
+    return np.geomspace(min(1e-3 / slowest_s, 1e-2 * math.pi / sample_time_s), math.pi / sample_time_s, n)
+
+
+def _modes(model: HeaterModel) -> tuple[Array, Array]:
+    if not isinstance(model, TwoLag):
+        return np.array([model.time_constant_s]), np.ones(1)
+    first, second = model.time_constant_s, model.second_time_constant_s
+    second = min(second, first * (1.0 - _NEARLY_EQUAL))
+    return np.array([first, second]), np.array([first, -second]) / (first - second)

@@ -1,0 +1,184 @@
+"""FittedModel → PidDesign: rule or optimum, with the sampling interval found together with the design."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from heatertune.errors import UnknownName
+from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.pid.feasible import Problem, search
+from heatertune.pid.linear import control_margins
+from heatertune.pid.optimum import polish
+from heatertune.pid.response import dominant_time_s, iae_load, iae_setpoint
+from heatertune.pid.robustness import margins, worst
+from heatertune.pid.rules import RULES, SOURCES, apply_rule
+from heatertune.pid.values import PidDesign
+from heatertune.units import check
+
+__all__ = ["METHODS", "STRUCTURES", "Timer", "tune"]
+
+STRUCTURES = ("p", "pi", "pid")
+METHODS = ("optimum", *RULES)
+
+_SAMPLES_PER_TRDOM = 10.0  # S5-115U manual, section 11.2.3: TA ≈ TRdom/10
+_ROUNDS = 8
+_SETTLED = 0.02
+_UNSETTLED = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timer:
+    """What the target's timer can do: shortest, longest and step of the sampling interval [s]."""
+
+    shortest_s: float = 0.01
+    longest_s: float = 600.0
+    step_s: float = 0.01
+
+    def round(self, wanted_s: float) -> float:
+        """Return a plain interval near the wanted one: whole seconds above 10 s, tenths above 1 s, else steps."""
+        plain = 1.0 if wanted_s > 10.0 else 0.1 if wanted_s > 1.0 else self.step_s
+        plain = max(plain, self.step_s)
+        rounded = round(wanted_s / plain) * plain
+        rounded = min(max(rounded, self.shortest_s), self.longest_s)
+        return round(round(rounded / self.step_s) * self.step_s, 6)
+
+
+def tune(
+    fitted: FittedModel,
+    *,
+    method: str = "optimum",
+    structure: str = "pi",
+    ms: float = 1.6,
+    objective: str = "iae",
+    sample_time_s: float | None = None,
+    timer: Timer | None = None,
+    progress: Callable[[str], None] = lambda message: None,
+) -> PidDesign:
+    """Find K, TN, TV and TA for a heater and all its candidate models.
+
+    The optimum minimises the mean load-disturbance IAE (or ISE) of the sampled loop over the candidates, subject to
+    Ms ≤ `ms` on each. A rule is applied to the working FOPDT, and its margins are reported for the worst candidate.
+    TA = TRdom/10 of the fastest candidate's closed loop, iterated until it rests.
+
+    Args:
+        fitted: model and candidates.
+        method: "optimum" or the name of a rule.
+        structure: "p", "pi" or "pid".
+        ms: limit of the maximum sensitivity, for the optimum.
+        objective: "iae" or "ise", for the optimum.
+        sample_time_s: TA where it is given [s], None to find it.
+        timer: what the target's timer can do.
+        progress: called with a short message when a round begins.
+
+    Raises:
+        UnknownName: no such method, structure or objective.
+        OutOfRange: a limit Ms that no controller can keep.
+        InputError: no design keeps the limit, or the rule does not give the structure.
+    """
+    for kind, name, known in (
+        ("tuning method", method, METHODS), ("structure", structure, STRUCTURES), ("objective", objective, ("iae", "ise")),
+    ):  # fmt: skip
+        if name not in known:
+            raise UnknownName(kind, name, known)
+    check("ms", ms, above=1.05, most=4.0)
+    if sample_time_s is not None:
+        check("sample_time_s", sample_time_s, above=0.0)
+    plants = fitted.plants
+    one_round = _rule_round(fitted, method, structure) if method in RULES else _search_round(plants, structure, ms)
+    design, rounds = _settle(one_round, plants, sample_time_s, timer or Timer(), progress)
+    notes = [_told_about_ta(design, plants, rounds, sample_time_s)]
+    if method == "optimum" and structure != "p":
+        progress("polishing the optimum with CasADi and IPOPT")
+        problem = Problem(plants=plants, structure=structure, ms=ms, sample_time_s=design.sample_time_s)
+        design, told = polish(problem, design, objective=objective)
+        notes.append(told)
+    return _finished(design, fitted, method, ms, notes)
+
+
+def _rule_round(
+    fitted: FittedModel, method: str, structure: str
+) -> Callable[[float, PidDesign | None], PidDesign]:
+    def one_round(ta: float, before: PidDesign | None) -> PidDesign:  # noqa: ARG001 - a rule needs no start
+        gain, tn, tv = apply_rule(method, fitted.model, structure, ta)
+        return PidDesign(
+            gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=tv, sample_time_s=ta,
+            structure=structure, method=method,
+        )  # fmt: skip
+
+    return one_round
+
+
+def _search_round(
+    plants: tuple[HeaterModel, ...], structure: str, ms: float
+) -> Callable[[float, PidDesign | None], PidDesign]:
+    def one_round(ta: float, before: PidDesign | None) -> PidDesign:
+        return search(Problem(plants=plants, structure=structure, ms=ms, sample_time_s=ta), around=before)
+
+    return one_round
+
+
+def _settle(
+    one_round: Callable[[float, PidDesign | None], PidDesign],
+    plants: Sequence[HeaterModel],
+    given_s: float | None,
+    timer: Timer,
+    progress: Callable[[str], None],
+) -> tuple[PidDesign, int]:
+    """Return the design whose TA is a tenth of its own TRdom, and the rounds that took (0: it never rested)."""
+    if given_s is not None:
+        return one_round(given_s, None), 1
+    ta = timer.round(min(sum(p.lags_s) + p.dead_time_s for p in plants) / 10.0)
+    design: PidDesign | None = None
+    for count in range(1, _ROUNDS + 1):
+        progress(f"tuning with TA = {ta:g} s")
+        design = one_round(ta, design)
+        wanted = _trdom(plants, design) / _SAMPLES_PER_TRDOM
+        following = timer.round(wanted) if math.isfinite(wanted) else ta
+        if abs(following - ta) <= max(_SETTLED * ta, timer.step_s):
+            return design, count
+        # half way in the logarithm: the design answers to TA, and whole steps can swing
+        ta = timer.round(math.sqrt(ta * following)) if count > 2 else following
+    assert design is not None
+    return design, _UNSETTLED
+
+
+def _trdom(plants: Sequence[HeaterModel], design: PidDesign) -> float:
+    return min(dominant_time_s(plant, design) for plant in plants)
+
+
+def _told_about_ta(
+    design: PidDesign, plants: Sequence[HeaterModel], rounds: int, given_s: float | None
+) -> str:
+    trdom = _trdom(plants, design)
+    share = f"TA = {design.sample_time_s:g} s, TRdom = {trdom:.3g} s of the fastest closed loop"
+    if given_s is not None:
+        return f"{share}; TA was given."
+    if rounds == _UNSETTLED:
+        return f"{share}; the two kept answering each other, so TA is the last of {_ROUNDS} rounds, not TRdom/10."
+    return f"{share}; found together in {rounds} rounds."
+
+
+def _finished(
+    design: PidDesign, fitted: FittedModel, method: str, ms: float, notes: list[str]
+) -> PidDesign:
+    plants = fitted.plants
+    found = [margins(plant, design) for plant in plants]
+    at = max(range(len(plants)), key=lambda i: found[i].ms)
+    opinion = control_margins(plants[at], design)
+    if math.isfinite(found[at].ms) and abs(opinion.ms / found[at].ms - 1.0) > 0.01:
+        notes.append(f"python-control sees Ms = {opinion.ms:.4g} where this program sees {found[at].ms:.4g}.")
+    if math.isinf(found[at].ms):
+        notes.append(f"Unstable on {sum(not m.stable for m in found)} of {len(plants)} candidate models.")
+    limit = f"Ms <= {ms:g} on {len(plants)} models" if method == "optimum" else SOURCES[method]
+    return replace(
+        design,
+        method=f"{method} ({limit})",
+        margins=worst(found),
+        iae_load=max(iae_load(plant, design) for plant in plants),
+        iae_setpoint=max(iae_setpoint(plant, design) for plant in plants),
+        notes=tuple(notes),
+    )
+
+

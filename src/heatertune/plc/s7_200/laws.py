@@ -1,0 +1,98 @@
+"""What the paper's program may be as a control law.
+
+The printed networks leave it open: its P acts as I in the interrupt's accumulation, its D as P, and the ladders that would
+settle it are lost (DIFFERENCES.md). Each hypothesis is the continuous-gain idealisation of one reading; a fit
+compares them. Errors are in °C, power in percent; `memory` is four floats, zero at the start.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+from numba import njit
+
+from heatertune.model.law import Constant
+
+__all__ = ["LAWS", "Law"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Law:
+    """A reading of the program; see `heatertune.model.law.ControllerLaw`."""
+
+    name: str
+    constants: tuple[Constant, ...]
+    step: Any
+
+
+@njit(cache=True)
+def _limited(power):  # type: ignore[no-untyped-def]
+    return min(100.0, max(0.0, power))
+
+
+@njit(cache=True)
+def _positional_p(constants, memory, error, h):  # type: ignore[no-untyped-def]  # noqa: ARG001 - the law's signature
+    return _limited(constants[0] * error)
+
+
+@njit(cache=True)
+def _incremental_p(constants, memory, error, h):  # type: ignore[no-untyped-def]
+    if memory[1] == 0.0:
+        memory[0], memory[1] = constants[1], 1.0
+    memory[0] = _limited(memory[0] + constants[0] * h * error)
+    return memory[0]
+
+
+@njit(cache=True)
+def _pi_conditional(constants, memory, error, h):  # type: ignore[no-untyped-def]
+    if memory[1] == 0.0:
+        memory[0], memory[1] = constants[2], 1.0
+    wanted = constants[0] * error + memory[0]
+    power = _limited(wanted)
+    if power == wanted:
+        memory[0] += constants[0] * h / constants[1] * error
+    return power
+
+
+@njit(cache=True)
+def _pi_plain(constants, memory, error, h):  # type: ignore[no-untyped-def]
+    if memory[1] == 0.0:
+        memory[0], memory[1] = constants[2], 1.0
+    wanted = constants[0] * error + memory[0]
+    memory[0] += constants[0] * h / constants[1] * error
+    return _limited(wanted)
+
+
+@njit(cache=True)
+def _velocity_pi(constants, memory, error, h):  # type: ignore[no-untyped-def]
+    if memory[1] == 0.0:
+        memory[0], memory[1], memory[2] = constants[2], 1.0, error
+    increment = constants[0] * (error - memory[2]) + constants[0] * h / constants[1] * error
+    memory[0] = _limited(memory[0] + constants[3] * int(increment / constants[3]))
+    memory[2] = error
+    return memory[0]
+
+
+_GAIN = Constant(name="gain_pct_per_degC", low=0.3, high=100.0, logarithmic=True)
+_TN = Constant(name="integral_time_s", low=15.0, high=3000.0, logarithmic=True)
+_FIRST = Constant(name="first_power_pct", low=0.0, high=100.0)
+
+LAWS: Final[tuple[Law, ...]] = (
+    Law(name="positional P", constants=(_GAIN,), step=_positional_p),
+    Law(
+        name="incremental P",
+        constants=(Constant(name="gain_pct_per_degC_s", low=1e-3, high=1.0, logarithmic=True), _FIRST),
+        step=_incremental_p,
+    ),
+    Law(name="PI with anti-windup", constants=(_GAIN, _TN, _FIRST), step=_pi_conditional),
+    Law(name="PI without anti-windup", constants=(_GAIN, _TN, _FIRST), step=_pi_plain),
+    Law(
+        name="truncated velocity PI",
+        constants=(
+            _GAIN, _TN, _FIRST,
+            Constant(name="quantum_pct", low=1e-4, high=1.0, logarithmic=True),
+        ),
+        step=_velocity_pi,
+    ),
+)  # fmt: skip
