@@ -63,7 +63,7 @@ class LogError(InputError):
     def __reduce__(self) -> tuple[object, ...]:
         return _rebuild_log_error, (
             self.problem, self.file, self.line, self.column, self.value, self.expected,
-        )  # fmt: skip
+        )
 
 
 def _rebuild_log_error(

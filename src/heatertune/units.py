@@ -33,7 +33,7 @@ NOMENCLATURE: Final[dict[str, tuple[str, str, str]]] = {
 
 
 def check(field: str, value: float, *, above: float | None = None, least: float | None = None,
-          most: float | None = None, infinite: bool = False) -> None:  # fmt: skip
+          most: float | None = None, infinite: bool = False) -> None:
     """Raise `OutOfRange` unless `value` is a number that keeps the field's bounds."""
     rules = [
         (not math.isnan(value) and (infinite or math.isfinite(value)), "a finite number"),

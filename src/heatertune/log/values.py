@@ -72,7 +72,7 @@ class Log:
             temperature_degC=self.temperature_degC[keep], power_pct=cut(self.power_pct),
             setpoint_degC=cut(self.setpoint_degC), repairs=self.repairs, doubts=self.doubts,
             same_heater=self.same_heater,
-        )  # fmt: skip
+        )
 
 
 def _frozen(name: str, column: Array, n: int) -> Array:

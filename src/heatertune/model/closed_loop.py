@@ -200,7 +200,7 @@ class Hypothesis:
         return TwoLag(
             gain_degC_per_pct=gain, time_constant_s=lag, second_time_constant_s=lag * float(z[2]),
             dead_time_s=dead, ambient_degC=ambient,
-        )  # fmt: skip
+        )
 
     def controller(self, z: Array, segment: int = 0) -> dict[str, float]:
         """Return what was fitted about one segment's controller, name → value, unit in the name."""

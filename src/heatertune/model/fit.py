@@ -26,7 +26,7 @@ def fit(
     power_before_pct: float | None = None,
     until_s: float | None = None,
     seed: int = 1,
-    progress: Callable[[str], None] = lambda message: None,
+    progress: Callable[[str], object] = str,
 ) -> FittedModel:
     """Identify the heater behind a log.
 
@@ -44,10 +44,10 @@ def fit(
         OutOfRange: fewer than 20 readings are left.
     """
     if until_s is not None:
-        used, told = log.window(float(log.time_s[0]), until_s), f"Readings after {until_s:g} s were not used."
+        used = log.window(float(log.time_s[0]), until_s)
+        notes: tuple[str, ...] = (f"Readings after {until_s:g} s were not used.",)
     else:
-        used, told = undisturbed(log)
-    notes = () if told is None else (told,)
+        used, notes = undisturbed(log)
     if used.power_pct is None:
         if not laws:
             raise InputError(f"{log.name}: the power was not logged and no controller law was given to run in the fit")
@@ -76,11 +76,11 @@ def model_by_hand(model: HeaterModel) -> FittedModel:
     candidate = Candidate(
         model=model, log="by hand", window_s=(0.0, 0.0), law="no log", fit_pct=float("nan"), rmse_degC=float("nan"),
         delta_bic=0.0,
-    )  # fmt: skip
+    )
     return FittedModel(
         model=fopdt, outcome=Outcome.BY_HAND, method="given by hand", candidates=(candidate,),
         notes=("No interval is known: the proof runs on this one model only.",),
-    )  # fmt: skip
+    )
 
 
 def _demand_excitation(log: Log, ambient_degC: float | None, power_before_pct: float | None) -> None:

@@ -50,7 +50,7 @@ def fit_power(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=one.simulated_degC,
             autocorrelation=autocorrelation(residuals),
         ),
-    )  # fmt: skip
+    )
 
 
 def _bootstrap(problem: PowerProblem, fit: PowerFit, residuals: Array, seed: int) -> dict[str, Interval | None]:
@@ -78,7 +78,7 @@ def _candidates(log: Log, fits: list[PowerFit]) -> tuple[Candidate, ...]:
                 model=fit.model, log=log.name, window_s=(float(log.time_s[0]), float(log.time_s[-1])),
                 law="power logged", fit_pct=fit_pct(log.temperature_degC, fit.simulated_degC),
                 rmse_degC=float(np.sqrt(np.mean(error**2))), delta_bic=bic - min(bics),
-            )  # fmt: skip
+            )
         )
     return tuple(c for c in found if isinstance(c.model, Fopdt) or c.delta_bic < _NEAR)
 

@@ -14,7 +14,7 @@ from heatertune.model.law import ControllerLaw
 from heatertune.model.least_squares import minimise
 from heatertune.model.search import Fit, fit_all, residuals_of
 from heatertune.model.statistics import autocorrelation, block_resamples
-from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Interval, Outcome, Residuals
+from heatertune.model.values import Candidate, FittedModel, HeaterModel, Interval, Outcome, Residuals
 
 __all__ = ["fit_temperature"]
 
@@ -75,11 +75,11 @@ def fit_temperature(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=best.simulated_degC,
             autocorrelation=autocorrelation(residuals),
         ),
-    )  # fmt: skip
+    )
 
 
 def _intervals(ranges: dict[str, Interval], ambient_degC: float | None) -> dict[str, Interval | None]:
-    """Return what is identified; gain and time constant trade off against an ambient that is neither known nor found."""
+    """Return what is identified; gain and time constant trade off against an unknown ambient."""
     found = {name: identified(ranges[name]) for name in _FIELDS}
     if ambient_degC is not None:
         return found | {"ambient_degC": None}
@@ -150,12 +150,12 @@ def _notes(
     log: Log, best: Fit, ranges: dict[str, Interval], ci95: dict[str, Interval | None], ambient_degC: float | None
 ) -> tuple[str, ...]:
     notes = ["Neither power nor setpoint was logged: the controller's law is a hypothesis, and setpoint and bias show "
-             "only as their sum."]  # fmt: skip
+             "only as their sum."]
     event = best.hypothesis.controller(best.vector)
     if "setpoint_step_degC" in event:
         notes.append(
-            f"A setpoint step of {event['setpoint_step_degC']:+.1f} °C at {event['setpoint_step_at_s']:.0f} s is assumed "
-            "because the log asks for it; nobody wrote it down."
+            f"A setpoint step of {event['setpoint_step_degC']:+.1f} °C at {event['setpoint_step_at_s']:.0f} s is "
+            "assumed because the log asks for it; nobody wrote it down."
         )
     lost = [name for name, found in ci95.items() if found is None and not (name == "ambient_degC" and ambient_degC)]
     for name in lost:

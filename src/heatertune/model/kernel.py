@@ -9,6 +9,7 @@ initial inner state), units as in `model.values`; all instants are multiples of 
 from __future__ import annotations
 
 import math
+
 import numpy as np
 from numba import njit
 
@@ -19,7 +20,7 @@ PLANT = ("gain", "time_constant", "lag_ratio", "dead_time", "ambient", "start", 
 
 
 @njit(cache=True)
-def _coupling(first: float, second: float, t: float) -> float:
+def _coupling(first, second, t):  # type: ignore[no-untyped-def]
     """Return what the inner lag's deviation adds to the outer one after t seconds."""
     if abs(first - second) < 1e-6 * first:
         return t / first * math.exp(-t / first)
@@ -35,7 +36,8 @@ def _advance(y, x, target, decay_1, decay_2, coupling, two_lags):  # type: ignor
     return target + decay_1 * dx, target + decay_1 * dx
 
 
-@njit(cache=True, nogil=True)
+# not cached on disk: its type depends on the law, which differs from process to process
+@njit(nogil=True)
 def simulate_many(step, plants, laws, setpoints, h, n_scans, event_scans):  # type: ignore[no-untyped-def]
     """Return the temperature before each scan, shape (m, n_scans), for m rows of plants and laws.
 

@@ -22,6 +22,7 @@ Residuals = Callable[[Array, npt.NDArray[np.intp]], Array]
 
 _DIFFERENCE = 1e-4  # finite-difference step as a share of the parameter's range
 _DAMPING = (1e-8, 1e8)
+_POOR_STEPS = 3  # in a row, then a row rests
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,8 @@ def minimise(
     Args:
         residuals: see `Residuals`; rows that are not finite count as infinitely bad.
         starts: shape (n, p).
-        low, high: bounds, shape (p,).
+        low: lower bounds, shape (p,).
+        high: upper bounds, shape (p,).
         iterations: most steps tried.
         tolerance: relative decrease of the cost below which a row rests.
     """
@@ -55,7 +57,7 @@ def minimise(
     damping = np.full(len(z), 1e-2)
     resting = np.zeros(len(z), dtype=np.int64)
     for _ in range(iterations):
-        live = np.flatnonzero((resting < 3) & np.isfinite(cost))  # noqa: PLR2004 - three poor steps in a row
+        live = np.flatnonzero((resting < _POOR_STEPS) & np.isfinite(cost))
         if not len(live):
             break
         step = _step(residuals, z[live], r[live], rows[live], free, low, high, damping[live])
@@ -80,7 +82,7 @@ def _evaluate(residuals: Residuals, z: Array, rows: npt.NDArray[np.intp]) -> tup
 def _step(
     residuals: Residuals, z: Array, r: Array, rows: npt.NDArray[np.intp], free: npt.NDArray[np.intp],
     low: Array, high: Array, damping: Array,
-) -> Array:  # fmt: skip
+) -> Array:
     """Return the damped Gauss–Newton step of the free parameters, as shares of their ranges, shape (n, q)."""
     n, q = len(z), len(free)
     width = (high - low)[free]

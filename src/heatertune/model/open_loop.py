@@ -75,6 +75,20 @@ def _solve(matrix, right, size):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _dot(first, second):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for i in range(len(first)):  # a loop: array expressions take seconds to compile
+        total += first[i] * second[i]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _decay(time, lag, out):  # type: ignore[no-untyped-def]
+    for i in range(len(time)):
+        out[i] = math.exp((time[0] - time[i]) / lag)
+
+
+@njit(cache=True, nogil=True)
 def _project(time, power, before, records, ambient, plants, residuals, linear):  # type: ignore[no-untyped-def]
     """Fill residuals (n, m) and the linear part (n, 4): gain, ambient, deviations of the initial state.
 
@@ -89,30 +103,22 @@ def _project(time, power, before, records, ambient, plants, residuals, linear): 
         first, second = plants[row, 0], plants[row, 1]
         size = 4 if second > 0.0 else 3
         _forced(time, power, before, first, second, plants[row, 2], basis[0])
+        basis[1] = 1.0 if math.isnan(ambient) else 0.0
+        _decay(time, first, basis[2])
+        if size == 4:
+            _decay(time, second, basis[3])
         for i in range(m):
-            elapsed = time[i] - time[0]
-            basis[1, i] = 1.0 if math.isnan(ambient) else 0.0
-            basis[2, i] = math.exp(-elapsed / first)
-            if size == 4:
-                basis[3, i] = math.exp(-elapsed / second)
+            residuals[row, i] = known - records[row, i]
         for a in range(size):
-            right[a] = 0.0
-            for i in range(m):
-                right[a] += basis[a, i] * (records[row, i] - known)
+            right[a] = -_dot(basis[a], residuals[row])
             for b in range(size):
-                total = 0.0
-                for i in range(m):
-                    total += basis[a, i] * basis[b, i]
-                normal[a, b] = total
+                normal[a, b] = _dot(basis[a], basis[b])
             normal[a, a] += 1e-12 * (normal[a, a] + 1e-12)  # a column of zeros stays solvable
         _solve(normal, right, size)
-        for i in range(m):
-            fitted = known
-            for a in range(size):
-                fitted += right[a] * basis[a, i]
-            residuals[row, i] = fitted - records[row, i]
         for a in range(size):
             linear[row, a] = right[a]
+            for i in range(m):
+                residuals[row, i] += right[a] * basis[a, i]
         if not math.isnan(ambient):
             linear[row, 1] = ambient
 
@@ -223,9 +229,9 @@ class PowerProblem:
             model = TwoLag(
                 gain_degC_per_pct=gain, time_constant_s=lag, second_time_constant_s=lag * float(z[2]),
                 dead_time_s=dead, ambient_degC=ambient,
-            )  # fmt: skip
+            )
         return PowerFit(
             model=model, vector=z, simulated_degC=record + residuals[0],
             unknowns=5 + 2 * self.two_lags - (self.ambient_degC is not None),
             on_bound=tuple(n for n, t in zip(names, touching, strict=True) if t),
-        )  # fmt: skip
+        )

@@ -116,4 +116,4 @@ def _fit(hypothesis: Hypothesis, z: Array) -> Fit:
         fit_pct=fit_pct(measured, simulated),
         rmse_degC=float(np.sqrt(np.mean((measured - simulated) ** 2))),
         bic=ar1_bic(measured - simulated, hypothesis.unknowns),
-    )  # fmt: skip
+    )

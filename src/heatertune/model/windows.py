@@ -30,12 +30,12 @@ def disturbance_s(log: Log) -> float | None:
     return float(log.time_s[found[0]]) if len(found) else None
 
 
-def undisturbed(log: Log) -> tuple[Log, str | None]:
-    """Return the log up to its first disturbance, and a sentence about what was left out (None: nothing)."""
+def undisturbed(log: Log) -> tuple[Log, tuple[str, ...]]:
+    """Return the log up to its first disturbance, and a sentence about what was left out, if anything was."""
     end = disturbance_s(log)
     if end is None:
-        return log, None
+        return log, ()
     left = int(np.count_nonzero(log.time_s > end))
     return log.window(float(log.time_s[0]), end), (
-        f"The temperature jumps after {end:g} s; the {left} readings from there on were left out of the fit."
+        f"The temperature jumps after {end:g} s; the {left} readings from there on were left out of the fit.",
     )

@@ -57,7 +57,7 @@ class Problem:
             gain_pct_per_degC=gain, integral_time_s=integral_time_s, derivative_time_s=derivative_time_s,
             sample_time_s=self.sample_time_s, structure=structure_of(integral_time_s, derivative_time_s),
             method="optimum",
-        )  # fmt: skip
+        )
 
     def cost(self, design: PidDesign) -> float:
         """Return the mean over the models of ∫|e| dt after a load step of 1 % [°C·s]; an offset counts per second.
@@ -103,9 +103,11 @@ def search(problem: Problem, *, around: PidDesign | None = None) -> PidDesign:
                 if tried is not None and (best is None or tried[0] < best[0]):
                     best = tried
         if best is None:
-            raise _impossible(problem)
+            break
         integral = _zoom(integral, best[1].integral_time_s)
         derivative = _zoom(derivative, best[1].derivative_time_s)
+    if best is None:
+        raise _impossible(problem)
     return best[1]
 
 

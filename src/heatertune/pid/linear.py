@@ -38,18 +38,22 @@ def loop_transfer_function(model: HeaterModel, design: PidDesign) -> Any:
 
 
 def control_margins(model: HeaterModel, design: PidDesign) -> Margins:
-    """Return python-control's margins: its poles decide on stability, its `stability_margins` on the distances."""
+    """Return the margins by python-control: poles, frequency response and `stability_margins`.
+
+    It does not count a crossing at half the sampling frequency, where L is real, as a gain margin.
+    """
     import control  # noqa: PLC0415
 
     loop = loop_transfer_function(model, design)
     omega = np.geomspace(1e-5, math.pi / design.sample_time_s, 4000)
     response = loop(np.exp(1j * omega * design.sample_time_s))
-    gain, phase, distance, *_ = control.stability_margins((np.abs(response), np.degrees(np.angle(response)), omega))
+    gain, phase, *_ = control.stability_margins((np.abs(response), np.degrees(np.angle(response)), omega))
     closed = control.feedback(loop, 1)
     if float(np.max(np.abs(closed.poles()))) >= 1.0:
         return Margins(ms=math.inf, mt=math.inf, gain_margin=float(gain), phase_margin_deg=float(phase))
+    ms = float(np.max(1.0 / np.abs(1.0 + response)))
     mt = float(np.max(np.abs(response / (1.0 + response))))
-    return Margins(ms=1.0 / float(distance), mt=mt, gain_margin=float(gain), phase_margin_deg=float(phase))
+    return Margins(ms=ms, mt=mt, gain_margin=float(gain), phase_margin_deg=float(phase))
 
 
 def setpoint_response(model: HeaterModel, design: PidDesign, samples: int) -> Array:

@@ -46,14 +46,14 @@ def polish(problem: Problem, start: PidDesign, *, objective: str = "iae") -> tup
     for plant in (sample_plant(model, problem.sample_time_s) for model in problem.plants):
         errors = _errors(ca, plant, samples)(settings)
         costs.append(ca.sumsqr(errors) if objective == "ise" else ca.sum2(ca.sqrt(errors**2 + _SMOOTH**2)))
-        limits.append(_distances(ca, plant, settings, omega))
+        limits.append(_distances(plant, settings, omega))
     cost = problem.sample_time_s * sum(costs) / len(costs)
     nlp = {"x": unknowns, "f": ca.log(cost), "g": ca.vertcat(*limits)}
     solver = ca.nlpsol(
         "tune", "ipopt", nlp,
         {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes", "ipopt.max_iter": 60, "ipopt.tol": 1e-6,
          "ipopt.hessian_approximation": "limited-memory"},
-    )  # fmt: skip
+    )
     first = _vector(start, problem.structure)
     value = ca.Function("f", [unknowns], [cost])
     answer = solver(x0=first, lbg=1.0 / problem.ms**2, ubg=ca.inf, lbx=first - 1.0, ubx=first + 1.0)
@@ -98,7 +98,7 @@ def _errors(ca: Any, plant: SampledPlant, samples: int) -> Any:
     return ca.Function("errors", [settings], [outputs])
 
 
-def _distances(ca: Any, plant: SampledPlant, settings: Any, omega: Any) -> Any:
+def _distances(plant: SampledPlant, settings: Any, omega: Any) -> Any:
     """Return |1 + L|² at each frequency."""
     backward = np.exp(-1j * omega * plant.sample_time_s)
     g = plant.frequency_response(omega)

@@ -41,14 +41,14 @@ def _respond(poles, now, before, delay, gain, integral, derivative, setpoint, lo
 def respond(
     model: HeaterModel, design: PidDesign, samples: int, *, setpoint_degC: float = 0.0, load_pct: float = 0.0
 ) -> Array:
-    """Return the deviation from rest at each sample [°C] after a step of setpoint and load at t = 0, shape (samples,)."""
+    """Return the deviation at each sample [°C] after a step of setpoint and load at t = 0, shape (samples,)."""
     plant = sample_plant(model, design.sample_time_s)
     ta = design.sample_time_s
     return np.asarray(
         _respond(
             plant.poles, plant.now, plant.before, plant.delay, design.gain_pct_per_degC,
             ta / design.integral_time_s, design.derivative_time_s / ta, setpoint_degC, load_pct, samples,
-        )  # fmt: skip
+        )
     )
 
 

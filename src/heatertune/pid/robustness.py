@@ -30,7 +30,7 @@ def margins(model: HeaterModel, design: PidDesign) -> Margins:
         slowest = max(slowest, design.integral_time_s)
     omega = frequencies(design.sample_time_s, slowest)
     loop = loop_response(model, design, omega)
-    gain, phase = _crossings(omega, loop)
+    gain, phase = _crossings(loop)
     if not _encloses_nothing(loop, math.isfinite(design.integral_time_s)):
         return Margins(ms=math.inf, mt=math.inf, gain_margin=gain, phase_margin_deg=phase)
     return Margins(
@@ -65,8 +65,8 @@ def _encloses_nothing(loop: Complex, integrating: bool) -> bool:
     return bool(begins_well) and abs(turned - expected) < math.pi / 2.0
 
 
-def _crossings(omega: Array, loop: Complex) -> tuple[float, float]:
-    """Return the gain margin (smallest factor > 1 to instability) and the phase margin [°]."""
+def _crossings(loop: Complex) -> tuple[float, float]:
+    """Return the gain margin (smallest factor to a real −1) and the phase margin [°]."""
     phase = np.unwrap(np.angle(loop))
     size = np.abs(loop)
     gain = math.inf
@@ -74,7 +74,7 @@ def _crossings(omega: Array, loop: Complex) -> tuple[float, float]:
         for k in np.flatnonzero(np.diff(np.signbit(phase - level))):
             share = (level - phase[k]) / (phase[k + 1] - phase[k])
             at = float(np.exp(np.log(size[k]) + share * np.log(size[k + 1] / size[k])))
-            gain = min(gain, 1.0 / at) if at < 1.0 else min(gain, 1.0 / at)
+            gain = min(gain, 1.0 / at)
     if loop[-1].real < 0.0:  # at half the sampling frequency L is real
         gain = min(gain, 1.0 / abs(float(loop[-1].real)))
     margin = math.inf

@@ -4,8 +4,9 @@ Controller, backward difference, with the derivative filter D_k = D_{k−1}/2 + 
 
     C(z) = K·[1 + TA/TN·1/(1 − 1/z) + TV/(2·TA)·(1 − 1/z)/(1 − 1/(2z))]
 
-Plant: each lag as a first-order mode behind a hold; a dead time of d samples and a fraction splits each input between
-two samples (the modified z-transform; K. J. Åström and B. Wittenmark, "Computer-Controlled Systems", 3rd ed., sec. 2.3).
+Plant: each lag as a first-order mode behind a hold; a dead time of d samples and a fraction splits each input
+between two samples (the modified z-transform; K. J. Åström and B. Wittenmark, "Computer-Controlled Systems",
+3rd ed., section 2.3).
 """
 
 from __future__ import annotations

@@ -17,10 +17,11 @@ from heatertune.pid.rules import RULES, SOURCES, apply_rule
 from heatertune.pid.values import PidDesign
 from heatertune.units import check
 
-__all__ = ["METHODS", "STRUCTURES", "Timer", "tune"]
+__all__ = ["METHODS", "OBJECTIVES", "STRUCTURES", "Timer", "tune"]
 
 STRUCTURES = ("p", "pi", "pid")
 METHODS = ("optimum", *RULES)
+OBJECTIVES = ("iae", "ise")
 
 _SAMPLES_PER_TRDOM = 10.0  # S5-115U manual, section 11.2.3: TA ≈ TRdom/10
 _ROUNDS = 8
@@ -54,7 +55,7 @@ def tune(
     objective: str = "iae",
     sample_time_s: float | None = None,
     timer: Timer | None = None,
-    progress: Callable[[str], None] = lambda message: None,
+    progress: Callable[[str], object] = str,
 ) -> PidDesign:
     """Find K, TN, TV and TA for a heater and all its candidate models.
 
@@ -77,9 +78,9 @@ def tune(
         OutOfRange: a limit Ms that no controller can keep.
         InputError: no design keeps the limit, or the rule does not give the structure.
     """
-    for kind, name, known in (
-        ("tuning method", method, METHODS), ("structure", structure, STRUCTURES), ("objective", objective, ("iae", "ise")),
-    ):  # fmt: skip
+    kinds = ("tuning method", "structure", "objective")
+    asked = zip(kinds, (method, structure, objective), (METHODS, STRUCTURES, OBJECTIVES), strict=True)
+    for kind, name, known in asked:
         if name not in known:
             raise UnknownName(kind, name, known)
     check("ms", ms, above=1.05, most=4.0)
@@ -105,7 +106,7 @@ def _rule_round(
         return PidDesign(
             gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=tv, sample_time_s=ta,
             structure=structure, method=method,
-        )  # fmt: skip
+        )
 
     return one_round
 
@@ -124,7 +125,7 @@ def _settle(
     plants: Sequence[HeaterModel],
     given_s: float | None,
     timer: Timer,
-    progress: Callable[[str], None],
+    progress: Callable[[str], object],
 ) -> tuple[PidDesign, int]:
     """Return the design whose TA is a tenth of its own TRdom, and the rounds that took (0: it never rested)."""
     if given_s is not None:

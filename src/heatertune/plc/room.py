@@ -169,7 +169,7 @@ class Room(Protocol):
         """Return the cold state for these settings of the switches."""
 
     def step(self, words: Words, state: Any, setpoint: int, reading: int, switches: Mapping[str, str],
-             *, cycle_start: bool = True) -> tuple[Any, Scan]:  # fmt: skip
+             *, cycle_start: bool = True) -> tuple[Any, Scan]:
         """Run one scan; pure, total for every bit pattern.
 
         `setpoint` and `reading` are in the controller's units; `cycle_start` tells a room that makes

@@ -1,7 +1,7 @@
 """What the paper's program may be as a control law.
 
-The printed networks leave it open: its P acts as I in the interrupt's accumulation, its D as P, and the ladders that would
-settle it are lost (DIFFERENCES.md). Each hypothesis is the continuous-gain idealisation of one reading; a fit
+The printed networks leave it open: its P acts as I in the interrupt's accumulation, its D as P, and the ladders that
+would settle it are lost (DIFFERENCES.md). Each hypothesis is the continuous-gain idealisation of one reading; a fit
 compares them. Errors are in °C, power in percent; `memory` is four floats, zero at the start.
 """
 
@@ -95,4 +95,4 @@ LAWS: Final[tuple[Law, ...]] = (
         ),
         step=_velocity_pi,
     ),
-)  # fmt: skip
+)

@@ -1,0 +1,23 @@
+"""From a temperature log to PLC words that have been proven before they reach the heater.
+
+    log  →  model  →  pid  →  plc  →  proof  →  report
+
+The functions here are the whole chain, stage by stage; `heatertune.chain` says more about each.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+__all__ = ["design", "encode", "export", "fit", "prove", "read_log", "report", "tune"]
+
+if TYPE_CHECKING:
+    from heatertune.chain import design, encode, export, fit, prove, read_log, report, tune
+
+
+def __getattr__(name: str) -> Any:
+    """Import the chain when it is first used: `heatertune --help` needs none of it."""
+    if name in __all__:
+        return getattr(import_module("heatertune.chain"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,95 @@
+"""JSON documents between stages, and files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from heatertune.errors import DocumentError, InputError
+
+__all__ = ["number", "optional_number", "read_document", "text", "to_json", "write_files"]
+
+
+def to_json(document: Mapping[str, Any]) -> str:
+    """Return the document as JSON text; numbers that are not finite become null."""
+    return json.dumps(_plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def read_document(path: str | Path, schema: str) -> dict[str, Any]:
+    """Return the JSON object of a file.
+
+    Raises:
+        DocumentError: the file is missing, is no JSON object, or carries another schema.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from problem
+    except (UnicodeDecodeError, json.JSONDecodeError) as problem:
+        line = getattr(problem, "lineno", 1)
+        raise DocumentError(f"{path}, line {line}: no JSON document; expected one with schema {schema!r}") from problem
+    found = content.get("schema") if isinstance(content, dict) else None
+    if found != schema:
+        raise DocumentError(f"{path}: schema is {found!r}; expected {schema!r}")
+    return dict(content)
+
+
+def number(document: Mapping[str, Any], field: str, where: str | Path) -> float:
+    """Return a number of a document; raise DocumentError where it is missing or none."""
+    value = document.get(field)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise DocumentError(f"{where}: {field} is {value!r}; expected a number")
+    return float(value)
+
+
+def optional_number(document: Mapping[str, Any], field: str, where: str | Path) -> float | None:
+    """Return a number of a document, None where it is missing or null."""
+    return None if document.get(field) is None else number(document, field, where)
+
+
+def text(document: Mapping[str, Any], field: str, where: str | Path) -> str:
+    """Return a text of a document; raise DocumentError where it is missing or none."""
+    value = document.get(field)
+    if not isinstance(value, str):
+        raise DocumentError(f"{where}: {field} is {value!r}; expected a text")
+    return value
+
+
+def write_files(directory: str | Path, files: Mapping[str, str | bytes]) -> list[Path]:
+    """Write all files, each under a temporary name first, then renamed; return their paths.
+
+    Raises:
+        InputError: the directory cannot be made or written.
+    """
+    folder = Path(directory)
+    staged: list[tuple[Path, Path]] = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in files.items():
+            data = content if isinstance(content, bytes) else content.encode("utf-8")
+            temporary = folder / f".{name}.{os.getpid()}.part"
+            staged.append((temporary, folder / name))
+            temporary.write_bytes(data)
+        for temporary, final in staged:
+            temporary.replace(final)
+    except OSError as problem:
+        for temporary, _ in staged:
+            temporary.unlink(missing_ok=True)
+        raise InputError(f"{problem.filename or folder}: cannot be written: {problem.strerror}") from problem
+    return [final for _, final in staged]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

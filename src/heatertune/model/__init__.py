@@ -1,0 +1,5 @@
+"""Log → FittedModel: a first-order-plus-dead-time heater, what is identifiable, and all models that explain it."""
+
+from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Interval, Outcome, TwoLag
+
+__all__ = ["Candidate", "FittedModel", "Fopdt", "HeaterModel", "Interval", "Outcome", "TwoLag"]

@@ -1,0 +1,5 @@
+"""FittedModel → PidDesign: rules, robustness, the sampling interval, the optimum."""
+
+from heatertune.pid.values import Margins, PidDesign
+
+__all__ = ["Margins", "PidDesign"]

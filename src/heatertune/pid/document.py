@@ -1,0 +1,74 @@
+"""PidDesign ↔ the JSON document that `heatertune tune` writes, the model it was made for included."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from heatertune.documents import number, optional_number, read_document
+from heatertune.model.document import from_document as model_from_document
+from heatertune.model.document import to_document as model_to_document
+from heatertune.model.values import FittedModel
+from heatertune.pid.values import Margins, PidDesign, structure_of
+
+__all__ = ["SCHEMA", "from_document", "read_design", "to_document"]
+
+SCHEMA = "heatertune/pid/1"
+
+
+def to_document(design: PidDesign, model: FittedModel | None = None) -> dict[str, Any]:
+    """Return the document; an integral time that is infinite is null."""
+    document: dict[str, Any] = {
+        "schema": SCHEMA,
+        "gain_pct_per_degC": design.gain_pct_per_degC,
+        "integral_time_s": design.integral_time_s,
+        "derivative_time_s": design.derivative_time_s,
+        "sample_time_s": design.sample_time_s,
+        "structure": design.structure,
+        "method": design.method,
+        "ms": None, "mt": None, "gain_margin": None, "phase_margin_deg": None,
+        "iae_load": design.iae_load,
+        "iae_setpoint": design.iae_setpoint,
+        "notes": list(design.notes),
+    }
+    if design.margins is not None:
+        document |= {name: getattr(design.margins, name) for name in ("ms", "mt", "gain_margin", "phase_margin_deg")}
+    if model is not None:
+        document["model"] = model_to_document(model)
+    return document
+
+
+def read_design(path: str | Path) -> tuple[PidDesign, FittedModel | None]:
+    """Return the design of a file, and the model it was made for where the file holds it.
+
+    Raises:
+        DocumentError: a field is missing or of the wrong kind.
+        OutOfRange: a value breaks the rule of its field.
+    """
+    document = read_document(path, SCHEMA)
+    model = document.get("model")
+    return from_document(document, where=path), None if model is None else model_from_document(model, where=path)
+
+
+def from_document(document: Mapping[str, Any], *, where: str | Path = "design") -> PidDesign:
+    """Return the design of a document; errors as in `read_design`."""
+    integral = optional_number(document, "integral_time_s", where)
+    tn = math.inf if integral is None else integral
+    tv = optional_number(document, "derivative_time_s", where) or 0.0
+    found = [optional_number(document, n, where) for n in ("ms", "mt", "gain_margin", "phase_margin_deg")]
+    known = found[3] is not None
+    return PidDesign(
+        gain_pct_per_degC=number(document, "gain_pct_per_degC", where),
+        integral_time_s=tn,
+        derivative_time_s=tv,
+        sample_time_s=number(document, "sample_time_s", where),
+        structure=structure_of(tn, tv),
+        method=str(document.get("method", "given by hand")),
+        margins=Margins(**dict(zip(("ms", "mt", "gain_margin", "phase_margin_deg"),
+                                   (math.inf if v is None else v for v in found), strict=True))) if known else None,
+        iae_load=optional_number(document, "iae_load", where),
+        iae_setpoint=optional_number(document, "iae_setpoint", where),
+        notes=tuple(str(note) for note in document.get("notes", ())),
+    )
