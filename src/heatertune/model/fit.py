@@ -54,7 +54,7 @@ def fit(
         progress(f"{log.name}: fitting {len(laws)} controller laws inside the loop")
         found = fit_temperature(used, laws, ambient_degC=ambient_degC, seed=seed)
     else:
-        _demand_excitation(used, ambient_degC, power_before_pct)
+        _demand_excitation(used, ambient_degC)
         progress(f"{log.name}: fitting one and two lags to the logged power")
         found = fit_power(used, ambient_degC=ambient_degC, power_before_pct=power_before_pct, seed=seed)
     return replace(found, notes=notes + found.notes)
@@ -83,11 +83,11 @@ def model_by_hand(model: HeaterModel) -> FittedModel:
     )
 
 
-def _demand_excitation(log: Log, ambient_degC: float | None, power_before_pct: float | None) -> None:
+def _demand_excitation(log: Log, ambient_degC: float | None) -> None:
+    """Refuse constant power: gain and ambient, and step response and initial state, would be one and the same."""
     assert log.power_pct is not None
-    power = log.power_pct if power_before_pct is None else np.append(log.power_pct, power_before_pct)
-    if float(np.ptp(power)) == 0.0 and ambient_degC is None:
+    if float(np.ptp(log.power_pct)) == 0.0 and ambient_degC is None:
         raise InputError(
-            f"{log.name}: {Outcome.NO_POWER_CHANGE.value} The power is {log.power_pct[0]:g} % throughout; give "
-            "--power-before (power before the log) or --ambient (temperature without power)"
+            f"{log.name}: {Outcome.NO_POWER_CHANGE.value} The power is {log.power_pct[0]:g} % throughout; "
+            "or give --ambient, the temperature without power"
         )

@@ -30,10 +30,10 @@ def _coupling(first, second, t):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _advance(y, x, target, decay_1, decay_2, coupling, two_lags):  # type: ignore[no-untyped-def]
     """Return (y, x) after a time with constant power whose steady temperature is `target`."""
-    dx = x - target
+    inner = target + decay_1 * (x - target)
     if two_lags:
-        return target + decay_2 * (y - target) + coupling * dx, target + decay_1 * dx
-    return target + decay_1 * dx, target + decay_1 * dx
+        return target + decay_2 * (y - target) + coupling * (x - target), inner
+    return target + decay_1 * (y - target), inner
 
 
 # not cached on disk: its type depends on the law, which differs from process to process

@@ -1,0 +1,40 @@
+"""What all tests share."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from heatertune.log.values import Log
+
+ROOT = Path(__file__).parents[1]
+TABLES = ROOT / "data" / "paper_tables"
+REAL_LOGS = ROOT.parent / "shared" / "data" / "logs"
+
+
+@pytest.fixture(scope="session")
+def real_logs():
+    """The folder of real heater logs, which is not part of the project."""
+    if not REAL_LOGS.is_dir():
+        pytest.skip("the real heater logs are not on this machine")
+    return REAL_LOGS
+
+
+def load_csv(path, name):
+    """Read a log with numpy alone: the second opinion on the reader, and independent of it."""
+    data = np.genfromtxt(path, delimiter=",", names=True)
+    keep = np.concatenate([[True], np.diff(data["time_s"]) > 0])
+    data = data[keep]
+    power = data["duty_pct"] if "duty_pct" in data.dtype.names else None
+    temperature = data["temp_C"]
+    return Log(name=name, source=str(path), time_s=data["time_s"], temperature_degC=temperature, power_pct=power)
+
+
+@pytest.fixture(scope="session")
+def table3():
+    return load_csv(TABLES / "table3.csv", "table3")
+
+
+@pytest.fixture(scope="session")
+def table4():
+    return load_csv(TABLES / "table4.csv", "table4")
