@@ -1,0 +1,153 @@
+import math
+
+import numpy as np
+import pytest
+
+from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.model.fit import model_by_hand
+from heatertune.model.values import Candidate, FittedModel, Fopdt, Outcome, TwoLag
+from heatertune.pid import feasible
+from heatertune.pid.document import from_document, to_document
+from heatertune.pid.feasible import Problem, largest_gain, search
+from heatertune.pid.optimum import polish
+from heatertune.pid.response import dominant_time_s, iae_load
+from heatertune.pid.robustness import margins
+from heatertune.pid.rules import apply_rule
+from heatertune.pid.tune import Timer, tune
+from heatertune.pid.values import PidDesign
+
+HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
+OTHER = TwoLag(gain_degC_per_pct=0.83, time_constant_s=378.0, second_time_constant_s=108.0, dead_time_s=9.2)
+
+
+def _family(*models):
+    candidates = tuple(
+        Candidate(model=m, log="", window_s=(0.0, 1.0), law="", fit_pct=90.0, rmse_degC=1.0, delta_bic=0.0)
+        for m in models
+    )
+    return FittedModel(
+        model=models[0].half_rule(), outcome=Outcome.COMBINATIONS_ONLY, method="", candidates=candidates
+    )
+
+
+@pytest.mark.parametrize(
+    ("method", "structure", "expected"),
+    [
+        # k = 1, T = 10, L = 1. SIMC: T/(2kL), min(T, 8L). Ziegler–Nichols: 0.9T/(kL), 3L and 1.2T/(kL), 2L, L/2.
+        ("simc", "pi", (5.0, 8.0, 0.0)),
+        ("ziegler-nichols", "pi", (9.0, 3.0, 0.0)),
+        ("ziegler-nichols", "pid", (12.0, 2.0, 0.5)),
+        # AMIGO, Åström and Hägglund 2004, eqs. 5 and 7, worked out with exact fractions
+        ("amigo", "pi", (0.15 + (0.35 - 10 / 121) * 10, 0.35 + 1300 / 227, 0.0)),
+        ("amigo", "pid", (4.7, 8.4 / 2, 5 / 10.3)),
+        ("lambda", "pi", (10 / 11, 10.0, 0.0)),
+    ],
+)
+def test_the_rules_give_what_their_authors_print(method, structure, expected):
+    plant = Fopdt(gain_degC_per_pct=1.0, time_constant_s=10.0, dead_time_s=1.0)
+    assert apply_rule(method, plant, structure, 0.0) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.3, 1.0])
+def test_amigo_keeps_the_robustness_its_authors_design_for(ratio):
+    # AMIGO PI is made for maximal integral gain with Ms <= 1.4 over a batch of plants that holds the FOPDT
+    plant = Fopdt(gain_degC_per_pct=1.0, time_constant_s=10.0, dead_time_s=10.0 * ratio)
+    gain, tn, _ = apply_rule("amigo", plant, "pi", 0.0)
+    design = PidDesign(
+        gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=0.0, sample_time_s=0.01, structure="pi", method=""
+    )
+    assert 1.2 < margins(plant, design).ms < 1.42
+
+
+@pytest.mark.parametrize("structure", ["pi", "pid"])
+def test_the_optimum_keeps_the_limit_and_no_point_of_a_dense_grid_beats_it(structure):
+    problem = Problem(plants=(HEATER,), structure=structure, ms=1.6, sample_time_s=4.0)
+    found = search(problem)
+    assert margins(HEATER, found).ms <= 1.605
+    best = math.inf
+    for tn in np.geomspace(20.0, 500.0, 40):
+        for tv in np.geomspace(1.0, 30.0, 8) if structure == "pid" else [0.0]:
+            for gain in np.geomspace(1.0, 60.0, 60):
+                design = problem.design(float(gain), float(tn), float(tv))
+                if tn / gain > 1.1 * best or margins(HEATER, design).ms > 1.6:
+                    continue
+                best = min(best, iae_load(HEATER, design))
+    assert problem.cost(found) < 1.01 * best
+
+
+def test_ipopt_finds_the_same_optimum_as_the_feasible_set():
+    problem = Problem(plants=(HEATER, OTHER), structure="pi", ms=1.6, sample_time_s=10.0)
+    start = search(problem)
+    shifted = problem.design(0.8 * start.gain_pct_per_degC, 1.3 * start.integral_time_s, 0.0)
+    found, told = polish(problem, shifted)
+    assert "below" in told
+    assert found.gain_pct_per_degC == pytest.approx(start.gain_pct_per_degC, rel=0.05)
+    assert problem.cost(found) == pytest.approx(problem.cost(start), rel=0.01)
+
+
+def test_feasible_gains_may_come_in_pieces():
+    assert feasible._tops([(2.0, 3.0), (2.5, 4.0), (5.0, 9.0)]) == [2.0, 5.0]
+    assert feasible._tops([(0.0, 1.0), (4.0, 9.0)]) == [4.0]
+
+
+def test_just_above_the_largest_gain_the_limit_breaks():
+    problem = Problem(plants=(HEATER, OTHER), structure="pi", ms=1.6, sample_time_s=10.0)
+    top = largest_gain(problem, 300.0, 0.0)[0]
+    assert max(margins(p, problem.design(1.02 * top, 300.0, 0.0)).ms for p in problem.plants) > 1.6
+
+
+def test_a_design_serves_every_candidate_not_the_first_alone():
+    alone, family = tune(model_by_hand(HEATER)), tune(_family(HEATER, OTHER))
+    assert margins(OTHER, alone).ms > 2.0
+    assert margins(OTHER, family).ms < 1.61
+    assert margins(HEATER, family).ms < 1.61
+    assert family.margins.ms == pytest.approx(max(margins(p, family).ms for p in (HEATER, OTHER)))
+
+
+@pytest.mark.parametrize("method", ["optimum", "simc"])
+def test_the_sampling_interval_is_a_tenth_of_the_closed_loops_own_time(method):
+    design = tune(model_by_hand(HEATER), method=method)
+    assert design.sample_time_s == pytest.approx(dominant_time_s(HEATER, design) / 10.0, rel=0.05)
+
+
+def test_a_given_sampling_interval_is_kept():
+    design = tune(model_by_hand(HEATER), sample_time_s=7.0)
+    assert design.sample_time_s == 7.0
+    assert any("TA was given" in note for note in design.notes)
+
+
+def test_the_timer_rounds_to_steps_it_can_do():
+    assert Timer().round(0.0149) == 0.01
+    assert Timer().round(3.14159) == 3.1
+    assert Timer().round(17.4) == 17.0
+    assert Timer().round(1e6) == 600.0
+    assert Timer(step_s=0.5, shortest_s=0.5).round(1.26) == 1.5
+
+
+def test_more_dead_time_never_gives_more_gain_under_one_rule():
+    for method in ("simc", "amigo", "lambda", "ziegler-nichols"):
+        gains = [
+            apply_rule(method, Fopdt(gain_degC_per_pct=0.4, time_constant_s=150.0, dead_time_s=float(dead)), "pi", 5.0)[0]
+            for dead in range(1, 60, 5)
+        ]
+        assert all(a >= b for a, b in zip(gains[:-1], gains[1:], strict=True)), method
+
+
+def test_what_cannot_be_is_refused_with_the_known_names_or_the_limit():
+    fitted = model_by_hand(HEATER)
+    with pytest.raises(UnknownName, match="known: optimum, simc"):
+        tune(fitted, method="guess")
+    with pytest.raises(UnknownName, match="structure"):
+        tune(fitted, structure="ip")
+    with pytest.raises(OutOfRange, match="ms"):
+        tune(fitted, ms=0.9)
+    with pytest.raises(InputError, match="SIMC"):
+        tune(fitted, method="simc", structure="pid")
+
+
+@pytest.mark.parametrize("structure", ["p", "pi", "pid"])
+def test_a_design_survives_its_document(structure):
+    design = tune(model_by_hand(HEATER), structure=structure, sample_time_s=5.0)
+    back = from_document(to_document(design))
+    for name in ("gain_pct_per_degC", "integral_time_s", "derivative_time_s", "sample_time_s", "structure", "margins"):
+        assert getattr(back, name) == getattr(design, name)
