@@ -1,0 +1,58 @@
+"""The command line: one file per command, each a few lines around `heatertune.chain`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from heatertune import __version__
+from heatertune.cli import design, export_db, fit, report, tune, verify
+from heatertune.cli.common import CommandParser
+from heatertune.errors import ExportRefused, HeatertuneError
+
+__all__ = ["main"]
+
+COMMANDS = (design, fit, tune, export_db, verify, report)
+
+_EPILOG = """\
+the chain: log → model → pid → plc → proof → report
+example:   heatertune design table4 --target s5-ob251 --out out/
+
+exit status: 0 success, 1 a verdict of FAIL, 2 bad input (one line `error: …`)
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands."""
+    top = CommandParser(
+        prog="heatertune",
+        description="From a temperature log to PLC words that have been proven before they reach the heater.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    top.add_argument("--version", action="version", version=f"heatertune {__version__}")
+    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=CommandParser)
+    for command in COMMANDS:
+        command.add_to(commands)
+    return top
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit status: 0 success, 1 verdict FAIL, 2 bad input."""
+    try:
+        settings = parser().parse_args(arguments)
+        return int(settings.run(settings))
+    except ExportRefused as problem:
+        print(f"error: {problem}", file=sys.stderr)
+        return 1
+    except HeatertuneError as problem:
+        print(f"error: {problem}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # the reader of a pipe went away; nothing is wrong with the result
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        print("error: interrupted", file=sys.stderr)
+        return 130

@@ -1,0 +1,152 @@
+"""What the commands share: option groups, progress, output."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from heatertune.errors import InputError
+
+if TYPE_CHECKING:
+    from heatertune.model.values import FittedModel
+
+__all__ = [
+    "CommandParser", "Progress", "add_log_options", "add_model_options", "add_output_options", "add_proof_options",
+    "add_tuning_options", "given", "model_from", "output", "save",
+]
+
+TARGETS = ("s5-ob251", "s7-200")
+
+
+class CommandParser(argparse.ArgumentParser):
+    """A parser whose complaints are one line, with exit status 2, like every other bad input."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise the complaint as an input error."""
+        raise InputError(f"{message} (see: {self.prog} --help)")
+
+
+class Progress:
+    """Messages on stderr for whatever takes longer than a second; silent with --quiet."""
+
+    def __init__(self, settings: argparse.Namespace) -> None:
+        self._loud = not settings.quiet
+        self._begun = time.monotonic()
+
+    def __call__(self, message: str) -> None:
+        """Tell what begins now."""
+        if self._loud:
+            print(f"[{time.monotonic() - self._begun:5.1f} s] {message}", file=sys.stderr, flush=True)
+
+
+def add_output_options(command: argparse.ArgumentParser) -> None:
+    """Add --json and --quiet."""
+    group = command.add_argument_group("output")
+    group.add_argument("--json", action="store_true", help="print one JSON document on stdout instead of the table")
+    group.add_argument("--quiet", action="store_true", help="no progress on stderr")
+
+
+def add_log_options(command: argparse.ArgumentParser) -> None:
+    """Add the options that tell how a log file is to be read."""
+    group = command.add_argument_group("reading the log")
+    group.add_argument("--time-column", metavar="NAME|N", help="column of the time")
+    group.add_argument("--temperature-column", metavar="NAME|N", help="column of the temperature")
+    group.add_argument("--power-column", metavar="NAME|N", help="column of the heater power")
+    group.add_argument("--setpoint-column", metavar="NAME|N", help="column of the setpoint")
+    group.add_argument("--temperature-unit", choices=("degC", "degF", "K"), help="unit of the temperature")
+    group.add_argument("--power-full-scale", type=float, metavar="X", help="reading at full power: 1, 100, 255 …")
+    group.add_argument("--time-unit", choices=("s", "ms", "min", "h"), help="unit of the time")
+    group.add_argument("--log-interval", type=float, metavar="S", help="interval of a log without time column [s]")
+    group.add_argument("--errata", action="store_true", help="apply the known misprints of a built-in table")
+    group.add_argument("--ambient", type=float, metavar="°C", help="temperature without power, where you know it [°C]")
+    group.add_argument("--power-before", type=float, metavar="%", help="power before the first reading [%%]")
+    group.add_argument("--until", type=float, metavar="S", help="last instant to use [s]; default: up to a disturbance")
+
+
+def add_model_options(command: argparse.ArgumentParser, *, ambient: bool = True) -> None:
+    """Add the options of a model given by hand."""
+    group = command.add_argument_group("a model by hand, instead of a model file")
+    group.add_argument("--gain", type=float, metavar="°C/%", help="rise per percent of power [°C/%%]")
+    group.add_argument("--time-constant", type=float, metavar="S", help="time constant [s]")
+    group.add_argument("--second-time-constant", type=float, metavar="S", help="second time constant, if any [s]")
+    group.add_argument("--dead-time", type=float, metavar="S", help="dead time [s]")
+    if ambient:
+        group.add_argument("--ambient", type=float, metavar="°C", help="temperature without power [°C]")
+
+
+def add_tuning_options(command: argparse.ArgumentParser) -> None:
+    """Add the options of `tune`."""
+    group = command.add_argument_group("tuning")
+    group.add_argument("--structure", choices=("p", "pi", "pid"), default="pi", help="parts that act (default: pi)")
+    group.add_argument("--method", default="optimum", metavar="NAME",
+                       help="optimum (default), simc, amigo, lambda or ziegler-nichols")
+    group.add_argument("--objective", choices=("iae", "ise"), default="iae", help="of the optimum (default: iae)")
+    group.add_argument("--ms", type=float, default=1.6, help="largest sensitivity Ms of the optimum (default: 1.6)")
+    group.add_argument("--sample-time", default="auto", metavar="S",
+                       help="sampling interval TA [s], or auto: TRdom/10 (default)")
+
+
+def add_proof_options(command: argparse.ArgumentParser) -> None:
+    """Add the target and the conditions of the proof."""
+    group = command.add_argument_group("target and proof")
+    group.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(TARGETS)}")
+    group.add_argument("--range", nargs=2, type=float, metavar=("LOW", "HIGH"), default=(0.0, 100.0),
+                       help="sensor range at the lowest and highest reading [°C] (default: 0 100)")
+    group.add_argument("--setpoint", type=float, metavar="°C", help="setpoint of the proof [°C]")
+    group.add_argument("--pwm-period", type=float, metavar="S", help="PWM period [s] (default: TA in parts up to 10 s)")
+    group.add_argument("--minimum-on", type=float, default=0.0, metavar="S", help="shortest on time [s] (default: 0)")
+    group.add_argument("--minimum-off", type=float, default=0.0, metavar="S", help="shortest off time [s] (default: 0)")
+    group.add_argument("--noise", type=float, default=0.0, metavar="°C", help="sensor noise, standard deviation [°C]")
+
+
+def given(settings: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Return the named options that were given."""
+    return {name: getattr(settings, name) for name in names if getattr(settings, name) is not None}
+
+
+def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
+    """Return the model of a file, or the one given by hand.
+
+    Raises:
+        InputError: both or neither are given, or a number of the hand-given model is missing.
+    """
+    from heatertune.model.document import read_model  # noqa: PLC0415 - the help must not wait for numpy
+    from heatertune.model.fit import model_by_hand  # noqa: PLC0415
+    from heatertune.model.values import Fopdt, TwoLag  # noqa: PLC0415
+
+    names = ("gain", "time_constant", "dead_time")
+    numbers = given(settings, *names)
+    if path is not None and numbers:
+        raise InputError("give a model file or --gain, --time-constant, --dead-time, not both")
+    if path is not None:
+        return read_model(path)
+    missing = [f"--{name.replace('_', '-')}" for name in names if name not in numbers]
+    if missing:
+        raise InputError(f"no model: give a model file, or {', '.join(missing)} as well")
+    plant = {
+        "gain_degC_per_pct": settings.gain, "time_constant_s": settings.time_constant,
+        "dead_time_s": settings.dead_time, "ambient_degC": settings.ambient,
+    }
+    if settings.second_time_constant is None:
+        return model_by_hand(Fopdt(**plant))
+    return model_by_hand(TwoLag(**plant, second_time_constant_s=settings.second_time_constant))
+
+
+def output(settings: argparse.Namespace, document: Mapping[str, Any], summary: Callable[[], str]) -> None:
+    """Print the document (--json) or the summary on stdout."""
+    from heatertune.documents import to_json  # noqa: PLC0415
+
+    print(to_json(document) if settings.json else summary(), end="" if settings.json else "\n")
+
+
+def save(path: str | None, document: Mapping[str, Any]) -> None:
+    """Write the document to a file, whole or not at all; nothing without a path."""
+    from heatertune.documents import to_json, write_files  # noqa: PLC0415
+
+    if path is not None:
+        target = Path(path)
+        write_files(target.parent, {target.name: to_json(document)})

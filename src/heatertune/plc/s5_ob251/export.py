@@ -1,0 +1,80 @@
+"""The controller DB as a listing to key in, and as CSV: DW, format, value, comment."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+from heatertune.plc.room import Certificate, Words
+from heatertune.plc.s5_ob251.words import FIELDS, FULL_SCALE
+
+__all__ = ["export_words"]
+
+_DB = 30
+_LENGTH = 49  # a shorter DB stops the CPU with TRAF
+
+_CELLS = {22: ("KF", "X actual value, written by the program"), 24: ("KF", "Z disturbance variable"),
+          29: ("KF", "XZ substitute for the D part"), 48: ("KF", "YA controller output, read by the program")}
+
+
+def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
+    """Return the listing and the CSV; the same words and certificate give the same bytes."""
+    rows = _rows(words)
+    return {f"DB{_DB}_listing.txt": _listing(words, certificate, rows), f"DB{_DB}.csv": _csv(rows)}
+
+
+def _rows(words: Words) -> list[tuple[int, str, str, str]]:
+    """Return (DW, format, value, comment) for all 49 words."""
+    known = {int(field.address[2:]): field for field in FIELDS}
+    rows = []
+    for dw in range(_LENGTH):
+        if dw in known:
+            field = known[dw]
+            rows.append((dw, field.format, _value(field.format, words.values[field.name]),
+                         f"{field.name} {_meaning(field.name, words) or field.comment}"))
+        else:
+            format_, comment = _CELLS.get(dw, ("KH", ""))
+            rows.append((dw, format_, _value(format_, 0), comment))
+    return rows
+
+
+def _value(format_: str, value: int) -> str:
+    if format_ == "KM":
+        bits = f"{value:016b}"
+        return f"{bits[:8]} {bits[8:]}"
+    return f"{value:+06d}" if format_ == "KF" else f"{value:04X}"
+
+
+def _meaning(name: str, words: Words) -> str:
+    v, ta = words.values, words.sample_time_s
+    if name == "TI":
+        return "no integral action" if not v["TI"] else f"TN = {ta * v['R'] / v['TI']:.4g} s"
+    if name == "TD":
+        return "no derivative action" if not v["TD"] else f"TV = {ta * v['TD'] * 1024 / v['R']:.4g} s"
+    if name == "K":
+        return f"K·R = {v['K'] * v['R'] / 1024**2:.5g} units per unit"
+    if name == "W":
+        low, span = words.scaling.low_degC, words.scaling.span_degC
+        return f"setpoint: round(({FULL_SCALE}/{span:g})·(°C − {low:g})), enter yours"
+    return ""
+
+
+def _listing(words: Words, certificate: Certificate, rows: list[tuple[int, str, str, str]]) -> str:
+    s = words.scaling
+    head = [
+        "OB251 controller DB, a listing to key in (no STEP 5 import file)",
+        f"sensor {s.low_degC:g}…{s.high_degC:g} °C = 0…{FULL_SCALE} units; output 0…{FULL_SCALE} units = 0…100 % power",
+        f"call OB251 every {words.sample_time_s:g} s from a timed block (OB13), this DB opened before",
+        f"verdict of the proof: {certificate.verdict}" + (" - FORCED in spite of it" if certificate.forced else ""),
+        *certificate.lines,
+    ]
+    body = [f"{dw:4d}:  {format_} = {value};".ljust(38) + comment for dw, format_, value, comment in rows]
+    return "\n".join([f"// {line}" for line in head] + [f"DB{_DB}"] + [line.rstrip() for line in body]) + "\n"
+
+
+def _csv(rows: list[tuple[int, str, str, str]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["DW", "format", "value", "comment"])
+    writer.writerows(rows)
+    return text.getvalue()

@@ -1,0 +1,135 @@
+"""One call of OB251, in the order of the manual (S5-115U, section 11.2.3).
+
+    XW_k = W_k − X_k                         U = XW, or XZ where STEU bit 1 is set
+    dP_k = R·(XW_k − XW_{k−1})
+    dI_k = TI·XW_k
+    dD_k = ½·(TD·(U_k − 2U_{k−1} + U_{k−2}) + dD_{k−1})
+    dY_k = K·(dP_k + dI_k + dD_k) + (Z_k − Z_{k−1}, where STEU bit 5 is not set)
+
+The ½ was lost in the scans of the manual; without it D would never decay. All words are multiples of 1/1024 or whole,
+so IEEE doubles hold every sum exactly but for dD, whose halving runs out of digits after some fifty calls.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+__all__ = [
+    "AUTO", "COLD", "GESCHW", "HANDART", "NO_Z", "REG_AUS", "XZ_EIN", "Assumptions", "Parameters", "State", "call",
+]
+
+#: bits of the control word STEU (table 11-10)
+AUTO: Final = 1
+XZ_EIN: Final = 2
+REG_AUS: Final = 4
+GESCHW: Final = 8
+HANDART: Final = 16
+NO_Z: Final = 32
+
+_APPROACH = 4  # calls in which a position controller reaches YH
+
+
+class Parameters(NamedTuple):
+    """The words of the controller DB as the algorithm uses them; limits and inputs are whole units."""
+
+    gain: float  # K·R is the proportional part
+    r: float
+    ti: float
+    td: float
+    steu: int
+    manual: int  # YH
+    upper: int  # BGOG
+    lower: int  # BGUG
+
+
+class Assumptions(NamedTuple):
+    """Settings of what the manual leaves open, see DIFFERENCES.md."""
+
+    sum_is_limited: bool = False
+    flag_of_same_call: bool = False
+    inward_allowed: bool = False
+    whole_increments: bool = False
+
+
+class State(NamedTuple):
+    """What DW18 to DW48 keep from call to call (names of the 928B's DB where the 115U's book has none)."""
+
+    error: float = 0.0  # XW_{k−1}
+    error_change: float = 0.0  # PW_{k−1}
+    substitute: float = 0.0  # XZ_{k−1}
+    substitute_change: float = 0.0  # PZ_{k−1}
+    derivative: float = 0.0  # dD_{k−1}
+    disturbance: float = 0.0  # Z_{k−1}
+    total: float = 0.0  # Y_{k−1}, before the limiter
+    output: int = 0  # YA
+    at_limit: int = 0  # +1 upper, −1 lower, 0 inside
+    approach: int = 0  # calls since the switch to manual
+
+
+COLD: Final = State()
+
+
+def call(  # noqa: PLR0913 - the words of the controller DB
+    p: Parameters, assume: Assumptions, state: State, w: int, x: int, z: int = 0, xz: int = 0
+) -> State:
+    """Return the state after one call; its `output` is YA (position) or dY (velocity)."""
+    if p.steu & REG_AUS:
+        return COLD
+    error, change = float(w - x), float(w - x) - state.error
+    if p.steu & XZ_EIN:
+        substitute, substitute_change = float(xz), xz - state.substitute
+        curvature = substitute_change - state.substitute_change
+    else:
+        substitute, substitute_change = state.substitute, state.substitute_change
+        curvature = change - state.error_change
+    disturbance = state.disturbance if p.steu & NO_Z else float(z)
+    seen = state._replace(
+        error=error, error_change=change, substitute=substitute, substitute_change=substitute_change,
+        disturbance=disturbance,
+    )
+    if not p.steu & AUTO:
+        return _manual(p, seen)
+    derivative = 0.5 * (p.td * curvature + state.derivative)
+    other = p.gain * (p.r * change + derivative) + (disturbance - state.disturbance)
+    integral = p.gain * p.ti * error
+    return _automatic(p, assume, seen._replace(derivative=derivative, approach=0), other, integral)
+
+
+def _automatic(p: Parameters, assume: Assumptions, state: State, other: float, integral: float) -> State:
+    """Add the increments, limit, and keep the integral action out while at a limit."""
+    velocity = bool(p.steu & GESCHW)
+    before = 0.0 if velocity else state.total
+    at_limit = _side(p, before + _whole(assume, other + integral)) if assume.flag_of_same_call else state.at_limit
+    outward = at_limit * integral > 0.0 if assume.inward_allowed else at_limit != 0
+    increment = _whole(assume, other if outward else other + integral)
+    total = before + increment
+    limited = min(max(total, p.lower), p.upper)
+    return state._replace(
+        total=limited if assume.sum_is_limited else total,
+        output=int(limited),  # towards zero
+        at_limit=_side(p, total),
+    )
+
+
+def _manual(p: Parameters, state: State) -> State:
+    """Hold the output or approach YH; the algorithm is not computed."""
+    state = state._replace(derivative=0.0, at_limit=0)
+    if p.steu & GESCHW:
+        wanted = 0 if p.steu & HANDART else p.manual
+    elif p.steu & HANDART:
+        wanted = state.output
+    else:
+        steps = state.approach + 1
+        half_way = (p.manual + state.output) / 2.0
+        wanted = p.manual if steps >= _APPROACH else int(half_way)
+        state = state._replace(approach=min(steps, _APPROACH))
+    limited = min(max(wanted, p.lower), p.upper)
+    return state._replace(output=limited, total=float(limited))
+
+
+def _side(p: Parameters, total: float) -> int:
+    return (total >= p.upper) - (total <= p.lower)
+
+
+def _whole(assume: Assumptions, increment: float) -> float:
+    return float(int(increment)) if assume.whole_increments else increment

@@ -1,0 +1,98 @@
+"""The room of OB251: its four doors under one name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from heatertune.errors import UnknownName
+from heatertune.pid.values import PidDesign
+from heatertune.plc.room import Certificate, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.s5_ob251.export import export_words
+from heatertune.plc.s5_ob251.recursion import COLD, Assumptions, Parameters, State, call
+from heatertune.plc.s5_ob251.words import FACTOR, FIELDS, FULL_SCALE, TIMER, check_words, decode, encode
+
+__all__ = ["ROOM", "Ob251"]
+
+_SWITCHES: Final = (
+    Switch(name="sum", settings=("unlimited", "limited"), default="unlimited",
+           why="whether Y_{k-1} is kept before or after the limiter"),
+    Switch(name="integral_off", settings=("previous_call", "same_call"), default="previous_call",
+           why="whether the limit of the previous or of this call takes the integral action out"),
+    Switch(name="integral_inward", settings=("off", "on"), default="off",
+           why="whether integral action that leads back from the limit stays on"),
+    Switch(name="rounding", settings=("fraction_kept", "whole_increments"), default="fraction_kept",
+           why="whether dY keeps its fraction in the sum"),
+)
+
+
+class _Running(NamedTuple):
+    parameters: Parameters
+    assumptions: Assumptions
+    state: State
+
+
+@dataclass(frozen=True, slots=True)
+class Ob251:
+    """See `heatertune.plc.room.Room`."""
+
+    name: str = "s5-ob251"
+    title: str = "SIMATIC S5-115U, OB251 (manual 4NEB 811 6130, section 11.2.3)"
+    fields: tuple[WordField, ...] = FIELDS
+    switches: tuple[Switch, ...] = _SWITCHES
+    sample_times_s: tuple[float, float, float] = TIMER
+
+    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
+        """Round the design to words, once; see `words.encode`."""
+        return encode(design, scaling)
+
+    def decode(self, words: Words) -> PidDesign:
+        """Return the design as the words realise it."""
+        return decode(words)
+
+    def check(self, words: Words) -> None:
+        """Raise OutOfRange for the first word that the manual does not allow."""
+        check_words(words)
+
+    def timing(self, words: Words) -> Timing:
+        """Return TA; the PWM is an actuator behind YA."""
+        return Timing(scan_s=words.sample_time_s)
+
+    def measure(self, words: Words, temperature_degC: float) -> int:
+        """Return X in units, cut towards zero as a converter does, limited to the range [0…2047]."""
+        scaled = (temperature_degC - words.scaling.low_degC) * FULL_SCALE / words.scaling.span_degC
+        return int(min(max(scaled, 0.0), FULL_SCALE))
+
+    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+        """Return the cold state: DW18 to DW48 cleared."""
+        v = words.values
+        parameters = Parameters(
+            gain=v["K"] / FACTOR, r=v["R"] / FACTOR, ti=v["TI"] / FACTOR, td=float(v["TD"]), steu=v["STEU"],
+            manual=v["YH"], upper=v["BGOG"], lower=v["BGUG"],
+        )
+        return _Running(parameters, _assumptions(switches), COLD)
+
+    def step(
+        self, words: Words, state: _Running, setpoint: int, reading: int, *, cycle_start: bool = True  # noqa: ARG002
+    ) -> tuple[_Running, Scan]:
+        """Run OB251 once."""
+        after = call(state.parameters, state.assumptions, state.state, setpoint, reading)
+        flags = {"upper limit": after.at_limit > 0, "lower limit": after.at_limit < 0}
+        power = min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0)
+        return state._replace(state=after), Scan(power_pct=power, output=after.output, flags=flags)
+
+    def export(self, words: Words, certificate: Certificate) -> dict[str, str]:
+        """Return the listing and the CSV of the controller DB."""
+        return export_words(words, certificate)
+
+
+def _assumptions(switches: Mapping[str, str]) -> Assumptions:
+    chosen = {switch.name: switches.get(switch.name, switch.default) for switch in _SWITCHES}
+    for switch in _SWITCHES:
+        if chosen[switch.name] not in switch.settings:
+            raise UnknownName(f"setting of switch {switch.name}", chosen[switch.name], switch.settings)
+    return Assumptions(*(chosen[switch.name] != switch.default for switch in _SWITCHES))
+
+
+ROOM: Final = Ob251()

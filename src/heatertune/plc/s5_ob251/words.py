@@ -1,0 +1,128 @@
+"""The words of the controller DB: encode, decode, check (S5-115U manual, tables 11-10 and 11-11)."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from heatertune.errors import NotRepresentable, OutOfRange
+from heatertune.pid.values import PidDesign, structure_of
+from heatertune.plc.room import Scaling, WordField, Words
+from heatertune.plc.s5_ob251.recursion import AUTO, NO_Z
+
+__all__ = ["FIELDS", "FULL_SCALE", "check_words", "decode", "encode"]
+
+#: K, R and TI are multiples of this; the manual's 0.001 is its round value (footnote of table 11-11)
+FACTOR: Final = 1024
+#: units at the upper end of the sensor range and at full power
+FULL_SCALE: Final = 2047
+
+_GAIN_WITH_D = 1500
+
+FIELDS: Final[tuple[WordField, ...]] = (
+    WordField(name="K", address="DW1", format="KF", low=-32768, high=32767, comment="proportional coefficient, 1/1024"),
+    WordField(name="R", address="DW3", format="KF", low=-32768, high=32767, comment="R parameter, 1/1024"),
+    WordField(name="TI", address="DW5", format="KF", low=0, high=9999, comment="TA/TN, 1/1024"),
+    WordField(name="TD", address="DW7", format="KF", low=0, high=999, comment="TV/TA, whole"),
+    WordField(name="W", address="DW9", format="KF", low=-2047, high=2047, comment="setpoint, units"),
+    WordField(name="STEU", address="DW11", format="KM", low=0, high=65535, comment="control word"),
+    WordField(name="YH", address="DW12", format="KF", low=-2047, high=2047, comment="manual value, units"),
+    WordField(name="BGOG", address="DW14", format="KF", low=-2047, high=2047, comment="upper limit, units"),
+    WordField(name="BGUG", address="DW16", format="KF", low=-2047, high=2047, comment="lower limit, units"),
+)
+
+TIMER: Final = (0.01, 600.0, 0.01)  # OB10 to OB13: 10 ms to 10 min
+
+
+def encode(design: PidDesign, scaling: Scaling) -> Words:
+    """Return the words nearest to the design, each rounded once, halves away from zero.
+
+    Raises:
+        NotRepresentable: a word would leave its range, or rounding would switch a wanted part off.
+    """
+    ta = design.sample_time_s
+    _demand_timer(ta)
+    gain = _round(FACTOR * _units_gain(scaling) * design.gain_pct_per_degC)
+    ti = 0 if math.isinf(design.integral_time_s) else _round(FACTOR * ta / design.integral_time_s)
+    td = _round(design.derivative_time_s / ta)
+    if math.isfinite(design.integral_time_s):
+        _demand_part("TI", FACTOR * ta / design.integral_time_s, ti, 9999, _slower(ta, design.integral_time_s))
+    if design.derivative_time_s > 0.0:
+        faster = f"a faster TA of at most {2.0 * design.derivative_time_s:.2g} s would fit"
+        _demand_part("TD", design.derivative_time_s / ta, td, 999, faster if td == 0 else "a slower TA would fit")
+    limit = _GAIN_WITH_D if td else 32767
+    if abs(gain) > limit or gain == 0:
+        wider = f"a sensor range of {scaling.span_degC * limit / max(abs(gain), 1):.3g} °C or a smaller K would fit"
+        raise NotRepresentable("word K", gain, f"1…{limit} in size", wider)
+    values = {
+        "K": gain, "R": FACTOR, "TI": ti, "TD": td, "W": 0, "STEU": AUTO | NO_Z, "YH": 0, "BGOG": FULL_SCALE,
+        "BGUG": 0,
+    }
+    return Words(target="s5-ob251", values=values, scaling=scaling, sample_time_s=ta)
+
+
+def decode(words: Words) -> PidDesign:
+    """Return the design that these words run: K and R together, TN and TV in seconds.
+
+    Without the R part there is no proportional part and no standard form; such words are refused.
+    """
+    check_words(words)
+    v, ta = words.values, words.sample_time_s
+    if v["K"] == 0 or v["R"] == 0:
+        raise OutOfRange("word K" if v["K"] == 0 else "word R", 0, "not 0: the standard form needs a P part")
+    r = v["R"] / FACTOR
+    tn = math.inf if v["TI"] == 0 else r * ta * FACTOR / v["TI"]
+    tv = ta * v["TD"] / r
+    return PidDesign(
+        gain_pct_per_degC=v["K"] / FACTOR * r / _units_gain(words.scaling),
+        integral_time_s=tn,
+        derivative_time_s=tv,
+        sample_time_s=ta,
+        structure=structure_of(tn, tv),
+        method="as the words of OB251 realise it",
+    )
+
+
+def check_words(words: Words) -> None:
+    """Raise OutOfRange for the first word that is missing, unknown, not whole or outside its range."""
+    names = [field.name for field in FIELDS]
+    unknown = sorted(set(words.values) - set(names))
+    if unknown:
+        raise OutOfRange(f"word {unknown[0]}", words.values[unknown[0]], f"one of {', '.join(names)}")
+    for field in FIELDS:
+        value = words.values.get(field.name)
+        if isinstance(value, bool) or not isinstance(value, int) or not field.low <= value <= field.high:
+            raise OutOfRange(f"word {field.name}", value, f"a whole number {field.low}…{field.high}")
+    if words.values["BGUG"] > words.values["BGOG"]:
+        raise OutOfRange("word BGUG", words.values["BGUG"], f"<= BGOG = {words.values['BGOG']}")
+    limit = _GAIN_WITH_D
+    if words.values["TD"] and not -limit <= words.values["K"] <= limit:
+        raise OutOfRange("word K", words.values["K"], f"-{limit}…{limit} with a D part (TD is not 0)")
+
+
+def _units_gain(scaling: Scaling) -> float:
+    """Return (output units per input unit) of a gain of 1 %/°C."""
+    return (FULL_SCALE / 100.0) / (FULL_SCALE / scaling.span_degC)
+
+
+def _round(value: float) -> int:
+    return int(math.copysign(math.floor(abs(value) + 0.5), value))
+
+
+def _slower(ta: float, tn: float) -> str:
+    return f"a slower TA of at least {math.ceil(100.0 * 0.5 * tn / FACTOR) / 100.0:g} s would fit (now {ta:g} s)"
+
+
+def _demand_part(name: str, exact: float, word: int, most: int, remedy: str) -> None:
+    if word == 0:
+        raise NotRepresentable(f"word {name}", exact, f"1…{most} (0 switches the part off)", remedy)
+    if word > most:
+        raise NotRepresentable(f"word {name}", exact, f"1…{most}", "a faster TA would fit" if name == "TI" else remedy)
+
+
+def _demand_timer(ta: float) -> None:
+    low, high, step = TIMER
+    steps = ta / step
+    if not low <= ta <= high or abs(steps - round(steps)) > 1e-6:
+        nearest = min(max(round(steps) * step, low), high)
+        raise NotRepresentable("sampling interval TA", ta, "10 ms…10 min in steps of 10 ms", f"{nearest:g} s would fit")
