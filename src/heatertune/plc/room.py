@@ -166,11 +166,10 @@ class Room(Protocol):
         """Return the reading for a temperature, quantised and limited as the input module does [units]."""
 
     def start(self, words: Words, switches: Mapping[str, str]) -> Any:
-        """Return the cold state; it carries the settings of the switches (default where one is not named)."""
+        """Return the cold state for these settings of the switches."""
 
-    def step(
-        self, words: Words, state: Any, setpoint: int, reading: int, *, cycle_start: bool = True
-    ) -> tuple[Any, Scan]:
+    def step(self, words: Words, state: Any, setpoint: int, reading: int, switches: Mapping[str, str],
+             *, cycle_start: bool = True) -> tuple[Any, Scan]:
         """Run one scan; pure, total for every bit pattern.
 
         `setpoint` and `reading` are in the controller's units; `cycle_start` tells a room that makes

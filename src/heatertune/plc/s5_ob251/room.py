@@ -74,9 +74,11 @@ class Ob251:
         return _Running(parameters, _assumptions(switches), COLD)
 
     def step(
-        self, words: Words, state: _Running, setpoint: int, reading: int, *, cycle_start: bool = True  # noqa: ARG002
+        self, words: Words, state: _Running, setpoint: int, reading: int, switches: Mapping[str, str],
+        *, cycle_start: bool = True,
     ) -> tuple[_Running, Scan]:
-        """Run OB251 once."""
+        """Run OB251 once; words and switches are in the state since `start`."""
+        del words, switches, cycle_start
         after = call(state.parameters, state.assumptions, state.state, setpoint, reading)
         flags = {"upper limit": after.at_limit > 0, "lower limit": after.at_limit < 0}
         power = min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0)

@@ -1,0 +1,119 @@
+"""The pictures. Each takes one part of the pictures document and returns the figure; nothing is computed here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from heatertune.report.style import LOOK, label_end, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["plot_fit", "plot_loop", "plot_pwm", "plot_robustness", "plot_wish"]
+
+Part = Mapping[str, Any]
+
+
+def plot_fit(log: Part, residuals: Part) -> Figure:
+    """Draw the log, the fitted model and the residuals under it."""
+    figure, (top, middle) = new_figure(2, 5.2, sharex=True, height_ratios=(3, 1))
+    top.plot(log["time_s"], log["temperature_degC"], **LOOK["log"])
+    label_end(top, log["time_s"], log["temperature_degC"], "log", "log")
+    top.plot(residuals["time_s"], residuals["simulated_degC"], **LOOK["model"])
+    label_end(top, residuals["time_s"], residuals["simulated_degC"], "model", "model")
+    top.set_ylabel("temperature [°C]")
+    if log.get("power_pct"):
+        power = top.twinx()
+        power.step(log["time_s"], log["power_pct"], where="post", **LOOK["other"])
+        power.set_ylabel("power [%]", color=LOOK["other"]["color"])
+        power.set_ylim(-2, 300)
+    error = np.subtract(residuals["measured_degC"], residuals["simulated_degC"])
+    middle.plot(residuals["time_s"], error, **LOOK["model"])
+    middle.axhline(0.0, **LOOK["limit"])
+    middle.set_ylabel("residual [°C]")
+    middle.set_xlabel("time [s]")
+    return figure
+
+
+def plot_loop(nominal: Part, worst: Part, others: Sequence[Part]) -> Figure:
+    """Draw the proven loop: temperature on all models, power asked for on the nominal and the worst."""
+    figure, (top, low) = new_figure(2, 5.6, sharex=True, height_ratios=(2, 1))
+    for run in others:
+        top.plot(run["time_s"], run["temperature_degC"], **LOOK["other"])
+    _temperature(top, worst, "worst", "worst")
+    _temperature(top, nominal, "nominal", "realised")
+    _setpoint(top, nominal)
+    for run, look in ((worst, "worst"), (nominal, "realised")):
+        low.step(run["asked_time_s"], run["asked_pct"], where="post", **LOOK[look])
+    low.set_ylabel("power asked for [%]")
+    low.set_ylim(-4, 104)
+    low.set_xlabel("time [s]")
+    return figure
+
+
+def plot_pwm(nominal: Part, start_s: float, end_s: float) -> Figure:
+    """Draw the heater's switching within a short stretch."""
+    figure, (ax,) = new_figure(1, 1.7)
+    edges, power = np.asarray(nominal["edge_s"]), np.asarray(nominal["edge_pct"])
+    before = power[np.searchsorted(edges, start_s) - 1] if len(edges) and edges[0] < start_s else 0.0
+    inside = (edges >= start_s) & (edges <= end_s)
+    time = np.concatenate([[start_s], edges[inside], [end_s]])
+    level = np.concatenate([[before], power[inside]])
+    ax.step(time, np.append(level, level[-1]), where="post", **LOOK["realised"])
+    ax.set_ylabel("heater [%]")
+    ax.set_xlabel("time [s]")
+    ax.set_ylim(-8, 108)
+    return figure
+
+
+def plot_wish(nominal: Part, wish: Part) -> Figure:
+    """Draw what the design meant against what the words do."""
+    figure, (top, low) = new_figure(2, 5.0, sharex=True, height_ratios=(2, 1))
+    _temperature(top, wish, "wished", "wish")
+    _temperature(top, nominal, "realised", "realised")
+    _setpoint(top, nominal)
+    instants = np.asarray(nominal["time_s"])
+    wished = np.interp(instants, wish["time_s"], wish["temperature_degC"])
+    low.plot(instants, np.asarray(nominal["temperature_degC"]) - wished, **LOOK["realised"])
+    low.set_ylabel("realised − wished [°C]")
+    low.set_xlabel("time [s]")
+    return figure
+
+
+def plot_robustness(curves: Sequence[Part], limit: float) -> Figure:
+    """Draw the Nyquist curves of all models with the Ms circle, and the sensitivities."""
+    from matplotlib.figure import Figure  # noqa: PLC0415
+    from matplotlib.patches import Circle  # noqa: PLC0415
+
+    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for i, curve in enumerate(curves):
+        look = LOOK["worst"] if curve["worst"] else LOOK["realised"] if i == 0 else LOOK["other"]
+        left.plot(curve["real"], curve["imaginary"], **look)
+        right.semilogx(curve["omega"], curve["sensitivity"], **look)
+    left.add_patch(Circle((-1.0, 0.0), 1.0 / limit, fill=False, **LOOK["limit"]))
+    left.plot([-1.0], [0.0], "k+")
+    left.annotate(f"Ms = {limit:g}", (-1.0, 1.0 / limit), ha="center", va="bottom", fontsize=8)
+    left.set(xlim=(-2.2, 0.6), ylim=(-1.9, 0.9), xlabel="Re L [1]", ylabel="Im L [1]", aspect="equal")
+    right.axhline(limit, **LOOK["limit"])
+    right.annotate(f"limit {limit:g}", (right.get_xlim()[0], limit), va="bottom", fontsize=8)
+    right.set(xlabel="frequency [rad/s]", ylabel="|S| [1]", ylim=(0, max(2.2, 1.2 * limit)))
+    for ax in (left, right):
+        ax.grid(color="#dddddd", linewidth=0.5)
+        ax.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def _temperature(ax: Axes, run: Part, name: str, look: str) -> None:
+    ax.plot(run["time_s"], run["temperature_degC"], **LOOK[look])
+    label_end(ax, run["time_s"], run["temperature_degC"], name, look)
+    ax.set_ylabel("temperature [°C]")
+
+
+def _setpoint(ax: Axes, run: Part) -> None:
+    ax.axhline(run["setpoint_degC"], **LOOK["limit"])
+    ax.annotate("setpoint", (0.0, run["setpoint_degC"]), va="bottom", fontsize=8, color=LOOK["limit"]["color"])

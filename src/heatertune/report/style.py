@@ -1,0 +1,55 @@
+"""One look for all pictures: what is what keeps its colour and its line, also when printed grey."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["LOOK", "label_end", "new_figure", "to_svg"]
+
+# M. Okabe and K. Ito, "Color universal design" (2008): told apart by colour-blind eyes; darkness differs too
+LOOK: Final[dict[str, dict[str, Any]]] = {
+    "log": {"color": "#000000", "linewidth": 0.9},
+    "model": {"color": "#0072B2", "linewidth": 1.6},
+    "wish": {"color": "#E69F00", "linewidth": 1.6, "linestyle": (0, (5, 2))},
+    "realised": {"color": "#009E73", "linewidth": 1.6},
+    "worst": {"color": "#D55E00", "linewidth": 1.4},
+    "other": {"color": "#999999", "linewidth": 0.7},
+    "limit": {"color": "#666666", "linewidth": 0.8, "linestyle": ":"},
+}
+
+
+def new_figure(rows: int, height: float, **settings: Any) -> tuple[Figure, list[Axes]]:
+    """Return a figure of full page width and its axes, one under the other."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - half a second that only pictures need
+
+    figure = Figure(figsize=(9.0, height), layout="constrained")
+    axes = figure.subplots(rows, 1, squeeze=False, **settings)[:, 0]
+    for ax in axes:
+        ax.grid(color="#dddddd", linewidth=0.5)
+        ax.spines[["top", "right"]].set_visible(False)
+    return figure, list(axes)
+
+
+def label_end(ax: Axes, x: Any, y: Any, text: str, look: str) -> None:
+    """Write the name of a line beside its end."""
+    ax.annotate(
+        text, (x[-1], y[-1]), xytext=(4, 0), textcoords="offset points", color=LOOK[look]["color"], fontsize=8,
+        va="center", annotation_clip=False,
+    )
+
+
+def to_svg(figure: Figure) -> str:
+    """Return the figure as an SVG element; the same figure always gives the same text."""
+    import io  # noqa: PLC0415
+
+    import matplotlib as mpl  # noqa: PLC0415
+
+    text = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": "heatertune", "svg.fonttype": "none", "font.family": "sans-serif"}):
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    content = text.getvalue()
+    return content[content.index("<svg") :]
