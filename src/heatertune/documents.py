@@ -11,7 +11,7 @@ from typing import Any
 
 from heatertune.errors import DocumentError, InputError
 
-__all__ = ["number", "optional_number", "read_document", "text", "to_json", "write_files"]
+__all__ = ["number", "optional_number", "peek_schema", "read_document", "text", "to_json", "write_files"]
 
 
 def to_json(document: Mapping[str, Any]) -> str:
@@ -25,17 +25,30 @@ def read_document(path: str | Path, schema: str) -> dict[str, Any]:
     Raises:
         DocumentError: the file is missing, is no JSON object, or carries another schema.
     """
+    content = _load(path)
+    found = content.get("schema")
+    if found != schema:
+        raise DocumentError(f"{path}: schema is {found!r}; expected {schema!r}")
+    return content
+
+
+def peek_schema(path: str | Path) -> str | None:
+    """Return the schema a JSON file names, None where it names none; errors as in `read_document`."""
+    found = _load(path).get("schema")
+    return found if isinstance(found, str) else None
+
+
+def _load(path: str | Path) -> dict[str, Any]:
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as problem:
         raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from problem
     except (UnicodeDecodeError, json.JSONDecodeError) as problem:
         line = getattr(problem, "lineno", 1)
-        raise DocumentError(f"{path}, line {line}: no JSON document; expected one with schema {schema!r}") from problem
-    found = content.get("schema") if isinstance(content, dict) else None
-    if found != schema:
-        raise DocumentError(f"{path}: schema is {found!r}; expected {schema!r}")
-    return dict(content)
+        raise DocumentError(f"{path}, line {line}: no JSON document") from problem
+    if not isinstance(content, dict):
+        raise DocumentError(f"{path}: no JSON object; expected a document of heatertune")
+    return content
 
 
 def number(document: Mapping[str, Any], field: str, where: str | Path) -> float:

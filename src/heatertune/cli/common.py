@@ -13,10 +13,12 @@ from heatertune.errors import InputError
 
 if TYPE_CHECKING:
     from heatertune.model.values import FittedModel
+    from heatertune.plc import Scaling, Words
 
 __all__ = [
     "CommandParser", "Progress", "add_log_options", "add_model_options", "add_output_options", "add_proof_options",
-    "add_tuning_options", "given", "model_from", "output", "save",
+    "add_tuning_options", "fitting", "model_from", "output", "proving", "reading", "save", "scaling", "tuning",
+    "words_and_model",
 ]
 
 TARGETS = ("s5-ob251", "s7-200")
@@ -67,15 +69,14 @@ def add_log_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--until", type=float, metavar="S", help="last instant to use [s]; default: up to a disturbance")
 
 
-def add_model_options(command: argparse.ArgumentParser, *, ambient: bool = True) -> None:
+def add_model_options(command: argparse.ArgumentParser) -> None:
     """Add the options of a model given by hand."""
     group = command.add_argument_group("a model by hand, instead of a model file")
     group.add_argument("--gain", type=float, metavar="°C/%", help="rise per percent of power [°C/%%]")
     group.add_argument("--time-constant", type=float, metavar="S", help="time constant [s]")
     group.add_argument("--second-time-constant", type=float, metavar="S", help="second time constant, if any [s]")
     group.add_argument("--dead-time", type=float, metavar="S", help="dead time [s]")
-    if ambient:
-        group.add_argument("--ambient", type=float, metavar="°C", help="temperature without power [°C]")
+    group.add_argument("--ambient", type=float, metavar="°C", help="temperature without power [°C]")
 
 
 def add_tuning_options(command: argparse.ArgumentParser) -> None:
@@ -103,8 +104,77 @@ def add_proof_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--noise", type=float, default=0.0, metavar="°C", help="sensor noise, standard deviation [°C]")
 
 
-def given(settings: argparse.Namespace, *names: str) -> dict[str, Any]:
-    """Return the named options that were given."""
+def reading(settings: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of `read_log`."""
+    names = ("time_column", "temperature_column", "power_column", "setpoint_column", "temperature_unit",
+             "power_full_scale", "time_unit")
+    return _given(settings, *names) | {"errata": settings.errata} | (
+        {"sample_time_s": settings.log_interval} if settings.log_interval is not None else {}
+    )
+
+
+def fitting(settings: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of `chain.fit`."""
+    return {"ambient_degC": settings.ambient, "power_before_pct": settings.power_before, "until_s": settings.until}
+
+
+def tuning(settings: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of `chain.tune`.
+
+    Raises:
+        InputError: a sampling interval that is neither a number nor auto.
+    """
+    asked = settings.sample_time
+    try:
+        interval = None if asked == "auto" else float(asked)
+    except ValueError as problem:
+        raise InputError(f"--sample-time is {asked!r}; expected seconds or auto") from problem
+    return {"sample_time_s": interval} | {
+        name: getattr(settings, name) for name in ("structure", "method", "objective", "ms")
+    }
+
+
+def proving(settings: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of `chain.prove`."""
+    from heatertune.proof import Actuator  # noqa: PLC0415 - the help must not wait for numpy
+
+    found: dict[str, Any] = {"setpoint_degC": settings.setpoint, "noise_degC": settings.noise}
+    switched = {"minimum_on_s": settings.minimum_on, "minimum_off_s": settings.minimum_off}
+    if settings.pwm_period is None:
+        if any(switched.values()):
+            raise InputError("--minimum-on and --minimum-off need --pwm-period: they are parts of it")
+        return found
+    return found | {"actuator": Actuator(pwm_period_s=settings.pwm_period, **switched)}
+
+
+def scaling(settings: argparse.Namespace) -> Scaling:
+    """Return the sensor range."""
+    from heatertune.plc import Scaling  # noqa: PLC0415
+
+    return Scaling(low_degC=settings.range[0], high_degC=settings.range[1])
+
+
+def words_and_model(settings: argparse.Namespace) -> tuple[Words, FittedModel]:
+    """Return the words of a design or words file, and the model to prove them on.
+
+    Raises:
+        InputError: the file holds no model and none is given by hand; words of another target.
+        NotRepresentable, OutOfRange: the words do not fit.
+    """
+    from heatertune import chain  # noqa: PLC0415
+    from heatertune.pid.document import read_design  # noqa: PLC0415
+
+    chain.demand_target(settings.target)
+    words = chain.read_words(settings.pid, settings.target)
+    if words is not None:
+        return words, model_from(settings, None)
+    design, model = read_design(settings.pid)
+    words = chain.encode(design, settings.target, scaling=scaling(settings))
+    by_hand = any(getattr(settings, name) is not None for name in ("gain", "time_constant", "dead_time"))
+    return words, model if model is not None and not by_hand else model_from(settings, None)
+
+
+def _given(settings: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {name: getattr(settings, name) for name in names if getattr(settings, name) is not None}
 
 
@@ -119,7 +189,7 @@ def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
     from heatertune.model.values import Fopdt, TwoLag  # noqa: PLC0415
 
     names = ("gain", "time_constant", "dead_time")
-    numbers = given(settings, *names)
+    numbers = _given(settings, *names)
     if path is not None and numbers:
         raise InputError("give a model file or --gain, --time-constant, --dead-time, not both")
     if path is not None:

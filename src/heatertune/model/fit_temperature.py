@@ -93,7 +93,7 @@ _FIELDS = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"
 
 def _kept(ranked: list[Fit]) -> list[Fit]:
     near = [fit for fit in ranked if fit.bic - ranked[0].bic <= _NEAR]
-    single = max((fit for fit in ranked if not fit.hypothesis.two_lags), key=lambda fit: fit.fit_pct)
+    single = max((fit for fit in ranked if not fit.hypothesis.two_lags), key=lambda fit: fit.fit_pct, default=near[0])
     best = max(fit.fit_pct for fit in near)
     return near if single in near or single.fit_pct < best - _FOPDT_NEAR else [*near, single]
 

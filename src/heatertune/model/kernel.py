@@ -36,13 +36,12 @@ def _advance(y, x, target, decay_1, decay_2, coupling, two_lags):  # type: ignor
     return target + decay_1 * (y - target), inner
 
 
-# not cached on disk: its type depends on the law, which differs from process to process
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def simulate_many(step, plants, laws, setpoints, h, n_scans, event_scans):  # type: ignore[no-untyped-def]
     """Return the temperature before each scan, shape (m, n_scans), for m rows of plants and laws.
 
     Args:
-        step: compiled law, step(law row, memory, error, h) → power 0…100 %.
+        step: compiled law, see `model.law.ControllerLaw.step`.
         plants: shape (m, 7), see `PLANT`.
         laws: shape (m, q), the law's constants.
         setpoints: shape (m, 2), before the event and from it on.
@@ -66,10 +65,11 @@ def simulate_many(step, plants, laws, setpoints, h, n_scans, event_scans):  # ty
         ac = _coupling(first, second, late) if two_lags else 0.0
         bc = _coupling(first, second, rest) if two_lags else 0.0
         memory = np.zeros(4)
+        constants = laws[i].copy()
         for k in range(n_scans):
             out[i, k] = y
             setpoint = setpoints[i, 0] if k < event_scans[i] else setpoints[i, 1]
-            power[k] = step(laws[i], memory, setpoint - y, h)
+            power[k] = step(constants.ctypes, memory.ctypes, setpoint - y, h)
             older = power[k - whole - 1] if k > whole else 0.0
             newer = power[k - whole] if k >= whole else 0.0
             y, x = _advance(y, x, ambient + gain * older, a1, a2, ac, two_lags)

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
-__all__ = ["Constant", "ControllerLaw"]
+from numba import types
+
+__all__ = ["STEP", "Constant", "ControllerLaw"]
+
+STEP: Final = types.float64(types.CPointer(types.float64), types.CPointer(types.float64), types.float64, types.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,4 +41,7 @@ class ControllerLaw(Protocol):
 
     @property
     def step(self) -> Any:
-        """Compiled function (constants[4], memory[4], error °C, interval s) → power 0…100 %; memory begins at 0."""
+        """Compiled function of type `STEP`: (constants[4], memory[4], error °C, interval s) → power 0…100 %.
+
+        Memory begins at 0. All laws have one type, so the loop around them is compiled once and kept on disk.
+        """

@@ -55,24 +55,27 @@ def residuals_of(hypothesis: Hypothesis, measured: Array) -> Residuals:
 def fit_all(hypotheses: Sequence[Hypothesis], *, seed: int = 1) -> list[Fit]:
     """Return the fit of every hypothesis, the best by BIC first.
 
-    All race; those that are not more than 40 BIC points behind the leader descend to the end. The compiled loops
-    run side by side.
+    Each is looked at on the record's beginning first; what explains that, races on the whole; what is not more than
+    40 BIC points behind the leader there, descends to the end. The compiled loops run side by side.
     """
     forms = {hypothesis.form: hypothesis for hypothesis in hypotheses}
     with ThreadPoolExecutor(max_workers=2) as pool:
-        beginnings = dict(zip(forms, pool.map(lambda form: _begin(forms[form], seed), forms), strict=True))
-        raced = list(pool.map(lambda hypothesis: _race(hypothesis, beginnings[hypothesis.form], seed), hypotheses))
+        begun = dict(zip(forms, pool.map(lambda form: _begin(forms[form], seed), forms), strict=True))
+        first = min(bic for _, bic in begun.values())
+        able = [h for h in hypotheses if begun[h.form][1] < first + _HOPELESS]
+        raced = list(pool.map(lambda hypothesis: _race(hypothesis, begun[hypothesis.form][0], seed), able))
         leader = min(fit.bic for fit in raced)
         near = [fit.bic < leader + _HOPELESS for fit in raced]
         fits = list(pool.map(lambda fit, worth: _descend(fit) if worth else fit, raced, near))
     return sorted(fits, key=lambda fit: fit.bic)
 
 
-def _begin(hypothesis: Hypothesis, seed: int) -> Array:
-    """Return what explains the record's beginning: short enough to be free of most events, and it holds the heat-up."""
+def _begin(hypothesis: Hypothesis, seed: int) -> tuple[Array, float]:
+    """Return what explains the record's beginning, and its BIC: free of most events, and it holds the heat-up."""
     rng = np.random.default_rng(seed)
     early = hypothesis.early(_EARLY)
-    return _descent(early, _best_of(early, early.starts(rng, _RANDOM), _RACERS), 25)[:_FINALISTS]
+    found = _descent(early, _best_of(early, early.starts(rng, _RANDOM), _RACERS), 25)[:_FINALISTS]
+    return found, _fit(early, found[0]).bic
 
 
 def _race(hypothesis: Hypothesis, beginnings: Array, seed: int) -> Fit:

@@ -69,7 +69,7 @@ class State(NamedTuple):
 COLD: Final = State()
 
 
-def call(  # noqa: PLR0913 - the words of the controller DB
+def call(
     p: Parameters, assume: Assumptions, state: State, w: int, x: int, z: int = 0, xz: int = 0
 ) -> State:
     """Return the state after one call; its `output` is YA (position) or dY (velocity)."""

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-from numba import njit
+from numba import cfunc, njit
 
-from heatertune.model.law import Constant
+from heatertune.model.law import STEP, Constant
 
 __all__ = ["LAWS", "Law"]
 
@@ -31,12 +31,12 @@ def _limited(power):  # type: ignore[no-untyped-def]
     return min(100.0, max(0.0, power))
 
 
-@njit(cache=True)
+@cfunc(STEP, cache=True)
 def _positional_p(constants, memory, error, h):  # type: ignore[no-untyped-def]  # noqa: ARG001 - the law's signature
     return _limited(constants[0] * error)
 
 
-@njit(cache=True)
+@cfunc(STEP, cache=True)
 def _incremental_p(constants, memory, error, h):  # type: ignore[no-untyped-def]
     if memory[1] == 0.0:
         memory[0], memory[1] = constants[1], 1.0
@@ -44,7 +44,7 @@ def _incremental_p(constants, memory, error, h):  # type: ignore[no-untyped-def]
     return memory[0]
 
 
-@njit(cache=True)
+@cfunc(STEP, cache=True)
 def _pi_conditional(constants, memory, error, h):  # type: ignore[no-untyped-def]
     if memory[1] == 0.0:
         memory[0], memory[1] = constants[2], 1.0
@@ -55,7 +55,7 @@ def _pi_conditional(constants, memory, error, h):  # type: ignore[no-untyped-def
     return power
 
 
-@njit(cache=True)
+@cfunc(STEP, cache=True)
 def _pi_plain(constants, memory, error, h):  # type: ignore[no-untyped-def]
     if memory[1] == 0.0:
         memory[0], memory[1] = constants[2], 1.0
@@ -64,7 +64,7 @@ def _pi_plain(constants, memory, error, h):  # type: ignore[no-untyped-def]
     return _limited(wanted)
 
 
-@njit(cache=True)
+@cfunc(STEP, cache=True)
 def _velocity_pi(constants, memory, error, h):  # type: ignore[no-untyped-def]
     if memory[1] == 0.0:
         memory[0], memory[1], memory[2] = constants[2], 1.0, error

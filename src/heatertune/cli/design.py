@@ -1,0 +1,41 @@
+"""`heatertune design`: the whole chain."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from heatertune.cli import common
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune design table4 --target s5-ob251 --out out/"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "design", help="the whole chain: log → model → pid → plc → proof → report", epilog=_EXAMPLE,
+        description="Fit, tune, round to words, prove, and write every document, the export files and report.html.",
+    )
+    command.add_argument("log", metavar="LOG", help="a CSV file, or table3 / table4 built in")
+    command.add_argument("--out", required=True, metavar="DIR", help="directory for the results")
+    command.add_argument("--force", action="store_true", help="export in spite of a verdict of FAIL")
+    common.add_proof_options(command)
+    common.add_log_options(command)
+    common.add_tuning_options(command)
+    common.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.report.text import summary  # noqa: PLC0415
+
+    documents = chain.design(
+        settings.log, target=settings.target, out=settings.out, reading=common.reading(settings),
+        fitting=common.fitting(settings), tuning=common.tuning(settings), proving=common.proving(settings),
+        scaling=common.scaling(settings), force=settings.force, progress=common.Progress(settings),
+    )
+    common.output(settings, documents, lambda: f"{summary(documents)}\nwritten to {settings.out}")
+    return 0 if documents["proof"]["verdict"] == "PASS" else 1

@@ -1,0 +1,42 @@
+"""`heatertune export-db`: pid → proven words → text."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from heatertune.cli import common
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune export-db pid.json --target s5-ob251 -o out/"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "export-db", help="pid → words, proven, as text for the PLC", epilog=_EXAMPLE,
+        description="Round a design to words, prove them, and write what is typed into the PLC. Refuses on FAIL.",
+    )
+    command.add_argument("pid", metavar="PID", help="pid.json as written by tune")
+    command.add_argument("-o", "--out", required=True, metavar="DIR", help="directory for the files")
+    command.add_argument("--force", action="store_true", help="export in spite of a verdict of FAIL; the files say so")
+    common.add_proof_options(command)
+    common.add_model_options(command)
+    common.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.documents import to_json, write_files  # noqa: PLC0415
+    from heatertune.report.text import words_table  # noqa: PLC0415
+
+    words, fitted = common.words_and_model(settings)
+    proof = chain.prove(words, fitted, **common.proving(settings))
+    files = chain.export(words, proof, force=settings.force)
+    document = chain.words_document(words, proof, files)
+    written = write_files(settings.out, {**files, "words.json": to_json(document), "proof.json": to_json(proof.to_document())})
+    names = "\n".join(str(path) for path in written)
+    common.output(settings, document, lambda: f"{words_table(document)}\nVERDICT {proof.verdict}\n{names}")
+    return 0

@@ -1,0 +1,34 @@
+"""`heatertune report`: the documents of a design → report.html, once more."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from heatertune.cli import common
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune report out/"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "report", help="draw report.html anew from the documents in a directory", epilog=_EXAMPLE,
+        description="Make report.html from the JSON documents that `heatertune design` wrote; nothing is computed anew.",
+    )
+    command.add_argument("directory", metavar="DIR", help="directory that `heatertune design` wrote")
+    common.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.report.text import summary  # noqa: PLC0415
+
+    documents = chain.read_documents(Path(settings.directory))
+    (path,) = chain.report(documents, settings.directory)
+    common.output(settings, documents, lambda: f"{summary(documents)}\n{path}")
+    return 0 if documents["proof"]["verdict"] == "PASS" else 1

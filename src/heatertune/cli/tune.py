@@ -1,0 +1,40 @@
+"""`heatertune tune`: model → pid."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from heatertune.cli import common
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune tune --gain 0.37 --time-constant 167 --dead-time 12 --ambient 22 -o pid.json"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "tune", help="model → pid: K, TN, TV and TA by a rule or the optimum", epilog=_EXAMPLE,
+        description="Find the controller for a heater and all its candidate models.",
+    )
+    command.add_argument("model", metavar="MODEL", nargs="?", help="model.json as written by fit")
+    command.add_argument("-o", "--out", metavar="FILE", help="write the design to this JSON file")
+    command.add_argument("--target", metavar="NAME", help="round TA to what this controller's timer can do")
+    common.add_model_options(command)
+    common.add_tuning_options(command)
+    common.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.pid.document import to_document  # noqa: PLC0415
+    from heatertune.report.text import design_lines  # noqa: PLC0415
+
+    fitted = common.model_from(settings, settings.model)
+    design = chain.tune(fitted, target=settings.target, progress=common.Progress(settings), **common.tuning(settings))
+    document = to_document(design, fitted)
+    common.save(settings.out, document)
+    common.output(settings, document, lambda: design_lines(document))
+    return 0

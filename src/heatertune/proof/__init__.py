@@ -1,0 +1,28 @@
+"""Model + words → Trace → verdict: the closed loop with PWM, sensor and the PLC's own arithmetic."""
+
+from heatertune.proof.criteria import Criterion, Limits
+from heatertune.proof.ideal import simulate_wish
+from heatertune.proof.judge import judge
+from heatertune.proof.loop import simulate
+from heatertune.proof.prove import Proof, RunResult, prove
+from heatertune.proof.pwm import Actuator
+from heatertune.proof.scenario import Kick, Load, Scenario, paper_scenario, scenario_for
+from heatertune.proof.trace import Trace
+
+__all__ = [
+    "Actuator",
+    "Criterion",
+    "Kick",
+    "Limits",
+    "Load",
+    "Proof",
+    "RunResult",
+    "Scenario",
+    "Trace",
+    "judge",
+    "paper_scenario",
+    "prove",
+    "scenario_for",
+    "simulate",
+    "simulate_wish",
+]

@@ -1,0 +1,133 @@
+"""What a loop is judged by: a criterion is one number and its limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from typing import Any
+
+from heatertune.units import check
+
+__all__ = ["Criterion", "Limits", "worst_of"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Criterion:
+    """One number and its limit.
+
+    Attributes:
+        name: of the criterion.
+        value: what was found; infinite for something that never happened (never settled).
+        limit: None: the number informs, nothing depends on it.
+        unit: of value and limit.
+        what: meaning, in one sentence.
+        at_least: whether the value must reach the limit; otherwise it must not exceed it.
+        where: label of the run it belongs to.
+    """
+
+    name: str
+    value: float
+    limit: float | None
+    unit: str
+    what: str
+    at_least: bool = False
+    where: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the limit is kept."""
+        if self.limit is None:
+            return True
+        return self.value >= self.limit if self.at_least else self.value <= self.limit
+
+    @property
+    def strain(self) -> float:
+        """How much of the limit is used: 1 at the limit, above 1 beyond it, 0 without a limit."""
+        if self.limit is None:
+            return 0.0
+        used, allowed = (self.limit, self.value) if self.at_least else (self.value, self.limit)
+        if allowed > 0.0 and not math.isinf(used):
+            return max(0.0, used / allowed)
+        return 0.0 if self.ok else math.inf
+
+    def to_document(self) -> dict[str, Any]:
+        """Return the JSON object; a number that is not finite is null."""
+        return {
+            "value": self.value if math.isfinite(self.value) else None,
+            "limit": self.limit,
+            "bound": ">=" if self.at_least else "<=",
+            "ok": self.ok,
+            "unit": self.unit,
+            "where": self.where,
+            "what": self.what,
+        }
+
+
+def worst_of(found: Iterable[Criterion]) -> Criterion:
+    """Return the one that strains its limit most; without limits the one whose value is worst."""
+    return max(found, key=lambda each: (not each.ok, each.strain, -each.value if each.at_least else each.value))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What a loop must keep. None: the number is told, but not judged.
+
+    The margins' limits follow the textbooks: gain margin 1.7…4 and phase margin 30…45° for a well-tuned loop
+    (D. E. Seborg, T. F. Edgar, D. A. Mellichamp, "Process Dynamics and Control", frequency response); Ms up to 2
+    (K. J. Åström, T. Hägglund, "Advanced PID Control", ISA 2006), which by itself means a phase margin of 29°. They
+    hold for every model, the least likely one included. The other limits are this project's choice for heaters.
+
+    Attributes:
+        overshoot_pct: beyond the setpoint during heat-up [% of the setpoint step].
+        settling_s: time after which the temperature stays in the band [s]; None: the time of the first
+            disturbance, or the end.
+        band_pct, band_resolutions: half width of the band, the larger of the two [% of the step], [sensor
+            resolutions]: what the sensor cannot see, the controller cannot correct.
+        offset_degC, offset_pct: mean distance from the setpoint at rest, the larger of the two [°C], [% of step].
+        swing_degC, swing_pct: half of peak to peak at rest, PWM ripple included, the larger of the two, as above.
+        steady_share: last part of the time before the first disturbance that counts as rest, in (0, 1].
+        pwm_ripple_degC: peak to peak within one PWM period at rest [°C].
+        iae_degC_s: ∫|setpoint − temperature| dt of the whole record [°C·s].
+        recovery_s: time after a disturbance until the temperature stays in the band [s]; None: the time until the
+            next one, or the end.
+        recovery_overshoot_pct: beyond the setpoint after a disturbance, on the other side [% of the step].
+        deviation_degC: largest distance from the setpoint after a disturbance, on its side [°C].
+        saturation_pct: share of the scans that ask for 0 or 100 % power [%].
+        switchings_per_h: how often the heater is switched on [1/h]; a relay's life is counted in these.
+        overflows: scans after which an overflow flag was set.
+        overflow_flags: names of the flags that mean a wrong result.
+        ms, gain_margin, phase_margin_deg: margins of the words as realised.
+
+    Raises:
+        OutOfRange: a limit that is negative or not finite, a share outside (0, 1].
+    """
+
+    overshoot_pct: float | None = 20.0
+    settling_s: float | None = None
+    band_pct: float = 2.0
+    band_resolutions: float = 2.0
+    offset_degC: float = 0.5
+    offset_pct: float = 2.0
+    swing_degC: float = 0.5
+    swing_pct: float = 2.0
+    steady_share: float = 0.2
+    pwm_ripple_degC: float | None = None
+    iae_degC_s: float | None = None
+    recovery_s: float | None = None
+    recovery_overshoot_pct: float | None = 20.0
+    deviation_degC: float | None = None
+    saturation_pct: float | None = None
+    switchings_per_h: float | None = None
+    overflows: float = 0.0
+    overflow_flags: tuple[str, ...] = ("SM1.1", "overflow")
+    ms: float | None = 2.0
+    gain_margin: float | None = 1.7
+    phase_margin_deg: float | None = 30.0
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if isinstance(value, int | float):
+                check(each.name, value, least=0.0)
+        check("steady_share", self.steady_share, above=0.0, most=1.0)

@@ -1,0 +1,166 @@
+"""The closed loop: a room's own arithmetic, the switch, the heater and the sensor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.model.values import HeaterModel
+from heatertune.plc.room import Room, Words
+from heatertune.proof.kernel import JUMP, LOAD, Event, run
+from heatertune.proof.pwm import INSTANT_S, Actuator
+from heatertune.proof.scenario import Kick, Load, Scenario, conditions
+from heatertune.proof.trace import Trace
+
+__all__ = ["Controller", "run_loop", "simulate"]
+
+_PLC_RESOLUTION_S = 0.001  # pulse width register in milliseconds: S7-200 System Manual, SMW70
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Controller:
+    """A controller as the loop sees it.
+
+    Attributes:
+        step: (reading, whether a PWM period begins) → power asked for, 0…100 %.
+        measure: temperature [°C] → reading.
+        scan_s: interval between two steps [s].
+        pwm_period_s: where it makes the PWM itself [s], else None.
+        unit_degC, zero_degC: a reading r means zero + unit·r [°C].
+        words, switches, flags: see `Trace`.
+    """
+
+    step: Callable[[float, bool], float]
+    measure: Callable[[float], float]
+    scan_s: float
+    pwm_period_s: float | None = None
+    unit_degC: float = 1.0
+    zero_degC: float = 0.0
+    words: Words | None = None
+    switches: Mapping[str, str] = field(default_factory=dict)
+    flags: dict[str, int] = field(default_factory=dict)
+
+
+def simulate(
+    room: Room, words: Words, model: HeaterModel, scenario: Scenario,
+    actuator: Actuator | None = None, switches: Mapping[str, str] | None = None,
+) -> Trace:
+    """Return what the heater does when the PLC runs these words.
+
+    Args:
+        room: the controller.
+        words: what it holds.
+        model: the heater.
+        scenario: what happens.
+        actuator: the switch; not used where the controller makes the PWM itself.
+        switches: settings of the room's open points; those not named have their default.
+
+    Raises:
+        InputError: no actuator where one is needed, an unknown ambient temperature.
+        OutOfRange: a setpoint outside the sensor's range or out of the heater's reach, words out of their range.
+        UnknownName: a switch or setting the room does not have.
+    """
+    room.check(words)
+    scaling = words.scaling
+    if not scaling.low_degC < scenario.setpoint_degC < scaling.high_degC:
+        rule = f"> {scaling.low_degC:g} and < {scaling.high_degC:g}, the sensor's range"
+        raise OutOfRange("setpoint_degC", scenario.setpoint_degC, rule)
+    controller = _of_room(room, words, scenario.setpoint_degC, _settings(room, switches or {}))
+    return run_loop(controller, model, scenario, actuator)
+
+
+def run_loop(controller: Controller, model: HeaterModel, scenario: Scenario, actuator: Actuator | None) -> Trace:
+    """Return the trace of any controller; errors as in `simulate`."""
+    actuator = _actuator(controller, actuator)
+    ambient, start = conditions(scenario, model)
+    first, *rest = model.lags_s
+    # the last scan comes at the end or just after it
+    scans = math.ceil(scenario.duration_s / controller.scan_s - INSTANT_S) + 1
+    time = np.arange(scans, dtype=np.float64) * controller.scan_s
+    noise = np.random.default_rng(scenario.seed).normal(0.0, scenario.noise_degC, scans)
+    samples, edges, stretches = run(
+        controller.step,
+        controller.measure,
+        (model.gain_degC_per_pct, first, rest[0] if rest else 0.0, model.dead_time_s, ambient),
+        start,
+        controller.scan_s,
+        noise.tolist(),
+        [_event(each, model.dead_time_s) for each in scenario.disturbances],
+        actuator.numbers,
+    )
+    temperature, reading, power = np.array(samples, dtype=np.float64).T.copy()
+    switched = np.array([edge for edge in edges if edge <= time[-1]])
+    return Trace(
+        time_s=time,
+        temperature_degC=temperature,
+        reading_degC=controller.zero_degC + controller.unit_degC * reading,
+        power_asked_pct=power,
+        edge_time_s=switched,
+        edge_on=np.arange(len(switched)) % 2 == 0,
+        stretches=np.array(stretches),
+        model=model,
+        scenario=scenario,
+        actuator=actuator,
+        resolution_degC=controller.unit_degC if controller.words is not None else 0.0,
+        words=controller.words,
+        switches=controller.switches,
+        flags=controller.flags,
+    )
+
+
+def _actuator(controller: Controller, given: Actuator | None) -> Actuator:
+    if controller.pwm_period_s is not None:
+        period = controller.pwm_period_s
+        return Actuator(pwm_period_s=period, resolution_s=min(_PLC_RESOLUTION_S, period))
+    if given is None:
+        raise InputError("this controller does not make the PWM itself: give an actuator with its PWM period")
+    return given
+
+
+def _event(disturbance: Kick | Load, dead_time_s: float) -> Event:
+    if isinstance(disturbance, Kick):
+        return disturbance.time_s, JUMP, disturbance.temperature_degC
+    return disturbance.time_s + dead_time_s, LOAD, disturbance.power_pct
+
+
+def _settings(room: Room, given: Mapping[str, str]) -> dict[str, str]:
+    known = {switch.name: switch for switch in room.switches}
+    for name, setting in given.items():
+        if name not in known:
+            raise UnknownName("switch", name, known)
+        if setting not in known[name].settings:
+            raise UnknownName(f"setting of {name}", setting, known[name].settings)
+    return {name: given.get(name, switch.default) for name, switch in known.items()}
+
+
+def _of_room(room: Room, words: Words, setpoint_degC: float, switches: Mapping[str, str]) -> Controller:
+    state = room.start(words, switches)
+    setpoint = room.measure(words, setpoint_degC)
+    flags: dict[str, int] = {}
+
+    def step(reading: float, cycle_start: bool) -> float:
+        nonlocal state
+        state, scan = room.step(words, state, setpoint, int(reading), switches, cycle_start=cycle_start)
+        for name, is_set in scan.flags.items():
+            flags[name] = flags.get(name, 0) + is_set
+        return scan.power_pct
+
+    timing = room.timing(words)
+    low, high = words.scaling.low_degC, words.scaling.high_degC
+    lowest = room.measure(words, low)
+    unit = (high - low) / (room.measure(words, high) - lowest)
+    return Controller(
+        step=step,
+        measure=lambda temperature: room.measure(words, temperature),
+        scan_s=timing.scan_s,
+        pwm_period_s=timing.pwm_period_s,
+        unit_degC=unit,
+        zero_degC=low - unit * lowest,
+        words=words,
+        switches=switches,
+        flags=flags,
+    )

@@ -1,0 +1,185 @@
+"""Words × every model × every open point of the manual → one verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import product
+from typing import Any, Final
+
+from heatertune.errors import InputError, OutOfRange
+from heatertune.model.values import HeaterModel
+from heatertune.pid.values import Margins, PidDesign
+from heatertune.plc.room import Room, Switch, Words
+from heatertune.proof.criteria import Criterion, Limits, worst_of
+from heatertune.proof.judge import judge
+from heatertune.proof.loop import simulate
+from heatertune.proof.pwm import Actuator
+from heatertune.proof.scenario import Scenario
+from heatertune.proof.trace import Trace
+
+__all__ = ["SCHEMA", "Proof", "RunResult", "prove", "settings_to_prove"]
+
+SCHEMA: Final = "heatertune/proof/1"
+
+_ALL_TOGETHER: Final = 8  # up to so many combinations of settings all are run
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunResult:
+    """One model under one setting of the room's switches.
+
+    Attributes:
+        model: the model's label.
+        switches: setting of each switch.
+        label: model and the settings that are not the default.
+        criteria: of this run.
+    """
+
+    model: str
+    switches: Mapping[str, str]
+    label: str
+    criteria: tuple[Criterion, ...]
+
+    @property
+    def verdict(self) -> str:
+        """"PASS" where every criterion is ok, else "FAIL"."""
+        return "PASS" if all(each.ok for each in self.criteria) else "FAIL"
+
+    @property
+    def strains(self) -> list[float]:
+        """How much of each limit is used, the most first: the greater of two lists is the worse run."""
+        return sorted((each.strain for each in self.criteria), reverse=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Proof:
+    """What the words do in every run.
+
+    Attributes:
+        words: that were proven.
+        design: as the words realise it.
+        limits: they were held against.
+        criteria: each the worst over all runs, with the label of the run it comes from.
+        runs: first model and default settings first.
+        nominal: trace of the first run.
+        worst: trace of the run whose criteria strain their limits most.
+    """
+
+    words: Words
+    design: PidDesign
+    limits: Limits
+    criteria: tuple[Criterion, ...]
+    runs: tuple[RunResult, ...]
+    nominal: Trace
+    worst: Trace
+
+    @property
+    def verdict(self) -> str:
+        """"PASS" where every run passed, else "FAIL"."""
+        return "PASS" if all(each.verdict == "PASS" for each in self.runs) else "FAIL"
+
+    def to_document(self) -> dict[str, Any]:
+        """Return the JSON document; traces are not part of it, numbers that are not finite are null."""
+        return {
+            "schema": SCHEMA,
+            "verdict": self.verdict,
+            "target": self.words.target,
+            "words": dict(self.words.values),
+            "sample_time_s": self.words.sample_time_s,
+            "scaling": asdict(self.words.scaling),
+            "criteria": {each.name: each.to_document() for each in self.criteria},
+            "runs": [
+                {
+                    "model": run.model,
+                    "switches": dict(run.switches),
+                    "verdict": run.verdict,
+                    "criteria": {
+                        each.name: {"value": each.value if math.isfinite(each.value) else None, "ok": each.ok}
+                        for each in run.criteria
+                    },
+                }
+                for run in self.runs
+            ],
+            "scenario": asdict(self.nominal.scenario),
+            "actuator": asdict(self.nominal.actuator),
+            "limits": asdict(self.limits),
+        }
+
+
+def prove(
+    room: Room,
+    words: Words,
+    models: Sequence[tuple[str, HeaterModel]],
+    scenario: Scenario,
+    actuator: Actuator | None = None,
+    limits: Limits | None = None,
+    margins_of: Callable[[HeaterModel, PidDesign], Margins] | None = None,
+) -> Proof:
+    """Run the words on every model under every setting the manual leaves open, and judge the worst.
+
+    Args:
+        room: the controller.
+        words: what it holds.
+        models: (label, heater); the first is the nominal one.
+        scenario: what happens in each run.
+        actuator: the switch; not used where the controller makes the PWM itself.
+        limits: None: the defaults.
+        margins_of: margins of a design on a heater; None: margins are not judged.
+
+    Raises:
+        InputError: no model, or as in `simulate`, with the model's label.
+        OutOfRange, UnknownName: as in `simulate`.
+    """
+    if not models:
+        raise InputError("a proof needs at least one model")
+    limits, design = limits or Limits(), room.decode(words)
+    results: list[RunResult] = []
+    traces: list[Trace] = []
+    for name, model in models:
+        margins = None if margins_of is None else margins_of(model, design)
+        for switches in settings_to_prove(room.switches):
+            trace = _simulate(name, room, words, model, scenario, actuator, switches)
+            label = _label(name, room.switches, switches)
+            criteria = tuple(replace(each, where=label) for each in judge(trace, limits, margins))
+            results.append(RunResult(model=name, switches=switches, label=label, criteria=criteria))
+            if len(results) == 1 or results[-1].strains > max(each.strains for each in results[:-1]):
+                traces = [*traces[:1], trace]  # the nominal one and the worst so far
+    return Proof(
+        words=words,
+        design=design,
+        limits=limits,
+        criteria=tuple(worst_of(same) for same in zip(*(each.criteria for each in results), strict=True)),
+        runs=tuple(results),
+        nominal=traces[0],
+        worst=traces[-1],
+    )
+
+
+def settings_to_prove(switches: Sequence[Switch]) -> list[dict[str, str]]:
+    """Return the settings under which words are proven, the defaults first.
+
+    Every combination where there are few of them; otherwise each switch on its own.
+    """
+    default = {switch.name: switch.default for switch in switches}
+    varied: Iterable[dict[str, str]]
+    if math.prod(len(switch.settings) for switch in switches) <= _ALL_TOGETHER:
+        names = list(default)
+        varied = (dict(zip(names, each, strict=True)) for each in product(*(s.settings for s in switches)))
+    else:
+        varied = (default | {switch.name: setting} for switch in switches for setting in switch.settings)
+    return [default, *(each for each in varied if each != default)]
+
+
+def _simulate(name: str, room: Room, words: Words, model: HeaterModel, scenario: Scenario, actuator: Actuator | None,
+              switches: Mapping[str, str]) -> Trace:
+    try:
+        return simulate(room, words, model, scenario, actuator, switches)
+    except OutOfRange as problem:
+        raise InputError(f"model {name}: {problem}") from problem
+
+
+def _label(name: str, known: Sequence[Switch], switches: Mapping[str, str]) -> str:
+    changed = [f"{s.name} = {switches[s.name]}" for s in known if switches[s.name] != s.default]
+    return ", ".join([name, *changed])

@@ -1,0 +1,100 @@
+"""What a loop did: samples at the scans, the switch's edges, and the temperature at any instant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.model.values import HeaterModel
+from heatertune.plc.room import Words
+from heatertune.proof.plant import advance, turning_times
+from heatertune.proof.pwm import Actuator
+from heatertune.proof.scenario import Scenario
+
+__all__ = ["Trace"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trace:
+    """One run of the closed loop; all arrays are read-only.
+
+    Attributes:
+        time_s: instants of the scans, shape (n,).
+        temperature_degC: the true temperature at each scan, shape (n,).
+        reading_degC: what the controller saw, noise and resolution included, shape (n,).
+        power_asked_pct: what the controller asked for, shape (n,).
+        edge_time_s: instants at which the heater was switched, shape (e,).
+        edge_on: whether it was switched on, shape (e,).
+        stretches: one row per stretch of constant power at the plant: instant from which it acts [s], temperature,
+            state of the smaller lag and ambient + gain·power there [°C], shape (m, 4).
+        model, scenario, actuator: what was simulated; the actuator is the PLC's own where it makes the PWM.
+        resolution_degC: of the reading [°C]; 0 for an ideal controller.
+        words, switches: what the PLC ran; None and empty for an ideal controller.
+        flags: name → number of scans after which the flag was set.
+    """
+
+    time_s: Array
+    temperature_degC: Array
+    reading_degC: Array
+    power_asked_pct: Array
+    edge_time_s: Array
+    edge_on: npt.NDArray[np.bool_]
+    stretches: Array
+    model: HeaterModel
+    scenario: Scenario
+    actuator: Actuator
+    resolution_degC: float = 0.0
+    words: Words | None = None
+    switches: Mapping[str, str] = field(default_factory=dict)
+    flags: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+    @property
+    def setpoint_degC(self) -> float:
+        """The setpoint [°C]."""
+        return self.scenario.setpoint_degC
+
+    def temperature_at(self, time_s: npt.ArrayLike, *, before: bool = False) -> Array:
+        """Return the exact temperature at instants within the run [°C], same shape.
+
+        Where it jumps at an instant: the value after the jump, or the one before it.
+        """
+        times = np.asarray(time_s, dtype=np.float64)
+        rows = np.searchsorted(self.stretches[:, 0], times, side="left" if before else "right") - 1
+        since, y, x, target = np.moveaxis(self.stretches[np.maximum(rows, 0)], -1, 0)
+        return np.asarray(advance(y, x, target, times - since, *self._lags(), exp=np.exp, expm1=np.expm1)[0])
+
+    def course(self, start_s: float, end_s: float) -> tuple[Array, Array]:
+        """Return instants and temperatures between which the temperature neither jumps nor turns.
+
+        The first is `start_s` after a jump, the last `end_s` before one; disturbances in between are not
+        expected. So the extremes of the temperature are among the values.
+        """
+        instants = np.concatenate([self.time_s, self.stretches[:, 0], self._turns()])
+        inside = instants[(instants > start_s) & (instants < end_s)]
+        times = np.unique(np.concatenate([[start_s], inside, [end_s]]))
+        values = self.temperature_at(times)
+        values[-1] = self.temperature_at(end_s, before=True)
+        return times, values
+
+    def _lags(self) -> tuple[float, float]:
+        first, *rest = self.model.lags_s
+        return first, rest[0] if rest else 0.0
+
+    def _turns(self) -> Array:
+        first, second = self._lags()
+        if second == 0.0:
+            return np.empty(0)
+        since, y, x, target = self.stretches.T
+        turns = since + turning_times(y, x, target, first, second)
+        return np.asarray(turns[turns < np.append(since[1:], self.time_s[-1])])

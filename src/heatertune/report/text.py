@@ -1,0 +1,103 @@
+"""Tables a person reads in ten seconds, from the documents of the stages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+__all__ = ["criteria_table", "design_lines", "figure", "model_lines", "summary", "table", "words_table"]
+
+Document = Mapping[str, Any]
+
+
+def figure(value: Any, digits: int = 4) -> str:
+    """Return a number as text; what is unknown is "—"."""
+    if value is None:
+        return "—"
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return f"{value:.{digits}g}"
+    return str(value)
+
+
+def table(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> str:
+    """Return rows as aligned columns; the columns named in `right` are aligned to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [cell.rjust(w) if i in right else cell.ljust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
+
+
+def model_lines(model: Document) -> str:
+    """Return the fitted FOPDT, its intervals, its candidates and what could not be identified."""
+    rows = [("", "value", "95 %", "")]
+    for name, label, unit in (
+        ("gain_degC_per_pct", "gain", "°C/%"), ("time_constant_s", "time constant", "s"), ("dead_time_s", "dead time", "s"),
+        ("ambient_degC", "ambient", "°C"),
+    ):
+        rows.append((label, figure(model[name]), _interval(model.get(f"{name}_ci95")), unit))
+    for name, found in model.get("combinations", {}).items():
+        rows.append((name.replace("_", " "), figure(found["value"]), _interval(found["ci95"]), ""))
+    lines = [table(rows, right=(1,)), f"fit {figure(model.get('fit_pct'))} %, {model['method']}", model["outcome_text"]]
+    others = len(model.get("candidates", ()))
+    if others > 1:
+        lines.append(f"{others} candidate models; design and proof run on all of them.")
+    return "\n".join(lines + [f"- {note}" for note in model.get("notes", ())])
+
+
+def design_lines(design: Document) -> str:
+    """Return K, TN, TV, TA and the margins."""
+    tn = "none" if design["integral_time_s"] is None else f"{figure(design['integral_time_s'])} s"
+    rows = [
+        ("K", f"{figure(design['gain_pct_per_degC'])} %/°C", "Ms", figure(design.get("ms"))),
+        ("TN", tn, "Mt", figure(design.get("mt"))),
+        ("TV", f"{figure(design['derivative_time_s'])} s", "gain margin", figure(design.get("gain_margin"))),
+        ("TA", f"{figure(design['sample_time_s'])} s", "phase margin", f"{figure(design.get('phase_margin_deg'))} °"),
+    ]
+    lines = [table(rows), f"{design['structure'].upper()}, {design['method']}"]
+    return "\n".join(lines + [f"- {note}" for note in design.get("notes", ())])
+
+
+def words_table(words: Document) -> str:
+    """Return the words in the order in which they are typed in."""
+    rows = [("address", "word", "value", "meaning")]
+    rows += [(f["address"], f["name"], str(words["words"][f["name"]]), f["comment"]) for f in words["fields"]]
+    return table(rows, right=(2,))
+
+
+def criteria_table(proof: Document) -> str:
+    """Return each criterion: worst value, limit, verdict, and the run it comes from."""
+    rows = [("criterion", "worst", "limit", "unit", "", "where")]
+    for name, found in proof["criteria"].items():
+        limit = "" if found["limit"] is None else f"{found['bound']} {figure(found['limit'])}"
+        verdict = "" if found["limit"] is None else "ok" if found["ok"] else "FAIL"
+        value = figure(found["value"]) if found["value"] is not None else "never"
+        rows.append((name.replace("_", " "), value, limit, found["unit"], verdict, found["where"]))
+    return table(rows, right=(1,))
+
+
+def summary(documents: Mapping[str, Document]) -> str:
+    """Return the terminal's summary of a whole design."""
+    model, pid, words, proof = (documents[name] for name in ("model", "pid", "words", "proof"))
+    parts = [
+        ("heater", model_lines(model)),
+        ("design", design_lines(pid)),
+        (f"words for {words['target']}", words_table(words)),
+        ("proof", criteria_table(proof)),
+    ]
+    rivals = documents.get("comparison", {}).get("rivals", ())
+    if rivals:
+        rows = [("design", "verdict", "worst Ms", "fails by")]
+        rows += [(r["label"], r["verdict"], figure(r["ms"]), ", ".join(r["fails"])) for r in rivals]
+        parts.append(("the same proof for other designs", table(rows)))
+    text = "\n\n".join(f"== {title}\n{body}" for title, body in parts)
+    runs = len(proof["runs"])
+    return f"{text}\n\nVERDICT {proof['verdict']} ({runs} runs: every candidate model, every open point of the manual)"
+
+
+def _interval(pair: Sequence[float | None] | None) -> str:
+    if pair is None:
+        return "not identified"
+    low, high = ("open" if end is None else figure(end, 3) for end in pair)
+    return f"{low} … {high}"

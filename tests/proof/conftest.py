@@ -1,0 +1,114 @@
+"""A room so simple that its answers can be worked out by hand."""
+
+from dataclasses import dataclass, field, replace
+
+import pytest
+
+from heatertune.model.values import Fopdt, TwoLag
+from heatertune.pid.values import PidDesign, structure_of
+from heatertune.plc.room import Scaling, Scan, Switch, Timing, Words
+
+
+@dataclass(frozen=True)
+class TenthsRoom:
+    """Reads tenths of a degree; PI in floating point whose gain word is thousandths of 1 %/°C, TN word seconds.
+
+    `program` replaces the law: (scan number, cycle start) → power.
+    """
+
+    switches: tuple = ()
+    pwm_period_s: float | None = None
+    program: object = None
+    overflows_above: int = 10**9
+    seen: list = field(default_factory=list)
+    name: str = "tenths"
+
+    def check(self, words):
+        assert set(words.values) == {"K", "TN"}
+
+    def decode(self, words):
+        gain, tn = words.values["K"] / 1000.0, float(words.values["TN"])
+        return PidDesign(
+            gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=0.0, sample_time_s=words.sample_time_s,
+            structure=structure_of(tn, 0.0), method="words",
+        )
+
+    def timing(self, words):
+        return Timing(scan_s=words.sample_time_s, pwm_period_s=self.pwm_period_s)
+
+    def measure(self, words, temperature_degC):
+        low, high = words.scaling.low_degC, words.scaling.high_degC
+        return round(10.0 * (min(max(temperature_degC, low), high) - low))
+
+    def start(self, _words, _switches):
+        return 0, 0.0
+
+    def step(self, words, state, setpoint, reading, switches, *, cycle_start=True):
+        count, summed = state
+        self.seen.append((setpoint, reading, cycle_start))
+        flags = {"overflow": reading > self.overflows_above, "running": True}
+        if self.program is not None:
+            power = self.program(count, cycle_start)
+        else:
+            error = (setpoint - reading) / 10.0
+            step = error * words.sample_time_s / words.values["TN"]
+            wanted = words.values["K"] / 1000.0 * (error + summed + step)
+            power = min(100.0, max(0.0, wanted))
+            summed += step if power == wanted or switches.get("integral") == "never off" else 0.0
+        return (count + 1, summed), Scan(power_pct=power, output=round(power), flags=flags)
+
+
+@pytest.fixture
+def tenths():
+    return TenthsRoom()
+
+
+@pytest.fixture
+def switched():
+    """The same with three points that its manual leaves open."""
+    two = tuple(
+        Switch(name=name, settings=("off at the limit", "never off"), default="off at the limit", why="not told")
+        for name in ("integral", "second", "third")
+    )
+    return replace(TenthsRoom(), switches=two)
+
+
+@pytest.fixture(scope="session")
+def words():
+    """Make words of the tenths room."""
+
+    def make(gain=8.0, tn=110, ta=2.0, low=0.0, high=100.0):
+        return Words(
+            target="tenths", values={"K": round(1000 * gain), "TN": tn}, scaling=Scaling(low_degC=low, high_degC=high),
+            sample_time_s=ta,
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def constant():
+    """Make a room that asks for one power for ever."""
+    return lambda power, **kept: TenthsRoom(program=lambda _count, _begins: power, **kept)
+
+
+@pytest.fixture(scope="session")
+def program():
+    """Make a room that asks for what a function of scan number and cycle start says."""
+    return lambda law, **kept: TenthsRoom(program=law, **kept)
+
+
+@pytest.fixture
+def heater():
+    """The paper's heater, about."""
+    return Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.0, ambient_degC=24.0)
+
+
+@pytest.fixture(params=[(166.0,), (120.0, 30.0), (90.0, 90.0), (90.0, 90.0 * (1 - 1e-9))],
+                ids=["one lag", "two lags", "equal lags", "nearly equal lags"])
+def any_heater(request):
+    first, *second = request.param
+    if not second:
+        return Fopdt(gain_degC_per_pct=0.5, time_constant_s=first, dead_time_s=6.5, ambient_degC=20.0)
+    return TwoLag(gain_degC_per_pct=0.5, time_constant_s=first, second_time_constant_s=second[0], dead_time_s=6.5,
+                  ambient_degC=20.0)

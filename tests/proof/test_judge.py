@@ -1,0 +1,203 @@
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from heatertune.errors import OutOfRange
+from heatertune.model.values import Fopdt
+from heatertune.pid.values import Margins
+from heatertune.proof import Actuator, Criterion, Kick, Limits, Load, Scenario, Trace, judge
+from heatertune.proof.criteria import worst_of
+from heatertune.proof.judge import _stays_within
+
+PERIOD = 0.05
+AMBIENT, SETPOINT = 20.0, 60.0
+
+
+def _trace(course, duration, *, disturbances=(), resolution=0.0, power=None, switched=(), flags=None):
+    """A run whose temperature is the given function of time, as a fine staircase."""
+    time = np.arange(0.0, duration + PERIOD / 2.0, PERIOD)
+    temperature = np.array([course(t) for t in time])
+    scenario = Scenario(setpoint_degC=SETPOINT, duration_s=duration, disturbances=disturbances)
+    return Trace(
+        time_s=time, temperature_degC=temperature, reading_degC=temperature,
+        power_asked_pct=np.full(len(time), 50.0) if power is None else np.array([power(t) for t in time]),
+        edge_time_s=np.array(switched, dtype=float), edge_on=np.arange(len(switched)) % 2 == 0,
+        stretches=np.column_stack([time, temperature, temperature, temperature]),
+        model=Fopdt(gain_degC_per_pct=1.0, time_constant_s=50.0, dead_time_s=1.0, ambient_degC=AMBIENT),
+        scenario=scenario, actuator=Actuator(pwm_period_s=2.0), resolution_degC=resolution, flags=flags or {},
+    )
+
+
+def _judged(trace, margins=None, **limits):
+    return {each.name: each for each in judge(trace, Limits(**limits), margins)}
+
+
+def _first_order(t, tau=20.0):
+    return SETPOINT - (SETPOINT - AMBIENT) * math.exp(-t / tau)
+
+
+@pytest.mark.parametrize("damping", [0.3, 0.45, 0.6])
+def test_the_overshoot_of_a_second_order_step_is_the_closed_form(damping):
+    omega = 0.2
+    damped = omega * math.sqrt(1.0 - damping**2)
+
+    def course(t):
+        swing = math.cos(damped * t) + damping * omega / damped * math.sin(damped * t)
+        return SETPOINT - (SETPOINT - AMBIENT) * math.exp(-damping * omega * t) * swing
+
+    found = _judged(_trace(course, 200.0))["overshoot"]
+    assert found.value == pytest.approx(100.0 * math.exp(-math.pi * damping / math.sqrt(1.0 - damping**2)), abs=0.01)
+    assert found.ok == (damping > 0.456), "20 % overshoot belong to a damping of 0.456"
+
+
+def test_a_first_order_step_settles_after_four_time_constants_to_two_percent():
+    found = _judged(_trace(_first_order, 200.0))
+    assert found["settling_time"].value == pytest.approx(20.0 * math.log(50.0), abs=PERIOD)
+    assert found["overshoot"].value == 0.0
+    assert found["iae"].value == pytest.approx(40.0 * 20.0, rel=2e-3)
+
+
+def test_the_band_is_no_finer_than_the_sensor():
+    found = _judged(_trace(_first_order, 200.0, resolution=2.0))["settling_time"]
+    assert found.value == pytest.approx(20.0 * math.log(10.0), abs=PERIOD)
+    assert "±4 °C" in found.what
+
+
+def test_the_crossing_into_the_band_is_found_between_the_samples():
+    times, error = np.array([0.0, 10.0, 20.0]), np.array([-5.0, -3.0, 1.0])
+    assert _stays_within(times, error, 2.0) == pytest.approx(12.5)
+
+
+def test_what_never_settles_fails_and_is_null_in_json():
+    found = _judged(_trace(lambda _t: 50.0, 200.0))["settling_time"]
+    assert (found.value, found.ok, found.strain) == (math.inf, False, math.inf)
+    assert json.loads(json.dumps(found.to_document(), allow_nan=False))["value"] is None
+
+
+@pytest.mark.parametrize(("offset", "ok"), [(0.79, True), (-0.79, True), (0.81, False), (-0.81, False)])
+def test_the_steady_offset_is_the_mean_distance_from_the_setpoint(offset, ok):
+    found = _judged(_trace(lambda t: _first_order(t, 5.0) + offset, 200.0))["steady_offset"]
+    assert found.value == pytest.approx(abs(offset), abs=1e-6)
+    assert (found.limit, found.ok) == (pytest.approx(0.8), ok)
+
+
+def test_a_slow_swing_is_a_limit_cycle_and_neither_an_offset_nor_a_ripple():
+    found = _judged(_trace(lambda t: _first_order(t, 5.0) + 1.5 * math.sin(2.0 * math.pi * t / 40.0), 200.0))
+    assert found["limit_cycle"].value == pytest.approx(1.5, abs=1e-3)
+    assert not found["limit_cycle"].ok
+    assert found["steady_offset"].value == pytest.approx(0.0, abs=2e-3)
+    assert found["pwm_ripple"].value < 0.5
+
+
+def test_a_swing_within_the_pwm_period_is_a_ripple():
+    found = _judged(_trace(lambda t: _first_order(t, 5.0) + 0.3 * math.sin(math.pi * t), 200.0))
+    assert found["pwm_ripple"].value == pytest.approx(0.6, abs=1e-3)
+    assert found["limit_cycle"].value == pytest.approx(0.3, abs=1e-3)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_recovery_from_a_kick_is_the_closed_form(sign):
+    def course(t):
+        return _first_order(t, 5.0) + (sign * 8.0 * math.exp(-(t - 100.0) / 15.0) if t >= 100.0 else 0.0)
+
+    found = _judged(_trace(course, 200.0, disturbances=(Kick(time_s=100.0, temperature_degC=sign * 8.0),)))
+    assert found["recovery_time"].value == pytest.approx(15.0 * math.log(10.0), abs=PERIOD)
+    assert found["recovery_time"].limit == pytest.approx(100.0)
+    assert found["deviation"].value == pytest.approx(8.0)
+    assert found["recovery_overshoot"].value == pytest.approx(0.0, abs=1e-6)
+    assert found["settling_time"].limit == pytest.approx(100.0)
+    assert found["overshoot"].value == 0.0, "the kick is not part of the heat-up"
+
+
+@pytest.mark.parametrize("disturbance", [
+    Kick(time_s=100.0, temperature_degC=-8.0), Load(time_s=100.0, power_pct=-20.0),
+])
+def test_overshoot_after_a_disturbance_is_on_its_other_side(disturbance):
+    def course(t):
+        return _first_order(t, 5.0) - (8.0 * math.exp(-(t - 100.0) / 15.0) * math.cos((t - 100.0) / 15.0)
+                                       if t >= 100.0 else 0.0)
+
+    found = _judged(_trace(course, 200.0, disturbances=(disturbance,)))["recovery_overshoot"]
+    # first extreme of e^(−x)·cos x: x = 3π/4
+    assert found.value == pytest.approx(8.0 * math.exp(-0.75 * math.pi) * math.sqrt(0.5) / 40.0 * 100.0, abs=0.01)
+
+
+def test_of_several_disturbances_the_worst_counts():
+    both = (Kick(time_s=80.0, temperature_degC=-4.0), Kick(time_s=160.0, temperature_degC=5.0))
+
+    def course(t):
+        return _first_order(t, 5.0) + sum(
+            each.temperature_degC * math.exp(-(t - each.time_s) / 10.0) for each in both if t >= each.time_s
+        )
+
+    found = _judged(_trace(course, 200.0, disturbances=both))
+    assert found["deviation"].value == pytest.approx(5.0, abs=0.01)
+    assert found["recovery_time"].limit == pytest.approx(40.0), "the second has less time"
+
+
+def test_without_disturbance_nothing_is_said_about_recovery():
+    assert not {"recovery_time", "recovery_overshoot", "deviation"} & set(_judged(_trace(_first_order, 200.0)))
+
+
+def test_saturation_and_switchings_are_counted():
+    switched = [0.0, 10.0, 50.0, 60.0, 70.0]
+    found = _judged(_trace(_first_order, 200.0, power=lambda t: 100.0 if t < 50.0 else 40.0, switched=switched),
+                    switchings_per_h=50.0)
+    assert found["saturation"].value == pytest.approx(25.0, abs=0.05)
+    assert found["saturation"].ok
+    assert (found["switchings"].value, found["switchings"].ok) == (pytest.approx(54.0), False)
+
+
+def test_only_the_flags_of_an_overflow_count():
+    found = _judged(_trace(_first_order, 200.0, flags={"SM1.1": 2, "SM1.0": 7}))["overflow"]
+    assert (found.value, found.ok) == (2.0, False)
+    assert _judged(_trace(_first_order, 200.0, flags={"SM1.0": 7}))["overflow"].ok
+
+
+@pytest.mark.parametrize(("margins", "fails"), [
+    (Margins(ms=1.6, mt=1.0, gain_margin=3.1, phase_margin_deg=61.0), set()),
+    (Margins(ms=2.0, mt=1.0, gain_margin=1.7, phase_margin_deg=30.0), set()),
+    (Margins(ms=2.01, mt=1.0, gain_margin=3.1, phase_margin_deg=61.0), {"ms"}),
+    (Margins(ms=1.6, mt=1.0, gain_margin=1.69, phase_margin_deg=29.9), {"gain_margin", "phase_margin"}),
+    (Margins(ms=1.6, mt=1.0, gain_margin=math.inf, phase_margin_deg=math.inf), set()),
+    (Margins(ms=math.inf, mt=math.inf, gain_margin=0.8, phase_margin_deg=-10.0),
+     {"stability", "ms", "gain_margin", "phase_margin"}),
+])
+def test_margins_are_judged(margins, fails):
+    found = _judged(_trace(_first_order, 200.0), margins)
+    assert {name for name, each in found.items() if not each.ok} == fails
+
+
+def test_without_a_limit_a_number_is_told_and_not_judged():
+    margins = Margins(ms=5.0, mt=4.0, gain_margin=1.1, phase_margin_deg=5.0)
+    found = _judged(_trace(_first_order, 200.0), margins, ms=None, gain_margin=None, phase_margin_deg=None)
+    assert (found["ms"].value, found["ms"].ok, found["ms"].strain) == (5.0, True, 0.0)
+
+
+numbers = st.one_of(st.floats(-1e3, 1e3), st.just(math.inf))
+
+
+@given(value=numbers, limit=st.floats(0.0, 1e3), at_least=st.booleans())
+def test_a_limit_is_strained_beyond_one_where_it_is_not_kept(value, limit, at_least):
+    found = Criterion(name="x", value=value, limit=limit, unit="1", what="", at_least=at_least)
+    assert found.ok == (value >= limit if at_least else value <= limit)
+    assert found.strain <= 1.0 if found.ok else found.strain >= 1.0
+
+
+@given(values=st.lists(numbers, min_size=1), limit=st.floats(0.0, 1e3), at_least=st.booleans())
+def test_the_worst_is_not_ok_where_one_is_not(values, limit, at_least):
+    found = [Criterion(name="x", value=v, limit=limit, unit="1", what="", at_least=at_least) for v in values]
+    assert worst_of(found).ok == all(each.ok for each in found)
+    assert worst_of(found).strain == max(each.strain for each in found)
+
+
+@pytest.mark.parametrize(("field", "value"), [
+    ("overshoot_pct", -1.0), ("ms", math.nan), ("band_pct", -2.0), ("steady_share", 0.0), ("steady_share", 1.1),
+])
+def test_limits_without_meaning_are_refused(field, value):
+    with pytest.raises(OutOfRange, match=field):
+        Limits(**{field: value})

@@ -1,0 +1,146 @@
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heatertune.errors import InputError
+from heatertune.model.values import Fopdt
+from heatertune.pid.robustness import margins
+from heatertune.plc.room import Switch
+from heatertune.proof import Actuator, Limits, Scenario, judge, paper_scenario, prove, simulate
+from heatertune.proof.prove import settings_to_prove
+
+PWM = Actuator(pwm_period_s=10.0)
+PAPER = paper_scenario(duration_s=3000.0)
+
+
+def _switches(*sizes):
+    return tuple(
+        Switch(name=f"s{i}", settings=tuple("abcd"[:size]), default="b", why="not told") for i, size in enumerate(sizes)
+    )
+
+
+@pytest.fixture
+def slower(heater):
+    return replace(heater, time_constant_s=220.0, dead_time_s=30.0)
+
+
+def test_sane_words_pass(tenths, words, heater, slower):
+    proof = prove(tenths, words(), [("best", heater), ("second", slower)], PAPER, PWM, margins_of=margins)
+    assert proof.verdict == "PASS"
+    assert [run.verdict for run in proof.runs] == ["PASS", "PASS"]
+    assert all(each.ok for each in proof.criteria)
+
+
+def test_words_that_are_unstable_on_one_model_fail_and_say_where(tenths, words, heater):
+    late = replace(heater, dead_time_s=80.0)
+    proof = prove(tenths, words(gain=15.0), [("best", heater), ("late", late)], PAPER, PWM, margins_of=margins)
+    found = {each.name: each for each in proof.criteria}
+    assert proof.verdict == "FAIL"
+    assert [run.verdict for run in proof.runs] == ["PASS", "FAIL"]
+    assert (found["stability"].ok, found["stability"].where) == (False, "late")
+    assert (found["ms"].value, found["ms"].ok) == (math.inf, False)
+    assert not found["limit_cycle"].ok, "time and frequency agree"
+    assert found["settling_time"].value == math.inf
+    assert proof.worst.model == late
+    assert proof.nominal.model == heater
+
+
+def test_an_unstable_loop_fails_without_margins_too(tenths, words, heater):
+    proof = prove(tenths, words(gain=60.0), [("best", replace(heater, dead_time_s=80.0))], PAPER, PWM)
+    assert proof.verdict == "FAIL"
+    assert "ms" not in {each.name for each in proof.criteria}
+
+
+def test_every_model_runs_under_every_setting(switched, words, heater, slower):
+    proof = prove(switched, words(), [("best", heater), ("second", slower)], PAPER, PWM)
+    assert len(proof.runs) == 16
+    assert proof.runs[0].label == "best"
+    assert {run.label for run in proof.runs} >= {
+        "second", "best, integral = never off", "best, integral = never off, third = never off"
+    }
+
+
+def test_the_worst_setting_counts(switched, words, heater):
+    alone = {
+        setting: judge(simulate(switched, words(tn=60), heater, PAPER, PWM, {"integral": setting}), Limits())
+        for setting in ("off at the limit", "never off")
+    }
+    proof = prove(switched, words(tn=60), [("best", heater)], PAPER, PWM)
+    for mild, hard, found in zip(*alone.values(), proof.criteria, strict=True):
+        if found.limit is not None:
+            assert found.value == max(mild.value, hard.value)
+    overshoot = proof.criteria[0]
+    assert overshoot.where.startswith("best, integral = never off"), "an integral that winds up overshoots more"
+
+
+def test_the_worst_trace_is_the_run_that_strains_its_limits_most(switched, words, heater, slower):
+    proof = prove(switched, words(tn=60), [("best", heater), ("second", slower)], PAPER, PWM)
+    hardest = max(proof.runs, key=lambda run: run.strains)
+    model = {"best": heater, "second": slower}[hardest.model]
+    again = simulate(switched, words(tn=60), model, PAPER, PWM, hardest.switches)
+    assert np.array_equal(proof.worst.temperature_degC, again.temperature_degC)
+
+
+def test_where_nothing_is_worse_the_nominal_run_is_the_worst(tenths, words, heater):
+    proof = prove(tenths, words(), [("best", heater), ("the same", heater)], PAPER, PWM)
+    assert proof.worst is proof.nominal
+
+
+def test_an_overflow_fails(tenths, words, heater):
+    proof = prove(replace(tenths, overflows_above=530), words(), [("best", heater)], PAPER, PWM)
+    assert [each.name for each in proof.criteria if not each.ok] == ["overflow"]
+    assert proof.verdict == "FAIL"
+
+
+@pytest.mark.parametrize(("sizes", "count"), [
+    ((), 1), ((2,), 2), ((2, 2, 2), 8), ((2, 4), 8), ((3, 3), 5), ((2, 2, 2, 2), 5),
+])
+def test_settings_are_combined_where_they_are_few_and_else_varied_singly(sizes, count):
+    switches = _switches(*sizes)
+    settings = settings_to_prove(switches)
+    assert len(settings) == len({tuple(each.items()) for each in settings}) == count
+    assert set(settings[0].values()) <= {"b"}, "the defaults come first"
+    for switch in switches:
+        assert {each[switch.name] for each in settings} == set(switch.settings)
+
+
+def test_the_document_is_json_and_tells_what_was_proven(tenths, words, heater):
+    late = replace(heater, dead_time_s=80.0)
+    proof = prove(tenths, words(gain=15.0), [("late", late)], PAPER, PWM, margins_of=margins)
+    document = json.loads(json.dumps(proof.to_document(), allow_nan=False))
+    assert (document["schema"], document["verdict"]) == ("heatertune/proof/1", "FAIL")
+    assert document["words"] == {"K": 15000, "TN": 110}
+    assert document["criteria"]["ms"] == {
+        "value": None, "limit": 2.0, "bound": "<=", "ok": False, "unit": "1", "where": "late",
+        "what": document["criteria"]["ms"]["what"],
+    }
+    assert document["runs"][0]["criteria"]["settling_time"] == {"value": None, "ok": False}
+    assert document["scenario"]["disturbances"] == [{"time_s": 1620.0, "temperature_degC": -8.8}]
+    assert document["limits"]["ms"] == 2.0
+
+
+def test_a_proof_needs_a_model(tenths, words):
+    with pytest.raises(InputError, match="at least one model"):
+        prove(tenths, words(), [], PAPER, PWM)
+
+
+def test_a_model_that_cannot_hold_the_setpoint_is_named(tenths, words, heater):
+    weak = Fopdt(gain_degC_per_pct=0.2, time_constant_s=100.0, dead_time_s=5.0, ambient_degC=24.0)
+    with pytest.raises(InputError, match=r"model weak: setpoint_degC = 53\.3 .* < 44 "):
+        prove(tenths, words(), [("best", heater), ("weak", weak)], PAPER, PWM)
+
+
+def test_pwm_ripple_and_mean_are_the_closed_form(constant, words, heater):
+    # one lag, constant duty d: peak to peak = full rise·(1 − e^(−dP/T))·(1 − e^(−(1−d)P/T))/(1 − e^(−P/T))
+    period, duty, full, lag = 40.0, 0.3, 41.0, 166.0
+    trace = simulate(constant(100.0 * duty), words(), heater, Scenario(setpoint_degC=50.0, duration_s=4000.0),
+                     Actuator(pwm_period_s=period))
+    found = {each.name: each.value for each in judge(trace, Limits())}
+    up, down, both = (1.0 - math.exp(-share * period / lag) for share in (duty, 1.0 - duty, 1.0))
+    assert found["pwm_ripple"] == pytest.approx(full * up * down / both, rel=1e-9)
+    assert found["limit_cycle"] == pytest.approx(full * up * down / both / 2.0, rel=1e-6)
+    assert found["steady_offset"] == pytest.approx(50.0 - (24.0 + full * duty), abs=1e-3)
+    assert found["switchings"] == pytest.approx(90.0, abs=1.0)

@@ -1,0 +1,97 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from heatertune.errors import OutOfRange
+from heatertune.proof.pwm import Actuator, on_time
+
+powers = st.lists(st.floats(0.0, 100.0), min_size=1, max_size=40)
+
+
+@st.composite
+def actuators(draw, rules=("drop", "carry")):
+    period = draw(st.floats(0.5, 60.0))
+    resolution = period / draw(st.integers(1, 500))
+    on = draw(st.floats(0.0, 0.5)) * period
+    return Actuator(
+        pwm_period_s=period, resolution_s=resolution, minimum_on_s=on, minimum_off_s=draw(st.floats(0.0, 0.5)) * period,
+        minimum_rule=draw(st.sampled_from(rules)),
+    )
+
+
+def _pulses(actuator, asked):
+    carried, pulses = 0.0, []
+    for power in asked:
+        on, carried = on_time(power, carried, actuator.numbers)
+        pulses.append(on)
+    return pulses, carried
+
+
+def test_thirty_percent_of_ten_calls_are_three_on_and_seven_off():
+    # PULSEGEN, system software manual vol. 2: 30 % with 10 calls per period
+    assert on_time(30.0, 0.0, Actuator(pwm_period_s=10.0, resolution_s=1.0).numbers)[0] == pytest.approx(3.0)
+
+
+def test_a_pulse_that_is_too_short_is_made_up_in_the_next_period():
+    # PID_Compact's documentation: 15 % asked for, 20 % the least; one period without pulse, the next with both
+    actuator = Actuator(pwm_period_s=1.0, resolution_s=0.1, minimum_on_s=0.2, minimum_rule="carry")
+    assert _pulses(actuator, [15.0] * 4)[0] == pytest.approx([0.0, 0.3, 0.0, 0.3])
+
+
+def test_a_pulse_that_is_too_short_is_dropped():
+    actuator = Actuator(pwm_period_s=10.0, resolution_s=0.1, minimum_on_s=2.0)
+    assert _pulses(actuator, [15.0, 19.9, 20.0])[0] == pytest.approx([0.0, 0.0, 2.0])
+
+
+def test_a_pause_that_is_too_short_is_closed():
+    actuator = Actuator(pwm_period_s=10.0, resolution_s=0.1, minimum_off_s=2.0)
+    assert _pulses(actuator, [85.0, 80.1, 80.0])[0] == pytest.approx([10.0, 10.0, 8.0])
+
+
+@pytest.mark.parametrize(("period", "resolution"), [(0.7, 0.1), (0.3, 0.1), (7.0, 0.007), (1.1, 0.1), (10.0, 0.01)])
+def test_full_power_has_no_pause_and_no_power_no_pulse(period, resolution):
+    numbers = Actuator(pwm_period_s=period, resolution_s=resolution).numbers
+    assert on_time(100.0, 0.0, numbers)[0] == period
+    assert on_time(0.0, 0.0, numbers)[0] == 0.0
+
+
+@given(actuator=actuators(), asked=powers)
+def test_every_pulse_and_pause_is_long_enough(actuator, asked):
+    for on in _pulses(actuator, asked)[0]:
+        off = actuator.pwm_period_s - on
+        assert on == 0.0 or on >= actuator.minimum_on_s - 1e-6
+        assert off == 0.0 or off >= actuator.minimum_off_s - 1e-6
+        assert 0.0 <= on <= actuator.pwm_period_s
+
+
+@given(actuator=actuators(rules=("carry",)), asked=powers)
+def test_carrying_loses_no_energy(actuator, asked):
+    pulses, carried = _pulses(actuator, asked)
+    wanted = sum(asked) / 100.0 * actuator.pwm_period_s
+    assert sum(pulses) + carried == pytest.approx(wanted, abs=1e-6)
+    most = max(actuator.minimum_on_s, actuator.minimum_off_s) + actuator.resolution_s
+    assert abs(carried) <= most
+
+
+@given(actuator=actuators(rules=("drop",)), less=st.floats(0.0, 100.0), more=st.floats(0.0, 100.0))
+def test_dropping_never_gives_a_longer_pulse_for_less_power(actuator, less, more):
+    less, more = sorted((less, more))
+    assert on_time(less, 0.0, actuator.numbers)[0] <= on_time(more, 0.0, actuator.numbers)[0]
+
+
+@given(power=st.floats(0.0, 100.0), parts=st.integers(1, 1000))
+def test_rounding_costs_at_most_half_the_resolution(power, parts):
+    actuator = Actuator(pwm_period_s=10.0, resolution_s=10.0 / parts)
+    assert on_time(power, 0.0, actuator.numbers)[0] == pytest.approx(power / 10.0, abs=5.0 / parts + 1e-6)
+
+
+@pytest.mark.parametrize(("field", "settings"), [
+    ("pwm_period_s", {"pwm_period_s": 0.0}),
+    ("resolution_s", {"pwm_period_s": 1.0, "resolution_s": 1.1}),
+    ("minimum_on_s", {"pwm_period_s": 1.0, "minimum_on_s": -0.1}),
+    ("minimum_off_s", {"pwm_period_s": 1.0, "minimum_on_s": 0.6, "minimum_off_s": 0.5}),
+    ("minimum_rule", {"pwm_period_s": 1.0, "minimum_rule": "keep"}),
+])
+def test_an_actuator_that_cannot_be_is_refused(field, settings):
+    with pytest.raises(OutOfRange, match=field):
+        Actuator(**settings)
