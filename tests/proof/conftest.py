@@ -38,7 +38,7 @@ class TenthsRoom:
 
     def measure(self, words, temperature_degC):
         low, high = words.scaling.low_degC, words.scaling.high_degC
-        return round(10.0 * (min(max(temperature_degC, low), high) - low))
+        return round(10.0 * min(max(temperature_degC, low), high))
 
     def start(self, _words, _switches):
         return 0, 0.0

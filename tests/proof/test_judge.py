@@ -17,7 +17,7 @@ PERIOD = 0.05
 AMBIENT, SETPOINT = 20.0, 60.0
 
 
-def _trace(course, duration, *, disturbances=(), resolution=0.0, power=None, switched=(), flags=None):
+def _trace(course, duration, *, disturbances=(), resolution=0.0, power=None, switched=(), flags=None, pwm=2.0):
     """A run whose temperature is the given function of time, as a fine staircase."""
     time = np.arange(0.0, duration + PERIOD / 2.0, PERIOD)
     temperature = np.array([course(t) for t in time])
@@ -28,7 +28,7 @@ def _trace(course, duration, *, disturbances=(), resolution=0.0, power=None, swi
         edge_time_s=np.array(switched, dtype=float), edge_on=np.arange(len(switched)) % 2 == 0,
         stretches=np.column_stack([time, temperature, temperature, temperature]),
         model=Fopdt(gain_degC_per_pct=1.0, time_constant_s=50.0, dead_time_s=1.0, ambient_degC=AMBIENT),
-        scenario=scenario, actuator=Actuator(pwm_period_s=2.0), resolution_degC=resolution, flags=flags or {},
+        scenario=scenario, actuator=Actuator(pwm_period_s=pwm), resolution_degC=resolution, flags=flags or {},
     )
 
 
@@ -97,6 +97,11 @@ def test_a_swing_within_the_pwm_period_is_a_ripple():
     found = _judged(_trace(lambda t: _first_order(t, 5.0) + 0.3 * math.sin(math.pi * t), 200.0))
     assert found["pwm_ripple"].value == pytest.approx(0.6, abs=1e-3)
     assert found["limit_cycle"].value == pytest.approx(0.3, abs=1e-3)
+
+
+def test_rest_lasts_at_least_three_pwm_periods():
+    found = _judged(_trace(lambda t: _first_order(t, 5.0) + 3.0 * (95.0 < t < 105.0), 150.0, pwm=20.0))
+    assert found["limit_cycle"].value == pytest.approx(1.5, abs=1e-3)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -13,6 +13,7 @@ from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.proof import Actuator, Kick, Load, Scenario, simulate, simulate_wish
+from heatertune.proof.ideal import _law
 
 FAST = Actuator(pwm_period_s=10.0)
 
@@ -109,6 +110,16 @@ def test_while_the_power_is_at_its_limit_the_wish_does_not_wind_up(heater):
     assert trace.temperature_degC.max() < 60.0 + 0.05 * 36.0
 
 
+def test_the_wish_lets_the_integral_lead_back_from_a_limit():
+    design = PidDesign(gain_pct_per_degC=1.0, integral_time_s=10.0, derivative_time_s=100.0, sample_time_s=1.0,
+                       structure="pid", method="by hand")
+    step = _law(design, 50.0)
+    assert step(45.0, True) == 100.0  # the derivative of the first error; its I step is left out
+    powers = [step(49.0, True) for _ in range(40)]
+    assert powers[0] == 0.0, "the derivative takes the power to the lower limit, where the error leads back"
+    assert powers[-1] == pytest.approx(1.0 + 40 * 0.1)
+
+
 def test_halving_the_resolution_converges(tenths, words, heater):
     scenario = Scenario(setpoint_degC=53.3, duration_s=600.0)
 
@@ -179,7 +190,7 @@ def test_the_controller_sees_its_own_units(constant, words, heater):
     room = constant(0.0)
     scenario = Scenario(setpoint_degC=53.34, duration_s=4.0)
     trace = simulate(room, words(low=10.0, high=90.0), heater, scenario, FAST)
-    assert room.seen[0][:2] == (433, 140)
+    assert room.seen[0][:2] == (533, 240)
     assert trace.reading_degC == pytest.approx(24.0)
     assert trace.resolution_degC == pytest.approx(0.1)
 
@@ -204,10 +215,13 @@ def test_a_controller_with_its_own_pwm_is_told_when_a_period_begins(program, wor
     assert np.diff(trace.edge_time_s)[::2] == pytest.approx([0.1, 0.2, 0.3, 0.4])
 
 
-def test_periods_between_the_scans_are_told_by_the_next_scan(program, words, heater):
-    room = program(lambda _count, _begins: 0.0, pwm_period_s=2.5)
-    simulate(room, words(ta=1.0), heater, Scenario(setpoint_degC=40.0, duration_s=10.0))
-    assert [k for k, (_, _, begins) in enumerate(room.seen) if begins] == [0, 3, 5, 8, 10]
+@pytest.mark.parametrize(("scan", "period", "told"), [
+    (1.0, 2.5, [0, 3, 5, 8, 10]), (0.7, 2.1, [0, 3, 6, 9]), (0.1, 0.3, [0, 3, 6, 9]), (0.3, 0.1, list(range(11))),
+])
+def test_periods_are_told_by_the_scan_at_or_after_their_beginning(program, words, heater, scan, period, told):
+    room = program(lambda _count, _begins: 0.0, pwm_period_s=period)
+    simulate(room, words(ta=scan), heater, Scenario(setpoint_degC=40.0, duration_s=10 * scan))
+    assert [k for k, (_, _, begins) in enumerate(room.seen) if begins] == told
 
 
 def test_full_power_is_never_switched_off(constant, words, heater):

@@ -48,6 +48,11 @@ def test_a_pause_that_is_too_short_is_closed():
     assert _pulses(actuator, [85.0, 80.1, 80.0])[0] == pytest.approx([10.0, 10.0, 8.0])
 
 
+def test_rounding_does_not_make_a_pause_too_short():
+    actuator = Actuator(pwm_period_s=10.0, resolution_s=1.0, minimum_off_s=1.5)
+    assert _pulses(actuator, [85.0, 84.0])[0] == pytest.approx([10.0, 8.0])
+
+
 @pytest.mark.parametrize(("period", "resolution"), [(0.7, 0.1), (0.3, 0.1), (7.0, 0.007), (1.1, 0.1), (10.0, 0.01)])
 def test_full_power_has_no_pause_and_no_power_no_pulse(period, resolution):
     numbers = Actuator(pwm_period_s=period, resolution_s=resolution).numbers

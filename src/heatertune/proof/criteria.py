@@ -66,7 +66,7 @@ class Criterion:
 
 def worst_of(found: Iterable[Criterion]) -> Criterion:
     """Return the one that strains its limit most; without limits the one whose value is worst."""
-    return max(found, key=lambda each: (not each.ok, each.strain, -each.value if each.at_least else each.value))
+    return max(found, key=lambda each: (each.strain, -each.value if each.at_least else each.value))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,187 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from heatertune.errors import LogError, UnknownName
+from heatertune.log import read_log
+
+ROWS = [(10.0 * k, 20.0 + 0.25 * k, 40.0 if k % 7 else 0.0) for k in range(30)]
+
+
+def _write(tmp_path, text, name="log.csv", encoding="utf-8"):
+    path = tmp_path / name
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def _table(header, rows=ROWS, separator=",", mark="."):
+    lines = [separator.join(f"{cell:g}".replace(".", mark) for cell in row) for row in rows]
+    return "\n".join(([header] if header else []) + lines) + "\n"
+
+
+def test_the_tables_are_read_exactly_as_printed_and_only_errata_change_them():
+    # the values are those printed in the paper: first, peak and last rows of Tables 3 and 4
+    for name, first, peak, last in (("table3", 29.3, 51.4, 43.2), ("table4", 24.0, 58.3, 53.3)):
+        printed, corrected = read_log(name), read_log(name, errata=True)
+        assert len(printed.time_s) == 240
+        assert (printed.temperature_degC[0], printed.temperature_degC.max(), printed.temperature_degC[-1]) == (
+            first, peak, last,
+        )
+        assert (printed.time_s[-1], corrected.time_s[-1]) == (2936.0, 2400.0)
+        assert np.array_equal(printed.temperature_degC, corrected.temperature_degC)
+        assert any("2936" in doubt for doubt in printed.doubts)
+        assert any("2936" in repair for repair in corrected.repairs)
+        assert any("possible digit misprint" in doubt for doubt in read_log("table3").doubts)
+    assert read_log("table4").same_heater == ("table3",)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " "], ids=["comma", "semicolon", "tab", "space"])
+@pytest.mark.parametrize("mark", [".", ","], ids=["point", "decimal comma"])
+def test_separators_and_decimal_marks_are_understood(tmp_path, separator, mark):
+    if separator == mark:
+        pytest.skip("a decimal comma in a comma-separated file needs quotes")
+    path = _write(tmp_path, _table(separator.join(["time_s", "temp_C", "duty_pct"]), separator=separator, mark=mark))
+    log = read_log(path)
+    assert np.array_equal(np.column_stack([log.time_s, log.temperature_degC, log.power_pct]), np.array(ROWS))
+    assert any("Decimal commas" in told for told in log.repairs) == (mark == ",")
+
+
+def test_quoted_decimal_commas_in_a_comma_separated_file_are_understood(tmp_path):
+    lines = [f'{t:g},"{y:.2f}"'.replace(".", ",") for t, y, _ in ROWS]
+    log = read_log(_write(tmp_path, "time_s,temp_C\n" + "\n".join(lines)))
+    assert log.temperature_degC[1] == 20.25
+
+
+@pytest.mark.parametrize(
+    ("header", "temperature", "expected"),
+    [("time_s,T [°F],duty_pct", 68.0, 20.0), ("time_s,temperature (K),duty_pct", 293.15, 20.0),
+     ("Time (sec),Temp [degC],Heater (%)", 20.0, 20.0)],
+)
+def test_temperature_units_are_taken_from_the_header(tmp_path, header, temperature, expected):
+    rows = [(t, temperature + 0.1 * k, p) for k, (t, _, p) in enumerate(ROWS)]
+    assert read_log(_write(tmp_path, _table(header, rows))).temperature_degC[0] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("name", "full"), [("duty_pct", 100.0), ("duty [0..1]", 1.0), ("PWM 0-255", 255.0), ("power (%)", 100.0)]
+)
+def test_the_power_scale_is_taken_from_the_header(tmp_path, name, full):
+    rows = [(t, y, full if k > 5 else 0.0) for k, (t, y, _) in enumerate(ROWS)]
+    assert read_log(_write(tmp_path, _table(f"time_s,temp_C,{name}", rows))).power_pct.max() == 100.0
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e-3), ("min", 60.0), ("h", 3600.0), ("s", 1.0)])
+def test_time_units_are_taken_from_the_header(tmp_path, unit, factor):
+    assert read_log(_write(tmp_path, _table(f"time [{unit}],temp_C,duty_pct"))).time_s[1] == pytest.approx(10.0 * factor)
+
+
+@pytest.mark.parametrize(
+    "form", ["2026-03-01T10:{:02d}:00", "2026-03-01 10:{:02d}:00", "2026-03-01T10:{:02d}:00+01:00", "01.03.2026 10:{:02d}:00"]
+)
+def test_time_stamps_become_seconds_from_the_first_row(tmp_path, form):
+    text = "timestamp;temp_C\n" + "\n".join(f"{form.format(k)};{20 + k}" for k in range(30))
+    assert np.array_equal(read_log(_write(tmp_path, text)).time_s, 60.0 * np.arange(30))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
+def test_byte_order_marks_and_old_encodings_are_understood(tmp_path, encoding):
+    path = _write(tmp_path, _table("time_s;T [°C];duty_pct", separator=";"), encoding=encoding)
+    log = read_log(path)
+    assert log.temperature_degC[1] == 20.25
+    assert any("Latin-1" in told for told in log.repairs) == (encoding == "latin-1")
+
+
+def test_comments_blank_lines_a_row_of_units_and_repeated_times_are_told(tmp_path):
+    rows = _table("", ROWS[:5] + ROWS[4:]).replace("\n", "\n\n", 1)
+    log = read_log(_write(tmp_path, "# rig 7\ntime,temp,duty\ns,°C,%\n" + rows))
+    assert len(log.time_s) == 30
+    told = " ".join(log.repairs)
+    assert "2 blank or comment lines" in told
+    assert "1 rows that repeat the time before were dropped, first in line 10" in told
+
+
+def test_a_file_without_header_is_understood_by_its_numbers(tmp_path):
+    log = read_log(_write(tmp_path, _table("")))
+    assert log.power_pct.max() == 40.0
+    assert any("no header" in told for told in log.repairs)
+
+
+# what, text, options, and what the one line has to name
+BAD = {
+    "empty": ("", {}, ["empty"]),
+    "header only": ("time_s,temp_C\n", {}, ["no readings"]),
+    "text for a number": (_table("time_s,temp_C,duty_pct").replace("21,", "warm,", 1), {}, ["line 6", "temp_C", "'warm'"]),
+    "not a number": (_table("time_s,temp_C,duty_pct").replace("21,", "nan,", 1), {}, ["line 6", "temp_C", "finite"]),
+    "empty cell": (_table("time_s,temp_C,duty_pct").replace("21,", ",", 1), {}, ["line 6", "temp_C", "empty cell"]),
+    "short row": (_table("time_s,temp_C,duty_pct").replace(",40\n", "\n", 1), {}, ["line 3", "2 cells", "3"]),
+    "time backwards": (_table("time_s,temp_C,duty_pct").replace("\n50,", "\n5,"), {}, ["line 7", "'5'", "40"]),
+    "too short": (_table("time_s,temp_C,duty_pct", ROWS[:19]), {}, ["19", ">= 20"]),
+    "constant": (_table("time_s,temp_C", [(t, 20.0) for t, _, _ in ROWS]), {}, ["varying"]),
+    "power out of range": (_table("time_s,temp_C,duty_pct").replace(",40\n", ",140\n", 1), {}, ["line 3", "'140'", "0…100"]),
+    "below absolute zero": (_table("time_s,temp_C,duty_pct").replace("20,", "-300,", 1), {}, ["line 2", "absolute zero"]),
+    "power without unit": (_table("time_s,temp_C,CV", [(t, y, 5 * p) for t, y, p in ROWS]), {}, ["--power-full-scale"]),
+    "kelvin without unit": (_table("time_s,PV", [(t, y + 273) for t, y, _ in ROWS]), {}, ["--temperature-unit"]),
+    "no time": (_table("temp_C,duty_pct", [(y, p) for _, y, p in ROWS]), {}, ["--log-interval"]),
+    "no temperature": (_table("a,b,c"), {}, ["--temperature-column"]),
+    "unknown column": (_table("time_s,temp_C,duty_pct"), {"power_column": "kW"}, ["'kW'", "duty_pct"]),
+    "no time stamp": ("timestamp,temp_C\n" + "\n".join(f"2026-03-01 10:{k:02d},{k}" for k in range(25)) + "\nlater,9\n", {},
+                      ["line 27", "'later'"]),
+    "binary": ("\0\1\2" * 50, {}, ["binary"]),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_cannot_be_understood_is_refused_by_place_and_value(tmp_path, case):
+    text, options, named = BAD[case]
+    with pytest.raises(LogError) as caught:
+        read_log(_write(tmp_path, text), **options)
+    message = str(caught.value)
+    assert "\n" not in message
+    for part in ["log.csv", *named]:
+        assert part in message
+
+
+def test_missing_files_and_unknown_units_are_refused(tmp_path):
+    with pytest.raises(LogError, match="No such file"):
+        read_log(tmp_path / "none.csv")
+    with pytest.raises(LogError, match="directory"):
+        read_log(tmp_path)
+    with pytest.raises(UnknownName, match="degC, degF, K"):
+        read_log("table3", temperature_unit="R")
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_any_written_log_is_read_back(tmp_path_factory, data):
+    n = data.draw(st.integers(20, 40))
+    temperature = data.draw(st.lists(st.integers(-200, 2400), min_size=n, max_size=n).filter(lambda v: len(set(v)) > 1))
+    power = data.draw(st.lists(st.integers(0, 1000), min_size=n, max_size=n))
+    separator, mark = data.draw(st.sampled_from([(",", "."), (";", ","), (";", "."), ("\t", ",")]))
+    rows = [(7.5 * k, t / 10, p / 10) for k, (t, p) in enumerate(zip(temperature, power, strict=True))]
+    text = _table(separator.join(["time_s", "temp_C", "duty_pct"]), rows, separator, mark)
+    log = read_log(_write(tmp_path_factory.mktemp("log"), text))
+    assert np.array_equal(np.column_stack([log.time_s, log.temperature_degC, log.power_pct]), np.array(rows))
+
+
+def test_every_real_log_with_common_columns_is_read_whole(real_logs):
+    # row counts printed beside the logs
+    for name, rows in {"apm_siso_doublet": 571, "box_kp4_ki01": 7537, "pidtune_dataIDFOM1": 5601, "tec_run11": 120}.items():
+        assert len(read_log(real_logs / "normalised" / f"{name}.csv").time_s) == rows
+    assert all(len(read_log(path).time_s) >= 120 for path in (real_logs / "normalised").glob("*.csv"))
+
+
+def test_real_logs_as_published_are_read_once_their_units_are_told(real_logs):
+    # the same heater, once as published (K, PWM counts) and once converted by the collection's editor
+    raw = read_log(real_logs / "tclab_step_kelvin_pwm255.csv", temperature_unit="K", power_full_scale=255)
+    converted = read_log(real_logs / "normalised" / "apm_siso_doublet.csv")
+    assert raw.temperature_degC == pytest.approx(converted.temperature_degC, abs=0.006)
+    assert raw.power_pct == pytest.approx(converted.power_pct, abs=1e-4)
+    assert read_log(
+        real_logs / "tclab_step_fahrenheit_millivolt.csv", temperature_unit="degF", power_full_scale=255
+    ).temperature_degC[0] == pytest.approx(22.83, abs=0.01)
+    two = read_log(real_logs / "tclab_two_heaters_closed_loop.csv")
+    assert two.setpoint_degC[0] == 23.0
+    assert any("Temperature 2" in told for told in two.repairs)
+    curve = read_log(real_logs / "reaction_curve_semicolon_no_time.csv", sample_time_s=0.1)
+    assert curve.power_pct.max() == 10.0
