@@ -32,8 +32,11 @@ def _trace(course, duration, *, disturbances=(), resolution=0.0, power=None, swi
     )
 
 
+TWO_PERCENT = 0.02 * (SETPOINT - AMBIENT)
+
+
 def _judged(trace, margins=None, **limits):
-    return {each.name: each for each in judge(trace, Limits(**limits), margins)}
+    return {each.name: each for each in judge(trace, Limits(**{"tolerance_degC": TWO_PERCENT} | limits), margins)}
 
 
 def _first_order(t, tau=20.0):
@@ -158,8 +161,8 @@ def test_saturation_and_switchings_are_counted():
 
 
 def test_only_the_flags_of_an_overflow_count():
-    found = _judged(_trace(_first_order, 200.0, flags={"SM1.1": 2, "SM1.0": 7}))["overflow"]
-    assert (found.value, found.ok) == (2.0, False)
+    found = _judged(_trace(_first_order, 200.0, flags={"SM1.1": 2, "SM1.3": 1, "SM1.0": 7}))["overflow"]
+    assert (found.value, found.ok) == (3.0, False)
     assert _judged(_trace(_first_order, 200.0, flags={"SM1.0": 7}))["overflow"].ok
 
 
@@ -201,7 +204,7 @@ def test_the_worst_is_not_ok_where_one_is_not(values, limit, at_least):
 
 
 @pytest.mark.parametrize(("field", "value"), [
-    ("overshoot_pct", -1.0), ("ms", math.nan), ("band_pct", -2.0), ("steady_share", 0.0), ("steady_share", 1.1),
+    ("overshoot_pct", -1.0), ("ms", math.nan), ("tolerance_degC", -2.0), ("steady_share", 0.0), ("steady_share", 1.1),
 ])
 def test_limits_without_meaning_are_refused(field, value):
     with pytest.raises(OutOfRange, match=field):

@@ -101,6 +101,8 @@ def add_proof_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--pwm-period", type=float, metavar="S", help="PWM period [s] (default: TA in parts up to 10 s)")
     group.add_argument("--minimum-on", type=float, default=0.0, metavar="S", help="shortest on time [s] (default: 0)")
     group.add_argument("--minimum-off", type=float, default=0.0, metavar="S", help="shortest off time [s] (default: 0)")
+    group.add_argument("--tolerance", type=float, default=1.0, metavar="°C",
+                       help="how far from the setpoint is still right: band, offset and swing [°C] (default: 1)")
     group.add_argument("--noise", type=float, default=0.0, metavar="°C", help="sensor noise, standard deviation [°C]")
 
 
@@ -138,7 +140,9 @@ def proving(settings: argparse.Namespace) -> dict[str, Any]:
     """Return the options of `chain.prove`."""
     from heatertune.proof import Actuator  # noqa: PLC0415 - the help must not wait for numpy
 
-    found: dict[str, Any] = {"setpoint_degC": settings.setpoint, "noise_degC": settings.noise}
+    found: dict[str, Any] = {
+        "setpoint_degC": settings.setpoint, "noise_degC": settings.noise, "tolerance_degC": settings.tolerance,
+    }
     switched = {"minimum_on_s": settings.minimum_on, "minimum_off_s": settings.minimum_off}
     if settings.pwm_period is None:
         if any(switched.values()):
@@ -161,15 +165,15 @@ def words_and_model(settings: argparse.Namespace) -> tuple[Words, FittedModel]:
         InputError: the file holds no model and none is given by hand; words of another target.
         NotRepresentable, OutOfRange: the words do not fit.
     """
-    from heatertune import chain  # noqa: PLC0415
+    from heatertune.chain.documents import read_words  # noqa: PLC0415
+    from heatertune.chain.stages import encode  # noqa: PLC0415
     from heatertune.pid.document import read_design  # noqa: PLC0415
 
-    chain.demand_target(settings.target)
-    words = chain.read_words(settings.pid, settings.target)
+    words = read_words(settings.pid, settings.target)
     if words is not None:
         return words, model_from(settings, None)
     design, model = read_design(settings.pid)
-    words = chain.encode(design, settings.target, scaling=scaling(settings))
+    words = encode(design, settings.target, scaling=scaling(settings))
     by_hand = any(getattr(settings, name) is not None for name in ("gain", "time_constant", "dead_time"))
     return words, model if model is not None and not by_hand else model_from(settings, None)
 

@@ -29,14 +29,16 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.chain.documents import words_document  # noqa: PLC0415
     from heatertune.documents import to_json, write_files  # noqa: PLC0415
     from heatertune.report.text import words_table  # noqa: PLC0415
 
     words, fitted = common.words_and_model(settings)
     proof = chain.prove(words, fitted, **common.proving(settings))
     files = chain.export(words, proof, force=settings.force)
-    document = chain.words_document(words, proof, files)
-    written = write_files(settings.out, {**files, "words.json": to_json(document), "proof.json": to_json(proof.to_document())})
+    document = words_document(words, proof, files)
+    documents = {"words.json": to_json(document), "proof.json": to_json(proof.to_document())}
+    written = write_files(settings.out, {**files, **documents})
     names = "\n".join(str(path) for path in written)
     common.output(settings, document, lambda: f"{words_table(document)}\nVERDICT {proof.verdict}\n{names}")
     return 0

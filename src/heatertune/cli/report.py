@@ -17,7 +17,7 @@ def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "report", help="draw report.html anew from the documents in a directory", epilog=_EXAMPLE,
-        description="Make report.html from the JSON documents that `heatertune design` wrote; nothing is computed anew.",
+        description="Make report.html from the JSON documents that `heatertune design` wrote; nothing is computed.",
     )
     command.add_argument("directory", metavar="DIR", help="directory that `heatertune design` wrote")
     common.add_output_options(command)
@@ -26,9 +26,10 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.chain.documents import read_documents  # noqa: PLC0415
     from heatertune.report.text import summary  # noqa: PLC0415
 
-    documents = chain.read_documents(Path(settings.directory))
+    documents = read_documents(Path(settings.directory))
     (path,) = chain.report(documents, settings.directory)
     common.output(settings, documents, lambda: f"{summary(documents)}\n{path}")
     return 0 if documents["proof"]["verdict"] == "PASS" else 1

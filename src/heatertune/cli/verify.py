@@ -18,7 +18,7 @@ def add_to(commands: Any) -> None:
         "verify", help="prove a design or words: exit status 1 where the verdict is FAIL", epilog=_EXAMPLE,
         description="Run the closed loop in the PLC's own arithmetic on every candidate model and judge it.",
     )
-    command.add_argument("pid", metavar="PID|WORDS", help="pid.json as written by tune, or words.json as written by export-db")
+    command.add_argument("pid", metavar="PID|WORDS", help="pid.json as written by tune, or words.json by export-db")
     common.add_proof_options(command)
     common.add_model_options(command)
     common.add_output_options(command)

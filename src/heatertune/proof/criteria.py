@@ -82,10 +82,10 @@ class Limits:
         overshoot_pct: beyond the setpoint during heat-up [% of the setpoint step].
         settling_s: time after which the temperature stays in the band [s]; None: the time of the first
             disturbance, or the end.
-        band_pct, band_resolutions: half width of the band, the larger of the two [% of the step], [sensor
-            resolutions]: what the sensor cannot see, the controller cannot correct.
-        offset_degC, offset_pct: mean distance from the setpoint at rest, the larger of the two [°C], [% of step].
-        swing_degC, swing_pct: half of peak to peak at rest, PWM ripple included, the larger of the two, as above.
+        tolerance_degC: how far from the setpoint the process still is as it should be [°C]: half width of the band,
+            and limit of the offset and of the swing at rest.
+        tolerance_resolutions: the least the tolerance can be [sensor resolutions]: what the sensor cannot see, the
+            controller cannot correct.
         steady_share: last part of the time before the first disturbance that counts as rest, in (0, 1].
         pwm_ripple_degC: peak to peak within one PWM period at rest [°C].
         iae_degC_s: ∫|setpoint − temperature| dt of the whole record [°C·s].
@@ -95,8 +95,8 @@ class Limits:
         deviation_degC: largest distance from the setpoint after a disturbance, on its side [°C].
         saturation_pct: share of the scans that ask for 0 or 100 % power [%].
         switchings_per_h: how often the heater is switched on [1/h]; a relay's life is counted in these.
-        overflows: scans after which an overflow flag was set.
-        overflow_flags: names of the flags that mean a wrong result.
+        overflows: how often such a flag was set.
+        overflow_flags: names of the flags that mean a wrong result; SM1.1 overflow, SM1.3 division by zero (S7-200).
         ms, gain_margin, phase_margin_deg: margins of the words as realised.
 
     Raises:
@@ -105,12 +105,8 @@ class Limits:
 
     overshoot_pct: float | None = 20.0
     settling_s: float | None = None
-    band_pct: float = 2.0
-    band_resolutions: float = 2.0
-    offset_degC: float = 0.5
-    offset_pct: float = 2.0
-    swing_degC: float = 0.5
-    swing_pct: float = 2.0
+    tolerance_degC: float = 1.0
+    tolerance_resolutions: float = 2.0
     steady_share: float = 0.2
     pwm_ripple_degC: float | None = None
     iae_degC_s: float | None = None
@@ -120,7 +116,7 @@ class Limits:
     saturation_pct: float | None = None
     switchings_per_h: float | None = None
     overflows: float = 0.0
-    overflow_flags: tuple[str, ...] = ("SM1.1", "overflow")
+    overflow_flags: tuple[str, ...] = ("SM1.1", "SM1.3", "overflow")
     ms: float | None = 2.0
     gain_margin: float | None = 1.7
     phase_margin_deg: float | None = 30.0

@@ -27,10 +27,10 @@ def judge(trace: Trace, limits: Limits, margins: Margins | None = None) -> tuple
     temperatures are the true ones, at any instant, not the sensor's.
     """
     step = trace.setpoint_degC - conditions(trace.scenario, trace.model)[1]
-    band = max(limits.band_pct / 100.0 * step, limits.band_resolutions * trace.resolution_degC)
+    band = max(limits.tolerance_degC, limits.tolerance_resolutions * trace.resolution_degC)
     return (
         *_heat_up(trace, limits, step, band),
-        *_at_rest(trace, limits, step),
+        *_at_rest(trace, limits, band),
         _absolute_error(trace, limits),
         *_recovery(trace, limits, step, band),
         *_switching(trace, limits),
@@ -77,7 +77,7 @@ def _stays_within(times: Array, error: Array, band: float) -> float:
     return float(times[last] + share * (times[last + 1] - times[last]))
 
 
-def _at_rest(trace: Trace, limits: Limits, step: float) -> tuple[Criterion, ...]:
+def _at_rest(trace: Trace, limits: Limits, band: float) -> tuple[Criterion, ...]:
     end, period = _stops(trace)[1], trace.actuator.pwm_period_s
     periods = max(_PERIODS_AT_REST, math.floor(limits.steady_share * end / period))
     start = max(0.0, end - periods * period)
@@ -88,12 +88,12 @@ def _at_rest(trace: Trace, limits: Limits, step: float) -> tuple[Criterion, ...]
     return (
         Criterion(
             name="steady_offset", value=abs(_integral(times, error)) / (end - start),
-            limit=max(limits.offset_degC, limits.offset_pct / 100.0 * step), unit="°C",
+            limit=band, unit="°C",
             what=f"Mean distance from the setpoint from {start:.0f} to {end:.0f} s, before any disturbance.",
         ),
         Criterion(
             name="limit_cycle", value=float(np.ptp(error)) / 2.0,
-            limit=max(limits.swing_degC, limits.swing_pct / 100.0 * step), unit="°C",
+            limit=band, unit="°C",
             what=f"Half of the temperature's peak to peak from {start:.0f} to {end:.0f} s, PWM ripple included.",
         ),
         Criterion(
@@ -164,7 +164,7 @@ def _switching(trace: Trace, limits: Limits) -> tuple[Criterion, ...]:
         ),
         Criterion(
             name="overflow", value=float(sum(trace.flags.get(name, 0) for name in limits.overflow_flags)),
-            limit=limits.overflows, unit="scans", what="Scans after which an overflow flag was set.",
+            limit=limits.overflows, unit="1", what="How often a flag that means a wrong result was set.",
         ),
     )
 

@@ -24,14 +24,9 @@ Event = tuple[float, int, float]
 
 
 def run(
-    step: Callable[[float, bool], float],
-    measure: Callable[[float], float],
-    plant: tuple[float, float, float, float, float],
-    start: float,
-    scan_s: float,
-    noise: Sequence[float],
-    disturbances: Sequence[Event],
-    pwm: tuple[float, float, float, float, bool],
+    step: Callable[[float, bool], float], measure: Callable[[float], float],
+    plant: tuple[float, float, float, float, float], start: float, scan_s: float,
+    noise: Sequence[float], disturbances: Sequence[Event], pwm: tuple[float, float, float, float, bool],
 ) -> tuple[list[tuple[float, float, float]], list[float], list[tuple[float, float, float, float]]]:
     """Run the loop for as many scans as there are noise values; scans and PWM periods both begin at 0.
 
@@ -85,15 +80,14 @@ def run(
         samples.append((y, reading, power))
         while begun * period < t + scan_s - INSTANT_S:
             on, carried = on_time(power, carried, pwm)
-            if on > 0.0:
-                _switch(True, begun * period, edges, pending, dead)
-            if on < period:
-                _switch(False, begun * period + on, edges, pending, dead)
+            _pulse(begun * period, on, period, dead, edges, pending)
             begun += 1
     return samples, edges, stretches
 
 
-def _switch(hot: bool, at: float, edges: list[float], pending: list[Event], dead: float) -> None:
-    if len(edges) % 2 != hot:  # edges alternate, so their number tells whether it is hot already
-        edges.append(at)
-        heappush(pending, (at + dead, HEAT, 100.0 if hot else 0.0))
+def _pulse(begin: float, on: float, period: float, dead: float, edges: list[float], pending: list[Event]) -> None:
+    """Switch for one period, where the heater is not in that state already."""
+    for hot, wanted, at in ((True, on > 0.0, begin), (False, on < period, begin + on)):
+        if wanted and len(edges) % 2 != hot:  # edges alternate, so their number tells whether it is hot
+            edges.append(at)
+            heappush(pending, (at + dead, HEAT, 100.0 if hot else 0.0))

@@ -116,6 +116,8 @@ def prove(
     actuator: Actuator | None = None,
     limits: Limits | None = None,
     margins_of: Callable[[HeaterModel, PidDesign], Margins] | None = None,
+    *,
+    open_points: bool = True,
 ) -> Proof:
     """Run the words on every model under every setting the manual leaves open, and judge the worst.
 
@@ -127,6 +129,7 @@ def prove(
         actuator: the switch; not used where the controller makes the PWM itself.
         limits: None: the defaults.
         margins_of: margins of a design on a heater; None: margins are not judged.
+        open_points: False: only the default settings of the room's switches, for a quick comparison.
 
     Raises:
         InputError: no model, or as in `simulate`, with the model's label.
@@ -135,11 +138,12 @@ def prove(
     if not models:
         raise InputError("a proof needs at least one model")
     limits, design = limits or Limits(), room.decode(words)
+    settings = settings_to_prove(room.switches)[: None if open_points else 1]
     results: list[RunResult] = []
     traces: list[Trace] = []
     for name, model in models:
         margins = None if margins_of is None else margins_of(model, design)
-        for switches in settings_to_prove(room.switches):
+        for switches in settings:
             trace = _simulate(name, room, words, model, scenario, actuator, switches)
             label = _label(name, room.switches, switches)
             criteria = tuple(replace(each, where=label) for each in judge(trace, limits, margins))

@@ -8,7 +8,7 @@ from typing import Any
 
 from heatertune.report import plots
 from heatertune.report.style import to_svg
-from heatertune.report.text import figure
+from heatertune.report.text import criterion_value, figure
 
 __all__ = ["render"]
 
@@ -23,7 +23,8 @@ h1 { font-size: 1.6rem; margin-bottom: .2rem; } h2 { font-size: 1.2rem; margin-t
 p, li { max-width: 46rem; } .soft { color: var(--soft); }
 table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums; }
 th, td { border-bottom: 1px solid var(--line); padding: .25rem .7rem; text-align: left; vertical-align: top; }
-td.n { text-align: right; } .pass { color: var(--pass); font-weight: 600; } .fail { color: var(--fail); font-weight: 700; }
+td.n { text-align: right; } .pass { color: var(--pass); font-weight: 600; }
+.fail { color: var(--fail); font-weight: 700; }
 .verdict { font-size: 1.3rem; border: 2px solid currentColor; padding: .3rem .8rem; display: inline-block; }
 figure { margin: 1rem 0; } figure svg { max-width: 100%; height: auto; } figcaption { color: var(--soft); }
 code { font-family: ui-monospace, monospace; }
@@ -52,9 +53,9 @@ def _verdict(documents: Documents) -> str:
     forced = " The words were exported in spite of it (--force)." if documents["words"].get("forced") else ""
     return (
         f'<p class="verdict {proof["verdict"].lower()}">{proof["verdict"]}</p>'
-        f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {models} heater models, each under every "
-        f"setting of what the manual leaves open. Setpoint {figure(documents['pictures']['nominal']['setpoint_degC'])} °C."
-        f"{forced}</p>"
+        f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {models} heater models, each under "
+        "every setting of what the manual leaves open. Setpoint "
+        f"{figure(documents['pictures']['nominal']['setpoint_degC'])} °C.{forced}</p>"
     )
 
 
@@ -86,16 +87,16 @@ def _model(documents: Documents) -> str:
 def _candidates(model: Document) -> str:
     rows = []
     for c in model.get("candidates", ()):
-        lags = figure(c["time_constant_s"]) + (f" + {figure(c['second_time_constant_s'])}" if c.get("second_time_constant_s")
-                                               else "")
+        second = c.get("second_time_constant_s")
+        lags = figure(c["time_constant_s"]) + (f" + {figure(second)}" if second else "")
         rows.append([c["log"], c["law"], figure(c["gain_degC_per_pct"]), lags, figure(c["dead_time_s"]),
                      figure(c["ambient_degC"]), figure(c["fit_pct"]), figure(c["delta_bic"], 3)])
     if not rows:
         return ""
     heads = ["log", "law inside the fit", "gain °C/%", "lags s", "dead time s", "ambient °C", "fit %", "ΔBIC"]
     return (
-        "<h3>Models that explain the data nearly as well</h3><p>One of them may destabilise a design made for another, so "
-        f"design and proof run on all of them.</p>{_table(heads, rows, numeric=range(2, 8))}"
+        "<h3>Models that explain the data nearly as well</h3><p>One of them may destabilise a design made for another, "
+        f"so design and proof run on all of them.</p>{_table(heads, rows, numeric=range(2, 8))}"
     )
 
 
@@ -109,8 +110,8 @@ def _design(documents: Documents) -> str:
     ]
     margins = [
         [name, figure(pid.get(field)), unit] for name, field, unit in
-        (("Ms", "ms", ""), ("Mt", "mt", ""), ("gain margin", "gain_margin", ""), ("phase margin", "phase_margin_deg", "°"),
-         ("IAE after a load step of 1 %", "iae_load", "°C·s"))
+        (("Ms", "ms", ""), ("Mt", "mt", ""), ("gain margin", "gain_margin", ""),
+         ("phase margin", "phase_margin_deg", "°"), ("IAE after a load step of 1 %", "iae_load", "°C·s"))
     ]
     curves = documents["pictures"]["curves"]
     return (
@@ -130,7 +131,8 @@ def _words(documents: Documents) -> str:
     scale = words["scaling"]
     return (
         f"<h2>Words for {_text(words['target'])}</h2><p>In the order in which they are typed in. Sensor "
-        f"{figure(scale['low_degC'])}…{figure(scale['high_degC'])} °C; call every {figure(words['sample_time_s'])} s.</p>"
+        f"{figure(scale['low_degC'])}…{figure(scale['high_degC'])} °C; call every "
+        f"{figure(words['sample_time_s'])} s.</p>"
         f"{_table(['address', 'word', 'value', 'meaning', 'typed'], rows, numeric=(2,))}<ul>{files}</ul>"
     )
 
@@ -141,8 +143,7 @@ def _proof(documents: Documents) -> str:
     for name, c in proof["criteria"].items():
         limit = "told only" if c["limit"] is None else f"{'≥' if c['bound'] == '>=' else '≤'} {figure(c['limit'])}"
         mark = "" if c["limit"] is None else "ok" if c["ok"] else "FAIL"
-        value = "never" if c["value"] is None else figure(c["value"])
-        rows.append([name.replace("_", " "), value, limit, c["unit"], mark, c["where"], c["what"]])
+        rows.append([name.replace("_", " "), criterion_value(c), limit, c["unit"], mark, c["where"], c["what"]])
     heads = ["criterion", "worst", "limit", "unit", "", "in the run", "meaning"]
     nominal, kick = pictures["nominal"], pictures["kick_s"]
     return (
@@ -151,7 +152,8 @@ def _proof(documents: Documents) -> str:
                    f"Heat-up and a disturbance at {figure(kick)} s; nominal: {pictures['nominal']['label']}, worst: "
                    f"{pictures['worst']['label']}, grey: all other models.")
         + _picture(plots.plot_pwm(nominal, kick - 60.0, kick + 180.0), "The heater's switching around the disturbance.")
-        + _picture(plots.plot_wish(nominal, pictures["wish"]), "What the design meant, in floating point, against the words.")
+        + _picture(plots.plot_wish(nominal, pictures["wish"]),
+                   "What the design meant, in floating point, against the words.")
     )
 
 
@@ -163,17 +165,18 @@ def _comparison(documents: Documents) -> str:
              ", ".join(r["fails"])] for r in comparison["rivals"]]
     heads = ["design", "K %/°C", "TN s", "verdict", "worst Ms", "fails by"]
     text = (
-        "<h2>What other designs would have done</h2><p>The same proof, for rules applied to the best single-lag model of "
-        f"the log alone.</p>{_table(heads, rows, numeric=(1, 2, 4))}"
+        "<h2>What other designs would have done</h2><p>The same proof, for rules applied to the best single-lag model "
+        f"of the log alone (open points at their defaults).</p>{_table(heads, rows, numeric=(1, 2, 4))}"
     )
     paper = comparison.get("paper")
     if paper:
-        rows = [[p["label"], figure(p["overshoot_degC"]), figure(p["offset_degC"]), figure(p["offset_after_degC"])]
+        rows = [[p["label"], *(f"{p[name]:.1f}" for name in ("overshoot_degC", "offset_degC", "offset_after_degC"))]
                 for p in paper["runs"]]
         text += (
             f"<h3>The paper's own settings</h3><p>{_text(paper['told'])}</p>"
             + _table(["run", "overshoot °C", "offset before the disturbance °C", "offset at the end °C"], rows,
                      numeric=(1, 2, 3))
+            + _picture(plots.plot_paper(paper["runs"]), "The paper's settings in the S7-200's integer arithmetic.")
         )
     return text
 
@@ -204,7 +207,8 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: Sequ
 
 
 def _cell(cell: str, numeric: bool) -> str:
-    marks = [name for name, found in (("n", numeric), ("pass", cell in ("ok", "PASS")), ("fail", cell == "FAIL")) if found]
+    kinds = (("n", numeric), ("pass", cell in ("ok", "PASS")), ("fail", cell == "FAIL"))
+    marks = [name for name, found in kinds if found]
     kind = f' class="{" ".join(marks)}"' if marks else ""
     return f"<td{kind}>{_text(cell)}</td>"
 

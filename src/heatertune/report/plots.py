@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["plot_fit", "plot_loop", "plot_pwm", "plot_robustness", "plot_wish"]
+__all__ = ["plot_fit", "plot_loop", "plot_paper", "plot_pwm", "plot_robustness", "plot_wish"]
 
 Part = Mapping[str, Any]
 
@@ -84,6 +84,18 @@ def plot_wish(nominal: Part, wish: Part) -> Figure:
     return figure
 
 
+def plot_paper(runs: Sequence[Part]) -> Figure:
+    """Draw the temperature of the paper's own runs."""
+    figure, (ax,) = new_figure(1, 3.0)
+    for run, look in zip(runs, ("log", "worst", "realised"), strict=False):
+        series = run["series"]
+        ax.plot(series["time_s"], series["temperature_degC"], label=run["label"], **LOOK[look])
+    _setpoint(ax, runs[0]["series"])
+    ax.set(xlabel="time [s]", ylabel="temperature [°C]")
+    ax.legend(frameon=False, fontsize=8, loc="lower right")
+    return figure
+
+
 def plot_robustness(curves: Sequence[Part], limit: float) -> Figure:
     """Draw the Nyquist curves of all models with the Ms circle, and the sensitivities."""
     from matplotlib.figure import Figure  # noqa: PLC0415
@@ -109,8 +121,8 @@ def plot_robustness(curves: Sequence[Part], limit: float) -> Figure:
 
 
 def _temperature(ax: Axes, run: Part, name: str, look: str) -> None:
-    ax.plot(run["time_s"], run["temperature_degC"], **LOOK[look])
-    label_end(ax, run["time_s"], run["temperature_degC"], name, look)
+    ax.plot(run["time_s"], run["temperature_degC"], label=name, **LOOK[look])
+    ax.legend(frameon=False, fontsize=8, loc="lower right")
     ax.set_ylabel("temperature [°C]")
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-__all__ = ["criteria_table", "design_lines", "figure", "model_lines", "summary", "table", "words_table"]
+__all__ = [
+    "criteria_table", "criterion_value", "design_lines", "figure", "model_lines", "summary", "table", "words_table",
+]
 
 Document = Mapping[str, Any]
 
@@ -19,12 +21,18 @@ def figure(value: Any, digits: int = 4) -> str:
     return str(value)
 
 
+def criterion_value(found: Document) -> str:
+    """Return a criterion's value; one that is not finite never happened, or, where it is ok, has no limit."""
+    return ("unlimited" if found["ok"] else "never") if found["value"] is None else figure(found["value"])
+
+
 def table(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> str:
     """Return rows as aligned columns; the columns named in `right` are aligned to the right."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     lines = []
     for row in rows:
-        cells = [cell.rjust(w) if i in right else cell.ljust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))]
+        padded = enumerate(zip(row, widths, strict=True))
+        cells = [cell.rjust(width) if i in right else cell.ljust(width) for i, (cell, width) in padded]
         lines.append("  ".join(cells).rstrip())
     return "\n".join(lines)
 
@@ -33,8 +41,8 @@ def model_lines(model: Document) -> str:
     """Return the fitted FOPDT, its intervals, its candidates and what could not be identified."""
     rows = [("", "value", "95 %", "")]
     for name, label, unit in (
-        ("gain_degC_per_pct", "gain", "°C/%"), ("time_constant_s", "time constant", "s"), ("dead_time_s", "dead time", "s"),
-        ("ambient_degC", "ambient", "°C"),
+        ("gain_degC_per_pct", "gain", "°C/%"), ("time_constant_s", "time constant", "s"),
+        ("dead_time_s", "dead time", "s"), ("ambient_degC", "ambient", "°C"),
     ):
         rows.append((label, figure(model[name]), _interval(model.get(f"{name}_ci95")), unit))
     for name, found in model.get("combinations", {}).items():
@@ -72,8 +80,7 @@ def criteria_table(proof: Document) -> str:
     for name, found in proof["criteria"].items():
         limit = "" if found["limit"] is None else f"{found['bound']} {figure(found['limit'])}"
         verdict = "" if found["limit"] is None else "ok" if found["ok"] else "FAIL"
-        value = figure(found["value"]) if found["value"] is not None else "never"
-        rows.append((name.replace("_", " "), value, limit, found["unit"], verdict, found["where"]))
+        rows.append((name.replace("_", " "), criterion_value(found), limit, found["unit"], verdict, found["where"]))
     return table(rows, right=(1,))
 
 

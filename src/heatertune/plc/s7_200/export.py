@@ -13,15 +13,21 @@ __all__ = ["export_words"]
 #: PWM on Q0.0, ms base, update cycle time and pulse width; 16#CA of the paper never loads the cycle time
 _CONTROL_BYTE = "16#CB"
 
+_STORED = tuple(field for field in FIELDS if field.address.startswith("V"))
+
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     """Return both files; the same words and certificate give the same bytes (CRLF, as the editor writes)."""
-    return {"s7_200_constants.txt": _data_block(words, certificate), "s7_200_init.awl": _subroutine(words, certificate)}
+    return {
+        "s7_200_constants.txt": _data_block(words, certificate),
+        "s7_200_init.awl": _subroutine(words, certificate),
+    }
 
 
 def _head(words: Words, certificate: Certificate) -> list[str]:
     s = words.scaling
-    kind = "as printed" if words.values["PRINTED"] else "repaired: networks 3-7 run once per PWM cycle, in exact arithmetic"
+    repaired = "repaired: networks 3-7 run once per PWM cycle, in exact arithmetic"
+    kind = "as printed" if words.values["PRINTED"] else repaired
     return [
         f"// PID/PWM program, {kind}",
         f"// sensor {s.low_degC:g}...{s.high_degC:g} degC = 0...{COUNTS} counts in IB0; setpoint in counts on analog "
@@ -33,15 +39,16 @@ def _head(words: Words, certificate: Certificate) -> list[str]:
 
 
 def _data_block(words: Words, certificate: Certificate) -> str:
-    rows = [f"{f.address}\t{words.values[f.name]}\t// {f.name}: {f.comment}" for f in FIELDS if f.address.startswith("V")]
+    rows = [f"{f.address}\t{words.values[f.name]}\t// {f.name}: {f.comment}" for f in _STORED]
     return _text([*_head(words, certificate), *rows])
 
 
 def _subroutine(words: Words, certificate: Certificate) -> str:
-    stored = [f"MOVW\t{words.values[f.name]:+d}, {f.address}" for f in FIELDS if f.address.startswith("V")]
-    pwm = [f"MOVB\t{_CONTROL_BYTE}, SMB67", f"MOVW\t{words.values['CYCLE']:+d}, SMW68", "MOVW\t+0, SMW70", "PLS\t0", "ENI"]
-    body = ["SUBROUTINE_BLOCK SBR_0:SBR0", "TITLE=constants and PWM of the heater controller", *_head(words, certificate),
-            "BEGIN", "Network 1 // constants", "LD\tSM0.0", *stored, "Network 2 // PWM on Q0.0", "LD\tSM0.0", *pwm,
+    stored = [f"MOVW\t{words.values[f.name]:+d}, {f.address}" for f in _STORED]
+    cycle = f"MOVW\t{words.values['CYCLE']:+d}, SMW68"
+    pwm = [f"MOVB\t{_CONTROL_BYTE}, SMB67", cycle, "MOVW\t+0, SMW70", "PLS\t0", "ENI"]
+    body = ["SUBROUTINE_BLOCK SBR_0:SBR0", "TITLE=constants and PWM of the heater controller",
+            *_head(words, certificate), "BEGIN", "Network 1 // constants", "LD\tSM0.0", *stored, "Network 2 // PWM on Q0.0", "LD\tSM0.0", *pwm,
             "END_SUBROUTINE_BLOCK"]
     return _text([f"\t{line}" if "\t" in line else line for line in body])
 

@@ -21,22 +21,22 @@ _MOST_ERROR = 256 * COUNTS + 255
 _DOUBLE = 2**31 - 1
 
 FIELDS: Final[tuple[WordField, ...]] = (
-    WordField(name="KP", address="VW200", format="INT", low=-_MOST, high=_MOST, comment="Kp: accumulates, so acts as I"),
+    WordField(name="KP", address="VW200", format="INT", low=-_MOST, high=_MOST, comment="Kp: accumulates, acts as I"),
     WordField(name="KI", address="VW202", format="INT", low=-_MOST, high=_MOST, comment="Ki: acts as I, trapezoidal"),
     WordField(name="KD", address="VW204", format="INT", low=-_MOST, high=_MOST, comment="Kd: acts as P"),
     WordField(name="T", address="VW206", format="INT", low=1, high=_MOST, comment="T: factor of Ki, divisor of Kd"),
     WordField(name="CYCLE", address="SMW68", format="INT", low=2, high=_MOST, comment="PWM cycle, ms"),
     WordField(name="SCALE", address="VW210", format="INT", low=0, high=16, comment="bits of network 7's scaling"),
-    WordField(name="POT1", address="SMB29", format="BYTE", low=0, high=255, comment="analog adjustment 1, low byte of the error"),
-    WordField(name="PRINTED", address="-", format="BOOL", low=0, high=1, comment="1: the program as printed, 0: repaired"),
+    WordField(name="POT1", address="SMB29", format="BYTE", low=0, high=255, comment="low byte of the error"),
+    WordField(name="PRINTED", address="-", format="BOOL", low=0, high=1, comment="1: program as printed, 0: repaired"),
 )
 
 
 def encode(design: PidDesign, scaling: Scaling) -> Words:
     """Return the constants of the repaired program nearest to a PI design, TA being the PWM cycle.
 
-    Kd carries the proportional part and Kp the integral one; the scaling takes as many bits as the words and the 32-bit sum
-    allow for every pair of readings, so that the constants are as fine as they can be.
+    Kd carries the proportional part and Kp the integral one; the scaling takes as many bits as the words and the
+    32-bit sum allow for every pair of readings, so that the constants are as fine as they can be.
 
     Raises:
         NotRepresentable: a derivative part, no integral part, a cycle the register cannot hold, constants too large
@@ -44,8 +44,8 @@ def encode(design: PidDesign, scaling: Scaling) -> Words:
     """
     ta = design.sample_time_s
     if design.derivative_time_s > 0.0:
-        raise NotRepresentable("derivative action TV", design.derivative_time_s, "0: the program has no second difference",
-                               "tune --structure pi would fit")
+        raise NotRepresentable("derivative action TV", design.derivative_time_s,
+                               "0: the program has no second difference", "tune --structure pi would fit")
     if math.isinf(design.integral_time_s):
         raise NotRepresentable("integral-action time TN", design.integral_time_s, "finite: the program accumulates",
                                "tune --structure pi would fit")
@@ -60,7 +60,8 @@ def encode(design: PidDesign, scaling: Scaling) -> Words:
         raise NotRepresentable("constant KD", proportional / 256.0, f"up to {_MOST}", "a smaller K would fit")
     if kp == 0 or kd == 0:
         name, exact = ("KP", integral) if kp == 0 else ("KD", proportional)
-        raise NotRepresentable(f"constant {name}", exact * 2.0 ** (bits - 8), "at least 1 in size", "a slower TA would fit")
+        scaled = exact * 2.0 ** (bits - 8)
+        raise NotRepresentable(f"constant {name}", scaled, "at least 1 in size", "a slower TA would fit")
     values = {"KP": kp, "KI": 0, "KD": kd, "T": 1, "CYCLE": cycle, "SCALE": bits, "POT1": 0, "PRINTED": 0}
     return Words(target="s7-200", values=values, scaling=scaling, sample_time_s=cycle / 1000.0)
 
@@ -89,7 +90,7 @@ def decode(words: Words) -> PidDesign:
 
 
 def check_words(words: Words) -> None:
-    """Raise OutOfRange for the first word that is missing, unknown, not whole, out of range, or lets the sum overflow."""
+    """Raise OutOfRange for the first word that is missing, unknown, not whole, out of range, or overflows."""
     names = [field.name for field in FIELDS]
     unknown = sorted(set(words.values) - set(names))
     if unknown:
@@ -107,7 +108,7 @@ def check_words(words: Words) -> None:
 
 
 def paper_words(
-    *, gain: int, ki: int = 0, t: int = 1, cycle_ms: int = 1000, scaling: Scaling | None = None
+    *, gain: int, ki: int = 0, t: int = 1, cycle_ms: int = 2000, scaling: Scaling | None = None
 ) -> Words:
     """Return the constants of a run of the paper, program as printed.
 
@@ -137,5 +138,6 @@ def _cycle(ta: float) -> int:
     cycle = round(ta / step)
     if not low <= ta <= high or abs(ta / step - cycle) > 1e-6:
         nearest = min(max(cycle * step, low), high)
-        raise NotRepresentable("sampling interval TA", ta, f"{low:g}…{high:g} s in steps of 1 ms", f"{nearest:g} s would fit")
+        allowed = f"{low:g}…{high:g} s in steps of 1 ms"
+        raise NotRepresentable("sampling interval TA", ta, allowed, f"{nearest:g} s would fit")
     return cycle

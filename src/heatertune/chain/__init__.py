@@ -1,0 +1,17 @@
+"""The whole chain as functions; it hands later stages to earlier ones where a loop goes back.
+
+    log = read_log("table4")
+    model = fit(log)
+    design = tune(model, target="s5-ob251")
+    words = encode(design, target="s5-ob251")
+    proof = prove(words, model)
+    files = export(words, proof)
+
+There is no algorithm here: each function asks the stage that knows. `design` does it all and writes the report.
+"""
+
+from heatertune.chain.stages import encode, export, fit, prove, tune
+from heatertune.chain.whole import design, report
+from heatertune.log import read_log
+
+__all__ = ["design", "encode", "export", "fit", "prove", "read_log", "report", "tune"]

@@ -1,0 +1,93 @@
+"""What other designs, and the paper's own settings, do in the same loop."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from heatertune.chain.stages import default_pwm_period_s, encode, labelled, tune
+from heatertune.errors import NotRepresentable
+from heatertune.model.fit import model_by_hand
+from heatertune.model.values import FittedModel, Fopdt
+from heatertune.pid.robustness import margins
+from heatertune.pid.rules import RULES
+from heatertune.plc import Words, room
+from heatertune.plc.s7_200 import paper_words
+from heatertune.proof import Actuator, Proof, paper_scenario, prove, simulate
+from heatertune.proof.series import trace_series
+
+__all__ = ["best_single_lag", "paper_runs", "rivals"]
+
+#: the laboratory of the paper: first reading of Table 4 [°C]
+PAPER_ROOM_DEGC = 24.0
+
+#: the paper's runs; gain 20 and 60 are printed, Ki and T are assumed
+PAPER_RUNS: dict[str, dict[str, Any]] = {
+    "P, gain 20 %": {"gain": 20},
+    "P, gain 60 %": {"gain": 60},
+    "PI, gain 20 %": {"gain": 20, "ki": 1, "t": 40},
+}
+
+
+def rivals(fitted: FittedModel, words: Words, proof: Proof) -> list[dict[str, Any]]:
+    """Return how the rules fare in the same proof when they are applied to the best single-lag model alone."""
+    alone = best_single_lag(fitted)
+    return [_rival(rule, alone, fitted, words, proof) for rule in RULES]
+
+
+def _rival(rule: str, alone: Fopdt, fitted: FittedModel, words: Words, proof: Proof) -> dict[str, Any]:
+    wished = tune(model_by_hand(alone), target=words.target, method=rule)
+    told = {
+        "label": f"{rule} on {alone.gain_degC_per_pct:.3g} °C/%, {alone.lags_s[0]:.3g} s, {alone.dead_time_s:.3g} s",
+        "gain_pct_per_degC": wished.gain_pct_per_degC,
+        "integral_time_s": wished.integral_time_s,
+    }
+    try:
+        rounded = encode(wished, words.target, scaling=words.scaling)
+    except NotRepresentable as problem:
+        return told | {"verdict": "not representable", "ms": None, "fails": [str(problem)]}
+    actuator = Actuator(pwm_period_s=default_pwm_period_s(rounded.sample_time_s))
+    found = prove(
+        room(words.target), rounded, labelled(fitted), proof.nominal.scenario, actuator, proof.limits, margins,
+        open_points=False,
+    )
+    worst = next(criterion for criterion in found.criteria if criterion.name == "ms")
+    fails = [criterion.name for criterion in found.criteria if not criterion.ok]
+    return told | {"verdict": found.verdict, "ms": worst.value, "fails": fails}
+
+
+def best_single_lag(fitted: FittedModel) -> Fopdt:
+    """Return the single-lag model that fits the log best, else the working one."""
+    singles = [c for c in fitted.candidates if isinstance(c.model, Fopdt) and c.log == fitted.candidates[0].log]
+    found = max(singles, key=lambda c: c.fit_pct).model if singles else fitted.model
+    assert isinstance(found, Fopdt)
+    return found
+
+
+def paper_runs(fitted: FittedModel) -> dict[str, Any]:
+    """Return what the paper's own settings do: its program as printed, gain 20 %, 60 %, and with an I part.
+
+    Cycle time, sensor range and Ki are assumptions; updates are taken to go on at the limits, as the paper's logs show.
+    """
+    model = replace(best_single_lag(fitted), ambient_degC=PAPER_ROOM_DEGC)
+    scenario = paper_scenario()
+    kick = scenario.disturbances[0].time_s
+    runs = []
+    for label, settings in PAPER_RUNS.items():
+        words = paper_words(**settings)
+        trace = simulate(room(words.target), words, model, scenario, switches={"rails": "edges_go_on"})
+        rests = [trace.course(start, end)[1] for start, end in ((kick - 200.0, kick), (2250.0, 2400.0))]
+        peak = float(trace.course(0.0, kick)[1].max())
+        runs.append({
+            "label": label,
+            "overshoot_degC": max(0.0, peak - scenario.setpoint_degC),
+            "offset_degC": scenario.setpoint_degC - float(rests[0].mean()),
+            "offset_after_degC": scenario.setpoint_degC - float(rests[1].mean()),
+            "series": trace_series(trace, label),
+        })
+    told = (
+        f"The program as printed on {model.gain_degC_per_pct:.3g} °C/%, {model.time_constant_s:.3g} s, "
+        f"{model.dead_time_s:.3g} s, setpoint {scenario.setpoint_degC:g} °C. Assumed, because the paper does not print "
+        "them: PWM cycle 2 s, sensor 0…140 °C, Ki = 1 with T = 40."
+    )
+    return {"told": told, "runs": runs}

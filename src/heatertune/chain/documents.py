@@ -1,0 +1,107 @@
+"""The JSON documents that no single stage owns: log, words, pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from heatertune.chain.stages import labelled
+from heatertune.documents import number, peek_schema, read_document
+from heatertune.errors import DocumentError
+from heatertune.log.values import Log
+from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.pid import document as pid_document
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Scaling, Words, room
+from heatertune.proof import Proof, Trace, simulate, simulate_wish
+from heatertune.proof.series import curve_series, trace_series
+
+__all__ = ["log_document", "pictures", "read_documents", "read_words", "words_document"]
+
+WORDS_SCHEMA = "heatertune/words/1"
+
+
+def log_document(log: Log) -> dict[str, Any]:
+    """Return the JSON document of a log as it was understood."""
+    names = ("name", "source", "time_s", "temperature_degC", "power_pct", "setpoint_degC", "repairs", "doubts")
+    return {"schema": "heatertune/log/1"} | {name: getattr(log, name) for name in names}
+
+
+def words_document(words: Words, proof: Proof, files: Mapping[str, str]) -> dict[str, Any]:
+    """Return the JSON document of words, in the order in which they are typed in."""
+    fields = room(words.target).fields
+    return {
+        "schema": WORDS_SCHEMA,
+        "target": words.target,
+        "words": dict(words.values),
+        "fields": [{name: getattr(f, name) for name in ("name", "address", "format", "low", "high", "comment")}
+                   for f in fields],
+        "sample_time_s": words.sample_time_s,
+        "scaling": {"low_degC": words.scaling.low_degC, "high_degC": words.scaling.high_degC},
+        "realised": pid_document.to_document(proof.design),
+        "files": sorted(files),
+        "verdict": proof.verdict,
+        "forced": bool(files) and proof.verdict == "FAIL",
+    }
+
+
+def read_words(path: str | Path, target: str) -> Words | None:
+    """Return the words of a `words.json`, None where the file holds another document.
+
+    Raises:
+        DocumentError: the file cannot be read, or holds words of another target.
+        OutOfRange: a word the target does not allow.
+    """
+    found = peek_schema(path)
+    if found != WORDS_SCHEMA:
+        return None
+    document = read_document(path, WORDS_SCHEMA)
+    if document.get("target") != target or not isinstance(document.get("words"), dict):
+        raise DocumentError(f"{path}: words of target {document.get('target')!r}; expected {target!r}")
+    scale = document.get("scaling")
+    if not isinstance(scale, dict):
+        raise DocumentError(f"{path}: scaling is {scale!r}; expected low_degC and high_degC")
+    words = Words(
+        target=target, values=document["words"], sample_time_s=number(document, "sample_time_s", path),
+        scaling=Scaling(low_degC=number(scale, "low_degC", path), high_degC=number(scale, "high_degC", path)),
+    )
+    room(target).check(words)
+    return words
+
+
+def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
+    """Return the documents that `design` wrote into a directory.
+
+    Raises:
+        DocumentError: one is missing or is none.
+    """
+    names = ("log", "model", "pid", "words", "proof", "pictures", "comparison")
+    return {name: read_document(directory / f"{name}.json", f"heatertune/{name}/1") for name in names}
+
+
+def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, Any]:
+    """Return the series that the report draws: the runs, the wish, and the robustness of the words as realised."""
+    models = labelled(fitted)
+    nominal, found = proof.nominal, room(proof.words.target)
+    others = [
+        trace_series(simulate(found, proof.words, model, nominal.scenario, nominal.actuator), label)
+        for label, model in models[1:]
+    ]
+    return {
+        "schema": "heatertune/pictures/1",
+        "kick_s": nominal.scenario.disturbances[0].time_s,
+        "ms_limit": proof.limits.ms,
+        "nominal": trace_series(nominal, proof.runs[0].label),
+        "worst": trace_series(proof.worst, _label_of(proof.worst, models)),
+        "others": [{name: run[name] for name in ("label", "time_s", "temperature_degC")} for run in others],
+        "wish": trace_series(simulate_wish(wished, models[0][1], nominal.scenario, nominal.actuator), "wished"),
+        "curves": curve_series(proof.design, models),
+    }
+
+
+def _label_of(trace: Trace, models: Sequence[tuple[str, HeaterModel]]) -> str:
+    label = next(label for label, model in models if model == trace.model)
+    defaults = {switch.name: switch.default for switch in room(trace.words.target).switches} if trace.words else {}
+    changed = [f"{name} = {setting}" for name, setting in trace.switches.items() if setting != defaults.get(name)]
+    return ", ".join([label, *changed])

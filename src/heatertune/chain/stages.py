@@ -1,0 +1,190 @@
+"""One function per stage; each hands the stage what it needs from elsewhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from heatertune import cache
+from heatertune.errors import ExportRefused
+from heatertune.log import read_log
+from heatertune.log.values import Log
+from heatertune.model import document as model_document
+from heatertune.model.fit import fit as fit_log
+from heatertune.model.fit import pool_candidates
+from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.pid import document as pid_document
+from heatertune.pid.robustness import margins
+from heatertune.pid.tune import Timer
+from heatertune.pid.tune import tune as tune_model
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Certificate, Scaling, Words, room
+from heatertune.proof import Actuator, Limits, Proof, scenario_for
+from heatertune.proof import prove as prove_words
+
+__all__ = ["Told", "default_pwm_period_s", "default_setpoint", "encode", "export", "fit", "labelled", "prove", "tune"]
+
+Told = Callable[[str], object]
+
+#: ambient assumed where neither the log nor the user tells it [°C]
+ROOM_DEGC = 20.0
+
+
+def fit(
+    log: Log, *, ambient_degC: float | None = None, power_before_pct: float | None = None, until_s: float | None = None,
+    companions: bool = False, progress: Told = str,
+) -> FittedModel:
+    """Identify the heater behind a log; the paper's controller laws run inside the fit where no power was logged.
+
+    Args:
+        log: what `read_log` returned.
+        ambient_degC: ambient temperature where it is known [°C].
+        power_before_pct: power before the first reading [%].
+        until_s: last instant to use [s].
+        companions: whether the candidates of other built-in logs of the same heater are added.
+        progress: told what begins.
+
+    Raises:
+        InputError, OutOfRange: as `heatertune.model.fit.fit`.
+    """
+    settings = {"ambient_degC": ambient_degC, "power_before_pct": power_before_pct, "until_s": until_s}
+    fitted = _fit_one(log, settings, progress)
+    if not companions:
+        return fitted
+    others = [_fit_one(read_log(name, errata=True), {}, progress) for name in log.same_heater]
+    return pool_candidates(fitted, others)
+
+
+def _fit_one(log: Log, settings: Mapping[str, Any], progress: Told) -> FittedModel:
+    inputs = {
+        "name": log.name, "time_s": log.time_s, "temperature_degC": log.temperature_degC, "power_pct": log.power_pct,
+        **settings,
+    }
+
+    def run() -> dict[str, Any]:
+        return model_document.to_document(fit_log(log, laws=_laws(log), progress=progress, **settings))
+
+    return model_document.from_document(cache.cached("fit", inputs, run, progress=progress))
+
+
+def _laws(log: Log) -> Sequence[Any]:
+    if log.power_pct is not None:
+        return ()
+    from heatertune.plc.s7_200.laws import LAWS  # noqa: PLC0415 - compiles; only logs without power need it
+
+    return LAWS
+
+
+def tune(fitted: FittedModel, *, target: str | None = None, progress: Told = str, **settings: Any) -> PidDesign:
+    """Find K, TN, TV and TA; with a target, TA is what its timer can do. Settings: see `heatertune.pid.tune.tune`.
+
+    Raises:
+        UnknownName, OutOfRange, InputError: as there.
+    """
+    timer = Timer()
+    if target is not None:
+        shortest, longest, step = room(target).sample_times_s
+        timer = Timer(shortest_s=shortest, longest_s=longest, step_s=step)
+    inputs = {
+        "model": _essence(fitted),
+        "timer": [timer.shortest_s, timer.longest_s, timer.step_s],
+        "settings": dict(settings),
+    }
+
+    def run() -> dict[str, Any]:
+        return pid_document.to_document(tune_model(fitted, timer=timer, progress=progress, **settings))
+
+    return pid_document.from_document(cache.cached("tune", inputs, run, progress=progress))
+
+
+def _essence(fitted: FittedModel) -> dict[str, Any]:
+    """Return what a design depends on: the working model and the candidates."""
+    document = model_document.to_document(fitted)
+    return {key: document[key] for key in document if key not in ("residuals", "notes")}
+
+
+def encode(design: PidDesign, target: str, *, scaling: Scaling | None = None) -> Words:
+    """Round a design to the words of a target.
+
+    Raises:
+        UnknownName: no such target.
+        NotRepresentable: a word does not fit; the error tells the nearest change that would.
+    """
+    return room(target).encode(design, scaling or Scaling())
+
+
+def prove(
+    words: Words, fitted: FittedModel, *, setpoint_degC: float | None = None, noise_degC: float = 0.0,
+    actuator: Actuator | None = None, tolerance_degC: float = 1.0,
+) -> Proof:
+    """Run the words in the closed loop on every candidate model, under every open point of the manual.
+
+    Without a setpoint, the loop is proven half way between ambient and full power on the weakest model, or, where the
+    model was fitted to a log, where that log rested.
+
+    Args:
+        words: what the PLC will hold.
+        fitted: the heater and its candidates.
+        setpoint_degC: setpoint [°C].
+        noise_degC: standard deviation of the sensor noise [°C].
+        actuator: the switch behind the controller; None: PWM in parts of TA up to 10 s.
+        tolerance_degC: how far from the setpoint the process still is as it should be [°C].
+
+    Raises:
+        InputError, OutOfRange: as `heatertune.proof.prove`.
+    """
+    models = labelled(fitted)
+    scenario = scenario_for(
+        [model for _, model in models], noise_degC=noise_degC,
+        setpoint_degC=default_setpoint(fitted) if setpoint_degC is None else setpoint_degC,
+    )
+    return prove_words(
+        room(words.target), words, models, scenario,
+        actuator=actuator or Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s)),
+        limits=Limits(tolerance_degC=tolerance_degC), margins_of=margins,
+    )
+
+
+def labelled(fitted: FittedModel) -> list[tuple[str, HeaterModel]]:
+    """Return every candidate with its label, the one that fits best first; an unknown ambient is taken as 20 °C."""
+    known = sorted(fitted.candidates, key=lambda c: (c.log != fitted.candidates[0].log, -c.fit_pct))
+    found = [(candidate.label, candidate.model) for candidate in known] or [("by hand", fitted.model)]
+    return [(label, _with_ambient(model)) for label, model in found]
+
+
+def _with_ambient(model: HeaterModel) -> HeaterModel:
+    return model if model.ambient_degC is not None else replace(model, ambient_degC=ROOM_DEGC)
+
+
+def default_setpoint(fitted: FittedModel) -> float:
+    """Return where the log rested before it was disturbed, else half way up on the weakest model [°C]."""
+    if fitted.residuals is not None:
+        rest = fitted.residuals.measured_degC
+        return round(float(sum(rest[-10:]) / 10), 1)
+    return min(float(m.ambient_degC or 0.0) + 50.0 * m.gain_degC_per_pct for _, m in labelled(fitted))
+
+
+def default_pwm_period_s(sample_time_s: float) -> float:
+    """Return TA, or the largest whole part of it up to 10 s: each sample then holds whole PWM periods [s]."""
+    return sample_time_s / max(1, math.ceil(sample_time_s / 10.0))
+
+
+def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str]:
+    """Return the export files of proven words, name → text.
+
+    Raises:
+        ExportRefused: the verdict is FAIL and `force` was not given, or the proof is of other words.
+    """
+    if proof.words != words:
+        raise ExportRefused("the proof was made for other words; prove these first")
+    failed = [criterion.name for criterion in proof.criteria if not criterion.ok]
+    if failed and not force:
+        broken = ", ".join(failed)
+        raise ExportRefused(f"the proof of these words is FAIL ({broken}); --force exports them all the same")
+    models = len({run.model for run in proof.runs})
+    lines = [f"proven in {len(proof.runs)} closed-loop runs on {models} heater models"]
+    lines += [f"not kept: {name}" for name in failed]
+    certificate = Certificate(verdict=proof.verdict, lines=tuple(lines), forced=bool(failed))
+    return room(words.target).export(words, certificate)
