@@ -47,9 +47,13 @@ def _subroutine(words: Words, certificate: Certificate) -> str:
     stored = [f"MOVW\t{words.values[f.name]:+d}, {f.address}" for f in _STORED]
     cycle = f"MOVW\t{words.values['CYCLE']:+d}, SMW68"
     pwm = [f"MOVB\t{_CONTROL_BYTE}, SMB67", cycle, "MOVW\t+0, SMW70", "PLS\t0", "ENI"]
-    body = ["SUBROUTINE_BLOCK SBR_0:SBR0", "TITLE=constants and PWM of the heater controller",
-            *_head(words, certificate), "BEGIN", "Network 1 // constants", "LD\tSM0.0", *stored, "Network 2 // PWM on Q0.0", "LD\tSM0.0", *pwm,
-            "END_SUBROUTINE_BLOCK"]
+    body = [
+        "SUBROUTINE_BLOCK SBR_0:SBR0", "TITLE=constants and PWM of the heater controller",
+        *_head(words, certificate), "BEGIN",
+        "Network 1 // constants", "LD\tSM0.0", *stored,
+        "Network 2 // PWM on Q0.0", "LD\tSM0.0", *pwm,
+        "END_SUBROUTINE_BLOCK",
+    ]
     return _text([f"\t{line}" if "\t" in line else line for line in body])
 
 

@@ -15,7 +15,7 @@ from heatertune.plc.s7_200.words import COUNTS, FIELDS, TIMER, check_words, deco
 __all__ = ["ROOM", "S7200"]
 
 #: scans of the printed program per PWM cycle; real ones are more, which changes nothing between two readings
-_SCANS_PER_CYCLE = 10
+_SCANS_PER_CYCLE = 5
 
 _SWITCHES: Final = (
     Switch(name="width_applies", settings=("this_cycle", "next_cycle"), default="this_cycle",

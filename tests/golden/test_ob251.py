@@ -1,0 +1,179 @@
+"""OB251 against traces that heatertune did not make: the manual's formulas summed in exact fractions, SciPy's linear answer,
+and the figures of the manuals collected in the project's PLC page."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from heatertune.errors import NotRepresentable
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Certificate, Scaling, Words, room
+from heatertune.plc.s5_ob251.recursion import (
+    AUTO,
+    COLD,
+    GESCHW,
+    HANDART,
+    NO_Z,
+    REG_AUS,
+    XZ_EIN,
+    Assumptions,
+    Parameters,
+    call,
+)
+
+ROOM = room("s5-ob251")
+
+
+def _parameters(**changed):
+    plain = {"gain": 1.0, "r": 1.0, "ti": 0.0, "td": 0.0, "steu": AUTO | NO_Z, "manual": 0, "upper": 2047, "lower": -2047}
+    return Parameters(**(plain | changed))
+
+
+def _run(parameters, setpoints, readings, assume=None, **inputs):
+    state, states = COLD, []
+    for k, (w, x) in enumerate(zip(setpoints, readings, strict=True)):
+        state = call(parameters, assume or Assumptions(), state, w, x, **{name: v[k] for name, v in inputs.items()})
+        states.append(state)
+    return states
+
+
+def _design(gain, tn, tv, ta):
+    structure = "p" + ("i" if np.isfinite(tn) else "") + ("d" if tv else "")
+    return PidDesign(
+        gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=tv, sample_time_s=ta, structure=structure, method=""
+    )
+
+
+def _exact(words, errors):
+    """Y_k = Σ dY_m of the manual's page, in fractions, with no limits; the D part summed in closed form."""
+    k, r, ti = (Fraction(words[name], 1024) for name in ("K", "R", "TI"))
+    td, total, out = Fraction(words["TD"]), Fraction(0), []
+    padded = [0, 0, *errors]
+    for n in range(len(errors)):
+        # dD_n = Σ (1/2)^(j+1)·TD·QW_{n−j}
+        derivative = sum(
+            Fraction(1, 2 ** (j + 1)) * td * (padded[n - j + 2] - 2 * padded[n - j + 1] + padded[n - j])
+            for j in range(n + 1)
+        )
+        total += k * (r * (padded[n + 2] - padded[n + 1]) + ti * errors[n] + derivative)
+        out.append(total)
+    return out
+
+
+@pytest.mark.parametrize("words", [
+    {"K": 1024, "R": 1024, "TI": 0, "TD": 0}, {"K": 3031, "R": 1024, "TI": 57, "TD": 0},
+    {"K": 900, "R": 1024, "TI": 31, "TD": 7}, {"K": -512, "R": 700, "TI": 9, "TD": 2},
+], ids=["p", "pi", "pid", "reversed"])
+def test_the_recursion_is_the_manuals_sum_of_increments(words):
+    errors = [int(e) for e in np.random.default_rng(5).integers(-60, 60, 40)]
+    parameters = _parameters(gain=words["K"] / 1024, r=words["R"] / 1024, ti=words["TI"] / 1024, td=float(words["TD"]),
+                             upper=10**6, lower=-(10**6))
+    states = _run(parameters, errors, [0] * len(errors))
+    for state, exact in zip(states, _exact(words, errors), strict=True):
+        assert state.total == pytest.approx(float(exact), abs=1e-9)
+        assert state.output == int(state.total)
+
+
+def test_unlimited_it_is_scipys_linear_filter():
+    # C(z) = K·[R + TI/(1 − 1/z) + TD/2·(1 − 1/z)/(1 − 1/(2z))]
+    rng = np.random.default_rng(1)
+    errors = rng.integers(-40, 40, 60)
+    k, ti, td = 0.75, 0.125, 3.0
+    expected = k * (errors + lfilter([ti], [1, -1], errors) + lfilter([td / 2, -td / 2], [1, -0.5], errors))
+    states = _run(_parameters(gain=k, ti=ti, td=td, upper=10**6, lower=-(10**6)), errors.tolist(), [0] * 60)
+    assert [s.total for s in states] == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_derivative_of_a_step_halves_and_of_a_ramp_settles_to_td_times_slope():
+    # PLC page 1.1: for TD = 10 a unit step gives 5, 2.5, 1.25 …; a ramp settles to TD·slope
+    parameters = _parameters(r=0.0, td=10.0, upper=10**6, lower=-(10**6))
+    assert [s.total for s in _run(parameters, [1] * 4, [0] * 4)] == [5.0, 2.5, 1.25, 0.625]
+    assert _run(parameters, [3 * k for k in range(60)], [0] * 60)[-1].total == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize(("ta", "word", "tn"), [(1.0, 3, 341.3), (10.0, 34, 301.2)])
+def test_the_words_of_ti_are_those_of_the_plc_page(ta, word, tn):
+    words = ROOM.encode(_design(1.0, 300.0, 0.0, ta), Scaling())
+    assert words.values["TI"] == word
+    assert ROOM.decode(words).integral_time_s == pytest.approx(tn, abs=0.05)
+
+
+def test_the_word_1000_means_0_9766():
+    words = Words(target="s5-ob251", values=dict(_WORDS, K=1000), scaling=Scaling(), sample_time_s=1.0)
+    assert ROOM.decode(words).gain_pct_per_degC == pytest.approx(0.9766, abs=5e-5)
+
+
+_WORDS = {"K": 1024, "R": 1024, "TI": 20, "TD": 0, "W": 0, "STEU": 33, "YH": 0, "BGOG": 2047, "BGUG": 0}
+
+
+@pytest.mark.parametrize(("design", "word", "remedy"), [
+    (_design(1.0, 300.0, 0.0, 0.1), "TI", "slower TA"),
+    (_design(40.0, 300.0, 0.0, 10.0), "K", "sensor range"),
+    (_design(1.6, 300.0, 40.0, 10.0), "K", "sensor range"),
+    (_design(1.0, 300.0, 4.0, 10.0), "TD", "faster TA"),
+    (_design(1.0, 5.0, 0.0, 60.0), "TI", "faster TA"),
+    (_design(1.0, 300.0, 0.0, 0.015), "TA", "0.0"),
+    (_design(1.0, 30000.0, 0.0, 700.0), "TA", "600"),
+])
+def test_what_does_not_fit_is_refused_with_the_nearest_that_would(design, word, remedy):
+    with pytest.raises(NotRepresentable, match=f"{word}.*{remedy}"):
+        ROOM.encode(design, Scaling())
+
+
+def test_the_remedy_of_a_ti_word_of_zero_does_fit():
+    assert ROOM.encode(_design(1.0, 300.0, 0.0, 0.15), Scaling()).values["TI"] == 1
+
+
+def test_the_integral_rests_while_the_output_is_at_its_limit():
+    # manual 11.2.3: "when the correction information is at a limit, the integral-action component is deactivated"
+    parameters = _parameters(gain=1.0, ti=0.5, upper=100)
+    states = _run(parameters, [80] * 10, [0] * 10)
+    assert [s.output for s in states[:3]] == [100, 100, 100]
+    assert states[0].at_limit == 1
+    assert states[1].total == states[9].total == 120.0  # 80 + 40, and nothing more
+    back = _run(parameters, [80] * 10 + [60], [0] * 11)[-1]
+    assert back.total == 100.0  # P takes 20 off at once: no windup to work down
+
+
+@pytest.mark.parametrize(("field", "changes"), [
+    ("sum_is_limited", "total"), ("flag_of_same_call", "total"), ("inward_allowed", "total"), ("whole_increments", "total"),
+])
+def test_every_open_point_changes_something(field, changes):
+    setpoints, readings = [80] * 6 + [-7] * 6, [0] * 12
+    parameters = _parameters(gain=1.1, ti=0.3, upper=100, lower=0)
+    plain = _run(parameters, setpoints, readings)
+    other = _run(parameters, setpoints, readings, Assumptions(**{field: True}))
+    assert [getattr(s, changes) for s in plain] != [getattr(s, changes) for s in other]
+
+
+def test_the_bits_of_steu_do_what_table_11_10_says():
+    def outputs(steu, **inputs):
+        n = len(next(iter(inputs.values()))) if inputs else 6
+        return [s.output for s in _run(_parameters(ti=0.25, td=4.0, steu=steu, manual=800), [100] * n, [0] * n, **inputs)]
+
+    assert outputs(AUTO | NO_Z)[:2] == [int(100 + 25 + 200), int(100 + 50 + 100)]
+    assert outputs(AUTO | NO_Z | REG_AUS) == [0] * 6
+    assert outputs(NO_Z)[2:] == [700, 800, 800, 800]  # halved three times, then YH
+    assert outputs(NO_Z)[3] == 800
+    assert outputs(NO_Z | HANDART) == [0] * 6
+    assert outputs(NO_Z | GESCHW)[0] == 800
+    assert outputs(NO_Z | GESCHW | HANDART) == [0] * 6
+    # velocity: dY itself; Z feed-forward is not multiplied by K
+    assert outputs(AUTO | NO_Z | GESCHW)[1] == int(25 - 100)
+    assert outputs(AUTO, z=[7] * 6)[0] == 325 + 7
+    # the derivative of XZ instead of XW
+    assert outputs(AUTO | NO_Z | XZ_EIN, xz=[0] * 6)[:2] == [125, 150]
+
+
+def test_the_listing_holds_49_words_and_tells_verdict_and_force():
+    words = ROOM.encode(_design(2.96, 306.3, 0.0, 17.0), Scaling())
+    files = ROOM.export(words, Certificate(verdict="FAIL", lines=("not kept: ms",), forced=True))
+    listing, table = files["DB30_listing.txt"], files["DB30.csv"].splitlines()
+    assert "   1:  KF = +03031;" in listing
+    assert "  11:  KM = 00000000 00100001;" in listing
+    assert "FAIL - FORCED" in listing
+    assert "not kept: ms" in listing
+    assert [row.split(",")[0] for row in table] == ["DW", *map(str, range(49))]
+    assert ROOM.export(words, Certificate(verdict="FAIL", lines=("not kept: ms",), forced=True)) == files
