@@ -11,12 +11,25 @@ from typing import Any
 
 from heatertune.errors import DocumentError, InputError
 
-__all__ = ["number", "optional_number", "peek_schema", "read_document", "text", "to_json", "write_files"]
+__all__ = ["number", "optional_number", "peek_schema", "plain", "read_document", "text", "to_json", "write_files"]
 
 
 def to_json(document: Mapping[str, Any]) -> str:
     """Return the document as JSON text; numbers that are not finite become null."""
-    return json.dumps(_plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def plain(value: Any) -> Any:
+    """Return the value as JSON holds it: arrays as lists, numbers that are not finite as None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
 
 
 def read_document(path: str | Path, schema: str) -> dict[str, Any]:
@@ -94,15 +107,3 @@ def write_files(directory: str | Path, files: Mapping[str, str | bytes]) -> list
             temporary.unlink(missing_ok=True)
         raise InputError(f"{problem.filename or folder}: cannot be written: {problem.strerror}") from problem
     return [final for _, final in staged]
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value

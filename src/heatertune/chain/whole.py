@@ -9,7 +9,7 @@ from typing import Any
 from heatertune.chain.comparison import paper_runs, rivals
 from heatertune.chain.documents import log_document, pictures, words_document
 from heatertune.chain.stages import Told, encode, export, fit, prove, tune
-from heatertune.documents import to_json, write_files
+from heatertune.documents import plain, to_json, write_files
 from heatertune.log import read_log
 from heatertune.model import document as model_document
 from heatertune.pid import document as pid_document
@@ -51,7 +51,8 @@ def design(
     proof = prove(words, fitted, **(proving or {}))
     files = export(words, proof, force=force) if force or proof.verdict == "PASS" else {}
     progress("comparing with other designs")
-    documents: dict[str, dict[str, Any]] = {
+    # as JSON holds them: the report drawn now is the one drawn later from the files
+    documents: dict[str, dict[str, Any]] = plain({
         "log": log_document(log),
         "model": model_document.to_document(fitted),
         "pid": pid_document.to_document(wished, fitted),
@@ -63,7 +64,7 @@ def design(
             "rivals": rivals(fitted, words, proof),
             "paper": paper_runs(fitted) if log.same_heater else None,
         },
-    }
+    })
     progress("drawing the report")
     written = {f"{name}.json": to_json(document) for name, document in documents.items()}
     from heatertune.report import render  # noqa: PLC0415 - matplotlib only where pictures are drawn

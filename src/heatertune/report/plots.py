@@ -26,7 +26,7 @@ def plot_fit(log: Part, residuals: Part) -> Figure:
     top.plot(residuals["time_s"], residuals["simulated_degC"], **LOOK["model"])
     label_end(top, residuals["time_s"], residuals["simulated_degC"], "model", "model")
     top.set_ylabel("temperature [°C]")
-    if log.get("power_pct"):
+    if log["power_pct"] is not None:
         power = top.twinx()
         power.step(log["time_s"], log["power_pct"], where="post", **LOOK["other"])
         power.set_ylabel("power [%]", color=LOOK["other"]["color"])

@@ -1,0 +1,33 @@
+import json
+
+import pytest
+
+from heatertune.cli import main
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path_factory, monkeypatch):
+    """Fits are kept for the session: the commands share them, other tests and the user's cache do not."""
+    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+@pytest.fixture
+def run(capsys):
+    """Run a command as a user types it; return exit status, stdout and stderr."""
+
+    def run(*arguments):
+        status = main([str(argument) for argument in arguments])
+        said = capsys.readouterr()
+        return status, said.out, said.err
+
+    return run
+
+
+@pytest.fixture
+def by_hand(tmp_path, run):
+    """A design for a heater given by hand, as `tune` writes it."""
+    path = tmp_path / "pid.json"
+    status, _, _ = run("tune", "--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22, "-o", path)
+    assert status == 0
+    assert json.loads(path.read_text())["schema"] == "heatertune/pid/1"
+    return path
