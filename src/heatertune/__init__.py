@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-__all__ = ["design", "encode", "export", "fit", "prove", "read_log", "report", "tune"]
+__all__ = ["design", "encode", "export", "fit", "prove", "read_log", "tune", "write_report"]
 
 if TYPE_CHECKING:
-    from heatertune.chain import design, encode, export, fit, prove, read_log, report, tune
+    from heatertune.chain import design, encode, export, fit, prove, read_log, tune, write_report
 
 
 def __getattr__(name: str) -> Any:

@@ -5,13 +5,13 @@
     design = tune(model, target="s5-ob251")
     words = encode(design, target="s5-ob251")
     proof = prove(words, model)
-    files = export(words, proof)
+    write_report(log, model, design, proof, "out/")
 
-There is no algorithm here: each function asks the stage that knows. `design` does it all and writes the report.
+There is no algorithm here: each function asks the stage that knows. `design` does it all.
 """
 
 from heatertune.chain.stages import encode, export, fit, prove, tune
-from heatertune.chain.whole import design, report
+from heatertune.chain.whole import design, write_report
 from heatertune.log import read_log
 
-__all__ = ["design", "encode", "export", "fit", "prove", "read_log", "report", "tune"]
+__all__ = ["design", "encode", "export", "fit", "prove", "read_log", "tune", "write_report"]

@@ -7,15 +7,19 @@ from pathlib import Path
 from typing import Any
 
 from heatertune.chain.comparison import paper_runs, rivals
-from heatertune.chain.documents import log_document, pictures, words_document
+from heatertune.chain.documents import log_document, pictures, read_documents, words_document
 from heatertune.chain.stages import Told, encode, export, fit, prove, tune
 from heatertune.documents import plain, to_json, write_files
 from heatertune.log import read_log
+from heatertune.log.values import Log
 from heatertune.model import document as model_document
+from heatertune.model.values import FittedModel
 from heatertune.pid import document as pid_document
+from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, room
+from heatertune.proof import Proof
 
-__all__ = ["design", "report"]
+__all__ = ["design", "dossier", "redraw", "write_report"]
 
 
 def design(
@@ -50,35 +54,62 @@ def design(
     progress(f"proving the words on {len(fitted.plants)} models")
     proof = prove(words, fitted, **(proving or {}))
     files = export(words, proof, force=force) if force or proof.verdict == "PASS" else {}
-    progress("comparing with other designs")
-    # as JSON holds them: the report drawn now is the one drawn later from the files
-    documents: dict[str, dict[str, Any]] = plain({
-        "log": log_document(log),
-        "model": model_document.to_document(fitted),
-        "pid": pid_document.to_document(wished, fitted),
-        "words": words_document(words, proof, files),
-        "proof": proof.to_document(),
-        "pictures": pictures(wished, fitted, proof),
-        "comparison": {
-            "schema": "heatertune/comparison/1",
-            "rivals": rivals(fitted, words, proof),
-            "paper": paper_runs(fitted) if log.same_heater else None,
-        },
-    })
-    progress("drawing the report")
-    written = {f"{name}.json": to_json(document) for name, document in documents.items()}
-    from heatertune.report import render  # noqa: PLC0415 - matplotlib only where pictures are drawn
-
-    write_files(out, {**written, **files, "report.html": render(documents)})
+    progress("comparing with other designs, drawing the report")
+    documents = dossier(log, fitted, wished, proof, files)
+    _write(documents, files, out)
     return documents
 
 
-def report(documents: Mapping[str, Mapping[str, Any]], directory: str | Path) -> list[Path]:
-    """Write `report.html` made from the stages' documents; return its path.
+def write_report(
+    log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, out: str | Path, *, force: bool = False
+) -> list[Path]:
+    """Write the documents, the export files of words that passed (or were forced) and `report.html`; return the paths.
 
     Raises:
         InputError: the directory cannot be written.
     """
-    from heatertune.report import render  # noqa: PLC0415 - matplotlib
+    files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
+    return _write(dossier(log, fitted, wished, proof, files), files, out)
 
-    return write_files(directory, {"report.html": render(documents)})
+
+def dossier(
+    log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str]
+) -> dict[str, dict[str, Any]]:
+    """Return the documents of all stages, as JSON holds them: a report drawn now is one drawn later from the files."""
+    documents: dict[str, dict[str, Any]] = plain({
+        "log": log_document(log),
+        "model": model_document.to_document(fitted),
+        "pid": pid_document.to_document(wished, fitted),
+        "words": words_document(proof.words, proof, files),
+        "proof": proof.to_document(),
+        "pictures": pictures(wished, fitted, proof),
+        "comparison": {
+            "schema": "heatertune/comparison/1",
+            "rivals": rivals(fitted, proof.words, proof),
+            "paper": paper_runs(fitted) if log.same_heater else None,
+        },
+    })
+    return documents
+
+
+def redraw(directory: str | Path) -> dict[str, dict[str, Any]]:
+    """Draw `report.html` anew from the documents in a directory; return them.
+
+    Raises:
+        DocumentError: a document is missing or is none.
+        InputError: the directory cannot be written.
+    """
+    documents = read_documents(Path(directory))
+    write_files(directory, {"report.html": _page(documents)})
+    return documents
+
+
+def _write(documents: Mapping[str, Mapping[str, Any]], files: Mapping[str, str], out: str | Path) -> list[Path]:
+    written = {f"{name}.json": to_json(document) for name, document in documents.items()}
+    return write_files(out, {**written, **files, "report.html": _page(documents)})
+
+
+def _page(documents: Mapping[str, Mapping[str, Any]]) -> str:
+    from heatertune.report import render  # noqa: PLC0415 - matplotlib only where pictures are drawn
+
+    return render(documents)

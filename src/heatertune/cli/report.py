@@ -25,11 +25,9 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.chain.documents import read_documents  # noqa: PLC0415
+    from heatertune.chain.whole import redraw  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import summary  # noqa: PLC0415
 
-    documents = read_documents(Path(settings.directory))
-    (path,) = chain.report(documents, settings.directory)
-    common.output(settings, documents, lambda: f"{summary(documents)}\n{path}")
+    documents = redraw(settings.directory)
+    common.output(settings, documents, lambda: f"{summary(documents)}\n{Path(settings.directory) / 'report.html'}")
     return 0 if documents["proof"]["verdict"] == "PASS" else 1

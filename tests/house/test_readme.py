@@ -1,0 +1,49 @@
+"""What the README shows works: every command and every block is executed."""
+
+import re
+import shlex
+import subprocess
+import sys
+
+import pytest
+
+from heatertune.cli import COMMANDS, main
+from tests.conftest import ROOT
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```(sh|python)\n(.*?)```", README, re.DOTALL)
+SHELL = [line for kind, block in BLOCKS if kind == "sh" for line in block.splitlines()]
+COMMAND_LINES = [line[line.index("heatertune") :] for line in SHELL if "heatertune " in line]
+
+
+@pytest.mark.long
+def test_the_readmes_commands_run_in_the_order_they_stand(tmp_path, tmp_path_factory, monkeypatch, capsys):
+    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+    monkeypatch.chdir(tmp_path)
+    for line in COMMAND_LINES:
+        status = main(shlex.split(line)[1:])
+        assert status == 0, (line, capsys.readouterr())
+
+
+def test_every_command_stands_in_the_readme():
+    for command in COMMANDS:
+        name = command.__name__.rsplit(".", 1)[1].replace("_", "-")
+        assert any(line.startswith(f"heatertune {name} ") for line in COMMAND_LINES), name
+
+
+@pytest.mark.long
+def test_the_readmes_python_runs(tmp_path, tmp_path_factory, monkeypatch, capsys):
+    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+    monkeypatch.chdir(tmp_path)
+    (code,) = [block for kind, block in BLOCKS if kind == "python"]
+    exec(compile(code, "README.md", "exec"), {})  # noqa: S102 - the README's own words
+    assert capsys.readouterr().out.split()[0] in ("PASS", "FAIL")
+
+
+def test_the_help_needs_none_of_the_slow_libraries():
+    code = (
+        "import sys; from heatertune.cli import parser; parser().format_help();"
+        "print([m for m in ('numpy', 'scipy', 'casadi', 'matplotlib', 'numba', 'control') if m in sys.modules])"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout.strip() == "[]"

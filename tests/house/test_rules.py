@@ -1,0 +1,92 @@
+"""The rules of the house that a machine can check."""
+
+import ast
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+import heatertune
+from tests.conftest import ROOT
+
+SOURCE = ROOT / "src" / "heatertune"
+STAGES = ("log", "model", "pid", "plc", "proof", "report")
+FREE = ("units", "errors", "documents")
+MODULES = sorted(SOURCE.rglob("*.py"))
+
+
+def _imports(path):
+    """Return the second part of every heatertune.X that a file imports, wherever it does so."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [f"{node.module}.{alias.name}" if node.module == "heatertune" else node.module for alias in node.names]
+        yield from (name.split(".")[1] for name in names if name.startswith("heatertune.") and "." in name)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_stage_imports_only_stages_that_sort_before_it(stage):
+    for path in (SOURCE / stage).rglob("*.py"):
+        for imported in _imports(path):
+            assert imported in FREE or (imported in STAGES and imported <= stage), f"{path} imports {imported}"
+
+
+def test_what_is_free_to_all_imports_nothing_but_itself_and_nobody_imports_the_command_line():
+    for name in FREE:
+        assert set(_imports(SOURCE / f"{name}.py")) <= set(FREE)
+    for path in MODULES:
+        if path.parent.name != "cli" and path.name != "__main__.py":
+            assert "cli" not in set(_imports(path)), path
+
+
+def _dotted(path):
+    parts = path.relative_to(SOURCE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+@pytest.mark.parametrize("path", [p for p in MODULES if p.name != "__main__.py"], ids=_dotted)
+def test_public_names_exist_and_have_docstrings(path):
+    module = importlib.import_module(_dotted(path))
+    assert module.__doc__
+    for name in getattr(module, "__all__", ()):
+        found = getattr(module, name)
+        if callable(found) and getattr(found, "__module__", "").startswith("heatertune"):
+            assert found.__doc__, f"{_dotted(path)}.{name}"
+
+
+def test_the_package_offers_what_the_readme_uses():
+    assert set(heatertune.__all__) == {"design", "encode", "export", "fit", "prove", "read_log", "tune", "write_report"}
+    for name in heatertune.__all__:
+        assert callable(getattr(heatertune, name))
+    with pytest.raises(AttributeError, match="nothing"):
+        _ = heatertune.nothing
+
+
+def test_files_and_functions_stay_small():
+    for path in MODULES:
+        text = path.read_text(encoding="utf-8")
+        assert text.count("\n") <= 400, path
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef):
+                first = node.body[1].lineno if ast.get_docstring(node) and len(node.body) > 1 else node.body[0].lineno
+                assert node.end_lineno - first <= 60, f"{path}: {node.name}"
+
+
+def test_no_file_names_a_path_of_somebodys_machine():
+    machine = re.compile(r"/(root|home|work)/|/tmp/")
+    for path in [p for folder in ("src", "tests", "notebooks", "data", ".ci") for p in (ROOT / folder).rglob("*")]:
+        if path.suffix in (".py", ".md", ".toml", ".ipynb", ".csv") or path.name == "run":
+            hits = [line for line in path.read_text(encoding="utf-8").splitlines() if machine.search(line)]
+            assert not hits or path == Path(__file__), (path, hits[:1])
+
+
+def test_every_room_lists_its_differences_and_every_switch_stands_there():
+    from heatertune.plc import TARGETS, room  # noqa: PLC0415 - beside its only use
+
+    for name, package in TARGETS.items():
+        text = (SOURCE.joinpath(*package.split(".")[1:]) / "DIFFERENCES.md").read_text(encoding="utf-8")
+        for switch in room(name).switches:
+            assert f"| {switch.name} | {switch.default}, " in text, f"{name}: {switch.name}"

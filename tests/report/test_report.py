@@ -1,0 +1,106 @@
+import json
+
+import numpy as np
+import pytest
+
+from heatertune import chain
+from heatertune.chain.documents import pictures
+from heatertune.documents import plain
+from heatertune.model.fit import model_by_hand
+from heatertune.model.values import Fopdt
+from heatertune.report import plots
+from heatertune.report.style import LOOK, to_svg
+from heatertune.report.text import criteria_table, criterion_value, design_lines, table
+
+LABELS = {"temperature [°C]", "residual [°C]", "power asked for [%]", "realised − wished [°C]", "heater [%]", "Re L [1]",
+          "|S| [1]"}
+
+
+@pytest.fixture(scope="module")
+def shown():
+    fitted = model_by_hand(Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0))
+    from heatertune.pid.tune import tune  # noqa: PLC0415 - the chain's tune would use the user's cache
+
+    wished = tune(fitted, sample_time_s=5.0)
+    proof = chain.prove(chain.encode(wished, "s5-ob251"), fitted, setpoint_degC=40.0)
+    return plain(pictures(wished, fitted, proof)), proof
+
+
+def test_the_loop_is_drawn_from_the_numbers_of_the_trace(shown):
+    series, proof = shown
+    top, low = plots.plot_loop(series["nominal"], series["worst"], series["others"]).axes
+    drawn = next(line for line in top.lines if line.get_label() == "nominal")
+    at = np.asarray(drawn.get_xdata())
+    assert np.asarray(drawn.get_ydata()) == pytest.approx(proof.nominal.temperature_at(at), abs=5e-3)
+    assert (top.get_ylabel(), low.get_ylabel()) == ("temperature [°C]", "power asked for [%]")
+
+
+def test_wished_and_realised_are_drawn_with_their_difference(shown):
+    series, _ = shown
+    _, low = plots.plot_wish(series["nominal"], series["wish"]).axes
+    expected = np.array(series["nominal"]["temperature_degC"]) - np.array(series["wish"]["temperature_degC"])
+    assert low.lines[0].get_ydata() == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_sensitivity_is_drawn_below_its_limit(shown):
+    series, proof = shown
+    left, right = plots.plot_robustness(series["curves"], series["ms_limit"]).axes
+    peak = max(float(np.max(line.get_ydata())) for line in right.lines if len(line.get_xdata()) > 2)
+    ms = next(c.value for c in proof.criteria if c.name == "ms")
+    assert peak == pytest.approx(ms, rel=0.01)
+    assert left.patches[0].radius == pytest.approx(1.0 / series["ms_limit"])
+
+
+def test_every_axis_has_its_unit(shown):
+    series, _ = shown
+    figures = [
+        plots.plot_loop(series["nominal"], series["worst"], series["others"]),
+        plots.plot_wish(series["nominal"], series["wish"]), plots.plot_robustness(series["curves"], 2.0),
+        plots.plot_pwm(series["nominal"], 1600.0, 1700.0),
+    ]
+    for figure in figures:
+        assert {ax.get_ylabel() for ax in figure.axes} <= LABELS | {"Im L [1]"}
+        assert figure.axes[-1].get_xlabel() in ("time [s]", "frequency [rad/s]")
+
+
+def test_the_pwm_picture_shows_each_edge_of_its_stretch(shown):
+    series, proof = shown
+    (ax,) = plots.plot_pwm(series["nominal"], 1600.0, 1700.0).axes
+    edges = [t for t in proof.nominal.edge_time_s if 1600.0 <= t <= 1700.0]
+    assert list(ax.lines[0].get_xdata())[1:-1] == pytest.approx(edges, abs=1e-3)
+
+
+def test_the_same_figure_is_the_same_text(shown):
+    series, _ = shown
+    assert len({to_svg(plots.plot_pwm(series["nominal"], 1600.0, 1700.0)) for _ in range(2)}) == 1
+
+
+def test_lines_that_stand_side_by_side_differ_in_grey_too():
+    def grey(colour):
+        r, g, b = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+        return 0.299 * r + 0.587 * g + 0.114 * b
+
+    pairs = [("log", "model"), ("wish", "realised"), ("worst", "other"), ("log", "worst")]
+    for one, two in pairs:
+        same_grey = abs(grey(LOOK[one]["color"]) - grey(LOOK[two]["color"])) < 25
+        assert not same_grey or LOOK[one].get("linestyle") != LOOK[two].get("linestyle"), (one, two)
+
+
+def test_tables_are_aligned_and_tell_what_never_happened():
+    assert table([("a", "1"), ("bb", "22")], right=(1,)) == "a    1\nbb  22"
+    assert criterion_value({"value": None, "ok": False}) == "never"
+    assert criterion_value({"value": None, "ok": True}) == "unlimited"
+
+
+def test_the_criteria_table_names_what_fails(shown):
+    _, proof = shown
+    document = json.loads(json.dumps(plain(proof.to_document())))
+    document["criteria"]["ms"] |= {"ok": False, "value": 3.0}
+    line = next(line for line in criteria_table(document).splitlines() if line.startswith("ms"))
+    assert "FAIL" in line
+
+
+def test_a_design_without_integral_action_says_none():
+    document = {"gain_pct_per_degC": 2.0, "integral_time_s": None, "derivative_time_s": 0.0, "sample_time_s": 5.0,
+                "structure": "p", "method": "by hand"}
+    assert "TN  none" in design_lines(document)
