@@ -153,7 +153,7 @@ def test_the_bits_of_steu_do_what_table_11_10_says():
         n = len(next(iter(inputs.values()))) if inputs else 6
         return [s.output for s in _run(_parameters(ti=0.25, td=4.0, steu=steu, manual=800), [100] * n, [0] * n, **inputs)]
 
-    assert outputs(AUTO | NO_Z)[:2] == [int(100 + 25 + 200), int(100 + 50 + 100)]
+    assert outputs(AUTO | NO_Z)[:2] == [100 + 25 + 200, 100 + 50 + 100]
     assert outputs(AUTO | NO_Z | REG_AUS) == [0] * 6
     assert outputs(NO_Z)[2:] == [700, 800, 800, 800]  # halved three times, then YH
     assert outputs(NO_Z)[3] == 800
@@ -161,7 +161,7 @@ def test_the_bits_of_steu_do_what_table_11_10_says():
     assert outputs(NO_Z | GESCHW)[0] == 800
     assert outputs(NO_Z | GESCHW | HANDART) == [0] * 6
     # velocity: dY itself; Z feed-forward is not multiplied by K
-    assert outputs(AUTO | NO_Z | GESCHW)[1] == int(25 - 100)
+    assert outputs(AUTO | NO_Z | GESCHW)[1] == 25 - 100
     assert outputs(AUTO, z=[7] * 6)[0] == 325 + 7
     # the derivative of XZ instead of XW
     assert outputs(AUTO | NO_Z | XZ_EIN, xz=[0] * 6)[:2] == [125, 150]

@@ -117,7 +117,7 @@ def test_what_the_program_cannot_do_is_refused_with_a_remedy():
                     structure="pid", method="")
     with pytest.raises(NotRepresentable, match="--structure pi"):
         ROOM.encode(pid, Scaling())
-    with pytest.raises(NotRepresentable, match="TA.*32.767"):
+    with pytest.raises(NotRepresentable, match=r"TA.*32\.767"):
         ROOM.encode(_pi(ta=40.0), Scaling())
     with pytest.raises(OutOfRange, match="PRINTED"):
         ROOM.decode(paper_words(gain=20))

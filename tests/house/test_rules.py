@@ -6,9 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
+from tests.conftest import ROOT
 
 import heatertune
-from tests.conftest import ROOT
 
 SOURCE = ROOT / "src" / "heatertune"
 STAGES = ("log", "model", "pid", "plc", "proof", "report")

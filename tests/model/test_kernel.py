@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 from numba import cfunc
@@ -19,7 +21,7 @@ def _integrated(plant, power, h, n):
     second = ratio * first
     out = []
     edges = sorted({k * h for k in range(n + 1)} | {k * h + dead for k in range(n + 1)})
-    for left, right in zip(edges[:-1], edges[1:], strict=True):
+    for left, right in itertools.pairwise(edges):
         if left in {k * h for k in range(n)}:
             out.append(y)
         k = int(np.floor((left - dead) / h + 1e-9))

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 from scipy.signal import lsim, lti
+from tests.conftest import load_csv
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
 from heatertune.model.open_loop import PowerProblem
 from heatertune.model.values import Fopdt, Outcome, TwoLag
-from tests.conftest import load_csv
 
 
 def _doublet(length=1500, sample=1.0):

@@ -1,3 +1,4 @@
+import itertools
 import math
 
 import numpy as np
@@ -130,7 +131,7 @@ def test_more_dead_time_never_gives_more_gain_under_one_rule():
             apply_rule(method, Fopdt(gain_degC_per_pct=0.4, time_constant_s=150.0, dead_time_s=float(dead)), "pi", 5.0)[0]
             for dead in range(1, 60, 5)
         ]
-        assert all(a >= b for a, b in zip(gains[:-1], gains[1:], strict=True)), method
+        assert all(a >= b for a, b in itertools.pairwise(gains)), method
 
 
 def test_what_cannot_be_is_refused_with_the_known_names_or_the_limit():
