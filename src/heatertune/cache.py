@@ -34,7 +34,8 @@ def cached(
     folder = _folder()
     if folder is None:
         return run()
-    key = hashlib.sha256((_source() + stage + to_json(inputs)).encode()).hexdigest()[:32]
+    told = json.dumps(inputs, sort_keys=True, default=lambda array: array.tolist())  # keeps nan apart from null
+    key = hashlib.sha256((_source() + stage + told).encode()).hexdigest()[:32]
     name = f"{stage}-{key}.json"
     kept = _read(folder / name)
     if kept is not None:

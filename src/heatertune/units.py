@@ -20,6 +20,7 @@ NOMENCLATURE: Final[dict[str, tuple[str, str, str]]] = {
     "second_time_constant_s": ("T2", "second time constant", "s"),
     "dead_time_s": ("L", "dead time", "s"),
     "ambient_degC": ("Ta", "ambient temperature", "°C"),
+    "gain_per_time_constant_degC_per_s_pct": ("k/T", "gain per time constant", "°C/(s·%)"),
     "gain_pct_per_degC": ("K", "proportional gain", "%/°C"),
     "integral_time_s": ("TN", "integral-action time", "s"),
     "derivative_time_s": ("TV", "derivative-action time", "s"),

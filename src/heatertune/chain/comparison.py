@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -9,14 +10,16 @@ from heatertune.chain.stages import default_pwm_period_s, encode, labelled, tune
 from heatertune.errors import NotRepresentable
 from heatertune.model.fit import model_by_hand
 from heatertune.model.values import FittedModel, Fopdt
+from heatertune.pid.feasible import Problem, search
 from heatertune.pid.robustness import margins
 from heatertune.pid.rules import RULES
+from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, room
 from heatertune.plc.s7_200 import paper_words
 from heatertune.proof import Actuator, Proof, paper_scenario, prove, simulate
 from heatertune.proof.series import trace_series
 
-__all__ = ["best_single_lag", "paper_runs", "rivals"]
+__all__ = ["best_single_lag", "paper_runs", "price_of_doubt", "rivals"]
 
 #: the laboratory of the paper: first reading of Table 4 [°C]
 PAPER_ROOM_DEGC = 24.0
@@ -54,6 +57,23 @@ def _rival(rule: str, alone: Fopdt, fitted: FittedModel, words: Words, proof: Pr
     worst = next(criterion for criterion in found.criteria if criterion.name == "ms")
     fails = [criterion.name for criterion in found.criteria if not criterion.ok]
     return told | {"verdict": found.verdict, "ms": worst.value, "fails": fails}
+
+
+def price_of_doubt(fitted: FittedModel, wished: PidDesign) -> str | None:
+    """Return what the best-fitting candidate alone would have allowed; None where it is alone, or without an I part."""
+    models = labelled(fitted)
+    if len(models) == 1 or wished.margins is None or math.isinf(wished.integral_time_s + wished.margins.ms):
+        return None
+    (label, best) = models[0]
+    ms, ta = wished.margins.ms, wished.sample_time_s
+    alone = Problem(plants=(best,), structure=wished.structure, ms=ms, sample_time_s=ta)
+    found = search(alone)
+    return (
+        f"On {label} alone the same Ms would allow K = {found.gain_pct_per_degC:.3g} %/°C and TN = "
+        f"{found.integral_time_s:.3g} s instead of {wished.gain_pct_per_degC:.3g} %/°C and "
+        f"{wished.integral_time_s:.3g} s, and a load disturbance would cost "
+        f"{alone.cost(found) / alone.cost(wished):.2f} times the IAE: that is the price of what the log does not tell."
+    )
 
 
 def best_single_lag(fitted: FittedModel) -> Fopdt:

@@ -38,6 +38,8 @@ def words_document(words: Words, proof: Proof, files: Mapping[str, str]) -> dict
         "fields": [{name: getattr(f, name) for name in ("name", "address", "format", "low", "high", "comment")}
                    for f in fields],
         "sample_time_s": words.sample_time_s,
+        "setpoint_degC": proof.nominal.setpoint_degC,
+        "setpoint_units": room(words.target).measure(words, proof.nominal.setpoint_degC),
         "scaling": {"low_degC": words.scaling.low_degC, "high_degC": words.scaling.high_degC},
         "realised": pid_document.to_document(proof.design),
         "files": sorted(files),

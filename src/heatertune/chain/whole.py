@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from heatertune.chain.comparison import paper_runs, rivals
+from heatertune.chain.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.chain.documents import log_document, pictures, read_documents, words_document
 from heatertune.chain.stages import Told, encode, export, fit, prove, tune
 from heatertune.documents import plain, to_json, write_files
@@ -35,7 +35,7 @@ def design(
         source: a log, or "table3" / "table4".
         target: the controller.
         out: directory for the results.
-        reading: options of `read_log`.
+        reading: options of `read_log`; misprints of a built-in table are corrected.
         fitting: options of `fit`.
         tuning: options of `tune`.
         proving: options of `prove`.
@@ -47,7 +47,7 @@ def design(
         HeatertuneError: as the stages; nothing is written then.
     """
     room(target)  # an unknown target is refused before the long part
-    log = read_log(source, **(reading or {}))
+    log = read_log(source, **({"errata": True} | dict(reading or {})))
     fitted = fit(log, companions=True, progress=progress, **(fitting or {}))
     wished = tune(fitted, target=target, progress=progress, **(tuning or {}))
     words = encode(wished, target, scaling=scaling)
@@ -85,6 +85,7 @@ def dossier(
         "pictures": pictures(wished, fitted, proof),
         "comparison": {
             "schema": "heatertune/comparison/1",
+            "price": price_of_doubt(fitted, wished),
             "rivals": rivals(fitted, proof.words, proof),
             "paper": paper_runs(fitted) if log.same_heater else None,
         },

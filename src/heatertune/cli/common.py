@@ -110,9 +110,8 @@ def reading(settings: argparse.Namespace) -> dict[str, Any]:
     """Return the options of `read_log`."""
     names = ("time_column", "temperature_column", "power_column", "setpoint_column", "temperature_unit",
              "power_full_scale", "time_unit")
-    return _given(settings, *names) | {"errata": settings.errata} | (
-        {"sample_time_s": settings.log_interval} if settings.log_interval is not None else {}
-    )
+    found = _given(settings, *names) | ({"errata": True} if settings.errata else {})
+    return found | ({"sample_time_s": settings.log_interval} if settings.log_interval is not None else {})
 
 
 def fitting(settings: argparse.Namespace) -> dict[str, Any]:

@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from heatertune.errors import InputError
+from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
 from heatertune.model.fit_power import fit_power
 from heatertune.model.fit_temperature import fit_temperature
 from heatertune.model.law import ControllerLaw
 from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Outcome
 from heatertune.model.windows import undisturbed
+from heatertune.units import check
 
 __all__ = ["fit", "model_by_hand", "pool_candidates"]
 
@@ -40,9 +41,10 @@ def fit(
         progress: called with a short message when a stage begins.
 
     Raises:
-        InputError: the power never changes, or neither power nor laws are there.
-        OutOfRange: fewer than 20 readings are left.
+        InputError: the power never changes, or neither power nor laws are there, or power_before without power.
+        OutOfRange: fewer than 20 readings are left, an ambient above all readings, a power outside 0…100 %.
     """
+    _check_given(log, ambient_degC, power_before_pct)
     if until_s is not None:
         used = log.window(float(log.time_s[0]), until_s)
         notes: tuple[str, ...] = (f"Readings after {until_s:g} s were not used.",)
@@ -81,6 +83,18 @@ def model_by_hand(model: HeaterModel) -> FittedModel:
         model=fopdt, outcome=Outcome.BY_HAND, method="given by hand", candidates=(candidate,),
         notes=("No interval is known: the proof runs on this one model only.",),
     )
+
+
+def _check_given(log: Log, ambient_degC: float | None, power_before_pct: float | None) -> None:
+    if ambient_degC is not None:
+        highest = float(log.temperature_degC.max())
+        check("ambient_degC", ambient_degC, least=-273.15)
+        if ambient_degC >= highest:
+            raise OutOfRange("ambient_degC", ambient_degC, f"< {highest:g}, the highest reading of {log.name}")
+    if power_before_pct is not None:
+        check("power_before_pct", power_before_pct, least=0.0, most=100.0)
+        if log.power_pct is None:
+            raise InputError(f"{log.name}: the power was not logged, so power_before_pct means nothing here")
 
 
 def _demand_excitation(log: Log, ambient_degC: float | None) -> None:

@@ -15,6 +15,7 @@ from heatertune.model.least_squares import minimise
 from heatertune.model.search import Fit, fit_all, residuals_of
 from heatertune.model.statistics import autocorrelation, block_resamples
 from heatertune.model.values import Candidate, FittedModel, HeaterModel, Interval, Outcome, Residuals
+from heatertune.units import NOMENCLATURE
 
 __all__ = ["fit_temperature"]
 
@@ -159,10 +160,11 @@ def _notes(
         )
     lost = [name for name, found in ci95.items() if found is None and not (name == "ambient_degC" and ambient_degC)]
     for name in lost:
-        found = ranges[name]
-        low = "?" if found.low is None else f"{found.low:.3g}"
-        high = "?" if found.high is None else f"{found.high:.3g}"
-        notes.append(f"{name} is not identified: anything from {low} to {high} explains {log.name} nearly as well.")
+        _, called, unit = NOMENCLATURE[name]
+        low, high = ("the bound of the search" if end is None else f"{end:.3g} {unit}"
+                     for end in (ranges[name].low, ranges[name].high))
+        told = f"The {called} is not identified: anything from {low} to {high} explains {log.name}"
+        notes.append(f"{told} nearly as well.")
     if ambient_degC is None:
         notes.append(
             f"The ambient was sought within {best.hypothesis.low[4]:.1f}…{best.hypothesis.high[4]:.1f} °C, around the "

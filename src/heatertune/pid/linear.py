@@ -16,6 +16,8 @@ __all__ = ["control_margins", "loop_transfer_function", "setpoint_response"]
 
 Array = npt.NDArray[np.float64]
 
+_MOST_DELAY = 100  # samples of dead time
+
 
 def loop_transfer_function(model: HeaterModel, design: PidDesign) -> Any:
     """Return L(z) = G(z)·C(z) as a python-control TransferFunction with dt = TA, dead time as powers of z."""
@@ -37,11 +39,14 @@ def loop_transfer_function(model: HeaterModel, design: PidDesign) -> Any:
     return sum(modes[1:], modes[0]) * shift * (design.gain_pct_per_degC * parts)
 
 
-def control_margins(model: HeaterModel, design: PidDesign) -> Margins:
+def control_margins(model: HeaterModel, design: PidDesign) -> Margins | None:
     """Return the margins by python-control: poles, frequency response and `stability_margins`.
 
+    None where the dead time spans so many samples that the polynomials lose all digits.
     It does not count a crossing at half the sampling frequency, where L is real, as a gain margin.
     """
+    if sample_plant(model, design.sample_time_s).delay > _MOST_DELAY:
+        return None
     import control  # noqa: PLC0415
 
     loop = loop_transfer_function(model, design)

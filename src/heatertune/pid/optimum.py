@@ -24,6 +24,7 @@ __all__ = ["polish"]
 _SMOOTH = 1e-4  # °C; rounds the corner of |e| far below any sensor's resolution
 _FREQUENCIES = 240
 _MOST_SAMPLES = 400
+_MOST_DELAY = 200  # samples of dead time; each is a state of the loop inside
 
 
 def polish(problem: Problem, start: PidDesign, *, objective: str = "iae") -> tuple[PidDesign, str]:
@@ -34,6 +35,10 @@ def polish(problem: Problem, start: PidDesign, *, objective: str = "iae") -> tup
         start: a feasible design.
         objective: "iae" or "ise".
     """
+    plants = [sample_plant(model, problem.sample_time_s) for model in problem.plants]
+    longest = max(plant.delay for plant in plants)
+    if longest > _MOST_DELAY:
+        return start, f"IPOPT was not asked: the dead time spans {longest} samples; the feasible-set search stands."
     import casadi as ca  # noqa: PLC0415 - a tenth of a second that only the optimum needs
 
     unknowns = ca.SX.sym("x", 3 if problem.structure == "pid" else 2)
@@ -43,7 +48,7 @@ def polish(problem: Problem, start: PidDesign, *, objective: str = "iae") -> tup
     costs, limits = [], []
     omega = frequencies(problem.sample_time_s, problem.slowest_s, _FREQUENCIES)
     samples = _samples(problem, start)
-    for plant in (sample_plant(model, problem.sample_time_s) for model in problem.plants):
+    for plant in plants:
         errors = _errors(ca, plant, samples)(settings)
         costs.append(ca.sumsqr(errors) if objective == "ise" else ca.sum2(ca.sqrt(errors**2 + _SMOOTH**2)))
         limits.append(_distances(plant, settings, omega))

@@ -153,6 +153,8 @@ def _told_about_ta(
     design: PidDesign, plants: Sequence[HeaterModel], rounds: int, given_s: float | None
 ) -> str:
     trdom = _trdom(plants, design)
+    if math.isinf(trdom):
+        return f"TA = {design.sample_time_s:g} s; TRdom is unknown: the loop does not settle in the time looked at."
     share = f"TA = {design.sample_time_s:g} s, TRdom = {trdom:.3g} s of the fastest closed loop"
     if given_s is not None:
         return f"{share}; TA was given."
@@ -168,7 +170,7 @@ def _finished(
     found = [margins(plant, design) for plant in plants]
     at = max(range(len(plants)), key=lambda i: found[i].ms)
     opinion = control_margins(plants[at], design)
-    if math.isfinite(found[at].ms) and abs(opinion.ms / found[at].ms - 1.0) > 0.01:
+    if opinion is not None and math.isfinite(found[at].ms) and abs(opinion.ms / found[at].ms - 1.0) > 0.01:
         notes.append(f"python-control sees Ms = {opinion.ms:.4g} where this program sees {found[at].ms:.4g}.")
     if math.isinf(found[at].ms):
         notes.append(f"Unstable on {sum(not m.stable for m in found)} of {len(plants)} candidate models.")

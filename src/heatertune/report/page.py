@@ -8,7 +8,7 @@ from typing import Any
 
 from heatertune.report import plots
 from heatertune.report.style import to_svg
-from heatertune.report.text import criterion_value, figure
+from heatertune.report.text import criterion_value, figure, model_rows
 
 __all__ = ["render"]
 
@@ -36,7 +36,7 @@ def render(documents: Documents) -> str:
     """Return the page.
 
     Args:
-        documents: "log", "model", "pid", "words", "proof", "pictures", and, where there is one, "comparison".
+        documents: "log", "model", "pid", "words", "proof", "pictures" and "comparison".
     """
     title = f"{documents['log']['name']} → {documents['words']['target']}"
     body = "\n".join(section(documents) for section in _SECTIONS)
@@ -72,16 +72,16 @@ def _log(documents: Documents) -> str:
 
 def _model(documents: Documents) -> str:
     model = documents["model"]
-    rows = [["gain", "gain_degC_per_pct", "°C/%"], ["time constant", "time_constant_s", "s"],
-            ["dead time", "dead_time_s", "s"], ["ambient", "ambient_degC", "°C"]]
-    cells = [[label, figure(model[name]), _interval(model.get(f"{name}_ci95")), unit] for label, name, unit in rows]
-    cells += [[name.replace("_", " "), figure(item["value"]), _interval(item["ci95"]), ""]
-              for name, item in model.get("combinations", {}).items()]
-    found = _table(["", "value", "95 % interval", "unit"], cells, numeric=(1,))
+    found = _table(["", "value", "95 % interval", "unit"], model_rows(model), numeric=(1,))
     return (
         f"<h2>Heater</h2><p>{_text(model['outcome_text'])} Method: {_text(model['method'])}.</p>{found}"
-        f"{_list(model.get('notes', ()))}{_candidates(model)}"
+        f"{_list(model.get('notes', ()))}{_candidates(model)}{_price(documents)}"
     )
+
+
+def _price(documents: Documents) -> str:
+    price = documents["comparison"]["price"]
+    return f"<p>What that means for the gains: {_text(price)}</p>" if price else ""
 
 
 def _candidates(model: Document) -> str:
@@ -132,7 +132,8 @@ def _words(documents: Documents) -> str:
     return (
         f"<h2>Words for {_text(words['target'])}</h2><p>In the order in which they are typed in. Sensor "
         f"{figure(scale['low_degC'])}…{figure(scale['high_degC'])} °C; call every "
-        f"{figure(words['sample_time_s'])} s.</p>"
+        f"{figure(words['sample_time_s'])} s. The setpoint of the proof, {figure(words['setpoint_degC'])} °C, is "
+        f"{words['setpoint_units']} units.</p>"
         f"{_table(['address', 'word', 'value', 'meaning', 'typed'], rows, numeric=(2,))}<ul>{files}</ul>"
     )
 
@@ -158,9 +159,7 @@ def _proof(documents: Documents) -> str:
 
 
 def _comparison(documents: Documents) -> str:
-    comparison = documents.get("comparison")
-    if not comparison:
-        return ""
+    comparison = documents["comparison"]
     rows = [[r["label"], figure(r["gain_pct_per_degC"]), figure(r["integral_time_s"]), r["verdict"], figure(r["ms"]),
              ", ".join(r["fails"])] for r in comparison["rivals"]]
     heads = ["design", "K %/°C", "TN s", "verdict", "worst Ms", "fails by"]
@@ -215,12 +214,6 @@ def _cell(cell: str, numeric: bool) -> str:
 
 def _list(items: Sequence[str]) -> str:
     return "<ul>" + "".join(f"<li>{_text(item)}</li>" for item in items) + "</ul>" if items else ""
-
-
-def _interval(pair: Sequence[float | None] | None) -> str:
-    if pair is None:
-        return "not identified"
-    return " … ".join("open" if end is None else figure(end, 3) for end in pair)
 
 
 def _text(content: str) -> str:

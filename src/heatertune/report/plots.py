@@ -73,8 +73,8 @@ def plot_pwm(nominal: Part, start_s: float, end_s: float) -> Figure:
 def plot_wish(nominal: Part, wish: Part) -> Figure:
     """Draw what the design meant against what the words do."""
     figure, (top, low) = new_figure(2, 5.0, sharex=True, height_ratios=(2, 1))
-    _temperature(top, wish, "wished", "wish")
     _temperature(top, nominal, "realised", "realised")
+    _temperature(top, wish, "wished", "wish")  # dashed, on top: where they agree both can be seen
     _setpoint(top, nominal)
     instants = np.asarray(nominal["time_s"])
     wished = np.interp(instants, wish["time_s"], wish["temperature_degC"])

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from heatertune.units import NOMENCLATURE
+
 __all__ = [
-    "criteria_table", "criterion_value", "design_lines", "figure", "model_lines", "summary", "table", "words_table",
+    "criteria_table", "criterion_value", "design_lines", "figure", "model_lines", "model_rows", "summary", "table",
+    "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -39,19 +42,22 @@ def table(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> str:
 
 def model_lines(model: Document) -> str:
     """Return the fitted FOPDT, its intervals, its candidates and what could not be identified."""
-    rows = [("", "value", "95 %", "")]
-    for name, label, unit in (
-        ("gain_degC_per_pct", "gain", "°C/%"), ("time_constant_s", "time constant", "s"),
-        ("dead_time_s", "dead time", "s"), ("ambient_degC", "ambient", "°C"),
-    ):
-        rows.append((label, figure(model[name]), _interval(model.get(f"{name}_ci95")), unit))
-    for name, found in model.get("combinations", {}).items():
-        rows.append((name.replace("_", " "), figure(found["value"]), _interval(found["ci95"]), ""))
+    rows = [("", "value", "95 %", ""), *model_rows(model)]
     lines = [table(rows, right=(1,)), f"fit {figure(model.get('fit_pct'))} %, {model['method']}", model["outcome_text"]]
     others = len(model.get("candidates", ()))
     if others > 1:
         lines.append(f"{others} candidate models; design and proof run on all of them.")
     return "\n".join(lines + [f"- {note}" for note in model.get("notes", ())])
+
+
+def model_rows(model: Document) -> list[tuple[str, str, str, str]]:
+    """Return name, value, 95 % interval and unit of each parameter and combination."""
+    found = [(name, model[name], model.get(f"{name}_ci95"))
+             for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")]
+    found += [(name, item["value"], item["ci95"]) for name, item in model.get("combinations", {}).items()]
+    names = [NOMENCLATURE[name] for name, _, _ in found]
+    return [(called, figure(value), _interval(ci95), unit)
+            for (_, called, unit), (_, value, ci95) in zip(names, found, strict=True)]
 
 
 def design_lines(design: Document) -> str:
@@ -93,11 +99,12 @@ def summary(documents: Mapping[str, Document]) -> str:
         (f"words for {words['target']}", words_table(words)),
         ("proof", criteria_table(proof)),
     ]
-    rivals = documents.get("comparison", {}).get("rivals", ())
-    if rivals:
-        rows = [("design", "verdict", "worst Ms", "fails by")]
-        rows += [(r["label"], r["verdict"], figure(r["ms"]), ", ".join(r["fails"])) for r in rivals]
-        parts.append(("the same proof for other designs", table(rows)))
+    comparison = documents["comparison"]
+    if comparison["price"]:
+        parts[0] = ("heater", f"{model_lines(model)}\n- {comparison['price']}")
+    rows = [("design", "verdict", "worst Ms", "fails by")]
+    rows += [(r["label"], r["verdict"], figure(r["ms"]), ", ".join(r["fails"])) for r in comparison["rivals"]]
+    parts.append(("the same proof for other designs", table(rows)))
     text = "\n\n".join(f"== {title}\n{body}" for title, body in parts)
     runs = len(proof["runs"])
     return f"{text}\n\nVERDICT {proof['verdict']} ({runs} runs: every candidate model, every open point of the manual)"
