@@ -32,6 +32,16 @@ def test_every_command_stands_in_the_readme():
 
 
 @pytest.mark.long
+def test_the_example_in_every_commands_help_runs(tmp_path, tmp_path_factory, monkeypatch, capsys):
+    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+    monkeypatch.chdir(tmp_path)
+    examples = {command._EXAMPLE.split()[2]: command._EXAMPLE.removeprefix("example: ") for command in COMMANDS}
+    for name in ("fit", "tune", "verify", "export-db", "design", "report"):
+        assert main(shlex.split(examples.pop(name))[1:]) == 0, (name, capsys.readouterr())
+    assert not examples
+
+
+@pytest.mark.long
 def test_the_readmes_python_runs(tmp_path, tmp_path_factory, monkeypatch, capsys):
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
     monkeypatch.chdir(tmp_path)

@@ -15,7 +15,7 @@ from heatertune.errors import OutOfRange
 from heatertune.pid.values import PidDesign
 from heatertune.units import check
 
-__all__ = ["Certificate", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField", "Words"]
+__all__ = ["Certificate", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField", "Words", "check_fields"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +125,18 @@ class Certificate:
     verdict: str
     lines: tuple[str, ...] = ()
     forced: bool = False
+
+
+def check_fields(fields: tuple[WordField, ...], words: Words) -> None:
+    """Raise OutOfRange for the first word that is missing, unknown, not whole or outside its field's range."""
+    names = [each.name for each in fields]
+    unknown = sorted(set(words.values) - set(names))
+    if unknown:
+        raise OutOfRange(f"word {unknown[0]}", words.values[unknown[0]], f"one of {', '.join(names)}")
+    for each in fields:
+        value = words.values.get(each.name)
+        if isinstance(value, bool) or not isinstance(value, int) or not each.low <= value <= each.high:
+            raise OutOfRange(f"word {each.name}", value, f"a whole number {each.low}…{each.high}")
 
 
 class Room(Protocol):

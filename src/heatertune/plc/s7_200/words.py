@@ -7,7 +7,7 @@ from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.room import Scaling, WordField, Words
+from heatertune.plc.room import Scaling, WordField, Words, check_fields
 
 __all__ = ["COUNTS", "FIELDS", "TIMER", "check_words", "decode", "encode", "paper_words"]
 
@@ -91,14 +91,7 @@ def decode(words: Words) -> PidDesign:
 
 def check_words(words: Words) -> None:
     """Raise OutOfRange for the first word that is missing, unknown, not whole, out of range, or overflows."""
-    names = [field.name for field in FIELDS]
-    unknown = sorted(set(words.values) - set(names))
-    if unknown:
-        raise OutOfRange(f"word {unknown[0]}", words.values[unknown[0]], f"one of {', '.join(names)}")
-    for field in FIELDS:
-        value = words.values.get(field.name)
-        if isinstance(value, bool) or not isinstance(value, int) or not field.low <= value <= field.high:
-            raise OutOfRange(f"word {field.name}", value, f"a whole number {field.low}…{field.high}")
+    check_fields(FIELDS, words)
     v = words.values
     largest = _largest_sum(v["KP"], v["KI"], v["KD"], v["T"])
     if not v["PRINTED"] and largest > _DOUBLE:
