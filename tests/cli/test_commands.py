@@ -68,6 +68,30 @@ def test_verify_and_export_prove_the_words(run, by_hand, tmp_path):
     assert run("verify", tmp_path / "out" / "words.json", "--target", "s5-ob251", "--setpoint", 40, *HAND)[0] == 0
 
 
+def test_an_exported_block_is_read_back_and_proven(run, by_hand, tmp_path):
+    conditions = ("--target", "s5-ob251", "--setpoint", 40)
+    exported = json.loads(run("export-db", by_hand, *conditions, "-o", tmp_path, "--json")[1])
+    called = ("--called-every", exported["sample_time_s"])
+    status, out, _ = run("decode", tmp_path / "DB30.bin", *conditions, *called, *HAND, "--json")
+    document = json.loads(out)
+    assert (status, document["words"], document["odd"]) == (0, exported["words"], [])
+    assert document["realised"]["gain_pct_per_degC"] == exported["realised"]["gain_pct_per_degC"]
+    assert document["proof"]["verdict"] == "PASS"
+    (tmp_path / "short.bin").write_bytes(b"12")
+    status, out, err = run("decode", tmp_path / "short.bin", *conditions, *called)
+    assert (status, out) == (2, "")
+    assert "2 bytes; expected 98" in err
+
+
+def test_the_targets_are_listed_with_their_open_points(run):
+    status, out, _ = run("targets", "--json")
+    targets = {each["name"]: each for each in json.loads(out)["targets"]}
+    assert status == 0
+    assert {"s5-ob251", "s7-200"} == set(targets)
+    assert "rounding" in {switch["name"] for switch in targets["s5-ob251"]["switches"]}
+    assert "s7-200: SIMATIC" in run("targets")[1]
+
+
 def test_words_that_fail_leave_only_by_force_and_say_so(run, by_hand, tmp_path):
     slow = ("--gain", 0.9, "--time-constant", 167, "--dead-time", 90, "--ambient", 22)
     conditions = ("--target", "s5-ob251", "--setpoint", 60)
@@ -184,4 +208,4 @@ def test_every_command_has_help_with_an_example(run, capsys):
             run(name, "--help")
         said = capsys.readouterr().out
         assert ended.value.code == 0
-        assert f"example: heatertune {name} " in said
+        assert f"example: heatertune {name}" in said

@@ -28,7 +28,7 @@ def test_the_readmes_commands_run_in_the_order_they_stand(tmp_path, tmp_path_fac
 def test_every_command_stands_in_the_readme():
     for command in COMMANDS:
         name = command.__name__.rsplit(".", 1)[1].replace("_", "-")
-        assert any(line.startswith(f"heatertune {name} ") for line in COMMAND_LINES), name
+        assert any(line.split()[1] == name for line in COMMAND_LINES), name
 
 
 @pytest.mark.long
@@ -36,7 +36,7 @@ def test_the_example_in_every_commands_help_runs(tmp_path, tmp_path_factory, mon
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
     monkeypatch.chdir(tmp_path)
     examples = {command._EXAMPLE.split()[2]: command._EXAMPLE.removeprefix("example: ") for command in COMMANDS}
-    for name in ("fit", "tune", "verify", "export-db", "design", "report"):
+    for name in ("fit", "tune", "verify", "export-db", "design", "report", "decode", "targets"):
         assert main(shlex.split(examples.pop(name))[1:]) == 0, (name, capsys.readouterr())
     assert not examples
 

@@ -28,7 +28,7 @@ def log_document(log: Log) -> dict[str, Any]:
     return {"schema": "heatertune/log/1"} | {name: getattr(log, name) for name in names}
 
 
-def words_document(words: Words, proof: Proof, files: Mapping[str, str]) -> dict[str, Any]:
+def words_document(words: Words, proof: Proof, files: Mapping[str, str | bytes]) -> dict[str, Any]:
     """Return the JSON document of words, in the order in which they are typed in."""
     fields = room(words.target).fields
     return {

@@ -171,8 +171,8 @@ def default_pwm_period_s(sample_time_s: float) -> float:
     return sample_time_s / max(1, math.ceil(sample_time_s / 10.0))
 
 
-def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str]:
-    """Return the export files of proven words, name → text.
+def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str | bytes]:
+    """Return the export files of proven words, name → content.
 
     Raises:
         ExportRefused: the verdict is FAIL and `force` was not given, or the proof is of other words.

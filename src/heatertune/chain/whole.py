@@ -73,7 +73,7 @@ def write_report(
 
 
 def dossier(
-    log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str]
+    log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes]
 ) -> dict[str, dict[str, Any]]:
     """Return the documents of all stages, as JSON holds them: a report drawn now is one drawn later from the files."""
     documents: dict[str, dict[str, Any]] = plain({
@@ -105,7 +105,7 @@ def redraw(directory: str | Path) -> dict[str, dict[str, Any]]:
     return documents
 
 
-def _write(documents: Mapping[str, Mapping[str, Any]], files: Mapping[str, str], out: str | Path) -> list[Path]:
+def _write(documents: Mapping[str, Mapping[str, Any]], files: Mapping[str, str | bytes], out: str | Path) -> list[Path]:
     written = {f"{name}.json": to_json(document) for name, document in documents.items()}
     return write_files(out, {**written, **files, "report.html": _page(documents)})
 

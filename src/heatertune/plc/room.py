@@ -188,5 +188,5 @@ class Room(Protocol):
         its own PWM that a PWM period begins with this scan.
         """
 
-    def export(self, words: Words, certificate: Certificate) -> dict[str, str]:
-        """Return file name → text; the same words and certificate always give the same text."""
+    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+        """Return file name → content; the same words and certificate always give the same bytes."""

@@ -1,4 +1,4 @@
-"""The controller DB as a listing to key in, and as CSV: DW, format, value, comment."""
+"""The controller DB as a listing to key in, as CSV (DW, format, value, comment), and as the CPU holds it."""
 
 from __future__ import annotations
 
@@ -6,28 +6,32 @@ import csv
 import io
 
 from heatertune.plc.room import Certificate, Words
+from heatertune.plc.s5_ob251.image import LENGTH, to_image
 from heatertune.plc.s5_ob251.words import FIELDS, FULL_SCALE
 
 __all__ = ["export_words"]
 
 _DB = 30
-_LENGTH = 49  # a shorter DB stops the CPU with TRAF
 
 _CELLS = {22: ("KF", "X actual value, written by the program"), 24: ("KF", "Z disturbance variable"),
           29: ("KF", "XZ substitute for the D part"), 48: ("KF", "YA controller output, read by the program")}
 
 
-def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
-    """Return the listing and the CSV; the same words and certificate give the same bytes."""
+def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+    """Return the listing, the CSV and the DB image; the same words and certificate give the same bytes."""
     rows = _rows(words)
-    return {f"DB{_DB}_listing.txt": _listing(words, certificate, rows), f"DB{_DB}.csv": _csv(rows)}
+    return {
+        f"DB{_DB}_listing.txt": _listing(words, certificate, rows),
+        f"DB{_DB}.csv": _csv(rows),
+        f"DB{_DB}.bin": to_image(words),
+    }
 
 
 def _rows(words: Words) -> list[tuple[int, str, str, str]]:
     """Return (DW, format, value, comment) for all 49 words."""
     known = {int(field.address[2:]): field for field in FIELDS}
     rows = []
-    for dw in range(_LENGTH):
+    for dw in range(LENGTH):
         if dw in known:
             field = known[dw]
             rows.append((dw, field.format, _value(field.format, words.values[field.name]),

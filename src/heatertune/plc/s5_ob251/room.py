@@ -84,8 +84,8 @@ class Ob251:
         power = min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0)
         return state._replace(state=after), Scan(power_pct=power, output=after.output, flags=flags)
 
-    def export(self, words: Words, certificate: Certificate) -> dict[str, str]:
-        """Return the listing and the CSV of the controller DB."""
+    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+        """Return the listing, the CSV and the image of the controller DB."""
         return export_words(words, certificate)
 
 

@@ -10,14 +10,15 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.room import Scaling, WordField, Words, check_fields
 from heatertune.plc.s5_ob251.recursion import AUTO, NO_Z
 
-__all__ = ["FIELDS", "FULL_SCALE", "check_words", "decode", "encode"]
+__all__ = ["FIELDS", "FULL_SCALE", "GAIN_WITH_D", "check_words", "decode", "encode"]
 
 #: K, R and TI are multiples of this; the manual's 0.001 is its round value (footnote of table 11-11)
 FACTOR: Final = 1024
 #: units at the upper end of the sensor range and at full power
 FULL_SCALE: Final = 2047
 
-_GAIN_WITH_D = 1500
+#: largest K with a derivative part (table 11-11, footnote)
+GAIN_WITH_D: Final = 1500
 
 FIELDS: Final[tuple[WordField, ...]] = (
     WordField(name="K", address="DW1", format="KF", low=-32768, high=32767, comment="proportional coefficient, 1/1024"),
@@ -50,7 +51,7 @@ def encode(design: PidDesign, scaling: Scaling) -> Words:
     if design.derivative_time_s > 0.0:
         faster = f"a faster TA of at most {2.0 * design.derivative_time_s:.2g} s would fit"
         _demand_part("TD", design.derivative_time_s / ta, td, 999, faster if td == 0 else "a slower TA would fit")
-    limit = _GAIN_WITH_D if td else 32767
+    limit = GAIN_WITH_D if td else 32767
     if abs(gain) > limit or gain == 0:
         wider = f"a sensor range of {scaling.span_degC * limit / max(abs(gain), 1):.3g} °C or a smaller K would fit"
         raise NotRepresentable("word K", gain, f"1…{limit} in size", wider)
@@ -88,7 +89,7 @@ def check_words(words: Words) -> None:
     check_fields(FIELDS, words)
     if words.values["BGUG"] > words.values["BGOG"]:
         raise OutOfRange("word BGUG", words.values["BGUG"], f"<= BGOG = {words.values['BGOG']}")
-    limit = _GAIN_WITH_D
+    limit = GAIN_WITH_D
     if words.values["TD"] and not -limit <= words.values["K"] <= limit:
         raise OutOfRange("word K", words.values["K"], f"-{limit}…{limit} with a D part (TD is not 0)")
 

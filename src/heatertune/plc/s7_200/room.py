@@ -89,9 +89,9 @@ class S7200:
         power = 100.0 * memory.applied / state.constants.cycle_ms
         return state._replace(memory=memory), Scan(power_pct=power, output=memory.applied, flags=flags)
 
-    def export(self, words: Words, certificate: Certificate) -> dict[str, str]:
+    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
         """Return the constants as data-block text and an initialising subroutine."""
-        return export_words(words, certificate)
+        return {**export_words(words, certificate)}
 
 
 ROOM: Final = S7200()

@@ -1,0 +1,66 @@
+"""`heatertune decode`: the dump of a running controller → what it really does."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from heatertune.cli import common
+from heatertune.errors import InputError
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune decode out/DB30.bin --target s5-ob251 --called-every 17"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "decode", help="a dumped controller DB → K, TN, TV as realised, what is odd, and its proof", epilog=_EXAMPLE,
+        description="Read the data block of a running controller (OB251: 49 words, high byte first); with a model by "
+        "hand or --model, prove it.",
+    )
+    command.add_argument("dump", metavar="DUMP", help="binary file of the data block")
+    command.add_argument("--called-every", type=float, required=True, metavar="S", help="sampling interval TA [s]")
+    command.add_argument("--model", metavar="FILE", help="model.json to prove the controller on")
+    common.add_proof_options(command)
+    common.add_model_options(command)
+    common.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.pid.document import to_document  # noqa: PLC0415
+    from heatertune.plc import room  # noqa: PLC0415
+    from heatertune.plc.s5_ob251.image import from_image, oddities  # noqa: PLC0415
+    from heatertune.report.text import criteria_table, design_lines  # noqa: PLC0415
+
+    found = room(settings.target)
+    if found.name != "s5-ob251":
+        raise InputError(f"a dump of {found.name} cannot be decoded; known: s5-ob251")
+    image, scaling = _bytes(settings.dump), common.scaling(settings)
+    words = from_image(image, sample_time_s=settings.called_every, scaling=scaling, source=settings.dump)
+    document: dict[str, Any] = {
+        "schema": "heatertune/decode/1", "target": found.name, "words": dict(words.values),
+        "realised": to_document(found.decode(words)), "odd": list(oddities(words)), "proof": None,
+    }
+    if settings.model is not None or settings.gain is not None:
+        fitted = common.model_from(settings, settings.model)
+        document["proof"] = chain.prove(words, fitted, **common.proving(settings)).to_document()
+    proof = document["proof"]
+
+    def told() -> str:
+        lines = [design_lines(document["realised"]), *[f"odd: {each}" for each in document["odd"]]]
+        return "\n".join(lines + ([criteria_table(proof), f"VERDICT {proof['verdict']}"] if proof else []))
+
+    common.output(settings, document, told)
+    return 1 if proof and proof["verdict"] == "FAIL" else 0
+
+
+def _bytes(path: str) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read: {problem.strerror}") from problem

@@ -1,0 +1,54 @@
+"""`heatertune targets`: the controllers, and what each can do."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from heatertune.cli import common
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune targets"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "targets", help="the controllers, what each can hold, and what its manual leaves open", epilog=_EXAMPLE,
+        description="List the controllers.",
+    )
+    common.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune.plc import TARGETS, room  # noqa: PLC0415 - the help must not wait for it
+
+    rooms = [room(name) for name in TARGETS]
+    document = {
+        "schema": "heatertune/targets/1",
+        "targets": [
+            {
+                "name": each.name,
+                "title": each.title,
+                "sample_time_s": dict(zip(("shortest", "longest", "step"), each.sample_times_s, strict=True)),
+                "words": [{"name": f.name, "address": f.address, "low": f.low, "high": f.high} for f in each.fields],
+                "switches": [{"name": s.name, "settings": s.settings, "why": s.why} for s in each.switches],
+            }
+            for each in rooms
+        ],
+    }
+    common.output(settings, document, lambda: "\n\n".join(_told(each) for each in document["targets"]))
+    return 0
+
+
+def _told(target: Any) -> str:
+    times = target["sample_time_s"]
+    lines = [
+        f"{target['name']}: {target['title']}",
+        f"  TA {times['shortest']:g}…{times['longest']:g} s in steps of {times['step']:g} s",
+        "  words " + ", ".join(f"{w['name']} {w['low']}…{w['high']}" for w in target["words"]),
+        "  left open by the manual, proven under every setting:",
+    ]
+    return "\n".join(lines + [f"    {s['name']} ({', '.join(s['settings'])}): {s['why']}" for s in target["switches"]])

@@ -1,0 +1,83 @@
+"""The controller DB as the CPU holds it: 49 words, 98 bytes, high byte first."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from typing import Final
+
+from heatertune.errors import InputError
+from heatertune.plc.room import Scaling, Words, check_fields
+from heatertune.plc.s5_ob251.words import FACTOR, FIELDS, GAIN_WITH_D
+
+__all__ = ["LENGTH", "from_image", "oddities", "to_image"]
+
+#: data words DW0 to DW48; with fewer the CPU stops with TRAF (manual, section 11.2.3)
+LENGTH: Final = 49
+
+_PLACES: Final = {field.name: int(field.address[2:]) for field in FIELDS}
+_USER_BITS: Final = 0x00FF  # DL11 belongs to the operating system
+_COARSE: Final = 0.05
+
+
+def to_image(words: Words) -> bytes:
+    """Return the 98 bytes of the DB; cells that are not words of the user are 0."""
+    cells = [0] * LENGTH
+    for name, place in _PLACES.items():
+        cells[place] = words.values[name] & 0xFFFF
+    return struct.pack(f">{LENGTH}H", *cells)
+
+
+def from_image(image: bytes, *, sample_time_s: float, scaling: Scaling, source: str = "DB") -> Words:
+    """Return the words of a DB that was dumped from a controller.
+
+    Args:
+        image: at least 98 bytes; more words than 49 are allowed and not looked at.
+        sample_time_s: interval at which OB251 is called [s]; the DB does not hold it.
+        scaling: sensor range; the DB does not hold it either.
+        source: name for error messages.
+
+    Raises:
+        InputError: fewer than 98 bytes, or half a word.
+        OutOfRange: a word outside its range.
+    """
+    if len(image) < 2 * LENGTH or len(image) % 2:
+        raise InputError(f"{source}: {len(image)} bytes; expected {2 * LENGTH} (49 words) or more, in whole words")
+    cells = struct.unpack(f">{LENGTH}h", image[: 2 * LENGTH])
+    values = {name: cells[place] for name, place in _PLACES.items()}
+    values["STEU"] &= _USER_BITS
+    words = Words(target="s5-ob251", values=values, scaling=scaling, sample_time_s=sample_time_s)
+    check_fields(FIELDS, words)
+    return words
+
+
+def oddities(words: Words) -> tuple[str, ...]:
+    """Return what is odd about a controller's words, one sentence each."""
+    v: Mapping[str, int] = words.values
+    found = []
+    if v["TI"] == 0:
+        found.append("TI is 0: the controller has no integral action.")
+    elif 0.5 / v["TI"] > _COARSE:
+        found.append(f"TI is {v['TI']}: half a word is {50.0 / v['TI']:.0f} % of TN; a slower TA makes it finer.")
+    if v["R"] == 0:
+        found.append("R is 0: the controller has no proportional action.")
+    elif v["R"] != FACTOR:
+        found.append(f"R is {v['R']}, not {FACTOR}: the proportional part is K·R, and TN and TV change with R.")
+    if v["TD"] and abs(v["K"]) > GAIN_WITH_D:
+        found.append(f"K is {v['K']} with a derivative part: the manual allows ±{GAIN_WITH_D} unless XW changes slowly.")
+    if v["BGOG"] <= v["BGUG"]:
+        found.append("BGOG is not above BGUG: the output cannot move.")
+    for bit, meaning in _UNUSUAL:
+        if bool(v["STEU"] & bit) != (bit in (1, 32)):
+            found.append(meaning)
+    return tuple(found)
+
+
+#: bits of STEU that differ from plain automatic, position, no feed-forward (33)
+_UNUSUAL: Final = (
+    (1, "STEU bit 0 is 0: the controller is in manual mode."),
+    (2, "STEU bit 1 is 1: the derivative part acts on XZ."),
+    (4, "STEU bit 2 is 1: the controller is switched off and its state cleared at each call."),
+    (8, "STEU bit 3 is 1: the output is an increment (velocity algorithm), not a position."),
+    (32, "STEU bit 5 is 0: the disturbance variable Z is added to the output."),
+)
