@@ -20,6 +20,7 @@ COMMAND_LINES = [line[line.index("heatertune") :] for line in SHELL if "heatertu
 def test_the_readmes_commands_run_in_the_order_they_stand(tmp_path, tmp_path_factory, monkeypatch, capsys):
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "inputs.csv").write_text("W,X\n1091,500\n1091,510\n")
     for line in COMMAND_LINES:
         status = main(shlex.split(line)[1:])
         assert status == 0, (line, capsys.readouterr())
@@ -36,7 +37,8 @@ def test_the_example_in_every_commands_help_runs(tmp_path, tmp_path_factory, mon
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
     monkeypatch.chdir(tmp_path)
     examples = {command._EXAMPLE.split()[2]: command._EXAMPLE.removeprefix("example: ") for command in COMMANDS}
-    for name in ("fit", "tune", "verify", "export-db", "design", "report", "decode", "targets"):
+    (tmp_path / "inputs.csv").write_text("W,X\n1091,500\n1091,510\n")
+    for name in ("fit", "tune", "verify", "export-db", "design", "report", "decode", "replay", "targets"):
         assert main(shlex.split(examples.pop(name))[1:]) == 0, (name, capsys.readouterr())
     assert not examples
 

@@ -188,5 +188,12 @@ class Room(Protocol):
         its own PWM that a PWM period begins with this scan.
         """
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of what one scan reads, in the controller's units; the first two are setpoint and reading."""
+
+    def scan(self, state: Any, inputs: Mapping[str, int]) -> tuple[Any, Scan]:
+        """Run one scan on all of its inputs; those not named stay as the words have them. Pure, as `step`."""
+
     def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
         """Return file name → content; the same words and certificate always give the same bytes."""

@@ -62,9 +62,9 @@ def oddities(words: Words) -> tuple[str, ...]:
     if v["R"] == 0:
         found.append("R is 0: the controller has no proportional action.")
     elif v["R"] != FACTOR:
-        found.append(f"R is {v['R']}, not {FACTOR}: the proportional part is K·R, and TN and TV change with R.")
+        found.append(f"R is {v['R']}, not {FACTOR}: the proportional part is K·R; TN and TV change with R.")
     if v["TD"] and abs(v["K"]) > GAIN_WITH_D:
-        found.append(f"K is {v['K']} with a derivative part: the manual allows ±{GAIN_WITH_D} unless XW changes slowly.")
+        found.append(f"K is {v['K']} with a derivative part: the manual allows ±{GAIN_WITH_D} where XW can jump.")
     if v["BGOG"] <= v["BGUG"]:
         found.append("BGOG is not above BGUG: the output cannot move.")
     for bit, meaning in _UNUSUAL:

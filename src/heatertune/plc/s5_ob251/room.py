@@ -42,6 +42,7 @@ class Ob251:
     fields: tuple[WordField, ...] = FIELDS
     switches: tuple[Switch, ...] = _SWITCHES
     sample_times_s: tuple[float, float, float] = TIMER
+    inputs: tuple[str, ...] = ("W", "X", "Z", "XZ", "YH", "STEU")
 
     def encode(self, design: PidDesign, scaling: Scaling) -> Words:
         """Round the design to words, once; see `words.encode`."""
@@ -79,7 +80,16 @@ class Ob251:
     ) -> tuple[_Running, Scan]:
         """Run OB251 once; words and switches are in the state since `start`."""
         del words, switches, cycle_start
-        after = call(state.parameters, state.assumptions, state.state, setpoint, reading)
+        return self._told(state, call(state.parameters, state.assumptions, state.state, setpoint, reading))
+
+    def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
+        """Run OB251 once with W, X and, where named, Z, XZ, YH and STEU."""
+        manual, steu = inputs.get("YH", state.parameters.manual), inputs.get("STEU", state.parameters.steu)
+        parameters = state.parameters._replace(manual=manual, steu=steu)
+        z, xz = inputs.get("Z", 0), inputs.get("XZ", 0)
+        return self._told(state, call(parameters, state.assumptions, state.state, inputs["W"], inputs["X"], z, xz))
+
+    def _told(self, state: _Running, after: State) -> tuple[_Running, Scan]:
         flags = {"upper limit": after.at_limit > 0, "lower limit": after.at_limit < 0}
         power = min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0)
         return state._replace(state=after), Scan(power_pct=power, output=after.output, flags=flags)

@@ -27,6 +27,10 @@ _SWITCHES: Final = (
 )
 
 
+#: the words of a running program are in its state
+_NO_WORDS: Final = Words(target="s7-200", values={}, scaling=Scaling(), sample_time_s=1.0)
+
+
 class _Running(NamedTuple):
     constants: Constants
     printed: bool
@@ -42,6 +46,7 @@ class S7200:
     fields: tuple[WordField, ...] = FIELDS
     switches: tuple[Switch, ...] = _SWITCHES
     sample_times_s: tuple[float, float, float] = TIMER
+    inputs: tuple[str, ...] = ("SP", "PV", "CYCLE_START")
 
     def encode(self, design: PidDesign, scaling: Scaling) -> Words:
         """Round the design to the repaired program's constants, once; see `words.encode`."""
@@ -88,6 +93,11 @@ class S7200:
         flags = {"SM1.1": memory.overflow, "SM1.3": memory.zero_division}
         power = 100.0 * memory.applied / state.constants.cycle_ms
         return state._replace(memory=memory), Scan(power_pct=power, output=memory.applied, flags=flags)
+
+    def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
+        """Run one scan with SP, PV and, where named, whether a PWM cycle begins (the repaired program: always)."""
+        begins = bool(inputs.get("CYCLE_START", 1))
+        return self.step(_NO_WORDS, state, inputs["SP"], inputs["PV"], {}, cycle_start=begins)
 
     def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
         """Return the constants as data-block text and an initialising subroutine."""

@@ -1,0 +1,62 @@
+"""`heatertune replay`: raw inputs, scan by scan → what the controller would give."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from heatertune.cli import common
+from heatertune.errors import InputError
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune replay inputs.csv --target s5-ob251 --words out/words.json"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "replay", help="run recorded raw inputs through a controller, scan by scan", epilog=_EXAMPLE,
+        description="Print the outputs and flags of each scan as CSV, from the cold state on; the inputs are in the "
+        "controller's own units (s5-ob251: W, X and, if wanted, Z, XZ, YH, STEU; s7-200: SP, PV, CYCLE_START).",
+    )
+    command.add_argument("inputs", metavar="INPUTS", help="CSV file with a header, one row per scan")
+    command.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(common.TARGETS)}")
+    command.add_argument("--words", required=True, metavar="FILE", help="words.json as written by export-db")
+    command.add_argument("--switch", action="append", default=[], metavar="NAME=SETTING",
+                         help="setting of an open point (see: heatertune targets); may be repeated")
+    common.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune.chain.documents import read_words  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc import room  # noqa: PLC0415
+    from heatertune.plc.replay import read_inputs, replay  # noqa: PLC0415
+
+    found = room(settings.target)
+    words = read_words(settings.words, settings.target)
+    if words is None:
+        raise InputError(f"{settings.words}: no words; expected words.json as written by export-db")
+    scans = replay(found, words, read_inputs(settings.inputs, found), _switches(settings.switch))
+    rows = [
+        {"scan": k, "output": scan.output, "power_pct": round(scan.power_pct, 6)}
+        | {name: int(is_set) for name, is_set in scan.flags.items()}
+        for k, scan in enumerate(scans)
+    ]
+    document = {"schema": "heatertune/replay/1", "target": found.name, "scans": rows}
+
+    def told() -> str:
+        heads = list(rows[0]) if rows else ["scan", "output", "power_pct"]
+        return "\n".join([",".join(heads), *(",".join(str(row[head]) for head in heads) for row in rows)])
+
+    common.output(settings, document, told)
+    return 0
+
+
+def _switches(given: list[str]) -> dict[str, str]:
+    pairs = [each.partition("=") for each in given]
+    for name, equals, _ in pairs:
+        if not equals:
+            raise InputError(f"--switch {name!r} has no setting; expected NAME=SETTING")
+    return {name: setting for name, _, setting in pairs}

@@ -1,0 +1,74 @@
+"""A recorded sequence of raw inputs through a room: the way to hold it against a trace of a real PLC."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from heatertune.errors import LogError, UnknownName
+from heatertune.plc.room import Room, Scan, Words
+
+__all__ = ["read_inputs", "replay"]
+
+
+def replay(
+    room: Room, words: Words, rows: Sequence[Mapping[str, int]], switches: Mapping[str, str] | None = None
+) -> list[Scan]:
+    """Return what each scan gave, from the cold state on.
+
+    Args:
+        room: the controller.
+        words: its words.
+        rows: input name → value in the controller's units, one mapping per scan; see `Room.inputs`.
+        switches: settings of what the manual leaves open; those not named have their default.
+
+    Raises:
+        OutOfRange: a word the room does not allow.
+        UnknownName: a switch or setting the room does not have.
+    """
+    room.check(words)
+    known = {switch.name: switch for switch in room.switches}
+    for name, setting in (switches or {}).items():
+        if name not in known:
+            raise UnknownName("switch", name, known)
+        if setting not in known[name].settings:
+            raise UnknownName(f"setting of {name}", setting, known[name].settings)
+    state, scans = room.start(words, switches or {}), []
+    for row in rows:
+        state, scan = room.scan(state, row)
+        scans.append(scan)
+    return scans
+
+
+def read_inputs(path: str | Path, room: Room) -> list[dict[str, int]]:
+    """Return the rows of a CSV file with a header of input names.
+
+    Raises:
+        LogError: the file cannot be read, a needed column is missing, one is unknown, or a cell is no 16-bit number.
+    """
+    try:
+        with Path(path).open(encoding="utf-8-sig", newline="") as file:
+            table = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError) as problem:
+        raise LogError(f"cannot be read: {getattr(problem, 'strerror', None) or 'no text'}", file=path) from problem
+    header = [name.strip() for name in table[0]] if table else []
+    expected = f"{', '.join(room.inputs[:2])} and, if wanted, {', '.join(room.inputs[2:])}"
+    if not set(room.inputs[:2]) <= set(header) or not set(header) <= set(room.inputs):
+        raise LogError(f"the columns are {', '.join(header) or 'none'}", file=path, line=1, expected=expected)
+    rows = []
+    for line, cells in enumerate(table[1:], start=2):
+        if len(cells) != len(header):
+            raise LogError(f"{len(cells)} cells in this row", file=path, line=line, expected=str(len(header)))
+        rows.append({name: _word(path, line, name, cell) for name, cell in zip(header, cells, strict=True)})
+    return rows
+
+
+def _word(path: str | Path, line: int, name: str, cell: str) -> int:
+    try:
+        value = int(cell)
+    except ValueError:
+        value = 1 << 16
+    if not -(1 << 15) <= value < 1 << 16:
+        raise LogError("no word:", file=path, line=line, column=name, value=cell, expected="a whole number of 16 bits")
+    return value
