@@ -138,6 +138,15 @@ def test_the_integral_rests_while_the_output_is_at_its_limit():
     assert back.total == 100.0  # P takes 20 off at once: no windup to work down
 
 
+def test_the_output_keeps_both_limits_in_automatic_and_in_manual():
+    # table 11-10: "the limiting values are in force in Manual mode"
+    for steu in (AUTO | NO_Z, NO_Z):
+        parameters = _parameters(gain=5.0, upper=90, lower=-40, steu=steu, manual=500)
+        assert {s.output for s in _run(parameters, [100] * 6, [0] * 6)} == {90}
+        parameters = parameters._replace(manual=-500)
+        assert {s.output for s in _run(parameters, [-100] * 6, [0] * 6)} == {-40}
+
+
 @pytest.mark.parametrize(("field", "changes"), [
     ("sum_is_limited", "total"), ("flag_of_same_call", "total"), ("inward_allowed", "total"), ("whole_increments", "total"),
 ])

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import codecs
 import csv
+import io
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from heatertune.errors import LogError
 
-__all__ = ["Sheet", "is_number", "read_sheet"]
+__all__ = ["Sheet", "count", "is_number", "read_sheet"]
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
-_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
+_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
+_UNIT = re.compile(r"[\[(]?(m?s|sec|min|h|°?[CFK]|deg ?[CF]|%|pct|V|mV|W)[\])]?", re.IGNORECASE)
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
+_BEFORE_CLOCK = re.compile(r"(?<=\d) (?=\d{1,2}:\d\d)")
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _SAMPLE = 50  # lines looked at to find the separator
 
@@ -37,6 +43,11 @@ class Sheet:
     repairs: tuple[str, ...]
 
 
+def count(number: int, singular: str) -> str:
+    """Return "1 row", "2 rows"."""
+    return f"{number} {singular}" + ("s" if number != 1 else "")
+
+
 def is_number(cell: str) -> bool:
     """Return whether a cell is a number, decimal comma or point."""
     return _NUMBER.fullmatch(cell.strip()) is not None
@@ -49,19 +60,23 @@ def read_sheet(path: Path) -> Sheet:
         LogError: the file cannot be read, is empty, is no text, or a row has another number of cells than the first.
     """
     text, repairs = _text(path)
-    numbered = [(i, line) for i, line in enumerate(text.splitlines(), start=1)]
-    kept = [(i, line) for i, line in numbered if line.strip() and not line.lstrip().startswith("#")]
+    numbered = [(i, line.rstrip("\n")) for i, line in enumerate(io.StringIO(text, newline=None), start=1)]
+    kept = [(i, line) for i, line in numbered if line.strip(" \t,;") and not line.lstrip().startswith("#")]
+    if kept and kept[0][1].strip('" ').lower() in ("sep=;", "sep=,", "sep=\t"):  # written by spreadsheets
+        del kept[0]
     if not kept:
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
     if len(kept) < len(numbered):
-        repairs.append(f"{len(numbered) - len(kept)} blank or comment lines were passed over.")
-    lines, rows = [i for i, _ in kept], _split([line for _, line in kept])
-    rows = _without_empty_columns(rows, repairs)
+        repairs.append(f"{count(len(numbered) - len(kept), 'line')} without readings (blank, comment) passed over.")
+    lines, texts = [i for i, _ in kept], [line for _, line in kept]
+    separator = _separator(texts[-_SAMPLE:])
+    rows = _without_empty_ends(_split(path, lines, texts, separator), repairs)
     _demand_one_width(path, lines, rows)
-    header = _take_header(lines, rows)
-    if any(_DECIMAL_COMMA.fullmatch(cell) for row in rows[:_SAMPLE] for cell in row):
-        rows = [[cell.replace(",", ".") for cell in row] for row in rows]
-        repairs.append("Decimal commas were read as points.")
+    header = _take_header(lines, rows, repairs)
+    if not header and lines[0] > 1:
+        header = _commented_header(path, numbered[: lines[0] - 1], separator, len(rows[0]), repairs)
+    if separator != "," or '"' in text:
+        _restore_points(rows, repairs)
     return Sheet(file=str(path), header=header, rows=rows, lines=lines, repairs=tuple(repairs))
 
 
@@ -70,64 +85,106 @@ def _text(path: Path) -> tuple[str, list[str]]:
         data = path.read_bytes()
     except OSError as problem:
         raise LogError(f"cannot be read: {problem.strerror}", file=path) from problem
+    except ValueError as problem:  # a path that holds a null character
+        raise LogError(f"cannot be read: {problem}", file=repr(str(path))) from problem
+    text, repairs = _decoded(path, data)
+    if _CONTROL.search(text):
+        expected = "a text file with one row per reading (UTF-8, Latin-1, or UTF-16 with its byte order mark)"
+        raise LogError("the file is binary", file=path, expected=expected)
+    return text, repairs
+
+
+def _decoded(path: Path, data: bytes) -> tuple[str, list[str]]:
     if data.startswith(_UTF16):
-        return _decoded(path, data, "utf-16"), ["The file is UTF-16."]
-    if b"\0" in data:
-        raise LogError("the file is binary", file=path, expected="a text file with one row per reading")
+        try:
+            return data.decode("utf-16"), ["The file is UTF-16."]
+        except UnicodeDecodeError as problem:
+            raise LogError("the file is no UTF-16 text", file=path) from problem
     try:
         return data.decode("utf-8-sig"), []
     except UnicodeDecodeError:
         return data.decode("latin-1"), ["The file is not UTF-8 and was read as Latin-1."]
 
 
-def _decoded(path: Path, data: bytes, encoding: str) -> str:
-    try:
-        return data.decode(encoding)
-    except UnicodeDecodeError as problem:
-        raise LogError(f"the file is no {encoding} text", file=path) from problem
-
-
-def _split(lines: list[str]) -> list[list[str]]:
-    separator = _separator(lines[:_SAMPLE])
-    if separator is None:
-        return [line.split() for line in lines]
-    return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=separator, skipinitialspace=True)]
-
-
-def _separator(lines: list[str]) -> str | None:
-    """Return the separator that all looked-at lines hold; None: white space, or a single column."""
+def _separator(lines: Sequence[str]) -> str | None:
+    """Return the separator that nearly all lines hold; None: white space, or a single column."""
     for candidate in ("\t", ";", ","):
-        if all(candidate in line for line in lines):
-            return candidate
+        if sum(candidate in line for line in lines) > 0.8 * len(lines):
+            return None if candidate == "," and _is_spaced(lines[-1]) else candidate
     return None
 
 
-def _without_empty_columns(rows: list[list[str]], repairs: list[str]) -> list[list[str]]:
-    width = len(rows[0])
-    while width > 1 and all(len(row) >= width and not any(row[width - 1 :]) for row in rows):
-        width -= 1
-    if width < len(rows[0]):
-        repairs.append(f"{len(rows[0]) - width} empty columns at the end were passed over.")
-        return [row[:width] for row in rows]
-    return rows
+def _is_spaced(line: str) -> bool:
+    """Return whether a line holds numbers with decimal commas between spaces."""
+    cells = line.split()
+    return len(cells) > 1 and all(is_number(cell) and not cell.endswith(",") for cell in cells)
+
+
+def _split(path: Path, lines: Sequence[int], texts: Sequence[str], separator: str | None) -> list[list[str]]:
+    if separator is None:
+        return [_BEFORE_CLOCK.sub("T", text).split() for text in texts]
+    for line, text in zip(lines, texts, strict=True):
+        if text.count('"') % 2:  # else the reader would join this line and the next
+            raise LogError("a quotation mark that is not closed", file=path, line=line)
+    reader = csv.reader(texts, delimiter=separator, skipinitialspace=True)
+    try:
+        return [[cell.strip() for cell in row] for row in reader]
+    except csv.Error as problem:
+        raise LogError(str(problem), file=path, line=lines[reader.line_num - 1]) from problem
+
+
+def _without_empty_ends(rows: list[list[str]], repairs: list[str]) -> list[list[str]]:
+    """Cut what lies beyond the last column that holds anything."""
+    if all(row[-1] for row in rows):
+        return rows
+    width = max(max(i for i, cell in enumerate(row, start=1) if cell or i == 1) for row in rows)
+    cut = sum(len(row) > width for row in rows)
+    if cut:
+        repairs.append(f"Empty cells at the end of {count(cut, 'row')} passed over.")
+    return [row[:width] for row in rows]
 
 
 def _demand_one_width(path: Path, lines: list[int], rows: list[list[str]]) -> None:
     width = len(rows[0])
     for line, row in zip(lines, rows, strict=True):
         if len(row) != width:
-            expected = f"{width} as in the first row"
-            raise LogError(f"{len(row)} cells in this row", file=path, line=line, expected=expected)
+            expected = f"{width} as in line {lines[0]} (a line that is no reading may begin with #)"
+            raise LogError(f"{count(len(row), 'cell')} in this row", file=path, line=line, expected=expected)
 
 
-def _take_header(lines: list[int], rows: list[list[str]]) -> tuple[str, ...]:
+def _take_header(lines: list[int], rows: list[list[str]], repairs: list[str]) -> tuple[str, ...]:
     """Remove the header (and a row of units below it) from the rows and return it."""
     if any(is_number(cell) for cell in rows[0]):
         return ()
     names = rows.pop(0)
     lines.pop(0)
-    if rows and not any(character.isdigit() for cell in rows[0] for character in cell):
-        units = rows.pop(0)
-        lines.pop(0)
-        names = [f"{name} [{unit.strip('[]() ')}]" if unit else name for name, unit in zip(names, units, strict=True)]
+    if rows and all(_UNIT.fullmatch(cell) or not cell for cell in rows[0]):
+        repairs.append(f"Line {lines.pop(0)} was read as the units of the columns.")
+        units = [unit.strip("[]() ") for unit in rows.pop(0)]
+        names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
     return tuple(names)
+
+
+def _commented_header(
+    path: Path, above: Sequence[tuple[int, str]], separator: str | None, width: int, repairs: list[str]
+) -> tuple[str, ...]:
+    """Return the names in the last comment above the readings, where there is one for each column."""
+    line, text = next(((i, text) for i, text in reversed(above) if text.strip()), (0, ""))
+    names = _split(path, [line], [text.lstrip("# ")], separator)[0] if text.lstrip().startswith("#") else []
+    if len(names) != width or any(is_number(name) or not name for name in names):
+        return ()
+    repairs.append(f"The comment in line {line} was read as the names of the columns.")
+    return tuple(names)
+
+
+def _restore_points(rows: list[list[str]], repairs: list[str]) -> None:
+    """Turn decimal commas into points; a column that holds both is left: one of them may group thousands."""
+    restored = False
+    for i in range(len(rows[0]) if rows else 0):
+        column = [row[i] for row in rows]
+        if any(map(_COMMA.fullmatch, column)) and not any(map(_POINT.fullmatch, column)):
+            restored = True
+            for row in rows:
+                row[i] = row[i].replace(",", ".")
+    if restored:
+        repairs.append("Decimal commas were read as points.")
