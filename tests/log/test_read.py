@@ -97,8 +97,18 @@ def test_comments_blank_lines_a_row_of_units_and_repeated_times_are_told(tmp_pat
     log = read_log(_write(tmp_path, "# rig 7\ntime,temp,duty\ns,°C,%\n" + rows))
     assert len(log.time_s) == 30
     told = " ".join(log.repairs)
-    assert "2 blank or comment lines" in told
-    assert "1 rows that repeat the time before were dropped, first in line 10" in told
+    assert "2 lines without readings" in told
+    assert "1 row at the time of the row before dropped (line 10)." in told
+
+
+def test_names_above_the_readings_and_foreign_columns_are_told(tmp_path):
+    log = read_log(_write(tmp_path, "# time_s,room temp_C,T1,T2\n" + _table("", [(t, 21.5, y, y + 1) for t, y, _ in ROWS])))
+    assert log.temperature_degC[0] == 20.0
+    told = " ".join(log.repairs)
+    assert "names of the columns" in told
+    assert "'T1' was taken as the temperature; T2, room temp_C not used." in told
+    warm = read_log(_write(tmp_path, _table("time_s,T", [(t, y + 50) for t, y, _ in ROWS])))
+    assert any("room's temperature in °F" in doubt for doubt in warm.doubts)
 
 
 def test_a_file_without_header_is_understood_by_its_numbers(tmp_path):
@@ -128,6 +138,17 @@ BAD = {
     "no time stamp": ("timestamp,temp_C\n" + "\n".join(f"2026-03-01 10:{k:02d},{k}" for k in range(25)) + "\nlater,9\n", {},
                       ["line 27", "'later'"]),
     "binary": ("\0\1\2" * 50, {}, ["binary"]),
+    "watts": (_table("time_s,temp_C,heater [W]"), {}, ["share of full power", "--power-full-scale"]),
+    "a fraction or percent": (_table("time_s,temp_C,power", [(t, y, p / 100) for t, y, p in ROWS]), {},
+                              ["fraction or percent", "--power-full-scale"]),
+    "microseconds": (_table("time [us],temp_C,duty_pct"), {}, ["unknown unit", "--time-unit"]),
+    "day or month": ("date,temp_C\n" + "\n".join(f"03/{k + 1:02d}/2026 10:00:00,{k}" for k in range(11)), {},
+                     ["day first or month first"]),
+    "one zone": ("timestamp,temp_C\n" + "\n".join(f"2026-03-01T10:{k:02d}:00{'Z' if k else ''},{k}" for k in range(25)), {},
+                 ["line 3", "time zone"]),
+    "open quotation": (_table("time_s,temp_C,duty_pct").replace("21,", '"21,', 1), {}, ["line 6", "quotation mark"]),
+    "digit groups": (_table("time_s,temp_C,duty_pct").replace("21,", "1_021,", 1), {}, ["line 6", "'1_021'"]),
+    "beyond all readings": (_table("time_s,temp_C,duty_pct").replace("21,", "1e39,", 1), {}, ["line 6", "finite"]),
 }
 
 

@@ -54,6 +54,17 @@ def test_the_intervals_hold_the_truth_and_widen_with_noise():
     assert loud.outcome is Outcome.IDENTIFIED
 
 
+def test_an_interval_is_open_only_where_it_meets_a_bound():
+    # a long, quiet record: every interval is narrow, far from the bounds, and closed
+    time = np.arange(0.0, 40_000.0, 20.0)
+    power = np.where((time // 3000) % 2 == 1, 60.0, 10.0)
+    log = _logged(time, power, lti([0.5], [150.0, 1.0]), dead=30.0, start=20.0, noise=0.1)
+    found = fit(log).ci95
+    for name, truth in (("gain_degC_per_pct", 0.5), ("time_constant_s", 150.0), ("dead_time_s", 30.0)):
+        assert found[name].low == pytest.approx(truth, rel=0.1)
+        assert found[name].high == pytest.approx(truth, rel=0.1)
+
+
 def test_two_lags_are_offered_where_the_heater_has_two():
     time, power = _doublet(sample=2.0)
     log = _logged(time, power, lti([0.5], [120.0 * 40.0, 160.0, 1.0]), dead=5.0, start=20.0, noise=0.05)

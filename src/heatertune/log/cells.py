@@ -31,6 +31,7 @@ class Sheet:
     Attributes:
         file: its path.
         header: column names with their units, empty where the file has none.
+        comment: cells of the comment right above the readings, one for each column, else empty.
         rows: cells, decimal points restored, all of one length.
         lines: line number of each row, 1 = first line of the file.
         repairs: what was changed or passed over, one sentence each.
@@ -38,6 +39,7 @@ class Sheet:
 
     file: str
     header: tuple[str, ...]
+    comment: tuple[str, ...]
     rows: list[list[str]]
     lines: list[int]
     repairs: tuple[str, ...]
@@ -51,6 +53,10 @@ def count(number: int, singular: str) -> str:
 def is_number(cell: str) -> bool:
     """Return whether a cell is a number, decimal comma or point."""
     return _NUMBER.fullmatch(cell.strip()) is not None
+
+
+def _is_digital(cell: str) -> bool:
+    return is_number(cell) or any(character.isdigit() for character in cell)
 
 
 def read_sheet(path: Path) -> Sheet:
@@ -73,11 +79,10 @@ def read_sheet(path: Path) -> Sheet:
     rows = _without_empty_ends(_split(path, lines, texts, separator), repairs)
     _demand_one_width(path, lines, rows)
     header = _take_header(lines, rows, repairs)
-    if not header and lines[0] > 1:
-        header = _commented_header(path, numbered[: lines[0] - 1], separator, len(rows[0]), repairs)
     if separator != "," or '"' in text:
         _restore_points(rows, repairs)
-    return Sheet(file=str(path), header=header, rows=rows, lines=lines, repairs=tuple(repairs))
+    comment = _comment_above(numbered[: lines[0] - 1], separator, len(rows[0])) if rows and not header else ()
+    return Sheet(file=str(path), header=header, comment=comment, rows=rows, lines=lines, repairs=tuple(repairs))
 
 
 def _text(path: Path) -> tuple[str, list[str]]:
@@ -158,23 +163,17 @@ def _take_header(lines: list[int], rows: list[list[str]], repairs: list[str]) ->
         return ()
     names = rows.pop(0)
     lines.pop(0)
-    if rows and all(_UNIT.fullmatch(cell) or not cell for cell in rows[0]):
+    if rows and any(map(_UNIT.fullmatch, rows[0])) and not any(map(_is_digital, rows[0])):
         repairs.append(f"Line {lines.pop(0)} was read as the units of the columns.")
         units = [unit.strip("[]() ") for unit in rows.pop(0)]
         names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
     return tuple(names)
 
 
-def _commented_header(
-    path: Path, above: Sequence[tuple[int, str]], separator: str | None, width: int, repairs: list[str]
-) -> tuple[str, ...]:
-    """Return the names in the last comment above the readings, where there is one for each column."""
-    line, text = next(((i, text) for i, text in reversed(above) if text.strip()), (0, ""))
-    names = _split(path, [line], [text.lstrip("# ")], separator)[0] if text.lstrip().startswith("#") else []
-    if len(names) != width or any(is_number(name) or not name for name in names):
-        return ()
-    repairs.append(f"The comment in line {line} was read as the names of the columns.")
-    return tuple(names)
+def _comment_above(above: Sequence[tuple[int, str]], separator: str | None, width: int) -> tuple[str, ...]:
+    text = next((text.strip() for _, text in reversed(above) if text.strip()), "")
+    cells = [cell.strip(' "') for cell in text.lstrip("# ").split(separator)]
+    return tuple(cells) if text.startswith("#") and len(cells) == width and not any(map(is_number, cells)) else ()
 
 
 def _restore_points(rows: list[list[str]], repairs: list[str]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -13,7 +13,7 @@ from heatertune.errors import LogError
 from heatertune.log.cells import Sheet, is_number
 from heatertune.log.stamps import stamp
 
-__all__ = ["ROLES", "Columns", "find_columns", "is_foreign", "unit_in_name"]
+__all__ = ["ROLES", "Columns", "find_columns", "is_foreign", "unit_in_name", "with_names"]
 
 ROLES: Final = ("time", "temperature", "power", "setpoint")
 
@@ -82,6 +82,14 @@ def is_foreign(role: str, name: str) -> bool:
 def _plain(name: str) -> str:
     """Return a name with spaces for underscores and one way to write degrees."""
     return name.strip().replace("_", " ").replace("º", "°").replace("℃", "°C").replace("℉", "°F")
+
+
+def with_names(sheet: Sheet) -> Sheet:
+    """Return the sheet, its header taken from the comment above the readings where that names a temperature."""
+    if sheet.header or not any(_NAMES["temperature"].search(_plain(name)) for name in sheet.comment):
+        return sheet
+    told = "The comment above the readings was read as the names of the columns."
+    return replace(sheet, header=sheet.comment, repairs=(*sheet.repairs, told))
 
 
 def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool = False) -> Columns:

@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
-from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from heatertune.errors import LogError, OutOfRange, UnknownName
-from heatertune.log.cells import Sheet, is_number, read_sheet
-from heatertune.log.columns import ROLES, Columns, find_columns, unit_in_name
+from heatertune.log.cells import Sheet, read_sheet
+from heatertune.log.clock import TIME_UNITS, kept_rows, seconds
+from heatertune.log.columns import ROLES, Columns, find_columns, is_foreign, unit_in_name, with_names
+from heatertune.log.numbers import Array, numbers, refused
 from heatertune.log.tables import BUILT_IN, BuiltIn, built_in
-from heatertune.log.values import Log
+from heatertune.log.values import ABSOLUTE_ZERO_DEGC, Log
 from heatertune.units import check, degF_to_degC, kelvin_to_degC
 
 __all__ = ["read_log"]
 
-Array = npt.NDArray[np.float64]
-
 _TO_DEGC: Final[dict[str, Callable[[Any], Any]]] = {
     "degC": lambda value: value, "degF": degF_to_degC, "K": kelvin_to_degC,
 }
-_TO_SECONDS: Final = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
-_DATES: Final = ("%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M", "%d/%m/%Y %H:%M:%S", "%H:%M:%S")
 _KELVIN: Final = 250.0  # no heater log lies wholly above 250 °C without saying so, and every room is above 250 K
+_ROOM_DEGF: Final = (55.0, 110.0)  # 13…43 °C
 
 
 def read_log(
@@ -65,48 +61,51 @@ def read_log(
         LogError: what cannot be understood, with file, line, column and value.
         UnknownName: a unit that does not exist.
     """
-    for kind, unit, known in (("temperature unit", temperature_unit, _TO_DEGC), ("time unit", time_unit, _TO_SECONDS)):
+    for kind, unit, known in (("temperature unit", temperature_unit, _TO_DEGC), ("time unit", time_unit, TIME_UNITS)):
         if unit is not None and unit not in known:
             raise UnknownName(kind, unit, known)
     for name, number in (("power_full_scale", power_full_scale), ("sample_time_s", sample_time_s)):
         if number is not None:
             check(name, number, above=0.0)
     table = built_in(str(source).lower()) if isinstance(source, str) and source.lower() in BUILT_IN else None
-    sheet = read_sheet(table.path if table else Path(source))
+    sheet = with_names(read_sheet(table.path if table else Path(source)))
     if not sheet.rows:
         raise LogError("the file holds a header and no readings", file=sheet.file, expected="at least 20 rows")
-    repairs = list(sheet.repairs)
-    doubts = _errata(table, sheet, errata, repairs) if table else ()
+    repairs, doubts = list(sheet.repairs), list(table.doubts if table else ())
+    if table:
+        _errata(table, sheet, errata, repairs, doubts)
     wanted = zip(ROLES, (time_column, temperature_column, power_column, setpoint_column), strict=True)
-    columns = find_columns(sheet, {role: column for role, column in wanted if column is not None})
+    columns = find_columns(sheet, {role: column for role, column in wanted if column is not None},
+                           counted=sample_time_s is not None)
     repairs += columns.told
-    time = _time(sheet, columns, time_unit, sample_time_s, repairs)
-    kept = _kept_rows(sheet, columns, time, repairs)
-    unit = _temperature_unit(sheet, columns, temperature_unit, repairs)
+    time = seconds(sheet, columns, time_unit, sample_time_s, repairs)
+    kept = kept_rows(sheet, columns, time, repairs)
+    unit = _temperature_unit(sheet, columns, temperature_unit, repairs, doubts)
     found = {
-        "time_s": time[kept],
-        "temperature_degC": _temperature(sheet, columns, "temperature", unit)[kept],
-        "setpoint_degC": _temperature(sheet, columns, "setpoint", unit)[kept] if "setpoint" in columns.index else None,
-        "power_pct": _power(sheet, columns, power_full_scale, repairs)[kept] if "power" in columns.index else None,
+        "time_s": time,
+        "temperature_degC": _temperature(sheet, columns, "temperature", unit),
+        "setpoint_degC": _setpoint(sheet, columns, unit, repairs),
+        "power_pct": _power(sheet, columns, power_full_scale, repairs),
     }
-    return _log(source, table, sheet, found, tuple(repairs), doubts)
+    found = {name: None if values is None else values[kept] for name, values in found.items()}
+    return _log(source, table, sheet, found, repairs, doubts)
 
 
 def _log(
-    source: str | Path, table: BuiltIn | None, sheet: Sheet, found: Mapping[str, Any], repairs: tuple[str, ...],
-    doubts: tuple[str, ...],
+    source: str | Path, table: BuiltIn | None, sheet: Sheet, found: Mapping[str, Any], repairs: list[str],
+    doubts: list[str],
 ) -> Log:
     try:
         return Log(
             name=table.name if table else Path(source).stem, source=table.source if table else str(source),
-            repairs=repairs, doubts=doubts, same_heater=table.same_heater if table else (), **found,
+            repairs=tuple(repairs), doubts=tuple(doubts), same_heater=table.same_heater if table else (), **found,
         )
     except OutOfRange as problem:
         raise LogError(str(problem), file=sheet.file) from problem
 
 
-def _errata(table: BuiltIn, sheet: Sheet, apply: bool, repairs: list[str]) -> tuple[str, ...]:
-    doubts = list(table.doubts)
+def _errata(table: BuiltIn, sheet: Sheet, apply: bool, repairs: list[str], doubts: list[str]) -> None:
+    """Correct the known misprints of a built-in table, or add them to the doubts."""
     for erratum in table.errata:
         place = f"line {erratum['line']}, {erratum['column']}"
         told = f"{place}: {erratum['printed']} is a misprint for {erratum['corrected']}"
@@ -116,145 +115,73 @@ def _errata(table: BuiltIn, sheet: Sheet, apply: bool, repairs: list[str]) -> tu
         row = sheet.rows[sheet.lines.index(erratum["line"])]
         row[sheet.header.index(erratum["column"])] = str(erratum["corrected"])
         repairs.append(f"{told} ({erratum['reason']}); corrected.")
-    return tuple(doubts)
 
 
-def _numbers(sheet: Sheet, columns: Columns, role: str) -> Array:
-    """Return a column as finite numbers; the first cell that is none is refused."""
-    i = columns.index[role]
-    cells = [row[i] for row in sheet.rows]
-    try:
-        values: Array = np.array([float(cell) for cell in cells])
-    except ValueError:
-        row = next(k for k, cell in enumerate(cells) if not _is_float(cell))
-        raise _refused(sheet, columns, role, row, "no number:" if cells[row] else "an empty cell") from None
-    if not np.all(np.isfinite(values)):
-        row = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise _refused(sheet, columns, role, row, "not a finite number:")
-    return values
-
-
-def _is_float(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _refused(
-    sheet: Sheet, columns: Columns, role: str, row: int, problem: str, expected: str = "a number"
-) -> LogError:
-    value = sheet.rows[row][columns.index[role]] or None
-    return LogError(problem, file=sheet.file, line=sheet.lines[row], column=columns.names[role], value=value,
-                    expected=expected)
-
-
-def _time(
-    sheet: Sheet, columns: Columns, unit: str | None, sample_time_s: float | None, repairs: list[str]
-) -> Array:
-    if "time" not in columns.index or sample_time_s is not None:
-        if sample_time_s is None:
-            raise LogError("the file has no time column", file=sheet.file,
-                           expected="--log-interval with the seconds between two rows, or --time-column")
-        repairs.append(f"The time was counted in rows of {sample_time_s:g} s.")
-        return np.arange(len(sheet.rows), dtype=np.float64) * sample_time_s
-    cells = [row[columns.index["time"]] for row in sheet.rows]
-    if not is_number(cells[0]):
-        repairs.append("Time stamps were turned into seconds from the first row.")
-        return _stamps(sheet, columns, cells)
-    named = unit_in_name("time", columns.names["time"])
-    told = unit or named or "s"
-    if unit is None and named not in (None, "s"):
-        repairs.append(f"The time is in {told} by its column's name and was turned into seconds.")
-    return _numbers(sheet, columns, "time") * _TO_SECONDS[told]
-
-
-def _stamps(sheet: Sheet, columns: Columns, cells: list[str]) -> Array:
-    first = _stamp(cells[0])
-    seconds = np.empty(len(cells))
-    for row, cell in enumerate(cells):
-        moment = _stamp(cell)
-        if moment is None or first is None or (moment.tzinfo is None) != (first.tzinfo is None):
-            raise _refused(sheet, columns, "time", row, "no time:", "a time like that of the first row, or seconds")
-        seconds[row] = (moment - first).total_seconds()
-    return seconds
-
-
-def _stamp(cell: str) -> datetime | None:
-    try:
-        return datetime.fromisoformat(cell)
-    except ValueError:
-        pass
-    for form in _DATES:
-        try:
-            return datetime.strptime(cell, form)
-        except ValueError:
-            continue
-    return None
-
-
-def _kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> npt.NDArray[np.bool_]:
-    """Return which rows stay: of rows with the same time only the first; a time that goes backwards is refused."""
-    steps = np.diff(time)
-    if np.any(steps < 0):
-        row = int(np.flatnonzero(steps < 0)[0]) + 1
-        if "time" not in columns.index:
-            raise LogError("the time goes backwards", file=sheet.file, line=sheet.lines[row])
-        raise _refused(sheet, columns, "time", row, "the time goes backwards:",
-                       f"not before {sheet.rows[row - 1][columns.index['time']]}")
-    kept = np.concatenate([[True], steps > 0])
-    if not np.all(kept):
-        first = sheet.lines[int(np.flatnonzero(~kept)[0])]
-        count = np.count_nonzero(~kept)
-        repairs.append(f"{count} rows that repeat the time before were dropped, first in line {first}.")
-    return kept
-
-
-def _temperature_unit(sheet: Sheet, columns: Columns, given: str | None, repairs: list[str]) -> str:
-    named = unit_in_name("temperature", columns.names["temperature"]) if sheet.header else None
-    if given or named:
-        unit = given or named or "degC"
-        if unit != "degC":
-            repairs.append(f"The temperature is in {unit} {'as told' if given else 'by its name'}, turned into °C.")
-        return unit
-    lowest = float(np.min(_numbers(sheet, columns, "temperature")))
-    if lowest > _KELVIN:
-        raise LogError(f"temperatures from {lowest:g} up without a unit may be K, °F or °C", file=sheet.file,
-                       column=columns.names["temperature"], expected="--temperature-unit")
+def _temperature_unit(
+    sheet: Sheet, columns: Columns, given: str | None, repairs: list[str], doubts: list[str]
+) -> str:
+    name = columns.names["temperature"]
+    named = unit_in_name("temperature", name)
+    known = given or named
+    if known is not None:
+        if known != "degC":
+            repairs.append(f"The temperature is in {known} {'as told' if given else 'by its name'}, turned into °C.")
+        return known
+    values = numbers(sheet, columns, "temperature")
+    lowest, first = float(np.min(values)), float(values[0])
+    if is_foreign("temperature", name) or lowest >= _KELVIN:
+        raise LogError(f"readings from {lowest:g} up whose unit is not known", file=sheet.file, column=name,
+                       expected="--temperature-unit degC, degF or K")
     repairs.append("The temperature has no unit in the file; taken as °C (else: --temperature-unit).")
+    if _ROOM_DEGF[0] <= first <= _ROOM_DEGF[1]:
+        doubts.append(f"The first reading, {first:g}, taken as °C, would be a room's temperature in °F.")
     return "degC"
 
 
 def _temperature(sheet: Sheet, columns: Columns, role: str, unit: str) -> Array:
-    values = np.asarray(_TO_DEGC[unit](_numbers(sheet, columns, role)))
-    if np.any(values < -273.15):
-        row = int(np.flatnonzero(values < -273.15)[0])
-        raise _refused(sheet, columns, role, row, "below absolute zero:", f"a temperature in {unit}")
+    values = np.asarray(_TO_DEGC[unit](numbers(sheet, columns, role)))
+    below = np.flatnonzero(values < ABSOLUTE_ZERO_DEGC)
+    if len(below):
+        raise refused(sheet, columns, role, int(below[0]), "below absolute zero:", f"a temperature in {unit}")
     return values
 
 
-def _power(sheet: Sheet, columns: Columns, full_scale: float | None, repairs: list[str]) -> Array:
-    values = _numbers(sheet, columns, "power")
-    named = unit_in_name("power", columns.names["power"]) if sheet.header else None
-    largest = float(np.max(values))
-    if full_scale is None and named is not None:
-        full_scale = float(named)
-    if full_scale is None:
-        full_scale = _guessed_scale(sheet, columns, largest, repairs)
-    elif full_scale != 100.0:
-        repairs.append(f"The power was divided by {full_scale:g} at full power.")
+def _setpoint(sheet: Sheet, columns: Columns, unit: str, repairs: list[str]) -> Array | None:
+    """Return the setpoint, in the temperature's unit unless its own name tells another."""
+    if "setpoint" not in columns.index:
+        return None
+    own = unit_in_name("setpoint", columns.names["setpoint"]) or unit
+    if own != unit:
+        repairs.append(f"The setpoint is in {own} by its name.")
+    return _temperature(sheet, columns, "setpoint", own)
+
+
+def _power(sheet: Sheet, columns: Columns, given: float | None, repairs: list[str]) -> Array | None:
+    if "power" not in columns.index:
+        return None
+    values = numbers(sheet, columns, "power")
+    named = unit_in_name("power", columns.names["power"])
+    full_scale = given or (float(named) if named else _assumed_scale(sheet, columns, values, repairs))
+    if full_scale != 100.0:
+        repairs.append(f"The power was divided by its reading at full power, {full_scale:g}.")
     outside = np.flatnonzero((values < 0.0) | (values > full_scale))
     if len(outside):
-        raise _refused(sheet, columns, "power", int(outside[0]), "power out of range:",
-                       f"0…{full_scale:g} (--power-full-scale tells another reading at full power)")
-    return values * (100.0 / full_scale)
+        raise refused(sheet, columns, "power", int(outside[0]), "power out of range:",
+                      f"0…{full_scale:g} (--power-full-scale tells another reading at full power)")
+    return values if full_scale == 100.0 else values / full_scale * 100.0
 
 
-def _guessed_scale(sheet: Sheet, columns: Columns, largest: float, repairs: list[str]) -> float:
-    if not 1.0 < largest <= 100.0 or math.isnan(largest):
-        told = "of at most 1 may be a fraction or percent" if largest <= 1.0 else "beyond 100 is no percentage"
-        raise LogError(f"a power of {largest:g} without a unit {told}", file=sheet.file, column=columns.names["power"],
+def _assumed_scale(sheet: Sheet, columns: Columns, values: Array, repairs: list[str]) -> float:
+    """Return 100 where the numbers can only be percent; everything else has to be told."""
+    name, largest = columns.names["power"], float(np.max(values))
+    why = next((why for holds, why in (
+        (is_foreign("power", name), "in a unit that is no share of full power"),
+        (largest > 100.0, "is no percentage"),
+        (0.0 < largest <= 1.0, "may be a fraction or percent"),
+        ("pwm" in name.lower() and not np.any(values % 1.0), "may be percent or counts of 255"),
+    ) if holds), None)
+    if why:
+        raise LogError(f"a power up to {largest:g} {why}", file=sheet.file, column=name,
                        expected="--power-full-scale with the reading at full power")
     repairs.append("The power has no unit in the file; taken as percent (else: --power-full-scale).")
     return 100.0

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from datetime import datetime
 from typing import Final
 
-__all__ = ["DAY_OR_MONTH", "STAMPS", "stamp"]
+__all__ = ["STAMPS", "is_day_or_month", "stamp"]
 
 #: what `stamp` understands, as told to people
 STAMPS: Final = "2026-03-01 10:00:00 (ISO 8601), 01.03.2026 10:00:00 or 10:00:00"
 
 _DAY_FIRST = re.compile(r"(\d{1,2})[./](\d{1,2})[./](\d{4})[ T](.+)")
 _CLOCK = re.compile(r"\d{1,2}:\d\d(:\d\d([.,]\d+)?)?")
-#: 03/04/2026 is a day in March or in April
-DAY_OR_MONTH: Final = re.compile(r"(\d{1,2}/\d{1,2}/\d{4}).*")
+_SLASHED = re.compile(r"(\d{1,2})/\d{1,2}/\d{4}")
 
 
 def stamp(cell: str) -> datetime | None:
@@ -33,6 +33,12 @@ def stamp(cell: str) -> datetime | None:
         return datetime.fromisoformat(text.replace("/", "-"))
     except ValueError:
         return None
+
+
+def is_day_or_month(cells: Iterable[str]) -> bool:
+    """Return whether the dates differ and may be days in March or in April: 03/04/2026 and 03/05/2026."""
+    dates = {found.group(): found.group(1) for found in map(_SLASHED.match, cells) if found}
+    return len(dates) > 1 and all(int(first) <= 12 for first in dates.values())
 
 
 def _two_digits(clock: str) -> str:

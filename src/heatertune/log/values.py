@@ -9,7 +9,9 @@ import numpy.typing as npt
 
 from heatertune.errors import OutOfRange
 
-__all__ = ["MIN_SAMPLES", "Log"]
+__all__ = ["ABSOLUTE_ZERO_DEGC", "MIN_SAMPLES", "Log"]
+
+ABSOLUTE_ZERO_DEGC = -273.15
 
 #: Fewer readings than this cannot carry the five unknowns of a heater model.
 MIN_SAMPLES = 20
@@ -34,7 +36,7 @@ class Log:
 
     Raises:
         OutOfRange: shapes differ, fewer than 20 readings, times not increasing, values not finite,
-            temperature constant.
+            temperature constant or below absolute zero, power outside 0…100 %.
     """
 
     name: str
@@ -59,6 +61,8 @@ class Log:
             raise OutOfRange("time_s", float(self.time_s[0]), "strictly increasing")
         if np.ptp(self.temperature_degC) == 0.0:
             raise OutOfRange("temperature_degC", float(self.temperature_degC[0]), "varying, not constant")
+        _demand_bounds("temperature_degC", self.temperature_degC, ABSOLUTE_ZERO_DEGC, np.inf)
+        _demand_bounds("power_pct", self.power_pct, 0.0, 100.0)
 
     def window(self, start_s: float, end_s: float) -> Log:
         """Return the readings with start_s <= time <= end_s."""
@@ -73,6 +77,14 @@ class Log:
             setpoint_degC=cut(self.setpoint_degC), repairs=self.repairs, doubts=self.doubts,
             same_heater=self.same_heater,
         )
+
+
+def _demand_bounds(name: str, column: Array | None, least: float, most: float) -> None:
+    if column is None:
+        return
+    outside = column[(column < least) | (column > most)]
+    if len(outside):
+        raise OutOfRange(name, float(outside[0]), f">= {least:g} and <= {most:g}")
 
 
 def _frozen(name: str, column: Array, n: int) -> Array:

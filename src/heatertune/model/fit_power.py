@@ -57,11 +57,10 @@ def _bootstrap(problem: PowerProblem, fit: PowerFit, residuals: Array, seed: int
     resamples = _RESAMPLES if len(residuals) < _LONG else _RESAMPLES // 5
     shaken = block_resamples(residuals, resamples, np.random.default_rng(seed))
     values = problem.refit(fit.vector, fit.simulated_degC + shaken)
-    length = float(np.ptp(problem.log.time_s))
     columns = {
         "gain_degC_per_pct": (values[:, 0], 0.0, np.inf),
-        "time_constant_s": (values[:, 1], 0.0, 5.0 * length),
-        "dead_time_s": (values[:, 3], 0.0, length / 4.0),
+        "time_constant_s": (values[:, 1], float(np.exp(problem.low[0])), float(np.exp(problem.high[0]))),
+        "dead_time_s": (values[:, 3], float(problem.low[1]), float(problem.high[1])),
         "ambient_degC": (values[:, 4], -np.inf, np.inf),
     }
     return {name: interval(column, low, high) for name, (column, low, high) in columns.items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,7 @@ _NEAR = 10.0  # BIC points within which a model explains the log nearly as well
 _FOPDT_NEAR = 3.0  # fit [%] within which the best single lag stays a candidate
 _POOR = 60.0
 _RESAMPLES = 100
+_MOST_READINGS = 500
 _AMBIENT_BELOW, _AMBIENT_ABOVE = 8.0, 6.0  # °C around the first reading: a log without power starts near the room's
 
 #: name → value of one heater, for intervals
@@ -46,6 +48,7 @@ def fit_temperature(
     on identical rows; those within 10 points stay, and the best single lag where its fit is
     within 3 % of the best.
     """
+    log, thinned = _thinned(log)
     first = float(log.temperature_degC[0])
     ambient = (first - _AMBIENT_BELOW, first + _AMBIENT_ABOVE) if ambient_degC is None else (ambient_degC,) * 2
     hypotheses = [
@@ -71,7 +74,7 @@ def fit_temperature(
         },
         candidates=tuple(_candidate(fit, ranked[0].bic, log) for fit in kept),
         fit_pct=best.fit_pct,
-        notes=_notes(log, best, ranges, ci95, ambient_degC),
+        notes=thinned + _notes(log, best, ranges, ci95, ambient_degC),
         residuals=Residuals(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=best.simulated_degC,
             autocorrelation=autocorrelation(residuals),
@@ -128,6 +131,17 @@ def _candidate(fit: Fit, leader: float, log: Log) -> Candidate:
         rmse_degC=fit.rmse_degC,
         delta_bic=fit.bic - leader,
     )
+
+
+def _thinned(log: Log) -> tuple[Log, tuple[str, ...]]:
+    """Return the log with every k-th reading only, where it has more than the loops inside the fit need, and a note."""
+    every = -(-len(log.time_s) // _MOST_READINGS)
+    if every == 1:
+        return log, ()
+    setpoint = None if log.setpoint_degC is None else log.setpoint_degC[::every]
+    temperature = log.temperature_degC[::every]
+    thin = replace(log, time_s=log.time_s[::every], temperature_degC=temperature, setpoint_degC=setpoint)
+    return thin, (f"Of {len(log.time_s)} readings every {every}th was used.",)
 
 
 def _law_name(fit: Fit) -> str:

@@ -185,8 +185,8 @@ class PowerProblem:
         """Return the best fit from a grid of starts over lags and dead time."""
         record = self.log.temperature_degC
         grid = self._grid()
-        residuals, _ = self.solve(grid, np.tile(record, (len(grid), 1)))
-        starts = grid[np.argsort(np.sum(residuals**2, axis=1))[:8]]
+        cost = [np.sum(self.solve(z[None, :], record[None, :])[0] ** 2) for z in grid]  # one by one: long logs fit too
+        starts = grid[np.argsort(cost)[:8]]
 
         def against(z: Array, rows: Rows) -> Array:
             return self.solve(z, np.tile(record, (len(rows), 1)))[0]

@@ -173,7 +173,7 @@ def _comparison(documents: Documents) -> str:
                 for p in paper["runs"]]
         text += (
             f"<h3>The paper's own settings</h3><p>{_text(paper['told'])}</p>"
-            + _table(["run", "overshoot °C", "offset before the disturbance °C", "offset at the end °C"], rows,
+            + _table(["run", "overshoot °C", "offset before the disturbance °C", "mean of the last 150 s °C"], rows,
                      numeric=(1, 2, 3))
             + _picture(plots.plot_paper(paper["runs"]), "The paper's settings in the S7-200's integer arithmetic.")
         )

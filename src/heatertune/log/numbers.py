@@ -1,0 +1,56 @@
+"""A column of cells → numbers; the first cell that is none is refused by its place."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import LogError
+from heatertune.log.cells import Sheet
+from heatertune.log.columns import Columns
+
+__all__ = ["Array", "numbers", "refused"]
+
+Array = npt.NDArray[np.float64]
+_BEYOND: Final = 1e30  # no instant and no reading; units can still be converted without overflow
+
+
+def numbers(sheet: Sheet, columns: Columns, role: str, expected: str = "a number") -> Array:
+    """Return a column as finite numbers.
+
+    Raises:
+        LogError: a cell that is empty, no number, not finite or beyond 1e30.
+    """
+    i = columns.index[role]
+    cells = [row[i] for row in sheet.rows]
+    try:
+        values = np.array([_float(cell) for cell in cells], dtype=np.float64)
+    except ValueError:
+        row = next(k for k, cell in enumerate(cells) if not _is_float(cell))
+        raise refused(sheet, columns, role, row, "no number:" if cells[row] else "an empty cell", expected) from None
+    unusable = np.flatnonzero(~(np.abs(values) < _BEYOND))
+    if len(unusable):
+        raise refused(sheet, columns, role, int(unusable[0]), "no reading:", f"a finite number below {_BEYOND:g}")
+    return values
+
+
+def refused(sheet: Sheet, columns: Columns, role: str, row: int, problem: str, expected: str) -> LogError:
+    """Return the error that names a row's line, column and value."""
+    return LogError(problem, file=sheet.file, line=sheet.lines[row], column=columns.names[role],
+                    value=sheet.rows[row][columns.index[role]] or None, expected=expected)
+
+
+def _float(cell: str) -> float:
+    if "_" in cell:  # Python reads 1_000, a log does not
+        raise ValueError(cell)
+    return float(cell)
+
+
+def _is_float(cell: str) -> bool:
+    try:
+        _float(cell)
+    except ValueError:
+        return False
+    return True
