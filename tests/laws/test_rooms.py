@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,9 +15,16 @@ ROOMS = [room(name) for name in TARGETS]
 rooms = pytest.mark.parametrize("which", ROOMS, ids=list(TARGETS))
 
 
+def _value(field):
+    if field.format == "REAL":
+        low, high = (np.nextafter(np.float32(end), np.float32(0)) for end in (field.low, field.high))
+        return st.floats(float(low), float(high), width=32)
+    return st.integers(field.low, field.high)
+
+
 @st.composite
 def words_of(draw, which):
-    values = {f.name: draw(st.integers(f.low, f.high)) for f in which.fields}
+    values = {f.name: draw(_value(f)) for f in which.fields}
     ta = values.get("CYCLE", draw(st.integers(1, 6000)) * 10) / 1000.0
     return Words(target=which.name, values=values, scaling=Scaling(), sample_time_s=ta)
 

@@ -187,7 +187,7 @@ def test_noise_has_the_deviation_asked_for_and_is_not_in_the_true_temperature(co
 
 
 def test_the_controller_sees_its_own_units(constant, words, heater):
-    room = constant(0.0)
+    room = replace(constant(0.0), counts=800)  # tenths of 80 °C
     scenario = Scenario(setpoint_degC=53.34, duration_s=4.0)
     trace = simulate(room, words(low=10.0, high=90.0), heater, scenario, FAST)
     assert room.seen[0][:2] == (533, 240)

@@ -41,7 +41,7 @@ def words_document(words: Words, proof: Proof, files: Mapping[str, str | bytes])
         "setpoint_degC": proof.nominal.setpoint_degC,
         "setpoint_units": room(words.target).measure(words, proof.nominal.setpoint_degC),
         "scaling": {"low_degC": words.scaling.low_degC, "high_degC": words.scaling.high_degC},
-        "realised": pid_document.to_document(proof.design),
+        "realised": None if proof.design is None else pid_document.to_document(proof.design),
         "files": sorted(files),
         "verdict": proof.verdict,
         "forced": bool(files) and proof.verdict == "FAIL",
@@ -98,7 +98,7 @@ def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, 
         "worst": trace_series(proof.worst, _label_of(proof.worst, models)),
         "others": [{name: run[name] for name in ("label", "time_s", "temperature_degC")} for run in others],
         "wish": trace_series(simulate_wish(wished, models[0][1], nominal.scenario, nominal.actuator), "wished"),
-        "curves": curve_series(proof.design, models),
+        "curves": [] if proof.design is None else curve_series(proof.design, models),
     }
 
 

@@ -33,18 +33,20 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.pid.document import to_document  # noqa: PLC0415
-    from heatertune.plc import room  # noqa: PLC0415
-    from heatertune.plc.s5_ob251.image import from_image, oddities  # noqa: PLC0415
+    from heatertune.plc import TARGETS, Imaged, room  # noqa: PLC0415
     from heatertune.report.text import criteria_table, design_lines  # noqa: PLC0415
 
     found = room(settings.target)
-    if found.name != "s5-ob251":
-        raise InputError(f"a dump of {found.name} cannot be decoded; known: s5-ob251")
+    if not isinstance(found, Imaged):
+        known = ", ".join(name for name in TARGETS if isinstance(room(name), Imaged))
+        raise InputError(f"a dump of {found.name} cannot be decoded; known: {known}")
     image, scaling = _bytes(settings.dump), common.scaling(settings)
-    words = from_image(image, sample_time_s=settings.called_every, scaling=scaling, source=settings.dump)
+    words = found.read_image(image, sample_time_s=settings.called_every, scaling=scaling, source=settings.dump)
+    realised = found.decode(words)
     document: dict[str, Any] = {
         "schema": "heatertune/decode/1", "target": found.name, "words": dict(words.values),
-        "realised": to_document(found.decode(words)), "odd": list(oddities(words)), "proof": None,
+        "realised": None if realised is None else to_document(realised), "odd": list(found.oddities(words)),
+        "proof": None,
     }
     if settings.model is not None or settings.gain is not None:
         fitted = common.model_from(settings, settings.model)

@@ -32,8 +32,11 @@ def _run(settings: argparse.Namespace) -> int:
             {
                 "name": each.name,
                 "title": each.title,
+                "can": each.can,
+                "cannot": each.cannot,
                 "sample_time_s": dict(zip(("shortest", "longest", "step"), each.sample_times_s, strict=True)),
-                "words": [{"name": f.name, "address": f.address, "low": f.low, "high": f.high} for f in each.fields],
+                "words": [{"name": f.name, "address": f.address, "low": f.low, "high": f.high, "format": f.format}
+                          for f in each.fields],
                 "switches": [{"name": s.name, "settings": s.settings, "why": s.why} for s in each.switches],
             }
             for each in rooms
@@ -48,7 +51,13 @@ def _told(target: Any) -> str:
     lines = [
         f"{target['name']}: {target['title']}",
         f"  TA {times['shortest']:g}…{times['longest']:g} s in steps of {times['step']:g} s",
-        "  words " + ", ".join(f"{w['name']} {w['low']}…{w['high']}" for w in target["words"]),
-        "  left open by the manual, proven under every setting:",
+        *[f"  can: {each}" for each in target["can"]],
+        *[f"  can't: {each}" for each in target["cannot"]],
+        "  words " + ", ".join(_word(w) for w in target["words"]),
+        *(["  left open by the manual, proven under every setting:"] if target["switches"] else []),
     ]
     return "\n".join(lines + [f"    {s['name']} ({', '.join(s['settings'])}): {s['why']}" for s in target["switches"]])
+
+
+def _word(word: Any) -> str:
+    return f"{word['name']} (REAL)" if word["format"] == "REAL" else f"{word['name']} {word['low']}…{word['high']}"

@@ -26,6 +26,7 @@ def to_document(design: PidDesign, model: FittedModel | None = None) -> dict[str
         "integral_time_s": design.integral_time_s,
         "derivative_time_s": design.derivative_time_s,
         "sample_time_s": design.sample_time_s,
+        "derivative_filter": design.derivative_filter,
         "structure": design.structure,
         "method": design.method,
         "ms": None, "mt": None, "gain_margin": None, "phase_margin_deg": None,
@@ -59,6 +60,7 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "design") 
     tv = optional_number(document, "derivative_time_s", where) or 0.0
     found = [optional_number(document, n, where) for n in ("ms", "mt", "gain_margin", "phase_margin_deg")]
     known = found[3] is not None
+    past = optional_number(document, "derivative_filter", where)
     return PidDesign(
         gain_pct_per_degC=number(document, "gain_pct_per_degC", where),
         integral_time_s=tn,
@@ -71,4 +73,5 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "design") 
         iae_load=optional_number(document, "iae_load", where),
         iae_setpoint=optional_number(document, "iae_setpoint", where),
         notes=tuple(str(note) for note in document.get("notes", ())),
+        derivative_filter=0.5 if past is None else past,
     )

@@ -35,7 +35,8 @@ def loop_transfer_function(model: HeaterModel, design: PidDesign) -> Any:
     if math.isfinite(design.integral_time_s):
         parts = parts + (ta / design.integral_time_s) * z / (z - 1.0)
     if design.derivative_time_s > 0.0:
-        parts = parts + (design.derivative_time_s / (2.0 * ta)) * (z - 1.0) / (z - 0.5)
+        past = design.derivative_filter
+        parts = parts + ((1.0 - past) * design.derivative_time_s / ta) * (z - 1.0) / (z - past)
     return sum(modes[1:], modes[0]) * shift * (design.gain_pct_per_degC * parts)
 
 

@@ -1,8 +1,9 @@
 """The loop as a PLC runs it: a sampled controller, a power held between samples, exact fractional dead time.
 
-Controller, backward difference, with the derivative filter D_k = D_{k−1}/2 + TV/(2·TA)·(e_k − e_{k−1}) of OB251:
+Controller, backward difference, with the derivative filter D_k = f·D_{k−1} + (1 − f)·TV/TA·(e_k − e_{k−1}); f is ½ in
+OB251 and 0 in controllers without a filter:
 
-    C(z) = K·[1 + TA/TN·1/(1 − 1/z) + TV/(2·TA)·(1 − 1/z)/(1 − 1/(2z))]
+    C(z) = K·[1 + TA/TN·1/(1 − 1/z) + (1 − f)·TV/TA·(1 − 1/z)/(1 − f/z)]
 
 Plant: each lag as a first-order mode behind a hold; a dead time of d samples and a fraction splits each input
 between two samples (the modified z-transform; K. J. Åström and B. Wittenmark, "Computer-Controlled Systems",
@@ -72,8 +73,9 @@ def controller_response(design: PidDesign, omega: Array) -> Complex:
     if math.isfinite(design.integral_time_s):
         parts = parts + design.sample_time_s / design.integral_time_s / (1.0 - backward)
     if design.derivative_time_s > 0.0:
-        difference = design.derivative_time_s / (2.0 * design.sample_time_s)
-        parts = parts + difference * (1.0 - backward) / (1.0 - 0.5 * backward)
+        past = design.derivative_filter
+        difference = (1.0 - past) * design.derivative_time_s / design.sample_time_s
+        parts = parts + difference * (1.0 - backward) / (1.0 - past * backward)
     return np.asarray(design.gain_pct_per_degC * parts)
 
 

@@ -48,6 +48,7 @@ class PidDesign:
         iae_load: ∫|e| dt after a load step of 1 % power, worst over the models [°C·s], None where not computed.
         iae_setpoint: ∫|e| dt after a setpoint step of 1 °C [s], None where not computed.
         notes: what the reader should know, one sentence each.
+        derivative_filter: f in D_k = f·D_{k−1} + (1 − f)·TV/TA·(e_k − e_{k−1}); 0: not filtered.
 
     Raises:
         OutOfRange: a gain that is zero or not finite, a time that is not positive, a structure that contradicts
@@ -64,6 +65,7 @@ class PidDesign:
     iae_load: float | None = None
     iae_setpoint: float | None = None
     notes: tuple[str, ...] = field(default=())
+    derivative_filter: float = 0.5
 
     def __post_init__(self) -> None:
         check("gain_pct_per_degC", self.gain_pct_per_degC)
@@ -72,6 +74,7 @@ class PidDesign:
         check("integral_time_s", self.integral_time_s, above=0.0, infinite=True)
         check("derivative_time_s", self.derivative_time_s, least=0.0)
         check("sample_time_s", self.sample_time_s, above=0.0)
+        check("derivative_filter", self.derivative_filter, least=0.0, most=1.0 - 1e-9)
         if self.structure != structure_of(self.integral_time_s, self.derivative_time_s):
             raise OutOfRange("structure", self.structure, "the one that TN and TV make")
 

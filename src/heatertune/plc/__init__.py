@@ -6,9 +6,12 @@ from importlib import import_module
 from typing import Final
 
 from heatertune.errors import UnknownName
-from heatertune.plc.room import Certificate, Room, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.room import Certificate, Imaged, Number, Room, Scaling, Scan, Switch, Timing, WordField, Words
 
-__all__ = ["TARGETS", "Certificate", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField", "Words", "room"]
+__all__ = [
+    "TARGETS", "Certificate", "Imaged", "Number", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField", "Words",
+    "room",
+]
 
 #: name on the command line → package of the room (which has a value ROOM)
 TARGETS: Final[dict[str, str]] = {

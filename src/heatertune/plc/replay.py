@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from heatertune.errors import LogError, UnknownName
-from heatertune.plc.room import Room, Scan, Words
+from heatertune.plc.room import FORMATS, Number, Room, Scan, Words, holds
+from heatertune.plc.single import single
 
 __all__ = ["read_inputs", "replay"]
 
 
 def replay(
-    room: Room, words: Words, rows: Sequence[Mapping[str, int]], switches: Mapping[str, str] | None = None
+    room: Room, words: Words, rows: Sequence[Mapping[str, Number]], switches: Mapping[str, str] | None = None
 ) -> list[Scan]:
     """Return what each scan gave, from the cold state on.
 
@@ -41,11 +42,11 @@ def replay(
     return scans
 
 
-def read_inputs(path: str | Path, room: Room) -> list[dict[str, int]]:
+def read_inputs(path: str | Path, room: Room) -> list[dict[str, Number]]:
     """Return the rows of a CSV file with a header of input names.
 
     Raises:
-        LogError: the file cannot be read, a needed column is missing, one is unknown, or a cell is no 16-bit number.
+        LogError: the file cannot be read, a needed column is missing, one is unknown, a cell is not of its format.
     """
     try:
         with Path(path).open(encoding="utf-8-sig", newline="") as file:
@@ -53,22 +54,27 @@ def read_inputs(path: str | Path, room: Room) -> list[dict[str, int]]:
     except (OSError, UnicodeDecodeError) as problem:
         raise LogError(f"cannot be read: {getattr(problem, 'strerror', None) or 'no text'}", file=path) from problem
     header = [name.strip() for name in table[0]] if table else []
-    expected = f"{', '.join(room.inputs[:2])} and, if wanted, {', '.join(room.inputs[2:])}"
-    if not set(room.inputs[:2]) <= set(header) or not set(header) <= set(room.inputs):
+    needed, others = list(room.inputs)[:2], list(room.inputs)[2:]
+    expected = f"{', '.join(needed)} and, if wanted, {', '.join(others)}"
+    if not set(needed) <= set(header) or not set(header) <= set(room.inputs):
         raise LogError(f"the columns are {', '.join(header) or 'none'}", file=path, line=1, expected=expected)
     rows = []
     for line, cells in enumerate(table[1:], start=2):
         if len(cells) != len(header):
             raise LogError(f"{len(cells)} cells in this row", file=path, line=line, expected=str(len(header)))
-        rows.append({name: _word(path, line, name, cell) for name, cell in zip(header, cells, strict=True)})
+        pairs = zip(header, cells, strict=True)
+        rows.append({name: _number(path, line, name, cell, room.inputs[name]) for name, cell in pairs})
     return rows
 
 
-def _word(path: str | Path, line: int, name: str, cell: str) -> int:
+def _number(path: str | Path, line: int, name: str, cell: str, format_: str) -> Number:
+    value: Number | None
     try:
-        value = int(cell)
+        value = single(float(cell)) if format_ == "REAL" else int(cell)
     except ValueError:
-        value = 1 << 16
-    if not -(1 << 15) <= value < 1 << 16:
-        raise LogError("no word:", file=path, line=line, column=name, value=cell, expected="a whole number of 16 bits")
+        value = None
+    if value is None or not holds(format_, value):
+        low, high = FORMATS[format_]
+        expected = f"{format_}, a {'' if format_ == 'REAL' else 'whole '}number {low:.9g}…{high:.9g}"
+        raise LogError("no input:", file=path, line=line, column=name, value=cell, expected=expected)
     return value

@@ -9,13 +9,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Final, Protocol, cast, runtime_checkable
 
 from heatertune.errors import OutOfRange
 from heatertune.pid.values import PidDesign
+from heatertune.plc.single import is_single
 from heatertune.units import check
 
-__all__ = ["Certificate", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField", "Words", "check_fields"]
+__all__ = [
+    "FORMATS", "Certificate", "Imaged", "Number", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField", "Words",
+    "check_fields", "holds",
+]
+
+#: a word or reading: whole, or a REAL (single precision) in controllers that have them
+Number = int | float
+
+#: format of a number in a controller → smallest and largest value; what is not REAL is whole
+FORMATS: Final[Mapping[str, tuple[float, float]]] = {
+    "BOOL": (0, 1),
+    "BYTE": (0, 255),
+    "INT": (-32768, 32767),
+    "WORD": (0, 65535),
+    "KF": (-32768, 32767),
+    "KM": (0, 65535),
+    "REAL": (-3.4028234663852886e38, 3.4028234663852886e38),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,14 +64,20 @@ class Scaling:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WordField:
-    """One word of a room: its place, format, range and meaning."""
+    """One word of a room: its place, format (see `FORMATS`), range and meaning."""
 
     name: str
     address: str
     format: str
-    low: int
-    high: int
+    low: float
+    high: float
     comment: str
+
+    @property
+    def rule(self) -> str:
+        """What a value must be, as told to people."""
+        kind = "a number in single precision" if self.format == "REAL" else "a whole number"
+        return f"{kind} {self.low:.9g}…{self.high:.9g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,15 +86,20 @@ class Words:
 
     Attributes:
         target: the room's name.
-        values: word name → integer as stored.
+        values: word name → number as stored, REALs in single precision.
         scaling: the sensor range the words were made for.
         sample_time_s: interval at which the controller is called [s].
     """
 
     target: str
-    values: Mapping[str, int]
+    values: Mapping[str, Number]
     scaling: Scaling
     sample_time_s: float
+
+    @property
+    def whole(self) -> Mapping[str, int]:
+        """The values, for a controller that holds whole numbers only."""
+        return cast("Mapping[str, int]", self.values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,7 +137,7 @@ class Scan:
     """
 
     power_pct: float
-    output: int
+    output: Number
     flags: Mapping[str, bool] = field(default_factory=dict)
 
 
@@ -126,17 +155,31 @@ class Certificate:
     lines: tuple[str, ...] = ()
     forced: bool = False
 
+    @property
+    def head(self) -> tuple[str, ...]:
+        """The verdict and the facts, one line each, for the head of an exported file."""
+        forced = " - FORCED in spite of it" if self.forced else ""
+        return (f"verdict of the proof: {self.verdict}{forced}", *self.lines)
+
+
+def holds(format_: str, value: object) -> bool:
+    """Return whether a number can be stored in a format: whole or in single precision, and in its range."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    low, high = FORMATS[format_]
+    return low <= value <= high and (is_single(value) if format_ == "REAL" else isinstance(value, int))
+
 
 def check_fields(fields: tuple[WordField, ...], words: Words) -> None:
-    """Raise OutOfRange for the first word that is missing, unknown, not whole or outside its field's range."""
+    """Raise OutOfRange for the first word that is missing, unknown, of the wrong kind or outside its field's range."""
     names = [each.name for each in fields]
     unknown = sorted(set(words.values) - set(names))
     if unknown:
         raise OutOfRange(f"word {unknown[0]}", words.values[unknown[0]], f"one of {', '.join(names)}")
     for each in fields:
         value = words.values.get(each.name)
-        if isinstance(value, bool) or not isinstance(value, int) or not each.low <= value <= each.high:
-            raise OutOfRange(f"word {each.name}", value, f"a whole number {each.low}…{each.high}")
+        if value is None or not holds(each.format, value) or not each.low <= value <= each.high:
+            raise OutOfRange(f"word {each.name}", value, each.rule)
 
 
 class Room(Protocol):
@@ -159,28 +202,40 @@ class Room(Protocol):
         """What the manual leaves open."""
 
     @property
+    def can(self) -> tuple[str, ...]:
+        """What the controller can do, one sentence each."""
+
+    @property
+    def cannot(self) -> tuple[str, ...]:
+        """What it can't do, or what this room leaves out, one sentence each."""
+
+    @property
+    def counts(self) -> int:
+        """Steps of the input module over the sensor range."""
+
+    @property
     def sample_times_s(self) -> tuple[float, float, float]:
         """Shortest, longest and step of the sampling interval the target's timer can do [s]."""
 
     def encode(self, design: PidDesign, scaling: Scaling) -> Words:
         """Round the design to words, once; raise NotRepresentable for what does not fit."""
 
-    def decode(self, words: Words) -> PidDesign:
-        """Return the design as the words realise it."""
+    def decode(self, words: Words) -> PidDesign | None:
+        """Return the design as the words realise it; None where the controller is no PID."""
 
     def check(self, words: Words) -> None:
-        """Raise OutOfRange naming the first word that is missing, unknown, not whole or out of its range."""
+        """Raise OutOfRange naming the first word that is missing, unknown, of the wrong kind or out of its range."""
 
     def timing(self, words: Words) -> Timing:
         """Return when the room wants to be called."""
 
-    def measure(self, words: Words, temperature_degC: float) -> int:
+    def measure(self, words: Words, temperature_degC: float) -> Number:
         """Return the reading for a temperature, quantised and limited as the input module does [units]."""
 
     def start(self, words: Words, switches: Mapping[str, str]) -> Any:
         """Return the cold state for these settings of the switches."""
 
-    def step(self, words: Words, state: Any, setpoint: int, reading: int, switches: Mapping[str, str],
+    def step(self, words: Words, state: Any, setpoint: Any, reading: Any, switches: Mapping[str, str],
              *, cycle_start: bool = True) -> tuple[Any, Scan]:
         """Run one scan; pure, total for every bit pattern.
 
@@ -189,11 +244,22 @@ class Room(Protocol):
         """
 
     @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of what one scan reads, in the controller's units; the first two are setpoint and reading."""
+    def inputs(self) -> Mapping[str, str]:
+        """What one scan reads, in the controller's units: name → format; the first two are setpoint and reading."""
 
-    def scan(self, state: Any, inputs: Mapping[str, int]) -> tuple[Any, Scan]:
+    def scan(self, state: Any, inputs: Mapping[str, Any]) -> tuple[Any, Scan]:
         """Run one scan on all of its inputs; those not named stay as the words have them. Pure, as `step`."""
 
     def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
         """Return file name → content; the same words and certificate always give the same bytes."""
+
+
+@runtime_checkable
+class Imaged(Protocol):
+    """A room whose words can be read back from the memory of a running controller."""
+
+    def read_image(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
+        """Return the words of a dump; raise InputError where its length is wrong, OutOfRange for a word."""
+
+    def oddities(self, words: Words) -> tuple[str, ...]:
+        """Return what is odd about a controller's words, one sentence each."""

@@ -17,8 +17,8 @@ __all__ = ["simulate_wish"]
 def simulate_wish(design: PidDesign, model: HeaterModel, scenario: Scenario, actuator: Actuator) -> Trace:
     """Return what the heater would do if the controller knew no words.
 
-    The law is that of the sampled margins: u = K·(e + I + D), I by the backward rectangle, D filtered with weight ½
-    on its past; readings and power are not rounded. While the power is at a limit, an I step that would
+    The law is that of the sampled margins: u = K·(e + I + D), I by the backward rectangle, D filtered as the
+    design says; readings and power are not rounded. While the power is at a limit, an I step that would
     drive it further is left out.
 
     Raises:
@@ -32,13 +32,14 @@ def simulate_wish(design: PidDesign, model: HeaterModel, scenario: Scenario, act
 
 def _law(design: PidDesign, setpoint: float) -> Callable[[float, bool], float]:
     gain, integral = design.gain_pct_per_degC, design.sample_time_s / design.integral_time_s
-    derivative = design.derivative_time_s / design.sample_time_s
+    past = design.derivative_filter
+    derivative = (1.0 - past) * design.derivative_time_s / design.sample_time_s
     summed = filtered = last = 0.0
 
     def step(reading: float, _cycle_start: bool) -> float:
         nonlocal summed, filtered, last
         error = setpoint - reading
-        filtered = 0.5 * (filtered + derivative * (error - last))
+        filtered = past * filtered + derivative * (error - last)
         last = error
         wanted = gain * (error + summed + integral * error + filtered)
         power = min(100.0, max(0.0, wanted))

@@ -31,6 +31,7 @@ class Controller:
         scan_s: interval between two steps [s].
         pwm_period_s: where it makes the PWM itself [s], else None.
         unit_degC, zero_degC: a reading r means zero + unit·r [°C].
+        resolution_degC: step of the input module [°C]; 0: none.
         words, switches, flags: see `Trace`.
     """
 
@@ -40,6 +41,7 @@ class Controller:
     pwm_period_s: float | None = None
     unit_degC: float = 1.0
     zero_degC: float = 0.0
+    resolution_degC: float = 0.0
     words: Words | None = None
     switches: Mapping[str, str] = field(default_factory=dict)
     flags: dict[str, int] = field(default_factory=dict)
@@ -105,7 +107,7 @@ def run_loop(controller: Controller, model: HeaterModel, scenario: Scenario, act
         model=model,
         scenario=scenario,
         actuator=actuator,
-        resolution_degC=controller.unit_degC if controller.words is not None else 0.0,
+        resolution_degC=controller.resolution_degC,
         words=controller.words,
         switches=controller.switches,
         flags=controller.flags,
@@ -144,7 +146,7 @@ def _of_room(room: Room, words: Words, setpoint_degC: float, switches: Mapping[s
 
     def step(reading: float, cycle_start: bool) -> float:
         nonlocal state
-        state, scan = room.step(words, state, setpoint, int(reading), switches, cycle_start=cycle_start)
+        state, scan = room.step(words, state, setpoint, reading, switches, cycle_start=cycle_start)
         for name, is_set in scan.flags.items():
             flags[name] = flags.get(name, 0) + is_set
         return scan.power_pct
@@ -160,6 +162,7 @@ def _of_room(room: Room, words: Words, setpoint_degC: float, switches: Mapping[s
         pwm_period_s=timing.pwm_period_s,
         unit_degC=unit,
         zero_degC=low - unit * lowest,
+        resolution_degC=words.scaling.span_degC / room.counts,
         words=words,
         switches=switches,
         flags=flags,

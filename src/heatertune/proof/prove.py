@@ -59,7 +59,7 @@ class Proof:
 
     Attributes:
         words: that were proven.
-        design: as the words realise it.
+        design: as the words realise it; None where the controller is no PID.
         limits: they were held against.
         criteria: each the worst over all runs, with the label of the run it comes from.
         runs: first model and default settings first.
@@ -68,7 +68,7 @@ class Proof:
     """
 
     words: Words
-    design: PidDesign
+    design: PidDesign | None
     limits: Limits
     criteria: tuple[Criterion, ...]
     runs: tuple[RunResult, ...]
@@ -142,7 +142,7 @@ def prove(
     results: list[RunResult] = []
     traces: list[Trace] = []
     for name, model in models:
-        margins = None if margins_of is None else margins_of(model, design)
+        margins = None if margins_of is None or design is None else margins_of(model, design)
         for switches in settings:
             trace = _simulate(name, room, words, model, scenario, actuator, switches)
             label = _label(name, room.switches, switches)

@@ -8,7 +8,7 @@ from typing import Any
 
 from heatertune.report import plots
 from heatertune.report.style import to_svg
-from heatertune.report.text import criterion_value, figure, model_rows
+from heatertune.report.text import criterion_value, figure, model_rows, word
 
 __all__ = ["render"]
 
@@ -103,8 +103,7 @@ def _candidates(model: Document) -> str:
 def _design(documents: Documents) -> str:
     pid, real = documents["pid"], documents["words"]["realised"]
     rows = [
-        [name, figure(pid[field]) if pid[field] is not None else "none",
-         figure(real[field]) if real[field] is not None else "none", unit]
+        [name, *("—" if of is None else "none" if of[field] is None else figure(of[field]) for of in (pid, real)), unit]
         for name, field, unit in (("K", "gain_pct_per_degC", "%/°C"), ("TN", "integral_time_s", "s"),
                                   ("TV", "derivative_time_s", "s"), ("TA", "sample_time_s", "s"))
     ]
@@ -114,19 +113,22 @@ def _design(documents: Documents) -> str:
          ("phase margin", "phase_margin_deg", "°"), ("IAE after a load step of 1 %", "iae_load", "°C·s"))
     ]
     curves = documents["pictures"]["curves"]
+    robustness = "" if not curves else _picture(
+        plots.plot_robustness(curves, documents["pictures"]["ms_limit"]),
+        "The words as realised, on every model (worst one orange): the Nyquist curve has to stay out of the circle, "
+        "|S| below the limit.",
+    )
     return (
         f"<h2>Design</h2><p>{_text(pid['structure'].upper())}, {_text(pid['method'])}.</p>"
         f"{_table(['', 'wished', 'realised by the words', 'unit'], rows, numeric=(1, 2))}{_list(pid.get('notes', ()))}"
         f"<p>Worst over all models, of the wished design:</p>{_table(['', 'value', 'unit'], margins, numeric=(1,))}"
-        + _picture(plots.plot_robustness(curves, documents["pictures"]["ms_limit"]),
-                   "The words as realised, on every model (worst one orange): the Nyquist curve has to stay out of the "
-                   "circle, |S| below the limit.")
+        + robustness
     )
 
 
 def _words(documents: Documents) -> str:
     words = documents["words"]
-    rows = [[f["address"], f["name"], str(words["words"][f["name"]]), f["comment"], "☐"] for f in words["fields"]]
+    rows = [[f["address"], f["name"], word(words["words"][f["name"]]), f["comment"], "☐"] for f in words["fields"]]
     files = "".join(f"<li><code>{_text(name)}</code></li>" for name in words["files"])
     scale = words["scaling"]
     return (

@@ -9,7 +9,7 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "criteria_table", "criterion_value", "design_lines", "figure", "model_lines", "model_rows", "summary", "table",
-    "words_table",
+    "word", "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -22,6 +22,11 @@ def figure(value: Any, digits: int = 4) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return f"{value:.{digits}g}"
     return str(value)
+
+
+def word(value: float) -> str:
+    """Return a word as it is typed in: a REAL with the nine digits that tell every single from the next."""
+    return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
 def criterion_value(found: Document) -> str:
@@ -76,7 +81,7 @@ def design_lines(design: Document) -> str:
 def words_table(words: Document) -> str:
     """Return the words in the order in which they are typed in."""
     rows = [("address", "word", "value", "meaning")]
-    rows += [(f["address"], f["name"], str(words["words"][f["name"]]), f["comment"]) for f in words["fields"]]
+    rows += [(f["address"], f["name"], word(words["words"][f["name"]]), f["comment"]) for f in words["fields"]]
     return table(rows, right=(2,))
 
 

@@ -34,7 +34,7 @@ def _rows(words: Words) -> list[tuple[int, str, str, str]]:
     for dw in range(LENGTH):
         if dw in known:
             field = known[dw]
-            rows.append((dw, field.format, _value(field.format, words.values[field.name]),
+            rows.append((dw, field.format, _value(field.format, words.whole[field.name]),
                          f"{field.name} {_meaning(field.name, words) or field.comment}"))
         else:
             format_, comment = _CELLS.get(dw, ("KH", ""))
@@ -50,7 +50,7 @@ def _value(format_: str, value: int) -> str:
 
 
 def _meaning(name: str, words: Words) -> str:
-    v, ta = words.values, words.sample_time_s
+    v, ta = words.whole, words.sample_time_s
     if name == "TI":
         return "no integral action" if not v["TI"] else f"TN = {ta * v['R'] / v['TI']:.4g} s"
     if name == "TD":
@@ -69,8 +69,7 @@ def _listing(words: Words, certificate: Certificate, rows: list[tuple[int, str, 
         "OB251 controller DB, a listing to key in (no STEP 5 import file)",
         f"sensor {s.low_degC:g}…{s.high_degC:g} °C = 0…{FULL_SCALE} units; output 0…{FULL_SCALE} units = 0…100 % power",
         f"call OB251 every {words.sample_time_s:g} s from a timed block (OB13), this DB opened before",
-        f"verdict of the proof: {certificate.verdict}" + (" - FORCED in spite of it" if certificate.forced else ""),
-        *certificate.lines,
+        *certificate.head,
     ]
     body = [f"{dw:4d}:  {format_} = {value};".ljust(38) + comment for dw, format_, value, comment in rows]
     return "\n".join([f"// {line}" for line in head] + [f"DB{_DB}"] + [line.rstrip() for line in body]) + "\n"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
 from typing import Final
 
 from heatertune.errors import InputError
@@ -24,7 +23,7 @@ def to_image(words: Words) -> bytes:
     """Return the 98 bytes of the DB; cells that are not words of the user are 0."""
     cells = [0] * LENGTH
     for name, place in _PLACES.items():
-        cells[place] = words.values[name] & 0xFFFF
+        cells[place] = words.whole[name] & 0xFFFF
     return struct.pack(f">{LENGTH}H", *cells)
 
 
@@ -53,7 +52,7 @@ def from_image(image: bytes, *, sample_time_s: float, scaling: Scaling, source: 
 
 def oddities(words: Words) -> tuple[str, ...]:
     """Return what is odd about a controller's words, one sentence each."""
-    v: Mapping[str, int] = words.values
+    v = words.whole
     found = []
     if v["TI"] == 0:
         found.append("TI is 0: the controller has no integral action.")

@@ -10,6 +10,7 @@ from heatertune.errors import UnknownName
 from heatertune.pid.values import PidDesign
 from heatertune.plc.room import Certificate, Scaling, Scan, Switch, Timing, WordField, Words
 from heatertune.plc.s5_ob251.export import export_words
+from heatertune.plc.s5_ob251.image import from_image, oddities
 from heatertune.plc.s5_ob251.recursion import COLD, Assumptions, Parameters, State, call
 from heatertune.plc.s5_ob251.words import FACTOR, FIELDS, FULL_SCALE, TIMER, check_words, decode, encode
 
@@ -27,6 +28,9 @@ _SWITCHES: Final = (
 )
 
 
+_INPUTS: Final = {"W": "KF", "X": "KF", "Z": "KF", "XZ": "KF", "YH": "KF", "STEU": "KM"}
+
+
 class _Running(NamedTuple):
     parameters: Parameters
     assumptions: Assumptions
@@ -41,8 +45,16 @@ class Ob251:
     title: str = "SIMATIC S5-115U, OB251 (manual 4NEB 811 6130, section 11.2.3)"
     fields: tuple[WordField, ...] = FIELDS
     switches: tuple[Switch, ...] = _SWITCHES
+    can: tuple[str, ...] = (
+        "P, PI and PID; feed-forward of Z; manual with a bumpless return; position or velocity algorithm",
+        "derivative of the control error, or of XZ",
+    )
+    cannot: tuple[str, ...] = (
+        "no PWM of its own: a switch behind YA is proven with it",
+        "TV is a whole multiple of TA; K is limited to ±1500/1024 units per unit with a D part",
+    )
     sample_times_s: tuple[float, float, float] = TIMER
-    inputs: tuple[str, ...] = ("W", "X", "Z", "XZ", "YH", "STEU")
+    counts: int = FULL_SCALE
 
     def encode(self, design: PidDesign, scaling: Scaling) -> Words:
         """Round the design to words, once; see `words.encode`."""
@@ -67,7 +79,7 @@ class Ob251:
 
     def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
         """Return the cold state: DW18 to DW48 cleared."""
-        v = words.values
+        v = words.whole
         parameters = Parameters(
             gain=v["K"] / FACTOR, r=v["R"] / FACTOR, ti=v["TI"] / FACTOR, td=float(v["TD"]), steu=v["STEU"],
             manual=v["YH"], upper=v["BGOG"], lower=v["BGUG"],
@@ -94,9 +106,22 @@ class Ob251:
         power = min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0)
         return state._replace(state=after), Scan(power_pct=power, output=after.output, flags=flags)
 
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """W and X; Z, XZ, YH and STEU where they are not as in the words."""
+        return _INPUTS
+
     def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
         """Return the listing, the CSV and the image of the controller DB."""
         return export_words(words, certificate)
+
+    def read_image(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
+        """Return the words of a dumped controller DB; see `image.from_image`."""
+        return from_image(image, sample_time_s=sample_time_s, scaling=scaling, source=source)
+
+    def oddities(self, words: Words) -> tuple[str, ...]:
+        """Return what is odd about the words of a running controller."""
+        return oddities(words)
 
 
 def _assumptions(switches: Mapping[str, str]) -> Assumptions:

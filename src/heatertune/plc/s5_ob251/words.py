@@ -68,7 +68,7 @@ def decode(words: Words) -> PidDesign:
     Without the R part there is no proportional part and no standard form; such words are refused.
     """
     check_words(words)
-    v, ta = words.values, words.sample_time_s
+    v, ta = words.whole, words.sample_time_s
     if v["K"] == 0 or v["R"] == 0:
         raise OutOfRange("word K" if v["K"] == 0 else "word R", 0, "not 0: the standard form needs a P part")
     r = v["R"] / FACTOR
@@ -87,11 +87,11 @@ def decode(words: Words) -> PidDesign:
 def check_words(words: Words) -> None:
     """Raise OutOfRange for the first word that is missing, unknown, not whole or outside its range."""
     check_fields(FIELDS, words)
-    if words.values["BGUG"] > words.values["BGOG"]:
-        raise OutOfRange("word BGUG", words.values["BGUG"], f"<= BGOG = {words.values['BGOG']}")
+    if words.whole["BGUG"] > words.whole["BGOG"]:
+        raise OutOfRange("word BGUG", words.whole["BGUG"], f"<= BGOG = {words.whole['BGOG']}")
     limit = GAIN_WITH_D
-    if words.values["TD"] and not -limit <= words.values["K"] <= limit:
-        raise OutOfRange("word K", words.values["K"], f"-{limit}…{limit} with a D part (TD is not 0)")
+    if words.whole["TD"] and not -limit <= words.whole["K"] <= limit:
+        raise OutOfRange("word K", words.whole["K"], f"-{limit}…{limit} with a D part (TD is not 0)")
 
 
 def _units_gain(scaling: Scaling) -> float:

@@ -27,25 +27,24 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
 def _head(words: Words, certificate: Certificate) -> list[str]:
     s = words.scaling
     repaired = "repaired: networks 3-7 run once per PWM cycle, in exact arithmetic"
-    kind = "as printed" if words.values["PRINTED"] else repaired
+    kind = "as printed" if words.whole["PRINTED"] else repaired
     return [
         f"// PID/PWM program, {kind}",
         f"// sensor {s.low_degC:g}...{s.high_degC:g} degC = 0...{COUNTS} counts in IB0; setpoint in counts on analog "
         "adjustment 0",
-        f"// verdict of the proof: {certificate.verdict}" + (" - FORCED in spite of it" if certificate.forced else ""),
-        *[f"// {line}" for line in certificate.lines],
+        *[f"// {line}" for line in certificate.head],
         "// not tried in STEP 7-Micro/WIN",
     ]
 
 
 def _data_block(words: Words, certificate: Certificate) -> str:
-    rows = [f"{f.address}\t{words.values[f.name]}\t// {f.name}: {f.comment}" for f in _STORED]
+    rows = [f"{f.address}\t{words.whole[f.name]}\t// {f.name}: {f.comment}" for f in _STORED]
     return _text([*_head(words, certificate), *rows])
 
 
 def _subroutine(words: Words, certificate: Certificate) -> str:
-    stored = [f"MOVW\t{words.values[f.name]:+d}, {f.address}" for f in _STORED]
-    cycle = f"MOVW\t{words.values['CYCLE']:+d}, SMW68"
+    stored = [f"MOVW\t{words.whole[f.name]:+d}, {f.address}" for f in _STORED]
+    cycle = f"MOVW\t{words.whole['CYCLE']:+d}, SMW68"
     pwm = [f"MOVB\t{_CONTROL_BYTE}, SMB67", cycle, "MOVW\t+0, SMW70", "PLS\t0", "ENI"]
     body = [
         "SUBROUTINE_BLOCK SBR_0:SBR0", "TITLE=constants and PWM of the heater controller",

@@ -27,6 +27,8 @@ _SWITCHES: Final = (
 )
 
 
+_INPUTS: Final = {"SP": "BYTE", "PV": "BYTE", "CYCLE_START": "BOOL"}
+
 #: the words of a running program are in its state
 _NO_WORDS: Final = Words(target="s7-200", values={}, scaling=Scaling(), sample_time_s=1.0)
 
@@ -45,8 +47,10 @@ class S7200:
     title: str = "SIMATIC S7-200 CPU 214, PID/PWM program (Alia, Am. J. Appl. Sci. 4(5), 2007, Table 2)"
     fields: tuple[WordField, ...] = FIELDS
     switches: tuple[Switch, ...] = _SWITCHES
+    can: tuple[str, ...] = ("PI in whole numbers, its own PWM on Q0.0 of 0.1 to 32.767 s",)
+    cannot: tuple[str, ...] = ("no derivative action: the program has no second difference", "8-bit readings")
     sample_times_s: tuple[float, float, float] = TIMER
-    inputs: tuple[str, ...] = ("SP", "PV", "CYCLE_START")
+    counts: int = COUNTS
 
     def encode(self, design: PidDesign, scaling: Scaling) -> Words:
         """Round the design to the repaired program's constants, once; see `words.encode`."""
@@ -62,8 +66,8 @@ class S7200:
 
     def timing(self, words: Words) -> Timing:
         """Return the scan interval and the PWM cycle; the repaired program computes once per cycle."""
-        cycle = words.values["CYCLE"] / 1000.0
-        return Timing(scan_s=cycle / _SCANS_PER_CYCLE if words.values["PRINTED"] else cycle, pwm_period_s=cycle)
+        cycle = words.whole["CYCLE"] / 1000.0
+        return Timing(scan_s=cycle / _SCANS_PER_CYCLE if words.whole["PRINTED"] else cycle, pwm_period_s=cycle)
 
     def measure(self, words: Words, temperature_degC: float) -> int:
         """Return the count of the 8-bit input, cut as a converter does, limited to its range."""
@@ -72,7 +76,7 @@ class S7200:
 
     def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
         """Return the state before the first scan: all words 0."""
-        v = words.values
+        v = words.whole
         constants = Constants(
             kp=v["KP"], ki=v["KI"], kd=v["KD"], t=v["T"], cycle_ms=v["CYCLE"], scale_bits=v["SCALE"], pot1=v["POT1"],
             wrap=switches.get("overflow") == "wrap", next_cycle=switches.get("width_applies") == "next_cycle",
@@ -98,6 +102,11 @@ class S7200:
         """Run one scan with SP, PV and, where named, whether a PWM cycle begins (the repaired program: always)."""
         begins = bool(inputs.get("CYCLE_START", 1))
         return self.step(_NO_WORDS, state, inputs["SP"], inputs["PV"], {}, cycle_start=begins)
+
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """SP and PV in counts; whether a PWM cycle begins with the scan."""
+        return _INPUTS
 
     def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
         """Return the constants as data-block text and an initialising subroutine."""

@@ -73,7 +73,7 @@ def decode(words: Words) -> PidDesign:
         OutOfRange: a constant out of its range; the program as printed or Kd = 0, which have no proportional part.
     """
     check_words(words)
-    v = words.values
+    v = words.whole
     if v["PRINTED"] or v["KD"] == 0:
         name = "PRINTED" if v["PRINTED"] else "KD"
         raise OutOfRange(f"word {name}", v[name], "of a program with a proportional part; this one only accumulates")
@@ -92,7 +92,7 @@ def decode(words: Words) -> PidDesign:
 def check_words(words: Words) -> None:
     """Raise OutOfRange for the first word that is missing, unknown, not whole, out of range, or overflows."""
     check_fields(FIELDS, words)
-    v = words.values
+    v = words.whole
     largest = _largest_sum(v["KP"], v["KI"], v["KD"], v["T"])
     if not v["PRINTED"] and largest > _DOUBLE:
         raise OutOfRange("word KD", v["KD"], f"such that the sum stays below 2^31 (it can reach {largest})")

@@ -1,0 +1,32 @@
+"""REAL: IEEE 754 single precision, one rounding after each operation.
+
+A sum, difference, product or quotient of two singles that is formed in double precision and then rounded to single is
+the correctly rounded one: 53 bits are more than twice 24 plus 2 (S. A. Figueroa, "When is double rounding innocuous?",
+ACM SIGNUM Newsletter 30(3), 1995).
+"""
+
+from __future__ import annotations
+
+import math
+from ctypes import c_float
+
+__all__ = ["divided", "is_single", "single"]
+
+
+def single(value: float) -> float:
+    """Return the nearest single; beyond the largest one it is infinite."""
+    return c_float(value).value
+
+
+def is_single(value: float) -> bool:
+    """Return whether a finite number is one that single precision holds."""
+    return math.isfinite(value) and single(value) == value
+
+
+def divided(dividend: float, divisor: float) -> float:
+    """Return the quotient in single precision; by zero it is infinite or, for 0/0, not a number, as IEEE 754 has it."""
+    if divisor != 0.0:
+        return single(dividend / divisor)
+    if dividend == 0.0 or math.isnan(dividend):
+        return math.nan
+    return math.copysign(math.inf, dividend) * math.copysign(1.0, divisor)

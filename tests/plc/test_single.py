@@ -1,0 +1,40 @@
+"""NumPy's float32 is the second implementation of IEEE 754 single precision."""
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from heatertune.plc.room import holds
+from heatertune.plc.single import divided, is_single, single
+
+singles = st.floats(width=32, allow_nan=False)
+
+
+def _same(found, expected):
+    return np.float32(found).tobytes() == expected.tobytes() or (math.isnan(found) and np.isnan(expected))
+
+
+@settings(max_examples=5000, deadline=None)
+@given(a=singles, b=singles)
+def test_one_rounding_after_each_operation(a, b):
+    x, y = np.float32(a), np.float32(b)
+    with np.errstate(all="ignore"):
+        assert _same(single(a + b), x + y)
+        assert _same(single(a - b), x - y)
+        assert _same(single(a * b), x * y)
+        assert _same(divided(a, b), x / y)
+
+
+@given(value=st.floats(allow_nan=False, allow_infinity=False))
+def test_a_number_is_single_where_rounding_leaves_it(value):
+    with np.errstate(over="ignore"):
+        assert is_single(value) == (np.float64(np.float32(value)) == value)
+
+
+def test_a_format_holds_whole_numbers_of_its_range_or_singles():
+    assert [holds("INT", value) for value in (32767, 32768, -32768, -32769, 1.0, True, None)] == [
+        True, False, True, False, False, False, False,
+    ]
+    assert [holds("REAL", value) for value in (0.5, 0.1, 3, math.inf, math.nan)] == [True, False, True, False, False]
