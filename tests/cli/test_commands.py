@@ -2,7 +2,8 @@ import json
 
 import pytest
 
-from heatertune.cli import COMMANDS
+from heatertune.cli import COMMANDS, common
+from heatertune.plc import TARGETS
 
 HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
 
@@ -87,7 +88,7 @@ def test_the_targets_are_listed_with_their_open_points(run):
     status, out, _ = run("targets", "--json")
     targets = {each["name"]: each for each in json.loads(out)["targets"]}
     assert status == 0
-    assert {"s5-ob251", "s7-200"} == set(targets)
+    assert set(TARGETS) == set(targets)
     assert "rounding" in {switch["name"] for switch in targets["s5-ob251"]["switches"]}
     assert "s7-200: SIMATIC" in run("targets")[1]
 
@@ -105,11 +106,25 @@ def test_words_that_fail_leave_only_by_force_and_say_so(run, by_hand, tmp_path):
     assert "FORCED" in (tmp_path / "yes" / "DB30_listing.txt").read_text()
 
 
-def test_the_s7_200_exports_constants_and_a_subroutine(run, by_hand, tmp_path):
-    assert run("export-db", by_hand, "--target", "s7-200", "--setpoint", 40, "-o", tmp_path / "out")[0] == 0
-    assert {"s7_200_constants.txt", "s7_200_init.awl", "words.json", "proof.json"} == {
-        path.name for path in (tmp_path / "out").iterdir()
-    }
+def test_the_s7_200_exports_its_program_and_on_request_the_papers_with_its_faults(run, by_hand, tmp_path):
+    by_target = ("export-db", by_hand, "--target", "s7-200", "--setpoint", 40)
+    assert run(*by_target, "-o", tmp_path / "out")[0] == 0
+    assert {"s7_200_program.awl", "words.json", "proof.json"} == {path.name for path in (tmp_path / "out").iterdir()}
+    status, _, err = run(*by_target, "--faithful", "-o", tmp_path / "paper")
+    assert (status, "FAIL" in err, (tmp_path / "paper").exists()) == (1, True, False)
+    assert run(*by_target, "--faithful", "--force", "-o", tmp_path / "paper")[0] == 0
+    text = (tmp_path / "paper" / "s7_200_paper.awl").read_text()
+    assert "FORCED" in text
+    faults = json.loads((tmp_path / "paper" / "proof.json").read_text())["faults"]
+    assert len(faults) >= 4
+    assert all(f"// fault: {fault}" in text for fault in faults)
+    assert "fault: SMB67 = 16#CA" in run("verify", by_hand, "--target", "s7-200", "--setpoint", 40, "--faithful")[1]
+    status, _, err = run("verify", by_hand, "--target", "s5-ob251", "--setpoint", 40, "--faithful")
+    assert (status, "s7-200" in err) == (2, True)
+
+
+def test_the_command_line_knows_the_targets_without_loading_them():
+    assert tuple(TARGETS) == common.TARGETS
 
 
 @pytest.mark.long
@@ -149,7 +164,7 @@ BAD = {
     "too few": (("fit", "few.csv"), ">= 20"),
     "constant": (("fit", "constant.csv"), "varying"),
     "nan": (("fit", "nan.csv"), "line 5"),
-    "unknown target": (("design", "table4", "--target", "s5-ob252", "--out", "out"), "s5-ob251, s7-200"),
+    "unknown target": (("design", "table4", "--target", "s5-ob252", "--out", "out"), ", ".join(TARGETS)),
     "unknown target of verify": (("verify", "pid.json", "--target", "plc", *HAND), "plc"),
     "no model": (("tune",), "--gain"),
     "half a model": (("tune", "--gain", 1), "--time-constant"),

@@ -147,6 +147,18 @@ def test_the_output_keeps_both_limits_in_automatic_and_in_manual():
         assert {s.output for s in _run(parameters, [-100] * 6, [0] * 6)} == {-40}
 
 
+def test_the_return_from_manual_to_automatic_is_without_a_bump():
+    # manual mode keeps XW_{k-1}, so the first automatic call adds K·TI·XW and no P step (manual, bits of STEU)
+    manual = _parameters(gain=2.0, ti=0.05, steu=NO_Z, manual=600)
+    setpoints, readings = [500] * 8, [400, 410, 420, 430, 440, 450, 450, 450]
+    state = COLD
+    for w, x in zip(setpoints[:6], readings[:6], strict=True):
+        state = call(manual, Assumptions(), state, w, x)
+    assert state.output == 600
+    after = call(manual._replace(steu=AUTO | NO_Z), Assumptions(), state, 500, 450)
+    assert after.total == pytest.approx(600.0 + 2.0 * 0.05 * 50.0)
+
+
 @pytest.mark.parametrize(("field", "changes"), [
     ("sum_is_limited", "total"), ("flag_of_same_call", "total"), ("inward_allowed", "total"), ("whole_increments", "total"),
 ])

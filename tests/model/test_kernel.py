@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from heatertune.model.kernel import simulate_many
 from heatertune.model.law import STEP
-from heatertune.plc.s7_200.laws import LAWS
+from heatertune.plc.s7_200.paper.laws import LAWS
 
 
 @cfunc(STEP)

@@ -10,7 +10,7 @@ from heatertune.model.values import Fopdt, Outcome, TwoLag
 from heatertune.model.windows import disturbance_s
 from heatertune.pid.robustness import margins
 from heatertune.pid.tune import tune
-from heatertune.plc.s7_200.laws import LAWS
+from heatertune.plc.s7_200.paper.laws import LAWS
 
 pytestmark = pytest.mark.long
 

@@ -15,7 +15,7 @@ from heatertune.pid.robustness import margins
 from heatertune.pid.rules import RULES
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, room
-from heatertune.plc.s7_200 import paper_words
+from heatertune.plc.s7_200.paper import paper_words
 from heatertune.proof import Actuator, Proof, paper_scenario, prove, simulate
 from heatertune.proof.series import trace_series
 

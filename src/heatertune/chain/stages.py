@@ -72,7 +72,7 @@ def _fit_one(log: Log, settings: Mapping[str, Any], progress: Told) -> FittedMod
 def _laws(log: Log) -> Sequence[Any]:
     if log.power_pct is not None:
         return ()
-    from heatertune.plc.s7_200.laws import LAWS  # noqa: PLC0415 - compiles; only logs without power need it
+    from heatertune.plc.s7_200.paper.laws import LAWS  # noqa: PLC0415 - compiles; only logs without power need it
 
     return LAWS
 

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CommandParser", "Progress", "add_log_options", "add_model_options", "add_output_options", "add_proof_options",
-    "add_tuning_options", "fitting", "model_from", "output", "proving", "reading", "save", "scaling", "tuning",
-    "words_and_model",
+    "add_tuning_options", "fitting", "model_from", "output", "proving", "reading", "save", "scaling", "target",
+    "tuning", "words_and_model",
 ]
 
-TARGETS = ("s5-ob251", "s7-200")
+TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid")
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -95,6 +95,8 @@ def add_proof_options(command: argparse.ArgumentParser) -> None:
     """Add the target and the conditions of the proof."""
     group = command.add_argument_group("target and proof")
     group.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(TARGETS)}")
+    group.add_argument("--faithful", action="store_true",
+                       help="the program as its source prints it, faults included (s7-200)")
     group.add_argument("--range", nargs=2, type=float, metavar=("LOW", "HIGH"), default=(0.0, 100.0),
                        help="sensor range at the lowest and highest reading [°C] (default: 0 100)")
     group.add_argument("--setpoint", type=float, metavar="°C", help="setpoint of the proof [°C]")
@@ -150,6 +152,22 @@ def proving(settings: argparse.Namespace) -> dict[str, Any]:
     return found | {"actuator": Actuator(pwm_period_s=settings.pwm_period, **switched)}
 
 
+def target(settings: argparse.Namespace) -> str:
+    """Return the target; with --faithful the same as its source prints it.
+
+    Raises:
+        UnknownName: --faithful for a target that has no such version.
+    """
+    from heatertune.errors import UnknownName  # noqa: PLC0415
+    from heatertune.plc import FAITHFUL  # noqa: PLC0415
+
+    if not settings.faithful:
+        return str(settings.target)
+    if settings.target not in FAITHFUL:
+        raise UnknownName("target with --faithful", settings.target, FAITHFUL)
+    return FAITHFUL[settings.target]
+
+
 def scaling(settings: argparse.Namespace) -> Scaling:
     """Return the sensor range."""
     from heatertune.plc import Scaling  # noqa: PLC0415
@@ -168,11 +186,11 @@ def words_and_model(settings: argparse.Namespace) -> tuple[Words, FittedModel]:
     from heatertune.chain.stages import encode  # noqa: PLC0415
     from heatertune.pid.document import read_design  # noqa: PLC0415
 
-    words = read_words(settings.pid, settings.target)
+    words = read_words(settings.pid, target(settings))
     if words is not None:
         return words, model_from(settings, None)
     design, model = read_design(settings.pid)
-    words = encode(design, settings.target, scaling=scaling(settings))
+    words = encode(design, target(settings), scaling=scaling(settings))
     by_hand = any(getattr(settings, name) is not None for name in ("gain", "time_constant", "dead_time"))
     return words, model if model is not None and not by_hand else model_from(settings, None)
 

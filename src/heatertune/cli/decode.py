@@ -36,7 +36,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.plc import TARGETS, Imaged, room  # noqa: PLC0415
     from heatertune.report.text import criteria_table, design_lines  # noqa: PLC0415
 
-    found = room(settings.target)
+    found = room(common.target(settings))
     if not isinstance(found, Imaged):
         known = ", ".join(name for name in TARGETS if isinstance(room(name), Imaged))
         raise InputError(f"a dump of {found.name} cannot be decoded; known: {known}")

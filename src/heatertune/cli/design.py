@@ -33,7 +33,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.report.text import summary  # noqa: PLC0415
 
     documents = chain.design(
-        settings.log, target=settings.target, out=settings.out, reading=common.reading(settings),
+        settings.log, target=common.target(settings), out=settings.out, reading=common.reading(settings),
         fitting=common.fitting(settings), tuning=common.tuning(settings), proving=common.proving(settings),
         scaling=common.scaling(settings), force=settings.force, progress=common.Progress(settings),
     )

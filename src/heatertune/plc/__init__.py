@@ -6,18 +6,35 @@ from importlib import import_module
 from typing import Final
 
 from heatertune.errors import UnknownName
-from heatertune.plc.room import Certificate, Imaged, Number, Room, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.room import (
+    Certificate,
+    Faulty,
+    Imaged,
+    Number,
+    Room,
+    Scaling,
+    Scan,
+    Switch,
+    Timing,
+    WordField,
+    Words,
+)
 
 __all__ = [
-    "TARGETS", "Certificate", "Imaged", "Number", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField", "Words",
-    "room",
+    "FAITHFUL", "TARGETS", "Certificate", "Faulty", "Imaged", "Number", "Room", "Scaling", "Scan", "Switch", "Timing",
+    "WordField", "Words", "room",
 ]
 
 #: name on the command line → package of the room (which has a value ROOM)
 TARGETS: Final[dict[str, str]] = {
     "s5-ob251": "heatertune.plc.s5_ob251",
     "s7-200": "heatertune.plc.s7_200",
+    "s7-200-paper": "heatertune.plc.s7_200.paper",
+    "s7-200-pid": "heatertune.plc.s7_200.pid",
 }
+
+#: target → the same as its source prints it, faults included
+FAITHFUL: Final[dict[str, str]] = {"s7-200": "s7-200-paper"}
 
 
 def room(target: str) -> Room:

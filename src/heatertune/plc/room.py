@@ -17,8 +17,8 @@ from heatertune.plc.single import is_single
 from heatertune.units import check
 
 __all__ = [
-    "FORMATS", "Certificate", "Imaged", "Number", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField", "Words",
-    "check_fields", "holds",
+    "FORMATS", "Certificate", "Faulty", "Imaged", "Number", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField",
+    "Words", "check_fields", "holds",
 ]
 
 #: a word or reading: whole, or a REAL (single precision) in controllers that have them
@@ -252,6 +252,14 @@ class Room(Protocol):
 
     def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
         """Return file name → content; the same words and certificate always give the same bytes."""
+
+
+@runtime_checkable
+class Faulty(Protocol):
+    """A room that is known to compute something else than it means to."""
+
+    def faults(self, words: Words) -> tuple[str, ...]:
+        """Return what is wrong with these words, one sentence each."""
 
 
 @runtime_checkable

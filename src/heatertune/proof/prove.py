@@ -11,7 +11,7 @@ from typing import Any, Final
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import Margins, PidDesign
-from heatertune.plc.room import Room, Switch, Words
+from heatertune.plc.room import Faulty, Room, Switch, Words
 from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.judge import judge
 from heatertune.proof.loop import simulate
@@ -65,6 +65,7 @@ class Proof:
         runs: first model and default settings first.
         nominal: trace of the first run.
         worst: trace of the run whose criteria strain their limits most.
+        faults: what is known to be wrong in the controller with these words, one sentence each.
     """
 
     words: Words
@@ -74,6 +75,7 @@ class Proof:
     runs: tuple[RunResult, ...]
     nominal: Trace
     worst: Trace
+    faults: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -105,6 +107,7 @@ class Proof:
             "scenario": asdict(self.nominal.scenario),
             "actuator": asdict(self.nominal.actuator),
             "limits": asdict(self.limits),
+            "faults": list(self.faults),
         }
 
 
@@ -158,6 +161,7 @@ def prove(
         runs=tuple(results),
         nominal=traces[0],
         worst=traces[-1],
+        faults=room.faults(words) if isinstance(room, Faulty) else (),
     )
 
 

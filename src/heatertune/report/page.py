@@ -151,6 +151,7 @@ def _proof(documents: Documents) -> str:
     nominal, kick = pictures["nominal"], pictures["kick_s"]
     return (
         f"<h2>Proof</h2>{_table(heads, rows, numeric=(1,))}"
+        + (f"<h3>Known faults of this controller</h3>{_list(proof['faults'])}" if proof["faults"] else "")
         + _picture(plots.plot_loop(nominal, pictures["worst"], pictures["others"]),
                    f"Heat-up and a disturbance at {figure(kick)} s; nominal: {pictures['nominal']['label']}, worst: "
                    f"{pictures['worst']['label']}, grey: all other models.")

@@ -86,13 +86,13 @@ def words_table(words: Document) -> str:
 
 
 def criteria_table(proof: Document) -> str:
-    """Return each criterion: worst value, limit, verdict, and the run it comes from."""
+    """Return each criterion (worst value, limit, verdict, the run it comes from) and the controller's known faults."""
     rows = [("criterion", "worst", "limit", "unit", "", "where")]
     for name, found in proof["criteria"].items():
         limit = "" if found["limit"] is None else f"{found['bound']} {figure(found['limit'])}"
         verdict = "" if found["limit"] is None else "ok" if found["ok"] else "FAIL"
         rows.append((name.replace("_", " "), criterion_value(found), limit, found["unit"], verdict, found["where"]))
-    return table(rows, right=(1,))
+    return "\n".join([table(rows, right=(1,)), *[f"fault: {fault}" for fault in proof["faults"]]])
 
 
 def summary(documents: Mapping[str, Document]) -> str:

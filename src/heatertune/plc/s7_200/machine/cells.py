@@ -1,0 +1,66 @@
+"""Addresses of an S7-200: name → place in one memory (System Manual C79000-G7076-C233-01, chapter 5).
+
+V, SM, I and Q words hold their high byte first; byte and word access to an accumulator means its low end.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+__all__ = ["SIZE", "Cell", "bit", "cell", "constant"]
+
+#: area → where it begins in the memory, and its size in bytes
+_AREAS: Final = {"I": (0, 16), "Q": (16, 16), "SM": (32, 256), "V": (288, 512), "AC": (800, 16), "AI": (816, 8)}
+SIZE: Final = 824
+
+_WIDTHS: Final = {"B": 1, "W": 2, "D": 4}
+_BIT: Final = re.compile(r"(I|Q|SM|V)(\d+)\.([0-7])")
+_CELL: Final = re.compile(r"(AI|I|Q|SM|V)([BWD])(\d+)")
+_ACCUMULATOR: Final = re.compile(r"AC([0-3])")
+_HEX: Final = re.compile(r"16#([0-9A-Fa-f]{1,8})")
+
+
+class Cell(NamedTuple):
+    """A byte, word or double word."""
+
+    start: int
+    width: int
+
+
+@lru_cache(maxsize=256)
+def cell(text: str, width: int) -> Cell:
+    """Return the place of a cell that an instruction of this width [bytes] uses.
+
+    Raises:
+        ValueError: no address, none of this width, or beyond its area.
+    """
+    if found := _ACCUMULATOR.fullmatch(text):
+        return Cell(_AREAS["AC"][0] + 4 * int(found[1]) + 4 - width, width)
+    match = _CELL.fullmatch(text)
+    if match is None or _WIDTHS[match[2]] != width:
+        raise ValueError(text)
+    return Cell(_place(match[1], int(match[3]), width), width)
+
+
+def bit(text: str) -> tuple[int, int]:
+    """Return byte and mask of a bit; raise ValueError for what is none."""
+    match = _BIT.fullmatch(text)
+    if match is None:
+        raise ValueError(text)
+    return _place(match[1], int(match[2]), 1), 1 << int(match[3])
+
+
+def constant(text: str) -> int | None:
+    """Return the value of a decimal or 16# constant, None for what is none."""
+    if found := _HEX.fullmatch(text):
+        return int(found[1], 16)
+    return int(text) if re.fullmatch(r"[+-]?\d+", text) else None
+
+
+def _place(area: str, offset: int, width: int) -> int:
+    begin, size = _AREAS[area]
+    if offset + width > size:
+        raise ValueError(f"{area}{offset}")
+    return begin + offset

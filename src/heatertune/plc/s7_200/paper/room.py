@@ -1,0 +1,140 @@
+"""The room of the printed program; its step runs the statement list that is exported."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from heatertune.pid.values import PidDesign
+from heatertune.plc.room import Certificate, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
+from heatertune.plc.s7_200.paper.faults import faults
+from heatertune.plc.s7_200.paper.listing import printed_program
+from heatertune.plc.s7_200.paper.program import Constants, Memory
+from heatertune.plc.s7_200.paper.words import FIELDS, check_words, encode
+from heatertune.plc.s7_200.wiring import COUNTS, WIDTH_APPLIES, count, head, inputs_of
+from heatertune.plc.s7_200.words import TIMER
+
+__all__ = ["ROOM", "PaperProgram", "constants"]
+
+#: scans per PWM cycle; real ones are more, which changes nothing between two readings
+_SCANS_PER_CYCLE: Final = 5
+
+_SWITCHES: Final = (
+    WIDTH_APPLIES,
+    Switch(name="overflow", settings=("keep", "wrap"), default="keep",
+           why="whether an overflowing +I or -I of the CPU 214 leaves its operand or writes the wrapped result"),
+    Switch(name="rails", settings=("edges_stop", "edges_go_on"), default="edges_stop",
+           why="whether a width of 0 or of the whole cycle still gives the edge that updates the width"),
+    Switch(name="cycle_time", settings=("loaded", "never_loaded"), default="loaded",
+           why="whether PLS takes the cycle time although SMB67 = 16#CA has its update bit 0"),
+)
+
+_INPUTS: Final = {"SP": "BYTE", "PV": "BYTE", "CYCLE_START": "BOOL"}
+
+
+class _Running(NamedTuple):
+    program: Program
+    constants: Constants
+    cpu: State
+    memory: Memory = Memory()  # of it: the scans counted, the width of the running PWM cycle
+
+
+@dataclass(frozen=True, slots=True)
+class PaperProgram:
+    """See `heatertune.plc.room.Room`."""
+
+    name: str = "s7-200-paper"
+    title: str = "SIMATIC S7-200 CPU 214, PID/PWM program as printed (Alia, Am. J. Appl. Sci. 4(5), 2007, Table 2)"
+    fields: tuple[WordField, ...] = FIELDS
+    switches: tuple[Switch, ...] = _SWITCHES
+    can: tuple[str, ...] = ("what the paper prints, its own PWM on Q0.0; for comparison",)
+    cannot: tuple[str, ...] = (
+        "no PID: its P accumulates, its D acts as P",
+        "no setpoint 128 counts or more above the reading: the error word wraps",
+    )
+    sample_times_s: tuple[float, float, float] = TIMER
+    counts: int = COUNTS
+
+    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
+        """Return the constants that the paper's equation asks for; see `words.encode`."""
+        return encode(design, scaling)
+
+    def decode(self, words: Words) -> None:
+        """Return None: what the program makes of its constants is no PID."""
+        check_words(words)
+
+    def check(self, words: Words) -> None:
+        """Raise OutOfRange for the first constant that the program cannot hold."""
+        check_words(words)
+
+    def timing(self, words: Words) -> Timing:
+        """Return the scan interval and the PWM cycle."""
+        cycle = words.whole["CYCLE"] / 1000.0
+        return Timing(scan_s=cycle / _SCANS_PER_CYCLE, pwm_period_s=cycle)
+
+    def measure(self, words: Words, temperature_degC: float) -> int:
+        """Return the count of the 8-bit input, cut as a converter does, limited to its range."""
+        return count(words.scaling, temperature_degC)
+
+    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+        """Return the state before the first scan: all words 0."""
+        cpu = COLD.written({"SM0.1": 1, "SMB29": words.whole["POT1"]})
+        return _Running(assemble(printed_program(words)), constants(words, switches), cpu)
+
+    def step(
+        self, words: Words, state: _Running, setpoint: int, reading: int, switches: Mapping[str, str],
+        *, cycle_start: bool = True,
+    ) -> tuple[_Running, Scan]:
+        """Run the interrupt, where Q0.0 has risen and it is attached, and one scan."""
+        del words, switches
+        c = state.constants
+        memory = state.memory.counted()
+        cpu, overflow, attached = state.cpu.written(inputs_of(setpoint, reading)), False, dict(state.cpu.attached)
+        if memory.rises(c, cycle_start) and cpu.enabled and 0 in attached:
+            before = cpu.width
+            cpu = run(state.program, attached[0], cpu, wrap=c.wrap, cycle_loads=c.loads_cycle)
+            overflow = cpu.overflow
+            memory = memory._replace(applied=before if c.next_cycle else cpu.width)
+        cpu = run(state.program, "OB1", cpu, wrap=c.wrap, cycle_loads=c.loads_cycle).written({"SM0.1": 0})
+        flags = {"SM1.1": overflow or cpu.overflow, "SM1.3": cpu.zero_division}
+        found = Scan(power_pct=memory.power_pct(c), output=memory.applied, flags=flags)
+        return state._replace(cpu=cpu, memory=memory), found
+
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """Return setpoint and reading in counts, and whether a PWM cycle begins with the scan."""
+        return _INPUTS
+
+    def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
+        """Run one scan with SP, PV and, where named, whether a PWM cycle begins."""
+        begins = bool(inputs.get("CYCLE_START", 1))
+        return self.step(_NO_WORDS, state, inputs["SP"], inputs["PV"], {}, cycle_start=begins)
+
+    def faults(self, words: Words) -> tuple[str, ...]:
+        """Return what is wrong in the program with these constants, one sentence each."""
+        return faults(words)
+
+    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+        """Return the program, its faults and its certificate in the head."""
+        lines = [*head(words, certificate), *[f"fault: {fault}" for fault in faults(words)]]
+        return {"s7_200_paper.awl": printed_program(words, lines)}
+
+
+#: the words of a running program are in its state
+_NO_WORDS: Final = Words(target="s7-200-paper", values={}, scaling=Scaling(), sample_time_s=1.0)
+
+
+def constants(words: Words, switches: Mapping[str, str]) -> Constants:
+    """Return the constants of the program with open points read as the switches say."""
+    v = words.whole
+    return Constants(
+        kp=v["KP"], ki=v["KI"], kd=v["KD"], t=v["T"], cycle_ms=v["CYCLE"], pot1=v["POT1"],
+        wrap=switches.get("overflow") == "wrap", next_cycle=switches.get("width_applies") == "next_cycle",
+        stops_at_rails=switches.get("rails") != "edges_go_on",
+        loads_cycle=switches.get("cycle_time") != "never_loaded",
+    )
+
+
+ROOM: Final = PaperProgram()

@@ -1,0 +1,147 @@
+"""The room of the PID instruction; its step runs the statement list that is exported."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from heatertune.pid.values import PidDesign
+from heatertune.plc.room import Certificate, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
+from heatertune.plc.s7_200.pid.image import from_image, oddities, to_image
+from heatertune.plc.s7_200.pid.listing import SETPOINT, pid_program
+from heatertune.plc.s7_200.pid.words import FIELDS, TABLE, check_words, decode, encode
+from heatertune.plc.s7_200.wiring import WIDTH_APPLIES, ascii_only
+from heatertune.plc.s7_200.words import TIMER, cycle_ms
+from heatertune.plc.single import divided
+
+__all__ = ["ROOM", "S7200Pid"]
+
+_FULL: Final = 32000  # analog input word at the end of the range
+_STEP: Final = 8  # a converter of 12 bits, left-justified
+
+_SWITCHES: Final = (
+    WIDTH_APPLIES,
+    Switch(name="first_call", settings=("setpoint_is_pv", "setpoint_kept"), default="setpoint_is_pv",
+           why="whether the first call of the loop sets its setpoint to the process variable"),
+)
+
+_INPUTS: Final = {"SP": "INT", "PV": "INT"}
+
+
+class _Running(NamedTuple):
+    program: Program
+    cycle_ms: int
+    next_cycle: bool
+    bumpless: bool
+    cpu: State = COLD
+    begun: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class S7200Pid:
+    """See `heatertune.plc.room.Room`."""
+
+    name: str = "s7-200-pid"
+    title: str = "SIMATIC S7-200, PID instruction (System Manual C79000-G7076-C233-01, pp. 9-84 to 9-91)"
+    fields: tuple[WordField, ...] = FIELDS
+    switches: tuple[Switch, ...] = _SWITCHES
+    can: tuple[str, ...] = (
+        "P, PI and PID in single precision, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",
+        "bias clamped with the output: no windup",
+    )
+    cannot: tuple[str, ...] = ("not on a CPU 212 or 214; no manual mode in this program", "no filter of the derivative")
+    sample_times_s: tuple[float, float, float] = TIMER
+    counts: int = _FULL // _STEP
+
+    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
+        """Round the design to the loop table's REALs, once; see `words.encode`."""
+        return encode(design, scaling)
+
+    def decode(self, words: Words) -> PidDesign:
+        """Return the design as the loop realises it."""
+        return decode(words)
+
+    def check(self, words: Words) -> None:
+        """Raise OutOfRange for the first word that the loop cannot hold."""
+        check_words(words)
+
+    def timing(self, words: Words) -> Timing:
+        """Return the PWM cycle: the loop is called once in each."""
+        cycle = cycle_ms(words) / 1000.0
+        return Timing(scan_s=cycle, pwm_period_s=cycle)
+
+    def measure(self, words: Words, temperature_degC: float) -> int:
+        """Return the analog input word of a temperature: 0…32000 in steps of 8, cut as a converter does."""
+        share = (temperature_degC - words.scaling.low_degC) / words.scaling.span_degC
+        return _STEP * int(min(max(share * self.counts, 0.0), float(self.counts)))
+
+    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+        """Return the state after power-up, the program loaded."""
+        return _Running(
+            program=assemble(pid_program(words)), cycle_ms=cycle_ms(words),
+            next_cycle=switches.get("width_applies") == "next_cycle",
+            bumpless=switches.get("first_call") != "setpoint_kept",
+        )
+
+    def step(
+        self, words: Words, state: _Running, setpoint: int, reading: int, switches: Mapping[str, str],
+        *, cycle_start: bool = True,
+    ) -> tuple[_Running, Scan]:
+        """Run the first scan, once, and the timed interrupt in which the loop is called."""
+        del words, switches, cycle_start
+        cpu = state.cpu
+        if not state.begun:
+            cpu = run(state.program, "OB1", cpu.written({"SM0.1": 1})).written({"SM0.1": 0})
+        before = cpu.width
+        inputs = {"AIW0": reading, SETPOINT: _bits(divided(float(setpoint), float(_FULL)))}
+        # the ticks before this one do nothing but count down
+        cpu = run(state.program, "INT0", cpu.written(inputs | {"VW90": 1}), bumpless=state.bumpless)
+        width = before if state.next_cycle else cpu.width
+        power = 100.0 * min(width, state.cycle_ms) / state.cycle_ms
+        flags = {"SM1.1": cpu.overflow}
+        return state._replace(cpu=cpu, begun=True), Scan(power_pct=power, output=width, flags=flags)
+
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """Return setpoint and reading as analog words, 0…32000."""
+        return _INPUTS
+
+    def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
+        """Run one sampling interval."""
+        return self.step(_NO_WORDS, state, inputs["SP"], inputs["PV"], {})
+
+    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+        """Return the program that was proven, and the loop table in both lengths."""
+        s = words.scaling
+        head = ascii_only([
+            f"sensor {s.low_degC:g}...{s.high_degC:g} degC = 0...{_FULL} on AIW0; heater switch on Q0.0",
+            f"setpoint as a share of that range in {SETPOINT}",
+            *certificate.head, "not tried in STEP 7-Micro/WIN",
+        ])
+        return {
+            "s7_200_pid.awl": pid_program(words, head),
+            f"VB{TABLE}_36.bin": to_image(words),
+            f"VB{TABLE}_80.bin": to_image(words, extended=True),
+        }
+
+    def read_image(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
+        """Return the words of a dumped loop table; see `image.from_image`."""
+        return from_image(image, sample_time_s=sample_time_s, scaling=scaling, source=source)
+
+    def oddities(self, words: Words) -> tuple[str, ...]:
+        """Return what is odd about the words of a running loop."""
+        return oddities(words)
+
+
+#: the words of a running program are in its state
+_NO_WORDS: Final = Words(target="s7-200-pid", values={}, scaling=Scaling(), sample_time_s=1.0)
+
+
+def _bits(value: float) -> int:
+    return int.from_bytes(struct.pack(">f", value), "big")
+
+
+ROOM: Final = S7200Pid()
