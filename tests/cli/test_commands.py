@@ -87,7 +87,7 @@ def test_the_targets_are_listed_with_their_open_points(run):
     status, out, _ = run("targets", "--json")
     targets = {each["name"]: each for each in json.loads(out)["targets"]}
     assert status == 0
-    assert {"s5-ob251", "s7-200"} == set(targets)
+    assert {"s5-ob251", "s7-200", "on-off"} == set(targets)
     assert "rounding" in {switch["name"] for switch in targets["s5-ob251"]["switches"]}
     assert "s7-200: SIMATIC" in run("targets")[1]
 
@@ -149,7 +149,7 @@ BAD = {
     "too few": (("fit", "few.csv"), ">= 20"),
     "constant": (("fit", "constant.csv"), "varying"),
     "nan": (("fit", "nan.csv"), "line 5"),
-    "unknown target": (("design", "table4", "--target", "s5-ob252", "--out", "out"), "s5-ob251, s7-200"),
+    "unknown target": (("design", "table4", "--target", "s5-ob252", "--out", "out"), "s5-ob251, s7-200, on-off"),
     "unknown target of verify": (("verify", "pid.json", "--target", "plc", *HAND), "plc"),
     "no model": (("tune",), "--gain"),
     "half a model": (("tune", "--gain", 1), "--time-constant"),
