@@ -52,7 +52,7 @@ def _rival(rule: str, alone: Fopdt, fitted: FittedModel, words: Words, proof: Pr
     actuator = Actuator(pwm_period_s=default_pwm_period_s(rounded.sample_time_s))
     found = prove(
         room(words.target), rounded, labelled(fitted), proof.nominal.scenario, actuator, proof.limits, margins,
-        open_points=False,
+        open_points=False, interlock=proof.nominal.interlock,
     )
     ms = next((criterion.value for criterion in found.criteria if criterion.name == "ms"), None)
     fails = [criterion.name for criterion in found.criteria if not criterion.ok]

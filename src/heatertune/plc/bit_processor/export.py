@@ -83,7 +83,7 @@ def _listing(words: Words, certificate: Certificate) -> str:
     head = [
         "two-level control of a heater, for the bit processor of Hryniewicz and Chmiel (2012)",
         f"sensor {scale.low_degC:g}…{scale.high_degC:g} °C = 0…{COUNTS} counts in register 1 (PV)",
-        f"setpoint in counts in register 0 (SP): whole part of ({COUNTS}/{scale.span_degC:g})·(°C − {scale.low_degC:g})",
+        f"setpoint in counts in register 0 (SP): {COUNTS}/{scale.span_degC:g}·(°C − {scale.low_degC:g}), whole part",
         f"register 2 (BAND) = {band} counts = {band * scale.span_degC / COUNTS:.3g} °C",
         f"one scan every {words.sample_time_s:g} s; output 0 (OUT) switches the heater",
         *certificate.head,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
@@ -34,8 +35,9 @@ def encode(design: PidDesign, scaling: Scaling) -> Words:
     exact = BAND_DEGC * COUNTS / scaling.span_degC
     band = max(1, int(exact + 0.5))
     if band > _MOST:
+        narrowest = math.ceil(100.0 * BAND_DEGC * COUNTS / _MOST) / 100.0
         raise NotRepresentable("word BAND", exact, f"1…{_MOST} counts",
-                               f"a sensor range of {BAND_DEGC * COUNTS / _MOST:.4g} °C or more would fit")
+                               f"a sensor range of {narrowest:g} °C or more would fit")
     ta = _scan_interval(design.sample_time_s)
     return Words(target="on-off", values={"BAND": band}, scaling=scaling, sample_time_s=ta)
 
