@@ -135,6 +135,9 @@ def test_an_interlock_watches_the_proof_of_every_command(run, by_hand, tmp_path)
     status, out, _ = run("decode", tmp_path / "DB30.bin", *watched, "--limit-temperature", 38, *called, *HAND, "--json")
     assert (status, json.loads(out)["proof"]["verdict"]) == (1, "FAIL")
 
+    document = json.loads(run("verify", by_hand, *watched, "--range", 0, 90, "--fan-stops", 5, "--json")[1])
+    assert document["interlock"] == {"name": "heater-fan", "limit_degC": 90.0, "fan_stops_s": 5.0}
+
     status, _, err = run("verify", by_hand, *conditions, "--fan-stops", 900)
     assert (status, "need --interlock" in err) == (2, True)
     status, _, err = run("verify", by_hand, *conditions, "--interlock", "heater-door")
@@ -169,14 +172,19 @@ def test_two_level_control_goes_through_every_command(run, by_hand, tmp_path):
 @pytest.mark.long
 def test_a_whole_design_of_two_level_control_behind_an_interlock_is_reported(run, tmp_path):
     out = tmp_path / "out"
-    status, said, _ = run("design", "table4", "--target", "on-off", "--interlock", "heater-fan", "--out", out)
-    assert status == 1, "its swing is more than the tolerance"
+    watched = ("--interlock", "heater-fan", "--limit-temperature", 45)
+    status, said, _ = run("design", "table4", "--target", "on-off", *watched, "--out", out)
+    assert status == 1
     assert "limit cycle" in said
     assert "VERDICT FAIL" in said
     page = (out / "report.html").read_text()
-    assert "interlock heater-fan, limit 100 °C" in page
+    assert "interlock heater-fan, limit 45 °C" in page
     rivals = json.loads((out / "comparison.json").read_text())["rivals"]
     assert {rival["ms"] for rival in rivals} == {None}
+    assert all("interlock_trips" in rival["fails"] for rival in rivals)
+    pictures = json.loads((out / "pictures.json").read_text())
+    runs = [pictures["nominal"], pictures["worst"], *pictures["others"]]
+    assert all(run["temperature_degC"][-1] < 35.0 for run in runs), "each is left cold, its setpoint being above 50 °C"
     assert not (out / "on_off_rom.bin").exists()
     (out / "report.html").unlink()
     assert run("report", out)[0] == 1

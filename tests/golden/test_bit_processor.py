@@ -329,7 +329,7 @@ def test_an_endless_scan_is_cut_and_flagged_and_the_next_begins_at_line_0():
 
 
 def test_inputs_timers_and_results_cannot_be_overwritten():
-    program = assemble("Set 0\nSet 1\nReset 0\nSet 2", Names(), operand_bits=4)
+    program = assemble("Set 0\nSet 1\nSet 2", Names(), operand_bits=4)
     after = scan(program, Wiring(inputs=frozenset([0]), results={1: 1}), START)
     assert after.outputs == 4
 

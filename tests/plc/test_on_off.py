@@ -85,6 +85,12 @@ def test_band_is_the_counts_nearest_half_a_degree(span, band):
     assert words == _words(band, scaling=Scaling(low_degC=0.0, high_degC=span))
 
 
+def test_a_reading_is_the_whole_part_of_its_share_of_the_range():
+    # 70 of 140 °C: 2047.5; 0.1 of 140 °C: 2.925
+    words = _words(scaling=Scaling(low_degC=-20.0, high_degC=120.0))
+    assert [ROOM.measure(words, t) for t in (-30.0, -20.0, -19.9, 50.0, 120.0, 130.0)] == [0, 0, 2, 2047, 4095, 4095]
+
+
 def test_what_the_word_or_the_timer_cannot_hold_is_refused():
     with pytest.raises(NotRepresentable, match=r"word BAND would be 2275, allowed 1…2047 counts; .* 1\.01 °C or more"):
         ROOM.encode(_design(), Scaling(low_degC=0.0, high_degC=0.9))

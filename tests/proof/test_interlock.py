@@ -95,6 +95,17 @@ def test_the_limit_is_found_late_in_a_long_run(constant, words):
     assert trace.cut_s == pytest.approx(math.ceil(100 * (6.5 + 5000.0 * math.log(2.0))) / 100, abs=1e-9)
 
 
+@pytest.mark.parametrize(("temperature", "opens"), [
+    (lambda t: 45.0 + 0.0 * t, 0.01),  # at the limit is hot; in the scan of the buttons the program does not look yet
+    (lambda t: np.nextafter(45.0, 0.0) + 0.0 * t, math.inf),
+    (lambda t: np.where((t < 0.005) | (t > 4.999), 50.0, 20.0), 5.0),  # cool again when the program first looks
+    (lambda t: np.where((t > 4.001) & (t < 4.009), 50.0, 20.0), math.inf),  # between two scans
+    (lambda t: np.where(t > 9.999, 50.0, 20.0), 10.0),
+], ids=["at the limit", "just below", "hot at first", "between scans", "at the end"])
+def test_the_contact_opens_at_the_first_scan_that_finds_the_heater_hot(temperature, opens):
+    assert _interlock(45.0).opens_s(temperature, 10.0) == opens
+
+
 def test_a_limit_below_the_setpoint_fails_the_proof(tenths, words, heater):
     scenario = Scenario(setpoint_degC=50.0, duration_s=2000.0, disturbances=(Kick(time_s=1200.0, temperature_degC=-3.0),))
 

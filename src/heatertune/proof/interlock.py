@@ -76,9 +76,8 @@ class Interlock:
         changes = {0, 1, self._first_hot(temperature_at, end_s), stops}
         state = START
         for k in sorted(k for k in changes if k is not None and k * _SCAN_S <= end_s):
-            turns = state.is_on(_BITS["F"]) and (stops is None or k < stops)
             hot = float(temperature_at(np.array([k * _SCAN_S]))[0]) >= self.limit_degC
-            state = _scan(state, pressed=k == 0, hot=hot, turns=turns)
+            state = _scan(state, pressed=k == 0, hot=hot, turns=stops is None or k < stops)
             if not state.is_on(_BITS["H"]):
                 return k * _SCAN_S
         return math.inf

@@ -175,8 +175,8 @@ def _trips(trace: Trace, interlock: Interlock) -> tuple[Criterion, ...]:
     return (
         Criterion(
             name="interlock_trips", value=float(math.isfinite(trace.cut_s)), limit=0.0, unit="1",
-            what=f"1 where the interlock {interlock.name}, limit {interlock.limit_degC:g} °C, switched the heater off for "
-            "good, else 0.",
+            what=f"1 where the interlock {interlock.name}, limit {interlock.limit_degC:g} °C, "
+            "switched the heater off for good, else 0.",
         ),
     )
 

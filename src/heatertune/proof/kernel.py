@@ -82,7 +82,7 @@ def run(
         samples.append((y, reading, power))
         while begun * period < t + scan_s - INSTANT_S:
             on, carried = on_time(power, carried, pwm)
-            _pulse(begun * period, min(on, max(0.0, cut - begun * period)), period, dead, edges, pending)
+            _pulse(begun * period, min(on, cut - begun * period), period, dead, edges, pending)
             begun += 1
     return samples, edges, stretches
 
