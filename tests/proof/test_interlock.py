@@ -101,7 +101,8 @@ def test_the_limit_is_found_late_in_a_long_run(constant, words):
     (lambda t: np.where((t < 0.005) | (t > 4.999), 50.0, 20.0), 5.0),  # cool again when the program first looks
     (lambda t: np.where((t > 4.001) & (t < 4.009), 50.0, 20.0), math.inf),  # between two scans
     (lambda t: np.where(t > 9.999, 50.0, 20.0), 10.0),
-], ids=["at the limit", "just below", "hot at first", "between scans", "at the end"])
+    (lambda t: np.where(t > 4.999, 45.0, 20.0), 5.0),
+], ids=["at the limit", "just below", "hot at first", "between scans", "at the end", "at the limit later"])
 def test_the_contact_opens_at_the_first_scan_that_finds_the_heater_hot(temperature, opens):
     assert _interlock(45.0).opens_s(temperature, 10.0) == opens
 
