@@ -4,6 +4,7 @@ import pytest
 
 from heatertune.cli import COMMANDS, common
 from heatertune.plc import TARGETS
+from heatertune.proof.interlock import INTERLOCKS
 
 HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
 
@@ -125,6 +126,84 @@ def test_the_s7_200_exports_its_program_and_on_request_the_papers_with_its_fault
 
 def test_the_command_line_knows_the_targets_without_loading_them():
     assert tuple(TARGETS) == common.TARGETS
+
+
+def test_an_interlock_watches_the_proof_of_every_command(run, by_hand, tmp_path):
+    conditions = ("--target", "s5-ob251", "--setpoint", 40)
+    watched = (*conditions, "--interlock", "heater-fan")
+    plain = json.loads(run("verify", by_hand, *conditions, "--json")[1])
+    status, out, _ = run("verify", by_hand, *watched, "--json")
+    document = json.loads(out)
+    assert (status, document["interlock"]) == (0, {"name": "heater-fan", "limit_degC": 100.0, "fan_stops_s": None})
+    assert document["criteria"].pop("interlock_trips")["value"] == 0.0
+    assert (document["criteria"], plain["interlock"]) == (plain["criteria"], None)
+
+    status, out, _ = run("verify", by_hand, *watched, "--limit-temperature", 38, "--json")
+    criteria = json.loads(out)["criteria"]
+    assert (status, criteria["interlock_trips"]["ok"], criteria["settling_time"]["value"]) == (1, False, None)
+    assert run("verify", by_hand, *watched, "--fan-stops", 900)[0] == 1
+
+    run("export-db", by_hand, *watched, "-o", tmp_path)
+    listing = (tmp_path / "DB30_listing.txt").read_text()
+    assert "behind the interlock heater-fan, limit 100 °C" in listing
+    called = ("--called-every", json.loads((tmp_path / "words.json").read_text())["sample_time_s"])
+    status, out, _ = run("decode", tmp_path / "DB30.bin", *watched, "--limit-temperature", 38, *called, *HAND, "--json")
+    assert (status, json.loads(out)["proof"]["verdict"]) == (1, "FAIL")
+
+    document = json.loads(run("verify", by_hand, *watched, "--range", 0, 90, "--fan-stops", 5, "--json")[1])
+    assert document["interlock"] == {"name": "heater-fan", "limit_degC": 90.0, "fan_stops_s": 5.0}
+
+    status, _, err = run("verify", by_hand, *conditions, "--fan-stops", 900)
+    assert (status, "need --interlock" in err) == (2, True)
+    status, _, err = run("verify", by_hand, *conditions, "--interlock", "heater-door")
+    assert (status, "heater-fan" in err) == (2, True)
+
+
+def test_the_command_line_knows_the_interlocks():
+    assert common.INTERLOCKS == INTERLOCKS
+
+
+def test_two_level_control_goes_through_every_command(run, by_hand, tmp_path):
+    conditions = ("--target", "on-off", "--setpoint", 40)
+    status, out, _ = run("verify", by_hand, *conditions, "--tolerance", 4, "--json")
+    document = json.loads(out)
+    assert (status, document["verdict"], document["words"]) == (0, "PASS", {"BAND": 20})
+    assert "ms" not in document["criteria"]
+    assert run("verify", by_hand, *conditions)[0] == 1, "it swings by more than 1 °C"
+    exported = run("export-db", by_hand, *conditions, "--tolerance", 4, "-o", tmp_path, "--json")[1]
+    assert json.loads(exported)["realised"] is None
+    assert json.loads(exported)["files"] == ["on_off_listing.txt", "on_off_rom.bin", "on_off_rom.hex", "on_off_words.csv"]
+
+    called = ("--called-every", json.loads(exported)["sample_time_s"])
+    status, out, _ = run("decode", tmp_path / "on_off_rom.bin", *conditions, *called, "--tolerance", 4, *HAND)
+    assert (status, out.splitlines()[0], out.splitlines()[-1]) == (0, "no PID", "VERDICT PASS")
+
+    inputs = tmp_path / "inputs.csv"
+    inputs.write_text("SP,PV\n1000,900\n1000,1000\n1000,1030\n")
+    status, out, _ = run("replay", inputs, "--target", "on-off", "--words", tmp_path / "words.json")
+    assert (status, [line.split(",")[1] for line in out.splitlines()]) == (0, ["output", "1", "1", "0"])
+
+
+@pytest.mark.long
+def test_a_whole_design_of_two_level_control_behind_an_interlock_is_reported(run, tmp_path):
+    out = tmp_path / "out"
+    watched = ("--interlock", "heater-fan", "--limit-temperature", 45)
+    status, said, _ = run("design", "table4", "--target", "on-off", *watched, "--out", out)
+    assert status == 1
+    assert "limit cycle" in said
+    assert "VERDICT FAIL" in said
+    page = (out / "report.html").read_text()
+    assert "interlock heater-fan, limit 45 °C" in page
+    rivals = json.loads((out / "comparison.json").read_text())["rivals"]
+    assert {rival["ms"] for rival in rivals} == {None}
+    assert all("interlock_trips" in rival["fails"] for rival in rivals)
+    pictures = json.loads((out / "pictures.json").read_text())
+    runs = [pictures["nominal"], pictures["worst"], *pictures["others"]]
+    assert all(run["temperature_degC"][-1] < 35.0 for run in runs), "each is left cold, its setpoint being above 50 °C"
+    assert not (out / "on_off_rom.bin").exists()
+    (out / "report.html").unlink()
+    assert run("report", out)[0] == 1
+    assert (out / "report.html").read_text() == page
 
 
 @pytest.mark.long

@@ -87,7 +87,8 @@ def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, 
     models = labelled(fitted)
     nominal, found = proof.nominal, room(proof.words.target)
     others = [
-        trace_series(simulate(found, proof.words, model, nominal.scenario, nominal.actuator), label)
+        trace_series(
+            simulate(found, proof.words, model, nominal.scenario, nominal.actuator, interlock=nominal.interlock), label)
         for label, model in models[1:]
     ]
     return {

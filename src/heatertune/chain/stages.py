@@ -21,7 +21,7 @@ from heatertune.pid.tune import Timer
 from heatertune.pid.tune import tune as tune_model
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Scaling, Words, room
-from heatertune.proof import Actuator, Limits, Proof, scenario_for
+from heatertune.proof import Actuator, Interlock, Limits, Proof, scenario_for
 from heatertune.proof import prove as prove_words
 
 __all__ = ["Told", "default_pwm_period_s", "default_setpoint", "encode", "export", "fit", "labelled", "prove", "tune"]
@@ -117,7 +117,8 @@ def encode(design: PidDesign, target: str, *, scaling: Scaling | None = None) ->
 
 def prove(
     words: Words, fitted: FittedModel, *, setpoint_degC: float | None = None, noise_degC: float = 0.0,
-    actuator: Actuator | None = None, tolerance_degC: float = 1.0,
+    actuator: Actuator | None = None, tolerance_degC: float = 1.0, interlock: str | None = None,
+    limit_degC: float | None = None, fan_stops_s: float | None = None,
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
 
@@ -131,9 +132,13 @@ def prove(
         noise_degC: standard deviation of the sensor noise [°C].
         actuator: the switch behind the controller; None: PWM in parts of TA up to 10 s.
         tolerance_degC: how far from the setpoint the process still is as it should be [°C].
+        interlock: name of what watches the heater in every run; None: nothing.
+        limit_degC: temperature at which it switches the heater off [°C]; None: the end of the sensor's range.
+        fan_stops_s: instant at which the fan fails [s]; None: it never does.
 
     Raises:
         InputError, OutOfRange: as `heatertune.proof.prove`.
+        UnknownName: no such interlock.
     """
     models = labelled(fitted)
     scenario = scenario_for(
@@ -144,6 +149,10 @@ def prove(
         room(words.target), words, models, scenario,
         actuator=actuator or Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s)),
         limits=Limits(tolerance_degC=tolerance_degC), margins_of=margins,
+        interlock=None if interlock is None else Interlock(
+            name=interlock, limit_degC=words.scaling.high_degC if limit_degC is None else limit_degC,
+            fan_stops_s=fan_stops_s,
+        ),
     )
 
 
@@ -185,6 +194,8 @@ def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str 
         raise ExportRefused(f"the proof of these words is FAIL ({broken}); --force exports them all the same")
     models = len({run.model for run in proof.runs})
     lines = [f"proven in {len(proof.runs)} closed-loop runs on {models} heater models"]
+    watch = proof.nominal.interlock
+    lines += [] if watch is None else [f"behind the interlock {watch.name}, limit {watch.limit_degC:g} °C"]
     lines += [f"not kept: {name}" for name in failed]
     certificate = Certificate(verdict=proof.verdict, lines=tuple(lines), forced=bool(failed))
     return room(words.target).export(words, certificate)

@@ -21,7 +21,8 @@ __all__ = [
     "tuning", "words_and_model",
 ]
 
-TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid")
+TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "on-off")
+INTERLOCKS = ("heater-fan",)
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -106,6 +107,11 @@ def add_proof_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--tolerance", type=float, default=1.0, metavar="°C",
                        help="how far from the setpoint is still right: band, offset and swing [°C] (default: 1)")
     group.add_argument("--noise", type=float, default=0.0, metavar="°C", help="sensor noise, standard deviation [°C]")
+    group.add_argument("--interlock", choices=INTERLOCKS,
+                       help="program of the bit processor that may open the heater's circuit")
+    group.add_argument("--limit-temperature", type=float, metavar="°C",
+                       help="where the interlock does so [°C] (default: the end of the sensor range)")
+    group.add_argument("--fan-stops", type=float, metavar="S", help="instant at which the interlock's fan fails [s]")
 
 
 def reading(settings: argparse.Namespace) -> dict[str, Any]:
@@ -143,7 +149,10 @@ def proving(settings: argparse.Namespace) -> dict[str, Any]:
 
     found: dict[str, Any] = {
         "setpoint_degC": settings.setpoint, "noise_degC": settings.noise, "tolerance_degC": settings.tolerance,
+        "interlock": settings.interlock, "limit_degC": settings.limit_temperature, "fan_stops_s": settings.fan_stops,
     }
+    if settings.interlock is None and (settings.limit_temperature is not None or settings.fan_stops is not None):
+        raise InputError("--limit-temperature and --fan-stops need --interlock: they are told to it")
     switched = {"minimum_on_s": settings.minimum_on, "minimum_off_s": settings.minimum_off}
     if settings.pwm_period is None:
         if any(switched.values()):

@@ -54,7 +54,8 @@ def _run(settings: argparse.Namespace) -> int:
     proof = document["proof"]
 
     def told() -> str:
-        lines = [design_lines(document["realised"]), *[f"odd: {each}" for each in document["odd"]]]
+        realised_lines = "no PID" if realised is None else design_lines(document["realised"])
+        lines = [realised_lines, *[f"odd: {each}" for each in document["odd"]]]
         return "\n".join(lines + ([criteria_table(proof), f"VERDICT {proof['verdict']}"] if proof else []))
 
     common.output(settings, document, told)

@@ -37,6 +37,7 @@ def _run(settings: argparse.Namespace) -> int:
                 "sample_time_s": dict(zip(("shortest", "longest", "step"), each.sample_times_s, strict=True)),
                 "words": [{"name": f.name, "address": f.address, "low": f.low, "high": f.high, "format": f.format}
                           for f in each.fields],
+                "inputs": dict(each.inputs),
                 "switches": [{"name": s.name, "settings": s.settings, "why": s.why} for s in each.switches],
             }
             for each in rooms
@@ -54,6 +55,7 @@ def _told(target: Any) -> str:
         *[f"  can: {each}" for each in target["can"]],
         *[f"  can't: {each}" for each in target["cannot"]],
         "  words " + ", ".join(_word(w) for w in target["words"]),
+        "  inputs of a scan " + ", ".join(f"{name} ({form})" for name, form in target["inputs"].items()),
         *(["  left open by the manual, proven under every setting:"] if target["switches"] else []),
     ]
     return "\n".join(lines + [f"    {s['name']} ({', '.join(s['settings'])}): {s['why']}" for s in target["switches"]])

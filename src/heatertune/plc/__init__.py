@@ -31,6 +31,7 @@ TARGETS: Final[dict[str, str]] = {
     "s7-200": "heatertune.plc.s7_200",
     "s7-200-paper": "heatertune.plc.s7_200.paper",
     "s7-200-pid": "heatertune.plc.s7_200.pid",
+    "on-off": "heatertune.plc.bit_processor",
 }
 
 #: target → the same as its source prints it, faults included

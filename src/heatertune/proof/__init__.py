@@ -2,6 +2,7 @@
 
 from heatertune.proof.criteria import Criterion, Limits
 from heatertune.proof.ideal import simulate_wish
+from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge
 from heatertune.proof.loop import simulate
 from heatertune.proof.prove import Proof, RunResult, prove
@@ -12,6 +13,7 @@ from heatertune.proof.trace import Trace
 __all__ = [
     "Actuator",
     "Criterion",
+    "Interlock",
     "Kick",
     "Limits",
     "Load",

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from heatertune.pid.values import Margins
 from heatertune.proof.criteria import Criterion, Limits, worst_of
+from heatertune.proof.interlock import Interlock
 from heatertune.proof.scenario import Kick, Load, conditions
 from heatertune.proof.trace import Trace
 
@@ -23,7 +24,7 @@ _PERIODS_AT_REST = 3  # PWM periods that the time at rest spans at least
 def judge(trace: Trace, limits: Limits, margins: Margins | None = None) -> tuple[Criterion, ...]:
     """Return what the run and the margins of its controller amount to, in a fixed order.
 
-    Criteria of disturbances and margins are there where the run has disturbances and margins are given. All
+    Criteria of disturbances, interlock and margins are there where the run has them and margins are given. All
     temperatures are the true ones, at any instant, not the sensor's.
     """
     step = trace.setpoint_degC - conditions(trace.scenario, trace.model)[1]
@@ -34,6 +35,7 @@ def judge(trace: Trace, limits: Limits, margins: Margins | None = None) -> tuple
         _absolute_error(trace, limits),
         *_recovery(trace, limits, step, band),
         *_switching(trace, limits),
+        *(_trips(trace, trace.interlock) if trace.interlock is not None else ()),
         *(_robustness(margins, limits) if margins is not None else ()),
     )
 
@@ -165,6 +167,16 @@ def _switching(trace: Trace, limits: Limits) -> tuple[Criterion, ...]:
         Criterion(
             name="overflow", value=float(sum(trace.flags.get(name, 0) for name in limits.overflow_flags)),
             limit=limits.overflows, unit="1", what="How often a flag that means a wrong result was set.",
+        ),
+    )
+
+
+def _trips(trace: Trace, interlock: Interlock) -> tuple[Criterion, ...]:
+    return (
+        Criterion(
+            name="interlock_trips", value=float(math.isfinite(trace.cut_s)), limit=0.0, unit="1",
+            what=f"1 where the interlock {interlock.name}, limit {interlock.limit_degC:g} °C, "
+            "switched the heater off for good, else 0.",
         ),
     )
 

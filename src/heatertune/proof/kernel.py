@@ -27,6 +27,7 @@ def run(
     step: Callable[[float, bool], float], measure: Callable[[float], float],
     plant: tuple[float, float, float, float, float], start: float, scan_s: float,
     noise: Sequence[float], disturbances: Sequence[Event], pwm: tuple[float, float, float, float, bool],
+    cut: float = math.inf,
 ) -> tuple[list[tuple[float, float, float]], list[float], list[tuple[float, float, float, float]]]:
     """Run the loop for as many scans as there are noise values; scans and PWM periods both begin at 0.
 
@@ -41,6 +42,7 @@ def run(
         noise: added to the temperature before it is measured [°C].
         disturbances: (instant at which it acts [s], JUMP or LOAD, °C or %).
         pwm: `Actuator.numbers`.
+        cut: instant from which on an interlock keeps the heater off [s].
 
     Returns:
         (temperature, reading, power asked for) of each scan; the instants at which the heater is switched, on and
@@ -80,7 +82,7 @@ def run(
         samples.append((y, reading, power))
         while begun * period < t + scan_s - INSTANT_S:
             on, carried = on_time(power, carried, pwm)
-            _pulse(begun * period, on, period, dead, edges, pending)
+            _pulse(begun * period, min(on, cut - begun * period), period, dead, edges, pending)
             begun += 1
     return samples, edges, stretches
 

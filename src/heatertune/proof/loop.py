@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import HeaterModel
 from heatertune.plc.room import Room, Words
+from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import JUMP, LOAD, Event, run
 from heatertune.proof.pwm import INSTANT_S, Actuator
 from heatertune.proof.scenario import Kick, Load, Scenario, conditions
@@ -49,7 +50,7 @@ class Controller:
 
 def simulate(
     room: Room, words: Words, model: HeaterModel, scenario: Scenario,
-    actuator: Actuator | None = None, switches: Mapping[str, str] | None = None,
+    actuator: Actuator | None = None, switches: Mapping[str, str] | None = None, interlock: Interlock | None = None,
 ) -> Trace:
     """Return what the heater does when the PLC runs these words.
 
@@ -60,6 +61,7 @@ def simulate(
         scenario: what happens.
         actuator: the switch; not used where the controller makes the PWM itself.
         switches: settings of the room's open points; those not named have their default.
+        interlock: what may switch the heater off for good; None: nothing.
 
     Raises:
         InputError: no actuator where one is needed, an unknown ambient temperature.
@@ -71,12 +73,24 @@ def simulate(
     if not scaling.low_degC < scenario.setpoint_degC < scaling.high_degC:
         rule = f"> {scaling.low_degC:g} and < {scaling.high_degC:g}, the sensor's range"
         raise OutOfRange("setpoint_degC", scenario.setpoint_degC, rule)
-    controller = _of_room(room, words, scenario.setpoint_degC, _settings(room, switches or {}))
-    return run_loop(controller, model, scenario, actuator)
+    settings = _settings(room, switches or {})
+
+    def run_from_cold(cut_s: float) -> Trace:
+        return run_loop(_of_room(room, words, scenario.setpoint_degC, settings), model, scenario, actuator, cut_s=cut_s)
+
+    trace = run_from_cold(math.inf)
+    if interlock is None:
+        return trace
+    # up to the cut both runs are the same, so the one without it tells when it comes
+    cut_s = interlock.opens_s(trace.temperature_at, float(trace.time_s[-1]))
+    return replace(trace if math.isinf(cut_s) else run_from_cold(cut_s), interlock=interlock, cut_s=cut_s)
 
 
-def run_loop(controller: Controller, model: HeaterModel, scenario: Scenario, actuator: Actuator | None) -> Trace:
-    """Return the trace of any controller; errors as in `simulate`."""
+def run_loop(
+    controller: Controller, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, *,
+    cut_s: float = math.inf,
+) -> Trace:
+    """Return the trace of any controller, the heater kept off from `cut_s` on [s]; errors as in `simulate`."""
     actuator = _actuator(controller, actuator)
     ambient, start = conditions(scenario, model)
     first, *rest = model.lags_s
@@ -93,6 +107,7 @@ def run_loop(controller: Controller, model: HeaterModel, scenario: Scenario, act
         noise.tolist(),
         [_event(each, model.dead_time_s) for each in scenario.disturbances],
         actuator.numbers,
+        cut_s,
     )
     temperature, reading, power = np.array(samples, dtype=np.float64).T.copy()
     switched = np.array([edge for edge in edges if edge <= time[-1]])

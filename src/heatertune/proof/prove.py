@@ -13,6 +13,7 @@ from heatertune.model.values import HeaterModel
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc.room import Faulty, Room, Switch, Words
 from heatertune.proof.criteria import Criterion, Limits, worst_of
+from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge
 from heatertune.proof.loop import simulate
 from heatertune.proof.pwm import Actuator
@@ -108,6 +109,7 @@ class Proof:
             "actuator": asdict(self.nominal.actuator),
             "limits": asdict(self.limits),
             "faults": list(self.faults),
+            "interlock": None if self.nominal.interlock is None else asdict(self.nominal.interlock),
         }
 
 
@@ -121,6 +123,7 @@ def prove(
     margins_of: Callable[[HeaterModel, PidDesign], Margins] | None = None,
     *,
     open_points: bool = True,
+    interlock: Interlock | None = None,
 ) -> Proof:
     """Run the words on every model under every setting the manual leaves open, and judge the worst.
 
@@ -133,6 +136,7 @@ def prove(
         limits: None: the defaults.
         margins_of: margins of a design on a heater; None: margins are not judged.
         open_points: False: only the default settings of the room's switches, for a quick comparison.
+        interlock: what watches the heater in every run; None: nothing.
 
     Raises:
         InputError: no model, or as in `simulate`, with the model's label.
@@ -147,7 +151,7 @@ def prove(
     for name, model in models:
         margins = None if margins_of is None or design is None else margins_of(model, design)
         for switches in settings:
-            trace = _simulate(name, room, words, model, scenario, actuator, switches)
+            trace = _simulate(name, room, words, model, scenario, actuator, switches, interlock)
             label = _label(name, room.switches, switches)
             criteria = tuple(replace(each, where=label) for each in judge(trace, limits, margins))
             results.append(RunResult(model=name, switches=switches, label=label, criteria=criteria))
@@ -181,9 +185,9 @@ def settings_to_prove(switches: Sequence[Switch]) -> list[dict[str, str]]:
 
 
 def _simulate(name: str, room: Room, words: Words, model: HeaterModel, scenario: Scenario, actuator: Actuator | None,
-              switches: Mapping[str, str]) -> Trace:
+              switches: Mapping[str, str], interlock: Interlock | None) -> Trace:
     try:
-        return simulate(room, words, model, scenario, actuator, switches)
+        return simulate(room, words, model, scenario, actuator, switches, interlock)
     except OutOfRange as problem:
         raise InputError(f"model {name}: {problem}") from problem
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
@@ -10,6 +11,7 @@ import numpy.typing as npt
 
 from heatertune.model.values import HeaterModel
 from heatertune.plc.room import Words
+from heatertune.proof.interlock import Interlock
 from heatertune.proof.plant import advance, turning_times
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario
@@ -36,6 +38,7 @@ class Trace:
         resolution_degC: of the reading [°C]; 0 for an ideal controller.
         words, switches: what the PLC ran; None and empty for an ideal controller.
         flags: name → number of scans after which the flag was set.
+        interlock, cut_s: what watched the heater, if anything did, and the instant from which on it kept it off [s].
     """
 
     time_s: Array
@@ -52,6 +55,8 @@ class Trace:
     words: Words | None = None
     switches: Mapping[str, str] = field(default_factory=dict)
     flags: Mapping[str, int] = field(default_factory=dict)
+    interlock: Interlock | None = None
+    cut_s: float = math.inf
 
     def __post_init__(self) -> None:
         for each in fields(self):
