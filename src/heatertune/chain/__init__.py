@@ -11,7 +11,8 @@ There is no algorithm here: each function asks the stage that knows. `design` do
 """
 
 from heatertune.chain.stages import encode, export, fit, prove, tune
+from heatertune.chain.targets import compare
 from heatertune.chain.whole import design, write_report
 from heatertune.log import read_log
 
-__all__ = ["design", "encode", "export", "fit", "prove", "read_log", "tune", "write_report"]
+__all__ = ["compare", "design", "encode", "export", "fit", "prove", "read_log", "tune", "write_report"]

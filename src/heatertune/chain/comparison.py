@@ -14,12 +14,15 @@ from heatertune.pid.feasible import Problem, search
 from heatertune.pid.robustness import margins
 from heatertune.pid.rules import RULES
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Words, room
+from heatertune.plc import room
 from heatertune.plc.s7_200.paper import paper_words
 from heatertune.proof import Actuator, Proof, paper_scenario, prove, simulate
 from heatertune.proof.series import trace_series
 
-__all__ = ["best_single_lag", "paper_runs", "price_of_doubt", "rivals"]
+__all__ = ["BASELINE", "best_single_lag", "paper_runs", "price_of_doubt", "rivals"]
+
+#: what every tuned design is compared with
+BASELINE = "on-off"
 
 #: the laboratory of the paper: first reading of Table 4 [°C]
 PAPER_ROOM_DEGC = 24.0
@@ -32,31 +35,35 @@ PAPER_RUNS: dict[str, dict[str, Any]] = {
 }
 
 
-def rivals(fitted: FittedModel, words: Words, proof: Proof) -> list[dict[str, Any]]:
-    """Return how the rules fare in the same proof when they are applied to the best single-lag model alone."""
-    alone = best_single_lag(fitted)
-    return [_rival(rule, alone, fitted, words, proof) for rule in RULES]
+def rivals(fitted: FittedModel, wished: PidDesign, proof: Proof) -> list[dict[str, Any]]:
+    """Return how other designs fare in the same proof: rules on the best single-lag model alone, two-level control."""
+    alone, target = best_single_lag(fitted), proof.words.target
+    heater = f"{alone.gain_degC_per_pct:.3g} °C/%, {alone.lags_s[0]:.3g} s, {alone.dead_time_s:.3g} s"
+    ruled = [(f"{rule} on {heater}", tune(model_by_hand(alone), target=target, method=rule)) for rule in RULES]
+    found = [
+        {"gain_pct_per_degC": design.gain_pct_per_degC, "integral_time_s": design.integral_time_s}
+        | _rival(label, design, target, fitted, proof) for label, design in ruled
+    ]
+    if target != BASELINE:
+        switching = _rival("two-level control, ±0.5 °C", wished, BASELINE, fitted, proof)
+        found.append({"gain_pct_per_degC": None, "integral_time_s": None} | switching)
+    return found
 
 
-def _rival(rule: str, alone: Fopdt, fitted: FittedModel, words: Words, proof: Proof) -> dict[str, Any]:
-    wished = tune(model_by_hand(alone), target=words.target, method=rule)
-    told = {
-        "label": f"{rule} on {alone.gain_degC_per_pct:.3g} °C/%, {alone.lags_s[0]:.3g} s, {alone.dead_time_s:.3g} s",
-        "gain_pct_per_degC": wished.gain_pct_per_degC,
-        "integral_time_s": wished.integral_time_s,
-    }
+def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proof: Proof) -> dict[str, Any]:
+    """Return how a design fares on a target in a proof like another one's, open points at their defaults."""
     try:
-        rounded = encode(wished, words.target, scaling=words.scaling)
+        words = encode(design, target, scaling=proof.words.scaling)
     except NotRepresentable as problem:
-        return told | {"verdict": "not representable", "ms": None, "fails": [str(problem)]}
-    actuator = Actuator(pwm_period_s=default_pwm_period_s(rounded.sample_time_s))
+        return {"label": label, "verdict": "not representable", "ms": None, "fails": [str(problem)]}
+    actuator = Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s))
     found = prove(
-        room(words.target), rounded, labelled(fitted), proof.nominal.scenario, actuator, proof.limits, margins,
+        room(target), words, labelled(fitted), proof.nominal.scenario, actuator, proof.limits, margins,
         open_points=False, interlock=proof.nominal.interlock,
     )
     ms = next((criterion.value for criterion in found.criteria if criterion.name == "ms"), None)
     fails = [criterion.name for criterion in found.criteria if not criterion.ok]
-    return told | {"verdict": found.verdict, "ms": ms, "fails": fails}
+    return {"label": label, "verdict": found.verdict, "ms": ms, "fails": fails}
 
 
 def price_of_doubt(fitted: FittedModel, wished: PidDesign) -> str | None:

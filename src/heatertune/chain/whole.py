@@ -86,7 +86,7 @@ def dossier(
         "comparison": {
             "schema": "heatertune/comparison/1",
             "price": price_of_doubt(fitted, wished),
-            "rivals": rivals(fitted, proof.words, proof),
+            "rivals": rivals(fitted, wished, proof),
             "paper": paper_runs(fitted) if log.same_heater else None,
         },
     })

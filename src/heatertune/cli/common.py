@@ -13,12 +13,13 @@ from heatertune.errors import InputError
 
 if TYPE_CHECKING:
     from heatertune.model.values import FittedModel
+    from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
 
 __all__ = [
-    "CommandParser", "Progress", "add_log_options", "add_model_options", "add_output_options", "add_proof_options",
-    "add_tuning_options", "fitting", "model_from", "output", "proving", "reading", "save", "scaling", "target",
-    "tuning", "words_and_model",
+    "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options", "add_output_options",
+    "add_proof_options", "add_tuning_options", "design_and_model", "fitting", "model_from", "output", "proving",
+    "reading", "save", "scaling", "target", "tuning", "words_and_model",
 ]
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "on-off")
@@ -94,10 +95,16 @@ def add_tuning_options(command: argparse.ArgumentParser) -> None:
 
 def add_proof_options(command: argparse.ArgumentParser) -> None:
     """Add the target and the conditions of the proof."""
-    group = command.add_argument_group("target and proof")
+    group = command.add_argument_group("target")
     group.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(TARGETS)}")
     group.add_argument("--faithful", action="store_true",
                        help="the program as its source prints it, faults included (s7-200)")
+    add_condition_options(command)
+
+
+def add_condition_options(command: argparse.ArgumentParser) -> None:
+    """Add the conditions of the proof."""
+    group = command.add_argument_group("conditions of the proof")
     group.add_argument("--range", nargs=2, type=float, metavar=("LOW", "HIGH"), default=(0.0, 100.0),
                        help="sensor range at the lowest and highest reading [°C] (default: 0 100)")
     group.add_argument("--setpoint", type=float, metavar="°C", help="setpoint of the proof [°C]")
@@ -193,15 +200,25 @@ def words_and_model(settings: argparse.Namespace) -> tuple[Words, FittedModel]:
     """
     from heatertune.chain.documents import read_words  # noqa: PLC0415
     from heatertune.chain.stages import encode  # noqa: PLC0415
-    from heatertune.pid.document import read_design  # noqa: PLC0415
 
     words = read_words(settings.pid, target(settings))
     if words is not None:
         return words, model_from(settings, None)
+    design, model = design_and_model(settings)
+    return encode(design, target(settings), scaling=scaling(settings)), model
+
+
+def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedModel]:
+    """Return the design of a file, and the model to prove it on: the one given by hand, else the file's.
+
+    Raises:
+        InputError: the file holds no model and none is given by hand.
+    """
+    from heatertune.pid.document import read_design  # noqa: PLC0415
+
     design, model = read_design(settings.pid)
-    words = encode(design, target(settings), scaling=scaling(settings))
     by_hand = any(getattr(settings, name) is not None for name in ("gain", "time_constant", "dead_time"))
-    return words, model if model is not None and not by_hand else model_from(settings, None)
+    return design, model if model is not None and not by_hand else model_from(settings, None)
 
 
 def _given(settings: argparse.Namespace, *names: str) -> dict[str, Any]:

@@ -2,35 +2,17 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from heatertune.report import plots
-from heatertune.report.style import to_svg
+from heatertune.report.html import bullets, page, picture, table, text_of
 from heatertune.report.text import criterion_value, figure, model_rows, word
 
 __all__ = ["render"]
 
 Document = Mapping[str, Any]
 Documents = Mapping[str, Document]
-
-_STYLE = """
-:root { --ink: #1a1a1a; --soft: #595959; --line: #d5d5d5; --pass: #00634a; --fail: #a33c00; }
-body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: #fff; max-width: 62rem; margin: 2rem auto;
-       padding: 0 1rem; }
-h1 { font-size: 1.6rem; margin-bottom: .2rem; } h2 { font-size: 1.2rem; margin-top: 2.2rem; }
-p, li { max-width: 46rem; } .soft { color: var(--soft); }
-table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums; }
-th, td { border-bottom: 1px solid var(--line); padding: .25rem .7rem; text-align: left; vertical-align: top; }
-td.n { text-align: right; } .pass { color: var(--pass); font-weight: 600; }
-.fail { color: var(--fail); font-weight: 700; }
-.verdict { font-size: 1.3rem; border: 2px solid currentColor; padding: .3rem .8rem; display: inline-block; }
-figure { margin: 1rem 0; } figure svg { max-width: 100%; height: auto; } figcaption { color: var(--soft); }
-code { font-family: ui-monospace, monospace; }
-@media print { h2 { break-after: avoid; } figure, table { break-inside: avoid; } body { margin: 0; max-width: none; } }
-"""
-
 
 def render(documents: Documents) -> str:
     """Return the page.
@@ -39,12 +21,7 @@ def render(documents: Documents) -> str:
         documents: "log", "model", "pid", "words", "proof", "pictures" and "comparison".
     """
     title = f"{documents['log']['name']} → {documents['words']['target']}"
-    body = "\n".join(section(documents) for section in _SECTIONS)
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>heatertune: {_text(title)}</title>'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style></head>\n'
-        f"<body><main>\n<h1>{_text(title)}</h1>\n{body}\n</main></body></html>\n"
-    )
+    return page(title, "\n".join(section(documents) for section in _SECTIONS))
 
 
 def _verdict(documents: Documents) -> str:
@@ -64,24 +41,24 @@ def _log(documents: Documents) -> str:
     lists = ""
     for name, title in (("repairs", "Changed or assumed by the reader"), ("doubts", "Odd, but left as it is")):
         if log[name]:
-            lists += f"<details><summary>{title} ({len(log[name])})</summary>{_list(log[name])}</details>"
+            lists += f"<details><summary>{title} ({len(log[name])})</summary>{bullets(log[name])}</details>"
     residuals = documents["model"].get("residuals")
-    picture = _picture(plots.plot_fit(log, residuals), "Log, model and residuals.") if residuals else ""
-    return f"<h2>Log</h2><p>{_text(log['source'])}, {len(log['time_s'])} readings.</p>{lists}{picture}"
+    fit = picture(plots.plot_fit(log, residuals), "Log, model and residuals.") if residuals else ""
+    return f"<h2>Log</h2><p>{text_of(log['source'])}, {len(log['time_s'])} readings.</p>{lists}{fit}"
 
 
 def _model(documents: Documents) -> str:
     model = documents["model"]
-    found = _table(["", "value", "95 % interval", "unit"], model_rows(model), numeric=(1,))
+    found = table(["", "value", "95 % interval", "unit"], model_rows(model), numeric=(1,))
     return (
-        f"<h2>Heater</h2><p>{_text(model['outcome_text'])} Method: {_text(model['method'])}.</p>{found}"
-        f"{_list(model.get('notes', ()))}{_candidates(model)}{_price(documents)}"
+        f"<h2>Heater</h2><p>{text_of(model['outcome_text'])} Method: {text_of(model['method'])}.</p>{found}"
+        f"{bullets(model.get('notes', ()))}{_candidates(model)}{_price(documents)}"
     )
 
 
 def _price(documents: Documents) -> str:
     price = documents["comparison"]["price"]
-    return f"<p>What that means for the gains: {_text(price)}</p>" if price else ""
+    return f"<p>What that means for the gains: {text_of(price)}</p>" if price else ""
 
 
 def _candidates(model: Document) -> str:
@@ -96,7 +73,7 @@ def _candidates(model: Document) -> str:
     heads = ["log", "law inside the fit", "gain °C/%", "lags s", "dead time s", "ambient °C", "fit %", "ΔBIC"]
     return (
         "<h3>Models that explain the data nearly as well</h3><p>One of them may destabilise a design made for another, "
-        f"so design and proof run on all of them.</p>{_table(heads, rows, numeric=range(2, 8))}"
+        f"so design and proof run on all of them.</p>{table(heads, rows, numeric=range(2, 8))}"
     )
 
 
@@ -113,15 +90,15 @@ def _design(documents: Documents) -> str:
          ("phase margin", "phase_margin_deg", "°"), ("IAE after a load step of 1 %", "iae_load", "°C·s"))
     ]
     curves = documents["pictures"]["curves"]
-    robustness = "" if not curves else _picture(
+    robustness = "" if not curves else picture(
         plots.plot_robustness(curves, documents["pictures"]["ms_limit"]),
         "The words as realised, on every model (worst one orange): the Nyquist curve has to stay out of the circle, "
         "|S| below the limit.",
     )
     return (
-        f"<h2>Design</h2><p>{_text(pid['structure'].upper())}, {_text(pid['method'])}.</p>"
-        f"{_table(['', 'wished', 'realised by the words', 'unit'], rows, numeric=(1, 2))}{_list(pid.get('notes', ()))}"
-        f"<p>Worst over all models, of the wished design:</p>{_table(['', 'value', 'unit'], margins, numeric=(1,))}"
+        f"<h2>Design</h2><p>{text_of(pid['structure'].upper())}, {text_of(pid['method'])}.</p>"
+        f"{table(['', 'wished', 'realised by the words', 'unit'], rows, numeric=(1, 2))}{bullets(pid.get('notes', ()))}"
+        f"<p>Worst over all models, of the wished design:</p>{table(['', 'value', 'unit'], margins, numeric=(1,))}"
         + robustness
     )
 
@@ -129,14 +106,14 @@ def _design(documents: Documents) -> str:
 def _words(documents: Documents) -> str:
     words = documents["words"]
     rows = [[f["address"], f["name"], word(words["words"][f["name"]]), f["comment"], "☐"] for f in words["fields"]]
-    files = "".join(f"<li><code>{_text(name)}</code></li>" for name in words["files"])
+    files = "".join(f"<li><code>{text_of(name)}</code></li>" for name in words["files"])
     scale = words["scaling"]
     return (
-        f"<h2>Words for {_text(words['target'])}</h2><p>In the order in which they are typed in. Sensor "
+        f"<h2>Words for {text_of(words['target'])}</h2><p>In the order in which they are typed in. Sensor "
         f"{figure(scale['low_degC'])}…{figure(scale['high_degC'])} °C; call every "
         f"{figure(words['sample_time_s'])} s. The setpoint of the proof, {figure(words['setpoint_degC'])} °C, is "
         f"{words['setpoint_units']} units.</p>"
-        f"{_table(['address', 'word', 'value', 'meaning', 'typed'], rows, numeric=(2,))}<ul>{files}</ul>"
+        f"{table(['address', 'word', 'value', 'meaning', 'typed'], rows, numeric=(2,))}<ul>{files}</ul>"
     )
 
 
@@ -150,13 +127,13 @@ def _proof(documents: Documents) -> str:
     heads = ["criterion", "worst", "limit", "unit", "", "in the run", "meaning"]
     nominal, kick = pictures["nominal"], pictures["kick_s"]
     return (
-        f"<h2>Proof</h2>{_table(heads, rows, numeric=(1,))}"
-        + (f"<h3>Known faults of this controller</h3>{_list(proof['faults'])}" if proof["faults"] else "")
-        + _picture(plots.plot_loop(nominal, pictures["worst"], pictures["others"]),
+        f"<h2>Proof</h2>{table(heads, rows, numeric=(1,))}"
+        + (f"<h3>Known faults of this controller</h3>{bullets(proof['faults'])}" if proof["faults"] else "")
+        + picture(plots.plot_loop(nominal, pictures["worst"], pictures["others"]),
                    f"Heat-up and a disturbance at {figure(kick)} s; nominal: {pictures['nominal']['label']}, worst: "
                    f"{pictures['worst']['label']}, grey: all other models.")
-        + _picture(plots.plot_pwm(nominal, kick - 60.0, kick + 180.0), "The heater's switching around the disturbance.")
-        + _picture(plots.plot_wish(nominal, pictures["wish"]),
+        + picture(plots.plot_pwm(nominal, kick - 60.0, kick + 180.0), "The heater's switching around the disturbance.")
+        + picture(plots.plot_wish(nominal, pictures["wish"]),
                    "What the design meant, in floating point, against the words.")
     )
 
@@ -168,17 +145,18 @@ def _comparison(documents: Documents) -> str:
     heads = ["design", "K %/°C", "TN s", "verdict", "worst Ms", "fails by"]
     text = (
         "<h2>What other designs would have done</h2><p>The same proof, for rules applied to the best single-lag model "
-        f"of the log alone (open points at their defaults).</p>{_table(heads, rows, numeric=(1, 2, 4))}"
+        "of the log alone, and for a heater that is just switched on and off (open points at their defaults).</p>"
+        f"{table(heads, rows, numeric=(1, 2, 4))}"
     )
     paper = comparison.get("paper")
     if paper:
         rows = [[p["label"], *(f"{p[name]:.1f}" for name in ("overshoot_degC", "offset_degC", "offset_after_degC"))]
                 for p in paper["runs"]]
         text += (
-            f"<h3>The paper's own settings</h3><p>{_text(paper['told'])}</p>"
-            + _table(["run", "overshoot °C", "offset before the disturbance °C", "mean of the last 150 s °C"], rows,
+            f"<h3>The paper's own settings</h3><p>{text_of(paper['told'])}</p>"
+            + table(["run", "overshoot °C", "offset before the disturbance °C", "mean of the last 150 s °C"], rows,
                      numeric=(1, 2, 3))
-            + _picture(plots.plot_paper(paper["runs"]), "The paper's settings in the S7-200's integer arithmetic.")
+            + picture(plots.plot_paper(paper["runs"]), "The paper's settings in the S7-200's integer arithmetic.")
         )
     return text
 
@@ -190,34 +168,9 @@ def _limits(documents: Documents) -> str:
         "Anything but one heat-up from ambient and one disturbance at one setpoint.",
         *documents["proof"].get("unproven", ()),
     ]
-    return f"<h2>What was not proven</h2>{_list(unproven)}"
+    return f"<h2>What was not proven</h2>{bullets(unproven)}"
 
 
 _SECTIONS: Sequence[Callable[[Documents], str]] = (
     _verdict, _words, _proof, _design, _model, _log, _comparison, _limits,
 )
-
-
-def _picture(drawn: Any, caption: str) -> str:
-    return f"<figure>{to_svg(drawn)}<figcaption>{_text(caption)}</figcaption></figure>"
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: Sequence[int] = ()) -> str:
-    head = "".join(f"<th scope='col'>{_text(cell)}</th>" for cell in heads)
-    body = "".join("<tr>" + "".join(_cell(cell, i in numeric) for i, cell in enumerate(row)) + "</tr>" for row in rows)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-
-
-def _cell(cell: str, numeric: bool) -> str:
-    kinds = (("n", numeric), ("pass", cell in ("ok", "PASS")), ("fail", cell == "FAIL"))
-    marks = [name for name, found in kinds if found]
-    kind = f' class="{" ".join(marks)}"' if marks else ""
-    return f"<td{kind}>{_text(cell)}</td>"
-
-
-def _list(items: Sequence[str]) -> str:
-    return "<ul>" + "".join(f"<li>{_text(item)}</li>" for item in items) + "</ul>" if items else ""
-
-
-def _text(content: str) -> str:
-    return html.escape(str(content))

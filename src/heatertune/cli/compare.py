@@ -1,0 +1,43 @@
+"""`heatertune compare`: one design on every controller."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from heatertune.cli import common
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune compare pid.json -o out/"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "compare", help="one design on every controller: IAE, overshoot, offset, and what the words cost",
+        epilog=_EXAMPLE,
+        description="Round a design to the words of every controller, prove each, and put them side by side.",
+    )
+    command.add_argument("pid", metavar="PID", help="pid.json as written by tune")
+    command.add_argument("-o", "--out", metavar="DIR", help="directory for compare.json and compare.html")
+    common.add_condition_options(command)
+    common.add_model_options(command)
+    common.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.documents import plain, to_json, write_files  # noqa: PLC0415
+    from heatertune.report.targets import render_targets, targets_table  # noqa: PLC0415
+
+    design, fitted = common.design_and_model(settings)
+    document = plain(chain.compare(
+        design, fitted, scaling=common.scaling(settings), proving=common.proving(settings),
+        progress=common.Progress(settings),
+    ))
+    if settings.out is not None:
+        write_files(settings.out, {"compare.json": to_json(document), "compare.html": render_targets(document)})
+    common.output(settings, document, lambda: targets_table(document))
+    return 0

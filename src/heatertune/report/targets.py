@@ -1,0 +1,96 @@
+"""One design on every controller: table and picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from heatertune.report.html import page, picture, text_of
+from heatertune.report.html import table as html_table
+from heatertune.report.style import LOOK, new_figure
+from heatertune.report.text import figure, table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["plot_targets", "render_targets", "targets_table"]
+
+Document = Mapping[str, Any]
+
+_HEADS = (
+    "target", "verdict", "IAE °C·s", "words", "arithmetic", "overshoot %", "offset °C", "settling s", "recovery s",
+)
+_NUMERIC = range(2, len(_HEADS))
+
+
+def targets_table(document: Document) -> str:
+    """Return one line per controller, and below why one could not hold the design or failed."""
+    lines = [table([_HEADS, *_rows(document)], right=_NUMERIC), _legend(document)]
+    return "\n".join(lines + [f"- {line}" for line in _reasons(document)])
+
+
+def render_targets(document: Document) -> str:
+    """Return the page: table, reasons, picture."""
+    reasons = "".join(f"<li>{text_of(line)}</li>" for line in _reasons(document))
+    body = (
+        f"<p>{text_of(_legend(document))}</p>{html_table(_HEADS, _rows(document), numeric=_NUMERIC)}<ul>{reasons}</ul>"
+        + picture(plot_targets(_proven(document)),
+                  "Temperature on each controller, and of the unrounded design with the same switch (dashed).")
+    )
+    return page("One design on every controller", body)
+
+
+def plot_targets(rows: Sequence[Document]) -> Figure:
+    """Draw the temperature of each target's loop over that of the unrounded design, one panel per target."""
+    drawn, axes = new_figure(len(rows), 1.15 * len(rows) + 0.4, sharex=True, sharey=True)
+    for ax, row in zip(axes, rows, strict=True):
+        series, wish = row["series"], row["wish"]
+        ax.axhline(series["setpoint_degC"], **LOOK["limit"])
+        ax.plot(series["time_s"], series["temperature_degC"], **LOOK["realised"])
+        ax.plot(wish["time_s"], wish["temperature_degC"], **LOOK["wish"])
+        ax.set_title(row["target"], loc="left", fontsize=9, pad=2)
+        ax.set_ylabel("°C")
+    axes[-1].set_xlabel("time [s]")
+    return drawn
+
+
+def _proven(document: Document) -> list[Document]:
+    return [row for row in document["rows"] if "realised" in row]
+
+
+def _rows(document: Document) -> list[tuple[str, ...]]:
+    return [_row(row) for row in document["rows"]]
+
+
+def _row(row: Document) -> tuple[str, ...]:
+    if "realised" not in row:
+        return (row["target"], row["verdict"], *[""] * len(_NUMERIC))
+    real, rounded, wished = row["realised"], row["rounded"], row["wished"]
+    words, arithmetic = "", _more(real["iae"], wished["iae"])
+    if rounded is not None:
+        words, arithmetic = _more(rounded["iae"], wished["iae"]), _more(real["iae"], rounded["iae"])
+    told = [figure(real["iae"]), words, arithmetic, figure(real["overshoot"], 3), figure(real["steady_offset"], 2)]
+    times = ["never" if real[name] is None else figure(real[name], 3) for name in ("settling_time", "recovery_time")]
+    return (row["target"], row["verdict"], *told, *times)
+
+
+def _more(value: float, than: float) -> str:
+    return f"{100.0 * (value / than - 1.0):+.2f} %"
+
+
+def _legend(document: Document) -> str:
+    return (
+        f"On {document['model']}. words: what rounding to words adds to the IAE of the unrounded design; arithmetic: "
+        "what the controller's own arithmetic, order and limits add to that. The verdict is that of all models and "
+        "open points."
+    )
+
+
+def _reasons(document: Document) -> list[str]:
+    reasons = []
+    for row in document["rows"]:
+        if "why" in row:
+            reasons.append(f"{row['target']}: {row['why']}")
+        elif row["fails"]:
+            reasons.append(f"{row['target']} fails by {', '.join(name.replace('_', ' ') for name in row['fails'])}")
+    return reasons
