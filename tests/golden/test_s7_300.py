@@ -29,7 +29,8 @@ def _design(gain=3.0, tn=200.3, tv=0.0, ta=5.0):
 
 
 def _words(gain=3.0, rate=17700.0, reset=200300.0, sample=5000.0, ta=5.0):
-    values = {"GAIN": gain, "RATE": rate, "RESET": reset, "SAMPLE": sample}
+    exact = {"GAIN": gain, "RATE": rate, "RESET": reset, "SAMPLE": sample}
+    values = {name: float(np.float32(value)) for name, value in exact.items()}
     return Words(target="s7-300", values=values, scaling=Scaling(), sample_time_s=ta)
 
 
@@ -54,9 +55,9 @@ def _awlsim_says(answer):
 
 
 def _closed_loop(words, seed):
-    """PV of a loop from cold (OUT at its upper limit) through a kick (at the lower one), with noise."""
-    scenario = Scenario(setpoint_degC=53.3, duration_s=500 * words.sample_time_s, noise_degC=0.1, seed=seed,
-                        disturbances=(Kick(time_s=250 * words.sample_time_s, temperature_degC=12.0),))
+    """PV of a loop from cold through a kick upwards (OUT at its lower limit) and one downwards (upper), with noise."""
+    kicks = (Kick(time_s=250 * words.sample_time_s, temperature_degC=12.0), Kick(time_s=400 * words.sample_time_s, temperature_degC=-20.0))
+    scenario = Scenario(setpoint_degC=53.3, duration_s=500 * words.sample_time_s, noise_degC=0.1, seed=seed, disturbances=kicks)
     trace = simulate(ROOM, words, HEATER, scenario, Actuator(pwm_period_s=5.0))
     setpoint = ROOM.measure(words, 53.3)
     return [[1, setpoint, ROOM.measure(words, float(t) + 1e-6), None] for t in trace.reading_degC]

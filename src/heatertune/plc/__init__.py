@@ -18,6 +18,7 @@ TARGETS: Final[dict[str, str]] = {
     "s5-ob251": "heatertune.plc.s5_ob251",
     "s7-200": "heatertune.plc.s7_200",
     "s7-300": "heatertune.plc.s7_300.tip",
+    "fb41": "heatertune.plc.s7_300.fb41",
 }
 
 

@@ -1,7 +1,7 @@
 """AWL source text of STEP 7: literals, comments, lines.
 
-Form: Programming with STEP 7, chapter 13, STL source files: blocks that are called stand before their callers, an instance
-data block after its function block; plain ASCII, CRLF. International mnemonics.
+Form: Programming with STEP 7, chapter 13, STL source files: blocks that are called stand before their callers, an
+instance data block after its function block; plain ASCII, CRLF. International mnemonics.
 """
 
 from __future__ import annotations

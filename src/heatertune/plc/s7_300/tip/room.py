@@ -48,7 +48,8 @@ class PidTip:
         "exported as a whole STL program",
     )
     cannot: tuple[str, ...] = (
-        "no PWM of its own: a switch behind OUT is proven with it", "no feed-forward, no dead band, no derivative filter",
+        "no PWM of its own: a switch behind OUT is proven with it",
+        "no feed-forward, no dead band, no derivative filter",
     )
     sample_times_s: tuple[float, float, float] = TIMER
     counts: int = FULL_SCALE
