@@ -192,8 +192,21 @@ def test_a_rest_that_single_precision_cuts_off_is_not_lost():
     assert lmn[-1] == pytest.approx(64.001 + 20000 * 1e-6, abs=2e-5)
 
 
-def test_manual_limits_man_and_its_return_is_smooth():
-    words = _words()
+def test_an_integral_part_that_only_the_last_derivative_lifts_over_a_limit_is_left_alone():
+    # E = −50, I = 120, D = 150·1: the sum 220 is above 100; less the last D of 150 it is 70, less one of 0 it is 220
+    p = ROOM.start(_words(GAIN=1.0, TI=2**31 - 1, D_SEL=1, TD=5000, TM_LAG=2500), {}).parameters
+    for sign in (1.0, -1.0):
+        limits = p._replace(upper=100.0, lower=-100.0)
+        state = ROOM.start(_words(), {}).state._replace(integral=120.0 * sign, feedback=-200.0 * sign, before=50.0 * sign)
+        left = call(limits, Assumptions(), state._replace(derivative=150.0 * sign), -50.0 * sign, 0.0, Real())
+        taken = call(limits, Assumptions(), state, -50.0 * sign, 0.0, Real())
+        assert (left.integral, taken.integral) == (120.0 * sign, 100.0 * sign)
+        assert left.output == taken.output == 100.0 * sign
+
+
+@pytest.mark.parametrize("design", [_design(), _design(tv=23.0)], ids=["pi", "pid"])
+def test_manual_limits_man_and_its_return_is_smooth(design):
+    words = _words(design)
     quiet = {"SP_INT": 50.0, "SP_PER": 0, "PV_PER": ROOM.measure(words, 48.0)}
     rows = [quiet | {"MAN_ON": 1, "MAN": man} for man in (37.5, 140.0, -3.0, 37.5, 37.5)] + [quiet]
     lmn = _run(words, rows)
@@ -268,6 +281,15 @@ def test_the_design_comes_back_and_the_trapezoid_costs_nothing():
     assert back.gain_pct_per_degC == pytest.approx(3.0, rel=1e-7)
     assert (back.integral_time_s, back.derivative_filter, back.structure) == (200.0, 0.5, "pid")
     assert back.derivative_time_s == pytest.approx(20.0, abs=1e-3)
+
+
+def test_the_gain_is_rounded_once_whatever_the_range():
+    # the rounding of PV_FAC is made up in GAIN: half a unit of 24 places remains
+    for span in np.random.default_rng(4).uniform(20.0, 1500.0, 200).tolist():
+        back = ROOM.decode(ROOM.encode(_design(gain=3.3), Scaling(low_degC=-20.0, high_degC=span - 20.0)))
+        assert back.gain_pct_per_degC == pytest.approx(3.3, rel=2.0**-24 * (1.0 + 1e-6))
+    assert ROOM.decode(_words(LMN_FAC=2.0)).gain_pct_per_degC == pytest.approx(6.0)
+    assert ROOM.decode(_words(PV_FAC=2.0)).gain_pct_per_degC == pytest.approx(6.0)
 
 
 def test_words_without_a_proportional_part_are_no_pid():

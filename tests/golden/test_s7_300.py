@@ -14,6 +14,7 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange, UnknownN
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, room
+from heatertune.plc.s7_300.real import Real
 from heatertune.plc.s7_300.tip.algorithm import COLD, Assumptions, Parameters, State, call, manual
 from heatertune.proof import Actuator, Kick, Scenario, simulate
 
@@ -105,12 +106,24 @@ def test_the_setting_trunc_is_awlsims_trunc(awlsim):
     assert mine != _room_says(_words(), rows)
 
 
-def test_results_too_small_for_a_real_are_zero_and_set_os_as_in_awlsim(awlsim):
-    words = _words(gain=1e-37, reset=3e38, rate=0.0)
+def test_results_too_small_for_a_real_set_os_as_in_awlsim_and_are_zero(awlsim):
+    # STL reference manual, status word after floating-point math: below 1.175494e-38 in size OV and OS are set, CC says zero
+    words = _words(gain=1e-37, rate=0.0)
     rows = [[1, 12000, 11990 + k % 5, None] for k in range(20)]
     mine = _room_says(words, rows)
-    assert mine == _awlsim_says(awlsim(_source(words), rows))
-    assert {overflow for _, overflow, _ in mine} == {True}
+    assert [each[:2] for each in mine] == [each[:2] for each in _awlsim_says(awlsim(_source(words), rows))] == [(0, True)] * 20
+    assert {kept[:8] for _, _, kept in mine} == {"00000000"}  # awlsim keeps the small number itself: see DIFFERENCES.md
+    for value, kept, overflow in ((1.17e-38, 0.0, True), (-1.17e-38, 0.0, True), (1.18e-38, 1.18e-38, False), (0.0, 0.0, False)):
+        r = Real()
+        assert r.of(value) == pytest.approx(kept, rel=1e-7, abs=0.0)
+        assert r.overflow == overflow
+
+
+def test_the_analog_module_cuts_and_keeps_to_its_nominal_range():
+    words = _words()
+    assert [ROOM.measure(words, n * 100.0 / 27648) for n in (-3.0, 0.99, 1.99, 13824.01, 27647.9, 27648.0, 30000.0)] == [
+        0, 0, 1, 13824, 27647, 27648, 27648,
+    ]
 
 
 def test_the_words_stand_at_the_documents_addresses_bit_for_bit_after_ob100(awlsim):

@@ -24,7 +24,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
     head = awl.head(
         "PID of S7-300/400 application tip No. 2: the document's equations, heatertune's statements",
         words, certificate,
-        f"setpoint SP = 27648/{span:g} * (degC - {low:g}), rounded; enter yours in MW 12",
+        f"setpoint SP = 27648/{span:g} * (degC {0.0 - low:+g}), rounded; enter yours in MW 12",
         f"OB 35 must be called every {1000 * words.sample_time_s:g} ms (hardware configuration); without OB 35 call "
         f"FB {_NUMBER} from OB 1 at this interval",
         "OB 1 is not part of this source: it is yours",

@@ -30,7 +30,7 @@ def from_image(image: bytes, *, sample_time_s: float, scaling: Scaling, source: 
         OutOfRange: a word outside its range. An infinite RESET is read as 0: the document means the same by both.
     """
     values = memory.read(image, FIELDS, source)
-    if math.isinf(values["RESET"]):
+    if values["RESET"] == math.inf:
         values["RESET"] = 0.0
     words = Words(target="s7-300", values=values, scaling=scaling, sample_time_s=sample_time_s)
     check_words(words)
