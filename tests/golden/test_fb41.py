@@ -15,6 +15,7 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, room
+from heatertune.plc.room import holds
 from heatertune.plc.s7_300.fb41.algorithm import Assumptions, call
 from heatertune.plc.s7_300.real import Real
 from heatertune.proof import Actuator, Kick, Scenario, simulate
@@ -243,6 +244,21 @@ def test_the_reading_is_normalised_as_documented():
     assert scan.output == pytest.approx(30.0, abs=0.01)  # SP_PER: a tenth of the range above
     assert scan.flags == {"QLMN_HLM": False, "QLMN_LLM": False, "overflow": False}
     assert state.state.output == scan.output
+
+
+def test_the_limit_bits_name_their_limit_and_power_stays_within_0_to_100():
+    words = _words(LMN_FAC=3.0, LMN_LLM=-20.0)
+    told = [ROOM.scan(ROOM.start(words, {}), row)[1] for row in _errors([90, 1, -90])]
+    assert [(scan.flags["QLMN_HLM"], scan.flags["QLMN_LLM"]) for scan in told] == [(True, False), (False, False), (False, True)]
+    assert [scan.power_pct for scan in (told[0], told[2])] == [100.0, 0.0]
+    assert [scan.output for scan in (told[0], told[2])] == [300.0, -60.0]
+    assert ROOM.scan(ROOM.start(_words(GAIN=float(np.float32(3e38))), {}), _errors([90])[0])[1].flags["overflow"]
+
+
+def test_a_time_is_a_double_integer_in_ms():
+    # STEP 7: TIME is a DINT, T#-24D20H31M23S648MS … T#24D20H31M23S647MS
+    longest = ((24 * 24 + 20) * 60 + 31) * 60_000 + 23_647
+    assert [holds("TIME", value) for value in (longest, longest + 1, -longest - 1, -longest - 2)] == [True, False, True, False]
 
 
 def _stub(source):

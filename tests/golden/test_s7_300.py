@@ -206,7 +206,12 @@ def test_every_open_point_changes_something():
     half = State(bias=0.75 / 27648, started=True)
     off = Parameters(gain=1.0, rate=0.0, reset=0.0, sample=1.0)
     assert [call(off, a, half, 0, 0).output for a in (Assumptions(), Assumptions(truncates=True))] == [1, 0]
-    for name in ("conversion", "bias_clamp", "first_reading"):
+    meant = {
+        ("conversion", "trunc"): Assumptions(truncates=True), ("bias_clamp", "always"): Assumptions(bias_always_clamped=True),
+        ("first_reading", "zero"): Assumptions(starts_at_zero=True),
+    }
+    for (name, setting), assumptions in meant.items():
+        assert ROOM.start(_words(), {name: setting}).assumptions == assumptions
         with pytest.raises(UnknownName, match=name):
             ROOM.start(_words(), {name: "other"})
 
@@ -219,6 +224,8 @@ def test_manual_leaves_out_to_the_user_and_the_return_begins_there():
     assert call(p, Assumptions(), state, 12000, 12000).output == 20000
     assert manual(COLD, 0, 32767).bias == 1.0
     assert manual(COLD, 0, -5).bias == 0.0
+    scans = [ROOM.scan(ROOM.start(_words(), {}), {"SP": 0, "PV": 0, "mode_req": 0, "OUT": out})[1] for out in (32767, 13824, -5)]
+    assert [(scan.output, scan.power_pct) for scan in scans] == [(32767, 100.0), (13824, 50.0), (-5, 0.0)]
 
 
 @settings(max_examples=3000, deadline=None)

@@ -64,8 +64,9 @@ class Actuator:
 def pulsegen(*, pwm_period_s: float, call_interval_s: float, minimum_s: float = 0.0) -> Actuator:
     """Return the switch behind FB43 PULSEGEN of the S7-300/400, three-step and bipolar modes off.
 
-    A pulse is a whole number of calls; one shorter than P_B_TM is left out, one whose pause would be shorter is on for
-    the whole period, and nothing is made up later (System Software for S7-300/400, vol. 2, pp. 27-16…27-22).
+    A pulse is a whole number of calls (the nearest one: the manual's example does not tell); one shorter than P_B_TM
+    is left out, one whose pause would be shorter is on for the whole period, and nothing is made up later (System
+    Software for S7-300/400, vol. 2, pp. 27-16…27-22).
 
     Args:
         pwm_period_s: PER_TM [s].
@@ -81,8 +82,8 @@ def pid_compact(
 ) -> Actuator:
     """Return the switch behind the PWM of PID_Compact of the S7-1200/1500.
 
-    A pulse is a whole number of calls, and so are both minimum times (rounded to the nearest); what a pulse that is
-    left out owes is made up in the next period (S7-1200/1500 PID manual, PID_Compact).
+    A pulse is a whole number of calls, and so are both minimum times (rounded to the nearest, which the manual does not
+    tell); what a pulse that is left out owes is made up in the next period (S7-1200/1500 PID manual, PID_Compact).
 
     Args:
         pwm_period_s: sampling time of the PID algorithm [s].
