@@ -1,4 +1,6 @@
+import csv
 import json
+import struct
 
 import pytest
 
@@ -83,6 +85,47 @@ def test_an_exported_block_is_read_back_and_proven(run, by_hand, tmp_path):
     status, out, err = run("decode", tmp_path / "short.bin", *conditions, *called)
     assert (status, out) == (2, "")
     assert "2 bytes; expected 98" in err
+
+
+@pytest.mark.parametrize(("target", "file", "said"), [("s7-300", "s7_300_pid.awl", "DB100.DBD 10"), ("fb41", "fb41_cont_c.awl", "GAIN := ")])
+def test_the_s7_300_rooms_go_from_design_to_proven_source_and_back_from_a_dump(run, by_hand, tmp_path, target, file, said):
+    conditions = ("--target", target, "--setpoint", 40)
+    status, out, _ = run("export-db", by_hand, *conditions, "-o", tmp_path, "--json")
+    exported = json.loads(out)
+    assert (status, exported["verdict"]) == (0, "PASS")
+    assert said in (tmp_path / file).read_text()
+    assert run("verify", tmp_path / "words.json", *conditions, *HAND)[0] == 0
+    # the bytes as STEP 7 would upload them, put together from the exported table of addresses
+    image = bytearray(126)
+    table = (tmp_path / {"s7-300": "s7_300_words.csv", "fb41": "fb41_words.csv"}[target]).read_text()
+    for row in csv.DictReader(table.splitlines()):
+        byte, _, bit = row["address"].removeprefix("DB")[1:].partition(".")
+        word = exported["words"][row["name"]]
+        if row["format"] == "BOOL":
+            image[int(byte)] |= word << int(bit)
+        else:
+            struct.pack_into({"REAL": ">f", "TIME": ">i"}[row["format"]], image, int(byte), word)
+    (tmp_path / "dump.bin").write_bytes(image)
+    status, out, _ = run("decode", tmp_path / "dump.bin", *conditions, "--called-every", exported["sample_time_s"], *HAND, "--json")
+    document = json.loads(out)
+    assert (status, document["words"], document["odd"]) == (0, exported["words"], [])
+    assert document["proof"]["verdict"] == "PASS"
+    if target == "s7-300":
+        (tmp_path / "dump.bin").write_bytes(bytes(10) + struct.pack(">ffff", 0.0, 0.0, 9e5, 5e3) + bytes(100))
+        status, out, _ = run("decode", tmp_path / "dump.bin", *conditions, "--called-every", 5)
+        assert status == 0
+        assert "no PID\nodd: GAIN is 0" in out
+
+
+def test_the_pwm_of_a_named_block_is_proven(run, by_hand):
+    conditions = ("verify", by_hand, "--target", "s7-300", "--setpoint", 40, *HAND, "--json")
+    block = ("--pwm-period", 5, "--pwm-resolution", 0.5, "--minimum-on", 1)
+    proven = {rule: json.loads(run(*conditions, *block, "--pwm-rule", rule)[1])["actuator"] for rule in ("pulsegen", "pid-compact")}
+    assert proven["pulsegen"] == {"pwm_period_s": 5.0, "resolution_s": 0.5, "minimum_on_s": 1.0, "minimum_off_s": 1.0, "minimum_rule": "drop"}
+    assert proven["pid-compact"] == proven["pulsegen"] | {"minimum_off_s": 0.0, "minimum_rule": "carry"}
+    for alone in (("--pwm-rule", "pulsegen"), ("--pwm-resolution", 0.5), ("--minimum-on", 1)):
+        status, _, err = run(*conditions, *alone)
+        assert (status, "need --pwm-period" in err) == (2, True)
 
 
 def test_the_targets_are_listed_with_their_open_points(run):

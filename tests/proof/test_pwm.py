@@ -2,8 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from heatertune.errors import OutOfRange
-from heatertune.proof.pwm import Actuator, on_time
+from heatertune.cli.common import PWM_RULES
+from heatertune.errors import OutOfRange, UnknownName
+from heatertune.proof.pwm import RULES, Actuator, on_time, pid_compact, pulsegen, switched_by
 
 powers = st.lists(st.floats(0.0, 100.0), min_size=1, max_size=40)
 
@@ -36,6 +37,40 @@ def test_a_pulse_that_is_too_short_is_made_up_in_the_next_period():
     # PID_Compact's documentation: 15 % asked for, 20 % the least; one period without pulse, the next with both
     actuator = Actuator(pwm_period_s=1.0, resolution_s=0.1, minimum_on_s=0.2, minimum_rule="carry")
     assert _pulses(actuator, [15.0] * 4)[0] == pytest.approx([0.0, 0.3, 0.0, 0.3])
+
+
+def test_pulsegen_counts_calls_and_never_makes_up_what_it_left_out():
+    # system software manual vol. 2, FB43: 30 % in 10 calls: 3 on, 7 off; below P_B_TM nothing, above PER_TM − P_B_TM all
+    block = pulsegen(pwm_period_s=10.0, call_interval_s=1.0, minimum_s=2.0)
+    assert _pulses(block, [30.0, 34.0, 15.0, 15.0, 19.0, 20.0, 80.0, 81.0, 85.0, 100.0])[0] == pytest.approx(
+        [3.0, 3.0, 0.0, 0.0, 0.0, 2.0, 8.0, 10.0, 10.0, 10.0]
+    )
+
+
+def test_pid_compact_rounds_its_minimum_times_to_calls_and_makes_up_what_it_left_out():
+    # Siemens's example: 15 % with a minimum of 20 %: a period without pulse, then one with both
+    block = pid_compact(pwm_period_s=1.0, call_interval_s=0.1, minimum_on_s=0.2)
+    assert _pulses(block, [15.0] * 4)[0] == pytest.approx([0.0, 0.3, 0.0, 0.3])
+    rounded = pid_compact(pwm_period_s=10.0, call_interval_s=1.0, minimum_on_s=1.6, minimum_off_s=2.4)
+    assert (rounded.minimum_on_s, rounded.minimum_off_s) == (2.0, 2.0)
+    # 85 % leaves a pause of 1.5 s, too short: full on, and the next pulse is shorter by what was too much
+    assert _pulses(rounded, [85.0, 60.0])[0] == pytest.approx([10.0, 5.0])  # 6 − 1.5, rounded half up to 5 calls
+
+
+def test_a_rule_by_name_is_the_blocks_switch():
+    times = {"pwm_period_s": 10.0, "resolution_s": 0.5, "minimum_on_s": 1.2}
+    assert switched_by("pulsegen", **times) == pulsegen(pwm_period_s=10.0, call_interval_s=0.5, minimum_s=1.2)
+    assert switched_by("pid-compact", **times, minimum_off_s=2.0) == pid_compact(
+        pwm_period_s=10.0, call_interval_s=0.5, minimum_on_s=1.2, minimum_off_s=2.0
+    )
+    assert switched_by(None, **times) == Actuator(**times)
+    assert tuple(RULES) == PWM_RULES
+    with pytest.raises(UnknownName, match="pulsegen, pid-compact"):
+        switched_by("relay", pwm_period_s=1.0)
+    with pytest.raises(OutOfRange, match="one P_B_TM"):
+        switched_by("pulsegen", pwm_period_s=10.0, minimum_on_s=1.0, minimum_off_s=2.0)
+    with pytest.raises(OutOfRange, match="resolution_s"):
+        switched_by("pid-compact", pwm_period_s=10.0, resolution_s=0.0)
 
 
 def test_a_pulse_that_is_too_short_is_dropped():

@@ -22,8 +22,9 @@ __all__ = [
     "reading", "save", "scaling", "target", "tuning", "words_and_model",
 ]
 
-TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "on-off")
+TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "on-off")
 INTERLOCKS = ("heater-fan",)
+PWM_RULES = ("pulsegen", "pid-compact")
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -111,6 +112,10 @@ def add_condition_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--pwm-period", type=float, metavar="S", help="PWM period [s] (default: TA in parts up to 10 s)")
     group.add_argument("--minimum-on", type=float, default=0.0, metavar="S", help="shortest on time [s] (default: 0)")
     group.add_argument("--minimum-off", type=float, default=0.0, metavar="S", help="shortest off time [s] (default: 0)")
+    group.add_argument("--pwm-rule", choices=PWM_RULES,
+                       help="block that makes the PWM; pulsegen: --minimum-on is P_B_TM (default: a plain switch)")
+    group.add_argument("--pwm-resolution", type=float, metavar="S",
+                       help="the on time is a multiple of it; a block's call interval [s] (default: 0.01)")
     group.add_argument("--tolerance", type=float, default=1.0, metavar="°C",
                        help="how far from the setpoint is still right: band, offset and swing [°C] (default: 1)")
     group.add_argument("--noise", type=float, default=0.0, metavar="°C", help="sensor noise, standard deviation [°C]")
@@ -152,7 +157,7 @@ def tuning(settings: argparse.Namespace) -> dict[str, Any]:
 
 def proving(settings: argparse.Namespace) -> dict[str, Any]:
     """Return the options of `chain.prove`."""
-    from heatertune.proof import Actuator  # noqa: PLC0415 - the help must not wait for numpy
+    from heatertune.proof.pwm import switched_by  # noqa: PLC0415 - the help must not wait for numpy
 
     found: dict[str, Any] = {
         "setpoint_degC": settings.setpoint, "noise_degC": settings.noise, "tolerance_degC": settings.tolerance,
@@ -161,11 +166,14 @@ def proving(settings: argparse.Namespace) -> dict[str, Any]:
     if settings.interlock is None and (settings.limit_temperature is not None or settings.fan_stops is not None):
         raise InputError("--limit-temperature and --fan-stops need --interlock: they are told to it")
     switched = {"minimum_on_s": settings.minimum_on, "minimum_off_s": settings.minimum_off}
+    resolution = settings.pwm_resolution
     if settings.pwm_period is None:
-        if any(switched.values()):
-            raise InputError("--minimum-on and --minimum-off need --pwm-period: they are parts of it")
+        if any(switched.values()) or settings.pwm_rule is not None or resolution is not None:
+            raise InputError("--minimum-on, --minimum-off, --pwm-rule and --pwm-resolution need --pwm-period")
         return found
-    return found | {"actuator": Actuator(pwm_period_s=settings.pwm_period, **switched)}
+    if resolution is not None:
+        switched["resolution_s"] = resolution
+    return found | {"actuator": switched_by(settings.pwm_rule, pwm_period_s=settings.pwm_period, **switched)}
 
 
 def target(settings: argparse.Namespace) -> str:

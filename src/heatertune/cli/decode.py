@@ -18,8 +18,8 @@ def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "decode", help="a dumped controller DB → K, TN, TV as realised, what is odd, and its proof", epilog=_EXAMPLE,
-        description="Read the data block of a running controller (OB251: 49 words, high byte first); with a model by "
-        "hand or --model, prove it.",
+        description="Read the data block of a running controller, high byte first (OB251: 49 words; S7-300: "
+        "its instance data block); with a model by hand or --model, prove it.",
     )
     command.add_argument("dump", metavar="DUMP", help="binary file of the data block")
     command.add_argument("--called-every", type=float, required=True, metavar="S", help="sampling interval TA [s]")

@@ -31,6 +31,8 @@ TARGETS: Final[dict[str, str]] = {
     "s7-200": "heatertune.plc.s7_200",
     "s7-200-paper": "heatertune.plc.s7_200.paper",
     "s7-200-pid": "heatertune.plc.s7_200.pid",
+    "s7-300": "heatertune.plc.s7_300.tip",
+    "fb41": "heatertune.plc.s7_300.fb41",
     "on-off": "heatertune.plc.bit_processor",
 }
 

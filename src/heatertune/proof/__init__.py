@@ -6,7 +6,7 @@ from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge
 from heatertune.proof.loop import simulate
 from heatertune.proof.prove import Proof, RunResult, prove
-from heatertune.proof.pwm import Actuator
+from heatertune.proof.pwm import Actuator, pid_compact, pulsegen
 from heatertune.proof.scenario import Kick, Load, Scenario, paper_scenario, scenario_for
 from heatertune.proof.trace import Trace
 
@@ -23,7 +23,9 @@ __all__ = [
     "Trace",
     "judge",
     "paper_scenario",
+    "pid_compact",
     "prove",
+    "pulsegen",
     "scenario_for",
     "simulate",
     "simulate_wish",

@@ -6,15 +6,19 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from heatertune.errors import OutOfRange
+from heatertune.errors import OutOfRange, UnknownName
 from heatertune.units import check
 
-__all__ = ["INSTANT_S", "Actuator", "on_time"]
+__all__ = ["INSTANT_S", "RULES", "Actuator", "on_time", "pid_compact", "pulsegen", "switched_by"]
 
 #: instants closer than this are one instant [s]: far above rounding, far below a PLC's tick
 INSTANT_S: Final = 1e-9
 
+#: what a block does with a pulse or pause that is too short, by the block's name
+RULES: Final = {"pulsegen": "drop", "pid-compact": "carry"}
+
 _RULES: Final = ("drop", "carry")
+_HALF_WAVE_S: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +40,7 @@ class Actuator:
     """
 
     pwm_period_s: float
-    resolution_s: float = 0.01
+    resolution_s: float = _HALF_WAVE_S
     minimum_on_s: float = 0.0
     minimum_off_s: float = 0.0
     minimum_rule: str = "drop"
@@ -55,6 +59,65 @@ class Actuator:
         return (
             self.pwm_period_s, self.resolution_s, self.minimum_on_s, self.minimum_off_s, self.minimum_rule == "carry",
         )
+
+
+def pulsegen(*, pwm_period_s: float, call_interval_s: float, minimum_s: float = 0.0) -> Actuator:
+    """Return the switch behind FB43 PULSEGEN of the S7-300/400, three-step and bipolar modes off.
+
+    A pulse is a whole number of calls (the nearest one: the manual's example does not tell); one shorter than P_B_TM
+    is left out, one whose pause would be shorter is on for the whole period, and nothing is made up later (System
+    Software for S7-300/400, vol. 2, pp. 27-16…27-22).
+
+    Args:
+        pwm_period_s: PER_TM [s].
+        call_interval_s: interval at which the block is called [s].
+        minimum_s: P_B_TM [s], of pulse and pause.
+    """
+    return Actuator(pwm_period_s=pwm_period_s, resolution_s=call_interval_s, minimum_on_s=minimum_s,
+                    minimum_off_s=minimum_s, minimum_rule=RULES["pulsegen"])
+
+
+def pid_compact(
+    *, pwm_period_s: float, call_interval_s: float, minimum_on_s: float = 0.0, minimum_off_s: float = 0.0
+) -> Actuator:
+    """Return the switch behind the PWM of PID_Compact of the S7-1200/1500.
+
+    A pulse is a whole number of calls, and so are both minimum times (rounded to the nearest, which the manual does not
+    tell); what a pulse that is left out owes is made up in the next period (S7-1200/1500 PID manual, PID_Compact).
+
+    Args:
+        pwm_period_s: sampling time of the PID algorithm [s].
+        call_interval_s: interval at which the block is called [s].
+        minimum_on_s: MinimumOnTime [s].
+        minimum_off_s: MinimumOffTime [s].
+    """
+    calls = [call_interval_s * math.floor(time / call_interval_s + 0.5) for time in (minimum_on_s, minimum_off_s)]
+    return Actuator(pwm_period_s=pwm_period_s, resolution_s=call_interval_s, minimum_on_s=calls[0],
+                    minimum_off_s=calls[1], minimum_rule=RULES["pid-compact"])
+
+
+def switched_by(
+    rule: str | None, *, pwm_period_s: float, resolution_s: float = _HALF_WAVE_S, minimum_on_s: float = 0.0,
+    minimum_off_s: float = 0.0,
+) -> Actuator:
+    """Return the switch of a named block, or a plain one that drops what is too short.
+
+    Raises:
+        UnknownName: a rule that does not exist.
+        OutOfRange: two minimum times for PULSEGEN, which has one; or as `Actuator`.
+    """
+    check("resolution_s", resolution_s, above=0.0)
+    if rule is None:
+        return Actuator(pwm_period_s=pwm_period_s, resolution_s=resolution_s, minimum_on_s=minimum_on_s,
+                        minimum_off_s=minimum_off_s)
+    if rule == "pid-compact":
+        return pid_compact(pwm_period_s=pwm_period_s, call_interval_s=resolution_s, minimum_on_s=minimum_on_s,
+                           minimum_off_s=minimum_off_s)
+    if rule != "pulsegen":
+        raise UnknownName("PWM rule", rule, RULES)
+    if minimum_off_s not in (0.0, minimum_on_s):
+        raise OutOfRange("minimum_off_s", minimum_off_s, f"minimum_on_s = {minimum_on_s:g}: PULSEGEN has one P_B_TM")
+    return pulsegen(pwm_period_s=pwm_period_s, call_interval_s=resolution_s, minimum_s=minimum_on_s)
 
 
 def on_time(

@@ -1,0 +1,151 @@
+"""The room of CONT_C: its four doors under one name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from heatertune.pid.values import PidDesign
+from heatertune.plc.room import Certificate, Number, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.s7_300.fb41.algorithm import Assumptions, Parameters, State, call, restart, scaled
+from heatertune.plc.s7_300.fb41.export import export_words
+from heatertune.plc.s7_300.fb41.image import from_image, oddities
+from heatertune.plc.s7_300.fb41.words import FIELDS, check_words, decode, encode
+from heatertune.plc.s7_300.module import FULL_SCALE, chosen, counts
+from heatertune.plc.s7_300.real import Real, clamp
+from heatertune.plc.s7_300.timer import TIMER
+
+__all__ = ["ROOM", "ContC"]
+
+_SWITCHES: Final = (
+    Switch(name="integral", settings=("trapezoid", "rectangle"), default="trapezoid",
+           why="whether the I part takes the mean of two errors or the last one"),
+    Switch(name="derivative_lag", settings=("half_cycle", "whole_cycle"), default="half_cycle",
+           why="how much of CYCLE is added to TM_LAG in the D part"),
+    Switch(name="anti_windup", settings=("taken_back", "held"), default="taken_back",
+           why="whether an I part beyond a limit is taken back to it, or only held"),
+)
+
+#: SP_PER is a setpoint as an analog value; SP_INT, where given, is the block's own input
+_INPUTS: Final = {
+    "SP_PER": "INT", "PV_PER": "INT", "SP_INT": "REAL", "MAN_ON": "BOOL", "MAN": "REAL", "DISV": "REAL",
+    "INT_HOLD": "BOOL", "COM_RST": "BOOL",
+}
+
+
+class _Running(NamedTuple):
+    parameters: Parameters
+    assumptions: Assumptions
+    state: State
+
+
+@dataclass(frozen=True, slots=True)
+class ContC:
+    """See `heatertune.plc.room.Room`."""
+
+    name: str = "fb41"
+    title: str = "SIMATIC S7-300/400, FB41 CONT_C (Standard Library; SFB41 of the CPU 31xC)"
+    fields: tuple[WordField, ...] = FIELDS
+    switches: tuple[Switch, ...] = _SWITCHES
+    can: tuple[str, ...] = (
+        "P, PI, PD and PID in single precision with a filtered derivative of the error; PV and setpoint in °C",
+        "dead band, limits, feed-forward DISV, manual with a smooth return",
+    )
+    cannot: tuple[str, ...] = (
+        "no PWM of its own: FB43 PULSEGEN or a switch behind LMN is proven with it (--pwm-rule pulsegen)",
+        "PV_IN is left out: the reading comes from PV_PER",
+    )
+    sample_times_s: tuple[float, float, float] = TIMER
+    counts: int = FULL_SCALE
+
+    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
+        """Round the design to words, once; see `words.encode`."""
+        return encode(design, scaling)
+
+    def decode(self, words: Words) -> PidDesign | None:
+        """Return the design as the words realise it; None without a P part."""
+        return decode(words)
+
+    def check(self, words: Words) -> None:
+        """Raise OutOfRange for the first word that the block cannot use."""
+        check_words(words)
+
+    def timing(self, words: Words) -> Timing:
+        """Return OB35's interval; the PWM is an actuator behind LMN."""
+        return Timing(scan_s=words.sample_time_s)
+
+    def measure(self, words: Words, temperature_degC: float) -> int:
+        """Return PV_PER, cut as a converter does, limited to 0…27648."""
+        return counts(words, temperature_degC)
+
+    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+        """Return the state after OB100's call with COM_RST."""
+        parameters = _parameters(words.values)
+        return _Running(parameters, Assumptions(*chosen(_SWITCHES, switches)), restart(parameters))
+
+    def step(
+        self, words: Words, state: _Running, setpoint: int, reading: int, switches: Mapping[str, str],
+        *, cycle_start: bool = True,
+    ) -> tuple[_Running, Scan]:
+        """Call the block once, setpoint and reading as analog values; words and switches are in the state."""
+        del words, switches, cycle_start
+        return _called(state, state.parameters, scaled(Real(), state.parameters, setpoint), reading)
+
+    def scan(self, state: _Running, inputs: Mapping[str, Number]) -> tuple[_Running, Scan]:
+        """Call the block once with PV_PER and SP_PER or SP_INT; what is not named stays as the words have it."""
+        p = state.parameters
+        p = p._replace(
+            man_on=bool(inputs.get("MAN_ON", p.man_on)), manual=inputs.get("MAN", p.manual),
+            disturbance=inputs.get("DISV", p.disturbance), int_hold=bool(inputs.get("INT_HOLD", p.int_hold)),
+        )
+        if inputs.get("COM_RST", 0):
+            return _told(state, restart(p))
+        setpoint = inputs["SP_INT"] if "SP_INT" in inputs else scaled(Real(), p, int(inputs["SP_PER"]))
+        return _called(state, p, setpoint, int(inputs["PV_PER"]))
+
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """A setpoint as an analog value and PV_PER; SP_INT and others where they are not as in the words."""
+        return _INPUTS
+
+    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+        """Return the STL source and the table of words."""
+        return export_words(words, certificate)
+
+    def read_image(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
+        """Return the words of a dumped instance data block; see `image.from_image`."""
+        return from_image(image, sample_time_s=sample_time_s, scaling=scaling, source=source)
+
+    def oddities(self, words: Words) -> tuple[str, ...]:
+        """Return what is odd about the words of a running controller."""
+        return oddities(words)
+
+
+def _called(state: _Running, parameters: Parameters, setpoint: float, reading: int) -> tuple[_Running, Scan]:
+    r = Real()
+    pv = scaled(r, parameters, reading)
+    return _told(state, call(parameters, state.assumptions, state.state, setpoint, pv, r))
+
+
+def _told(state: _Running, after: State) -> tuple[_Running, Scan]:
+    flags = {"QLMN_HLM": after.at_upper, "QLMN_LLM": after.at_lower, "overflow": after.overflow}
+    return state._replace(state=after), Scan(
+        power_pct=clamp(after.output, 0.0, 100.0), output=after.output, flags=flags
+    )
+
+
+def _parameters(v: Mapping[str, Number]) -> Parameters:
+    """Return the words as the block computes with them: TIME in ms becomes REAL in s."""
+    r = Real()
+    seconds = {name: r.quotient(r.of(v[name]), 1000.0) for name in ("CYCLE", "TI", "TD", "TM_LAG")}
+    return Parameters(
+        cycle=seconds["CYCLE"], gain=v["GAIN"], ti=seconds["TI"], td=seconds["TD"], tm_lag=seconds["TM_LAG"],
+        dead_band=v["DEADB_W"], upper=v["LMN_HLM"], lower=v["LMN_LLM"], pv_factor=v["PV_FAC"], pv_offset=v["PV_OFF"],
+        lmn_factor=v["LMN_FAC"], lmn_offset=v["LMN_OFF"], initial=v["I_ITLVAL"], disturbance=v["DISV"],
+        manual=v["MAN"], man_on=bool(v["MAN_ON"]), p_sel=bool(v["P_SEL"]), i_sel=bool(v["I_SEL"]),
+        int_hold=bool(v["INT_HOLD"]), i_itl_on=bool(v["I_ITL_ON"]), d_sel=bool(v["D_SEL"]),
+    )
+
+
+ROOM: Final = ContC()

@@ -1,0 +1,75 @@
+"""The tip as STL source: function block, instance data block, OB100 and OB35; and the four words as CSV."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from heatertune.plc.room import Certificate, Words
+from heatertune.plc.s7_300 import awl
+from heatertune.plc.s7_300.tip.block import STATEMENTS, VARIABLES
+from heatertune.plc.s7_300.tip.words import FIELDS
+
+__all__ = ["export_words"]
+
+#: number of the function block and of its instance data block: free in most programs
+_NUMBER: Final = 100
+
+
+def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+    """Return source and table; the same words and certificate give the same bytes.
+
+    The data block gives every member its value in BEGIN; OB100 loads the four words bit by bit after each restart.
+    """
+    low, span = words.scaling.low_degC, words.scaling.span_degC
+    head = awl.head(
+        "PID of S7-300/400 application tip No. 2: the document's equations, heatertune's statements",
+        words, certificate,
+        f"setpoint SP = 27648/{span:g} * (degC {0.0 - low:+g}), rounded; enter yours in MW 12",
+        f"OB 35 must be called every {1000 * words.sample_time_s:g} ms (hardware configuration); without OB 35 call "
+        f"FB {_NUMBER} from OB 1 at this interval",
+        "OB 1 is not part of this source: it is yours",
+    )
+    source = [*head, *_function_block(), *_data_block(words), *_restart(words), *_interrupt()]
+    return {"s7_300_pid.awl": awl.text(source), "s7_300_words.csv": awl.table(FIELDS, words)}
+
+
+def _function_block() -> list[str]:
+    return [
+        f"FUNCTION_BLOCK FB {_NUMBER}", "TITLE =PID, application tip No. 2", "VERSION : 0.1",
+        *VARIABLES.splitlines(), "BEGIN", *STATEMENTS.splitlines(), "END_FUNCTION_BLOCK", "",
+    ]
+
+
+def _data_block(words: Words) -> list[str]:
+    values = [f"  {f.name} := {awl.real(words.values[f.name])} ;  // {f.address}: {f.comment}" for f in FIELDS]
+    return [
+        f"DATA_BLOCK DB {_NUMBER}", "TITLE =instance of the heater's PID", "VERSION : 0.1", f"FB {_NUMBER}", "BEGIN",
+        "  mode_req := FALSE ;", "  PV := 0 ;", "  SP := 0 ;", "  OUT := 0 ;", "  OVERFLOW := FALSE ;", *values,
+        f"  BIAS := {awl.real(0.0)} ;", f"  PV_LAST := {awl.real(0.0)} ;", "  STARTED := FALSE ;",
+        "END_DATA_BLOCK", "",
+    ]
+
+
+def _restart(words: Words) -> list[str]:
+    loads = []
+    for field in FIELDS:
+        value = words.values[field.name]
+        loads += [f"      L     {awl.bits(value)};  // {field.name} {value:.9g}",
+                  f"      T     DB{_NUMBER}.DBD {field.address.removeprefix('DBD')};"]
+    return [
+        "ORGANIZATION_BLOCK OB 100", "TITLE =restart: load the words, begin from cold in automatic", "VERSION : 0.1",
+        "BEGIN", "NETWORK", "TITLE =words", *loads,
+        f"      L     {awl.bits(0.0)};", f"      T     DB{_NUMBER}.DBD 26;  // BIAS",
+        "      SET   ;", f"      R     DB{_NUMBER}.DBX 34.0;  // STARTED", "      S     M 10.0;  // automatic",
+        "END_ORGANIZATION_BLOCK", "",
+    ]
+
+
+def _interrupt() -> list[str]:
+    return [
+        "ORGANIZATION_BLOCK OB 35", "TITLE =cyclic interrupt: one call of the PID", "VERSION : 0.1",
+        "BEGIN", "NETWORK", "TITLE =tie these to your inputs and outputs",
+        f"      CALL  FB {_NUMBER} , DB {_NUMBER} (", "           mode_req := M 10.0,", "           PV := PIW 256,",
+        "           SP := MW 12,", "           OUT := PQW 256,", "           OVERFLOW := M 10.1);",
+        "END_ORGANIZATION_BLOCK",
+    ]

@@ -1,0 +1,121 @@
+"""The room of the PID tip: its four doors under one name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from heatertune.pid.values import PidDesign
+from heatertune.plc.room import Certificate, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.s7_300.module import FULL_SCALE, chosen, counts
+from heatertune.plc.s7_300.timer import TIMER
+from heatertune.plc.s7_300.tip.algorithm import COLD, Assumptions, Parameters, State, call, manual
+from heatertune.plc.s7_300.tip.export import export_words
+from heatertune.plc.s7_300.tip.image import from_image, oddities
+from heatertune.plc.s7_300.tip.words import FIELDS, check_words, decode, encode
+
+__all__ = ["ROOM", "PidTip"]
+
+_SWITCHES: Final = (
+    Switch(name="conversion", settings=("rnd", "trunc"), default="rnd",
+           why="whether OUT is rounded or cut when it becomes an INT"),
+    Switch(name="bias_clamp", settings=("adjusted", "always"), default="adjusted",
+           why="whether a bias that was not adjusted is clamped to 0…1 as well"),
+    Switch(name="first_reading", settings=("taken", "zero"), default="taken",
+           why="whether PV_{n-1} of the first call is that call's reading or 0"),
+)
+
+_INPUTS: Final = {"SP": "INT", "PV": "INT", "mode_req": "BOOL", "OUT": "INT"}
+
+
+class _Running(NamedTuple):
+    parameters: Parameters
+    assumptions: Assumptions
+    state: State
+
+
+@dataclass(frozen=True, slots=True)
+class PidTip:
+    """See `heatertune.plc.room.Room`."""
+
+    name: str = "s7-300"
+    title: str = "SIMATIC S7-300/400, application tip PID No. 2 (Siemens, V1.0, 11/96)"
+    fields: tuple[WordField, ...] = FIELDS
+    switches: tuple[Switch, ...] = _SWITCHES
+    can: tuple[str, ...] = (
+        "P, PI, PD and PID in single precision; derivative of the reading, not filtered; I, ID and D with GAIN = 0",
+        "exported as a whole STL program",
+    )
+    cannot: tuple[str, ...] = (
+        "no PWM of its own: a switch behind OUT is proven with it",
+        "no feed-forward, no dead band, no derivative filter",
+    )
+    sample_times_s: tuple[float, float, float] = TIMER
+    counts: int = FULL_SCALE
+
+    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
+        """Round the design to words, once; see `words.encode`."""
+        return encode(design, scaling)
+
+    def decode(self, words: Words) -> PidDesign | None:
+        """Return the design as the words realise it; None for GAIN = 0."""
+        return decode(words)
+
+    def check(self, words: Words) -> None:
+        """Raise OutOfRange for the first word that the block cannot use."""
+        check_words(words)
+
+    def timing(self, words: Words) -> Timing:
+        """Return OB35's interval; the PWM is an actuator behind OUT."""
+        return Timing(scan_s=words.sample_time_s)
+
+    def measure(self, words: Words, temperature_degC: float) -> int:
+        """Return the analog value, cut as a converter does, limited to 0…27648."""
+        return counts(words, temperature_degC)
+
+    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+        """Return the state after OB100."""
+        v = words.values
+        parameters = Parameters(gain=v["GAIN"], rate=v["RATE"], reset=v["RESET"], sample=v["SAMPLE"])
+        return _Running(parameters, Assumptions(*chosen(_SWITCHES, switches)), COLD)
+
+    def step(
+        self, words: Words, state: _Running, setpoint: int, reading: int, switches: Mapping[str, str],
+        *, cycle_start: bool = True,
+    ) -> tuple[_Running, Scan]:
+        """Call the block once in automatic; words and switches are in the state since `start`."""
+        del words, switches, cycle_start
+        return self._told(state, call(state.parameters, state.assumptions, state.state, setpoint, reading))
+
+    def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
+        """Call the block once with SP and PV and, where named, mode_req and what the user wrote to OUT in manual."""
+        if inputs.get("mode_req", 1):
+            return self._told(state, call(state.parameters, state.assumptions, state.state, inputs["SP"], inputs["PV"]))
+        return self._told(state, manual(state.state, inputs["PV"], inputs.get("OUT")))
+
+    def _told(self, state: _Running, after: State) -> tuple[_Running, Scan]:
+        power = min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0)
+        return state._replace(state=after), Scan(
+            power_pct=power, output=after.output, flags={"overflow": after.overflow}
+        )
+
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """SP and PV; mode_req and, in manual, OUT where they are not as the block has them."""
+        return _INPUTS
+
+    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+        """Return the STL source and the table of words."""
+        return export_words(words, certificate)
+
+    def read_image(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
+        """Return the words of a dumped instance data block; see `image.from_image`."""
+        return from_image(image, sample_time_s=sample_time_s, scaling=scaling, source=source)
+
+    def oddities(self, words: Words) -> tuple[str, ...]:
+        """Return what is odd about the words of a running controller."""
+        return oddities(words)
+
+
+ROOM: Final = PidTip()

@@ -1,0 +1,82 @@
+"""Run an exported STL source in awlsim, scan by scan; in a process of its own, since awlsim is GPL and heatertune is not.
+
+stdin: JSON {"source": path, "block": DB number, "length": bytes, "rows": [[mode, SP, PV, OUT or null], …]}.
+stdout: JSON {"source": data block after OB100 as hex, "rows": [data block after each OB35 as hex, …], "names": {…}}.
+A row's OUT is written to DBW6 before the call, as the user of manual mode does.
+"""
+
+import json
+import struct
+import sys
+
+import awlsim.core.main as simulator  # before the compiler: awlsim's modules import each other
+from awlsim.awlcompiler import AwlParser
+from awlsim.common.cpuconfig import S7CPUConfig
+from awlsim.common.sources import AwlSource
+from awlsim.core.hardware import AbstractHardwareInterface
+
+ANALOG = bytearray(2)  # PIW 256
+
+
+class Module(AbstractHardwareInterface):
+    """An analog input and an analog output at byte 256."""
+
+    name = "module"
+
+    def doStartup(self):
+        pass
+
+    def doShutdown(self):
+        pass
+
+    def readInputs(self):
+        pass
+
+    def writeOutputs(self):
+        pass
+
+    def directReadInput(self, accessWidth, accessOffset):
+        assert (accessWidth, accessOffset) == (16, 256)
+        return bytearray(ANALOG)
+
+    def directWriteOutput(self, accessWidth, accessOffset, data):
+        assert (accessWidth, accessOffset) == (16, 256)
+        WRITTEN.append(struct.unpack(">h", bytes(data))[0])
+        return True
+
+
+WRITTEN: list = []
+
+
+def main():
+    """Load, restart, run the rows, tell."""
+    task = json.load(sys.stdin)
+    parser = AwlParser()
+    parser.parseSource(AwlSource.fromFile("export", task["source"]))
+    sim = simulator.AwlSim()
+    sim.reset()
+    cpu = sim.getCPU()
+    cpu.getConf().setConfiguredMnemonics(S7CPUConfig.MNEMONICS_EN)
+    cpu.getConf().setCycleTimeLimitUs(10_000_000)
+    sim.registerHardwareClass(Module)
+    sim.load(parser.getParseTree())
+    sim.build()
+    sim.startup()
+    block = cpu.getDB(task["block"])
+    memory, flags = block.structInstance.memory.getRawDataBytes(), cpu.flags.getRawDataBytes()
+    offsets = {f.name: [f.offset.byteOffset, f.offset.bitOffset] for f in block.struct.fields if f.name}
+    after_restart, automatic = bytes(memory).hex(), flags[10] & 1
+    rows = []
+    for mode, setpoint, reading, output in task["rows"]:
+        flags[10] = flags[10] & 0xFE | mode
+        flags[12:14] = struct.pack(">h", setpoint)
+        ANALOG[:] = struct.pack(">h", reading)
+        if output is not None:
+            memory[6:8] = struct.pack(">h", output)
+        cpu._S7CPU__runOB(cpu.getOB(35))
+        rows.append(bytes(memory).hex())
+    told = {"restart": after_restart, "automatic": automatic, "rows": rows, "offsets": offsets, "written": WRITTEN}
+    json.dump(told, sys.stdout)
+
+
+main()
