@@ -1,15 +1,16 @@
 """Run an exported STL source in awlsim, scan by scan; in a process of its own, since awlsim is GPL and heatertune is not.
 
-stdin: JSON {"source": path, "block": DB number, "length": bytes, "rows": [[mode, SP, PV, OUT or null], …]}.
+stdin: JSON {"source": path, "block": DB number, "rows": [[mode, SP, PV, OUT or null], …], "scan_s": number or null}.
 stdout: JSON {"source": data block after OB100 as hex, "rows": [data block after each OB35 as hex, …], "names": {…}}.
-A row's OUT is written to DBW6 before the call, as the user of manual mode does.
+A row's OUT is written to DBW6 before the call, as the user of manual mode does. With "scan_s" each row is a scan of OB1
+that takes so long, on a clock of its own, instead of a call of OB35.
 """
 
 import json
 import struct
 import sys
 
-import awlsim.core.main as simulator  # before the compiler: awlsim's modules import each other
+import awlsim.core.main as simulator  # before the others: awlsim's modules import each other
 from awlsim.awlcompiler import AwlParser
 from awlsim.common.cpuconfig import S7CPUConfig
 from awlsim.common.sources import AwlSource
@@ -51,6 +52,12 @@ WRITTEN: list = []
 def main():
     """Load, restart, run the rows, tell."""
     task = json.load(sys.stdin)
+    clock = [1000.0]
+    if task["scan_s"] is not None:
+        import awlsim.core.cpu as core  # noqa: PLC0415 - only after the simulator, see above
+
+        core.monotonic_time = lambda: clock[0]
+        core.S7CPU.updateTimestamp.__defaults__ = (core.monotonic_time,)
     parser = AwlParser()
     parser.parseSource(AwlSource.fromFile("export", task["source"]))
     sim = simulator.AwlSim()
@@ -73,7 +80,11 @@ def main():
         ANALOG[:] = struct.pack(">h", reading)
         if output is not None:
             memory[6:8] = struct.pack(">h", output)
-        cpu._S7CPU__runOB(cpu.getOB(35))
+        if task["scan_s"] is None:
+            cpu._S7CPU__runOB(cpu.getOB(35))
+        else:
+            clock[0] += task["scan_s"]
+            sim.runCycle()
         rows.append(bytes(memory).hex())
     told = {"restart": after_restart, "automatic": automatic, "rows": rows, "offsets": offsets, "written": WRITTEN}
     json.dump(told, sys.stdout)

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 from heatertune.plc.room import Certificate, Number, WordField, Words
 
-__all__ = ["bits", "head", "literal", "real", "table", "text"]
+__all__ = ["bits", "head", "literal", "real", "s5_time", "table", "text"]
 
 _PLAIN = str.maketrans({"°": "deg", "…": "..", "·": "*", "×": "*", "≤": "<=", "≥": ">=", "−": "-", "–": "-"})
 
@@ -36,6 +36,13 @@ def literal(format_: str, value: Number) -> str:
     if format_ == "TIME":
         return f"T#{int(value)}MS"
     return real(value)
+
+
+def s5_time(seconds: float) -> str | None:
+    """Return an S5TIME literal, None for a time that its three digits at 10 ms, 100 ms or 1 s cannot hold."""
+    ms = round(1000 * seconds)
+    fits = any(ms % step == 0 and 0 < ms <= 999 * step for step in (10, 100, 1000))
+    return f"S5T#{ms}MS" if fits else None
 
 
 def head(title: str, words: Words, certificate: Certificate, *facts: str) -> list[str]:

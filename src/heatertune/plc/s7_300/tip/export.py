@@ -1,4 +1,4 @@
-"""The tip as STL source: function block, instance data block, OB100 and OB35; and the four words as CSV."""
+"""The tip as STL source: function block, instance data block, OB100 and OB35; OB1 beside it; the four words as CSV."""
 
 from __future__ import annotations
 
@@ -25,12 +25,15 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
         "PID of S7-300/400 application tip No. 2: the document's equations, heatertune's statements",
         words, certificate,
         f"setpoint SP = 27648/{span:g} * (degC {0.0 - low:+g}), rounded; enter yours in MW 12",
-        f"OB 35 must be called every {1000 * words.sample_time_s:g} ms (hardware configuration); without OB 35 call "
-        f"FB {_NUMBER} from OB 1 at this interval",
-        "OB 1 is not part of this source: it is yours",
+        f"OB 35 must be called every {1000 * words.sample_time_s:g} ms (hardware configuration)",
+        "OB 1 is yours: where there is no OB 35, take the network of s7_300_ob1.awl into it instead",
     )
     source = [*head, *_function_block(), *_data_block(words), *_restart(words), *_interrupt()]
-    return {"s7_300_pid.awl": awl.text(source), "s7_300_words.csv": awl.table(FIELDS, words)}
+    files: dict[str, str | bytes] = {
+        "s7_300_pid.awl": awl.text(source), "s7_300_words.csv": awl.table(FIELDS, words),
+    }
+    clock = awl.s5_time(words.sample_time_s)
+    return files | ({} if clock is None else {"s7_300_ob1.awl": awl.text(_scan(clock))})
 
 
 def _function_block() -> list[str]:
@@ -68,8 +71,21 @@ def _restart(words: Words) -> list[str]:
 def _interrupt() -> list[str]:
     return [
         "ORGANIZATION_BLOCK OB 35", "TITLE =cyclic interrupt: one call of the PID", "VERSION : 0.1",
-        "BEGIN", "NETWORK", "TITLE =tie these to your inputs and outputs",
-        f"      CALL  FB {_NUMBER} , DB {_NUMBER} (", "           mode_req := M 10.0,", "           PV := PIW 256,",
-        "           SP := MW 12,", "           OUT := PQW 256,", "           OVERFLOW := M 10.1);",
-        "END_ORGANIZATION_BLOCK",
+        "BEGIN", "NETWORK", "TITLE =tie these to your inputs and outputs", *_CALL, "END_ORGANIZATION_BLOCK",
     ]
+
+
+def _scan(clock: str) -> list[str]:
+    """Return an OB1 that calls the block each time a timer has run; each period is longer by up to two scans."""
+    return [
+        "// instead of OB 35: one call each time T 1 has run, which makes every interval longer by up to two scans",
+        "ORGANIZATION_BLOCK OB 1", "TITLE =scan", "VERSION : 0.1", "BEGIN", "NETWORK",
+        "TITLE =tie these to your inputs and outputs", "      A     T 1;", "      JCN   wait;", *_CALL,
+        "wait: AN    T 1;", f"      L     {clock};", "      SD    T 1;", "END_ORGANIZATION_BLOCK",
+    ]
+
+
+_CALL: Final = (
+    f"      CALL  FB {_NUMBER} , DB {_NUMBER} (", "           mode_req := M 10.0,", "           PV := PIW 256,",
+    "           SP := MW 12,", "           OUT := PQW 256,", "           OVERFLOW := M 10.1);",
+)
