@@ -85,8 +85,10 @@ def tune(fitted: FittedModel, *, target: str | None = None, progress: Told = str
     """
     timer = Timer()
     if target is not None:
-        shortest, longest, step = room(target).sample_times_s
+        found = room(target)
+        shortest, longest, step = found.sample_times_s
         timer = Timer(shortest_s=shortest, longest_s=longest, step_s=step)
+        settings = {"derivative_filter": found.derivative_filter} | settings
     inputs = {
         "model": _essence(fitted),
         "timer": [timer.shortest_s, timer.longest_s, timer.step_s],

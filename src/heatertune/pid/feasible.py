@@ -39,12 +39,14 @@ class Problem:
         structure: "p", "pi" or "pid".
         ms: limit of the maximum sensitivity.
         sample_time_s: TA [s].
+        derivative_filter: weight of its past in the derivative part, see `PidDesign`.
     """
 
     plants: tuple[HeaterModel, ...]
     structure: str
     ms: float
     sample_time_s: float
+    derivative_filter: float = 0.5
 
     @property
     def slowest_s(self) -> float:
@@ -56,7 +58,7 @@ class Problem:
         return PidDesign(
             gain_pct_per_degC=gain, integral_time_s=integral_time_s, derivative_time_s=derivative_time_s,
             sample_time_s=self.sample_time_s, structure=structure_of(integral_time_s, derivative_time_s),
-            method="optimum",
+            method="optimum", derivative_filter=self.derivative_filter,
         )
 
     def cost(self, design: PidDesign) -> float:

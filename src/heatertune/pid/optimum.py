@@ -49,9 +49,9 @@ def polish(problem: Problem, start: PidDesign, *, objective: str = "iae") -> tup
     omega = frequencies(problem.sample_time_s, problem.slowest_s, _FREQUENCIES)
     samples = _samples(problem, start)
     for plant in plants:
-        errors = _errors(ca, plant, samples)(settings)
+        errors = _errors(ca, plant, samples, problem.derivative_filter)(settings)
         costs.append(ca.sumsqr(errors) if objective == "ise" else ca.sum2(ca.sqrt(errors**2 + _SMOOTH**2)))
-        limits.append(_distances(plant, settings, omega))
+        limits.append(_distances(plant, settings, omega, problem.derivative_filter))
     cost = problem.sample_time_s * sum(costs) / len(costs)
     nlp = {"x": unknowns, "f": ca.log(cost), "g": ca.vertcat(*limits)}
     solver = ca.nlpsol(
@@ -85,7 +85,7 @@ def _samples(problem: Problem, start: PidDesign) -> int:
     return int(np.clip(4.0 * slow / problem.sample_time_s, 40, _MOST_SAMPLES))
 
 
-def _errors(ca: Any, plant: SampledPlant, samples: int) -> Any:
+def _errors(ca: Any, plant: SampledPlant, samples: int, past: float) -> Any:
     """Return the function settings → temperature deviations after a load step of 1 %, shape (1, samples)."""
     modes, taps = len(plant.poles), plant.delay + 1
     state = ca.SX.sym("state", modes + taps + 3)
@@ -93,7 +93,7 @@ def _errors(ca: Any, plant: SampledPlant, samples: int) -> Any:
     x, queue, memory = state[:modes], state[modes : modes + taps], state[modes + taps :]
     error = -ca.sum1(x)
     summed = memory[0] + settings[1] * error
-    filtered = 0.5 * (memory[1] + settings[2] * (error - memory[2]))
+    filtered = past * memory[1] + (1.0 - past) * settings[2] * (error - memory[2])
     power = settings[0] * (error + summed + filtered) + 1.0
     line = ca.vertcat(power, queue)  # newest first
     following = plant.poles * x + plant.now * line[plant.delay] + plant.before * line[plant.delay + 1]
@@ -103,12 +103,12 @@ def _errors(ca: Any, plant: SampledPlant, samples: int) -> Any:
     return ca.Function("errors", [settings], [outputs])
 
 
-def _distances(plant: SampledPlant, settings: Any, omega: Any) -> Any:
+def _distances(plant: SampledPlant, settings: Any, omega: Any, past: float) -> Any:
     """Return |1 + L|² at each frequency."""
     backward = np.exp(-1j * omega * plant.sample_time_s)
     g = plant.frequency_response(omega)
     integral = g / (1.0 - backward)
-    derivative = 0.5 * g * (1.0 - backward) / (1.0 - 0.5 * backward)
+    derivative = (1.0 - past) * g * (1.0 - backward) / (1.0 - past * backward)
     real = 1.0 + settings[0] * (g.real + settings[1] * integral.real + settings[2] * derivative.real)
     imaginary = settings[0] * (g.imag + settings[1] * integral.imag + settings[2] * derivative.imag)
     return real**2 + imaginary**2

@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
-def _respond(poles, now, before, delay, gain, integral, derivative, setpoint, load, samples):  # type: ignore[no-untyped-def]
+def _respond(poles, now, before, delay, gain, integral, derivative, past, setpoint, load, samples):  # type: ignore[no-untyped-def]
     """Return the temperature deviation at each sample, shape (samples,)."""
     x = np.zeros(len(poles))
     inputs = np.zeros(samples)
@@ -28,7 +28,7 @@ def _respond(poles, now, before, delay, gain, integral, derivative, setpoint, lo
         out[k] = x.sum()
         error = setpoint - out[k]
         summed += integral * error
-        filtered = 0.5 * (filtered + derivative * (error - last))
+        filtered = past * filtered + (1.0 - past) * derivative * (error - last)
         last = error
         inputs[k] = gain * (error + summed + filtered) + load
         u_now = inputs[k - delay] if k >= delay else 0.0
@@ -47,7 +47,8 @@ def respond(
     return np.asarray(
         _respond(
             plant.poles, plant.now, plant.before, plant.delay, design.gain_pct_per_degC,
-            ta / design.integral_time_s, design.derivative_time_s / ta, setpoint_degC, load_pct, samples,
+            ta / design.integral_time_s, design.derivative_time_s / ta, design.derivative_filter, setpoint_degC,
+            load_pct, samples,
         )
     )
 

@@ -55,6 +55,7 @@ def tune(
     objective: str = "iae",
     sample_time_s: float | None = None,
     timer: Timer | None = None,
+    derivative_filter: float = 0.5,
     progress: Callable[[str], object] = str,
 ) -> PidDesign:
     """Find K, TN, TV and TA for a heater and all its candidate models.
@@ -71,6 +72,7 @@ def tune(
         objective: "iae" or "ise", for the optimum.
         sample_time_s: TA where it is given [s], None to find it.
         timer: what the target's timer can do.
+        derivative_filter: weight of its past in the target's derivative part, see `PidDesign`.
         progress: called with a short message when a round begins.
 
     Raises:
@@ -87,35 +89,45 @@ def tune(
     if sample_time_s is not None:
         check("sample_time_s", sample_time_s, above=0.0)
     plants = fitted.plants
-    one_round = _rule_round(fitted, method, structure) if method in RULES else _search_round(plants, structure, ms)
+    check("derivative_filter", derivative_filter, least=0.0, most=0.99)
+    one_round = (
+        _rule_round(fitted, method, structure, derivative_filter) if method in RULES
+        else _search_round(plants, structure, ms, derivative_filter)
+    )
     design, rounds = _settle(one_round, plants, sample_time_s, timer or Timer(), progress)
     notes = [_told_about_ta(design, plants, rounds, sample_time_s)]
     if method == "optimum" and structure != "p":
         progress("polishing the optimum with CasADi and IPOPT")
-        problem = Problem(plants=plants, structure=structure, ms=ms, sample_time_s=design.sample_time_s)
+        problem = Problem(
+            plants=plants, structure=structure, ms=ms, sample_time_s=design.sample_time_s,
+            derivative_filter=derivative_filter,
+        )
         design, told = polish(problem, design, objective=objective)
         notes.append(told)
     return _finished(design, fitted, method, ms, notes)
 
 
 def _rule_round(
-    fitted: FittedModel, method: str, structure: str
+    fitted: FittedModel, method: str, structure: str, derivative_filter: float
 ) -> Callable[[float, PidDesign | None], PidDesign]:
     def one_round(ta: float, before: PidDesign | None) -> PidDesign:  # noqa: ARG001 - a rule needs no start
         gain, tn, tv = apply_rule(method, fitted.model, structure, ta)
         return PidDesign(
             gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=tv, sample_time_s=ta,
-            structure=structure, method=method,
+            structure=structure, method=method, derivative_filter=derivative_filter,
         )
 
     return one_round
 
 
 def _search_round(
-    plants: tuple[HeaterModel, ...], structure: str, ms: float
+    plants: tuple[HeaterModel, ...], structure: str, ms: float, derivative_filter: float
 ) -> Callable[[float, PidDesign | None], PidDesign]:
     def one_round(ta: float, before: PidDesign | None) -> PidDesign:
-        return search(Problem(plants=plants, structure=structure, ms=ms, sample_time_s=ta), around=before)
+        problem = Problem(
+            plants=plants, structure=structure, ms=ms, sample_time_s=ta, derivative_filter=derivative_filter
+        )
+        return search(problem, around=before)
 
     return one_round
 

@@ -215,6 +215,10 @@ class Room(Protocol):
         """Steps of the input module over the sensor range."""
 
     @property
+    def derivative_filter(self) -> float:
+        """Weight of its own past in the derivative part, see `PidDesign`; ½ where there is none."""
+
+    @property
     def sample_times_s(self) -> tuple[float, float, float]:
         """Shortest, longest and step of the sampling interval the target's timer can do [s]."""
 

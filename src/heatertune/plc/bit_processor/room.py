@@ -41,6 +41,7 @@ class OnOff:
         "no PID: of a design only TA is taken, as the scan interval",
         "the temperature swings around the setpoint, the more the longer the dead time",
     )
+    derivative_filter: float = 0.5
     sample_times_s: tuple[float, float, float] = TIMER
     counts: int = COUNTS
 

@@ -53,6 +53,7 @@ class Ob251:
         "no PWM of its own: a switch behind YA is proven with it",
         "TV is a whole multiple of TA; K is limited to ±1500/1024 units per unit with a D part",
     )
+    derivative_filter: float = 0.5
     sample_times_s: tuple[float, float, float] = TIMER
     counts: int = FULL_SCALE
 

@@ -40,6 +40,7 @@ class S7200:
         "free of overflow for every pair of setpoint and reading",
     )
     cannot: tuple[str, ...] = ("no P alone: the pulse width accumulates", "8-bit readings, no manual mode")
+    derivative_filter: float = 0.0
     sample_times_s: tuple[float, float, float] = TIMER
     counts: int = COUNTS
 

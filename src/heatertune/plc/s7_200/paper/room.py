@@ -54,6 +54,7 @@ class PaperProgram:
         "no PID: its P accumulates, its D acts as P",
         "no setpoint 128 counts or more above the reading: the error word wraps",
     )
+    derivative_filter: float = 0.5
     sample_times_s: tuple[float, float, float] = TIMER
     counts: int = COUNTS
 

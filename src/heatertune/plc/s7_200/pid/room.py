@@ -53,6 +53,7 @@ class S7200Pid:
         "bias clamped with the output: no windup",
     )
     cannot: tuple[str, ...] = ("not on a CPU 212 or 214; no manual mode in this program", "no filter of the derivative")
+    derivative_filter: float = 0.0
     sample_times_s: tuple[float, float, float] = TIMER
     counts: int = _FULL // _STEP
 

@@ -56,6 +56,7 @@ class ContC:
         "no PWM of its own: FB43 PULSEGEN or a switch behind LMN is proven with it (--pwm-rule pulsegen)",
         "PV_IN is left out: the reading comes from PV_PER",
     )
+    derivative_filter: float = 0.5
     sample_times_s: tuple[float, float, float] = TIMER
     counts: int = FULL_SCALE
 

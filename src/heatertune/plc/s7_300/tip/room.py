@@ -51,6 +51,7 @@ class PidTip:
         "no PWM of its own: a switch behind OUT is proven with it",
         "no feed-forward, no dead band, no derivative filter",
     )
+    derivative_filter: float = 0.0
     sample_times_s: tuple[float, float, float] = TIMER
     counts: int = FULL_SCALE
 
