@@ -75,9 +75,11 @@ def _half_words(which, words, design):
             changed = Words(target=words.target, values=dict(words.values) | {field.name: neighbour}, scaling=words.scaling,
                             sample_time_s=words.sample_time_s)
             try:
-                changes.append(np.abs(_parts(which.decode(changed)) - _parts(design)))
+                near = which.decode(changed)
             except OutOfRange:  # the neighbour is no legal word
                 continue
+            if near is not None:
+                changes.append(np.abs(_parts(near) - _parts(design)))
         total += 0.5 * np.max(changes, axis=0)
     return total
 
