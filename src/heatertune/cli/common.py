@@ -21,7 +21,7 @@ __all__ = [
     "words_and_model",
 ]
 
-TARGETS = ("s5-ob251", "s7-200")
+TARGETS = ("s5-ob251", "s7-200", "weg")
 
 
 class CommandParser(argparse.ArgumentParser):

@@ -17,6 +17,7 @@ __all__ = [
 TARGETS: Final[dict[str, str]] = {
     "s5-ob251": "heatertune.plc.s5_ob251",
     "s7-200": "heatertune.plc.s7_200",
+    "weg": "heatertune.plc.weg",
 }
 
 
