@@ -87,7 +87,7 @@ def test_the_targets_are_listed_with_their_open_points(run):
     status, out, _ = run("targets", "--json")
     targets = {each["name"]: each for each in json.loads(out)["targets"]}
     assert status == 0
-    assert {"s5-ob251", "s7-200"} == set(targets)
+    assert {"s5-ob251", "s7-200", "weg"} == set(targets)
     assert "rounding" in {switch["name"] for switch in targets["s5-ob251"]["switches"]}
     assert "s7-200: SIMATIC" in run("targets")[1]
 

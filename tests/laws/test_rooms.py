@@ -22,10 +22,15 @@ def _value(field):
     return st.integers(field.low, field.high)
 
 
+#: what the first two inputs may be: whole numbers beyond their format too, and every bit pattern of a REAL
+_WHOLE = st.integers(-32768, 32767)
+_ANY = {"KF": _WHOLE, "BYTE": _WHOLE, "REAL": st.floats(width=32)}
+
+
 @st.composite
 def words_of(draw, which):
     values = {f.name: draw(_value(f)) for f in which.fields}
-    ta = values.get("CYCLE", draw(st.integers(1, 6000)) * 10) / 1000.0
+    ta = values.get("CYCLE", values.get("Ts", draw(st.integers(1, 6000)) * 10)) / 1000.0
     return Words(target=which.name, values=values, scaling=Scaling(), sample_time_s=ta)
 
 
@@ -67,6 +72,11 @@ def test_encoding_changes_a_design_by_half_a_word_at_most(which, design):
         assert abs(back.gain_pct_per_degC - design.gain_pct_per_degC) <= 0.5 / 1024 + 1e-12
         assert abs(1024 * design.sample_time_s / design.integral_time_s - words.values["TI"]) <= 0.5 + 1e-9
         assert abs(back.derivative_time_s - design.derivative_time_s) <= 0.5 * design.sample_time_s + 1e-9
+    elif which.name == "weg":
+        half = 2.0**-24  # of a number in single precision
+        assert back.gain_pct_per_degC == pytest.approx(design.gain_pct_per_degC, rel=half + 1e-12)
+        assert back.integral_time_s == pytest.approx(design.integral_time_s, rel=half + 1e-12)
+        assert back.derivative_time_s == pytest.approx(design.derivative_time_s, rel=half + 1e-12)
     else:
         half = 0.5 / abs(words.values["KD"])
         assert design.gain_pct_per_degC == pytest.approx(back.gain_pct_per_degC, rel=half + 1e-9)
@@ -81,7 +91,9 @@ def test_every_illegal_word_is_refused_by_its_name(which):
     )
     which.check(legal)
     for field in which.fields:
-        for value in (field.low - 1, field.high + 1, 1.5, None, True):
+        beyond = (np.nextafter(field.low, -np.inf), np.nextafter(field.high, np.inf))
+        for value in (*map(float, beyond), field.low - 1, math.nan, 0.1, None, True) if field.format == "REAL" else (
+                field.low - 1, field.high + 1, 1.5, None, True):
             values = dict(legal.values) | {field.name: value}
             with pytest.raises(OutOfRange, match=rf"word {field.name}\b"):
                 which.check(Words(target=which.name, values=values, scaling=legal.scaling, sample_time_s=5.0))
@@ -97,7 +109,7 @@ def test_a_step_is_total_and_pure_and_asks_for_0_to_100_percent(which, data):
     switches = {s.name: data.draw(st.sampled_from(s.settings)) for s in which.switches}
     state = which.start(words, switches)
     for _ in range(data.draw(st.integers(1, 6))):
-        w, x = data.draw(st.integers(-32768, 32767)), data.draw(st.integers(-32768, 32767))
+        w, x = (data.draw(_ANY[which.inputs[name]]) for name in list(which.inputs)[:2])
         start = data.draw(st.booleans())
         first = which.step(words, state, w, x, switches, cycle_start=start)
         assert which.step(words, state, w, x, switches, cycle_start=start) == first

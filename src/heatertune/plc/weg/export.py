@@ -5,6 +5,9 @@ None of the files was tried in WPS or in another vendor's tool; parsers of the l
 
 from __future__ import annotations
 
+from decimal import Decimal
+from typing import Final
+
 from heatertune.plc.room import Certificate, Words
 from heatertune.plc.single import single
 from heatertune.plc.weg.plcopen import project
@@ -28,6 +31,10 @@ _WIRES = (
     ("Feedback", "HeaterTemperature"),
 )
 
+#: numbers in this range are written without an exponent
+_LOWEST_PLAIN: Final = 1e-4
+_PLAIN: Final = 1e6
+
 #: input of WEG's block → input of the exported one, where the language reserves the name
 _RENAMED = {"Type": "Form", "Action": "Acting"}
 
@@ -46,17 +53,19 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
 def literal(value: float) -> str:
     """Return the shortest decimal that is this single, as the language writes a REAL."""
     digits = next(n for n in range(1, 10) if single(float(f"{value:.{n}g}")) == value)
-    mantissa, _, exponent = f"{value:.{digits}g}".partition("e")
-    point = "" if "." in mantissa else ".0"
-    return f"{mantissa}{point}" + (f"E{int(exponent)}" if exponent else "")
+    shortest = f"{value:.{digits}g}"
+    if _LOWEST_PLAIN <= abs(value) < _PLAIN or value == 0.0:
+        plain = f"{Decimal(shortest):f}"
+        return plain if "." in plain else f"{plain}.0"
+    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    return f"{mantissa}{'' if '.' in mantissa else '.0'}E{int(exponent)}"
 
 
 def _head(words: Words, certificate: Certificate) -> tuple[str, ...]:
     scale = words.scaling
     return (
         "heater controller for WEG's PID block",
-        f"sensor {scale.low_degC:g}...{scale.high_degC:g} degC; called every {words.whole['Ts']} ms; output in % of full "
-        "power",
+        f"sensor {scale.low_degC:g}...{scale.high_degC:g} degC; called every {words.whole['Ts']} ms; output in percent",
         *certificate.head,
         "not tried in WPS or another vendor's tool",
     )

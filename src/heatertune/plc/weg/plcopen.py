@@ -17,7 +17,9 @@ _XHTML: Final = "http://www.w3.org/1999/xhtml"
 #: the format demands an instant; exports carry no date, so it is always this one
 _INSTANT: Final = "2000-01-01T00:00:00"
 
-_SECTIONS: Final = {"VAR_INPUT": "inputVars", "VAR_OUTPUT": "outputVars", "VAR": "localVars", "VAR CONSTANT": "localVars"}
+_SECTIONS: Final = {
+    "VAR_INPUT": "inputVars", "VAR_OUTPUT": "outputVars", "VAR": "localVars", "VAR CONSTANT": "localVars",
+}
 
 
 def project(variables: Sequence[Variable], statements: str, head: Iterable[str], interval_ms: int) -> str:

@@ -112,7 +112,7 @@ class Weg:
 
     @property
     def inputs(self) -> Mapping[str, str]:
-        """SetPoint and Feedback in °C, ManualSetPoint in %; EN is set and SelectSetPoint not where they are not named."""
+        """SetPoint and Feedback in °C, ManualSetPoint in %; not named, EN is set and SelectSetPoint is not."""
         return _INPUTS
 
     def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:

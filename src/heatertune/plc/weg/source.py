@@ -36,7 +36,7 @@ DECLARATIONS: Final[dict[str, tuple[tuple[str, str, str, str], ...]]] = {
     ),
     "VAR": (
         ("WasEnabled", "BOOL", "", "Enable of the call before"),
-        ("Reference", "REAL", "", "filtered setpoint"),
+        ("LastFiltered", "REAL", "", "filtered setpoint of the call before"),
         ("LastError", "REAL", "", "e(k-1)"),
         ("Integral", "REAL", "", "i(k-1)"),
         ("Starts", "BOOL", "", "positive edge of Enable"),
@@ -44,8 +44,8 @@ DECLARATIONS: Final[dict[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("Seconds", "REAL", "", "Ts, s"),
         ("KiTs", "REAL", "", "Ki*Ts"),
         ("KdByTs", "REAL", "", "Kd/Ts"),
-        ("Before", "REAL", "", "filtered setpoint of the call before"),
-        ("Filtered", "REAL", "", "filtered setpoint of this call"),
+        ("Before", "REAL", "", "filtered setpoint from which this call goes on"),
+        ("Filtered", "REAL", "", "filtered setpoint"),
         ("Error", "REAL", "", "e(k)"),
         ("Growth", "REAL", "", "of the integral part"),
         ("Wanted", "REAL", "", "output before its limits"),
@@ -62,7 +62,7 @@ IF NOT Enable THEN
   WasEnabled := FALSE;
 ELSE
   Starts := NOT WasEnabled;
-  Before := Reference;
+  Before := LastFiltered;
   IF Starts THEN
     Before := SetPoint;
   END_IF;
@@ -78,7 +78,7 @@ ELSE
   Valid := ABS(Error) <= Largest; (* not so for a broken sensor or an overflow: nothing is remembered then *)
   IF Starts AND Valid THEN
     WasEnabled := TRUE;
-    Reference := SetPoint;
+    LastFiltered := SetPoint;
     LastError := Error;
     Integral := 0.0;
     Output := 0.0;
@@ -101,7 +101,7 @@ ELSE
       Output := MaximumOutput;
     END_IF;
     IF Valid AND NOT SelectSetPoint THEN
-      Reference := Filtered;
+      LastFiltered := Filtered;
       LastError := Error;
       Sum := Integral + Growth;
       IF Output <> Wanted THEN (* at a limit the integral part is led back, so that the sum is the limit *)
