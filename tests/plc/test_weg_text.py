@@ -73,7 +73,8 @@ def _reals(rng, low, high, n):
     """Singles of a range, and one in ten with any bit pattern at all: huge, tiny, infinite, no number."""
     usual = rng.uniform(low, high, n).astype(np.float32)
     any_bits = rng.integers(0, 2**32, n, dtype=np.uint32).view(np.float32)
-    return [float(x) for x in np.where(rng.random(n) < 0.9, usual, any_bits)]
+    special = rng.choice(np.array([np.nan, np.inf, -np.inf, 0.0, -0.0], dtype=np.float32), n)
+    return [float(x) for x in np.select([rng.random(n) < 0.9, rng.random(n) < 0.7], [usual, any_bits], special)]
 
 
 def _random_words(rng):
