@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CommandParser", "Progress", "add_log_options", "add_model_options", "add_output_options", "add_proof_options",
-    "add_tuning_options", "fitting", "model_from", "output", "proving", "reading", "save", "scaling", "tuning",
+    "add_reading_options", "add_tuning_options", "fitting", "model_from", "output", "proving", "reading", "save", "scaling", "tuning",
     "words_and_model",
 ]
 
@@ -52,7 +52,7 @@ def add_output_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--quiet", action="store_true", help="no progress on stderr")
 
 
-def add_log_options(command: argparse.ArgumentParser) -> None:
+def add_reading_options(command: argparse.ArgumentParser) -> None:
     """Add the options that tell how a log file is to be read."""
     group = command.add_argument_group("reading the log")
     group.add_argument("--time-column", metavar="NAME|N", help="column of the time")
@@ -64,9 +64,15 @@ def add_log_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--time-unit", choices=("s", "ms", "min", "h"), help="unit of the time")
     group.add_argument("--log-interval", type=float, metavar="S", help="interval of a log without time column [s]")
     group.add_argument("--errata", action="store_true", help="apply the known misprints of a built-in table")
+    group.add_argument("--until", type=float, metavar="S", help="last instant to use [s]; default: up to a disturbance")
+
+
+def add_log_options(command: argparse.ArgumentParser) -> None:
+    """Add the options that tell how a log file is to be read and fitted."""
+    add_reading_options(command)
+    group = command.add_argument_group("fitting the log")
     group.add_argument("--ambient", type=float, metavar="°C", help="temperature without power, where you know it [°C]")
     group.add_argument("--power-before", type=float, metavar="%", help="power before the first reading [%%]")
-    group.add_argument("--until", type=float, metavar="S", help="last instant to use [s]; default: up to a disturbance")
 
 
 def add_model_options(command: argparse.ArgumentParser) -> None:
@@ -91,10 +97,12 @@ def add_tuning_options(command: argparse.ArgumentParser) -> None:
                        help="sampling interval TA [s], or auto: TRdom/10 (default)")
 
 
-def add_proof_options(command: argparse.ArgumentParser) -> None:
-    """Add the target and the conditions of the proof."""
+def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = None) -> None:
+    """Add the target, which must be given unless it has a default, and the conditions of the proof."""
     group = command.add_argument_group("target and proof")
-    group.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(TARGETS)}")
+    default = "" if target is None else f" (default: {target})"
+    group.add_argument("--target", required=target is None, default=target, metavar="NAME",
+                       help=f"the controller: {', '.join(TARGETS)}{default}")
     group.add_argument("--range", nargs=2, type=float, metavar=("LOW", "HIGH"), default=(0.0, 100.0),
                        help="sensor range at the lowest and highest reading [°C] (default: 0 100)")
     group.add_argument("--setpoint", type=float, metavar="°C", help="setpoint of the proof [°C]")
