@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from heatertune.chain.stages import encode, labelled, prove
+from heatertune.chain.stages import Told, encode, labelled, prove
 from heatertune.errors import InputError, NotRepresentable
 from heatertune.log.values import Log
 from heatertune.model.values import FittedModel
@@ -38,7 +38,7 @@ _LAGS: Final = 3.0  # time constants after which a heater has done 95 % of a ste
 def advise(
     design: PidDesign, fitted: FittedModel, log: Log | None = None, *, target: str = "weg",
     setpoint_degC: float | None = None, scaling: Scaling | None = None, until_s: float | None = None,
-    tolerance_degC: float = 1.0, proving: Mapping[str, Any] | None = None,
+    tolerance_degC: float = 1.0, proving: Mapping[str, Any] | None = None, progress: Told = str,
 ) -> dict[str, Any]:
     """Return the symptom, and every step of the advice with the proof before and after it.
 
@@ -52,6 +52,7 @@ def advise(
         until_s: last instant of the log to look at [s]; None: up to a disturbance.
         tolerance_degC: how far from the setpoint is still right [°C].
         proving: other options of `chain.prove`.
+        progress: told what begins.
 
     Raises:
         InputError: a log without setpoint, and none is given.
@@ -61,12 +62,14 @@ def advise(
     seen_log = None if log is None else _part(log, until_s)
     setpoint = _setpoint(seen_log) if setpoint_degC is None and seen_log is not None else setpoint_degC
     options = {"setpoint_degC": setpoint, "tolerance_degC": tolerance_degC} | dict(proving or {})
+    progress("proving the design as it is")
     before = prove(encode(design, target, scaling=scaling), fitted, **options)
     expected = max(m.dead_time_s + _LAGS * sum(m.lags_s) for _, m in labelled(fitted))
     seen = _observed(seen_log, before, setpoint, expected, tolerance_degC)
     gains, aim = _gains(design), _AIM[seen.symptom]
     cases = [_case("as it is", gains, before)]
     for label, changes in _steps(seen.symptom):
+        progress(f"proving {label}")
         after = changed(gains, changes)
         cases.append(_tried(label, gains, after, design, target, scaling, fitted, options))
         cases[-1]["effect"] = _effect(cases[0], cases[-1], aim)

@@ -44,7 +44,7 @@ def _run(settings: argparse.Namespace) -> int:
     document = advise(
         design, model, log, target=settings.target, setpoint_degC=proving.pop("setpoint_degC"),
         scaling=common.scaling(settings), until_s=settings.until, tolerance_degC=proving.pop("tolerance_degC"),
-        proving=proving,
+        proving=proving, progress=common.Progress(settings),
     )
     common.output(settings, document, lambda: advice_table(document))
     return 0 if any(case["verdict"] == "PASS" for case in document["cases"]) else 1

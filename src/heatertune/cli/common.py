@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CommandParser", "Progress", "add_log_options", "add_model_options", "add_output_options", "add_proof_options",
-    "add_reading_options", "add_tuning_options", "fitting", "model_from", "output", "proving", "reading", "save", "scaling", "tuning",
-    "words_and_model",
+    "add_reading_options", "add_tuning_options", "fitting", "model_from", "output", "proving", "reading", "save",
+    "scaling", "tuning", "words_and_model",
 ]
 
 TARGETS = ("s5-ob251", "s7-200", "weg")

@@ -9,8 +9,8 @@ from typing import Any
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "advice_table", "criteria_table", "criterion_value", "design_lines", "figure", "model_lines", "model_rows", "summary",
-    "table", "word", "words_table",
+    "advice_table", "criteria_table", "criterion_value", "design_lines", "figure", "model_lines", "model_rows",
+    "summary", "table", "word", "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -108,7 +108,8 @@ def advice_table(advice: Document) -> str:
         f"- at the end {figure(seen['distance_degC'], 2)} °C short of the setpoint, swinging by "
         f"±{figure(seen['swing_degC'], 2)} °C; {seen['swings']} wide swings{decay}",
     ]
-    rows = [("", "Kp", "Ki", "Kd", "verdict", "overshoot %", "settling s", "IAE °C·s", _spaced(advice["aim"]), "fails by")]
+    aim = f"effect on {_spaced(advice['aim'])}"
+    rows = [("", "Kp", "Ki", "Kd", "verdict", "overshoot %", "settling s", "IAE °C·s", aim, "fails by")]
     for case in advice["cases"]:
         told = [_reached(case.get(name)) for name in ("overshoot", "settling_time", "iae")]
         rows.append((case["step"], *[figure(case[gain]) for gain in ("kp", "ki", "kd")], case["verdict"], *told,
