@@ -18,7 +18,8 @@ def add_to(commands: Any) -> None:
     command = commands.add_parser(
         "replay", help="run recorded raw inputs through a controller, scan by scan", epilog=_EXAMPLE,
         description="Print the outputs and flags of each scan as CSV, from the cold state on; the inputs are in the "
-        "controller's own units (s5-ob251: W, X and, if wanted, Z, XZ, YH, STEU; s7-200: SP, PV, CYCLE_START).",
+        "controller's own units (s5-ob251: W, X and, if wanted, Z, XZ, YH, STEU; s7-200: SP, PV, CYCLE_START; weg: "
+        "SetPoint, Feedback, ManualSetPoint, SelectSetPoint, EN).",
     )
     command.add_argument("inputs", metavar="INPUTS", help="CSV file with a header, one row per scan")
     command.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(common.TARGETS)}")
