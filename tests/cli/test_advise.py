@@ -58,6 +58,8 @@ def test_overshoot_is_answered_by_smaller_gains_proven_before_and_after(run, res
     assert [case["kd"] / before["kd"] for case in (kp, ki, kd, whole)] == pytest.approx([1.0, 1.0, 0.5, 0.5])
     # the words proven are those of the gains
     assert [case["words"]["Kp"] for case in (before, kp)] == pytest.approx([before["kp"], 0.8 * before["kp"]])
+    assert [case["words"]["Ki"] for case in (before, ki)] == pytest.approx([before["ki"], 0.8 * before["ki"]])
+    assert [case["words"]["Kd"] for case in (before, kd)] == pytest.approx([before["kd"], 0.5 * before["kd"]])
     for case in cases.values():
         assert case["verdict"] in ("PASS", "FAIL")
         assert case["overshoot"] >= 0.0
@@ -66,7 +68,10 @@ def test_overshoot_is_answered_by_smaller_gains_proven_before_and_after(run, res
         told = case["effect"].split(":")[0]
         if case["verdict"] == before["verdict"] and told != "no difference":
             assert told == ("better" if case["overshoot"] < before["overshoot"] else "worse")
-    assert any(case["effect"].startswith("better") for case in (kp, ki, kd, whole))
+    # the best is the step that leaves the least overshoot of those that pass
+    passing = [case for case in (kp, ki, kd, whole) if case["verdict"] == "PASS"]
+    assert document["best"] == min(passing, key=lambda case: case["overshoot"])["step"]
+    assert document["best"] != kp["step"]
 
 
 def test_the_proof_of_each_step_is_the_one_of_verify(run, response, pid, tmp_path):
@@ -102,6 +107,15 @@ def test_status_1_says_that_nothing_passes(run, by_hand):
     assert "FAIL" in out
 
 
+def test_a_step_that_raises_what_it_should_lower_is_worse(run, response, by_hand):
+    # without an anti-windup, more gain winds up more: the IAE of a design that fails already grows
+    _, out, _ = run("advise", response(lag_s=900.0), "--pid", by_hand, "--json", "--quiet")
+    document = json.loads(out)
+    before, kp, *_ = document["cases"]
+    assert (document["aim"], before["verdict"], kp["effect"]) == ("iae", "FAIL", "worse")
+    assert kp["iae"] > 1.01 * before["iae"]
+
+
 def test_the_papers_tables_are_told_apart(run, by_hand):
     _, out, _ = run("advise", "table3", "--pid", by_hand, "--setpoint", 53.3, "--quiet")
     assert out.startswith("table3: bad: creeps")
@@ -110,6 +124,10 @@ def test_the_papers_tables_are_told_apart(run, by_hand):
     assert out.startswith("table4: almost good, but the overshoot is a bit high")
     assert "nothing changes" in out, "the design has no D part that step (3) could change"
     assert "settled: 900 s" in out
+    assert "step of 29.3 °C to 53.3 °C, overshoot 5.8 %" in out
+    model = json.loads(by_hand.read_text())["model"]
+    # 3 lags and the dead time of the heater given by hand
+    assert f"expected within {3 * model['time_constant_s'] + model['dead_time_s']:.0f} s" in out
     assert "proving (1) Kp -20 %" in err
     assert status == 0
 

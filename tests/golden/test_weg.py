@@ -127,9 +127,10 @@ def test_history_tells_whether_the_first_difference_is_one():
     assert _run(_words(TauSetPoint=1.0), [80] * 3, [0] * 3, {"edge": "runs_at_once"}) == [80, 80, 80]
 
 
-@pytest.mark.parametrize(("setting", "share"), [("implicit", 0.5), ("exact", 1.0 - math.exp(-1.0))])
+@pytest.mark.parametrize(("setting", "share"), [("implicit", 1.0 / 3.0), ("exact", 1.0 - math.exp(-0.5))])
 def test_the_filter_goes_its_share_of_the_way(setting, share):
-    found = _run(_words(TauSetPoint=1.0), [0, 80, 80], [0] * 3, {"filter": setting})
+    # Ts = 1 s, Tau = 2 s
+    found = _run(_words(TauSetPoint=2.0), [0, 80, 80], [0] * 3, {"filter": setting})
     assert found == pytest.approx([0.0, 80 * share, 80 * (1 - (1 - share) ** 2)], rel=1e-6)
 
 
@@ -170,6 +171,9 @@ def test_manual_is_the_output_and_the_way_back_is_a_switch():
     # u = i + 15; i grows by 5 a call in automatic only
     assert _run(words, *rows, **inputs) == [0, 15, 60, 100, 20]
     assert _run(words, *rows, {"manual": "unlimited"}, **inputs) == [0, 15, 60, 130, 20]
+    beyond = {"SetPoint": 10.0, "Feedback": 0.0, "SelectSetPoint": 1, "ManualSetPoint": 130.0}
+    scans = replay(ROOM, words, [beyond] * 2, {"manual": "unlimited"})
+    assert (scans[1].output, scans[1].power_pct) == (130.0, 100.0)
     # bumpless: i = 100 − 10, so the sum goes on from 100; it would pass the limit
     inputs["ManualSetPoint"][3] = 55.0
     assert _run(words, *rows, {"manual_return": "bumpless"}, **inputs) == [0, 15, 60, 55, 60]

@@ -39,13 +39,13 @@ INSTANCE = FunctionBlock(FILES["weg_pid_block.st"])
 
 
 def _instance(words):
-    """A new instance of the exported block with its inputs set as the exported program sets them."""
-    names = {"Type": "Form", "Action": "Acting"}
+    """A new instance of the exported block, its inputs set to what the exported program passes."""
+    text = ROOM.export(words, Certificate(verdict="PASS"))["weg_pid_block.st"]
     instance = copy.copy(INSTANCE)
     instance.variables = copy.copy(INSTANCE.variables)
-    for name, value in words.values.items():
-        kept = getattr(instance.variables, names.get(name, name))
-        setattr(instance.variables, names.get(name, name), np.float32(value) if isinstance(kept, np.float32) else value)
+    for name, literal_ in re.findall(r"^  (\w+) := ([\d.E-]+)[,)]", text, re.MULTILINE):
+        kept = getattr(instance.variables, name)
+        setattr(instance.variables, name, np.float32(literal_) if isinstance(kept, np.float32) else int(literal_))
     return instance
 
 
