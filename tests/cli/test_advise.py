@@ -116,6 +116,22 @@ def test_a_step_that_raises_what_it_should_lower_is_worse(run, response, by_hand
     assert kp["iae"] > 1.01 * before["iae"]
 
 
+def test_a_step_that_helps_but_fails_is_not_the_best(run, response, by_hand):
+    document = json.loads(run("advise", response(lag_s=280.0), "--pid", by_hand, "--json", "--quiet")[1])
+    assert document["symptom"] == "SLOW"
+    assert {(case["effect"], case["verdict"]) for case in document["cases"][1:3]} == {("better", "FAIL")}
+    assert document["best"] is None
+
+
+def test_what_is_right_is_a_matter_of_the_tolerance(run, by_hand):
+    # Table 4 goes 1.7 °C beyond 53.3 °C, printed: 55.0 °C
+    named = [
+        json.loads(run("advise", "table4", "--pid", by_hand, "--setpoint", 53.3, "--tolerance", each, "--json", "--quiet")[1])
+        for each in (1.6, 1.8)
+    ]
+    assert [document["symptom"] for document in named] == ["OVERSHOOT", "NONE"]
+
+
 def test_the_papers_tables_are_told_apart(run, by_hand):
     _, out, _ = run("advise", "table3", "--pid", by_hand, "--setpoint", 53.3, "--quiet")
     assert out.startswith("table3: bad: creeps")

@@ -153,6 +153,14 @@ def test_the_integral_part_is_led_back_at_the_lower_limit_too():
     assert _run(_words(Ki=1.0), [50] * 3, [60, 60, 40]) == [0, 0, 30]
 
 
+def test_the_flags_tell_the_limit():
+    rows = [{"SetPoint": 50.0, "Feedback": x} for x in (50.0, 0.0, 45.0, 60.0)]
+    flags = [scan.flags for scan in replay(ROOM, _words(Kp=3.0), rows)]
+    assert [(f["upper limit"], f["lower limit"]) for f in flags] == [
+        (False, True), (True, False), (False, False), (False, True),
+    ]
+
+
 def test_a_proportional_controller_does_not_ramp():
     # what u(k−1) in place of i(k−1), the misprint of the CFW700's manual, would do
     assert _run(_words(Kp=2.0), [50] * 6, [40] * 6)[1:] == [20] * 5
@@ -209,6 +217,7 @@ def test_words_are_kp_one_over_ti_and_td():
     # CFW500 programming manual, p. 13-12: Ki = 1/Ti, Kd = Td
     v = ROOM.encode(_design(gain=2.5, tn=250.0, tv=12.0, ta=0.05), Scaling()).values
     assert (v["Kp"], v["Ki"], v["Kd"], v["Ts"], v["Type"], v["Action"]) == (2.5, single(0.004), 12.0, 50, 0, 0)
+    assert (v["TauSetPoint"], v["MinimumOutput"], v["MaximumOutput"]) == (0.0, 0.0, 100.0)
     assert ROOM.encode(_design(tn=math.inf, tv=0.0), Scaling()).values["Ki"] == 0.0
     cooling = ROOM.encode(_design(gain=-2.5), Scaling())
     assert (cooling.values["Kp"], cooling.values["Action"]) == (2.5, 1)
@@ -249,6 +258,10 @@ def test_what_does_not_fit_is_refused_with_what_would(design, word, remedy):
 def test_words_that_contradict_each_other_are_refused(words, named):
     with pytest.raises(OutOfRange, match=named):
         ROOM.decode(words)
+
+
+def test_the_block_is_called_every_ts():
+    assert ROOM.timing(_words(**EXAMPLE)).scan_s == 0.05
 
 
 def test_a_setting_that_does_not_exist_is_refused():
