@@ -153,6 +153,12 @@ def test_the_integral_part_is_led_back_at_the_lower_limit_too():
     assert _run(_words(Ki=1.0), [50] * 3, [60, 60, 40]) == [0, 0, 30]
 
 
+@pytest.mark.parametrize("setting", ["clamp", "freeze", "none"])
+def test_a_proportional_controller_forgets_its_limits(setting):
+    # u = 3e, held within 0…100, whatever came before
+    assert _run(_words(Kp=3.0), [50] * 4, [50, 0, 45, 60], {"anti_windup": setting})[1:] == [100, 15, 0]
+
+
 def test_the_flags_tell_the_limit():
     rows = [{"SetPoint": 50.0, "Feedback": x} for x in (50.0, 0.0, 45.0, 60.0)]
     flags = [scan.flags for scan in replay(ROOM, _words(Kp=3.0), rows)]

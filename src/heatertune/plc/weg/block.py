@@ -137,7 +137,7 @@ def _automatic(b: Block, assume: Assumptions, s: State, reference: float, error:
     integral = single(s.integral + growth)
     if output != wanted and assume.anti_windup == "freeze":
         integral = s.integral
-    elif output != wanted and assume.anti_windup == "clamp":
+    elif output != wanted and assume.anti_windup == "clamp" and b.ki_ts != 0.0:  # else nothing would lead it on again
         integral = single(integral - single(wanted - output))
     return s._replace(
         reference=reference, error=error, integral=_kept(s.integral, integral), output=output,

@@ -104,7 +104,7 @@ ELSE
       LastFiltered := Filtered;
       LastError := Error;
       Sum := Integral + Growth;
-      IF Output <> Wanted THEN (* at a limit the integral part is led back, so that the sum is the limit *)
+      IF Output <> Wanted AND KiTs <> 0.0 THEN (* at a limit it is led back, so that the sum is the limit *)
         Sum := Sum - (Wanted - Output);
       END_IF;
       IF ABS(Sum) <= Largest THEN
