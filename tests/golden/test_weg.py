@@ -54,9 +54,8 @@ def _exact_example(setpoints, feedbacks):
         filtered += ts / (tau + ts) * (w - filtered)
         e = filtered - x
         u = i + kp * ((1 + ki * ts + kd / ts) * e - kd / ts * past)
-        limited = min(max(u, low), high)
-        i, past = i + kp * ki * ts * e - (u - limited), e
-        out.append(limited)
+        i, past = min(max(i + kp * ki * ts * e, low - kp * e), high - kp * e), e
+        out.append(min(max(u, low), high))
     return out
 
 
@@ -67,8 +66,8 @@ def test_the_manuals_example_is_the_equation_in_exact_fractions():
     exact = _exact_example(setpoints, feedbacks)
     inside = [u for u in exact if Fraction(1, 9) < u < Fraction(249, 100)]
     assert len(inside) > 60, "most of the run must not hang at a limit"
-    # products below 6.2·38·0.11 = 26, half a digit there is 9.5e-7; some roundings a call, and what the sum remembers
-    assert outputs == pytest.approx([float(u) for u in exact], abs=1e-5)
+    # e(k) and e(k−1) carry half a digit of a setpoint above 1, 6e-8 each, times 6.2·38 = 236; products below 26 add 1e-6 each
+    assert outputs == pytest.approx([float(u) for u in exact], abs=4e-5)
     assert (max(outputs), min(outputs[1:])) == (2.5, single(0.1))
 
 
@@ -142,15 +141,20 @@ def test_a_filter_shorter_than_ts_is_stable():
 
 @pytest.mark.parametrize(("setting", "after"), [("clamp", 40.0), ("freeze", 20.0), ("none", 95.0)])
 def test_the_integral_part_at_a_limit(setting, after):
-    # Kp = Ki = Ts = 1: u = i + 2e. e = 80 gives 160, limited to 100: i is 80 − 60, 0 or 80; then e = 10 adds 20, to none 7.5·2
+    # Kp = Ki = Ts = 1: u = i + 2e. e = 80 gives 160, limited to 100: i is 100 − 80, 0 or 80; then e = 10 adds 20, to none 7.5·2
     last = 10.0 if setting != "none" else 7.5
     found = _run(_words(Ki=1.0), [80] * 3, [0, 0, 80 - last], {"anti_windup": setting})
     assert found == [0, 100, after]
 
 
 def test_the_integral_part_is_led_back_at_the_lower_limit_too():
-    # e = −10: u = −20, limited to 0: i = −10 + 20; then e = 10: 10 + 20
+    # e = −10: u = −20, limited to 0: i = 0 + 10; then e = 10: 10 + 20
     assert _run(_words(Ki=1.0), [50] * 3, [60, 60, 40]) == [0, 0, 30]
+
+
+def test_a_kick_of_the_derivative_part_does_not_move_the_integral_part():
+    # Kp = 1, Ki = 0.1, Kd = 20: e steps from 0 to 10: u = 11 + 200, limited; i = 1, so the next calls give 12 and 13
+    assert _run(_words(Ki=0.1, Kd=20.0), [40, 50, 50, 50], [40] * 4)[1:] == pytest.approx([100, 12, 13])
 
 
 @pytest.mark.parametrize("setting", ["clamp", "freeze", "none"])

@@ -137,8 +137,10 @@ def _automatic(b: Block, assume: Assumptions, s: State, reference: float, error:
     integral = single(s.integral + growth)
     if output != wanted and assume.anti_windup == "freeze":
         integral = s.integral
-    elif output != wanted and assume.anti_windup == "clamp" and b.ki_ts != 0.0:  # else nothing would lead it on again
-        integral = single(integral - single(wanted - output))
+    elif assume.anti_windup == "clamp" and b.ki_ts != 0.0:  # without Ki, nothing would lead it on again
+        proportional = single(b.kp * error)
+        lowest, highest = single(b.minimum - proportional), single(b.maximum - proportional)
+        integral = min(max(integral, lowest), highest)
     return s._replace(
         reference=reference, error=error, integral=_kept(s.integral, integral), output=output,
         overflow=not math.isfinite(wanted),

@@ -50,6 +50,7 @@ DECLARATIONS: Final[dict[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("Growth", "REAL", "", "of the integral part"),
         ("Wanted", "REAL", "", "output before its limits"),
         ("Sum", "REAL", "", "new integral part"),
+        ("Proportional", "REAL", "", "Kp*e(k)"),
     ),
     "VAR CONSTANT": (
         ("Largest", "REAL", "3.4028235E38", "the largest REAL"),
@@ -104,8 +105,14 @@ ELSE
       LastFiltered := Filtered;
       LastError := Error;
       Sum := Integral + Growth;
-      IF Output <> Wanted AND KiTs <> 0.0 THEN (* at a limit it is led back, so that the sum is the limit *)
-        Sum := Sum - (Wanted - Output);
+      IF KiTs <> 0.0 THEN (* proportional and integral part together stay within the limits *)
+        Proportional := Kp * Error;
+        IF Sum < MinimumOutput - Proportional THEN
+          Sum := MinimumOutput - Proportional;
+        END_IF;
+        IF Sum > MaximumOutput - Proportional THEN
+          Sum := MaximumOutput - Proportional;
+        END_IF;
       END_IF;
       IF ABS(Sum) <= Largest THEN
         Integral := Sum;
