@@ -139,12 +139,10 @@ def test_a_filter_shorter_than_ts_is_stable():
     assert found == pytest.approx([0, 50, 60 - 10 / 6, 60 - 10 / 36], rel=1e-6)
 
 
-@pytest.mark.parametrize(("setting", "after"), [("clamp", 40.0), ("freeze", 20.0), ("none", 95.0)])
+@pytest.mark.parametrize(("setting", "after"), [("clamp", [30, 35]), ("freeze", [10, 15]), ("none", [90, 95])])
 def test_the_integral_part_at_a_limit(setting, after):
-    # Kp = Ki = Ts = 1: u = i + 2e. e = 80 gives 160, limited to 100: i is 100 − 80, 0 or 80; then e = 10 adds 20, to none 7.5·2
-    last = 10.0 if setting != "none" else 7.5
-    found = _run(_words(Ki=1.0), [80] * 3, [0, 0, 80 - last], {"anti_windup": setting})
-    assert found == [0, 100, after]
+    # Kp = Ki = Ts = 1: u = i + 2e. e = 80 gives 160, limited to 100: i is 100 − 80, 0 or 80; then e = 5 adds 10, and 5 to i
+    assert _run(_words(Ki=1.0), [80] * 4, [0, 0, 75, 75], {"anti_windup": setting}) == [0, 100, *after]
 
 
 def test_the_integral_part_is_led_back_at_the_lower_limit_too():
