@@ -91,7 +91,8 @@ def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
 def call(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
     """Return the state after one call; total for all inputs.
 
-    An error that is not finite (a broken sensor, an overflow) leaves the memory as it was and asks for the lower limit.
+    An error that is not finite (a broken sensor, an overflow) leaves the memory as it was and, but for manual, asks for
+    the lower limit.
     """
     if not x.enable:
         return state._replace(enabled=False, overflow=False)
