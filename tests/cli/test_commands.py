@@ -202,6 +202,22 @@ def test_an_interlock_watches_the_proof_of_every_command(run, by_hand, tmp_path)
     assert (status, "heater-fan" in err) == (2, True)
 
 
+def test_an_open_point_that_is_known_of_a_controller_is_not_varied(run, by_hand, tmp_path):
+    conditions = ("--target", "weg", "--setpoint", 40, "--json")
+    status, out, _ = run("verify", by_hand, *conditions)
+    assert (status, json.loads(out)["verdict"]) == (1, "FAIL"), "a block without anti-windup overshoots"
+    status, out, _ = run("verify", by_hand, *conditions, "--switch", "anti_windup=clamp")
+    document = json.loads(out)
+    assert (status, document["known"]) == (0, {"anti_windup": "clamp"})
+    assert {each["switches"]["anti_windup"] for each in document["runs"]} == {"clamp"}
+    assert {each["switches"]["filter"] for each in document["runs"]} == {"implicit", "exact"}
+    assert run("export-db", by_hand, *conditions, "--switch", "anti_windup=clamp", "-o", tmp_path)[0] == 0
+    assert "taken as known: anti_windup = clamp" in (tmp_path / "weg_pid_block.st").read_text()
+    for wrong, named in (("anti_windup", "NAME=SETTING"), ("windup=clamp", "unknown switch"), ("filter=none", "implicit, exact")):
+        status, _, err = run("verify", by_hand, *conditions, "--switch", wrong)
+        assert (status, named in err) == (2, True)
+
+
 def test_the_command_line_knows_the_interlocks():
     assert common.INTERLOCKS == INTERLOCKS
 

@@ -60,6 +60,7 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
     found = prove(
         room(target), words, labelled(fitted), proof.nominal.scenario, actuator, proof.limits, margins,
         open_points=False, interlock=proof.nominal.interlock,
+        known=proof.known if target == proof.words.target else None,
     )
     ms = next((criterion.value for criterion in found.criteria if criterion.name == "ms"), None)
     fails = [criterion.name for criterion in found.criteria if not criterion.ok]

@@ -120,7 +120,7 @@ def encode(design: PidDesign, target: str, *, scaling: Scaling | None = None) ->
 def prove(
     words: Words, fitted: FittedModel, *, setpoint_degC: float | None = None, noise_degC: float = 0.0,
     actuator: Actuator | None = None, tolerance_degC: float = 1.0, interlock: str | None = None,
-    limit_degC: float | None = None, fan_stops_s: float | None = None,
+    limit_degC: float | None = None, fan_stops_s: float | None = None, known: Mapping[str, str] | None = None,
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
 
@@ -137,10 +137,11 @@ def prove(
         interlock: name of what watches the heater in every run; None: nothing.
         limit_degC: temperature at which it switches the heater off [°C]; None: the end of the sensor's range.
         fan_stops_s: instant at which the fan fails [s]; None: it never does.
+        known: switch → setting of what is known of this very controller, its manual leaving it open.
 
     Raises:
         InputError, OutOfRange: as `heatertune.proof.prove`.
-        UnknownName: no such interlock.
+        UnknownName: no such interlock, switch or setting.
     """
     models = labelled(fitted)
     scenario = scenario_for(
@@ -150,7 +151,7 @@ def prove(
     return prove_words(
         room(words.target), words, models, scenario,
         actuator=actuator or Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s)),
-        limits=Limits(tolerance_degC=tolerance_degC), margins_of=margins,
+        limits=Limits(tolerance_degC=tolerance_degC), margins_of=margins, known=known,
         interlock=None if interlock is None else Interlock(
             name=interlock, limit_degC=words.scaling.high_degC if limit_degC is None else limit_degC,
             fan_stops_s=fan_stops_s,
@@ -198,6 +199,7 @@ def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str 
     lines = [f"proven in {len(proof.runs)} closed-loop runs on {models} heater models"]
     watch = proof.nominal.interlock
     lines += [] if watch is None else [f"behind the interlock {watch.name}, limit {watch.limit_degC:g} °C"]
+    lines += [f"taken as known: {name} = {setting}" for name, setting in proof.known.items()]
     lines += [f"not kept: {name}" for name in failed]
     certificate = Certificate(verdict=proof.verdict, lines=tuple(lines), forced=bool(failed))
     return room(words.target).export(words, certificate)

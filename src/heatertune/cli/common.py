@@ -18,11 +18,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options", "add_output_options",
-    "add_proof_options", "add_tuning_options", "design_and_model", "fitting", "model_from", "output", "proving",
-    "reading", "save", "scaling", "target", "tuning", "words_and_model",
+    "add_proof_options", "add_reading_options", "add_switch_option", "add_tuning_options", "design_and_model",
+    "fitting", "model_from", "output", "proving", "reading", "save", "scaling", "switches", "target", "tuning",
+    "words_and_model",
 ]
 
-TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "on-off")
+TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
 INTERLOCKS = ("heater-fan",)
 PWM_RULES = ("pulsegen", "pid-compact")
 
@@ -55,7 +56,7 @@ def add_output_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--quiet", action="store_true", help="no progress on stderr")
 
 
-def add_log_options(command: argparse.ArgumentParser) -> None:
+def add_reading_options(command: argparse.ArgumentParser) -> None:
     """Add the options that tell how a log file is to be read."""
     group = command.add_argument_group("reading the log")
     group.add_argument("--time-column", metavar="NAME|N", help="column of the time")
@@ -67,9 +68,15 @@ def add_log_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--time-unit", choices=("s", "ms", "min", "h"), help="unit of the time")
     group.add_argument("--log-interval", type=float, metavar="S", help="interval of a log without time column [s]")
     group.add_argument("--errata", action="store_true", help="apply the known misprints of a built-in table")
+    group.add_argument("--until", type=float, metavar="S", help="last instant to use [s]; default: up to a disturbance")
+
+
+def add_log_options(command: argparse.ArgumentParser) -> None:
+    """Add the options that tell how a log file is to be read and fitted."""
+    add_reading_options(command)
+    group = command.add_argument_group("fitting the log")
     group.add_argument("--ambient", type=float, metavar="°C", help="temperature without power, where you know it [°C]")
     group.add_argument("--power-before", type=float, metavar="%", help="power before the first reading [%%]")
-    group.add_argument("--until", type=float, metavar="S", help="last instant to use [s]; default: up to a disturbance")
 
 
 def add_model_options(command: argparse.ArgumentParser) -> None:
@@ -94,13 +101,35 @@ def add_tuning_options(command: argparse.ArgumentParser) -> None:
                        help="sampling interval TA [s], or auto: TRdom/10 (default)")
 
 
-def add_proof_options(command: argparse.ArgumentParser) -> None:
-    """Add the target and the conditions of the proof."""
+def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = None) -> None:
+    """Add the target, which must be given unless it has a default, and the conditions of the proof."""
     group = command.add_argument_group("target")
-    group.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(TARGETS)}")
+    default = "" if target is None else f" (default: {target})"
+    group.add_argument("--target", required=target is None, default=target, metavar="NAME",
+                       help=f"the controller: {', '.join(TARGETS)}{default}")
     group.add_argument("--faithful", action="store_true",
                        help="the program as its source prints it, faults included (s7-200)")
+    add_switch_option(group, "setting of a point that the manual leaves open, where you know it of your controller")
     add_condition_options(command)
+
+
+def add_switch_option(group: Any, text: str) -> None:
+    """Add --switch."""
+    group.add_argument("--switch", action="append", default=[], metavar="NAME=SETTING",
+                       help=f"{text} (see: heatertune targets); may be repeated")
+
+
+def switches(settings: argparse.Namespace) -> dict[str, str]:
+    """Return the settings given with --switch.
+
+    Raises:
+        InputError: one without a setting.
+    """
+    pairs = [each.partition("=") for each in settings.switch]
+    for name, equals, _ in pairs:
+        if not equals:
+            raise InputError(f"--switch {name!r} has no setting; expected NAME=SETTING")
+    return {name: setting for name, _, setting in pairs}
 
 
 def add_condition_options(command: argparse.ArgumentParser) -> None:
@@ -161,6 +190,7 @@ def proving(settings: argparse.Namespace) -> dict[str, Any]:
 
     found: dict[str, Any] = {
         "setpoint_degC": settings.setpoint, "noise_degC": settings.noise, "tolerance_degC": settings.tolerance,
+        "known": switches(settings) if "switch" in settings else None,
         "interlock": settings.interlock, "limit_degC": settings.limit_temperature, "fan_stops_s": settings.fan_stops,
     }
     if settings.interlock is None and (settings.limit_temperature is not None or settings.fan_stops is not None):

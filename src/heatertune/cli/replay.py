@@ -23,8 +23,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("inputs", metavar="INPUTS", help="CSV file with a header, one row per scan")
     command.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(common.TARGETS)}")
     command.add_argument("--words", required=True, metavar="FILE", help="words.json as written by export-db")
-    command.add_argument("--switch", action="append", default=[], metavar="NAME=SETTING",
-                         help="setting of an open point (see: heatertune targets); may be repeated")
+    common.add_switch_option(command, "setting of an open point")
     common.add_output_options(command)
     command.set_defaults(run=_run)
 
@@ -38,7 +37,7 @@ def _run(settings: argparse.Namespace) -> int:
     words = read_words(settings.words, settings.target)
     if words is None:
         raise InputError(f"{settings.words}: no words; expected words.json as written by export-db")
-    scans = replay(found, words, read_inputs(settings.inputs, found), _switches(settings.switch))
+    scans = replay(found, words, read_inputs(settings.inputs, found), common.switches(settings))
     rows = [
         {"scan": k, "output": scan.output, "power_pct": round(scan.power_pct, 6)}
         | {name: int(is_set) for name, is_set in scan.flags.items()}
@@ -52,11 +51,3 @@ def _run(settings: argparse.Namespace) -> int:
 
     common.output(settings, document, told)
     return 0
-
-
-def _switches(given: list[str]) -> dict[str, str]:
-    pairs = [each.partition("=") for each in given]
-    for name, equals, _ in pairs:
-        if not equals:
-            raise InputError(f"--switch {name!r} has no setting; expected NAME=SETTING")
-    return {name: setting for name, _, setting in pairs}

@@ -33,6 +33,7 @@ TARGETS: Final[dict[str, str]] = {
     "s7-200-pid": "heatertune.plc.s7_200.pid",
     "s7-300": "heatertune.plc.s7_300.tip",
     "fb41": "heatertune.plc.s7_300.fb41",
+    "weg": "heatertune.plc.weg",
     "on-off": "heatertune.plc.bit_processor",
 }
 

@@ -6,8 +6,8 @@ import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from heatertune.errors import LogError, UnknownName
-from heatertune.plc.room import FORMATS, Number, Room, Scan, Words, holds
+from heatertune.errors import LogError
+from heatertune.plc.room import FORMATS, Number, Room, Scan, Words, holds, settings_of
 from heatertune.plc.single import single
 
 __all__ = ["read_inputs", "replay"]
@@ -29,13 +29,7 @@ def replay(
         UnknownName: a switch or setting the room does not have.
     """
     room.check(words)
-    known = {switch.name: switch for switch in room.switches}
-    for name, setting in (switches or {}).items():
-        if name not in known:
-            raise UnknownName("switch", name, known)
-        if setting not in known[name].settings:
-            raise UnknownName(f"setting of {name}", setting, known[name].settings)
-    state, scans = room.start(words, switches or {}), []
+    state, scans = room.start(words, settings_of(room.switches, switches or {})), []
     for row in rows:
         state, scan = room.scan(state, row)
         scans.append(scan)

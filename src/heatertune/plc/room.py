@@ -7,18 +7,18 @@ know rooms only through this file.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol, cast, runtime_checkable
 
-from heatertune.errors import OutOfRange
+from heatertune.errors import OutOfRange, UnknownName
 from heatertune.pid.values import PidDesign
 from heatertune.plc.single import is_single
 from heatertune.units import check
 
 __all__ = [
     "FORMATS", "Certificate", "Faulty", "Imaged", "Number", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField",
-    "Words", "check_fields", "holds",
+    "Words", "check_fields", "holds", "settings_of",
 ]
 
 #: a word or reading: whole, or a REAL (single precision) in controllers that have them
@@ -30,6 +30,7 @@ FORMATS: Final[Mapping[str, tuple[float, float]]] = {
     "BYTE": (0, 255),
     "INT": (-32768, 32767),
     "WORD": (0, 65535),
+    "UINT": (0, 65535),
     "KF": (-32768, 32767),
     "KM": (0, 65535),
     "TIME": (-2147483648, 2147483647),
@@ -181,6 +182,21 @@ def check_fields(fields: tuple[WordField, ...], words: Words) -> None:
         value = words.values.get(each.name)
         if value is None or not holds(each.format, value) or not each.low <= value <= each.high:
             raise OutOfRange(f"word {each.name}", value, each.rule)
+
+
+def settings_of(switches: Sequence[Switch], given: Mapping[str, str]) -> dict[str, str]:
+    """Return the setting of every switch: the one given, else its default.
+
+    Raises:
+        UnknownName: a switch or setting that is not there.
+    """
+    known = {switch.name: switch for switch in switches}
+    for name, setting in given.items():
+        if name not in known:
+            raise UnknownName("switch", name, known)
+        if setting not in known[name].settings:
+            raise UnknownName(f"setting of {name}", setting, known[name].settings)
+    return {name: given.get(name, switch.default) for name, switch in known.items()}
 
 
 class Room(Protocol):

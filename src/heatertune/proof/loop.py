@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
-from heatertune.plc.room import Room, Words
+from heatertune.plc.room import Room, Words, settings_of
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import JUMP, LOAD, Event, run
 from heatertune.proof.pwm import INSTANT_S, Actuator
@@ -73,7 +73,7 @@ def simulate(
     if not scaling.low_degC < scenario.setpoint_degC < scaling.high_degC:
         rule = f"> {scaling.low_degC:g} and < {scaling.high_degC:g}, the sensor's range"
         raise OutOfRange("setpoint_degC", scenario.setpoint_degC, rule)
-    settings = _settings(room, switches or {})
+    settings = settings_of(room.switches, switches or {})
 
     def run_from_cold(cut_s: float) -> Trace:
         return run_loop(_of_room(room, words, scenario.setpoint_degC, settings), model, scenario, actuator, cut_s=cut_s)
@@ -142,16 +142,6 @@ def _event(disturbance: Kick | Load, dead_time_s: float) -> Event:
     if isinstance(disturbance, Kick):
         return disturbance.time_s, JUMP, disturbance.temperature_degC
     return disturbance.time_s + dead_time_s, LOAD, disturbance.power_pct
-
-
-def _settings(room: Room, given: Mapping[str, str]) -> dict[str, str]:
-    known = {switch.name: switch for switch in room.switches}
-    for name, setting in given.items():
-        if name not in known:
-            raise UnknownName("switch", name, known)
-        if setting not in known[name].settings:
-            raise UnknownName(f"setting of {name}", setting, known[name].settings)
-    return {name: given.get(name, switch.default) for name, switch in known.items()}
 
 
 def _of_room(room: Room, words: Words, setpoint_degC: float, switches: Mapping[str, str]) -> Controller:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import product
 from typing import Any, Final
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import Margins, PidDesign
-from heatertune.plc.room import Faulty, Room, Switch, Words
+from heatertune.plc.room import Faulty, Room, Switch, Words, settings_of
 from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge
@@ -66,6 +66,7 @@ class Proof:
         runs: first model and default settings first.
         nominal: trace of the first run.
         worst: trace of the run whose criteria strain their limits most.
+        known: settings that were taken as known.
         faults: what is known to be wrong in the controller with these words, one sentence each.
     """
 
@@ -76,6 +77,7 @@ class Proof:
     runs: tuple[RunResult, ...]
     nominal: Trace
     worst: Trace
+    known: Mapping[str, str] = field(default_factory=dict)
     faults: tuple[str, ...] = ()
 
     @property
@@ -108,6 +110,7 @@ class Proof:
             "scenario": asdict(self.nominal.scenario),
             "actuator": asdict(self.nominal.actuator),
             "limits": asdict(self.limits),
+            "known": dict(self.known),
             "faults": list(self.faults),
             "interlock": None if self.nominal.interlock is None else asdict(self.nominal.interlock),
         }
@@ -123,6 +126,7 @@ def prove(
     margins_of: Callable[[HeaterModel, PidDesign], Margins] | None = None,
     *,
     open_points: bool = True,
+    known: Mapping[str, str] | None = None,
     interlock: Interlock | None = None,
 ) -> Proof:
     """Run the words on every model under every setting the manual leaves open, and judge the worst.
@@ -135,6 +139,7 @@ def prove(
         actuator: the switch; not used where the controller makes the PWM itself.
         limits: None: the defaults.
         margins_of: margins of a design on a heater; None: margins are not judged.
+        known: switch → setting of what is known of this very controller, the manual leaving it open.
         open_points: False: only the default settings of the room's switches, for a quick comparison.
         interlock: what watches the heater in every run; None: nothing.
 
@@ -145,7 +150,7 @@ def prove(
     if not models:
         raise InputError("a proof needs at least one model")
     limits, design = limits or Limits(), room.decode(words)
-    settings = settings_to_prove(room.switches)[: None if open_points else 1]
+    settings = settings_to_prove(room.switches, known or {})[: None if open_points else 1]
     results: list[RunResult] = []
     traces: list[Trace] = []
     for name, model in models:
@@ -165,22 +170,27 @@ def prove(
         runs=tuple(results),
         nominal=traces[0],
         worst=traces[-1],
+        known=dict(known or {}),
         faults=room.faults(words) if isinstance(room, Faulty) else (),
     )
 
 
-def settings_to_prove(switches: Sequence[Switch]) -> list[dict[str, str]]:
-    """Return the settings under which words are proven, the defaults first.
+def settings_to_prove(switches: Sequence[Switch], known: Mapping[str, str] | None = None) -> list[dict[str, str]]:
+    """Return the settings under which words are proven, the defaults (and what is known) first.
 
     Every combination where there are few of them; otherwise each switch on its own.
+
+    Raises:
+        UnknownName: what is known is no switch or setting.
     """
-    default = {switch.name: switch.default for switch in switches}
+    default = settings_of(switches, known or {})
+    open_ = [switch for switch in switches if switch.name not in (known or {})]
     varied: Iterable[dict[str, str]]
-    if math.prod(len(switch.settings) for switch in switches) <= _ALL_TOGETHER:
-        names = list(default)
-        varied = (dict(zip(names, each, strict=True)) for each in product(*(s.settings for s in switches)))
+    if math.prod(len(switch.settings) for switch in open_) <= _ALL_TOGETHER:
+        names = [switch.name for switch in open_]
+        varied = (default | dict(zip(names, each, strict=True)) for each in product(*(s.settings for s in open_)))
     else:
-        varied = (default | {switch.name: setting} for switch in switches for setting in switch.settings)
+        varied = (default | {switch.name: setting} for switch in open_ for setting in switch.settings)
     return [default, *(each for each in varied if each != default)]
 
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "criteria_table", "criterion_value", "design_lines", "figure", "model_lines", "model_rows", "summary", "table",
-    "word", "words_table",
+    "advice_table", "criteria_table", "criterion_value", "design_lines", "figure", "model_lines", "model_rows",
+    "summary", "table", "word", "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -91,8 +92,38 @@ def criteria_table(proof: Document) -> str:
     for name, found in proof["criteria"].items():
         limit = "" if found["limit"] is None else f"{found['bound']} {figure(found['limit'])}"
         verdict = "" if found["limit"] is None else "ok" if found["ok"] else "FAIL"
-        rows.append((name.replace("_", " "), criterion_value(found), limit, found["unit"], verdict, found["where"]))
+        rows.append((_spaced(name), criterion_value(found), limit, found["unit"], verdict, found["where"]))
     return "\n".join([table(rows, right=(1,)), *[f"fault: {fault}" for fault in proof["faults"]]])
+
+
+def advice_table(advice: Document) -> str:
+    """Return the symptom with its numbers, and each step of the advice: gains, verdict and criteria after it."""
+    seen = advice["seen"]
+    settled = "never" if seen["settled_s"] is None or math.isinf(seen["settled_s"]) else f"{seen['settled_s']:.0f} s"
+    decay = "" if seen["decay"] is None else f", each {figure(seen['decay'], 2)} of the one before"
+    lines = [
+        f"{advice['log'] or 'the proof'}: {advice['symptom_text']}",
+        f"- step of {figure(seen['step_degC'])} °C to {figure(seen['setpoint_degC'])} °C, overshoot "
+        f"{figure(seen['overshoot_pct'], 3)} %, settled: {settled} (expected within {seen['expected_s']:.0f} s)",
+        f"- at the end {figure(seen['distance_degC'], 2)} °C short of the setpoint, swinging by "
+        f"±{figure(seen['swing_degC'], 2)} °C; {seen['swings']} wide swings{decay}",
+    ]
+    aim = f"effect on {_spaced(advice['aim'])}"
+    rows = [("", "Kp", "Ki", "Kd", "verdict", "overshoot %", "settling s", "IAE °C·s", aim, "fails by")]
+    for case in advice["cases"]:
+        told = [_reached(case.get(name)) for name in ("overshoot", "settling_time", "iae")]
+        rows.append((case["step"], *[figure(case[gain]) for gain in ("kp", "ki", "kd")], case["verdict"], *told,
+                     case["effect"], ", ".join(case["fails"])))
+    best = f"best: {advice['best']}" if advice["best"] else "none of the steps helps on the model and passes"
+    return "\n".join([*lines, table(rows, right=(1, 2, 3, 5, 6, 7)), *([best] if len(rows) > 2 else [])])
+
+
+def _spaced(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _reached(value: float | None) -> str:
+    return "never" if value is not None and math.isinf(value) else figure(value)
 
 
 def summary(documents: Mapping[str, Document]) -> str:

@@ -1,0 +1,50 @@
+"""`heatertune advise`: a logged response → WEG's advice for it, proven before it is shown."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from heatertune.cli import common
+from heatertune.errors import InputError
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune advise table4 --pid pid.json --setpoint 53.3"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "advise", help="a logged response → WEG's retuning advice, each step proven on the model", epilog=_EXAMPLE,
+        description="Say which symptom of WEG's manual a closed-loop response shows, and what the manual's advice "
+        "would do to the design: gains, verdict, overshoot, settling time and IAE before and after each step. Exit "
+        "status 1 where neither the design nor any step passes.",
+    )
+    command.add_argument("log", metavar="LOG|proof",
+                         help="CSV file, table3 or table4; or the word proof: the response of the design's own proof")
+    command.add_argument("--pid", required=True, metavar="FILE", help="pid.json as written by tune, with its model")
+    common.add_proof_options(command, target="weg")
+    common.add_reading_options(command)
+    common.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune.chain.advice import advise  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.log import read_log  # noqa: PLC0415
+    from heatertune.pid.document import read_design  # noqa: PLC0415
+    from heatertune.report.text import advice_table  # noqa: PLC0415
+
+    design, model = read_design(settings.pid)
+    if model is None:
+        raise InputError(f"{settings.pid} holds no model to prove on; expected pid.json as written by tune")
+    log = None if settings.log == "proof" else read_log(settings.log, **common.reading(settings))
+    proving = common.proving(settings)
+    document = advise(
+        design, model, log, target=common.target(settings), setpoint_degC=proving.pop("setpoint_degC"),
+        scaling=common.scaling(settings), until_s=settings.until, tolerance_degC=proving.pop("tolerance_degC"),
+        proving=proving, progress=common.Progress(settings),
+    )
+    common.output(settings, document, lambda: advice_table(document))
+    return 0 if any(case["verdict"] == "PASS" for case in document["cases"]) else 1

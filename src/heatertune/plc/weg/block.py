@@ -1,0 +1,178 @@
+"""One call of the block, in single precision, one rounding per operation, in the order of the lines.
+
+Academic form (WEG, CFW501 programming manual V1.8x, external PID; the SCA06's own picture is lost):
+
+    u(k) = i(k−1) + Kp·[(1 + Ki·Ts + Kd/Ts)·e(k) − (Kd/Ts)·e(k−1)]        i(k) = i(k−1) + Kp·Ki·Ts·e(k)
+
+Parallel form, by analogy:
+
+    u(k) = i(k−1) + [(Kp + Ki·Ts + Kd/Ts)·e(k) − (Kd/Ts)·e(k−1)]          i(k) = i(k−1) + Ki·Ts·e(k)
+
+e(k) is the filtered setpoint minus Feedback, or the reverse; Ts in seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from heatertune.plc.single import divided, single
+
+__all__ = ["COLD", "Assumptions", "Block", "Inputs", "State", "block_of", "call"]
+
+
+class Assumptions(NamedTuple):
+    """Settings of what the manual leaves open, see DIFFERENCES.md."""
+
+    anti_windup: str = "clamp"
+    manual_unlimited: bool = False
+    bumpless: bool = False
+    exact_filter: bool = False
+    by_parts: bool = False
+    runs_at_once: bool = False
+    zero_history: bool = False
+
+
+class Block(NamedTuple):
+    """The words as the block uses them, and what follows from them alone."""
+
+    kp: float
+    minimum: float
+    maximum: float
+    parallel: bool
+    reverse: bool
+    share: float  # of the way to SetPoint that the filter goes in one call
+    ki_ts: float
+    kd_by_ts: float
+    now: float  # factor of e(k) in the bracket
+    growth: float  # of the integral part per unit of e(k)
+
+
+class Inputs(NamedTuple):
+    """What one call reads."""
+
+    setpoint: float
+    feedback: float
+    manual: float = 0.0
+    select_manual: bool = False
+    enable: bool = True
+
+
+class State(NamedTuple):
+    """What the instance keeps from call to call; all finite."""
+
+    enabled: bool = False
+    reference: float = 0.0  # filtered setpoint
+    error: float = 0.0  # e(k−1)
+    integral: float = 0.0  # i(k−1)
+    output: float = 0.0
+    overflow: bool = False  # a number of the last call was not finite
+
+
+COLD: Final = State()
+
+
+def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
+    """Return the block for its words; total for any of them."""
+    kp, parallel = values["Kp"], values["Type"] != 0
+    ts, tau = divided(values["Ts"], 1000.0), values["TauSetPoint"]
+    ki_ts, kd_by_ts = single(values["Ki"] * ts), divided(values["Kd"], ts)
+    return Block(
+        kp=kp, minimum=values["MinimumOutput"], maximum=values["MaximumOutput"], parallel=parallel,
+        reverse=values["Action"] != 0,
+        share=_exact_share(ts, tau) if assume.exact_filter else divided(ts, single(tau + ts)),
+        ki_ts=ki_ts, kd_by_ts=kd_by_ts,
+        now=single(single((kp if parallel else 1.0) + ki_ts) + kd_by_ts),
+        growth=ki_ts if parallel else single(kp * ki_ts),
+    )
+
+
+def call(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
+    """Return the state after one call; total for all inputs.
+
+    An error that is not finite (a broken sensor, an overflow) leaves the memory as it was and, but for manual, asks for
+    the lower limit.
+    """
+    if not x.enable:
+        return state._replace(enabled=False, overflow=False)
+    starts = not state.enabled
+    before = _begun(assume, x) if starts else state
+    reference = single(before.reference + single(b.share * single(x.setpoint - before.reference)))
+    error = single(x.feedback - reference) if b.reverse else single(reference - x.feedback)
+    if not math.isfinite(error):
+        output = _forced(b, assume, x.manual) if x.select_manual else b.minimum
+        return state._replace(output=output, overflow=True)
+    if starts and not assume.zero_history:
+        before = before._replace(error=error)
+    if starts and not assume.runs_at_once:
+        return before
+    if x.select_manual:
+        return _manual(b, assume, before._replace(output=_forced(b, assume, x.manual)), reference, error)
+    return _automatic(b, assume, before, reference, error)
+
+
+def _begun(assume: Assumptions, x: Inputs) -> State:
+    """Return the memory at a positive edge of EN: Output and the integral part zero."""
+    return State(enabled=True, reference=0.0 if assume.zero_history else x.setpoint)
+
+
+def _forced(b: Block, assume: Assumptions, asked: float) -> float:
+    free = assume.manual_unlimited and math.isfinite(asked)
+    return asked if free else _limited(b, asked)
+
+
+def _manual(b: Block, assume: Assumptions, s: State, reference: float, error: float) -> State:
+    """Leave the memory as it is, or lead it so that the return to automatic is without a bump."""
+    s = s._replace(overflow=False)
+    if not assume.bumpless:
+        return s
+    integral = single(s.output - single(b.kp * error))
+    return s._replace(reference=reference, error=error, integral=_kept(s.integral, integral))
+
+
+def _automatic(b: Block, assume: Assumptions, s: State, reference: float, error: float) -> State:
+    growth = single(b.growth * error)
+    wanted = (_by_parts if assume.by_parts else _as_printed)(b, s, error, growth)
+    output = _limited(b, wanted)
+    integral = single(s.integral + growth)
+    if output != wanted and assume.anti_windup == "freeze":
+        integral = s.integral
+    elif assume.anti_windup == "clamp" and b.ki_ts != 0.0:  # without Ki, nothing would lead it on again
+        proportional = single(b.kp * error)
+        lowest, highest = single(b.minimum - proportional), single(b.maximum - proportional)
+        integral = min(max(integral, lowest), highest)
+    return s._replace(
+        reference=reference, error=error, integral=_kept(s.integral, integral), output=output,
+        overflow=not math.isfinite(wanted),
+    )
+
+
+def _as_printed(b: Block, s: State, error: float, growth: float) -> float:
+    del growth  # is within the bracket
+    bracket = single(single(b.now * error) - single(b.kd_by_ts * s.error))
+    return single(s.integral + (bracket if b.parallel else single(b.kp * bracket)))
+
+
+def _by_parts(b: Block, s: State, error: float, growth: float) -> float:
+    proportional = single(b.kp * error)
+    derivative = single(b.kd_by_ts * single(error - s.error))
+    if not b.parallel:
+        derivative = single(b.kp * derivative)
+    return single(single(proportional + single(s.integral + growth)) + derivative)
+
+
+def _limited(b: Block, value: float) -> float:
+    """Return the value within the limits; what is not a number is the lower one: the heater goes off."""
+    if not value >= b.minimum:
+        return b.minimum
+    return b.maximum if value > b.maximum else value
+
+
+def _kept(old: float, new: float) -> float:
+    return new if math.isfinite(new) else old
+
+
+def _exact_share(ts: float, tau: float) -> float:
+    """Return 1 − exp(−Ts/Tau)."""
+    return single(1.0 - single(math.exp(-divided(ts, tau))))

@@ -1,0 +1,98 @@
+"""Words → structured text: the call of WEG's block, a block for controllers without one, and both as a PLCopen project.
+
+None of the files was tried in WPS or in another vendor's tool; parsers of the language and the format read them.
+"""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from typing import Final
+
+from heatertune.plc.room import Certificate, Words
+from heatertune.plc.single import single
+from heatertune.plc.weg.plcopen import project
+from heatertune.plc.weg.source import BLOCK_NAME, function_block
+from heatertune.plc.weg.words import FIELDS
+
+__all__ = ["export_words", "literal"]
+
+#: variables of the program around the block; the names are free
+_VARIABLES = (
+    ("HeaterOn", "BOOL", "FALSE", "enables the controller"),
+    ("ByHand", "BOOL", "FALSE", "TRUE: HandPower is the output"),
+    ("HandPower", "REAL", "0.0", "output by hand, %"),
+    ("HeaterSetPoint", "REAL", "0.0", "degC"),
+    ("HeaterTemperature", "REAL", "0.0", "degC, from the input module"),
+    ("HeaterPower", "REAL", "0.0", "%, to the PWM"),
+)
+
+_WIRES = (
+    ("SetPoint", "HeaterSetPoint"), ("ManualSetPoint", "HandPower"), ("SelectSetPoint", "ByHand"),
+    ("Feedback", "HeaterTemperature"),
+)
+
+#: numbers in this range are written without an exponent
+_LOWEST_PLAIN: Final = 1e-4
+_PLAIN: Final = 1e6
+
+#: input of WEG's block → input of the exported one, where the language reserves the name
+_RENAMED = {"Type": "Form", "Action": "Acting"}
+
+
+def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
+    """Return the three files; the same words and certificate give the same bytes."""
+    head = _head(words, certificate)
+    comment = "\n".join(f"(* {line} *)" for line in head) + "\n"
+    return {
+        "weg_pid_call.st": comment + _program("WegHeater", "FB_PID", _weg_call(words)),
+        "weg_pid_block.st": comment + function_block() + "\n" + _program("Heater", BLOCK_NAME, _block_call(words)),
+        "weg_pid_plcopen.xml": project(_VARIABLES, _block_call(words), head, words.whole["Ts"]),
+    }
+
+
+def literal(value: float) -> str:
+    """Return the shortest decimal that is this single, as the language writes a REAL."""
+    digits = next(n for n in range(1, 10) if single(float(f"{value:.{n}g}")) == value)
+    shortest = f"{value:.{digits}g}"
+    if _LOWEST_PLAIN <= abs(value) < _PLAIN or value == 0.0:
+        plain = f"{Decimal(shortest):f}"
+        return plain if "." in plain else f"{plain}.0"
+    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    return f"{mantissa}{'' if '.' in mantissa else '.0'}E{int(exponent)}"
+
+
+def _head(words: Words, certificate: Certificate) -> tuple[str, ...]:
+    scale = words.scaling
+    return (
+        "heater controller for WEG's PID block",
+        f"sensor {scale.low_degC:g}...{scale.high_degC:g} degC; called every {words.whole['Ts']} ms; output in percent",
+        *certificate.head,
+        "not tried in WPS or another vendor's tool",
+    )
+
+
+def _values(words: Words) -> list[tuple[str, str]]:
+    return [
+        (f.name, literal(words.values[f.name]) if f.format == "REAL" else str(words.whole[f.name])) for f in FIELDS
+    ]
+
+
+def _called(instance: str, wires: list[tuple[str, str]]) -> str:
+    return f"{instance}(\n" + ",\n".join(f"  {name} := {value}" for name, value in wires) + ");\n"
+
+
+def _weg_call(words: Words) -> str:
+    """Return the statements in the form of the manual's example: EN and Output as members."""
+    call = _called("HeaterPid", [*_WIRES, *_values(words)])
+    return f"HeaterPid.EN := HeaterOn;\n{call}HeaterPower := HeaterPid.Output;\n"
+
+
+def _block_call(words: Words) -> str:
+    values = [(_RENAMED.get(name, name), value) for name, value in _values(words)]
+    call = _called("HeaterPid", [("Enable", "HeaterOn"), *_WIRES, *values])
+    return f"{call}HeaterPower := HeaterPid.Output;\n"
+
+
+def _program(name: str, block: str, body: str) -> str:
+    declared = "".join(f"  {n} : {t} := {v}; (* {meaning} *)\n" for n, t, v, meaning in _VARIABLES)
+    return f"PROGRAM {name}\nVAR\n{declared}  HeaterPid : {block};\nEND_VAR\n\n{body}\nEND_PROGRAM\n"

@@ -1,0 +1,143 @@
+"""The room of WEG's PID block: its four doors under one name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from heatertune.errors import UnknownName
+from heatertune.pid.values import PidDesign
+from heatertune.plc.room import Certificate, Number, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.single import single
+from heatertune.plc.weg.block import COLD, Assumptions, Block, Inputs, State, block_of, call
+from heatertune.plc.weg.export import export_words
+from heatertune.plc.weg.words import FIELDS, TIMER, check_words, decode, encode
+
+__all__ = ["ROOM", "Weg"]
+
+#: highest count of the 12-bit input module that is assumed
+_COUNTS: Final = 4095
+
+_SWITCHES: Final = (
+    Switch(name="anti_windup", settings=("clamp", "freeze", "none"), default="clamp",
+           why="what becomes of the integral part while Output is at a limit"),
+    Switch(name="manual", settings=("limited", "unlimited"), default="limited",
+           why="whether ManualSetPoint is limited like the controller's own output"),
+    Switch(name="manual_return", settings=("held", "bumpless"), default="held",
+           why="whether the memory waits or follows while ManualSetPoint is the output"),
+    Switch(name="filter", settings=("implicit", "exact"), default="implicit",
+           why="formula of the setpoint filter"),
+    Switch(name="order", settings=("as_printed", "by_parts"), default="as_printed",
+           why="order of the operations, of which each rounds"),
+    Switch(name="edge", settings=("output_zero", "runs_at_once"), default="output_zero",
+           why="whether the scan of EN's positive edge ends with Output zero or computes it"),
+    Switch(name="history", settings=("present", "zero"), default="present",
+           why="whether filter and e(k-1) begin with the present values or with zero"),
+)
+
+_INPUTS: Final = {
+    "SetPoint": "REAL", "Feedback": "REAL", "ManualSetPoint": "REAL", "SelectSetPoint": "BOOL", "EN": "BOOL",
+}
+
+
+class _Running(NamedTuple):
+    block: Block
+    assumptions: Assumptions
+    state: State
+
+
+@dataclass(frozen=True, slots=True)
+class Weg:
+    """See `heatertune.plc.room.Room`."""
+
+    name: str = "weg"
+    title: str = "WEG SCA06 Ladder, block PID (WPS help; equation of the CFW501 programming manual V1.8x)"
+    fields: tuple[WordField, ...] = FIELDS
+    switches: tuple[Switch, ...] = _SWITCHES
+    can: tuple[str, ...] = (
+        "P, PI, PD and PID in single precision, academic or parallel form, direct or reverse action",
+        "setpoint filter of first order, limits of the output, manual output, enabling; Ts of 1 to 65535 ms",
+    )
+    cannot: tuple[str, ...] = (
+        "no derivative filter: noise and steps of the reading reach the output times K*TV/TA",
+        "no PWM of its own: a switch behind Output is proven with it",
+        "an integral step below half a digit of the sum is lost: a slower Ts makes it larger",
+    )
+    derivative_filter: float = 0.0
+    sample_times_s: tuple[float, float, float] = TIMER
+    counts: int = _COUNTS
+
+    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
+        """Round the design to the words of the academic form, once; see `words.encode`."""
+        return encode(design, scaling)
+
+    def decode(self, words: Words) -> PidDesign:
+        """Return the design as the words realise it."""
+        return decode(words)
+
+    def check(self, words: Words) -> None:
+        """Raise OutOfRange for the first word that the block cannot hold."""
+        check_words(words)
+
+    def timing(self, words: Words) -> Timing:
+        """Return Ts; the PWM is an actuator behind Output."""
+        return Timing(scan_s=words.sample_time_s)
+
+    def measure(self, words: Words, temperature_degC: float) -> float:
+        """Return the temperature in single precision, cut to a count of the input module, limited to its range [°C]."""
+        low, span = words.scaling.low_degC, words.scaling.span_degC
+        count = int(min(max((temperature_degC - low) * _COUNTS / span, 0.0), _COUNTS))
+        return single(low + span * count / _COUNTS)
+
+    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+        """Return the state before EN has ever been TRUE."""
+        assumptions = _assumptions(switches)
+        return _Running(block_of(words.values, assumptions), assumptions, COLD)
+
+    def step(
+        self, words: Words, state: _Running, setpoint: float, reading: float, switches: Mapping[str, str],
+        *, cycle_start: bool = True,
+    ) -> tuple[_Running, Scan]:
+        """Call the block once in automatic; words and switches are in the state since `start`."""
+        del words, switches, cycle_start
+        return _told(state, call(state.block, state.assumptions, state.state, Inputs(setpoint, reading)))
+
+    def scan(self, state: _Running, inputs: Mapping[str, Number]) -> tuple[_Running, Scan]:
+        """Call the block once with SetPoint, Feedback and, where named, ManualSetPoint, SelectSetPoint and EN."""
+        given = Inputs(
+            inputs["SetPoint"], inputs["Feedback"], inputs.get("ManualSetPoint", 0.0),
+            bool(inputs.get("SelectSetPoint", 0)), bool(inputs.get("EN", 1)),
+        )
+        return _told(state, call(state.block, state.assumptions, state.state, given))
+
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """SetPoint and Feedback in °C, ManualSetPoint in %; not named, EN is set and SelectSetPoint is not."""
+        return _INPUTS
+
+    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+        """Return the call, the block in structured text, and a PLCopen project."""
+        return {**export_words(words, certificate)}
+
+
+def _told(state: _Running, after: State) -> tuple[_Running, Scan]:
+    block = state.block
+    flags = {
+        "upper limit": after.output >= block.maximum, "lower limit": after.output <= block.minimum,
+        "overflow": after.overflow,
+    }
+    power = min(max(after.output, 0.0), 100.0)
+    return state._replace(state=after), Scan(power_pct=power, output=after.output, flags=flags)
+
+
+def _assumptions(switches: Mapping[str, str]) -> Assumptions:
+    chosen = {switch.name: switches.get(switch.name, switch.default) for switch in _SWITCHES}
+    for switch in _SWITCHES:
+        if chosen[switch.name] not in switch.settings:
+            raise UnknownName(f"setting of switch {switch.name}", chosen[switch.name], switch.settings)
+    others = (chosen[switch.name] != switch.default for switch in _SWITCHES[1:])
+    return Assumptions(chosen["anti_windup"], *others)
+
+
+ROOM: Final = Weg()
