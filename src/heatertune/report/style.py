@@ -22,12 +22,12 @@ LOOK: Final[dict[str, dict[str, Any]]] = {
 }
 
 
-def new_figure(rows: int, height: float, **settings: Any) -> tuple[Figure, list[Axes]]:
-    """Return a figure of full page width and its axes, one under the other."""
+def new_figure(rows: int, height: float, columns: int = 1, **settings: Any) -> tuple[Figure, list[Axes]]:
+    """Return a figure of full page width and its axes, row by row."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - half a second that only pictures need
 
     figure = Figure(figsize=(9.0, height), layout="constrained")
-    axes = figure.subplots(rows, 1, squeeze=False, **settings)[:, 0]
+    axes = figure.subplots(rows, columns, squeeze=False, **settings).ravel()
     for ax in axes:
         ax.grid(color="#dddddd", linewidth=0.5)
         ax.spines[["top", "right"]].set_visible(False)

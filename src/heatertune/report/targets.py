@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from heatertune.report.html import page, picture, text_of
 from heatertune.report.html import table as html_table
 from heatertune.report.style import LOOK, new_figure
@@ -35,22 +37,27 @@ def render_targets(document: Document) -> str:
     body = (
         f"<p>{text_of(_legend(document))}</p>{html_table(_HEADS, _rows(document), numeric=_NUMERIC)}<ul>{reasons}</ul>"
         + picture(plot_targets(_proven(document)),
-                  "Temperature on each controller, and of the unrounded design with the same switch (dashed).")
+                  "Left: temperature on each controller, and of the unrounded design with the same switch (dashed). "
+                  "Right: their difference, each on its own scale.")
     )
     return page("One design on every controller", body)
 
 
 def plot_targets(rows: Sequence[Document]) -> Figure:
-    """Draw the temperature of each target's loop over that of the unrounded design, one panel per target."""
-    drawn, axes = new_figure(len(rows), 1.15 * len(rows) + 0.4, sharex=True, sharey=True)
-    for ax, row in zip(axes, rows, strict=True):
+    """Draw each target's temperature beside the unrounded design's, and the difference of the two on its own scale."""
+    drawn, axes = new_figure(len(rows), 1.15 * len(rows) + 0.4, 2, sharex=True)
+    for row, left, right in zip(rows, axes[::2], axes[1::2], strict=True):
         series, wish = row["series"], row["wish"]
-        ax.axhline(series["setpoint_degC"], **LOOK["limit"])
-        ax.plot(series["time_s"], series["temperature_degC"], **LOOK["realised"])
-        ax.plot(wish["time_s"], wish["temperature_degC"], **LOOK["wish"])
-        ax.set_title(row["target"], loc="left", fontsize=9, pad=2)
-        ax.set_ylabel("°C")
-    axes[-1].set_xlabel("time [s]")
+        left.axhline(series["setpoint_degC"], **LOOK["limit"])
+        left.plot(series["time_s"], series["temperature_degC"], **LOOK["realised"])
+        left.plot(wish["time_s"], wish["temperature_degC"], **LOOK["wish"])
+        left.set_title(row["target"], loc="left", fontsize=9, pad=2)
+        left.set_ylabel("°C")
+        wished = np.interp(series["time_s"], wish["time_s"], wish["temperature_degC"])
+        right.plot(series["time_s"], np.subtract(series["temperature_degC"], wished), **LOOK["realised"])
+        right.set_ylabel("Δ °C")
+    for ax in axes[-2:]:
+        ax.set_xlabel("time [s]")
     return drawn
 
 
