@@ -38,7 +38,7 @@ def _initialisation(words: Words) -> list[Network]:
         ]),
         Network("process variable: IB0", ["LD SM0.0", "MOVW +0, VW0", "MOVB IB0, VB1"]),
         Network("its bit 0 is wired to I1.0", ["LD I1.0", "= V1.0"]),
-        Network("no change of it before the start", ["LD SM0.0", "MOVW VW0, VW2", "MOVW VW0, VW4"]),
+        Network("no change of it before the start", ["LD SM0.0", "MOVW VW0, VW2"]),
         pwm_registers(cycle),
         timed_interrupt(v["TICK"]),
     ]
