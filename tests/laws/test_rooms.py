@@ -202,3 +202,5 @@ def test_a_reading_is_cut_and_limited_like_a_converter(which):
     assert readings == sorted(readings)
     step = 100.0 / which.counts
     assert which.measure(words, 50.0 + 1.01 * step) > which.measure(words, 50.0)
+    for count in (1, 17, 100):  # cut, not rounded
+        assert which.measure(words, (count + 0.9) * step) == which.measure(words, (count + 0.1) * step)

@@ -14,23 +14,28 @@ from heatertune.log.columns import Columns
 __all__ = ["Array", "numbers", "refused"]
 
 Array = npt.NDArray[np.float64]
+_NOTHING: Final = ("", "nan", "null", "none", "n/a", "na", "-", "--", "---")
 _BEYOND: Final = 1e30  # no instant and no reading; units can still be converted without overflow
 
 
-def numbers(sheet: Sheet, columns: Columns, role: str, expected: str = "a number") -> Array:
-    """Return a column as finite numbers.
+def numbers(
+    sheet: Sheet, columns: Columns, role: str, expected: str = "a number", *, holes: bool = False
+) -> Array:
+    """Return a column as finite numbers; with `holes`, NaN where a cell is empty or says that it holds nothing.
 
     Raises:
-        LogError: a cell that is empty, no number, not finite or beyond 1e30.
+        LogError: a cell that is empty (without `holes`), no number, not finite or beyond 1e30.
     """
     i = columns.index[role]
     cells = [row[i] for row in sheet.rows]
+    if holes:
+        cells = ["nan" if cell.lower() in _NOTHING else cell for cell in cells]
     try:
         values = np.array([_float(cell) for cell in cells], dtype=np.float64)
     except ValueError:
         row = next(k for k, cell in enumerate(cells) if not _is_float(cell))
         raise refused(sheet, columns, role, row, "no number:" if cells[row] else "an empty cell", expected) from None
-    unusable = np.flatnonzero(~(np.abs(values) < _BEYOND))
+    unusable = np.flatnonzero(~(np.abs(values) < _BEYOND) & ~(np.isnan(values) if holes else False))
     if len(unusable):
         raise refused(sheet, columns, role, int(unusable[0]), "no reading:", f"a finite number below {_BEYOND:g}")
     return values

@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from heatertune.errors import LogError, OutOfRange, UnknownName
+from heatertune.log.care import no_readings, one_run, tell_gaps
 from heatertune.log.cells import Sheet, read_sheet
 from heatertune.log.clock import TIME_UNITS, kept_rows, seconds
 from heatertune.log.columns import ROLES, Columns, find_columns, is_foreign, unit_in_name, with_names
@@ -37,6 +39,7 @@ def read_log(
     power_full_scale: float | None = None,
     time_unit: str | None = None,
     sample_time_s: float | None = None,
+    run: int | None = None,
     errata: bool = False,
 ) -> Log:
     """Read a temperature log.
@@ -55,6 +58,7 @@ def read_log(
         power_full_scale: reading at full power.
         time_unit: "s", "ms", "min" or "h".
         sample_time_s: interval of a log without a time column [s].
+        run: which of several runs in one file, 1 = first; by default the longest.
         errata: whether the known misprints of a built-in table are corrected.
 
     Raises:
@@ -78,16 +82,19 @@ def read_log(
     columns = find_columns(sheet, {role: column for role, column in wanted if column is not None},
                            counted=sample_time_s is not None)
     repairs += columns.told
-    time = seconds(sheet, columns, time_unit, sample_time_s, repairs)
-    kept = kept_rows(sheet, columns, time, repairs)
-    unit = _temperature_unit(sheet, columns, temperature_unit, repairs, doubts)
+    sheet, time = one_run(sheet, seconds(sheet, columns, time_unit, sample_time_s, repairs), run, repairs)
+    raw = numbers(sheet, columns, "temperature", holes=True)
+    kept = kept_rows(sheet, columns, time, repairs) & ~no_readings(sheet, columns, raw, repairs)
+    unit = _temperature_unit(sheet, columns, temperature_unit, raw[kept], repairs, doubts)
     found = {
         "time_s": time,
-        "temperature_degC": _temperature(sheet, columns, "temperature", unit),
+        "temperature_degC": _temperature(sheet, columns, "temperature", unit, raw, kept),
         "setpoint_degC": _setpoint(sheet, columns, unit, repairs),
         "power_pct": _power(sheet, columns, power_full_scale, repairs),
     }
     found = {name: None if values is None else values[kept] for name, values in found.items()}
+    lines = [line for line, keeps in zip(sheet.lines, kept, strict=True) if keeps]
+    tell_gaps(time[kept], lines, found["power_pct"] is not None, doubts)
     return _log(source, table, sheet, found, repairs, doubts)
 
 
@@ -118,7 +125,7 @@ def _errata(table: BuiltIn, sheet: Sheet, apply: bool, repairs: list[str], doubt
 
 
 def _temperature_unit(
-    sheet: Sheet, columns: Columns, given: str | None, repairs: list[str], doubts: list[str]
+    sheet: Sheet, columns: Columns, given: str | None, values: Array, repairs: list[str], doubts: list[str]
 ) -> str:
     name = columns.names["temperature"]
     named = unit_in_name("temperature", name)
@@ -127,7 +134,6 @@ def _temperature_unit(
         if known != "degC":
             repairs.append(f"The temperature is in {known} {'as told' if given else 'by its name'}, turned into °C.")
         return known
-    values = numbers(sheet, columns, "temperature")
     lowest, first = float(np.min(values)), float(values[0])
     if is_foreign("temperature", name) or lowest >= _KELVIN:
         raise LogError(f"readings from {lowest:g} up whose unit is not known", file=sheet.file, column=name,
@@ -138,9 +144,11 @@ def _temperature_unit(
     return "degC"
 
 
-def _temperature(sheet: Sheet, columns: Columns, role: str, unit: str) -> Array:
-    values = np.asarray(_TO_DEGC[unit](numbers(sheet, columns, role)))
-    below = np.flatnonzero(values < ABSOLUTE_ZERO_DEGC)
+def _temperature(
+    sheet: Sheet, columns: Columns, role: str, unit: str, raw: Array, kept: npt.NDArray[np.bool_]
+) -> Array:
+    values = np.asarray(_TO_DEGC[unit](raw))
+    below = np.flatnonzero(kept & (values < ABSOLUTE_ZERO_DEGC))
     if len(below):
         raise refused(sheet, columns, role, int(below[0]), "below absolute zero:", f"a temperature in {unit}")
     return values
@@ -153,7 +161,8 @@ def _setpoint(sheet: Sheet, columns: Columns, unit: str, repairs: list[str]) -> 
     own = unit_in_name("setpoint", columns.names["setpoint"]) or unit
     if own != unit:
         repairs.append(f"The setpoint is in {own} by its name.")
-    return _temperature(sheet, columns, "setpoint", own)
+    raw = numbers(sheet, columns, "setpoint")
+    return _temperature(sheet, columns, "setpoint", own, raw, np.ones(len(raw), dtype=np.bool_))
 
 
 def _power(sheet: Sheet, columns: Columns, given: float | None, repairs: list[str]) -> Array | None:

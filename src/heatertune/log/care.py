@@ -1,0 +1,148 @@
+"""Rows that are no readings of the heater: dropouts, an open sensor, spikes; and which run of several is read.
+
+Nothing is put in their place: the models take any spacing of readings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import LogError
+from heatertune.log.cells import Sheet, count
+from heatertune.log.columns import Columns
+from heatertune.log.numbers import Array, refused
+from heatertune.log.values import MIN_SAMPLES
+
+__all__ = ["no_readings", "one_run", "tell_gaps"]
+
+Mask = npt.NDArray[np.bool_]
+
+#: what converters give without a sensor: MAX6675 and MAX31855 at full scale, DS18B20, open inputs of PLC modules
+_OPEN: Final = (1023.75, 1024.0, 2047.75, 2048.0, -127.0, 3276.7, 3276.8, 6553.5, -999.0, 9999.0)
+_MOST_LOST: Final = 0.1  # share of the rows: a log with more holes is not repaired
+_LONGEST_SPIKE: Final = 3  # readings
+_SPIKE_SHARE: Final = 0.1  # of the log's span
+_SPIKE_TIMES: Final = 12.0  # the usual departure of a reading from its neighbours
+_GAP_TIMES: Final = 5.0  # the usual interval
+_SHOWN: Final = 5
+
+
+def one_run(
+    sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]
+) -> tuple[Sheet, Array]:
+    """Return the rows of one run and their times: the one asked for (1 = first), else the longest.
+
+    A run begins where the clock starts again as it began; a time that merely goes backwards is not one.
+
+    Raises:
+        LogError: a run that is not there.
+    """
+    starts = _restarts(time)
+    if wanted is not None and not 1 <= wanted <= len(starts):
+        raise LogError(f"run {wanted}", file=sheet.file, expected=f"1…{len(starts)}, as many runs as the file holds")
+    if len(starts) == 1:
+        return sheet, time
+    ends = [*starts[1:], len(time)]
+    lengths = [end - start for start, end in zip(starts, ends, strict=True)]
+    chosen = int(np.argmax(lengths)) if wanted is None else wanted - 1
+    begin, end = starts[chosen], ends[chosen]
+    why = "the longest" if wanted is None else "as asked"
+    repairs.append(
+        f"The file holds {len(starts)} runs (from lines {', '.join(str(sheet.lines[k]) for k in starts)}); run "
+        f"{chosen + 1} was read, {why}: --run reads another."
+    )
+    return replace(sheet, rows=sheet.rows[begin:end], lines=sheet.lines[begin:end]), time[begin:end]
+
+
+def _restarts(time: Array) -> list[int]:
+    steps = np.diff(time)
+    forward = steps[steps > 0]
+    usual = float(np.median(forward)) if len(forward) else 0.0
+    starts = [0]
+    for k in (np.flatnonzero(steps < 0) + 1).tolist():
+        begins_anew = abs(time[k] - time[0]) <= 2.0 * usual and k + 1 < len(time) and 0 <= steps[k] <= 3.0 * usual
+        if begins_anew and k - starts[-1] >= MIN_SAMPLES and len(time) - k >= MIN_SAMPLES:
+            starts.append(k)
+    return starts
+
+
+def no_readings(sheet: Sheet, columns: Columns, raw: Array, repairs: list[str]) -> Mask:
+    """Return which rows hold no reading of the temperature, and tell them.
+
+    Args:
+        sheet: for line numbers.
+        columns: for names.
+        raw: the temperature as it stands in the file, NaN where the cell is empty or no number of the sensor.
+        repairs: what was left out is added here.
+
+    Raises:
+        LogError: more than a tenth of the rows are lost.
+    """
+    empty = np.isnan(raw)
+    is_open = np.isin(raw, _OPEN)
+    lost = empty | is_open
+    if np.count_nonzero(lost) > _MOST_LOST * len(raw):
+        row = int(np.flatnonzero(lost)[0])
+        problem = f"{count(int(np.count_nonzero(lost)), 'row')} of {len(raw)} without a reading, the first:"
+        raise refused(sheet, columns, "temperature", row, problem, "a log with a reading in nine rows of ten")
+    spikes = np.zeros_like(lost)
+    kept = np.flatnonzero(~lost)
+    spikes[kept[_spikes(raw[kept])]] = True
+    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"), (spikes, "with a spike"))
+    for mask, what in kinds:
+        if np.any(mask):
+            rows = count(int(np.count_nonzero(mask)), "row")
+            repairs.append(f"{rows} {what} left out ({_places(sheet, raw, mask)}).")
+    return np.asarray(lost | spikes)
+
+
+def _spikes(values: Array) -> npt.NDArray[np.intp]:
+    """Return the readings that leave the line of their neighbours, far beyond what the log does, and come back.
+
+    A jump that stays, such as cold goods, is none.
+    """
+    n = len(values)
+    found = np.zeros(n, dtype=np.bool_)
+    if n < 2 * MIN_SAMPLES:
+        return np.flatnonzero(found)
+    usual = 1.4826 * float(np.median(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2.0)))
+    span = float(np.subtract(*np.percentile(values, [98.0, 2.0])))
+    least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * span)
+    for width in range(1, _LONGEST_SPIKE + 1):
+        before, after = values[: n - width - 1], values[width + 1 :]
+        shares = np.arange(1, width + 1)[:, None] / (width + 1)
+        lines = before + shares * (after - before)
+        off = np.stack([values[k : n - width - 1 + k] for k in range(1, width + 1)]) - lines
+        away = np.min(np.abs(off), axis=0)
+        together = np.abs(np.sum(np.sign(off), axis=0)) == width
+        back = np.abs(after - before) < 0.3 * away
+        for k in np.flatnonzero((away > least) & together & back).tolist():
+            if not np.any(found[k : k + width + 2]):
+                found[k + 1 : k + 1 + width] = True
+    return np.flatnonzero(found)
+
+
+def tell_gaps(time: Array, lines: Sequence[int], powered: bool, doubts: list[str]) -> None:
+    """Add to the doubts where the log pauses."""
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    gaps = np.flatnonzero(steps > _GAP_TIMES * usual)
+    if not len(gaps):
+        return
+    places = ", ".join(f"{steps[k]:g} s after line {lines[k]}" for k in gaps[:_SHOWN])
+    more = f" and {len(gaps) - _SHOWN} more" if len(gaps) > _SHOWN else ""
+    held = "; the power is taken as held through them" if powered else ""
+    doubts.append(f"The log has {count(len(gaps), 'gap')} ({places}{more}){held}.")
+
+
+def _places(sheet: Sheet, raw: Array, mask: Mask) -> str:
+    rows = np.flatnonzero(mask)
+    told = ", ".join(
+        f"line {sheet.lines[row]}" + ("" if np.isnan(raw[row]) else f": {raw[row]:g}") for row in rows[:_SHOWN]
+    )
+    return told + (f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else "")

@@ -1,0 +1,100 @@
+"""Dirt of real logs: what is left out is told by line and value, and nothing is put in its place."""
+
+import numpy as np
+import pytest
+
+from heatertune.errors import LogError
+from heatertune.log import read_log
+
+
+def _rows(n=120, noise=0.05):
+    """A heat-up with a jump that stays (cold goods at row 80), three columns."""
+    rng = np.random.default_rng(4)
+    time = 10.0 * np.arange(n)
+    temperature = 20.0 + 40.0 * (1.0 - np.exp(-time / 200.0)) - 8.0 * (np.arange(n) >= 80) + rng.normal(0.0, noise, n)
+    return [[f"{t:g}", f"{y:.2f}", "50"] for t, y in zip(time, temperature, strict=True)]
+
+
+def _read(tmp_path, rows, **options):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,temp_C,duty_pct\n" + "\n".join(",".join(row) for row in rows) + "\n")
+    return read_log(path, **options)
+
+
+def _told(log):
+    return " ".join(log.repairs)
+
+
+def test_a_clean_log_with_a_jump_that_stays_loses_nothing(tmp_path):
+    log = _read(tmp_path, _rows())
+    assert len(log.time_s) == 120
+    assert "left out" not in _told(log)
+    assert log.doubts == ()
+
+
+@pytest.mark.parametrize(("cells", "told"), [
+    (["1023.75"], "1 row with an open sensor's reading left out (line 42: 1023.75)."),
+    (["1023.75"] * 9, "9 rows with an open sensor's reading left out (line 42: 1023.75, line 43: 1023.75"),
+    (["", "nan", "---"], "3 rows without a reading left out (line 42, line 43, line 44)."),
+    (["85.0"], "1 row with a spike left out (line 42: 85)."),
+    (["12.5", "11.9", "13.0"], "3 rows with a spike left out (line 42: 12.5, line 43: 11.9, line 44: 13)."),
+])
+def test_what_is_no_reading_of_the_heater_is_left_out_by_line_and_value(tmp_path, cells, told):
+    rows = _rows()
+    clean = _read(tmp_path, rows)
+    for k, cell in enumerate(cells):
+        rows[40 + k][1] = cell
+    log = _read(tmp_path, rows)
+    assert told in _told(log)
+    kept = np.r_[0:40, 40 + len(cells):120]
+    assert log.time_s.tolist() == clean.time_s[kept].tolist()
+    assert log.temperature_degC.tolist() == clean.temperature_degC[kept].tolist()
+    assert len(log.power_pct) == 120 - len(cells)
+
+
+def test_four_readings_apart_are_no_spike_but_what_the_heater_did(tmp_path):
+    rows = _rows()
+    for k in range(4):
+        rows[40 + k][1] = "12.5"
+    assert len(_read(tmp_path, rows).time_s) == 120
+
+
+def test_a_log_with_too_many_holes_is_refused_with_the_first(tmp_path):
+    rows = _rows()
+    for k in range(13):
+        rows[5 + 3 * k][1] = "1023.75"
+    with pytest.raises(LogError, match=r"line 7, column temp_C: 13 rows of 120 without a reading"):
+        _read(tmp_path, rows)
+
+
+def test_a_noisy_log_keeps_its_noise(tmp_path):
+    rng = np.random.default_rng(8)
+    rows = [[f"{k}", f"{40.0 + 0.2 * k + rng.standard_t(3):.2f}", "50"] for k in range(400)]
+    assert len(_read(tmp_path, rows).time_s) >= 399  # Student's t with three degrees: the wildest noise of a sensor
+
+
+def test_gaps_are_told_and_kept(tmp_path):
+    rows = _rows()
+    del rows[50:70]
+    log = _read(tmp_path, rows)
+    assert log.doubts == ("The log has 1 gap (210 s after line 51); the power is taken as held through them.",)
+    assert np.max(np.diff(log.time_s)) == 210.0
+
+
+def test_of_several_runs_the_longest_is_read_unless_another_is_asked_for(tmp_path):
+    rows = _rows(30) + _rows(60) + _rows(40)
+    log = _read(tmp_path, rows)
+    assert len(log.time_s) == 60
+    assert "The file holds 3 runs (from lines 2, 32, 92); run 2 was read, the longest: --run reads another." in _told(log)
+    assert len(_read(tmp_path, rows, run=3).time_s) == 40
+    with pytest.raises(LogError, match=r"run 4.*1…3"):
+        _read(tmp_path, rows, run=4)
+    with pytest.raises(LogError, match="run 2"):
+        _read(tmp_path, _rows(), run=2)
+
+
+def test_a_clock_that_goes_back_is_no_new_run(tmp_path):
+    rows = _rows()
+    rows[60][0] = "5"
+    with pytest.raises(LogError, match=r"line 62.*goes backwards"):
+        _read(tmp_path, rows)
