@@ -69,6 +69,7 @@ def add_reading_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--log-interval", type=float, metavar="S", help="interval of a log without time column [s]")
     group.add_argument("--run", type=int, dest="which_run", metavar="N",
                        help="which of several runs in one file (default: the longest)")
+    group.add_argument("--skip-empty", action="store_true", help="leave out rows without a temperature (empty, NaN)")
     group.add_argument("--errata", action="store_true", help="apply the known misprints of a built-in table")
     group.add_argument("--until", type=float, metavar="S", help="last instant to use [s]; default: up to a disturbance")
 
@@ -161,7 +162,7 @@ def reading(settings: argparse.Namespace) -> dict[str, Any]:
     """Return the options of `read_log`."""
     names = ("time_column", "temperature_column", "power_column", "setpoint_column", "temperature_unit",
              "power_full_scale", "time_unit")
-    found = _given(settings, *names) | ({"errata": True} if settings.errata else {})
+    found = _given(settings, *names) | {name: True for name in ("errata", "skip_empty") if getattr(settings, name)}
     others = {"sample_time_s": settings.log_interval, "run": settings.which_run}
     return found | {name: value for name, value in others.items() if value is not None}
 
