@@ -151,7 +151,7 @@ def test_pls_takes_only_what_the_control_byte_updates():
     assert [after(c) for c in ("16#CB", "16#CA", "16#C9", "16#4B")] == [(500, 120), (0, 120), (500, 0), (0, 0)]
 
 
-@pytest.mark.parametrize("line", ["MOVX\t+1, VW0", "MOVW\t+1", "MOVW\t+1, VW999", "MOVW\t+1, VB0", "S\tQ0.0, 2", "PLS\t1"])
+@pytest.mark.parametrize("line", ["MOVX\t+1, VW0", "MOVW\t+1", "MOVW\t+1, VW511", "MOVW\t+1, VW999", "MOVW\t+1, VB0", "S\tQ0.0, 2", "PLS\t1"])
 def test_an_instruction_the_machine_does_not_know_is_refused_by_its_line(line):
     with pytest.raises(InputError, match=r"line 5: .* no instruction"):
         assemble(_block("LD\tSM0.0", line))
