@@ -17,7 +17,10 @@ from heatertune.model.values import Candidate, Interval
 
 __all__ = ["notes_of"]
 
+Array = npt.NDArray[np.float64]
+
 _NEAR = 10.0  # BIC points
+_SETTLED = 3.0  # time constants of held power, after which 5 % of a step are left
 _NAMED = 5  # instants that are listed
 
 
@@ -30,7 +33,7 @@ def notes_of(
         *_readings(log, problem, outliers),
         *_power_before(log, problem),
         *_disturbed(log, problem, fit),
-        *_limits(log, fit, ci95),
+        *_limits(log, problem.readings.edge_s, fit, ci95),
         *_rivals(log, candidates),
     )
 
@@ -74,8 +77,9 @@ def _disturbed(log: Log, problem: PowerProblem, fit: PowerFit) -> list[str]:
         told.append(f"The ambient drifts by {3600.0 * fit.linear[DRIFT]:.2g} °C/h; the drift was fitted.")
     for instant, size in zip(problem.loads_s, fit.linear[COLUMNS:], strict=True):
         told.append(
-            f"At {instant:.4g} s an unlogged load begins that {'warms' if size > 0 else 'cools'} {log.name} by "
-            f"{abs(size):.2g} °C in the long run; it was fitted beside the power."
+            f"At {instant:.4g} s an unlogged load, or a change of the heater itself, begins that "
+            f"{'warms' if size > 0 else 'cools'} {log.name} by {abs(size):.2g} °C in the long run; it was fitted "
+            "beside the power."
         )
     if follows_temperature(log):
         told.append(
@@ -85,15 +89,18 @@ def _disturbed(log: Log, problem: PowerProblem, fit: PowerFit) -> list[str]:
     return told
 
 
-def _limits(log: Log, fit: PowerFit, ci95: Mapping[str, Interval | None]) -> list[str]:
+def _limits(log: Log, edges: Array, fit: PowerFit, ci95: Mapping[str, Interval | None]) -> list[str]:
     told = []
-    lag, gain = ci95["time_constant_s"], ci95["gain_degC_per_pct"]
-    if not (identified_parts(lag) and identified_parts(gain)) and fit.model is not None:
-        full = 100.0 * fit.model.gain_degC_per_pct / fit.model.time_constant_s
-        told.append(
-            f"{log.name} never reaches steady state, or too little of it: gain and time constant are known only as a "
-            f"ratio, {full:.2g} °C/s at full power; pulses and truncated tests fix no more."
+    assert fit.model is not None
+    if not all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s")):
+        full = 100.0 * fit.model.gain_degC_per_pct / fit.model.lags_s[0]
+        longest = float(np.max(np.diff([*edges, log.time_s[-1]])))
+        reason = (
+            "the log never reaches steady state (pulses and truncated tests fix no more)"
+            if longest < _SETTLED * fit.model.lags_s[0]
+            else "what the model leaves over is slow, and passes for gain or ambient"
         )
+        told.append(f"Gain and time constant are known only as a ratio, {full:.2g} °C/s at full power: {reason}.")
     if fit.on_bound:
         told.append(f"On a bound of the search: {', '.join(fit.on_bound)}.")
     return told

@@ -15,7 +15,8 @@ __all__ = ["pulled_in", "sensor_step"]
 
 Array = npt.NDArray[np.float64]
 
-_NEIGHBOURS = 15
+_NEIGHBOURS = 11  # readings under the running median: up to five odd ones in a row stand out
+_COMMON = 0.05  # share of the readings: what lies off so often is the model's fault, not the sensor's
 _LIMIT = 6.0  # standard deviations: none of 100 million normal readings lies further off
 _FEW_VALUES = 0.25  # of the readings: a column with more distinct values is not seen as quantised
 
@@ -28,7 +29,9 @@ def pulled_in(measured: Array, simulated: Array) -> tuple[Array, npt.NDArray[np.
     # the error of a rounded reading is uniform: its standard deviation is the step over the root of 12
     step = sensor_step(measured) or 0.0
     limit = _LIMIT * max(deviation, step / np.sqrt(12.0), 1e-6 * float(np.ptp(simulated)))
-    odd = (np.abs(off) > limit) & (np.abs(measured - _median(measured)) > limit)
+    odd: npt.NDArray[np.bool_] = (np.abs(off) > limit) & (np.abs(measured - _median(measured)) > limit)
+    if np.mean(odd) > _COMMON:
+        odd = np.zeros(len(odd), dtype=np.bool_)
     return np.where(odd, measured - off + np.clip(off, -limit, limit), measured), np.flatnonzero(odd)
 
 
