@@ -40,6 +40,7 @@ def notes_of(
 
 def _readings(log: Log, problem: PowerProblem, outliers: npt.NDArray[np.intp]) -> list[str]:
     told = []
+    assert log.power_pct is not None
     step = sensor_step(log.temperature_degC)
     if step is not None:
         told.append(f"The sensor's readings come in steps of {step:.3g} °C.")
@@ -48,9 +49,11 @@ def _readings(log: Log, problem: PowerProblem, outliers: npt.NDArray[np.intp]) -
         more = f" and {len(outliers) - _NAMED} more" if len(outliers) > _NAMED else ""
         told.append(f"Readings far off their neighbours were down-weighted: {len(outliers)} (at {named} s{more}).")
     if problem.readings.averaged > 1:
+        merged = len(problem.readings.edge_s) <= np.count_nonzero(np.diff(log.power_pct))
         told.append(
             f"Runs of up to {problem.readings.averaged} readings were averaged for the search, "
-            "and the model over the same runs; the power's edges were kept exactly."
+            "and the model over the same runs; the power's edges were kept exactly"
+            f"{', but for small ones that follow closely, which were averaged' if merged else ''}."
         )
     return told
 

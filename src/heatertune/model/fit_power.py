@@ -25,7 +25,7 @@ __all__ = ["fit_power"]
 
 Array = npt.NDArray[np.float64]
 
-_READINGS = 2000  # averaged, in the search; what is reported is simulated at every reading
+_READINGS = 1000  # averaged, in the search; what is reported is simulated at every reading
 _POOR = 60.0  # fit [%] below which no interval means anything
 _NEAR = 10.0  # BIC points
 _PASSES = 4  # of pulling outliers in

@@ -1,7 +1,8 @@
 """A log with power as the compiled fit wants it: readings, and the exact instants at which the power changes.
 
 A long log is thinned by averaging runs of readings. The model is averaged over the same runs, exactly, and
-the power's edges are not touched, so thinning costs resolution but brings no bias.
+the power's edges are not touched, so thinning costs resolution but brings no bias. Only where a controller moves
+the power at nearly every reading is the power averaged too, between its largest moves; its integral is kept.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ __all__ = ["Readings"]
 Array = npt.NDArray[np.float64]
 
 _GAP = 2.5  # sampling intervals: a wider step of the time is a gap, over which nothing is averaged
+
+_EDGES = 4000  # of the power: with more, a fit takes long
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,13 +66,25 @@ class Readings:
         total = np.add.reduceat(weight, starts)
         # each reading stands for its interval (midpoint rule), so a run reaches half an interval beyond its ends
         own = np.where(sizes > 1, (time[ends] - time[starts]) / np.maximum(sizes - 1, 1), 2.0 * self.half_s[starts])
+        edges, levels = self._merged()
         return replace(
-            self,
+            self, edge_s=edges, level_pct=levels,
             time_s=np.add.reduceat(weight * time, starts) / total,
             half_s=0.5 * own * sizes,
             temperature_degC=np.add.reduceat(weight * self.temperature_degC, starts) / total,
             averaged=self.averaged * count,
         )
+
+    def _merged(self) -> tuple[Array, Array]:
+        """Return edges and levels; where there are very many edges, only the largest stay exact."""
+        if len(self.edge_s) <= _EDGES:
+            return self.edge_s, self.level_pct
+        held = np.diff(self.edge_s, append=max(self.time_s[-1], self.edge_s[-1]) + 1e-9)
+        large = 1 + np.argpartition(np.abs(np.diff(self.level_pct)), -_EDGES // 2)[-_EDGES // 2 :]
+        count = -(-2 * len(held) // _EDGES)
+        starts = np.union1d(large, np.arange(1, len(held), count))  # the first level is also the one before the log
+        mean = np.add.reduceat(held * self.level_pct, starts) / np.add.reduceat(held, starts)
+        return self.edge_s[np.append(0, starts)], np.append(self.level_pct[0], mean)
 
     def _runs(self, count: int) -> npt.NDArray[np.intp]:
         """Return where runs of `count` readings begin; a run ends at a gap, and at an edge where these are few."""
