@@ -99,7 +99,7 @@ def _search(log: Log, problem: PowerProblem) -> _Found:
     problems = [thin, replace(thin, two_lags=True)]
     fits = [fit, problems[1].fit()]
     problems, fits = _started(problems, fits)
-    problems, fits = _preferred(problems, fits, [replace(p, drift=True) for p in problems])
+    problems, fits = _drifting(problems, fits)
     problems, fits = with_loads(problems, fits)
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
@@ -107,22 +107,26 @@ def _search(log: Log, problem: PowerProblem) -> _Found:
 
 
 def _started(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
-    """Return the fits with no power before the log, where it begins with power and they are much better."""
+    """Return the better of two starts, where the log begins with power: the same power before, or none."""
     first = problems[0]
     if first.power_before_pct is not None or first.readings.level_pct[0] == 0.0:
         return problems, fits
-    return _preferred(problems, fits, [replace(p, power_before_pct=0.0) for p in problems])
+    others = [replace(p, power_before_pct=0.0) for p in problems]
+    tried = _refitted(others, fits)
+    better = min(map(bic_of, others, tried)) < min(map(bic_of, problems, fits))
+    return (others, tried) if better else (problems, fits)
 
 
-def _preferred(
-    problems: list[PowerProblem], fits: list[PowerFit], others: list[PowerProblem]
-) -> tuple[list[PowerProblem], list[PowerFit]]:
-    """Return the others and their fits where one lag and two lags both ask for them, else what is there."""
-    tried = [other.refined(fit.vector[None, :]) for other, fit in zip(others, fits, strict=True)]
-    gained = [
-        bic_of(p, f) - bic_of(o, t) for p, f, o, t in zip(problems, fits, others, tried, strict=True)
-    ]
-    return (others, tried) if min(gained) > _NEAR else (problems, fits)
+def _drifting(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
+    """Return the fits with a drift of the ambient where one lag and two both ask for it."""
+    others = [replace(p, drift=True) for p in problems]
+    tried = _refitted(others, fits)
+    worth = min(bic_of(p, f) - bic_of(o, t) for p, f, o, t in zip(problems, fits, others, tried, strict=True))
+    return (others, tried) if worth > _NEAR else (problems, fits)
+
+
+def _refitted(problems: list[PowerProblem], fits: list[PowerFit]) -> list[PowerFit]:
+    return [problem.refined(fit.vector[None, :]) for problem, fit in zip(problems, fits, strict=True)]
 
 
 def _candidates(log: Log, found: _Found, lag: Interval | None) -> tuple[Candidate, ...]:

@@ -29,10 +29,10 @@ Rows = npt.NDArray[np.intp]
 RATIO = "gain_per_time_constant_degC_per_s_pct"
 
 _NAMES = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
-_READINGS = 500  # averaged: neighbours of coloured noise say little more than their mean
+_READINGS = 400  # averaged: neighbours of coloured noise say little more than their mean
 _RESAMPLES = 200
 _LEAST_FREEDOM = 4.0
-_STEPS = np.array([0.4, 0.8, 1.2, 1.6, 2.0, 2.5, 3.2, 4.5, 7.0, 12.0, 25.0])  # standard deviations from the best
+_STEPS = np.array([0.6, 1.2, 1.7, 2.2, 3.0, 4.5, 8.0, 25.0])  # standard deviations from the best
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +184,7 @@ def _held(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Arr
             given[:, GAIN if name == "gain_degC_per_pct" else AMBIENT] = values[rows]
         return given
 
-    z = problem.minimum(z, records, known, held=held, iterations=20)
+    z = problem.minimum(z, records, known, held=held, iterations=12)
     return np.asarray(np.sum(problem.solve(z, records, known)[0] ** 2, axis=1))
 
 
