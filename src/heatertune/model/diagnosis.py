@@ -47,7 +47,7 @@ def _readings(log: Log, problem: PowerProblem, outliers: npt.NDArray[np.intp]) -
     if len(outliers):
         named = ", ".join(f"{t:g}" for t in log.time_s[outliers[:_NAMED]])
         more = f" and {len(outliers) - _NAMED} more" if len(outliers) > _NAMED else ""
-        told.append(f"Readings far off their neighbours were down-weighted: {len(outliers)} (at {named} s{more}).")
+        told.append(f"Readings far off their neighbours were given no weight: {len(outliers)} (at {named} s{more}).")
     if problem.readings.averaged > 1:
         merged = len(problem.readings.edge_s) <= np.count_nonzero(np.diff(log.power_pct))
         told.append(

@@ -13,7 +13,7 @@ from heatertune.model.diagnosis import notes_of
 from heatertune.model.intervals import identified_parts
 from heatertune.model.loads import bic_of, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
-from heatertune.model.outliers import pulled_in
+from heatertune.model.outliers import without_outliers
 from heatertune.model.readings import Readings
 from heatertune.model.sanity import demand_cause
 from heatertune.model.statistics import ar1_bic, autocorrelation, fit_pct
@@ -28,7 +28,7 @@ Array = npt.NDArray[np.float64]
 _READINGS = 1000  # averaged, in the search; what is reported is simulated at every reading
 _POOR = 60.0  # fit [%] below which no interval means anything
 _NEAR = 10.0  # BIC points
-_PASSES = 4  # of pulling outliers in
+_PASSES = 4  # of finding outliers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,24 +83,25 @@ def fit_power(
 
 
 def _search(log: Log, problem: PowerProblem) -> _Found:
-    """Return one lag and two, with the outliers pulled in, the start, the drift and the loads the log asks for."""
+    """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
     whole = problem.readings
     thin = problem.thinned(_READINGS)
     fit = thin.fit()
     cleaned, outliers = log.temperature_degC, np.empty(0, dtype=np.intp)
     for _ in range(_PASSES):
-        pulled, found = pulled_in(log.temperature_degC, fit.linear @ problem.basis(fit.vector))
+        tried, found = without_outliers(log.temperature_degC, fit.linear @ problem.basis(fit.vector))
         if np.array_equal(found, outliers):
             break
-        cleaned, outliers = pulled, found
+        cleaned, outliers = tried, found
         thin = replace(thin, readings=replace(whole, temperature_degC=cleaned).thinned(_READINGS))
         fit = thin.fit()
     demand_cause(log, thin, None if fit.model is None else fit)
     problems = [thin, replace(thin, two_lags=True)]
     fits = [fit, problems[1].fit()]
     problems, fits = _started(problems, fits)
-    problems, fits = _drifting(problems, fits)
-    problems, fits = with_loads(problems, fits)
+    # a drift passes for loads and a load for a drift: each may come first
+    ways = [with_loads(*_drifting(problems, fits)), _drifting(*with_loads(problems, fits))]
+    problems, fits = min(ways, key=lambda way: min(map(bic_of, *way)))
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
     return _Found(problems=problems, fits=fits, cleaned=cleaned, outliers=outliers)

@@ -17,6 +17,7 @@ Array = npt.NDArray[np.float64]
 _MOST = 3
 _GAIN = 20.0  # BIC points a load step has to be worth: its instant is chosen among many
 _INSTANTS = 80
+_ROUNDS = 3
 
 
 def bic_of(problem: PowerProblem, fit: PowerFit) -> float:
@@ -32,9 +33,11 @@ def with_loads(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list
     for _ in range(_MOST):
         bics = [bic_of(problem, fit) for problem, fit in zip(problems, fits, strict=True)]
         best = int(np.argmin(bics))
-        instant = _instant(problems[best], fits[best])
-        trial = [replace(problem, loads_s=(*problem.loads_s, instant)) for problem in problems]
-        found = [t.refined(fit.vector[None, :]) for t, fit in zip(trial, fits, strict=True)]
+        trial, found = problems, fits
+        for _ in range(_ROUNDS):  # the load bends lags and dead time, and these its instant
+            instant = _instant(problems[best], found[best])
+            trial = [replace(problem, loads_s=(*problem.loads_s, instant)) for problem in problems]
+            found = [t.refined(fit.vector[None, :]) for t, fit in zip(trial, found, strict=True)]
         gains = [bic - bic_of(t, f) for bic, t, f in zip(bics, trial, found, strict=True)]
         if min(gains) < _GAIN:
             break

@@ -1,8 +1,9 @@
 """Readings that lie off their neighbours, and the sensor's own step.
 
-The loss is Huber's, by his modified residuals (P. J. Huber, Robust Statistics, Wiley 1981, section 7.8): a reading
-too far off is pulled to the limit and the least-squares fit repeated. "Off" is measured against the running median
-of the residuals, and of the readings themselves: what the model cannot follow for a while is no outlier.
+Each residual is compared with the running median of the residuals, in robust standard deviations (L. Davies and
+U. Gather, "The identification of multiple outliers", J. Am. Stat. Assoc. 88 (1993) 782–792). A reading too far off
+loses its weight: it is put where its neighbours are, and the least-squares fit repeated. It has to be off the readings
+of its neighbours too: what the model cannot follow for a while is no outlier.
 """
 
 from __future__ import annotations
@@ -11,18 +12,18 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import median_filter
 
-__all__ = ["pulled_in", "sensor_step"]
+__all__ = ["sensor_step", "without_outliers"]
 
 Array = npt.NDArray[np.float64]
 
 _NEIGHBOURS = 11  # readings under the running median: up to five odd ones in a row stand out
 _COMMON = 0.05  # share of the readings: what lies off so often is the model's fault, not the sensor's
 _LIMIT = 6.0  # standard deviations: none of 100 million normal readings lies further off
-_FEW_VALUES = 0.25  # of the readings: a column with more distinct values is not seen as quantised
+_FEW_VALUES = 0.5  # of the readings: a column with more distinct values is not seen as quantised
 
 
-def pulled_in(measured: Array, simulated: Array) -> tuple[Array, npt.NDArray[np.intp]]:
-    """Return the readings with outliers pulled in [°C], and where these are."""
+def without_outliers(measured: Array, simulated: Array) -> tuple[Array, npt.NDArray[np.intp]]:
+    """Return the readings with outliers put where their neighbours are [°C], and the outliers' places."""
     residuals = measured - simulated
     off = residuals - _median(residuals)
     deviation = 1.4826 * float(np.median(np.abs(off)))
@@ -32,7 +33,7 @@ def pulled_in(measured: Array, simulated: Array) -> tuple[Array, npt.NDArray[np.
     odd: npt.NDArray[np.bool_] = (np.abs(off) > limit) & (np.abs(measured - _median(measured)) > limit)
     if np.mean(odd) > _COMMON:
         odd = np.zeros(len(odd), dtype=np.bool_)
-    return np.where(odd, measured - off + np.clip(off, -limit, limit), measured), np.flatnonzero(odd)
+    return np.where(odd, measured - off, measured), np.flatnonzero(odd)
 
 
 def _median(values: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,7 @@ from heatertune.log.values import Log
 from heatertune.model.loads import bic_of
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.projection import GAIN
+from heatertune.model.statistics import ar1_bic
 
 __all__ = ["demand_cause", "follows_temperature"]
 
@@ -22,6 +24,7 @@ _SURE = 10.0  # BIC points
 _BETTER = 0.5  # share of the sum of squares that the opposite sign has to reach: a heater's own fit may be poor
 _SHORT = 3.0  # sampling intervals: no heater's time constant
 _EXPLAINED = 0.3  # share of the power's moves that the temperature explains in a loop
+_USUAL = 0.9
 _MOVES = 0.1  # share of the readings at which a controller moves its power
 
 
@@ -38,10 +41,16 @@ def demand_cause(log: Log, problem: PowerProblem, fit: PowerFit | None) -> None:
     """
     problem = problem.thinned(_READINGS)
     fit = None if fit is None else problem.refined(fit.vector[None, :])
-    _demand_sign(log, problem, fit)
-    assert fit is not None
-    _demand_order(log, problem, fit)
-    _demand_effect(log, problem, fit)
+    opposite = replace(problem, sign=-1.0)
+    other = opposite.fit()
+    _demand_effect(log, problem, min(bic_of(opposite, other), np.inf if fit is None else bic_of(problem, fit)))
+    if fit is None or (
+        _squares(opposite, other) < _BETTER * _squares(problem, fit)
+        and bic_of(opposite, other) < bic_of(problem, fit) - _SURE
+    ):
+        _refuse_sign(log, problem, other)
+    else:
+        _demand_order(log, problem, fit)
 
 
 def follows_temperature(log: Log) -> bool:
@@ -58,7 +67,8 @@ def follows_temperature(log: Log) -> bool:
     inputs = [y[1:-1], y[2:], power[1:-1], np.ones(len(move))]
     if log.setpoint_degC is not None:
         inputs += [log.setpoint_degC[1:-1], log.setpoint_degC[2:]]
-    free = (power[2:] > power.min()) & (power[2:] < power.max())
+    # at a limit the power answers nothing, and the largest moves are the setpoint's
+    free = (power[2:] > power.min()) & (power[2:] < power.max()) & (np.abs(move) <= np.quantile(np.abs(move), _USUAL))
     if np.count_nonzero(free) < 4 * len(inputs):
         return False
     rest = [_unexplained(np.array(chosen).T[free], move[free]) for chosen in (inputs, inputs[2:])]
@@ -70,16 +80,9 @@ def _unexplained(inputs: Array, output: Array) -> float:
     return float(error @ error)
 
 
-def _demand_sign(log: Log, problem: PowerProblem, fit: PowerFit | None) -> None:
-    opposite = replace(problem, sign=-1.0)
-    other = opposite.fit()
-    if fit is not None and (
-        _squares(opposite, other) > _BETTER * _squares(problem, fit)
-        or bic_of(opposite, other) > bic_of(problem, fit) - _SURE
-    ):
-        return
+def _refuse_sign(log: Log, problem: PowerProblem, other: PowerFit) -> NoReturn:
     gain, lag = float(other.linear[GAIN]), float(np.exp(other.vector[0]))
-    told = f"{log.name}: the temperature falls as the power rises (gain {gain:.2g} °C/%, time constant {lag:.2g} s)"
+    told = f"{log.name}: the temperature falls as the power rises (gain {gain:.2g} °C/%, time constant {lag:.3g} s)"
     if lag < _SHORT * _sample(problem) and follows_temperature(log):
         raise InputError(
             f"{told}: this is the controller seen backwards, which moves the power as the temperature falls, and no "
@@ -103,13 +106,15 @@ def _demand_order(log: Log, problem: PowerProblem, fit: PowerFit) -> None:
         )
 
 
-def _demand_effect(log: Log, problem: PowerProblem, fit: PowerFit) -> None:
+def _demand_effect(log: Log, problem: PowerProblem, with_power: float) -> None:
     if len(problem.readings.level_pct) == 1:
         return  # constant power was accepted because the ambient is known
     still = replace(
         problem, sign=0.0, readings=replace(problem.readings, level_pct=np.zeros(len(problem.readings.level_pct)))
     )
-    if bic_of(still, still.fit()) <= bic_of(problem, fit):
+    idle = still.fit()
+    error = problem.readings.temperature_degC - idle.simulated_degC
+    if ar1_bic(error, idle.unknowns - 2) < with_power + _SURE:  # neither gain nor dead time
         raise InputError(
             f"{log.name}: the temperature does not follow the power within this log: the dead time is longer than the "
             "log, the heater was off, or the sensor sits elsewhere; log until the temperature has answered a step"
