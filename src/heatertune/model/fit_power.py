@@ -13,7 +13,7 @@ from heatertune.model.diagnosis import notes_of
 from heatertune.model.intervals import identified_parts
 from heatertune.model.loads import bic_of, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
-from heatertune.model.outliers import without_outliers
+from heatertune.model.outliers import tamed, without_outliers
 from heatertune.model.readings import Readings
 from heatertune.model.sanity import demand_cause
 from heatertune.model.statistics import ar1_bic, autocorrelation, fit_pct
@@ -84,17 +84,15 @@ def fit_power(
 
 def _search(log: Log, problem: PowerProblem) -> _Found:
     """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
-    whole = problem.readings
-    thin = problem.thinned(_READINGS)
-    fit = thin.fit()
-    cleaned, outliers = log.temperature_degC, np.empty(0, dtype=np.intp)
+    whole, measured = problem.readings, log.temperature_degC
+    cleaned, outliers = tamed(measured), np.empty(0, dtype=np.intp)
     for _ in range(_PASSES):
-        tried, found = without_outliers(log.temperature_degC, fit.linear @ problem.basis(fit.vector))
-        if np.array_equal(found, outliers):
-            break
-        cleaned, outliers = tried, found
-        thin = replace(thin, readings=replace(whole, temperature_degC=cleaned).thinned(_READINGS))
+        thin = replace(problem, readings=replace(whole, temperature_degC=cleaned).thinned(_READINGS))
         fit = thin.fit()
+        last = outliers
+        cleaned, outliers = without_outliers(measured, fit.linear @ problem.basis(fit.vector))
+        if np.array_equal(last, outliers):
+            break
     demand_cause(log, thin, None if fit.model is None else fit)
     problems = [thin, replace(thin, two_lags=True)]
     fits = [fit, problems[1].fit()]

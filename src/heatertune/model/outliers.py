@@ -12,13 +12,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import median_filter
 
-__all__ = ["sensor_step", "without_outliers"]
+__all__ = ["sensor_step", "tamed", "without_outliers"]
 
 Array = npt.NDArray[np.float64]
 
 _NEIGHBOURS = 11  # readings under the running median: up to five odd ones in a row stand out
 _COMMON = 0.05  # share of the readings: what lies off so often is the model's fault, not the sensor's
 _LIMIT = 6.0  # standard deviations: none of 100 million normal readings lies further off
+_WILD = 0.1
 _FEW_VALUES = 0.5  # of the readings: a column with more distinct values is not seen as quantised
 
 
@@ -34,6 +35,12 @@ def without_outliers(measured: Array, simulated: Array) -> tuple[Array, npt.NDAr
     if np.mean(odd) > _COMMON:
         odd = np.zeros(len(odd), dtype=np.bool_)
     return np.where(odd, measured - off, measured), np.flatnonzero(odd)
+
+
+def tamed(measured: Array) -> Array:
+    """Return the readings with wild ones, off by a tenth of the span, put where their neighbours are [°C]."""
+    smooth = _median(measured)
+    return np.where(np.abs(measured - smooth) > _WILD * float(np.ptp(smooth)), smooth, measured)
 
 
 def _median(values: Array) -> Array:

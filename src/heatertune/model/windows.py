@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from heatertune.log.values import MIN_SAMPLES, Log
+from heatertune.model.outliers import tamed
 
 __all__ = ["disturbance_s", "undisturbed"]
 
 _SHARE = 0.1  # of the log's span: a jump no heater makes between two readings
-_NEIGHBOURS = 11  # under a running median, which up to five odd readings in a row do not move
 _TIMES = 10.0  # the usual departure from the neighbouring slopes
 
 
@@ -21,15 +20,13 @@ def disturbance_s(log: Log) -> float | None:
     ten times the usual departure. Jumps within the first 20 readings are not looked for: they would leave
     too little to fit. A few odd readings that return are no jump.
     """
-    smooth = median_filter(log.temperature_degC, size=_NEIGHBOURS, mode="nearest")
-    span = float(np.ptp(smooth))
-    steady = np.where(np.abs(log.temperature_degC - smooth) > _SHARE * span, smooth, log.temperature_degC)
-    change = np.diff(steady)
+    readings = tamed(log.temperature_degC)
+    change = np.diff(readings)
     padded = np.pad(change, 3, mode="edge")
     usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, 7), axis=1)
     departure = np.abs(change - usual)
     typical = 1.4826 * float(np.median(departure))
-    threshold = max(_SHARE * span, _TIMES * typical)
+    threshold = max(_SHARE * float(np.ptp(readings)), _TIMES * typical)
     found = np.flatnonzero(departure > threshold)
     found = found[found >= MIN_SAMPLES]
     return float(log.time_s[found[0]]) if len(found) else None
