@@ -7,6 +7,7 @@ from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
 from heatertune.model.open_loop import PowerProblem
+from heatertune.model.readings import Readings
 from heatertune.model.values import Fopdt, Outcome, TwoLag
 
 
@@ -99,8 +100,8 @@ REFERENCE = {
 
 @pytest.mark.parametrize("name", REFERENCE)
 def test_real_logs_are_fitted_as_well_as_by_their_reference(real_logs, name):
-    fitted = PowerProblem(log=load_csv(real_logs / "normalised" / f"{name}.csv", name), two_lags=False).fit()
     log = load_csv(real_logs / "normalised" / f"{name}.csv", name)
+    fitted = PowerProblem(readings=Readings.of(log)).fit()
     error = np.linalg.norm(log.temperature_degC - fitted.simulated_degC)
     reached = 100.0 * (1.0 - error / np.linalg.norm(log.temperature_degC - log.temperature_degC.mean()))
     assert reached > REFERENCE[name][3] - 0.1
@@ -110,7 +111,7 @@ def test_real_logs_are_fitted_as_well_as_by_their_reference(real_logs, name):
 def test_the_reaction_curve_meets_the_published_sum_of_squares(real_logs):
     # SSE 145.5, gain 1.998, time constant 349 samples of 0.1 s, dead time 47.7 samples
     log = load_csv(real_logs / "normalised" / "pypidtune_prc.csv", "prc")
-    fitted = PowerProblem(log=log, two_lags=False).fit()
+    fitted = PowerProblem(readings=Readings.of(log)).fit()
     assert np.sum((fitted.simulated_degC - log.temperature_degC) ** 2) < 145.6
     assert fitted.model.gain_degC_per_pct == pytest.approx(1.998, rel=0.01)
     assert fitted.model.dead_time_s == pytest.approx(4.77, rel=0.02)

@@ -1,112 +1,165 @@
-"""The fit of a log with power: one lag as the working model, two lags beside it."""
+"""The fit of a log with power: one lag as the working model, and beside it whatever else explains the log."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.model.intervals import identified_parts, interval
+from heatertune.model.diagnosis import notes_of
+from heatertune.model.intervals import identified_parts
+from heatertune.model.loads import bic_of, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
-from heatertune.model.statistics import ar1_bic, autocorrelation, block_resamples, fit_pct
-from heatertune.model.values import Candidate, FittedModel, Fopdt, Interval, Outcome, Residuals
+from heatertune.model.outliers import tamed, without_outliers
+from heatertune.model.readings import Readings
+from heatertune.model.sanity import demand_cause
+from heatertune.model.statistics import ar1_bic, autocorrelation, fit_pct
+from heatertune.model.two_rates import fit_two_rates
+from heatertune.model.uncertainty import RATIO, intervals
+from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Interval, Outcome, Residuals
 
 __all__ = ["fit_power"]
 
 Array = npt.NDArray[np.float64]
 
-_RESAMPLES = 200
-_LONG = 5000  # readings; above, fewer resamples keep the wait short
+_READINGS = 1000  # averaged, in the search; what is reported is simulated at every reading
 _POOR = 60.0  # fit [%] below which no interval means anything
 _NEAR = 10.0  # BIC points
+_PASSES = 4  # of finding outliers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Found:
+    """The problems and fits of one lag and two, and the readings they were made on."""
+
+    problems: list[PowerProblem]
+    fits: list[PowerFit]
+    cleaned: Array
+    outliers: npt.NDArray[np.intp]
 
 
 def fit_power(
     log: Log, *, ambient_degC: float | None, power_before_pct: float | None, seed: int
 ) -> FittedModel:
-    """Return the FOPDT of a log with power, its bootstrap intervals, and the candidates (one lag, two lags)."""
-    problems = [
-        PowerProblem(log=log, two_lags=two, ambient_degC=ambient_degC, power_before_pct=power_before_pct)
-        for two in (False, True)
-    ]
-    fits = [problem.fit() for problem in problems]
-    one = fits[0]
+    """Return the FOPDT of a log with power, its intervals, and the candidates.
+
+    Beside one lag: two lags, a time constant for heating and one for cooling, an integrator; a drift of the ambient
+    and load steps where the log asks for them.
+
+    Raises:
+        InputError: the power cannot have made the temperature (sign, clock, no answer at all).
+    """
+    problem = PowerProblem(
+        readings=Readings.of(log), ambient_degC=ambient_degC, power_before_pct=power_before_pct
+    )
+    found = _search(log, problem)
+    one, full = found.fits[0], replace(found.problems[0], readings=Readings.of(log))
     assert isinstance(one.model, Fopdt)
-    residuals = log.temperature_degC - one.simulated_degC
-    ci95 = _bootstrap(problems[0], one, residuals, seed)
-    if ambient_degC is not None:
-        ci95["ambient_degC"] = None
-    fit_one = fit_pct(log.temperature_degC, one.simulated_degC)
-    candidates = _candidates(log, fits)
+    simulated = one.linear @ full.basis(one.vector)
+    ci95: dict[str, Interval | None] = {**intervals(found.problems[0], one, seed=seed)}
+    ratio = ci95.pop(RATIO)
+    candidates = _candidates(log, found, ci95["time_constant_s"])
+    known = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
+    fit = fit_pct(found.cleaned, simulated)
+    assert ratio is not None
     return FittedModel(
         model=one.model,
-        outcome=_outcome(fit_one, ci95),
-        method="exact simulation with the logged power, free initial state; block bootstrap",
+        outcome=Outcome.POOR_FIT if fit < _POOR else Outcome.IDENTIFIED if known else Outcome.COMBINATIONS_ONLY,
+        method="exact simulation with the logged power, free initial state; "
+        "intervals: profile likelihood or block bootstrap, whichever reaches further",
         ci95=ci95,
+        combinations={} if known else {RATIO: (one.model.gain_degC_per_pct / one.model.time_constant_s, ratio)},
         candidates=candidates,
-        fit_pct=fit_one,
-        notes=_notes(log, one, candidates, ambient_degC),
+        fit_pct=fit,
+        notes=notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
         residuals=Residuals(
-            time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=one.simulated_degC,
-            autocorrelation=autocorrelation(residuals),
+            time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
+            autocorrelation=autocorrelation(found.cleaned - simulated),
         ),
     )
 
 
-def _bootstrap(problem: PowerProblem, fit: PowerFit, residuals: Array, seed: int) -> dict[str, Interval | None]:
-    resamples = _RESAMPLES if len(residuals) < _LONG else _RESAMPLES // 5
-    shaken = block_resamples(residuals, resamples, np.random.default_rng(seed))
-    values = problem.refit(fit.vector, fit.simulated_degC + shaken)
-    columns = {
-        "gain_degC_per_pct": (values[:, 0], 0.0, np.inf),
-        "time_constant_s": (values[:, 1], float(np.exp(problem.low[0])), float(np.exp(problem.high[0]))),
-        "dead_time_s": (values[:, 3], float(problem.low[1]), float(problem.high[1])),
-        "ambient_degC": (values[:, 4], -np.inf, np.inf),
-    }
-    return {name: interval(column, low, high) for name, (column, low, high) in columns.items()}
+def _search(log: Log, problem: PowerProblem) -> _Found:
+    """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
+    whole, measured = problem.readings, log.temperature_degC
+    cleaned, outliers = tamed(measured), np.empty(0, dtype=np.intp)
+    for _ in range(_PASSES):
+        thin = replace(problem, readings=replace(whole, temperature_degC=cleaned).thinned(_READINGS))
+        fit = thin.fit()
+        last = outliers
+        cleaned, outliers = without_outliers(measured, fit.linear @ problem.basis(fit.vector))
+        if np.array_equal(last, outliers):
+            break
+    demand_cause(log, thin, None if fit.model is None else fit)
+    problems = [thin, replace(thin, two_lags=True)]
+    fits = [fit, problems[1].fit()]
+    problems, fits = _started(problems, fits)
+    # a drift passes for loads and a load for a drift: each may come first
+    ways = [with_loads(*_drifting(problems, fits)), _drifting(*with_loads(problems, fits))]
+    problems, fits = min(ways, key=lambda way: min(map(bic_of, *way)))
+    if any(fit.model is None for fit in fits):
+        raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
+    return _Found(problems=problems, fits=fits, cleaned=cleaned, outliers=outliers)
 
 
-def _candidates(log: Log, fits: list[PowerFit]) -> tuple[Candidate, ...]:
-    """Return the one-lag model and, where it explains the log nearly as well or better, the two-lag one."""
-    bics = [ar1_bic(log.temperature_degC - fit.simulated_degC, fit.unknowns) for fit in fits]
-    found = []
-    for fit, bic in zip(fits, bics, strict=True):
-        error = log.temperature_degC - fit.simulated_degC
-        found.append(
-            Candidate(
-                model=fit.model, log=log.name, window_s=(float(log.time_s[0]), float(log.time_s[-1])),
-                law="power logged", fit_pct=fit_pct(log.temperature_degC, fit.simulated_degC),
-                rmse_degC=float(np.sqrt(np.mean(error**2))), delta_bic=bic - min(bics),
-            )
+def _started(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
+    """Return the better of two starts, where the log begins with power: the same power before, or none."""
+    first = problems[0]
+    if first.power_before_pct is not None or first.readings.level_pct[0] == 0.0:
+        return problems, fits
+    others = [replace(p, power_before_pct=0.0) for p in problems]
+    tried = _refitted(others, fits)
+    better = min(map(bic_of, others, tried)) < min(map(bic_of, problems, fits))
+    return (others, tried) if better else (problems, fits)
+
+
+def _drifting(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
+    """Return the fits with a drift of the ambient where one lag and two both ask for it."""
+    others = [replace(p, drift=True) for p in problems]
+    tried = _refitted(others, fits)
+    worth = min(bic_of(p, f) - bic_of(o, t) for p, f, o, t in zip(problems, fits, others, tried, strict=True))
+    return (others, tried) if worth > _NEAR else (problems, fits)
+
+
+def _refitted(problems: list[PowerProblem], fits: list[PowerFit]) -> list[PowerFit]:
+    return [problem.refined(fit.vector[None, :]) for problem, fit in zip(problems, fits, strict=True)]
+
+
+def _candidates(log: Log, found: _Found, lag: Interval | None) -> tuple[Candidate, ...]:
+    """Return the one-lag model and every other that explains the log nearly as well or better."""
+    problem, one = found.problems[0], found.fits[0]
+    record = problem.readings.temperature_degC
+    tried: list[tuple[HeaterModel | None, Array, float, str]] = [
+        (fit.model, fit.simulated_degC, ar1_bic(record - fit.simulated_degC, fit.unknowns), law)
+        for fit, law in _fits_of(found, lag)
+    ]
+    if not problem.loads_s and not problem.drift:
+        rates = fit_two_rates(problem, one)
+        bic = ar1_bic(record - rates.simulated_degC, rates.unknowns)
+        if bic < min(found for _, _, found, _ in tried) - _NEAR:  # two faces of one heater have to be asked for
+            tried.append((rates.heating, rates.simulated_degC, bic, "power logged, heating"))
+            tried.append((rates.cooling, rates.simulated_degC, bic, "power logged, cooling"))
+    least = min(bic for _, _, bic, _ in tried)
+    return tuple(
+        Candidate(
+            model=model, log=log.name, window_s=(float(log.time_s[0]), float(log.time_s[-1])), law=law,
+            fit_pct=fit_pct(record, simulated), rmse_degC=float(np.sqrt(np.mean((record - simulated) ** 2))),
+            delta_bic=bic - least,
         )
-    return tuple(c for c in found if isinstance(c.model, Fopdt) or c.delta_bic < _NEAR)
+        for model, simulated, bic, law in tried
+        if model is not None and (model is one.model or bic - least < _NEAR)
+    )
 
 
-def _outcome(fit: float, ci95: dict[str, Interval | None]) -> Outcome:
-    if fit < _POOR:
-        return Outcome.POOR_FIT
-    needed = ("gain_degC_per_pct", "time_constant_s")
-    return Outcome.IDENTIFIED if all(identified_parts(ci95[n]) for n in needed) else Outcome.COMBINATIONS_ONLY
-
-
-def _notes(
-    log: Log, one: PowerFit, candidates: tuple[Candidate, ...], ambient_degC: float | None
-) -> tuple[str, ...]:
-    notes = []
-    if len(candidates) > 1 and candidates[0].delta_bic > _NEAR:
-        two = candidates[1].model
-        notes.append(
-            f"Two lags ({two.lags_s[0]:.3g} s, {two.lags_s[1]:.3g} s, dead time {two.dead_time_s:.3g} s) explain "
-            f"{log.name} better than one (BIC {candidates[0].delta_bic:.0f} points): tuning and proof run on both."
-        )
-    if ambient_degC is not None:
-        notes.append(f"The ambient temperature of {ambient_degC:g} °C was given, not fitted.")
-    assert log.power_pct is not None
-    if log.power_pct[0] > 0.0:
-        notes.append(
-            f"The log begins with {log.power_pct[0]:g} % power; the initial state was fitted, but what the power was "
-            "before (--power-before) decides the dead time where no later step shows it."
-        )
-    if one.on_bound:
-        notes.append(f"On a bound of the search: {', '.join(one.on_bound)}.")
-    return tuple(notes)
+def _fits_of(found: _Found, lag: Interval | None) -> list[tuple[PowerFit, str]]:
+    """Return one lag, two where the second is seen, and the integrator where the time constant is open upwards."""
+    one, two = found.fits
+    fits = [(one, "power logged")]
+    if "second_time_constant_s" not in two.on_bound:
+        fits.append((two, "power logged"))
+    if lag is not None and lag.high is None:
+        fits.append((found.problems[0].far(), "power logged, as an integrator"))
+    return fits

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from heatertune.model.statistics import percentile_interval
 from heatertune.model.values import Interval
 
-__all__ = ["envelope", "identified", "identified_parts", "interval"]
+__all__ = ["envelope", "hull", "identified", "identified_parts", "interval"]
 
 Array = npt.NDArray[np.float64]
 
@@ -28,6 +28,13 @@ def envelope(parts: Interval, values: list[float]) -> Interval:
     """Return the interval widened until it holds every value."""
     low = None if parts.low is None else min(parts.low, *values)
     high = None if parts.high is None else max(parts.high, *values)
+    return Interval(low=low, high=high)
+
+
+def hull(first: Interval, second: Interval) -> Interval:
+    """Return the narrowest interval that holds both; an end that is open in one stays open."""
+    low = None if first.low is None or second.low is None else min(first.low, second.low)
+    high = None if first.high is None or second.high is None else max(first.high, second.high)
     return Interval(low=low, high=high)
 
 

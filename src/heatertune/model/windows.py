@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from heatertune.log.values import MIN_SAMPLES, Log
+from heatertune.model.outliers import tamed
 
 __all__ = ["disturbance_s", "undisturbed"]
 
@@ -17,14 +18,15 @@ def disturbance_s(log: Log) -> float | None:
 
     A jump departs from the median slope of its neighbours by more than a tenth of the log's span and by more than
     ten times the usual departure. Jumps within the first 20 readings are not looked for: they would leave
-    too little to fit.
+    too little to fit. A few odd readings that return are no jump.
     """
-    change = np.diff(log.temperature_degC)
+    readings = tamed(log.temperature_degC)
+    change = np.diff(readings)
     padded = np.pad(change, 3, mode="edge")
     usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, 7), axis=1)
     departure = np.abs(change - usual)
     typical = 1.4826 * float(np.median(departure))
-    threshold = max(_SHARE * float(np.ptp(log.temperature_degC)), _TIMES * typical)
+    threshold = max(_SHARE * float(np.ptp(readings)), _TIMES * typical)
     found = np.flatnonzero(departure > threshold)
     found = found[found >= MIN_SAMPLES]
     return float(log.time_s[found[0]]) if len(found) else None

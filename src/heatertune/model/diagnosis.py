@@ -1,0 +1,132 @@
+"""What a fit with power has to say in plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.log.values import Log
+from heatertune.model.intervals import identified_parts
+from heatertune.model.open_loop import PowerFit, PowerProblem
+from heatertune.model.outliers import sensor_step
+from heatertune.model.projection import COLUMNS, DRIFT
+from heatertune.model.sanity import follows_temperature
+from heatertune.model.values import Candidate, Interval
+
+__all__ = ["notes_of"]
+
+Array = npt.NDArray[np.float64]
+
+_NEAR = 10.0  # BIC points
+_SETTLED = 3.0  # time constants of held power, after which 5 % of a step are left
+_NAMED = 5  # instants that are listed
+
+
+def notes_of(
+    log: Log, problem: PowerProblem, fit: PowerFit, ci95: Mapping[str, Interval | None],
+    candidates: tuple[Candidate, ...], outliers: npt.NDArray[np.intp],
+) -> tuple[str, ...]:
+    """Return what was found, assumed and cannot be known, one sentence each."""
+    return (
+        *_readings(log, problem, outliers),
+        *_power_before(log, problem),
+        *_disturbed(log, problem, fit),
+        *_limits(log, problem.readings.edge_s, fit, ci95),
+        *_rivals(log, candidates),
+    )
+
+
+def _readings(log: Log, problem: PowerProblem, outliers: npt.NDArray[np.intp]) -> list[str]:
+    told = []
+    assert log.power_pct is not None
+    step = sensor_step(log.temperature_degC)
+    if step is not None:
+        told.append(f"The sensor's readings come in steps of {step:.3g} °C.")
+    if len(outliers):
+        named = ", ".join(f"{t:g}" for t in log.time_s[outliers[:_NAMED]])
+        more = f" and {len(outliers) - _NAMED} more" if len(outliers) > _NAMED else ""
+        told.append(f"Readings far off their neighbours were given no weight: {len(outliers)} (at {named} s{more}).")
+    if problem.readings.averaged > 1:
+        merged = len(problem.readings.edge_s) <= np.count_nonzero(np.diff(log.power_pct))
+        told.append(
+            f"Runs of up to {problem.readings.averaged} readings were averaged for the search, "
+            "and the model over the same runs; the power's edges were kept exactly"
+            f"{', but for small ones that follow closely, which were averaged' if merged else ''}."
+        )
+    return told
+
+
+def _power_before(log: Log, problem: PowerProblem) -> list[str]:
+    assert log.power_pct is not None
+    told = []
+    if problem.ambient_degC is not None:
+        told.append(f"The ambient temperature of {problem.ambient_degC:g} °C was given, not fitted.")
+    first = log.power_pct[0]
+    if first > 0.0 and problem.power_before_pct is None:
+        told.append(
+            f"The log begins with {first:g} % power already on, and nothing before it: no steady start was assumed, "
+            "which can more than double the gain; if you know the power before, give --power-before."
+        )
+    elif first > 0.0 and problem.power_before_pct == 0.0:
+        told.append(
+            f"The log begins with {first:g} % power already on; it was taken as 0 % before, which --power-before "
+            "would settle, and no steady start was assumed, which can more than double the gain."
+        )
+    return told
+
+
+def _disturbed(log: Log, problem: PowerProblem, fit: PowerFit) -> list[str]:
+    told = []
+    if problem.drift:
+        told.append(f"The ambient drifts by {3600.0 * fit.linear[DRIFT]:.2g} °C/h; the drift was fitted.")
+    for instant, size in zip(problem.loads_s, fit.linear[COLUMNS:], strict=True):
+        told.append(
+            f"At {instant:.4g} s an unlogged load, or a change of the heater itself, begins that "
+            f"{'warms' if size > 0 else 'cools'} {log.name} by {abs(size):.2g} °C in the long run; it was fitted "
+            "beside the power."
+        )
+    if follows_temperature(log):
+        told.append(
+            "The power answers the temperature: the log is of a closed loop, in which noise and loads reach the power "
+            "and pull a direct fit; an open-loop step would settle the model."
+        )
+    return told
+
+
+def _limits(log: Log, edges: Array, fit: PowerFit, ci95: Mapping[str, Interval | None]) -> list[str]:
+    told = []
+    assert fit.model is not None
+    if not all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s")):
+        full = 100.0 * fit.model.gain_degC_per_pct / fit.model.lags_s[0]
+        longest = float(np.max(np.diff([*edges, log.time_s[-1]])))
+        reason = (
+            "the log never reaches steady state (pulses and truncated tests fix no more)"
+            if longest < _SETTLED * fit.model.lags_s[0]
+            else "what the model leaves over is slow, and passes for gain or ambient"
+        )
+        told.append(f"Gain and time constant are known only as a ratio, {full:.2g} °C/s at full power: {reason}.")
+    if fit.on_bound:
+        told.append(f"On a bound of the search: {', '.join(fit.on_bound)}.")
+    return told
+
+
+def _rivals(log: Log, candidates: tuple[Candidate, ...]) -> list[str]:
+    told = []
+    better = candidates[0].delta_bic
+    two = next((c.model for c in candidates if len(c.model.lags_s) > 1), None)
+    if two is not None and better > _NEAR:
+        told.append(
+            f"Two lags ({two.lags_s[0]:.3g} s, {two.lags_s[1]:.3g} s, dead time {two.dead_time_s:.3g} s) explain "
+            f"{log.name} better than one (BIC {better:.0f} points): tuning and proof run on both."
+        )
+    faces = [c for c in candidates if c.law.endswith(("heating", "cooling"))]
+    if faces and better > _NEAR:
+        told.append(
+            f"{log.name} warms with a time constant of {faces[0].model.time_constant_s:.3g} s and cools with "
+            f"{faces[1].model.time_constant_s:.3g} s: tuning and proof run on both."
+        )
+    if any(c.law.endswith("integrator") for c in candidates):
+        told.append("No curvature is seen: an integrator explains the log as well and is one of the candidates.")
+    return told

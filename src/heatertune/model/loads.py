@@ -1,0 +1,66 @@
+"""Load steps at unknown instants: a lid that stays open, a door, another heater that comes on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.model.open_loop import PowerFit, PowerProblem
+from heatertune.model.statistics import ar1_bic
+
+__all__ = ["bic_of", "with_loads"]
+
+Array = npt.NDArray[np.float64]
+
+_MOST = 3
+_GAIN = 20.0  # BIC points a load step has to be worth: its instant is chosen among many
+_INSTANTS = 80
+_ROUNDS = 3
+
+
+def bic_of(problem: PowerProblem, fit: PowerFit) -> float:
+    """Return the criterion of a fit on its problem's readings."""
+    return ar1_bic(problem.readings.temperature_degC - fit.simulated_degC, fit.unknowns)
+
+
+def with_loads(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
+    """Return the problems and fits with the load steps that every one of them asks for.
+
+    A step that only the poorer model wants covers that model's own fault.
+    """
+    for _ in range(_MOST):
+        bics = [bic_of(problem, fit) for problem, fit in zip(problems, fits, strict=True)]
+        best = int(np.argmin(bics))
+        trial, found = problems, fits
+        for _ in range(_ROUNDS):  # the load bends lags and dead time, and these its instant
+            instant = _instant(problems[best], found[best])
+            trial = [replace(problem, loads_s=(*problem.loads_s, instant)) for problem in problems]
+            found = [t.refined(fit.vector[None, :]) for t, fit in zip(trial, found, strict=True)]
+        gains = [bic - bic_of(t, f) for bic, t, f in zip(bics, trial, found, strict=True)]
+        if min(gains) < _GAIN:
+            break
+        problems, fits = trial, found
+    return problems, fits
+
+
+def _instant(problem: PowerProblem, fit: PowerFit) -> float:
+    """Return when a further load step would explain most, lags and dead time as they are."""
+    time = problem.readings.time_s
+    length = float(np.ptp(time))
+    tried = time[0] + np.linspace(0.03, 0.97, _INSTANTS) * length
+    spacing = float(tried[1] - tried[0])
+    best = float(tried[np.argmin([_criterion(problem, fit, t) for t in tried])])
+    for _ in range(4):
+        near = best + spacing * np.linspace(-0.75, 0.75, 7)
+        near = near[(near > time[0]) & (near < time[-1])]
+        best = float(near[np.argmin([_criterion(problem, fit, t) for t in near])])
+        spacing /= 3.0
+    return best
+
+
+def _criterion(problem: PowerProblem, fit: PowerFit, instant: float) -> float:
+    trial = replace(problem, loads_s=(*problem.loads_s, float(instant)))
+    residuals, _ = trial.solve(fit.vector[None, :], problem.readings.temperature_degC[None, :])
+    return ar1_bic(residuals[0], 0) if np.all(np.isfinite(residuals)) else np.inf

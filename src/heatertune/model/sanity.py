@@ -1,0 +1,129 @@
+"""Whether the power can have made the temperature: sign, order in time, and which drives which."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import InputError
+from heatertune.log.values import Log
+from heatertune.model.loads import bic_of
+from heatertune.model.open_loop import PowerFit, PowerProblem
+from heatertune.model.projection import GAIN
+from heatertune.model.statistics import ar1_bic
+
+__all__ = ["demand_cause", "follows_temperature"]
+
+Array = npt.NDArray[np.float64]
+
+_READINGS = 500
+_SURE = 10.0  # BIC points
+_BETTER = 0.5  # share of the sum of squares that the opposite sign has to reach: a heater's own fit may be poor
+_SHORT = 3.0  # sampling intervals: no heater's time constant
+_EXPLAINED = 0.3  # share of the power's moves that the temperature explains in a loop
+_USUAL = 0.9
+_MOVES = 0.1  # share of the readings at which a controller moves its power
+
+
+def demand_cause(log: Log, problem: PowerProblem, fit: PowerFit | None) -> None:
+    """Refuse a log in which the power cannot be the temperature's cause.
+
+    Args:
+        log: for its name and columns.
+        problem: of one lag.
+        fit: its best fit, None where no positive gain fits at all.
+
+    Raises:
+        InputError: the temperature falls as the power rises, moves before it, or does not follow it at all.
+    """
+    problem = problem.thinned(_READINGS)
+    fit = None if fit is None else problem.refined(fit.vector[None, :])
+    opposite = replace(problem, sign=-1.0)
+    other = opposite.fit()
+    _demand_effect(log, problem, min(bic_of(opposite, other), np.inf if fit is None else bic_of(problem, fit)))
+    if fit is None or (
+        _squares(opposite, other) < _BETTER * _squares(problem, fit)
+        and bic_of(opposite, other) < bic_of(problem, fit) - _SURE
+    ):
+        _refuse_sign(log, problem, other)
+    else:
+        _demand_order(log, problem, fit)
+
+
+def follows_temperature(log: Log) -> bool:
+    """Return whether the power looks like a controller's answer to the temperature.
+
+    The change of the power between two readings is regressed on the last two temperatures (and setpoints), where
+    the power is free to move.
+    """
+    power, y = log.power_pct, log.temperature_degC
+    assert power is not None
+    move = np.diff(power)[1:]
+    if np.count_nonzero(move) < _MOVES * len(move):
+        return False
+    inputs = [y[1:-1], y[2:], power[1:-1], np.ones(len(move))]
+    if log.setpoint_degC is not None:
+        inputs += [log.setpoint_degC[1:-1], log.setpoint_degC[2:]]
+    # at a limit the power answers nothing, and the largest moves are the setpoint's
+    free = (power[2:] > power.min()) & (power[2:] < power.max()) & (np.abs(move) <= np.quantile(np.abs(move), _USUAL))
+    if np.count_nonzero(free) < 4 * len(inputs):
+        return False
+    rest = [_unexplained(np.array(chosen).T[free], move[free]) for chosen in (inputs, inputs[2:])]
+    return rest[0] < (1.0 - _EXPLAINED) * rest[1]
+
+
+def _unexplained(inputs: Array, output: Array) -> float:
+    error = output - inputs @ np.linalg.lstsq(inputs, output, rcond=None)[0]
+    return float(error @ error)
+
+
+def _refuse_sign(log: Log, problem: PowerProblem, other: PowerFit) -> NoReturn:
+    gain, lag = float(other.linear[GAIN]), float(np.exp(other.vector[0]))
+    told = f"{log.name}: the temperature falls as the power rises (gain {gain:.2g} °C/%, time constant {lag:.3g} s)"
+    if lag < _SHORT * _sample(problem) and follows_temperature(log):
+        raise InputError(
+            f"{told}: this is the controller seen backwards, which moves the power as the temperature falls, and no "
+            "heater; log a step of the setpoint or an open-loop step of the power"
+        )
+    raise InputError(
+        f"{told}: a cooling loop, or the sensor of another zone; for a cooler log 100 − power as the power"
+    )
+
+
+def _demand_order(log: Log, problem: PowerProblem, fit: PowerFit) -> None:
+    length = float(np.ptp(problem.readings.time_s))
+    ahead = replace(problem, least_dead_time_s=-length / 4.0)
+    other = ahead.fit()
+    shift = -float(other.vector[1])
+    if shift > _sample(problem) and bic_of(ahead, other) < bic_of(problem, fit) - _SURE:
+        raise InputError(
+            f"{log.name}: the temperature moves {shift:.3g} s before the power that makes it: the two columns are in "
+            f"different clocks; take at least {shift:.3g} s off the power's time, and know that the dead time "
+            "is then what you assume"
+        )
+
+
+def _demand_effect(log: Log, problem: PowerProblem, with_power: float) -> None:
+    if len(problem.readings.level_pct) == 1:
+        return  # constant power was accepted because the ambient is known
+    still = replace(
+        problem, sign=0.0, readings=replace(problem.readings, level_pct=np.zeros(len(problem.readings.level_pct)))
+    )
+    idle = still.fit()
+    error = problem.readings.temperature_degC - idle.simulated_degC
+    if ar1_bic(error, idle.unknowns - 2) < with_power + _SURE:  # neither gain nor dead time
+        raise InputError(
+            f"{log.name}: the temperature does not follow the power within this log: the dead time is longer than the "
+            "log, the heater was off, or the sensor sits elsewhere; log until the temperature has answered a step"
+        )
+
+
+def _sample(problem: PowerProblem) -> float:
+    return float(np.median(np.diff(problem.readings.time_s))) / problem.readings.averaged
+
+
+def _squares(problem: PowerProblem, fit: PowerFit) -> float:
+    return float(np.sum((problem.readings.temperature_degC - fit.simulated_degC) ** 2))

@@ -1,0 +1,196 @@
+"""Intervals of a fit with power: profile likelihood and block bootstrap, the wider of the two.
+
+The residuals of a heater are coloured, so a likelihood for white noise lies. The profile of the sum of squares is
+therefore scaled until its curvature gives the variance under first-order autoregressive noise (R. E. Chandler and
+S. Bate, "Inference for clustered data using the independence loglikelihood", Biometrika 94 (2007) 167–183). It
+sees what is skewed or open; the bootstrap sees colour of any other shape.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import t as student
+
+from heatertune.model.intervals import hull, interval
+from heatertune.model.open_loop import PowerFit, PowerProblem
+from heatertune.model.projection import AMBIENT, GAIN
+from heatertune.model.statistics import autocorrelation, block_resamples
+from heatertune.model.values import Interval
+
+__all__ = ["RATIO", "intervals"]
+
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.intp]
+
+RATIO = "gain_per_time_constant_degC_per_s_pct"
+
+_NAMES = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
+_READINGS = 400  # averaged: neighbours of coloured noise say little more than their mean
+_RESAMPLES = 200
+_LEAST_FREEDOM = 4.0
+_STEPS = np.array([0.6, 1.2, 1.7, 2.2, 3.0, 4.5, 8.0, 25.0])  # standard deviations from the best
+
+
+@dataclass(frozen=True, slots=True)
+class _Noise:
+    """Standard deviations of the parameters, their inflation by colour, and Student's 97.5 % point."""
+
+    deviation: dict[str, float]
+    inflation: dict[str, float]
+    variance: float
+    quantile: float
+
+
+def intervals(problem: PowerProblem, fit: PowerFit, *, seed: int) -> dict[str, Interval]:
+    """Return the 95 % interval of each parameter and of gain per time constant; an end on a bound is open."""
+    problem = problem.thinned(_READINGS)
+    fit = problem.refined(fit.vector[None, :])
+    noise = _noise(problem, fit)
+    ends = _ends(problem)
+    return {
+        name: hull(interval(values, *ends[name]), _profile(problem, fit, name, noise))
+        for name, values in _bootstrap(problem, fit, seed).items()
+        if name in noise.deviation
+    }
+
+
+def _ends(problem: PowerProblem) -> dict[str, tuple[float, float]]:
+    low, high = problem.low, problem.high
+    return {
+        "gain_degC_per_pct": (0.0, math.inf),
+        "time_constant_s": (math.exp(low[0]), math.exp(high[0])),
+        "dead_time_s": (float(low[1]), float(high[1])),
+        "ambient_degC": (-math.inf, math.inf),
+        RATIO: (0.0, math.inf),
+    }
+
+
+def _bootstrap(problem: PowerProblem, fit: PowerFit, seed: int) -> dict[str, Array]:
+    shaken = block_resamples(
+        problem.readings.temperature_degC - fit.simulated_degC, _RESAMPLES, np.random.default_rng(seed)
+    )
+    records = fit.simulated_degC + shaken
+    z = problem.minimum(np.tile(fit.vector, (len(records), 1)), records)
+    _, linear = problem.solve(z, records)
+    lag = np.exp(z[:, 0])
+    values = (linear[:, GAIN], lag, z[:, 1], linear[:, AMBIENT], linear[:, GAIN] / lag)
+    return dict(zip((*_NAMES, RATIO), values, strict=True))
+
+
+def _noise(problem: PowerProblem, fit: PowerFit) -> _Noise:
+    """Return what first-order autoregressive noise of the residuals' colour does to the parameters."""
+    jacobian, names = _jacobian(problem, fit)
+    residuals = problem.readings.temperature_degC - fit.simulated_degC
+    base, triangle = np.linalg.qr(jacobian)
+    rho, variance = _colour(residuals, base)
+    inverse = np.linalg.pinv(triangle)
+    lags = np.abs(np.subtract.outer(np.arange(len(residuals)), np.arange(len(residuals))))
+    white, coloured = inverse @ inverse.T, inverse @ (base.T @ rho**lags @ base) @ inverse.T
+    freedom = len(residuals) * (1.0 - rho) / (1.0 + rho) - jacobian.shape[1]
+    weights = {name: np.eye(len(names))[names.index(name)] for name in _NAMES if name in names}
+    gain, lag = _value(fit, "gain_degC_per_pct"), _value(fit, "time_constant_s")
+    weights[RATIO] = weights["gain_degC_per_pct"] / lag - weights["time_constant_s"] * gain / lag**2
+    spread = {name: float(w @ coloured @ w) for name, w in weights.items()}
+    return _Noise(
+        deviation={name: math.sqrt(variance * spread[name]) for name in weights},
+        inflation={name: spread[name] / max(float(w @ white @ w), 1e-300) for name, w in weights.items()},
+        variance=variance,
+        quantile=float(student.ppf(0.975, max(freedom, _LEAST_FREEDOM))),
+    )
+
+
+def _jacobian(problem: PowerProblem, fit: PowerFit) -> tuple[Array, list[str]]:
+    """Return the derivative of the temperature by each unknown, shape (m, p), and the unknowns' names."""
+    free = np.flatnonzero(np.isnan(problem.known))
+    called = {GAIN: "gain_degC_per_pct", AMBIENT: "ambient_degC"}
+    names = [called.get(int(i), str(i)) for i in free]
+    basis = [problem.basis(fit.vector)[i] for i in free]
+    for k, name in enumerate(("time_constant_s", "dead_time_s", "lag_ratio")):
+        if problem.high[k] == problem.low[k]:
+            continue
+        step = 1e-4 * (problem.high[k] - problem.low[k])
+        up, down = fit.vector.copy(), fit.vector.copy()
+        up[k], down[k] = min(up[k] + step, problem.high[k]), max(down[k] - step, problem.low[k])
+        change = fit.linear @ (problem.basis(up) - problem.basis(down)) / (up[k] - down[k])
+        basis.append(change / math.exp(fit.vector[0]) if k == 0 else change)
+        names.append(name)
+    return np.array(basis).T, names
+
+
+def _colour(residuals: Array, base: Array) -> tuple[float, float]:
+    """Return lag-one correlation and variance of the noise whose fit residuals would look like these on average.
+
+    A fit swallows slow noise, so that residuals look whiter and smaller than the noise was: what is expected of
+    them is computed for each correlation and compared.
+    """
+    m = len(residuals)
+    seen = float(np.clip(autocorrelation(residuals, 1)[0], 0.0, 0.99))
+    lags = np.abs(np.subtract.outer(np.arange(m), np.arange(m)))
+    tried = np.array([0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.99])
+    looks, left = np.empty(len(tried)), np.empty(len(tried))
+    for i, rho in enumerate(tried):
+        mixed = base.T @ (rho**lags)  # (p, m)
+        inner = mixed @ base
+        left[i] = m - np.trace(inner)
+        beside = (m - 1) * rho - np.sum(base[:-1].T * mixed[:, 1:]) - np.sum(base[1:].T * mixed[:, :-1])
+        looks[i] = (beside + np.sum((base[:-1] @ inner) * base[1:])) / left[i]
+    rho = float(np.interp(seen, np.maximum.accumulate(looks), tried))
+    return rho, float(residuals @ residuals) / float(np.interp(rho, tried, left))
+
+
+def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: _Noise) -> Interval:
+    """Return where the sum of squares, all other unknowns fitted anew, has risen by the 95 % share."""
+    low, high = _ends(problem)[name]
+    best = _value(fit, name)
+    limit = noise.quantile**2 * noise.inflation[name] * noise.variance
+    least = float(np.sum((problem.readings.temperature_degC - fit.simulated_degC) ** 2))
+    found = []
+    for side in (-1.0, 1.0):
+        values = np.clip(best + side * noise.deviation[name] * _STEPS, low, high)
+        rise = np.array([0.0, *np.maximum(_held(problem, fit, name, values) - least, 0.0)])
+        found.append(_crossing(np.array([best, *values]), rise, limit))
+    return Interval(low=found[0], high=found[1])
+
+
+def _crossing(values: Array, rise: Array, limit: float) -> float | None:
+    """Return where the rise first passes the limit, None where it never does before the end of the search."""
+    over = np.flatnonzero(~(rise < limit))
+    if not len(over):
+        return None
+    i = int(over[0])  # at least 1: the rise at the best value is 0
+    if not math.isfinite(rise[i]):
+        return float(values[i - 1])
+    a, b, c = math.sqrt(rise[i - 1]), math.sqrt(rise[i]), math.sqrt(limit)
+    return float(values[i - 1] + (values[i] - values[i - 1]) * (c - a) / (b - a))
+
+
+def _held(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Array:
+    """Return the least sum of squares with the named parameter held at each value."""
+    z = np.tile(fit.vector, (len(values), 1))
+    records = np.tile(problem.readings.temperature_degC, (len(values), 1))
+    held = {"time_constant_s": 0, "dead_time_s": 1}.get(name)
+    if held is not None:
+        z[:, held] = np.log(values) if held == 0 else values
+
+    def known(vectors: Array, rows: Rows) -> Array:
+        given = np.tile(problem.known, (len(rows), 1))
+        if name == RATIO:
+            given[:, GAIN] = values[rows] * np.exp(vectors[:, 0])
+        elif held is None:
+            given[:, GAIN if name == "gain_degC_per_pct" else AMBIENT] = values[rows]
+        return given
+
+    z = problem.minimum(z, records, known, held=held, iterations=12)
+    return np.asarray(np.sum(problem.solve(z, records, known)[0] ** 2, axis=1))
+
+
+def _value(fit: PowerFit, name: str) -> float:
+    gain, lag = float(fit.linear[GAIN]), math.exp(fit.vector[0])
+    return {
+        "gain_degC_per_pct": gain, "ambient_degC": float(fit.linear[AMBIENT]), "time_constant_s": lag,
+        "dead_time_s": float(fit.vector[1]), RATIO: gain / lag,
+    }[name]

@@ -1,0 +1,57 @@
+"""Real heater logs, read where they lie; figures of reference stand in their catalogue."""
+
+import numpy as np
+import pytest
+from tests.conftest import load_csv
+
+from heatertune.errors import InputError
+from heatertune.log import read_log
+from heatertune.log.values import Log
+from heatertune.model.fit import fit
+from heatertune.model.open_loop import PowerProblem
+from heatertune.model.readings import Readings
+
+
+def _open(real_logs, name):
+    return load_csv(real_logs / "normalised" / f"{name}.csv", name)
+
+
+def test_the_kelvin_log_meets_the_published_sum_of_squares(real_logs):
+    # SSE 82.96 K² with gain 0.9199 °C/%, time constant 138.1 s, dead time 14.2 s, a steady start assumed
+    log = read_log(
+        str(real_logs / "tclab_step_kelvin_pwm255.csv"), temperature_unit="K", power_full_scale=255.0
+    )
+    found = PowerProblem(readings=Readings.of(log)).fit()
+    assert np.sum((found.simulated_degC - log.temperature_degC) ** 2) < 82.96
+    fitted = fit(log)
+    for name, published in (("gain_degC_per_pct", 0.9199), ("time_constant_s", 138.1), ("dead_time_s", 14.2)):
+        assert fitted.ci95[name].low < published < fitted.ci95[name].high
+
+
+def _half(log, begun, ended):
+    keep = (log.time_s >= begun) & (log.time_s <= ended)
+    return Log(
+        name=f"{log.name} {begun:g}", source="", time_s=log.time_s[keep], temperature_degC=log.temperature_degC[keep],
+        power_pct=log.power_pct[keep],
+    )
+
+
+@pytest.mark.parametrize("name", ["apm_siso_doublet", "unal_prbs_open", "pds_tclab"])
+def test_the_halves_of_a_log_agree_within_their_intervals(real_logs, name):
+    log = _open(real_logs, name)
+    middle = 0.5 * (log.time_s[0] + log.time_s[-1])
+    first, second = (fit(_half(log, *ends)).ci95 for ends in ((log.time_s[0], middle), (middle, log.time_s[-1])))
+    for parameter in ("gain_degC_per_pct", "time_constant_s"):
+        a, b = first[parameter], second[parameter]
+        assert a.low is None or b.high is None or a.low < b.high
+        assert b.low is None or a.high is None or b.low < a.high
+
+
+def test_a_log_of_one_step_needs_the_ambient_and_then_gives_the_published_gain(real_logs):
+    # published with a steady start at the first reading: gain 0.8358 °C/%, time constant 150.5 s; a free start moves both
+    log = _open(real_logs, "kantor_tclab_step3")
+    with pytest.raises(InputError, match="--ambient"):
+        fit(log)
+    found = fit(log, ambient_degC=float(log.temperature_degC[0]), power_before_pct=0.0)
+    assert found.model.gain_degC_per_pct == pytest.approx(0.8358, rel=0.1)
+    assert found.model.time_constant_s == pytest.approx(150.5, rel=0.1)
