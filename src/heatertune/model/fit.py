@@ -13,12 +13,13 @@ from heatertune.model.closed_loop import Bounds
 from heatertune.model.feedback import feedback_notes
 from heatertune.model.fit_power import fit_power
 from heatertune.model.fit_temperature import fit_temperature
+from heatertune.model.known_controller import KnownController, compare, distinct, replay_notes, replayed
 from heatertune.model.law import ControllerLaw
 from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Outcome
 from heatertune.model.windows import undisturbed
 from heatertune.units import check
 
-__all__ = ["fit", "fit_together", "model_by_hand", "pool_candidates"]
+__all__ = ["fit", "fit_known", "fit_together", "model_by_hand", "pool_candidates"]
 
 
 def fit(
@@ -56,16 +57,52 @@ def fit(
         progress(f"{log.name}: fitting {len(laws)} controller laws inside the loop")
         found = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
     else:
-        known = None if bounds is None or bounds[0] < bounds[1] else bounds[0]
-        _demand_excitation(used, known)
         progress(f"{log.name}: fitting one and two lags to the logged power")
-        found = fit_power(used, ambient_degC=known, power_before_pct=power_before_pct, seed=seed)
-        end = None if bounds is None else _nearest_end(found, bounds)
-        if end is not None:
-            found = fit_power(used, ambient_degC=end, power_before_pct=power_before_pct, seed=seed)
-            notes += (f"Left free, the ambient leaves the given interval; its end of {end:g} °C was taken.",)
+        found = _fit_logged(used, bounds, power_before_pct, seed)
         notes += feedback_notes(used)
     return replace(found, notes=notes + found.notes)
+
+
+def fit_known(
+    log: Log,
+    controllers: Sequence[KnownController],
+    *,
+    setpoint_degC: float | None = None,
+    ambient_degC: float | Bounds | None = None,
+    power_before_pct: float = 0.0,
+    until_s: float | None = None,
+    seed: int = 1,
+    progress: Callable[[str], object] = str,
+) -> FittedModel:
+    """Identify the heater behind a log without power whose controller is known; see `known_controller`.
+
+    Args:
+        log: without power, its first reading at the controller's first scan.
+        controllers: the controller under each setting of what its manual leaves open, at least one.
+        setpoint_degC: constant setpoint [°C]; None: as logged.
+        ambient_degC, until_s, seed, progress: as in `fit`.
+        power_before_pct: power before the first reading [%]; the controller starts cold.
+
+    Raises:
+        InputError: as `known_controller.replayed` and `compare`.
+        OutOfRange: as `fit`.
+    """
+    bounds = _bounds(ambient_degC)
+    _check_given(log, bounds, None)
+    check("power_before_pct", power_before_pct, least=0.0, most=100.0)
+    used, notes = _used(log, until_s)
+    progress(f"{log.name}: running {controllers[0].name.partition(',')[0]} on the logged readings")
+    records = distinct([(each.name, replayed(used, each, setpoint_degC)) for each in controllers])
+    known = None if bounds is None or bounds[0] < bounds[1] else bounds[0]
+    progress(f"{log.name}: fitting one and two lags to each of {len(records)} records of power")
+    candidates, hypotheses = compare(records, ambient_degC=known, power_before_pct=power_before_pct)
+    best = next(record for name, record in records if f"{name} replayed" == hypotheses[0].law)
+    found = _fit_logged(best, bounds, power_before_pct, seed)
+    return replace(
+        found, candidates=tuple(candidates), hypotheses=tuple(hypotheses),
+        method=f"power by {hypotheses[0].law} on the logged readings; {found.method}",
+        notes=(*notes, *replay_notes(used, controllers, hypotheses), *feedback_notes(best), *found.notes),
+    )
 
 
 def fit_together(
@@ -160,6 +197,19 @@ def _used(log: Log, until_s: float | None) -> tuple[Log, tuple[str, ...]]:
 def _demand_laws(log: Log, laws: Sequence[ControllerLaw]) -> None:
     if not laws:
         raise InputError(f"{log.name}: the power was not logged and no controller law was given to run in the fit")
+
+
+def _fit_logged(log: Log, bounds: Bounds | None, power_before_pct: float | None, seed: int) -> FittedModel:
+    """Return the fit of a log with power; a free ambient that leaves its interval is taken at the nearest end."""
+    known = None if bounds is None or bounds[0] < bounds[1] else bounds[0]
+    _demand_excitation(log, known)
+    found = fit_power(log, ambient_degC=known, power_before_pct=power_before_pct, seed=seed)
+    end = None if bounds is None else _nearest_end(found, bounds)
+    if end is None:
+        return found
+    held = fit_power(log, ambient_degC=end, power_before_pct=power_before_pct, seed=seed)
+    note = f"Left free, the ambient leaves the given interval; its end of {end:g} °C was taken."
+    return replace(held, notes=(note, *held.notes))
 
 
 def _nearest_end(found: FittedModel, ambient_degC: Bounds) -> float | None:
