@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -43,6 +42,11 @@ class RoomController:
         """Interval between two scans [s]."""
         return self.room.timing(self.words).scan_s
 
+    @property
+    def resolution_degC(self) -> float:
+        """Step of the input module [°C]."""
+        return self.words.scaling.span_degC / self.room.counts
+
     def power_pct(self, temperature_degC: Array, setpoint_degC: Array) -> Array:
         """Return the power after each scan, from the cold state on [%]."""
         return np.array(powers(self.room, self.words, temperature_degC.tolist(), setpoint_degC.tolist(), self.switches))
@@ -58,18 +62,23 @@ def controllers(words: Words, known: Mapping[str, str] | None = None) -> list[Ro
     return [RoomController(room=found, words=words, switches=each) for each in settings_to_prove(found.switches, known)]
 
 
-def closed_again(log: Log, fitted: FittedModel, tried: list[RoomController], setpoint_degC: float) -> str:
+def closed_again(log: Log, fitted: FittedModel, tried: Sequence[RoomController], setpoint_degC: float | None) -> str:
     """Return how well the loop of the best model and its controller, closed in simulation, repeats the log."""
+    if setpoint_degC is None:
+        assert log.setpoint_degC is not None
+        if float(np.ptp(log.setpoint_degC)) > 0.0:
+            return "The loop was not closed again in simulation: the setpoint changes."
+        setpoint_degC = float(log.setpoint_degC[0])
     best = fitted.hypotheses[0]
     controller = next(each for each in tried if best.law == f"{each.name} replayed")
     start, end = best.window_s
     part = log.window(start, end)
-    scenario: dict[str, Any] = {"setpoint_degC": setpoint_degC, "duration_s": end - start + controller.interval_s,
-                                "start_degC": float(part.temperature_degC[0])}
-    period = controller.words.sample_time_s
     try:
-        trace = simulate(controller.room, controller.words, best.model, Scenario(**scenario),
-                         Actuator(pwm_period_s=period), controller.switches)
+        scenario = Scenario(
+            setpoint_degC=setpoint_degC, duration_s=end - start, start_degC=float(part.temperature_degC[0]),
+        )
+        actuator = Actuator(pwm_period_s=controller.words.sample_time_s)
+        trace = simulate(controller.room, controller.words, best.model, scenario, actuator, controller.switches)
     except OutOfRange as problem:
         return f"The loop was not closed again in simulation: {problem}."
     repeated = trace.temperature_at(part.time_s - start)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from heatertune.model.closed_loop import Bounds
 from heatertune.model.feedback import feedback_notes
 from heatertune.model.fit_power import fit_power
 from heatertune.model.fit_temperature import fit_temperature
-from heatertune.model.known_controller import KnownController, compare, distinct, replay_notes, replayed
+from heatertune.model.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.law import ControllerLaw
 from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Outcome
 from heatertune.model.windows import undisturbed
@@ -80,11 +81,14 @@ def fit_known(
         log: without power, its first reading at the controller's first scan.
         controllers: the controller under each setting of what its manual leaves open, at least one.
         setpoint_degC: constant setpoint [°C]; None: as logged.
-        ambient_degC, until_s, seed, progress: as in `fit`.
+        ambient_degC: as in `fit`.
         power_before_pct: power before the first reading [%]; the controller starts cold.
+        until_s: as in `fit`.
+        seed: as in `fit`.
+        progress: as in `fit`.
 
     Raises:
-        InputError: as `known_controller.replayed` and `compare`.
+        InputError: as `known_controller.replayed`, or the power never changes.
         OutOfRange: as `fit`.
     """
     bounds = _bounds(ambient_degC)
@@ -92,16 +96,23 @@ def fit_known(
     check("power_before_pct", power_before_pct, least=0.0, most=100.0)
     used, notes = _used(log, until_s)
     progress(f"{log.name}: running {controllers[0].name.partition(',')[0]} on the logged readings")
-    records = distinct([(each.name, replayed(used, each, setpoint_degC)) for each in controllers])
     known = None if bounds is None or bounds[0] < bounds[1] else bounds[0]
-    progress(f"{log.name}: fitting one and two lags to each of {len(records)} records of power")
-    candidates, hypotheses = compare(records, ambient_degC=known, power_before_pct=power_before_pct)
-    best = next(record for name, record in records if f"{name} replayed" == hypotheses[0].law)
-    found = _fit_logged(best, bounds, power_before_pct, seed)
+    given: dict[str, Any] = {"ambient_degC": known, "power_before_pct": power_before_pct}
+    rated = rate(records(used, controllers, setpoint_degC), **given)
+    if not rated:
+        raise InputError(f"{log.name}: on these readings the controller's power never changes; is the setpoint right?")
+    leader = next(each for each in controllers if each.name == rated[0].name)
+    progress(f"{log.name}: fitting one and two lags to each record of its power")
+    offset = offset_degC(used, leader, setpoint_degC, **given)
+    if offset != 0.0:
+        rated = rate(records(used, controllers, setpoint_degC, offset), **given)
+    candidates, hypotheses = compare(rated)
+    found = _fit_logged(rated[0].log, bounds, power_before_pct, seed)
+    told = replay_notes(used, controllers, hypotheses, offset)
     return replace(
         found, candidates=tuple(candidates), hypotheses=tuple(hypotheses),
         method=f"power by {hypotheses[0].law} on the logged readings; {found.method}",
-        notes=(*notes, *replay_notes(used, controllers, hypotheses), *feedback_notes(best), *found.notes),
+        notes=(*notes, *told, *feedback_notes(rated[0].log), *found.notes),
     )
 
 
@@ -111,7 +122,6 @@ def fit_together(
     laws: Sequence[ControllerLaw],
     ambient_degC: float | Bounds | None = None,
     until_s: float | None = None,
-    thorough: bool = False,
     seed: int = 1,
     progress: Callable[[str], object] = str,
 ) -> FittedModel:
@@ -137,7 +147,7 @@ def fit_together(
     if len(set(names)) < len(names):
         raise InputError(f"{', '.join(names)}: one log given twice says nothing new; give different ones")
     progress(f"fitting one heater to {' and '.join(names)}")
-    found = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed, thorough=thorough)
+    found = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
     return replace(found, notes=(*notes, *found.notes))
 
 

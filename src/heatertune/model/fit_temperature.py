@@ -54,15 +54,16 @@ def fit_temperature(
     Args:
         logs: at least one.
         laws: hypotheses about the controller.
-        ambient_degC: bounds of the ambient temperature [°C]; equal ones where it is known, None around the first reading.
+        ambient_degC: bounds of the ambient temperature [°C]; equal where it is known, None: near the first reading.
         seed: of the random starts and the bootstrap.
-        thorough: carry every hypothesis to the end, however far behind it is.
+        thorough: carry every hypothesis of a single log to the end, however far behind it is.
     """
     used, notes = _thinned(logs)
     sought = [_sought(log) if ambient_degC is None else ambient_degC for log in used]
+    thorough = thorough and len(used) == 1
     alone = [fit_all(_single(log, laws, bounds), seed=seed, thorough=thorough)
              for log, bounds in zip(used, sought, strict=True)]
-    ranked = alone[0] if len(used) == 1 else fit_all(_joint(alone), seed=seed, thorough=thorough)
+    ranked = alone[0] if len(used) == 1 else fit_all(_joint(alone), seed=seed)
     kept = _kept(ranked)
     best = max(kept, key=lambda fit: fit.fit_pct)
     ranges = _ranges(best, kept, seed, ambient_degC)

@@ -59,8 +59,9 @@ def validation_notes(best: Fit, ranked: Sequence[Fit]) -> Iterable[str]:
     early = hypothesis.early(EARLY)
     ends = " and ".join(f"{segment.log.time_s[-1]:g} s" for segment in early.segments)
     step = "; the setpoint step could not be foreseen" if any(s.event for s in hypothesis.segments) else ""
+    verdict = "passes" if foretells(best) else "fails"
     yield (
-        f"The hold-out in time {'passes' if foretells(best) else 'fails'}: fitted up to {ends}, the model misses the later "
+        f"The hold-out in time {verdict}: fitted up to {ends}, the model misses the later "
         f"readings by {best.hold_out_rmse_degC:.2f} °C RMS, their own mean by {constant_rmse(hypothesis, early):.2f} °C"
         f"{step}."
     )
@@ -71,7 +72,8 @@ def validation_notes(best: Fit, ranked: Sequence[Fit]) -> Iterable[str]:
             f"On blocks left out of the fit {first.hypothesis.title} does best ({first.cross_rmse_degC:.2f} °C RMS), "
             f"not {best.hypothesis.title} ({best.cross_rmse_degC:.2f} °C)."
         )
-    for segment, part in zip(hypothesis.segments, hypothesis.parts(hypothesis.measured - best.simulated_degC), strict=True):
+    errors = hypothesis.parts(hypothesis.measured - best.simulated_degC)
+    for segment, part in zip(hypothesis.segments, errors, strict=True):
         if (found := ljung_box(part)) > LJUNG_BOX_95:
             yield (
                 f"The residuals of {segment.log.name} are not white: Ljung–Box over 20 lags is {found:.0f}, white ones "
@@ -82,12 +84,16 @@ def validation_notes(best: Fit, ranked: Sequence[Fit]) -> Iterable[str]:
 def joint_note(best: Fit, ranked: Sequence[Fit], alone: Sequence[Sequence[Fit]]) -> str:
     """Tell how well one heater serves all logs, and what that costs against a heater for each."""
     hypothesis = best.hypothesis
-    pairs = zip(hypothesis.parts(hypothesis.measured), hypothesis.parts(best.simulated_degC), strict=True)
-    fits = ", ".join(f"{fit_pct(*pair):.1f} % of {s.log.name}" for s, pair in zip(hypothesis.segments, pairs, strict=True))
+    simulated = hypothesis.parts(best.simulated_degC)
+    fits = ", ".join(
+        f"{fit_pct(segment.log.temperature_degC, part):.1f} % of {segment.log.name}"
+        for segment, part in zip(hypothesis.segments, simulated, strict=True)
+    )
     dearer = ranked[0].bic - sum(fits_alone[0].bic for fits_alone in alone)
     judged = "one heater explains them as well as several" if dearer <= 0.0 else (
         "as numbers go, the logs ask for different heaters, or for something that no hypothesis has")
+    side = "above" if dearer > 0.0 else "below"
     return (
-        f"One heater for all logs: {fits} explained; {abs(dearer):.0f} BIC points {'above' if dearer > 0 else 'below'} a "
+        f"One heater for all logs: {fits} explained; {abs(dearer):.0f} BIC points {side} a "
         f"heater for each: {judged}. Curve and residuals are those of {hypothesis.segments[0].log.name}."
     )
