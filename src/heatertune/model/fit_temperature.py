@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from heatertune.log.values import Log
 from heatertune.model.closed_loop import Bounds, Hypothesis, Segment
+from heatertune.model.evidence import evidence_notes
 from heatertune.model.intervals import envelope, identified, interval
 from heatertune.model.law import ControllerLaw
 from heatertune.model.least_squares import minimise
@@ -221,7 +222,9 @@ def _notes(
     names = [segment.log.name for segment in hypothesis.segments]
     notes = ["Neither power nor setpoint was logged: the controller's law is a hypothesis, and setpoint and bias show "
              "only as their sum.", *event_notes(best), *lost_notes(names, lost, ranges),
-             ambient_note(ambient_degC, hypothesis.segments[0].ambient_degC), *validation_notes(best, ranked)]
+             ambient_note(ambient_degC, hypothesis.segments[0].ambient_degC),
+             *(note for s in hypothesis.segments for note in evidence_notes(s.log, s.ambient_degC)),
+             *validation_notes(best, ranked)]
     if lost:
         notes.append("A log of the power, or one open-loop step of known size until the temperature rests, settles it.")
     bound = [name for name in hypothesis.on_bound(best.vector) if name != "ambient_degC"]

@@ -67,7 +67,7 @@ def replayed(log: Log, controller: KnownController, setpoint_degC: float | None,
         raise InputError(
             f"{log.name}: {scans} scans of {h:g} s are too many to run (at most {_MOST_SCANS}); use --until"
         )
-    instants = h * np.arange(scans)
+    instants: Array = h * np.arange(scans, dtype=np.float64)
     held = np.maximum(np.searchsorted(time, instants + 1e-9 * h, side="right") - 1, 0)
     asked = np.full(scans, setpoint_degC) if log.setpoint_degC is None or setpoint_degC is not None else (
         log.setpoint_degC[held])
@@ -79,7 +79,7 @@ def _mean(time: Array, instants: Array, power: Array) -> Array:
     """Return the mean of a held power from each row to the next; the last row has the last power."""
     ends = np.append(instants, max(time[-1], instants[-1]) + 1.0)
     energy = np.concatenate([[0.0], np.cumsum(power * np.diff(ends))])
-    means = np.diff(np.interp(time, ends, energy)) / np.diff(time)
+    means: Array = np.diff(np.interp(time, ends, energy)) / np.diff(time)
     return np.append(means, power[-1])
 
 

@@ -74,7 +74,7 @@ def hypothesis_table(model: Document) -> str:
     heads = ("law", "gain", "lags s", "dead s", "ambient", "fit %", "ΔBIC", "RMS", "foretold", "left out", "on a bound")
     rows = [heads]
     for each in model["hypotheses"]:
-        lags = [figure(each[f"{name}time_constant_s"], 3) for name in ("", "second_") if f"{name}time_constant_s" in each]
+        lags = [figure(each[name], 3) for name in ("time_constant_s", "second_time_constant_s") if name in each]
         fits = [figure(fit, 3) for fit in each["fits_pct"].values()] or [figure(each["fit_pct"], 3)]
         rows.append((
             each["law"], figure(each["gain_degC_per_pct"], 3), " + ".join(lags),
