@@ -69,7 +69,10 @@ def fall_bound(log: Log, coldest_degC: float) -> Bound | None:
 
 
 def rise_bound(log: Log) -> Bound:
-    """Return the least gain per time constant [°C/(s·%)]: the steepest rise over eight readings, by 100 %."""
+    """Return the least gain per time constant [°C/(s·%)]: the steepest rise over eight readings, by 100 %.
+
+    Two lags rise more slowly than the larger one alone would; but heat stored before the log may add to the rise.
+    """
     time, y = log.time_s, log.temperature_degC
     slopes = (y[_FEWEST - 1 :] - y[: 1 - _FEWEST]) / (time[_FEWEST - 1 :] - time[: 1 - _FEWEST])
     k = int(np.argmax(slopes))
@@ -101,8 +104,8 @@ def evidence_notes(log: Log, ambient_degC: Bounds) -> Iterable[str]:
     fall, rise = fall_bound(log, ambient_degC[0]), rise_bound(log)
     heat_up, cooling = saturated_heat_up(log), free_cooling(log, ambient_degC)
     yield (
-        f"Whatever the controller of {log.name}: gain per time constant is at least {rise.value:.2g} °C/(s·%) (rise "
-        f"from {rise.start_s:g} to {rise.end_s:g} s)" + ("" if fall is None else (
+        f"Whatever the controller of {log.name}: gain per time constant is at least {rise.value:.2g} °C/(s·%), unless "
+        f"heat was stored before (rise from {rise.start_s:g} to {rise.end_s:g} s)" + ("" if fall is None else (
             f", and a single lag's time constant at most {fall.value:.0f} s (fall from {fall.start_s:g} to "
             f"{fall.end_s:g} s, ambient at least {ambient_degC[0]:.1f} °C)")) + "."
     )
@@ -161,17 +164,28 @@ def _exponential(log: Log, first: int, last: int, quiet: float) -> Stretch | Non
     """Return the one-lag curves that explain some readings as well as the best (95 %), None where none is quiet."""
     y, elapsed = log.temperature_degC[first : last + 1], log.time_s[first : last + 1] - log.time_s[first]
     n = len(y)
-    lags = np.geomspace(2.0 * elapsed[-1] / (n - 1), 50.0 * elapsed[-1], _LAGS)
+    coarse = np.geomspace(2.0 * elapsed[-1] / (n - 1), 50.0 * elapsed[-1], _LAGS)
+    near = _as_good(_curves(elapsed, y, coarse)[1], n)
+    is_open = near[0] == 0, near[-1] == _LAGS - 1
+    lags = np.geomspace(coarse[max(near[0] - 1, 0)], coarse[min(near[-1] + 1, _LAGS - 1)], _LAGS)
+    aim, cost = _curves(elapsed, y, lags)
+    if np.sqrt(float(cost.min()) / n) > quiet:
+        return None
+    near = _as_good(cost, n)
+    ends = float(log.time_s[first]), float(log.time_s[last])
+    between = 0.0 if is_open[0] else float(lags[near[0]]), np.inf if is_open[1] else float(lags[near[-1]])
+    return Stretch(*ends, between, (float(aim[near].min()), float(aim[near].max())))
+
+
+def _curves(elapsed: Array, y: Array, lags: Array) -> tuple[Array, Array]:
+    """Return the aim of the best exponential of each time constant, and its sum of squares."""
     shape = np.exp(-elapsed / lags[:, None])
     centred = shape - shape.mean(axis=1, keepdims=True)
     height = centred @ (y - y.mean()) / np.einsum("lt,lt->l", centred, centred)
     aim = y.mean() - height * shape.mean(axis=1)
-    cost = np.sum((y - aim[:, None] - height[:, None] * shape) ** 2, axis=1)
-    best = float(cost.min())
-    if np.sqrt(best / n) > quiet:
-        return None
-    near = np.flatnonzero(cost <= best * (1.0 + _CHI2 / (n - 3)) + 1e-12)
-    shortest = 0.0 if near[0] == 0 else float(lags[near[0]])
-    longest = np.inf if near[-1] == _LAGS - 1 else float(lags[near[-1]])
-    ends = float(log.time_s[first]), float(log.time_s[last])
-    return Stretch(*ends, (shortest, longest), (float(aim[near].min()), float(aim[near].max())))
+    return aim, np.sum((y - aim[:, None] - height[:, None] * shape) ** 2, axis=1)
+
+
+def _as_good(cost: Array, n: int) -> npt.NDArray[np.intp]:
+    """Return which curves explain n readings as well as the best: three numbers are fitted."""
+    return np.flatnonzero(cost <= float(cost.min()) * (1.0 + _CHI2 / (n - 3)) + 1e-12)

@@ -14,6 +14,7 @@ Array = npt.NDArray[np.float64]
 _EXPLAINED = 0.8  # share of the power's variance that the temperature and its sum explain
 _MOVING = 0.2  # share of readings at which a controller's power changes
 _SWITCHES = 3  # of a two-level controller, each way
+_SCATTER = 0.1  # of the temperature's span, within which a two-level controller switches
 _FEW = 10  # readings with the power between its limits; fewer show no law
 _APART = 0.2  # of the span between first and last reading: the loop had to heat up
 
@@ -41,12 +42,15 @@ def is_feedback(log: Log) -> bool:
 
 
 def _is_two_level(power: Array, temperature: Array) -> bool:
-    """Return whether the power is switched on below one temperature and off above another."""
+    """Return whether the power is switched on at one temperature and off at a higher one, always the same."""
     if len(np.unique(power)) != 2:
         return False
     change = np.diff(power)
     on, off = temperature[1:][change > 0.0], temperature[1:][change < 0.0]
-    return min(len(on), len(off)) >= _SWITCHES and float(np.max(on)) <= float(np.min(off))
+    if min(len(on), len(off)) < _SWITCHES:
+        return False
+    same = max(float(np.ptp(on)), float(np.ptp(off))) < _SCATTER * float(np.ptp(temperature))
+    return same and float(np.max(on)) <= float(np.min(off))
 
 
 def _is_linear(log: Log, power: Array) -> bool:
