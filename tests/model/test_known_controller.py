@@ -49,7 +49,7 @@ def test_the_power_comes_back_to_the_last_bit_where_the_log_holds_what_the_contr
 
 @pytest.mark.long
 @pytest.mark.parametrize("plant", [ONE, TWO], ids=["one lag", "two lags"])
-@pytest.mark.parametrize("target", ["s5-ob251", "s7-200-pid", "s7-300", "fb41", "weg", "on-off"])
+@pytest.mark.parametrize("target", ["s5-ob251", "s7-300", "weg", "on-off"])
 def test_the_heater_behind_a_known_controller_is_found(target, plant):
     fitted = fit_known(_log(_trace(target, plant), target), controllers(_words(target)), setpoint_degC=SETPOINT)
     best = next(each for each in fitted.hypotheses if each.law == f"{target} replayed")  # as it was simulated

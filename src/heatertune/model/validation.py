@@ -44,10 +44,14 @@ def constant_rmse(hypothesis: Hypothesis, early: Hypothesis) -> float:
 
 
 def cross_rmse(hypothesis: Hypothesis, vector: Array) -> float:
-    """Return the error on blocks of readings that were left out of the fit, each block once [°C]."""
+    """Return the error on blocks of readings that were left out of the fit, each block once [°C].
+
+    The first block of a log stays in: without it nothing tells where the heater began.
+    """
     measured = hypothesis.measured
-    block = np.arange(len(measured)) * _BLOCKS // len(measured)
-    left_out = np.array([block % _FOLDS == fold for fold in range(_FOLDS)])
+    rows = [len(segment.log.time_s) for segment in hypothesis.segments]
+    block = np.concatenate([np.arange(n) * _BLOCKS // n for n in rows])
+    left_out = np.array([(block % _FOLDS == fold) & (block > 0) for fold in range(_FOLDS)])
 
     def residuals(z: Array, rows: npt.NDArray[np.intp]) -> Array:
         return np.where(left_out[rows], 0.0, hypothesis.simulate(z) - measured)
