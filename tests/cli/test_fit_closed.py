@@ -43,8 +43,8 @@ def test_a_known_controller_gives_the_heater_and_the_table_of_its_open_points(ru
     status, out, _ = run(*given, "--json", "--quiet")
     document = json.loads(out)
     assert status == 0
-    assert document["gain_degC_per_pct"] == pytest.approx(0.6, rel=0.1)
-    assert document["time_constant_s"] == pytest.approx(300.0, rel=0.1)
+    assert document["gain_degC_per_pct"] == pytest.approx(0.6, rel=0.12)
+    assert document["time_constant_s"] == pytest.approx(300.0, rel=0.12)
     assert document["dead_time_s"] == pytest.approx(25.0, abs=4.0)
     assert len(document["hypotheses"]) > 2
     assert any("Closed again in simulation" in note for note in document["notes"])

@@ -69,6 +69,6 @@ def test_an_open_loop_record_is_no_feedback(kind):
         "random": np.repeat(np.random.default_rng(2).uniform(10.0, 90.0, 24), 10),
     }[kind]
     sequence = iter(power)
-    open_loop = _loop(lambda error, total, was: (next(sequence), total), HELD)
+    open_loop = _loop(lambda _error, total, _was: (next(sequence), total), HELD)
     assert feedback_notes(open_loop) == ()
     assert not is_feedback(open_loop)

@@ -21,16 +21,16 @@ class _Counting:
     def check(self, words):
         assert words is WORDS
 
-    def timing(self, words):
+    def timing(self, _words):
         return Timing(scan_s=1.0, pwm_period_s=self.pwm_period_s)
 
-    def measure(self, words, temperature_degC):
+    def measure(self, _words, temperature_degC):
         return int(temperature_degC)
 
-    def start(self, words, switches):
+    def start(self, _words, _switches):
         return 0
 
-    def step(self, words, state, setpoint, reading, switches, *, cycle_start=True):
+    def step(self, _words, state, setpoint, reading, switches, *, cycle_start=True):
         sign = 1 if switches["sign"] == "plus" else -1
         return state + 1, Scan(power_pct=sign * (setpoint - reading) + state + 50.0 * cycle_start, output=0)
 
