@@ -120,6 +120,8 @@ def test_one_heater_explains_both_tables_as_well_as_the_identification_page_says
     assert 50.0 < fitted.model.dead_time_s < 66.0
     assert fitted.outcome is Outcome.COMBINATIONS_ONLY, "the hold-out fails, so the intervals hold under a hypothesis"
     assert fitted.candidates[0].log == "table3 + table4"
+    for each in fitted.candidates:
+        assert min(each.fits_pct.values()) <= each.fit_pct <= max(each.fits_pct.values()), "no merit in the logs' levels"
     assert any("BIC points above a heater for each" in note for note in fitted.notes)
     assert "table4: setpoint_step_at_s" in fitted.candidates[0].controller
     assert "table3: setpoint_step_at_s" not in fitted.candidates[0].controller
