@@ -8,11 +8,15 @@ from dataclasses import replace
 from typing import Any
 
 from heatertune import cache
+from heatertune.chain.known import closed_again, controllers
 from heatertune.errors import ExportRefused
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
+from heatertune.model.closed_loop import Bounds
 from heatertune.model.fit import fit as fit_log
+from heatertune.model.fit import fit_known as fit_log_known
+from heatertune.model.fit import fit_together as fit_logs
 from heatertune.model.fit import pool_candidates
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid import document as pid_document
@@ -24,7 +28,10 @@ from heatertune.plc import Certificate, Scaling, Words, room
 from heatertune.proof import Actuator, Interlock, Limits, Proof, scenario_for
 from heatertune.proof import prove as prove_words
 
-__all__ = ["Told", "default_pwm_period_s", "default_setpoint", "encode", "export", "fit", "labelled", "prove", "tune"]
+__all__ = [
+    "Told", "default_pwm_period_s", "default_setpoint", "encode", "export", "fit", "fit_known", "fit_together",
+    "labelled", "prove", "tune",
+]
 
 Told = Callable[[str], object]
 
@@ -33,23 +40,26 @@ ROOM_DEGC = 20.0
 
 
 def fit(
-    log: Log, *, ambient_degC: float | None = None, power_before_pct: float | None = None, until_s: float | None = None,
-    companions: bool = False, progress: Told = str,
+    log: Log, *, ambient_degC: float | Bounds | None = None, power_before_pct: float | None = None,
+    until_s: float | None = None, thorough: bool = False, companions: bool = False, progress: Told = str,
 ) -> FittedModel:
     """Identify the heater behind a log; the paper's controller laws run inside the fit where no power was logged.
 
     Args:
         log: what `read_log` returned.
-        ambient_degC: ambient temperature where it is known [°C].
+        ambient_degC: ambient temperature where it is known, or its lowest and highest value [°C].
         power_before_pct: power before the first reading [%].
         until_s: last instant to use [s].
+        thorough: carry every controller hypothesis to the end, however far behind it is.
         companions: whether the candidates of other built-in logs of the same heater are added.
         progress: told what begins.
 
     Raises:
         InputError, OutOfRange: as `heatertune.model.fit.fit`.
     """
-    settings = {"ambient_degC": ambient_degC, "power_before_pct": power_before_pct, "until_s": until_s}
+    settings = {
+        "ambient_degC": ambient_degC, "power_before_pct": power_before_pct, "until_s": until_s, "thorough": thorough,
+    }
     fitted = _fit_one(log, settings, progress)
     if not companions:
         return fitted
@@ -57,21 +67,78 @@ def fit(
     return pool_candidates(fitted, others)
 
 
-def _fit_one(log: Log, settings: Mapping[str, Any], progress: Told) -> FittedModel:
-    inputs = {
-        "name": log.name, "time_s": log.time_s, "temperature_degC": log.temperature_degC, "power_pct": log.power_pct,
-        **settings,
+def fit_together(
+    logs: Sequence[Log], *, ambient_degC: float | Bounds | None = None, until_s: float | None = None,
+    progress: Told = str,
+) -> FittedModel:
+    """Identify the one heater behind several logs without power; arguments as in `fit`.
+
+    Raises:
+        InputError, OutOfRange: as `heatertune.model.fit.fit_together`.
+    """
+    settings: dict[str, Any] = {"ambient_degC": ambient_degC, "until_s": until_s}
+    return _kept(
+        "fit-together", {"logs": [_columns(log) for log in logs], **settings},
+        lambda: fit_logs(logs, laws=_laws(), progress=progress, **settings), progress,
+    )
+
+
+def fit_known(
+    log: Log, words: Words, *, setpoint_degC: float | None = None, known: Mapping[str, str] | None = None,
+    ambient_degC: float | Bounds | None = None, power_before_pct: float | None = None, until_s: float | None = None,
+    progress: Told = str,
+) -> FittedModel:
+    """Identify the heater behind a log without power whose controller is known.
+
+    Args:
+        log: without power; its first reading is the controller's first.
+        words: what the controller held.
+        setpoint_degC: its setpoint [°C]; None: as logged.
+        known: switch → setting of what is known of this very controller, its manual leaving it open.
+        ambient_degC: as in `fit`.
+        power_before_pct: power before the first reading [%]; None: none.
+        until_s: as in `fit`.
+        progress: told what begins.
+
+    Raises:
+        InputError, OutOfRange: as `heatertune.model.fit.fit_known`.
+        UnknownName: no such switch or setting.
+    """
+    tried = controllers(words, known)
+    settings: dict[str, Any] = {
+        "setpoint_degC": setpoint_degC, "ambient_degC": ambient_degC, "power_before_pct": power_before_pct or 0.0,
+        "until_s": until_s,
+    }
+    inputs = _columns(log) | settings | {
+        "target": words.target, "words": dict(words.values), "sample_time_s": words.sample_time_s,
+        "range": [words.scaling.low_degC, words.scaling.high_degC], "switches": [dict(each.switches) for each in tried],
     }
 
-    def run() -> dict[str, Any]:
-        return model_document.to_document(fit_log(log, laws=_laws(log), progress=progress, **settings))
+    def run() -> FittedModel:
+        found = fit_log_known(log, tried, progress=progress, **settings)
+        return replace(found, notes=(*found.notes, closed_again(log, found, tried, setpoint_degC)))
 
-    return model_document.from_document(cache.cached("fit", inputs, run, progress=progress))
+    return _kept("fit-known", inputs, run, progress)
 
 
-def _laws(log: Log) -> Sequence[Any]:
-    if log.power_pct is not None:
-        return ()
+def _fit_one(log: Log, settings: Mapping[str, Any], progress: Told) -> FittedModel:
+    laws = _laws() if log.power_pct is None else ()
+    return _kept(
+        "fit", _columns(log) | dict(settings), lambda: fit_log(log, laws=laws, progress=progress, **settings), progress)
+
+
+def _columns(log: Log) -> dict[str, Any]:
+    names = ("name", "time_s", "temperature_degC", "power_pct", "setpoint_degC")
+    return {name: getattr(log, name) for name in names}
+
+
+def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel], progress: Told) -> FittedModel:
+    """Return what was found before for the same inputs, else what `run` finds."""
+    document = cache.cached(stage, inputs, lambda: model_document.to_document(run()), progress=progress)
+    return model_document.from_document(document)
+
+
+def _laws() -> Sequence[Any]:
     from heatertune.plc.s7_200.paper.laws import LAWS  # noqa: PLC0415 - compiles; only logs without power need it
 
     return LAWS
@@ -104,7 +171,7 @@ def tune(fitted: FittedModel, *, target: str | None = None, progress: Told = str
 def _essence(fitted: FittedModel) -> dict[str, Any]:
     """Return what a design depends on: the working model and the candidates."""
     document = model_document.to_document(fitted)
-    return {key: document[key] for key in document if key not in ("residuals", "notes")}
+    return {key: document[key] for key in document if key not in ("residuals", "notes", "hypotheses")}
 
 
 def encode(design: PidDesign, target: str, *, scaling: Scaling | None = None) -> Words:

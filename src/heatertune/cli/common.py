@@ -78,7 +78,8 @@ def add_log_options(command: argparse.ArgumentParser) -> None:
     """Add the options that tell how a log file is to be read and fitted."""
     add_reading_options(command)
     group = command.add_argument_group("fitting the log")
-    group.add_argument("--ambient", type=float, metavar="°C", help="temperature without power, where you know it [°C]")
+    group.add_argument("--ambient", type=float, nargs="+", metavar="°C", help=(
+        "temperature without power [°C]: the value, or the lowest and the highest it may have; after LOG"))
     group.add_argument("--power-before", type=float, metavar="%", help="power before the first reading [%%]")
 
 
@@ -168,8 +169,16 @@ def reading(settings: argparse.Namespace) -> dict[str, Any]:
 
 
 def fitting(settings: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of `chain.fit`."""
-    return {"ambient_degC": settings.ambient, "power_before_pct": settings.power_before, "until_s": settings.until}
+    """Return the options of `chain.fit`.
+
+    Raises:
+        InputError: more than two ambient temperatures.
+    """
+    ambient = settings.ambient
+    if ambient is not None and len(ambient) > 2:
+        raise InputError(f"--ambient has {len(ambient)} values; expected one, or LOW HIGH")
+    known = ambient if ambient is None else ambient[0] if len(ambient) == 1 else tuple(ambient)
+    return {"ambient_degC": known, "power_before_pct": settings.power_before, "until_s": settings.until}
 
 
 def tuning(settings: argparse.Namespace) -> dict[str, Any]:

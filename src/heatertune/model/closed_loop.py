@@ -16,10 +16,12 @@ from heatertune.model.kernel import simulate_many
 from heatertune.model.law import ControllerLaw
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["Hypothesis", "Segment"]
+__all__ = ["Bounds", "Hypothesis", "Segment"]
 
 Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.intp]
+
+#: lowest and highest value
+Bounds = tuple[float, float]
 
 _SCANS_PER_SAMPLE = 5  # the controller's interval is unknown; a fifth of the log's is short for every lag searched
 _GAIN = (0.1, 4.0)  # °C/%: full power warms by 10 to 400 °C
@@ -41,7 +43,7 @@ class Segment:
     log: Log
     law: ControllerLaw
     event: bool
-    ambient_degC: tuple[float, float]
+    ambient_degC: Bounds
     interval_s: float = field(init=False)
     scans: int = field(init=False)
     readings: npt.NDArray[np.intp] = field(init=False)
@@ -130,6 +132,16 @@ class Hypothesis:
         return (self.two_lags, *(segment.law.name for segment in self.segments))
 
     @property
+    def law_name(self) -> str:
+        """The laws and whether the setpoint steps, log after log."""
+        return " + ".join(s.law.name + (", setpoint step" if s.event else "") for s in self.segments)
+
+    @property
+    def title(self) -> str:
+        """Short name for people."""
+        return f"{'two lags' if self.two_lags else 'one lag'}, {self.law_name}"
+
+    @property
     def measured(self) -> Array:
         """All readings, segment after segment [°C]."""
         return np.concatenate([s.log.temperature_degC for s in self.segments])
@@ -138,6 +150,15 @@ class Hypothesis:
     def unknowns(self) -> int:
         """Number of fitted numbers; the instant of an event counts."""
         return int(np.count_nonzero(self.high > self.low)) + sum(s.event for s in self.segments)
+
+    def parts(self, values: Array) -> list[Array]:
+        """Return values that belong to the readings, (m,), log by log."""
+        return np.split(values, np.cumsum([len(s.log.time_s) for s in self.segments])[:-1])
+
+    def without_events(self) -> Hypothesis:
+        """Return the hypothesis with setpoints that stay."""
+        still = tuple(replace(segment, event=False) for segment in self.segments)
+        return Hypothesis(segments=still, two_lags=self.two_lags)
 
     def starts(self, rng: np.random.Generator, n: int) -> Array:
         """Return n random vectors within the bounds."""

@@ -46,6 +46,7 @@ def to_document(fitted: FittedModel) -> dict[str, Any]:
             name: {"value": value, "ci95": _pair(found)} for name, (value, found) in fitted.combinations.items()
         },
         "candidates": [_candidate_document(candidate) for candidate in fitted.candidates],
+        "hypotheses": [_candidate_document(candidate) for candidate in fitted.hypotheses],
         "notes": list(fitted.notes),
     }
     if fitted.residuals is not None:
@@ -85,6 +86,7 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "model") -
                 for name, item in document.get("combinations", {}).items()
             },
             candidates=tuple(_candidate(item, where) for item in document["candidates"]),
+            hypotheses=tuple(_candidate(item, where) for item in document.get("hypotheses", ())),
             fit_pct=optional_number(document, "fit_pct", where),
             notes=tuple(str(note) for note in document.get("notes", ())),
             residuals=_residuals(document.get("residuals")),
@@ -108,6 +110,10 @@ def _candidate_document(candidate: Candidate) -> dict[str, Any]:
         "fit_pct": candidate.fit_pct,
         "rmse_degC": candidate.rmse_degC,
         "delta_bic": candidate.delta_bic,
+        "fits_pct": dict(candidate.fits_pct),
+        "hold_out_rmse_degC": candidate.hold_out_rmse_degC,
+        "cross_rmse_degC": candidate.cross_rmse_degC,
+        "on_bound": list(candidate.on_bound),
     }
 
 
@@ -122,6 +128,10 @@ def _candidate(document: Mapping[str, Any], where: str | Path) -> Candidate:
         window_s=(float(document["window_s"][0]), float(document["window_s"][1])),
         law=str(document["law"]),
         controller={str(k): float(v) for k, v in document.get("controller", {}).items()},
+        fits_pct={str(k): float(v) for k, v in document.get("fits_pct", {}).items()},
+        hold_out_rmse_degC=optional_number(document, "hold_out_rmse_degC", where),
+        cross_rmse_degC=optional_number(document, "cross_rmse_degC", where),
+        on_bound=tuple(str(name) for name in document.get("on_bound", ())),
         fit_pct=known("fit_pct"),
         rmse_degC=known("rmse_degC"),
         delta_bic=known("delta_bic"),

@@ -4,28 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
+from heatertune.model.closed_loop import Bounds
+from heatertune.model.feedback import feedback_notes
 from heatertune.model.fit_power import fit_power
 from heatertune.model.fit_temperature import fit_temperature
+from heatertune.model.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.law import ControllerLaw
 from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Outcome
 from heatertune.model.windows import undisturbed
 from heatertune.units import check
 
-__all__ = ["fit", "model_by_hand", "pool_candidates"]
+__all__ = ["fit", "fit_known", "fit_together", "model_by_hand", "pool_candidates"]
 
 
 def fit(
     log: Log,
     *,
     laws: Sequence[ControllerLaw] = (),
-    ambient_degC: float | None = None,
+    ambient_degC: float | Bounds | None = None,
     power_before_pct: float | None = None,
     until_s: float | None = None,
+    thorough: bool = False,
     seed: int = 1,
     progress: Callable[[str], object] = str,
 ) -> FittedModel:
@@ -34,9 +39,10 @@ def fit(
     Args:
         log: with power, the power is believed; without, the controller laws are run inside the fit.
         laws: hypotheses about the controller, needed where the power was not logged.
-        ambient_degC: ambient temperature where it is known [°C].
+        ambient_degC: ambient temperature where it is known, or its lowest and highest value [°C].
         power_before_pct: power before the first reading [%], where it differs from the first logged one.
         until_s: last instant to use [s]; by default the log is used up to its first disturbance.
+        thorough: carry every controller hypothesis to the end, however far behind it is.
         seed: of the random starts and the bootstrap.
         progress: called with a short message when a stage begins.
 
@@ -44,22 +50,105 @@ def fit(
         InputError: the power never changes, or neither power nor laws are there, or power_before without power.
         OutOfRange: fewer than 20 readings are left, an ambient above all readings, a power outside 0…100 %.
     """
-    _check_given(log, ambient_degC, power_before_pct)
-    if until_s is not None:
-        used = log.window(float(log.time_s[0]), until_s)
-        notes: tuple[str, ...] = (f"Readings after {until_s:g} s were not used.",)
-    else:
-        used, notes = undisturbed(log)
+    bounds = _bounds(ambient_degC)
+    _check_given(log, bounds, power_before_pct)
+    used, notes = _used(log, until_s)
     if used.power_pct is None:
-        if not laws:
-            raise InputError(f"{log.name}: the power was not logged and no controller law was given to run in the fit")
+        _demand_laws(log, laws)
         progress(f"{log.name}: fitting {len(laws)} controller laws inside the loop")
-        found = fit_temperature(used, laws, ambient_degC=ambient_degC, seed=seed)
+        found = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
     else:
-        _demand_excitation(used, ambient_degC)
         progress(f"{log.name}: fitting one and two lags to the logged power")
-        found = fit_power(used, ambient_degC=ambient_degC, power_before_pct=power_before_pct, seed=seed)
+        found = _fit_logged(used, bounds, power_before_pct, seed)
+        notes += feedback_notes(used)
     return replace(found, notes=notes + found.notes)
+
+
+def fit_known(
+    log: Log,
+    controllers: Sequence[KnownController],
+    *,
+    setpoint_degC: float | None = None,
+    ambient_degC: float | Bounds | None = None,
+    power_before_pct: float = 0.0,
+    until_s: float | None = None,
+    seed: int = 1,
+    progress: Callable[[str], object] = str,
+) -> FittedModel:
+    """Identify the heater behind a log without power whose controller is known; see `known_controller`.
+
+    Args:
+        log: without power, its first reading at the controller's first scan.
+        controllers: the controller under each setting of what its manual leaves open, at least one.
+        setpoint_degC: constant setpoint [°C]; None: as logged.
+        ambient_degC: as in `fit`.
+        power_before_pct: power before the first reading [%]; the controller starts cold.
+        until_s: as in `fit`.
+        seed: as in `fit`.
+        progress: as in `fit`.
+
+    Raises:
+        InputError: as `known_controller.replayed`, or the power never changes.
+        OutOfRange: as `fit`.
+    """
+    bounds = _bounds(ambient_degC)
+    _check_given(log, bounds, None)
+    check("power_before_pct", power_before_pct, least=0.0, most=100.0)
+    used, notes = _used(log, until_s)
+    progress(f"{log.name}: running {controllers[0].name.partition(',')[0]} on the logged readings")
+    known = None if bounds is None or bounds[0] < bounds[1] else bounds[0]
+    given: dict[str, Any] = {"ambient_degC": known, "power_before_pct": power_before_pct}
+    rated = rate(records(used, controllers, setpoint_degC), **given)
+    if not rated:
+        raise InputError(f"{log.name}: on these readings the controller's power never changes; is the setpoint right?")
+    leader = next(each for each in controllers if each.name == rated[0].name)
+    progress(f"{log.name}: fitting one and two lags to each record of its power")
+    offset = offset_degC(used, leader, setpoint_degC, **given)
+    if offset != 0.0:
+        rated = rate(records(used, controllers, setpoint_degC, offset), **given)
+    candidates, hypotheses = compare(rated)
+    found = _fit_logged(rated[0].log, bounds, power_before_pct, seed)
+    told = replay_notes(used, controllers, hypotheses, offset)
+    return replace(
+        found, candidates=tuple(candidates), hypotheses=tuple(hypotheses),
+        method=f"power by {hypotheses[0].law} on the logged readings; {found.method}",
+        notes=(*notes, *told, *feedback_notes(rated[0].log), *found.notes),
+    )
+
+
+def fit_together(
+    logs: Sequence[Log],
+    *,
+    laws: Sequence[ControllerLaw],
+    ambient_degC: float | Bounds | None = None,
+    until_s: float | None = None,
+    seed: int = 1,
+    progress: Callable[[str], object] = str,
+) -> FittedModel:
+    """Identify the one heater behind several logs without power; arguments as in `fit`.
+
+    Each log has its own controller, setpoint, ambient and initial state; the heater is one.
+
+    Raises:
+        InputError: a log with power, two logs of one name, no laws.
+        OutOfRange: as `fit`.
+    """
+    bounds = _bounds(ambient_degC)
+    parts, notes = [], []
+    for log in logs:
+        if log.power_pct is not None:
+            raise InputError(f"{log.name} holds the power: fit it alone, only logs without power are fitted together")
+        _demand_laws(log, laws)
+        _check_given(log, bounds, None)
+        used, told = _used(log, until_s)
+        parts.append(used)
+        notes += [f"{log.name}: {note}" for note in told]
+    names = [log.name for log in logs]
+    if len(set(names)) < len(names):
+        raise InputError(f"{', '.join(names)}: one log given twice says nothing new; give different ones")
+    progress(f"fitting one heater to {' and '.join(names)}")
+    found = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
+    return replace(found, notes=(*notes, *found.notes))
 
 
 def pool_candidates(fitted: FittedModel, others: Sequence[FittedModel]) -> FittedModel:
@@ -85,16 +174,60 @@ def model_by_hand(model: HeaterModel) -> FittedModel:
     )
 
 
-def _check_given(log: Log, ambient_degC: float | None, power_before_pct: float | None) -> None:
+def _bounds(ambient_degC: float | Bounds | None) -> Bounds | None:
+    """Return lowest and highest ambient; equal ones where it is known."""
+    if ambient_degC is None or not isinstance(ambient_degC, int | float):
+        return ambient_degC
+    return float(ambient_degC), float(ambient_degC)
+
+
+def _check_given(log: Log, ambient_degC: Bounds | None, power_before_pct: float | None) -> None:
     if ambient_degC is not None:
+        low, high = ambient_degC
+        check("ambient_degC", low, least=-273.15)
+        check("ambient_degC", high)
+        if low > high:
+            raise OutOfRange("ambient_degC", low, f"<= its highest value, {high:g}")
         highest = float(log.temperature_degC.max())
-        check("ambient_degC", ambient_degC, least=-273.15)
-        if ambient_degC >= highest:
-            raise OutOfRange("ambient_degC", ambient_degC, f"< {highest:g}, the highest reading of {log.name}")
+        if high >= highest:
+            raise OutOfRange("ambient_degC", high, f"< {highest:g}, the highest reading of {log.name}")
     if power_before_pct is not None:
         check("power_before_pct", power_before_pct, least=0.0, most=100.0)
         if log.power_pct is None:
             raise InputError(f"{log.name}: the power was not logged, so power_before_pct means nothing here")
+
+
+def _used(log: Log, until_s: float | None) -> tuple[Log, tuple[str, ...]]:
+    """Return the part of a log to explain, and a sentence about what was left out, if anything was."""
+    if until_s is None:
+        return undisturbed(log)
+    return log.window(float(log.time_s[0]), until_s), (f"Readings after {until_s:g} s were not used.",)
+
+
+def _demand_laws(log: Log, laws: Sequence[ControllerLaw]) -> None:
+    if not laws:
+        raise InputError(f"{log.name}: the power was not logged and no controller law was given to run in the fit")
+
+
+def _fit_logged(log: Log, bounds: Bounds | None, power_before_pct: float | None, seed: int) -> FittedModel:
+    """Return the fit of a log with power; a free ambient that leaves its interval is taken at the nearest end."""
+    known = None if bounds is None or bounds[0] < bounds[1] else bounds[0]
+    _demand_excitation(log, known)
+    found = fit_power(log, ambient_degC=known, power_before_pct=power_before_pct, seed=seed)
+    end = None if bounds is None else _nearest_end(found, bounds)
+    if end is None:
+        return found
+    held = fit_power(log, ambient_degC=end, power_before_pct=power_before_pct, seed=seed)
+    note = f"Left free, the ambient leaves the given interval; its end of {end:g} °C was taken."
+    return replace(held, notes=(note, *held.notes))
+
+
+def _nearest_end(found: FittedModel, ambient_degC: Bounds) -> float | None:
+    """Return the end of the interval that a free ambient lies beyond, None where it lies inside."""
+    free = found.model.ambient_degC
+    assert free is not None
+    end = min(max(free, ambient_degC[0]), ambient_degC[1])
+    return None if end == free else end
 
 
 def _demand_excitation(log: Log, ambient_degC: float | None) -> None:

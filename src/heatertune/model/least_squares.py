@@ -90,8 +90,8 @@ def _step(
     moved = np.repeat(z[:, None, :], q, axis=1)
     moved[:, np.arange(q), free] += sign * _DIFFERENCE * width
     shifted = residuals(moved.reshape(n * q, -1), np.repeat(rows, q)).reshape(n, q, -1)
+    shifted = np.where(np.isfinite(shifted), shifted, r[:, None, :])  # beside a row that is no model: slope unknown
     jacobian = (shifted - r[:, None, :]) / (sign * _DIFFERENCE)[:, :, None]
-    jacobian = np.where(np.isfinite(jacobian), jacobian, 0.0)  # no way there
     gradient = np.einsum("nqm,nm->nq", jacobian, r)
     normal = np.einsum("nqm,nrm->nqr", jacobian, jacobian)
     held = ((z[:, free] <= low[free]) & (gradient > 0)) | ((z[:, free] >= high[free]) & (gradient < 0))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,14 +13,16 @@ import numpy.typing as npt
 from heatertune.model.closed_loop import Hypothesis
 from heatertune.model.least_squares import Residuals, minimise
 from heatertune.model.statistics import ar1_bic, fit_pct
+from heatertune.model.validation import cross_rmse, hold_out_rmse
 
-__all__ = ["Fit", "fit_all", "residuals_of"]
+__all__ = ["EARLY", "Fit", "fit_all", "residuals_of"]
 
 Array = npt.NDArray[np.float64]
 
 _RANDOM, _RACERS, _FINALISTS = 1500, 12, 3
 _EVENT_INSTANTS = 24  # instants tried for a setpoint step
-_EARLY = 0.4  # share of the record that the first look takes
+#: share of the record that the first look takes
+EARLY = 0.4
 _HOPELESS = 40.0  # BIC behind the leader after the race
 
 
@@ -31,7 +34,9 @@ class Fit:
         hypothesis: what was fitted.
         vector: the unknowns, shape (p,).
         simulated_degC: its readings, shape (m,).
-        fit_pct, rmse_degC, bic: how well it explains them.
+        fit_pct, rmse_degC, bic: how well it explains them; of several logs together, each about its own mean.
+        hold_out_rmse_degC: error on the later readings of a fit to the beginning alone [°C].
+        cross_rmse_degC: error on blocks left out of the fit [°C], None for what was given up on the way.
     """
 
     hypothesis: Hypothesis
@@ -40,6 +45,16 @@ class Fit:
     fit_pct: float
     rmse_degC: float
     bic: float
+    hold_out_rmse_degC: float
+    cross_rmse_degC: float | None = None
+
+
+class _Beginning(NamedTuple):
+    """What explains a record's beginning: vectors, BIC there, and the error on the rest [°C]."""
+
+    vectors: Array
+    bic: float
+    hold_out_rmse_degC: float
 
 
 def residuals_of(hypothesis: Hypothesis, measured: Array) -> Residuals:
@@ -52,39 +67,47 @@ def residuals_of(hypothesis: Hypothesis, measured: Array) -> Residuals:
     return residuals
 
 
-def fit_all(hypotheses: Sequence[Hypothesis], *, seed: int = 1) -> list[Fit]:
-    """Return the fit of every hypothesis, the best by BIC first.
+def fit_all(hypotheses: Sequence[Hypothesis], *, seed: int = 1, thorough: bool = False) -> list[Fit]:
+    """Return the fit of every hypothesis that keeps up, the best by BIC first.
 
     Each is looked at on the record's beginning first; what explains that, races on the whole; what is not more than
     40 BIC points behind the leader there, descends to the end. The compiled loops run side by side.
+
+    Args:
+        hypotheses: on the same readings.
+        seed: of the random starts.
+        thorough: carry every hypothesis to the end, however far behind it is.
     """
+    behind = np.inf if thorough else _HOPELESS
     forms = {hypothesis.form: hypothesis for hypothesis in hypotheses}
     with ThreadPoolExecutor(max_workers=2) as pool:
         begun = dict(zip(forms, pool.map(lambda form: _begin(forms[form], seed), forms), strict=True))
-        first = min(bic for _, bic in begun.values())
-        able = [h for h in hypotheses if begun[h.form][1] < first + _HOPELESS]
-        raced = list(pool.map(lambda hypothesis: _race(hypothesis, begun[hypothesis.form][0], seed), able))
+        first = min(beginning.bic for beginning in begun.values())
+        able = [h for h in hypotheses if begun[h.form].bic < first + behind]
+        raced = list(pool.map(lambda hypothesis: _race(hypothesis, begun[hypothesis.form], seed), able))
         leader = min(fit.bic for fit in raced)
-        near = [fit.bic < leader + _HOPELESS for fit in raced]
+        near = [fit.bic < leader + behind for fit in raced]
         fits = list(pool.map(lambda fit, worth: _descend(fit) if worth else fit, raced, near))
     return sorted(fits, key=lambda fit: fit.bic)
 
 
-def _begin(hypothesis: Hypothesis, seed: int) -> tuple[Array, float]:
-    """Return what explains the record's beginning, and its BIC: free of most events, and it holds the heat-up."""
+def _begin(hypothesis: Hypothesis, seed: int) -> _Beginning:
+    """Return what explains the record's beginning: free of most events, and it holds the heat-up."""
     rng = np.random.default_rng(seed)
-    early = hypothesis.early(_EARLY)
+    early = hypothesis.early(EARLY)
     found = _descent(early, _best_of(early, early.starts(rng, _RANDOM), _RACERS), 25)[:_FINALISTS]
-    return found, _fit(early, found[0]).bic
+    error = early.measured - early.simulate(found[:1])[0]
+    held_out = hold_out_rmse(hypothesis, early, _descent(early, found[:1], 60)[0])
+    return _Beginning(found, _bic(early, error), held_out)
 
 
-def _race(hypothesis: Hypothesis, beginnings: Array, seed: int) -> Fit:
+def _race(hypothesis: Hypothesis, beginning: _Beginning, seed: int) -> Fit:
     """Return the leader of a short race between random starts and the fits of the record's beginning."""
     rng = np.random.default_rng(seed)
-    seeds = hypothesis.adopt(beginnings, rng, _EVENT_INSTANTS)
+    seeds = hypothesis.adopt(beginning.vectors, rng, _EVENT_INSTANTS)
     fresh = _best_of(hypothesis, hypothesis.starts(rng, _RANDOM), _RACERS // 2)
     leaders = _descent(hypothesis, np.concatenate([seeds, fresh]), 8)[:_RACERS]
-    return _fit(hypothesis, _descent(hypothesis, leaders, 15)[0])
+    return _fit(hypothesis, _descent(hypothesis, leaders, 15)[0], beginning.hold_out_rmse_degC)
 
 
 def _descend(fit: Fit) -> Fit:
@@ -96,7 +119,7 @@ def _descend(fit: Fit) -> Fit:
         if np.array_equal(moved, z):
             break
         z = moved
-    return _fit(hypothesis, z)
+    return replace(_fit(hypothesis, z, fit.hold_out_rmse_degC), cross_rmse_degC=cross_rmse(hypothesis, z))
 
 
 def _best_of(hypothesis: Hypothesis, z: Array, n: int) -> Array:
@@ -112,11 +135,20 @@ def _descent(hypothesis: Hypothesis, starts: Array, iterations: int) -> Array:
     return np.asarray(minima.parameters[np.argsort(minima.cost)])
 
 
-def _fit(hypothesis: Hypothesis, z: Array) -> Fit:
+def _fit(hypothesis: Hypothesis, z: Array, hold_out_rmse_degC: float) -> Fit:
     measured, simulated = hypothesis.measured, hypothesis.simulate(z[None, :])[0]
+    error = measured - simulated
+    # a log's level is no merit of a model, so each log is taken about its own mean
+    about_means = np.concatenate([part - part.mean() for part in hypothesis.parts(measured)])
     return Fit(
         hypothesis=hypothesis, vector=z, simulated_degC=simulated,
-        fit_pct=fit_pct(measured, simulated),
-        rmse_degC=float(np.sqrt(np.mean((measured - simulated) ** 2))),
-        bic=ar1_bic(measured - simulated, hypothesis.unknowns),
+        fit_pct=fit_pct(about_means, about_means - error),
+        rmse_degC=float(np.sqrt(np.mean(error**2))),
+        bic=_bic(hypothesis, error), hold_out_rmse_degC=hold_out_rmse_degC,
     )
+
+
+def _bic(hypothesis: Hypothesis, error: Array) -> float:
+    """Return the BIC over all logs; the noise of each is its own."""
+    alone = sum(ar1_bic(part, 0) for part in hypothesis.parts(error))
+    return alone + hypothesis.unknowns * float(np.log(len(error)))

@@ -148,7 +148,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """One model that explains a log nearly as well as the best.
+    """One hypothesis at its best: a heater, and what drove it.
 
     Attributes:
         model: the heater.
@@ -159,6 +159,10 @@ class Candidate:
         fit_pct: 100·(1 − ‖y−ŷ‖/‖y−ȳ‖) [%].
         rmse_degC: root mean square simulation error [°C].
         delta_bic: BIC above the best model on the same rows (AR(1) errors).
+        fits_pct: log → fit on that log alone [%], where one heater was fitted to several.
+        hold_out_rmse_degC: error on the later readings, fitted to the earlier ones alone [°C], None where not tried.
+        cross_rmse_degC: error on blocks of readings left out of the fit [°C], None where not tried.
+        on_bound: names of what ended on a bound of the search.
     """
 
     model: HeaterModel
@@ -169,6 +173,10 @@ class Candidate:
     rmse_degC: float
     delta_bic: float
     controller: Mapping[str, float] = field(default_factory=dict)
+    fits_pct: Mapping[str, float] = field(default_factory=dict)
+    hold_out_rmse_degC: float | None = None
+    cross_rmse_degC: float | None = None
+    on_bound: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
@@ -201,6 +209,7 @@ class FittedModel:
         ci95: field name → 95 % interval, None where the log does not identify the field.
         combinations: identifiable combinations, name with unit → (value, interval).
         candidates: every model that explains the data nearly as well; tuning and proof run on all.
+        hypotheses: all that were carried to a comparison, the best by BIC first; the candidates are among them.
         outcome: how the fit ended, with the remedy.
         fit_pct: of the working model [%], None for a model given by hand.
         method: how it was found, one sentence.
@@ -214,6 +223,7 @@ class FittedModel:
     ci95: Mapping[str, Interval | None] = field(default_factory=dict)
     combinations: Mapping[str, tuple[float, Interval]] = field(default_factory=dict)
     candidates: tuple[Candidate, ...] = ()
+    hypotheses: tuple[Candidate, ...] = ()
     fit_pct: float | None = None
     notes: tuple[str, ...] = ()
     residuals: Residuals | None = None

@@ -10,7 +10,7 @@ from heatertune.errors import LogError
 from heatertune.plc.room import FORMATS, Number, Room, Scan, Words, holds, settings_of
 from heatertune.plc.single import single
 
-__all__ = ["read_inputs", "replay"]
+__all__ = ["powers", "read_inputs", "replay"]
 
 
 def replay(
@@ -34,6 +34,33 @@ def replay(
         state, scan = room.scan(state, row)
         scans.append(scan)
     return scans
+
+
+def powers(
+    room: Room, words: Words, temperatures_degC: Sequence[float], setpoints_degC: Sequence[float],
+    switches: Mapping[str, str] | None = None,
+) -> list[float]:
+    """Return the power from each scan to the next [%], from the cold state on, one scan per temperature.
+
+    A controller that makes the PWM itself takes up a new power where a period begins, at the first scan for the first
+    time; the power is the mean over that period.
+
+    Raises:
+        OutOfRange, UnknownName: as `replay`.
+    """
+    room.check(words)
+    settings = settings_of(room.switches, switches or {})
+    state, timing = room.start(words, settings), room.timing(words)
+    per_period = 1 if timing.pwm_period_s is None else max(1, round(timing.pwm_period_s / timing.scan_s))
+    found, held = [], 0.0
+    for k, (temperature, setpoint) in enumerate(zip(temperatures_degC, setpoints_degC, strict=True)):
+        begins = k % per_period == 0
+        state, scan = room.step(
+            words, state, room.measure(words, setpoint), room.measure(words, temperature), settings, cycle_start=begins
+        )
+        held = scan.power_pct if begins else held
+        found.append(held)
+    return found
 
 
 def read_inputs(path: str | Path, room: Room) -> list[dict[str, Number]]:

@@ -9,8 +9,8 @@ from typing import Any
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "advice_table", "criteria_table", "criterion_value", "design_lines", "figure", "model_lines", "model_rows",
-    "summary", "table", "word", "words_table",
+    "advice_table", "criteria_table", "criterion_value", "design_lines", "figure", "hypothesis_table", "model_lines",
+    "model_rows", "summary", "table", "word", "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -64,6 +64,26 @@ def model_rows(model: Document) -> list[tuple[str, str, str, str]]:
     names = [NOMENCLATURE[name] for name, _, _ in found]
     return [(called, figure(value), _interval(ci95), unit)
             for (_, called, unit), (_, value, ci95) in zip(names, found, strict=True)]
+
+
+def hypothesis_table(model: Document) -> str:
+    """Return every hypothesis, the best by BIC first: fit, errors on seen and unseen readings, heater, bounds touched.
+
+    Errors are RMS in °C: on the readings used, on the later ones foretold from the earlier, on blocks left out.
+    """
+    heads = ("law", "gain", "lags s", "dead s", "ambient", "fit %", "ΔBIC", "RMS", "foretold", "left out", "on a bound")
+    rows = [heads]
+    for each in model["hypotheses"]:
+        lags = [figure(each[name], 3) for name in ("time_constant_s", "second_time_constant_s") if name in each]
+        fits = [figure(fit, 3) for fit in each["fits_pct"].values()] or [figure(each["fit_pct"], 3)]
+        rows.append((
+            each["law"], figure(each["gain_degC_per_pct"], 3), " + ".join(lags),
+            figure(each["dead_time_s"], 3), figure(each["ambient_degC"], 3), " / ".join(fits),
+            f"{each['delta_bic']:.0f}", *[figure(each[f"{name}_degC"], 2)
+                                          for name in ("rmse", "hold_out_rmse", "cross_rmse")],
+            ", ".join(each["on_bound"]),
+        ))
+    return table(rows, right=(1, 3, 4, 6, 7, 8, 9))
 
 
 def design_lines(design: Document) -> str:

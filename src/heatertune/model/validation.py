@@ -1,0 +1,71 @@
+"""What a fit is worth on readings it has not seen, and whether its residuals are noise."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.model.closed_loop import Hypothesis
+from heatertune.model.least_squares import minimise
+from heatertune.model.statistics import autocorrelation
+
+__all__ = ["LJUNG_BOX_95", "constant_rmse", "cross_rmse", "hold_out_rmse", "ljung_box"]
+
+Array = npt.NDArray[np.float64]
+
+#: 95 % point of χ² with 20 degrees of freedom
+LJUNG_BOX_95: Final = 31.41
+
+_FOLDS, _BLOCKS = 5, 20  # each fold leaves out every fifth of twenty blocks: longer than the residuals remember
+
+
+def ljung_box(residuals: Array, lags: int = 20) -> float:
+    """Return n(n + 2)·Σ ρₖ²/(n − k) over the lags; white residuals stay below `LJUNG_BOX_95` in 95 of 100 logs.
+
+    G. M. Ljung and G. E. P. Box, "On a measure of lack of fit in time series models", Biometrika 65 (1978) 297–303.
+    """
+    n = len(residuals)
+    rho = autocorrelation(residuals, lags)
+    return float(n * (n + 2) * np.sum(rho**2 / (n - np.arange(1, len(rho) + 1))))
+
+
+def hold_out_rmse(hypothesis: Hypothesis, early: Hypothesis, vector: Array) -> float:
+    """Return the error on the readings after `early`, which `vector` was fitted to [°C]."""
+    whole = hypothesis.without_events()
+    error = whole.simulate(vector[None, :])[0] - whole.measured
+    return _rms(np.concatenate(_later(hypothesis, early, error)))
+
+
+def constant_rmse(hypothesis: Hypothesis, early: Hypothesis) -> float:
+    """Return the error on the same readings of their own mean [°C]: what has more, foretells nothing."""
+    return _rms(np.concatenate([part - part.mean() for part in _later(hypothesis, early, hypothesis.measured)]))
+
+
+def cross_rmse(hypothesis: Hypothesis, vector: Array) -> float:
+    """Return the error on blocks of readings that were left out of the fit, each block once [°C].
+
+    The first block of a log stays in: without it nothing tells where the heater began.
+    """
+    measured = hypothesis.measured
+    rows = [len(segment.log.time_s) for segment in hypothesis.segments]
+    block = np.concatenate([np.arange(n) * _BLOCKS // n for n in rows])
+    left_out = np.array([(block % _FOLDS == fold) & (block > 0) for fold in range(_FOLDS)])
+
+    def residuals(z: Array, rows: npt.NDArray[np.intp]) -> Array:
+        return np.where(left_out[rows], 0.0, hypothesis.simulate(z) - measured)
+
+    starts = np.repeat(vector[None, :], _FOLDS, axis=0)
+    found = minimise(residuals, starts, hypothesis.low, hypothesis.high, iterations=15).parameters
+    return _rms((hypothesis.simulate(found) - measured)[left_out])
+
+
+def _later(hypothesis: Hypothesis, early: Hypothesis, values: Array) -> list[Array]:
+    """Return each log's part of the values after its beginning."""
+    seen = [len(segment.log.time_s) for segment in early.segments]
+    return [part[n:] for part, n in zip(hypothesis.parts(values), seen, strict=True)]
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))
