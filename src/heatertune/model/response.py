@@ -103,7 +103,7 @@ def peak_rise(rows: Array, schedule: Schedule) -> Array:
     since = np.maximum(time[:, None] - time[None, :], 0.0)
     past = np.tril(np.ones_like(since))
     turns = np.zeros((len(rows), len(time)))
-    if len(lags) == 2:  # noqa: PLR2004 - two lags
+    if len(lags) == 2:
         first, second = (np.sum(past * steps * np.exp(-since / lag[:, None, None]), axis=2) for lag in lags)
         with np.errstate(divide="ignore", invalid="ignore"):
             turns = np.log(second / first) / (1.0 / lags[1] - 1.0 / lags[0])[:, None]
@@ -124,7 +124,7 @@ def _since(rows: Array, schedule: Schedule, instants: Array) -> Array:
 
 def _lags(rows: Array) -> list[Array]:
     first = rows[:, 2]
-    return [first] if rows.shape[1] == 3 else [first, np.minimum(rows[:, 3], _APART * first)]  # noqa: PLR2004 - a width
+    return [first] if rows.shape[1] == 3 else [first, np.minimum(rows[:, 3], _APART * first)]
 
 
 def _unit_steps(rows: Array, since: Array) -> tuple[Array, Array, list[Array]]:
