@@ -21,6 +21,8 @@ NOMENCLATURE: Final[dict[str, tuple[str, str, str]]] = {
     "dead_time_s": ("L", "dead time", "s"),
     "ambient_degC": ("Ta", "ambient temperature", "°C"),
     "gain_per_time_constant_degC_per_s_pct": ("k/T", "gain per time constant", "°C/(s·%)"),
+    "ultimate_gain_pct_per_degC": ("Ku", "ultimate gain", "%/°C"),
+    "ultimate_period_s": ("Tu", "ultimate period", "s"),
     "gain_pct_per_degC": ("K", "proportional gain", "%/°C"),
     "integral_time_s": ("TN", "integral-action time", "s"),
     "derivative_time_s": ("TV", "derivative-action time", "s"),

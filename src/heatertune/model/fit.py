@@ -12,6 +12,7 @@ from heatertune.log.values import Log
 from heatertune.model.fit_power import fit_power
 from heatertune.model.fit_temperature import fit_temperature
 from heatertune.model.law import ControllerLaw
+from heatertune.model.relay_test import with_relay
 from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Outcome
 from heatertune.model.windows import undisturbed
 from heatertune.units import check
@@ -59,6 +60,7 @@ def fit(
         _demand_excitation(used, ambient_degC)
         progress(f"{log.name}: fitting one and two lags to the logged power")
         found = fit_power(used, ambient_degC=ambient_degC, power_before_pct=power_before_pct, seed=seed)
+        found = with_relay(used, found, ambient_degC=ambient_degC)
     return replace(found, notes=notes + found.notes)
 
 
