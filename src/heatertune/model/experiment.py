@@ -125,6 +125,9 @@ def prior_of(fitted: FittedModel, *, ambient_degC: float | None, assumed_degC: f
 def prior_by_hand(ranges: Mapping[str, tuple[float, float]], *, ambient_known: bool) -> Prior:
     """Return the centre and every corner of ranges, name of a quantity → (low, high).
 
+    The corners stand in the warmest room, where a limit is met first; the weakest heater in the coolest one bounds how
+    far a relay's setpoint may lie.
+
     Raises:
         InputError: a quantity is missing.
         OutOfRange: low above high, or what no heater has.
@@ -136,7 +139,9 @@ def prior_by_hand(ranges: Mapping[str, tuple[float, float]], *, ambient_known: b
         check(name, low, most=high)
     middle = {name: float(np.mean(ranges[name])) for name in QUANTITIES}
     models: dict[str, HeaterModel] = {"centre": Fopdt(**middle)}
-    warmest = max(ranges["ambient_degC"])
+    coolest, warmest = ranges["ambient_degC"]
+    weakest = middle | {"gain_degC_per_pct": ranges["gain_degC_per_pct"][0], "ambient_degC": coolest}
+    models["weakest in the coolest room"] = Fopdt(**weakest)
     for ends in product(*(sorted(set(ranges[name])) for name in QUANTITIES[:3])):
         corner = dict(zip(QUANTITIES, (*ends, warmest), strict=True))
         label = ", ".join(f"{value:g}" for value in ends)

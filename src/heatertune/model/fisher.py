@@ -55,6 +55,10 @@ class Noise:
         """Variance of the rounding to the sensor's digits [°C²]."""
         return self.resolution_degC**2 / 12.0
 
+    def rounded(self, time_s: float) -> float:
+        """Return the instant of the nearest reading [s]."""
+        return round(time_s / self.sample_time_s) * self.sample_time_s
+
     def thinned(self, times: int) -> Noise:
         """Return the noise of the means of `times` readings each, which hold nearly all that the readings tell."""
         if times == 1:

@@ -254,7 +254,7 @@ def _alternation(values: Array) -> tuple[int, int]:
 
 
 def _rest(log: Log, end: int, off: Rows) -> tuple[float, float] | None:
-    """Return power and temperature of the log's first stretch, where it is long enough to show that the heater rested."""
+    """Return power and temperature of the log's first stretch, where that shows that the heater rested."""
     assert log.power_pct is not None
     y = log.temperature_degC[: end + 1]  # the reading at the switch is still one of the rest
     third = max(1, len(y) // 3)
