@@ -19,7 +19,7 @@ from heatertune.units import check
 __all__ = ["Oscillation", "Relay", "oscillation", "simulate_relay"]
 
 _MOST_SWITCHES = 10_000
-_APART = 0.999  # lags nearer than that are told apart, or the closed form divides by zero
+_APART = 0.9999  # lags nearer than that are told apart, or the closed form divides by zero
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -50,27 +50,27 @@ def plan_relay(prior: Prior, conditions: Conditions, duration_s: float) -> Relay
     """Return the best relay test of a duration, None where none swings for two periods on every heater below the limit.
 
     Its hysteresis is three standard deviations of the noise and at least the sensor's resolution; its setpoint and its
-    two powers are searched.
+    two powers are searched with a relay that switches at the very crossing; what is returned keeps the limit, and has
+    its figures, with one that switches at the next reading.
     """
     noise = conditions.noise
     hysteresis = math.ceil(100.0 * max(_CHATTER * noise.std_degC, noise.resolution_degC)) / 100.0
     thinned = noise.thinned(max(1, int(duration_s / noise.sample_time_s / _READINGS)))
-    best: tuple[float, Relay, list[Schedule]] | None = None
+    ranked: list[tuple[float, Relay]] = []
     for relay in _relays(prior, conditions, hysteresis):
         tested = _tested(prior, conditions, relay, duration_s)
         if tested is not None:
-            worst = float(_assessed(prior, tested, thinned, duration_s)[1].max())
-            if best is None or worst < best[0]:
-                best = worst, relay, tested
-    if best is None:
-        return None
-    _, relay, tested = best
-    found, widths, highest = _assessed(prior, tested, noise, duration_s)
-    return RelayPlan(
-        kind="relay", schedule=tested[0], duration_s=duration_s, errors=found, shares=widths, peaks_degC=highest,
-        relay=relay, rest_s=_rest_s(conditions, duration_s),
-        periods_s=np.array([_period(schedule) for schedule in tested]),
-    )
+            ranked.append((float(_assessed(prior, tested, thinned, duration_s)[1].max()), relay))
+    for _, relay in sorted(ranked, key=lambda each: each[0]):
+        tested = _tested(prior, conditions, relay, duration_s, sample_time_s=noise.sample_time_s)
+        if tested is not None:
+            found, widths, highest = _assessed(prior, tested, noise, duration_s)
+            return RelayPlan(
+                kind="relay", schedule=tested[0], duration_s=duration_s, errors=found, shares=widths,
+                peaks_degC=highest, relay=relay, rest_s=_rest_s(conditions, duration_s),
+                periods_s=np.array([_period(schedule) for schedule in tested]),
+            )
+    return None
 
 
 def _rest_s(conditions: Conditions, duration_s: float) -> float:
@@ -95,11 +95,15 @@ def _relays(prior: Prior, conditions: Conditions, hysteresis: float) -> list[Rel
     return found
 
 
-def _tested(prior: Prior, conditions: Conditions, relay: Relay, duration_s: float) -> list[Schedule] | None:
+def _tested(
+    prior: Prior, conditions: Conditions, relay: Relay, duration_s: float, *, sample_time_s: float | None = None
+) -> list[Schedule] | None:
     """Return the powers on each heater, None where one passes the limit or swings too seldom."""
     found, rest_s = [], _rest_s(conditions, duration_s)
     for label, model in prior.models.items():
-        schedule = simulate_relay(model, relay, duration_s - rest_s, base_pct=conditions.base_pct)
+        schedule = simulate_relay(
+            model, relay, duration_s - rest_s, base_pct=conditions.base_pct, sample_time_s=sample_time_s
+        )
         schedule = Schedule(
             base_pct=conditions.base_pct, time_s=np.append(schedule.time_s + rest_s, duration_s),
             power_pct=np.append(schedule.power_pct, conditions.base_pct),

@@ -21,7 +21,7 @@ __all__ = ["Schedule", "peak_rise", "rise", "rows_of", "sensitivities"]
 
 Array = npt.NDArray[np.float64]
 
-_APART = 0.999  # lags nearer than that are told apart: their sum is all that shows, and equal ones divide by zero
+_APART = 0.9999  # lags nearer than that are told apart: their sum is all that shows, and equal ones divide by zero
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
