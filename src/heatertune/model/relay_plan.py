@@ -54,7 +54,7 @@ def plan_relay(prior: Prior, conditions: Conditions, duration_s: float) -> Relay
     its figures, with one that switches at the next reading.
     """
     noise = conditions.noise
-    hysteresis = math.ceil(100.0 * max(_CHATTER * noise.std_degC, noise.resolution_degC)) / 100.0
+    hysteresis = math.ceil(100.0 * max(_CHATTER * noise.std_degC, noise.resolution_degC) - 1e-9) / 100.0
     thinned = noise.thinned(max(1, int(duration_s / noise.sample_time_s / _READINGS)))
     ranked: list[tuple[float, Relay]] = []
     for relay in _relays(prior, conditions, hysteresis):
