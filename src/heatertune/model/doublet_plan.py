@@ -9,14 +9,14 @@ import numpy.typing as npt
 from scipy.optimize import differential_evolution
 
 from heatertune.errors import OutOfRange
-from heatertune.model.experiment import Conditions, Prior, errors, peaks, shares
+from heatertune.model.experiment import Conditions, Prior, errors, peaks, rests, shares
 from heatertune.model.response import Schedule
 
 __all__ = ["REST_READINGS", "Plan", "assessed", "best_step", "plan_doublet", "within_limit"]
 
 Array = npt.NDArray[np.float64]
 
-_READINGS = 250  # in the search; the figures told are those of all readings
+_READINGS = 150  # in the search; the figures told are those of all readings
 _STEP_AT = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # of the duration
 _STEPS = 3  # up, down, and a last stretch
 _DIGIT_PCT = 0.1
@@ -91,7 +91,7 @@ def within_limit(prior: Prior, conditions: Conditions, schedule: Schedule, *, di
     Temperatures depart from rest in proportion to the powers, so the factor is exact. With a digit the powers are then
     rounded down to it: a heater with less power at every instant is nowhere warmer.
     """
-    rest = peaks(prior, replace(schedule, power_pct=np.full(len(schedule.time_s), schedule.base_pct)))
+    rest = rests(prior, schedule.base_pct)
     above = np.maximum(peaks(prior, schedule) - rest, 1e-12)
     factor = min(1.0, float(np.min((conditions.limit_degC - rest) / above)))
     power = schedule.base_pct + factor * (schedule.power_pct - schedule.base_pct)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -17,10 +17,12 @@ from heatertune.model.values import FittedModel, Fopdt, HeaterModel
 from heatertune.units import check
 
 __all__ = [
-    "QUANTITIES", "Conditions", "Prior", "demand_room", "errors", "peaks", "prior_by_hand", "prior_of", "shares",
+    "QUANTITIES", "Conditions", "Prior", "demand_room", "errors", "peaks", "prior_by_hand", "prior_of", "rests",
+    "shares",
 ]
 
 Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.intp]
 
 #: what an experiment is judged by; the time constant is the sum of both where there are two lags
 QUANTITIES = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
@@ -28,39 +30,37 @@ QUANTITIES = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_de
 _SHORT = 0.1  # of the lags: a shorter dead time limits no loop, so its error is measured against this
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prior:
     """Every heater that is possible before the experiment.
 
     Attributes:
         models: label → heater, each with its ambient.
         ambient_known: whether the fit after the experiment is told the ambient.
+        values: the quantities of each model, shape (g, 4).
+        by_order: indices and rows (see `response.rows_of`) of the models with one lag, and of those with two.
     """
 
     models: Mapping[str, HeaterModel]
     ambient_known: bool
+    values: Array = field(init=False)
+    by_order: tuple[tuple[Rows, Array], ...] = field(init=False)
 
-    @property
-    def values(self) -> Array:
-        """The quantities of each model, shape (g, 4)."""
-        return np.array([
-            [m.gain_degC_per_pct, sum(m.lags_s), m.dead_time_s, m.ambient_degC] for m in self.models.values()
-        ], dtype=np.float64)
+    def __post_init__(self) -> None:
+        models = list(self.models.values())
+        values = [[m.gain_degC_per_pct, sum(m.lags_s), m.dead_time_s, m.ambient_degC] for m in models]
+        object.__setattr__(self, "values", np.array(values, dtype=np.float64))
+        orders = []
+        for lags in (1, 2):
+            index = np.array([i for i, m in enumerate(models) if len(m.lags_s) == lags], dtype=np.intp)
+            if len(index):
+                orders.append((index, rows_of([models[i] for i in index])))
+        object.__setattr__(self, "by_order", tuple(orders))
 
     @property
     def slowest_s(self) -> float:
         """Longest sum of lags and dead time [s]."""
         return float((self.values[:, 1] + self.values[:, 2]).max())
-
-    def by_order(self) -> list[tuple[npt.NDArray[np.intp], Array]]:
-        """Return the indices and rows (see `response.rows_of`) of the models with one lag and with two."""
-        models = list(self.models.values())
-        found = []
-        for lags in (1, 2):
-            index = np.array([i for i, m in enumerate(models) if len(m.lags_s) == lags], dtype=np.intp)
-            if len(index):
-                found.append((index, rows_of([models[i] for i in index])))
-        return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,11 +149,15 @@ def prior_by_hand(ranges: Mapping[str, tuple[float, float]], *, ambient_known: b
     return Prior(models=models, ambient_known=ambient_known)
 
 
+def rests(prior: Prior, power_pct: float) -> Array:
+    """Return the steady temperature at a power on each heater, shape (g,) [°C]."""
+    return np.asarray(prior.values[:, 3] + prior.values[:, 0] * power_pct)
+
+
 def peaks(prior: Prior, schedule: Schedule) -> Array:
     """Return the highest temperature on each heater, shape (g,) [°C]."""
-    values = prior.values
-    found = values[:, 3] + values[:, 0] * schedule.base_pct
-    for index, rows in prior.by_order():
+    found = rests(prior, schedule.base_pct)
+    for index, rows in prior.by_order:
         found[index] += peak_rise(rows, schedule)
     return found
 
@@ -162,7 +166,7 @@ def errors(prior: Prior, schedule: Schedule, noise: Noise, duration_s: float) ->
     """Return the expected standard error of each quantity on each heater, shape (g, 4); 0 for a known ambient."""
     instants = np.arange(0.0, duration_s + 0.5 * noise.sample_time_s, noise.sample_time_s)
     found = np.zeros((len(prior.models), len(QUANTITIES)))
-    for index, rows in prior.by_order():
+    for index, rows in prior.by_order:
         lags = rows.shape[1] - 2
         jacobian = sensitivities(rows, schedule, instants)
         if prior.ambient_known:
@@ -192,8 +196,7 @@ def demand_room(prior: Prior, conditions: Conditions) -> None:
     Raises:
         OutOfRange: it does so on some heater of the prior.
     """
-    values = prior.values
-    rest = float((values[:, 3] + values[:, 0] * conditions.base_pct).max())
+    rest = float(rests(prior, conditions.base_pct).max())
     if conditions.limit_degC <= rest:
         raise OutOfRange(
             "limit_degC", conditions.limit_degC, f"> {rest:.4g}, where the heater may rest at {conditions.base_pct:g} %"

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.doublet_plan import REST_READINGS, Plan
-from heatertune.model.experiment import Conditions, Prior, errors, peaks, shares
+from heatertune.model.experiment import Conditions, Prior, errors, peaks, rests, shares
 from heatertune.model.fisher import Noise
 from heatertune.model.relay import Relay, simulate_relay
 from heatertune.model.response import Schedule
@@ -79,13 +79,13 @@ def _rest_s(conditions: Conditions, duration_s: float) -> float:
 
 def _relays(prior: Prior, conditions: Conditions, hysteresis: float) -> list[Relay]:
     """Return the relays that swing on every heater once they are on, powers in whole percent."""
-    values, found = prior.values, []
+    found = []
     room = conditions.most_pct - conditions.least_pct
     for share, lower in product(_HIGH, _LOW):
         high = float(np.floor(conditions.least_pct + share * room))
         low = float(np.ceil(conditions.least_pct + lower * share * room))
-        coolest = float((values[:, 3] + values[:, 0] * low).max()) + hysteresis
-        warmest = min(float((values[:, 3] + values[:, 0] * high).min()), conditions.limit_degC) - hysteresis
+        coolest = float(rests(prior, low).max()) + hysteresis
+        warmest = min(float(rests(prior, high).min()), conditions.limit_degC) - hysteresis
         if warmest <= coolest or high <= low:
             continue
         for at in _AT:
