@@ -12,7 +12,7 @@ from heatertune.log.values import Log
 from heatertune.model.fit_power import fit_power
 from heatertune.model.fit_temperature import fit_temperature
 from heatertune.model.law import ControllerLaw
-from heatertune.model.relay_test import with_relay
+from heatertune.model.relay_log import with_relay
 from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Outcome
 from heatertune.model.windows import undisturbed
 from heatertune.units import check
