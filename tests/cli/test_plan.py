@@ -65,6 +65,17 @@ def test_the_document_holds_what_the_table_shows(run):
     assert document["highest_degC"] <= 50.0
 
 
+@pytest.mark.long
+def test_an_experiment_that_tells_nothing_says_so(run):
+    # the power's step shows 900 s later: nothing is seen of it in 300 s, so no interval has an end
+    late = (*POINT[:6], "--dead-time", 800, 1000, "--ambient", 18, 22)
+    status, out, err = run("plan", *late, *TEST, "--max-duration", 300, "--kind", "doublet", "--quiet")
+    assert (status, err) == (0, "")
+    assert "the aim of ±10 % is not reached" in out
+    assert "no end in 300 s" in out
+    assert "it would not tell the dead time better than it is known before" in out
+
+
 @pytest.fixture
 def model(tmp_path, run):
     """A model file as `fit` writes it, of a short step of a noisy heater."""

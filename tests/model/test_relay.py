@@ -4,11 +4,12 @@ import control
 import numpy as np
 import pytest
 from numba import cfunc
+from scipy.integrate import solve_ivp
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.kernel import simulate_many
 from heatertune.model.law import STEP
-from heatertune.model.relay import Relay, oscillation, simulate_relay
+from heatertune.model.relay import Relay, _Course, _State, oscillation, simulate_relay
 from heatertune.model.response import rise, rows_of
 from heatertune.model.values import Fopdt, TwoLag
 
@@ -96,6 +97,21 @@ def test_a_sampled_relay_is_the_one_of_the_compiled_loop(model, ratio, sample):
     assert np.all(np.rint(schedule.time_s / sample) * sample == pytest.approx(schedule.time_s))
     ours = 20.0 + rise(rows_of([model]), schedule, np.arange(n) * sample)[0]
     assert ours == pytest.approx(loop, abs=1e-6)
+
+
+def test_a_crossing_is_seen_though_the_temperature_turns_back_at_once():
+    # a hot inner mass lifts the sensor past 38 °C for a while; the instant by SciPy's ODE solver and its event
+    def slope(_, state):
+        return [(state[1] - state[0]) / 50.0, (22.5 - state[1]) / 150.0]
+
+    def passed(_, state):
+        return state[0] - 38.0
+
+    expected = solve_ivp(slope, (0.0, 1000.0), [36.0, 50.0], events=passed, rtol=1e-10, atol=1e-10).t_events[0]
+    assert len(expected) == 2, "up and down again"
+    course = _Course(TWO, _State(36.0, 50.0), 5.0)
+    assert course.crossing(38.0, 1000.0, rising=True) == pytest.approx(expected[0], abs=1e-5)
+    assert course.crossing(60.0, 1000.0, rising=True) is None
 
 
 def test_a_heater_that_begins_above_the_threshold_begins_with_the_low_power():

@@ -71,7 +71,8 @@ def _words(plan: Document) -> list[str]:
         told = [f"the aim of {aim} is not reached: a longer test, a higher limit or less noise would help"]
     for name, found in plan["quantities"].items():
         low, high = found["before"]
-        if found["worst_half_width"] >= 0.5 * (high - low) > 0.0:
+        half = found["worst_half_width"]
+        if high > low and (half is None or half >= 0.5 * (high - low)):
             told.append(f"it would not tell the {NOMENCLATURE[name][1]} better than it is known before")
     tried = [f"{_share(each['worst_share'])} in {figure(each['duration_s'])} s" for each in plan["durations"]]
     step = f"a plain step of {figure(plan['duration_s'])} s: {_share(plan['step_worst_share'])}"
