@@ -154,6 +154,11 @@ def test_the_power_stays_within_its_bounds():
     assert tested.relay.high_pct <= 60.0
 
 
+def test_a_step_waits_for_five_readings_of_the_rest():
+    # left to itself the best step of 200 s comes at 8 s, its second reading
+    assert best_step(PRIOR, CONDITIONS, 200.0).schedule.time_s.tolist() == [20.0, 200.0]
+
+
 def test_a_factor_on_the_powers_meets_the_limit_exactly():
     schedule = Schedule(base_pct=5.0, time_s=np.array([0.0, 2000.0]), power_pct=np.array([100.0, 5.0]))
     found = within_limit(PRIOR, replace(CONDITIONS, base_pct=5.0), schedule)
