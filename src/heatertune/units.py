@@ -22,6 +22,7 @@ NOMENCLATURE: Final[dict[str, tuple[str, str, str]]] = {
     "ambient_degC": ("Ta", "ambient temperature", "°C"),
     "gain_per_time_constant_degC_per_s_pct": ("k/T", "gain per time constant", "°C/(s·%)"),
     "effective_dead_time_s": ("Le", "effective dead time", "s"),
+    "ultimate_gain_pct_per_degC": ("Ku", "ultimate gain", "%/°C"),
     "ultimate_period_s": ("Tu", "ultimate period", "s"),
     "gain_pct_per_degC": ("K", "proportional gain", "%/°C"),
     "integral_time_s": ("TN", "integral-action time", "s"),

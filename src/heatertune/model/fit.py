@@ -16,6 +16,7 @@ from heatertune.model.fit_power import fit_power
 from heatertune.model.fit_temperature import fit_temperature
 from heatertune.model.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.law import ControllerLaw
+from heatertune.model.relay_log import with_relay
 from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Outcome
 from heatertune.model.windows import undisturbed
 from heatertune.units import check
@@ -60,6 +61,7 @@ def fit(
     else:
         progress(f"{log.name}: fitting one and two lags to the logged power")
         found = _fit_logged(used, bounds, power_before_pct, seed)
+        found = with_relay(used, found, ambient_degC=_single(bounds))
         notes += feedback_notes(used)
     return replace(found, notes=notes + found.notes)
 
@@ -96,7 +98,7 @@ def fit_known(
     check("power_before_pct", power_before_pct, least=0.0, most=100.0)
     used, notes = _used(log, until_s)
     progress(f"{log.name}: running {controllers[0].name.partition(',')[0]} on the logged readings")
-    known = None if bounds is None or bounds[0] < bounds[1] else bounds[0]
+    known = _single(bounds)
     given: dict[str, Any] = {"ambient_degC": known, "power_before_pct": power_before_pct}
     rated = rate(records(used, controllers, setpoint_degC), **given)
     if not rated:
@@ -209,9 +211,14 @@ def _demand_laws(log: Log, laws: Sequence[ControllerLaw]) -> None:
         raise InputError(f"{log.name}: the power was not logged and no controller law was given to run in the fit")
 
 
+def _single(bounds: Bounds | None) -> float | None:
+    """Return the ambient where it is one value."""
+    return None if bounds is None or bounds[0] < bounds[1] else bounds[0]
+
+
 def _fit_logged(log: Log, bounds: Bounds | None, power_before_pct: float | None, seed: int) -> FittedModel:
     """Return the fit of a log with power; a free ambient that leaves its interval is taken at the nearest end."""
-    known = None if bounds is None or bounds[0] < bounds[1] else bounds[0]
+    known = _single(bounds)
     _demand_excitation(log, known)
     found = fit_power(log, ambient_degC=known, power_before_pct=power_before_pct, seed=seed)
     end = None if bounds is None else _nearest_end(found, bounds)

@@ -1,0 +1,125 @@
+"""`heatertune plan`: what is believed → the experiment that makes it known."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from heatertune.cli import common
+from heatertune.errors import InputError
+
+if TYPE_CHECKING:
+    from heatertune.model.values import FittedModel
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune plan model.json --limit-temperature 70 --max-duration 3000 -o plan.csv"
+_RANGES = {"gain": "gain_degC_per_pct", "time_constant": "time_constant_s", "dead_time": "dead_time_s"}
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "plan", help="model → the experiment to make, with the intervals to expect after it", epilog=_EXAMPLE,
+        description="Propose the doublet or relay test that makes a heater known best within a temperature limit, and "
+        "tell before heating what it would make known.",
+    )
+    command.add_argument("model", metavar="MODEL", nargs="?", help="model.json as written by fit")
+    command.add_argument("-o", "--out", metavar="FILE", help="write the schedule (or the relay's settings) to this CSV")
+    _add_prior_options(command)
+    group = command.add_argument_group("the experiment")
+    group.add_argument("--limit-temperature", type=float, required=True, metavar="°C",
+                       help="no possible heater passes it [°C]")
+    group.add_argument("--max-duration", type=float, metavar="S",
+                       help="longest duration [s] (default: six times the slowest possible heater)")
+    group.add_argument("--power", nargs=2, type=float, default=(0.0, 100.0), metavar=("LOW", "HIGH"),
+                       help="bounds of the power [%%] (default: 0 100)")
+    group.add_argument("--power-now", type=float, default=0.0, metavar="%",
+                       help="power at which the heater rests before and after [%%] (default: 0)")
+    group.add_argument("--aim", type=float, default=10.0, metavar="%",
+                       help="half width of the 95 %% intervals that is good enough [%%] (default: 10)")
+    group.add_argument("--kind", choices=("best", "doublet", "relay"), default="best",
+                       help="kind of experiment (default: the better one)")
+    group.add_argument("--relay", dest="kind", action="store_const", const="relay", help="the same as --kind relay")
+    group = command.add_argument_group("the readings; what is not given is taken from the model's residuals")
+    group.add_argument("--noise", type=float, metavar="°C", help="standard deviation of the noise [°C]")
+    group.add_argument("--correlation", type=float, metavar="R", help="of the noise between two readings, 0 to 1")
+    group.add_argument("--resolution", type=float, metavar="°C", help="step of the sensor's digits [°C]")
+    group.add_argument("--log-interval", type=float, metavar="S", help="interval between readings [s] (default: 1)")
+    common.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _add_prior_options(command: argparse.ArgumentParser) -> None:
+    group = command.add_argument_group("what is believed, instead of a model file")
+    ends = ("LOW", "HIGH")
+    group.add_argument("--gain", nargs=2, type=float, metavar=ends, help="rise per percent of power [°C/%%]")
+    group.add_argument("--time-constant", nargs=2, type=float, metavar=ends, help="time constant [s]")
+    group.add_argument("--dead-time", nargs=2, type=float, metavar=ends, help="dead time [s]")
+    group.add_argument("--ambient", nargs="+", type=float, metavar="°C",
+                       help="temperature without power [°C]: one number where the fit will be told it, or LOW HIGH")
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.chain.experiment import noise_of  # noqa: PLC0415
+    from heatertune.documents import plain, write_files  # noqa: PLC0415
+    from heatertune.report.plan import plan_csv, plan_lines  # noqa: PLC0415
+
+    fitted = None if settings.model is None else _model(settings)
+    low, high = settings.power
+    document = plain(chain.plan(
+        _ranges(settings) if fitted is None else fitted,
+        limit_degC=settings.limit_temperature, longest_s=settings.max_duration, kind=settings.kind,
+        ambient_degC=_known_ambient(settings),
+        noise=noise_of(
+            fitted, std_degC=settings.noise, correlation=settings.correlation, resolution_degC=settings.resolution,
+            sample_time_s=settings.log_interval,
+        ),
+        base_pct=settings.power_now, least_pct=low, most_pct=high, aim=settings.aim / 100.0,
+        progress=common.Progress(settings),
+    ))
+    if settings.out is not None:
+        target = Path(settings.out)
+        write_files(target.parent, {target.name: plan_csv(document)})
+    common.output(settings, document, lambda: plan_lines(document))
+    return 0
+
+
+def _model(settings: argparse.Namespace) -> FittedModel:
+    """Return the model of the file.
+
+    Raises:
+        InputError: ranges are given as well.
+    """
+    from heatertune.model.document import read_model  # noqa: PLC0415 - the help must not wait for numpy
+
+    if any(getattr(settings, name) is not None for name in _RANGES):
+        raise InputError("give a model file or --gain, --time-constant, --dead-time, not both")
+    return read_model(settings.model)
+
+
+def _ranges(settings: argparse.Namespace) -> dict[str, tuple[float, float]]:
+    """Return the ranges given.
+
+    Raises:
+        InputError: one is missing.
+    """
+    missing = [f"--{name.replace('_', '-')}" for name in (*_RANGES, "ambient") if getattr(settings, name) is None]
+    if missing:
+        raise InputError(f"no model: give a model file, or {', '.join(missing)} as well")
+    found = {field: tuple(getattr(settings, name)) for name, field in _RANGES.items()}
+    return found if len(settings.ambient) == 1 else found | {"ambient_degC": tuple(settings.ambient)}
+
+
+def _known_ambient(settings: argparse.Namespace) -> float | None:
+    """Return the ambient that the fit will be told, None where it will not.
+
+    Raises:
+        InputError: more than two numbers; a range beside a model file.
+    """
+    given = settings.ambient or []
+    if len(given) > 2 or (len(given) == 2 and settings.model is not None):
+        raise InputError(f"--ambient has {len(given)} numbers; expected one, or LOW HIGH without a model file")
+    return float(given[0]) if len(given) == 1 else None

@@ -1,0 +1,143 @@
+"""Exact answer of a heater to steps of its power, and how it depends on the heater's numbers.
+
+The heater rests at a steady power and the power then steps at given instants. Each step is answered by the step
+response of the lags, delayed by the dead time, so temperature, sensitivities and peaks are closed forms: no grid, no
+solver. All functions take many heaters of one order at once, one row each (see `rows_of`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import OutOfRange
+from heatertune.model.values import HeaterModel
+from heatertune.units import check
+
+__all__ = ["Schedule", "peak_rise", "rise", "rows_of", "sensitivities"]
+
+Array = npt.NDArray[np.float64]
+
+_APART = 0.9999  # lags nearer than that are told apart: their sum is all that shows, and equal ones divide by zero
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Schedule:
+    """Powers of an experiment.
+
+    Attributes:
+        base_pct: power before the first instant, and steady for long [%].
+        time_s: instants at which the power steps, not decreasing, shape (m,) [s].
+        power_pct: power from each instant on, shape (m,) [0…100 %].
+
+    Raises:
+        OutOfRange: shapes differ, instants that decrease or are negative, a power outside 0…100 %.
+    """
+
+    base_pct: float
+    time_s: Array
+    power_pct: Array
+
+    def __post_init__(self) -> None:
+        check("base_pct", self.base_pct, least=0.0, most=100.0)
+        for name in ("time_s", "power_pct"):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        if self.time_s.shape != self.power_pct.shape or self.time_s.ndim != 1 or not len(self.time_s):
+            raise OutOfRange("power_pct", self.power_pct.shape, f"one power for each of {self.time_s.shape} instants")
+        if np.any(np.diff(self.time_s) < 0.0):
+            raise OutOfRange("time_s", self.time_s.tolist(), "not decreasing")
+        check("time_s", float(self.time_s[0]), least=0.0)
+        check("time_s", float(self.time_s[-1]), least=0.0)
+        for power in (float(self.power_pct.min()), float(self.power_pct.max())):
+            check("power_pct", power, least=0.0, most=100.0)
+
+    @property
+    def steps_pct(self) -> Array:
+        """Change of the power at each instant, shape (m,) [%]."""
+        return np.diff(self.power_pct, prepend=self.base_pct)
+
+    def at(self, instants: Array) -> Array:
+        """Return the power that holds at the instants, shape (n,) [%]."""
+        index = np.searchsorted(self.time_s, instants, side="right")
+        return np.asarray(np.concatenate([[self.base_pct], self.power_pct])[index])
+
+
+def rows_of(models: Sequence[HeaterModel]) -> Array:
+    """Return gain, dead time, and each lag of models of one order, shape (g, 2 + lags)."""
+    return np.array([[m.gain_degC_per_pct, m.dead_time_s, *m.lags_s] for m in models])
+
+
+def rise(rows: Array, schedule: Schedule, instants: Array) -> Array:
+    """Return the temperature above that of the base power, shape (g, n) [°C], at instants (n,) or (g, n) [s]."""
+    unit, _, _ = _unit_steps(rows, _since(rows, schedule, instants))
+    return np.asarray(rows[:, :1] * (unit @ schedule.steps_pct))
+
+
+def sensitivities(rows: Array, schedule: Schedule, instants: Array) -> Array:
+    """Return the derivatives of the temperature at the instants, shape (g, n, q).
+
+    Columns: gain [°C per °C/%], dead time [°C/s], each lag [°C/s], ambient, then the deviation of each lag's initial
+    state from steadiness [°C per °C]: a fit has to find these too.
+    """
+    steps = schedule.steps_pct
+    unit, slope, by_lag = _unit_steps(rows, _since(rows, schedule, instants))
+    gain = rows[:, :1]
+    shared = [schedule.base_pct + unit @ steps, -gain * (slope @ steps), *(gain * (each @ steps) for each in by_lag)]
+    initial = [np.exp(-instants[None, :] / lag[:, None]) for lag in _lags(rows)]
+    return np.stack([*shared, np.ones_like(shared[0]), *initial], axis=2)
+
+
+def peak_rise(rows: Array, schedule: Schedule) -> Array:
+    """Return the highest temperature above that of the base power, the time after the last step included, shape (g,).
+
+    Between two steps the temperature of one lag is monotonic; that of two lags turns at most once, where its slope
+    P·exp(−t/T1) − Q·exp(−t/T2) vanishes.
+    """
+    steps, time = schedule.steps_pct, schedule.time_s
+    lags = _lags(rows)
+    since = np.maximum(time[:, None] - time[None, :], 0.0)
+    past = np.tril(np.ones_like(since))
+    turns = np.zeros((len(rows), len(time)))
+    if len(lags) == 2:
+        first, second = (np.sum(past * steps * np.exp(-since / lag[:, None, None]), axis=2) for lag in lags)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turns = np.log(second / first) / (1.0 / lags[1] - 1.0 / lags[0])[:, None]
+        turns = np.clip(np.nan_to_num(turns, nan=0.0, posinf=0.0, neginf=0.0), 0.0, None)
+    undelayed = rows.copy()
+    undelayed[:, 1] = 0.0  # the dead time moves the peak, not its height
+    later = np.append(np.diff(time), np.inf)
+    heights = rise(undelayed, schedule, np.hstack([np.tile(time, (len(rows), 1)), time + np.minimum(turns, later)]))
+    last = rows[:, 0] * (schedule.power_pct[-1] - schedule.base_pct)
+    return np.asarray(np.maximum(heights.max(axis=1), last))
+
+
+def _since(rows: Array, schedule: Schedule, instants: Array) -> Array:
+    """Return how long each step has acted, shape (g, n, m); 0 where it does not yet [s]."""
+    acting = np.atleast_2d(instants)[:, :, None] - schedule.time_s - rows[:, 1][:, None, None]
+    return np.asarray(np.maximum(acting, 0.0))
+
+
+def _lags(rows: Array) -> list[Array]:
+    first = rows[:, 2]
+    return [first] if rows.shape[1] == 3 else [first, np.minimum(rows[:, 3], _APART * first)]
+
+
+def _unit_steps(rows: Array, since: Array) -> tuple[Array, Array, list[Array]]:
+    """Return the unit step response of the lags, its slope, and its derivative by each lag."""
+    acts = since > 0.0
+    first, *others = (lag[:, None, None] for lag in _lags(rows))
+    fast = np.exp(-since / first)
+    if not others:
+        return 1.0 - fast, acts * fast / first, [-since / first**2 * fast]
+    (second,) = others
+    slow, fast = fast, np.exp(-since / second)
+    apart = first - second
+    mixed = first * slow - second * fast
+    by_first = (mixed - apart * slow * (1.0 + since / first)) / apart**2
+    by_second = (apart * fast * (1.0 + since / second) - mixed) / apart**2
+    return 1.0 - mixed / apart, (slow - fast) / apart, [by_first, by_second]
