@@ -3,9 +3,8 @@
 import math
 
 import numpy as np
+from numba import njit
 from scipy.optimize import minimize_scalar
-
-FILTER = 10.0  # N of the derivative filter TV/N where a test asks for one
 
 
 def controller(settings, s, n=math.inf):
@@ -49,29 +48,42 @@ def margins(settings, k, lags, dead, n=math.inf):
     return ms, mt, 1.0 / at, pm
 
 
-def respond(settings, k, lags, dead, *, until, steps_per_dead=200, setpoint=0.0, load=0.0):
-    """Deviation of the process variable after a step: time, response; RK-free, exact lags, small steps."""
-    h = dead / steps_per_dead
-    count = round(until / h)
-    gain, tn, tv = settings
-    y, states = np.zeros(count), [0.0] * len(lags)
-    decays = [math.exp(-h / lag) for lag in lags]
-    u = np.zeros(count)
-    summed = last = 0.0
-    filtered = 0.0
+@njit
+def _respond(gain, rate, tv, smooth, k, decays, delay, h, count, setpoint, load):
+    y, u, states = np.zeros(count), np.zeros(count), np.zeros(len(decays))
+    summed = filtered = last = 0.0
     for i in range(count):
         y[i] = states[-1]
         error = setpoint - y[i]
-        if i == 0:
-            last = 0.0
-        summed += h * error / tn if math.isfinite(tn) else 0.0
-        smooth = max(tv / FILTER, 0.0)
+        summed += rate * error
         if tv > 0.0:
             filtered = (smooth * filtered + tv * (error - last)) / (smooth + h)
         last = error
         u[i] = gain * (error + summed + filtered) + load
-        through = k * (u[i - steps_per_dead] if i >= steps_per_dead else 0.0)
-        for j, decay in enumerate(decays):
-            states[j] = decay * states[j] + (1.0 - decay) * through
+        through = k * (u[i - delay] if i >= delay else 0.0)
+        for j in range(len(decays)):
+            states[j] = decays[j] * states[j] + (1.0 - decays[j]) * through
             through = states[j]
+    return y
+
+
+def respond(settings, k, lags, dead, *, until, n=math.inf, setpoint=0.0, load=0.0, parts=200):
+    """Time and deviation after a step, each lag exact over steps of dead time/parts; n is the derivative filter's."""
+    h, (gain, tn, tv) = dead / parts, settings
+    count = round(until / h)
+    decays = np.exp(-h / np.array(lags, dtype=float))
+    y = _respond(gain, h / tn, tv, tv / n, k, decays, parts, h, count, setpoint, load)
     return h * np.arange(count), y
+
+
+def criterion(name, time, error):
+    """IAE, ISE or ITAE of an error over time."""
+    weight = {"iae": np.abs(error), "ise": error**2, "itae": time * np.abs(error)}[name]
+    return float(np.sum(weight) * (time[1] - time[0]))
+
+
+def swings(deviation):
+    """The extremes of a swinging response in their order: sign changes of its slope, the largest |value| between."""
+    slope = np.sign(np.diff(deviation))
+    turns = np.flatnonzero(slope[1:] * slope[:-1] < 0) + 1
+    return deviation[turns]

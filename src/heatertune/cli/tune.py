@@ -29,12 +29,14 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.pid.alternatives import alternatives  # noqa: PLC0415
     from heatertune.pid.document import to_document  # noqa: PLC0415
-    from heatertune.report.text import design_lines  # noqa: PLC0415
+    from heatertune.report.text import alternatives_table, design_lines  # noqa: PLC0415
 
     fitted = common.model_from(settings, settings.model)
     design = chain.tune(fitted, target=settings.target, progress=common.Progress(settings), **common.tuning(settings))
-    document = to_document(design, fitted)
+    others = alternatives(fitted, design)
+    document = to_document(design, fitted) | {"alternatives": others}
     common.save(settings.out, document)
-    common.output(settings, document, lambda: design_lines(document))
+    common.output(settings, document, lambda: f"{design_lines(document)}\n\n{alternatives_table(others)}")
     return 0

@@ -9,8 +9,8 @@ from typing import Any
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "advice_table", "criteria_table", "criterion_value", "design_lines", "figure", "model_lines", "model_rows",
-    "summary", "table", "word", "words_table",
+    "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines", "figure", "model_lines",
+    "model_rows", "summary", "table", "word", "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -77,6 +77,16 @@ def design_lines(design: Document) -> str:
     ]
     lines = [table(rows), f"{design['structure'].upper()}, {design['method']}"]
     return "\n".join(lines + [f"- {note}" for note in design.get("notes", ())])
+
+
+def alternatives_table(rows: Sequence[Document]) -> str:
+    """Return what the rules give beside the design; what keeps a rule from applying stands at the end of its row."""
+    cells = [("method", "K", "TN", "TV", "worst Ms", "IAE load", "")]
+    names = ("gain_pct_per_degC", "integral_time_s", "derivative_time_s", "ms", "iae_load")
+    for row in rows:
+        numbers = ["∞" if row[name] == math.inf else figure(row[name]) for name in names]
+        cells.append((row["method"], *numbers, row["why_not"] or ""))
+    return table(cells, right=(1, 2, 3, 4, 5))
 
 
 def words_table(words: Document) -> str:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Final
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.values import HeaterModel
+from heatertune.model.values import FittedModel, HeaterModel, TwoLag
 from heatertune.pid.forms import Settings, series_to_ideal
 from heatertune.pid.rules.direct import DIRECT
 from heatertune.pid.rules.integrals import INTEGRALS
@@ -20,7 +20,7 @@ from heatertune.pid.rules.usort import USORT
 from heatertune.pid.rules.values import Rule
 from heatertune.units import check
 
-__all__ = ["RULES", "Rule", "Settings", "apply_rule", "range_note", "ultimate_cycle"]
+__all__ = ["RULES", "Rule", "apply_rule", "model_for", "range_note", "ultimate_cycle"]
 
 RULES: Final[dict[str, Rule]] = DIRECT | REACTION | ULTIMATE | INTEGRALS | USORT
 
@@ -57,11 +57,25 @@ def apply_rule(
     gain, integral, derivative = series_to_ideal(*printed) if rule.form == "series" else printed
     if not (gain > 0.0 and math.isfinite(gain) and integral > 0.0 and derivative >= 0.0):
         raise InputError(f"{method} gives K = {gain:.4g} %/°C, TN = {integral:.4g} s, TV = {derivative:.4g} s here, "
-                         f"which no controller can hold; {range_note(method, model, sample_time_s)}")
+                         f"which no controller can hold; {range_note(method, model, structure, sample_time_s)}")
     return gain, integral, derivative
 
 
-def range_note(method: str, model: HeaterModel, sample_time_s: float) -> str | None:
+def model_for(method: str, structure: str, fitted: FittedModel) -> HeaterModel:
+    """Return the model a rule is applied to.
+
+    That is the working model, with its two lags where it stands for two; the candidate with two lags that fits best
+    where the rule needs two.
+
+    Raises:
+        UnknownName: no such rule.
+    """
+    if structure in _rule(method).two_lags:
+        return next((plant for plant in fitted.plants if isinstance(plant, TwoLag)), fitted.model)
+    return next((plant for plant in fitted.plants if plant.half_rule() == fitted.model), fitted.model)
+
+
+def range_note(method: str, model: HeaterModel, structure: str, sample_time_s: float) -> str | None:
     """Return in one sentence that a model lies outside the range of a rule; None where it lies inside.
 
     Raises:
@@ -70,10 +84,11 @@ def range_note(method: str, model: HeaterModel, sample_time_s: float) -> str | N
     rule = _rule(method)
     one = _as_sampled(model, sample_time_s).half_rule()
     ratio = one.dead_time_s / one.time_constant_s
-    if rule.least_ratio <= ratio <= rule.most_ratio:
+    least = rule.narrower.get(structure, rule.least_ratio)
+    if least <= ratio <= rule.most_ratio:
         return None
-    low = f"{rule.least_ratio:g} <= " if rule.least_ratio > 0.0 else ""
-    return f"{method} was made for {low}L/T <= {rule.most_ratio:g}; L/T is {ratio:.3g} here, half a sample included."
+    low = f"{least:g} <= " if least > 0.0 else ""
+    return f"Made for {low}L/T <= {rule.most_ratio:g}; L/T is {ratio:.3g} here, half a sample included."
 
 
 def _rule(method: str) -> Rule:

@@ -60,13 +60,14 @@ DIRECT: Final[dict[str, Rule]] = {
         formulas={"pi": _simc_pi, "pid": _simc_pid},
         claim="τc = θ: Ms 1.59, gain margin 3.14, phase margin 61.4°; Ms 1.70 where the lag acts as an integrator",
         form="series",
+        two_lags=("pid",),
         closed_loop="τc",
         errata=("Copies that give SIMC's PID in the ideal form without the factor 1 + τD/τI change the rule.",),
     ),
     "lambda": Rule(
         source=f"E. B. Dahlin, Instrum. Control Syst. 41 (1968) 77–83 (PI); {_RIVERA}, table 2 (PID)",
         formulas={"pi": _lambda_pi, "pid": _lambda_pid},
-        claim="a setpoint response without overshoot that is slower than the open loop's dead time by λ",
+        claim="a setpoint response without overshoot, 63 % of it after L + λ; λ = max(T, 3·L) here",
         closed_loop="λ",
     ),
     "imc": Rule(

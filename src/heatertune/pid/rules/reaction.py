@@ -72,8 +72,9 @@ def _chien_hrones_reswick(aim: str) -> dict[str, Formula]:
 
 
 def _chr_rule(aim: str, claim: str, *errata: str) -> Rule:
+    step, overshoot = aim.split("-")
     return Rule(
-        source=f"{_CHR_SOURCE}, {aim.split('-')[0]}, {aim.split('-')[1]} % overshoot",
+        source=f"{_CHR_SOURCE}, {step}, {overshoot} % overshoot",
         formulas=_chien_hrones_reswick(aim), claim=claim, least_ratio=0.11, most_ratio=1.0, errata=errata,
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from heatertune.errors import OutOfRange
 from heatertune.model.values import HeaterModel
@@ -26,6 +26,8 @@ class Rule:
         claim: what its authors say a loop tuned by it does.
         form: the form the settings are printed in, "ideal" or "series".
         least_ratio, most_ratio: dead time over time constant its authors cover.
+        narrower: structure → least ratio, where one structure holds from a larger one on.
+        two_lags: structures that need a model with two lags.
         closed_loop: name of the closed-loop time constant it leaves open, None where it leaves nothing open.
         errata: what common copies print wrongly or differently, one sentence each.
 
@@ -39,6 +41,8 @@ class Rule:
     form: str = "ideal"
     least_ratio: float = 0.0
     most_ratio: float = math.inf
+    narrower: Mapping[str, float] = field(default_factory=dict)
+    two_lags: tuple[str, ...] = ()
     closed_loop: str | None = None
     errata: tuple[str, ...] = ()
 
