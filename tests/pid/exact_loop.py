@@ -49,17 +49,18 @@ def margins(settings, k, lags, dead, n=math.inf):
 
 
 @njit
-def _respond(gain, rate, tv, smooth, k, decays, delay, h, count, setpoint, load):
+def _respond(gain, rate, tv, k, decays, delay, h, count, setpoint, load, on_measurement):
     y, u, states = np.zeros(count), np.zeros(count), np.zeros(len(decays))
-    summed = filtered = last = 0.0
+    summed = differential = last = 0.0
     for i in range(count):
         y[i] = states[-1]
         error = setpoint - y[i]
         summed += rate * error
         if tv > 0.0:
-            filtered = (smooth * filtered + tv * (error - last)) / (smooth + h)
-        last = error
-        u[i] = gain * (error + summed + filtered) + load
+            moved = -y[i] if on_measurement else error
+            differential = tv * (moved - last) / h
+            last = moved
+        u[i] = gain * (error + summed + differential) + load
         through = k * (u[i - delay] if i >= delay else 0.0)
         for j in range(len(decays)):
             states[j] = decays[j] * states[j] + (1.0 - decays[j]) * through
@@ -67,12 +68,12 @@ def _respond(gain, rate, tv, smooth, k, decays, delay, h, count, setpoint, load)
     return y
 
 
-def respond(settings, k, lags, dead, *, until, n=math.inf, setpoint=0.0, load=0.0, parts=200):
-    """Time and deviation after a step, each lag exact over steps of dead time/parts; n is the derivative filter's."""
+def respond(settings, k, lags, dead, *, until, setpoint=0.0, load=0.0, parts=200, on_measurement=False):
+    """Time and deviation after a step, each lag exact over steps of dead time/parts, D without filter."""
     h, (gain, tn, tv) = dead / parts, settings
     count = round(until / h)
     decays = np.exp(-h / np.array(lags, dtype=float))
-    y = _respond(gain, h / tn, tv, tv / n, k, decays, parts, h, count, setpoint, load)
+    y = _respond(gain, h / tn, tv, k, decays, parts, h, count, setpoint, load, on_measurement)
     return h * np.arange(count), y
 
 
@@ -87,3 +88,20 @@ def swings(deviation):
     slope = np.sign(np.diff(deviation))
     turns = np.flatnonzero(slope[1:] * slope[:-1] < 0) + 1
     return deviation[turns]
+
+
+def decay_ratio(settings, k, lags, dead):
+    """How much of a swing is left one period later: e^(2π·Re s/Im s) of the least damped root of 1 + L(s) = 0."""
+    real, imaginary = np.meshgrid(np.linspace(-3.0, 0.2, 25), np.linspace(0.2, 4.0, 30))
+    s = (real + 1j * imaginary).ravel() / dead
+
+    def lacking(at):
+        return 1.0 + controller(settings, at) * plant(k, lags, dead, at)
+
+    for _ in range(60):
+        step = 1e-6 * np.abs(s)
+        value = lacking(s)
+        move = value * step / (lacking(s + step) - value)
+        s = s - move / np.maximum(1.0, np.abs(move) * dead / 0.2)  # Newton, no step too wide
+    roots = s[(np.abs(lacking(s)) < 1e-8) & (s.imag > 1e-3 / dead)]
+    return float(np.max(np.exp(2.0 * math.pi * roots.real / roots.imag), initial=0.0))

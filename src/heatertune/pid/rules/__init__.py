@@ -45,8 +45,9 @@ def apply_rule(
     """
     rule = _rule(method)
     if structure not in rule.formulas:
-        raise InputError(f"{method} gives {' and '.join(rule.formulas).upper()} settings, none for "
-                         f"{structure.upper()}; use another --structure or --method")
+        given = " and ".join(name.upper() for name in rule.formulas)
+        raise InputError(f"{method} gives {given} settings, none for {structure.upper()}; "
+                         "use another --structure or --method")
     if closed_loop_s is not None:
         check("closed_loop_s", closed_loop_s, above=0.0)
         if rule.closed_loop is None:

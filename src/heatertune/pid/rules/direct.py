@@ -73,8 +73,8 @@ DIRECT: Final[dict[str, Rule]] = {
     "imc": Rule(
         source=f"{_RIVERA}, table 2",
         formulas={"pi": _imc_pi, "pid": _imc_pid},
-        claim="a first-order response with the time constant λ",
+        claim="a first-order response with the time constant λ, 1.7·θ (PI), 0.8·θ (PID) or 0.1·τ at least, as here",
         closed_loop="λ",
-        errata=("The smallest λ are the authors' 1.7·θ (PI) and 0.8·θ (PID), and 0.1·τ; copies mix them up.",),
+        errata=("A copy prints TN = τ + θ/τ, which is no time: it is τ + θ/2.",),
     ),
 }

@@ -102,7 +102,10 @@ REACTION: Final[dict[str, Rule]] = {
         },
         claim="each swing after a load step a quarter of the one before",
         most_ratio=1.0,
-        errata=("A common copy prints TV = 4/(L·(11 + 2·L/T)), which is no time; L belongs above the line.",),
+        errata=(
+            "A copy drops L from TN and divides TV by it: neither is a time then.",
+            "A copy in decimals prints 1.27 for 0.27 in the PI rule's TN = L·(0.9 + 0.083·L/T)/(0.27 + 0.6·L/T).",
+        ),
     ),
     "chr-setpoint-0": _chr_rule(
         "setpoint-0", "no overshoot after a setpoint step", "Textbooks round the PI rule's TN = 1.17·T to 1.2·T."
@@ -111,6 +114,8 @@ REACTION: Final[dict[str, Rule]] = {
         "setpoint-20", "20 % overshoot after a setpoint step",
         "Textbooks round the PID rule's TN = 1.36·T to 1.4·T or 1.35·T.",
     ),
-    "chr-load-0": _chr_rule("load-0", "no swing past the setpoint after a load step"),
+    "chr-load-0": _chr_rule(
+        "load-0", "no swing past the setpoint after a load step", "A copy prints TN = 4·T for the PI rule's 4·L."
+    ),
     "chr-load-20": _chr_rule("load-20", "a swing of 20 % past the setpoint after a load step"),
 }

@@ -54,6 +54,7 @@ ULTIMATE: Final[dict[str, Rule]] = {
             "pid": _from_cycle(lambda Ku, Pu: (0.6 * Ku, Pu / 2.0, Pu / 8.0)),
         },
         claim="each swing a quarter of the one before",
+        errata=("A textbook prints 0.4·Ku and 0.8·Pu for PI.",),
     ),
     "tyreus-luyben": Rule(
         source="B. D. Tyreus and W. L. Luyben, Ind. Eng. Chem. Res. 31 (1992) 2625–2628 (PI); "
@@ -65,7 +66,7 @@ ULTIMATE: Final[dict[str, Rule]] = {
         form="series",
         claim="Mt of 2 dB (1.26) where the lag acts as an integrator",
         errata=(
-            "Textbooks round the gains to Ku/3.2 and Ku/2.2, and TV = 1/ωu to Pu/6.3.",
+            "Textbooks round the gains to Ku/3.2 and Ku/2.2, and TV = 1/ωu to Pu/6.3; a copy gives PID the gain of PI.",
             "The PID rule is for the series form; most copies print it without saying so.",
         ),
     ),
