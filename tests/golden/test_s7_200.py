@@ -312,6 +312,7 @@ def test_the_exports_are_the_texts_that_ran():
     assert "\tMOVW\t+7000, SMW68\r\n" in text
     faithful = PAPER.export(paper_words(gain=60), Certificate(verdict="FAIL", forced=True))["s7_200_paper.awl"]
     assert "16#CB" not in faithful
+    assert "\tDTCH\t0\r\n" in faithful  # network 12: the event is detached
     assert faithful.count("// fault: ") == 4
     assert "FORCED" in faithful
     plain = printed_program(paper_words(gain=60)).splitlines()
