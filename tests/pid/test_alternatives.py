@@ -7,7 +7,7 @@ from heatertune.cli import main
 from heatertune.model.fit import model_by_hand
 from heatertune.model.values import Candidate, FittedModel, Fopdt, Outcome, TwoLag
 from heatertune.pid.alternatives import alternatives
-from heatertune.pid.rules import RULES
+from heatertune.pid.rules import RULES, model_for
 from heatertune.pid.tune import tune
 from heatertune.report.text import alternatives_table
 
@@ -35,6 +35,15 @@ def test_a_row_of_the_table_is_what_tune_finds_with_that_rule(method, structure)
         assert row[name] == getattr(alone, name)
     assert row["ms"] == alone.margins.ms
     assert row["iae_load"] == alone.iae_load
+
+
+def test_simc_pid_takes_the_candidate_with_two_lags():
+    assert model_for("simc", "pid", _family()) == OTHER
+    assert model_for("simc", "pi", _family()) == HEATER
+    design = tune(_family(), method="amigo", structure="pid", sample_time_s=6.0)
+    rows = {row["method"]: row for row in alternatives(_family(), design)}
+    # Skogestad 2003, eqs. 24 and 25: series TN = min(378, 8·(9.2 + 3)), TV = 108; ideal TV = TV/(1 + TV/TN)
+    assert rows["simc"]["derivative_time_s"] == pytest.approx(108.0 / (1.0 + 108.0 / 97.6))
 
 
 def test_the_design_comes_first_and_every_rule_follows():
@@ -88,7 +97,10 @@ def test_tune_prints_the_alternatives_and_writes_them(capsys, monkeypatch):
     document = json.loads(capsys.readouterr().out)
     assert document["gain_pct_per_degC"] == pytest.approx(167.0 / (0.37 * 34.0))
     assert [row["method"] for row in document["alternatives"]] == ["this design", *RULES]
+    assert document["forms"]["parallel"]["kp"] == document["gain_pct_per_degC"]
+    assert "The rule claims: τc = θ: Ms 1.59" in document["notes"][1]
     assert main(["tune", *HAND, "--method", "simc"]) == 0
     out = capsys.readouterr().out
     assert "worst Ms" in out
+    assert "in the series form: K" in out
     assert "cohen-coon" in out

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from heatertune.errors import InputError
-from heatertune.pid.forms import ideal_to_parallel, ideal_to_series, parallel_to_ideal, series_to_ideal
+from heatertune.pid.forms import ideal_to_parallel, ideal_to_series, other_forms, parallel_to_ideal, series_to_ideal
+from heatertune.report.text import forms_lines
 
 gains = st.floats(1e-3, 1e3)
 times = st.floats(1e-2, 1e5)
@@ -55,3 +56,17 @@ def test_without_an_integral_part_the_forms_agree_too():
     assert series_to_ideal(2.0, math.inf, 5.0) == (2.0, math.inf, 5.0)
     assert ideal_to_series(2.0, math.inf, 5.0) == (2.0, math.inf, 5.0)
     assert parallel_to_ideal(*ideal_to_parallel(2.0, math.inf, 5.0)) == (2.0, math.inf, 5.0)
+
+
+def test_a_design_is_told_in_the_other_forms_where_they_exist():
+    # Skogestad's printed pair once more; Ki = 2.08/3.2, Kd = 2.08·0.75
+    found = other_forms(2.08, 3.2, 0.75)
+    assert tuple(found["series"].values()) == pytest.approx((1.30, 2.0, 1.2))
+    assert found["parallel"] == pytest.approx({"kp": 2.08, "ki": 0.65, "kd": 1.56})
+    lines = forms_lines(found).splitlines()
+    assert lines[0] == "- the same in the series form: K 1.3 %/°C, TN 2 s, TV 1.2 s"
+    assert lines[1] == "- the same in the parallel form: Kp 2.08 %/°C, Ki 0.65 %/(°C·s), Kd 1.56 %·s/°C"
+    assert other_forms(1.0, 100.0, 25.0)["series"] is not None
+    assert other_forms(1.0, 100.0, 25.1)["series"] is None
+    assert "none: TV is above TN/4" in forms_lines(other_forms(1.0, 100.0, 25.1))
+    assert "TN none, TV 0 s" in forms_lines(other_forms(1.0, math.inf, 0.0))

@@ -102,7 +102,7 @@ def tune(
     notes = [_told_about_ta(design, plants, rounds, sample_time_s)]
     if method in RULES:
         outside = range_note(method, model_for(method, structure, fitted), structure, design.sample_time_s)
-        notes += [] if outside is None else [outside]
+        notes += [f"The rule claims: {RULES[method].claim}.", *([] if outside is None else [outside])]
     if method == "optimum" and structure != "p":
         progress("polishing the optimum with CasADi and IPOPT")
         problem = Problem(
