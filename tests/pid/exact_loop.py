@@ -6,6 +6,17 @@ import numpy as np
 from numba import njit
 from scipy.optimize import minimize_scalar
 
+from heatertune.model.values import Fopdt, TwoLag
+
+
+def one_lag(ratio, *, gain=1.0, lag=1.0):
+    """A heater with one lag and a dead time of so much of it."""
+    return Fopdt(gain_degC_per_pct=gain, time_constant_s=lag, dead_time_s=ratio * lag)
+
+
+def two_lags(first, second, *, dead=1.0, gain=1.0):
+    return TwoLag(gain_degC_per_pct=gain, time_constant_s=first, second_time_constant_s=second, dead_time_s=dead)
+
 
 def controller(settings, s, n=math.inf):
     gain, tn, tv = settings
