@@ -82,6 +82,7 @@ def test_what_a_rule_does_not_give_is_refused():
         "closed_loop_s = 0.0": ("simc", heater, "pi", 0.0),
         "second lag": ("simc", heater, "pid", None),
         "which no controller can hold; Made for 0.1 <= L/T <= 2; L/T is 0.01": ("usort-load-2.0", one_lag(0.01), "pi", None),
+        "which no controller can hold; Made for 0.1 <= L/T <= 2; L/T is 0.02": ("usort-setpoint-1.6", one_lag(0.02), "pid", None),
         "dead_time_s = 0.0": ("ziegler-nichols", one_lag(0.0), "pi", None),
     }
     for message, (method, model, structure, wanted) in refused.items():

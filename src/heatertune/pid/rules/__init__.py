@@ -5,7 +5,6 @@ The sampled loop's own half sample counts as dead time (S. Skogestad, J. Process
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Final
 
@@ -41,7 +40,7 @@ def apply_rule(
         UnknownName: no such rule.
         OutOfRange: a closed-loop time that is not positive; no dead time at all.
         InputError: the rule does not give this structure or leaves no closed-loop time open, or its formula gives
-            settings that are not positive, so far outside its range is the model.
+            times that are negative, so far outside its range is the model.
     """
     rule = _rule(method)
     if structure not in rule.formulas:
@@ -56,7 +55,7 @@ def apply_rule(
     seen = _as_sampled(model, sample_time_s)
     printed = rule.formulas[structure](seen, closed_loop_s)
     gain, integral, derivative = series_to_ideal(*printed) if rule.form == "series" else printed
-    if not (gain > 0.0 and math.isfinite(gain) and integral > 0.0 and derivative >= 0.0):
+    if integral <= 0.0 or derivative < 0.0:
         raise InputError(f"{method} gives K = {gain:.4g} %/°C, TN = {integral:.4g} s, TV = {derivative:.4g} s here, "
                          f"which no controller can hold; {range_note(method, model, structure, sample_time_s)}")
     return gain, integral, derivative
