@@ -1,7 +1,7 @@
 """Rules fitted to minima of error integrals: Lopez (load) and Rovira (setpoint).
 
 Rovira's PID settings are minima only where D acts on the process variable: computed with exact dead time, all three
-then lie within 8 % of the optimum for L/T = 0.3…1; with D on the error TN is 14–32 % too long. Lopez's rows for P are
+then lie within 9 % of the optimum for L/T = 0.3…1; with D on the error TN is 14–32 % too long. Lopez's rows for P are
 left out: their criterion needs a resting value that no copy states.
 """
 
