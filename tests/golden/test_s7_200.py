@@ -151,7 +151,7 @@ def test_pls_takes_only_what_the_control_byte_updates():
     assert [after(c) for c in ("16#CB", "16#CA", "16#C9", "16#4B")] == [(500, 120), (0, 120), (500, 0), (0, 0)]
 
 
-@pytest.mark.parametrize("line", ["MOVX\t+1, VW0", "MOVW\t+1", "MOVW\t+1, VW999", "MOVW\t+1, VB0", "S\tQ0.0, 2", "PLS\t1"])
+@pytest.mark.parametrize("line", ["MOVX\t+1, VW0", "MOVW\t+1", "MOVW\t+1, VW511", "MOVW\t+1, VW999", "MOVW\t+1, VB0", "S\tQ0.0, 2", "PLS\t1"])
 def test_an_instruction_the_machine_does_not_know_is_refused_by_its_line(line):
     with pytest.raises(InputError, match=r"line 5: .* no instruction"):
         assemble(_block("LD\tSM0.0", line))
@@ -254,6 +254,21 @@ def test_the_feedback_on_i0_0_does_not_reach_the_reading():
     both = [run(program, "INT0", ready.written({"IB0": 90 + bit, "I1.0": 0})).read("VW0") for bit in (0, 1)]
     assert both == [90, 90]
     assert run(program, "INT0", ready.written({"IB0": 90, "I1.0": 1})).read("VW0") == 91
+
+
+@pytest.mark.parametrize("target", ["s7-200", "s7-200-pid"])
+def test_a_width_may_apply_one_cycle_later(target):
+    which = room(target)
+    words = which.encode(_design(), Scaling())
+    widths = []
+    for setting in ("this_cycle", "next_cycle"):
+        state, found = which.start(words, {"width_applies": setting, "first_call": "setpoint_kept"}), []
+        for degrees in (40.0, 40.5, 41.5, 43.0):
+            state, scan = which.step(words, state, which.measure(words, 60.0), which.measure(words, degrees), {})
+            found.append(scan.output)
+        widths.append(found)
+    assert widths[1] == [0, *widths[0][:-1]]
+    assert len(set(widths[0])) == 4
 
 
 # the repaired program's words
