@@ -34,9 +34,10 @@ def _family(*models):
 @pytest.mark.parametrize(
     ("method", "structure", "expected"),
     [
-        # k = 1, T = 10, L = 1. SIMC: T/(2kL), min(T, 8L). Ziegler–Nichols: 0.9T/(kL), 3L and 1.2T/(kL), 2L, L/2.
+        # k = 1, T = 10, L = 1. SIMC: T/(2kL), min(T, 8L). Ziegler–Nichols: 0.9T/(kL), reset
+        # rate 0.3/L (textbooks round TN to 3L) and 1.2T/(kL), 2L, L/2.
         ("simc", "pi", (5.0, 8.0, 0.0)),
-        ("ziegler-nichols", "pi", (9.0, 3.0, 0.0)),
+        ("ziegler-nichols", "pi", (9.0, 1.0 / 0.3, 0.0)),
         ("ziegler-nichols", "pid", (12.0, 2.0, 0.5)),
         # AMIGO, Åström and Hägglund 2004, eqs. 5 and 7, worked out with exact fractions
         ("amigo", "pi", (0.15 + (0.35 - 10 / 121) * 10, 0.35 + 1300 / 227, 0.0)),

@@ -98,7 +98,11 @@ def add_tuning_options(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("tuning")
     group.add_argument("--structure", choices=("p", "pi", "pid"), default="pi", help="parts that act (default: pi)")
     group.add_argument("--method", default="optimum", metavar="NAME",
-                       help="optimum (default), simc, amigo, lambda or ziegler-nichols")
+                       help="optimum (default), or a rule: simc, lambda, imc, amigo, ziegler-nichols, "
+                            "ziegler-nichols-ultimate, cohen-coon, chr-{setpoint,load}-{0,20}, tyreus-luyben, "
+                            "lopez-{iae,ise,itae}, rovira-{iae,itae}, usort-{load,setpoint}-{2.0,1.8,1.6,1.4}")
+    group.add_argument("--closed-loop", type=float, metavar="S",
+                       help="closed-loop time constant: τc of simc, λ of lambda and imc [s] (default: the rule's own)")
     group.add_argument("--objective", choices=("iae", "ise"), default="iae", help="of the optimum (default: iae)")
     group.add_argument("--ms", type=float, default=1.6, help="largest sensitivity Ms of the optimum (default: 1.6)")
     group.add_argument("--sample-time", default="auto", metavar="S",
@@ -192,7 +196,7 @@ def tuning(settings: argparse.Namespace) -> dict[str, Any]:
         interval = None if asked == "auto" else float(asked)
     except ValueError as problem:
         raise InputError(f"--sample-time is {asked!r}; expected seconds or auto") from problem
-    return {"sample_time_s": interval} | {
+    return {"sample_time_s": interval, "closed_loop_s": settings.closed_loop} | {
         name: getattr(settings, name) for name in ("structure", "method", "objective", "ms")
     }
 

@@ -29,12 +29,17 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.pid.alternatives import alternatives  # noqa: PLC0415
     from heatertune.pid.document import to_document  # noqa: PLC0415
-    from heatertune.report.text import design_lines  # noqa: PLC0415
+    from heatertune.pid.forms import other_forms  # noqa: PLC0415
+    from heatertune.report.text import alternatives_table, design_lines, forms_lines  # noqa: PLC0415
 
     fitted = common.model_from(settings, settings.model)
     design = chain.tune(fitted, target=settings.target, progress=common.Progress(settings), **common.tuning(settings))
-    document = to_document(design, fitted)
+    others = alternatives(fitted, design)
+    settled = (design.gain_pct_per_degC, design.integral_time_s, design.derivative_time_s)
+    document = to_document(design, fitted) | {"forms": other_forms(*settled), "alternatives": others}
     common.save(settings.out, document)
-    common.output(settings, document, lambda: design_lines(document))
+    common.output(settings, document, lambda: "\n".join(
+        (design_lines(document), forms_lines(document["forms"]), "", alternatives_table(others))))
     return 0

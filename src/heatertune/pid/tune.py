@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from heatertune.errors import UnknownName
+from heatertune.errors import InputError, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.feasible import Problem, search
 from heatertune.pid.linear import control_margins
 from heatertune.pid.optimum import polish
 from heatertune.pid.response import dominant_time_s, iae_load, iae_setpoint
 from heatertune.pid.robustness import margins, worst
-from heatertune.pid.rules import RULES, SOURCES, apply_rule
+from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.values import PidDesign
 from heatertune.units import check
 
@@ -54,6 +54,7 @@ def tune(
     ms: float = 1.6,
     objective: str = "iae",
     sample_time_s: float | None = None,
+    closed_loop_s: float | None = None,
     timer: Timer | None = None,
     derivative_filter: float = 0.5,
     progress: Callable[[str], object] = str,
@@ -71,6 +72,7 @@ def tune(
         ms: limit of the maximum sensitivity, for the optimum.
         objective: "iae" or "ise", for the optimum.
         sample_time_s: TA where it is given [s], None to find it.
+        closed_loop_s: closed-loop time constant of a rule that leaves it open [s], None for the rule's own.
         timer: what the target's timer can do.
         derivative_filter: weight of its past in the target's derivative part, see `PidDesign`.
         progress: called with a short message when a round begins.
@@ -78,7 +80,7 @@ def tune(
     Raises:
         UnknownName: no such method, structure or objective.
         OutOfRange: a limit Ms that no controller can keep.
-        InputError: no design keeps the limit, or the rule does not give the structure.
+        InputError: no design keeps the limit, or the rule does not give the structure or take the closed-loop time.
     """
     kinds = ("tuning method", "structure", "objective")
     asked = zip(kinds, (method, structure, objective), (METHODS, STRUCTURES, OBJECTIVES), strict=True)
@@ -88,14 +90,19 @@ def tune(
     check("ms", ms, above=1.05, most=4.0)
     if sample_time_s is not None:
         check("sample_time_s", sample_time_s, above=0.0)
+    if closed_loop_s is not None and method == "optimum":
+        raise InputError("the optimum takes no closed-loop time constant; give --ms, or a rule with --method")
     plants = fitted.plants
     check("derivative_filter", derivative_filter, least=0.0, most=0.99)
     one_round = (
-        _rule_round(fitted, method, structure, derivative_filter) if method in RULES
+        _rule_round(fitted, method, structure, derivative_filter, closed_loop_s) if method in RULES
         else _search_round(plants, structure, ms, derivative_filter)
     )
     design, rounds = _settle(one_round, plants, sample_time_s, timer or Timer(), progress)
     notes = [_told_about_ta(design, plants, rounds, sample_time_s)]
+    if method in RULES:
+        outside = range_note(method, model_for(method, structure, fitted), structure, design.sample_time_s)
+        notes += [f"The rule claims: {RULES[method].claim}.", *([] if outside is None else [outside])]
     if method == "optimum" and structure != "p":
         progress("polishing the optimum with CasADi and IPOPT")
         problem = Problem(
@@ -108,10 +115,12 @@ def tune(
 
 
 def _rule_round(
-    fitted: FittedModel, method: str, structure: str, derivative_filter: float
+    fitted: FittedModel, method: str, structure: str, derivative_filter: float, closed_loop_s: float | None
 ) -> Callable[[float, PidDesign | None], PidDesign]:
+    model = model_for(method, structure, fitted)
+
     def one_round(ta: float, before: PidDesign | None) -> PidDesign:  # noqa: ARG001 - a rule needs no start
-        gain, tn, tv = apply_rule(method, fitted.model, structure, ta)
+        gain, tn, tv = apply_rule(method, model, structure, ta, closed_loop_s=closed_loop_s)
         return PidDesign(
             gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=tv, sample_time_s=ta,
             structure=structure, method=method, derivative_filter=derivative_filter,
@@ -186,7 +195,7 @@ def _finished(
         notes.append(f"python-control sees Ms = {opinion.ms:.4g} where this program sees {found[at].ms:.4g}.")
     if math.isinf(found[at].ms):
         notes.append(f"Unstable on {sum(not m.stable for m in found)} of {len(plants)} candidate models.")
-    limit = f"Ms <= {ms:g} on {len(plants)} models" if method == "optimum" else SOURCES[method]
+    limit = f"Ms <= {ms:g} on {len(plants)} models" if method == "optimum" else RULES[method].source
     return replace(
         design,
         method=f"{method} ({limit})",

@@ -9,8 +9,8 @@ from typing import Any
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "advice_table", "criteria_table", "criterion_value", "design_lines", "figure", "hypothesis_table", "model_lines",
-    "model_rows", "summary", "table", "word", "words_table",
+    "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines", "figure", "forms_lines",
+    "hypothesis_table", "model_lines", "model_rows", "summary", "table", "word", "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -97,6 +97,32 @@ def design_lines(design: Document) -> str:
     ]
     lines = [table(rows), f"{design['structure'].upper()}, {design['method']}"]
     return "\n".join(lines + [f"- {note}" for note in design.get("notes", ())])
+
+
+def forms_lines(forms: Document) -> str:
+    """Return the same controller in the series and in the parallel form."""
+    series, parallel = forms["series"], forms["parallel"]
+    told = "none: TV is above TN/4" if series is None else (
+        f"K {figure(series['gain_pct_per_degC'])} %/°C, TN {_seconds(series['integral_time_s'])}, "
+        f"TV {_seconds(series['derivative_time_s'])}"
+    )
+    gains = (f"{name.capitalize()} {figure(parallel[name])} {unit}"
+             for name, unit in (("kp", "%/°C"), ("ki", "%/(°C·s)"), ("kd", "%·s/°C")))
+    return f"- the same in the series form: {told}\n- the same in the parallel form: {', '.join(gains)}"
+
+
+def _seconds(value: float) -> str:
+    return "none" if math.isinf(value) else f"{figure(value)} s"
+
+
+def alternatives_table(rows: Sequence[Document]) -> str:
+    """Return what the rules give beside the design; what keeps a rule from applying stands at the end of its row."""
+    cells = [("method", "K", "TN", "TV", "worst Ms", "IAE load", "")]
+    names = ("gain_pct_per_degC", "integral_time_s", "derivative_time_s", "ms", "iae_load")
+    for row in rows:
+        numbers = ["∞" if row[name] == math.inf else figure(row[name]) for name in names]
+        cells.append((row["method"], *numbers, row["why_not"] or ""))
+    return table(cells, right=(1, 2, 3, 4, 5))
 
 
 def words_table(words: Document) -> str:

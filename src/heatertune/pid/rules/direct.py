@@ -1,0 +1,80 @@
+"""Rules that ask for a closed-loop time constant: SIMC, lambda tuning, IMC."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from heatertune.errors import InputError
+from heatertune.model.values import HeaterModel, TwoLag
+from heatertune.pid.forms import Settings
+from heatertune.pid.rules.values import Rule
+
+__all__ = ["DIRECT"]
+
+
+def _simc_pi(model: HeaterModel, wanted_s: float | None) -> Settings:
+    one = model.half_rule()
+    total = (one.dead_time_s if wanted_s is None else wanted_s) + one.dead_time_s
+    return one.time_constant_s / (one.gain_degC_per_pct * total), min(one.time_constant_s, 4.0 * total), 0.0
+
+
+def _simc_pid(model: HeaterModel, wanted_s: float | None) -> Settings:
+    if not isinstance(model, TwoLag):
+        raise InputError("SIMC gives PID settings only for a second lag; use --structure pi, or another --method")
+    total = (model.dead_time_s if wanted_s is None else wanted_s) + model.dead_time_s
+    slow = model.time_constant_s
+    return slow / (model.gain_degC_per_pct * total), min(slow, 4.0 * total), model.second_time_constant_s
+
+
+def _lambda_pi(model: HeaterModel, wanted_s: float | None) -> Settings:
+    one = model.half_rule()
+    lam = max(one.time_constant_s, 3.0 * one.dead_time_s) if wanted_s is None else wanted_s
+    return one.time_constant_s / (one.gain_degC_per_pct * (lam + one.dead_time_s)), one.time_constant_s, 0.0
+
+
+def _lambda_pid(model: HeaterModel, wanted_s: float | None) -> Settings:
+    one = model.half_rule()
+    return _imc_pid(model, max(one.time_constant_s, 3.0 * one.dead_time_s) if wanted_s is None else wanted_s)
+
+
+def _imc_pi(model: HeaterModel, wanted_s: float | None) -> Settings:
+    one = model.half_rule()
+    lam = max(0.1 * one.time_constant_s, 1.7 * one.dead_time_s) if wanted_s is None else wanted_s
+    integral = one.time_constant_s + one.dead_time_s / 2.0
+    return integral / (one.gain_degC_per_pct * lam), integral, 0.0
+
+
+def _imc_pid(model: HeaterModel, wanted_s: float | None) -> Settings:
+    one = model.half_rule()
+    T, L = one.time_constant_s, one.dead_time_s
+    lam = max(0.1 * T, 0.8 * L) if wanted_s is None else wanted_s
+    integral = T + L / 2.0
+    return integral / (one.gain_degC_per_pct * (lam + L / 2.0)), integral, T * L / (2.0 * T + L)
+
+
+_RIVERA: Final = "D. E. Rivera, M. Morari, S. Skogestad, Ind. Eng. Chem. Process Des. Dev. 25 (1986) 252–265"
+
+DIRECT: Final[dict[str, Rule]] = {
+    "simc": Rule(
+        source="S. Skogestad, J. Process Control 13 (2003) 291–309, eqs. 23–25",
+        formulas={"pi": _simc_pi, "pid": _simc_pid},
+        claim="τc = θ: Ms 1.59, gain margin 3.14, phase margin 61.4°; Ms 1.70 where the lag acts as an integrator",
+        form="series",
+        two_lags=("pid",),
+        closed_loop="τc",
+        errata=("Copies that give SIMC's PID in the ideal form without the factor 1 + τD/τI change the rule.",),
+    ),
+    "lambda": Rule(
+        source=f"E. B. Dahlin, Instrum. Control Syst. 41 (1968) 77–83 (PI); {_RIVERA}, table 2 (PID)",
+        formulas={"pi": _lambda_pi, "pid": _lambda_pid},
+        claim="a setpoint response without overshoot, 63 % of it after L + λ; λ = max(T, 3·L) here",
+        closed_loop="λ",
+    ),
+    "imc": Rule(
+        source=f"{_RIVERA}, table 2",
+        formulas={"pi": _imc_pi, "pid": _imc_pid},
+        claim="a first-order response with the time constant λ, 1.7·θ (PI), 0.8·θ (PID) or 0.1·τ at least, as here",
+        closed_loop="λ",
+        errata=("A copy prints TN = τ + θ/τ, which is no time: it is τ + θ/2.",),
+    ),
+}
