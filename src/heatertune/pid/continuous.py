@@ -21,7 +21,8 @@ DERIVATIVE_FILTER_N = 10.0  # N of the issue's ideal form; K. J. Åström and T.
 
 _MOST_PIECES = 6
 _MOST_STEPS = 60_000
-_REST = 1e-7  # share of the largest deviation below which the response has come to rest
+_RINGING = 2.0  # a response this much dearer than the best is not made the best by a smaller K
+_REST = 1e-5  # share of the largest deviation, and of ∫e, below which the response has come to rest
 
 
 @njit(cache=True, nogil=True)
@@ -44,35 +45,50 @@ def _controller(omega, tn, tv):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _exclude(omega, plant, tn, tv, limits, low, high, loop):  # type: ignore[no-untyped-def]
-    """Fill low and high, shape (3, n), with the intervals that Ms, Mt and Mks exclude, and loop with h = G·c."""
+def _exclude(omega, plant, tn, tv, limits, loop):  # type: ignore[no-untyped-def]
+    """Return the intervals that Ms, Mt and Mks exclude, shape (m, 2), and fill loop with h = G·c."""
     ms, mt, mks = limits
-    for i in range(len(omega)):
+    n = len(omega)
+    rows = 1 + (mt < math.inf) + (mks < math.inf)
+    found = np.empty((rows * n, 2))
+    low = np.empty((3, n + 2))
+    low[:, 0] = low[:, n + 1] = math.inf
+    high = np.empty((3, n))
+    for i in range(n):
         c = _controller(omega[i], tn, tv)
         h = plant[i] * c
         loop[i] = h
         size, real = h.real * h.real + h.imag * h.imag, h.real
-        low[0, i], high[0, i] = _interval(size, real, 1.0 - 1.0 / ms**2)
+        row = 0
+        low[0, i + 1], high[0, i] = _interval(size, real, 1.0 - 1.0 / ms**2)
         if mt < math.inf:
-            low[1, i], high[1, i] = _interval((1.0 - 1.0 / mt**2) * size, real, 1.0)
+            row += 1
+            low[row, i + 1], high[row, i] = _interval((1.0 - 1.0 / mt**2) * size, real, 1.0)
         if mks < math.inf:
+            row += 1
             noise = (c.real * c.real + c.imag * c.imag) / mks**2
-            low[2, i], high[2, i] = _interval(size - noise, real, 1.0)
+            low[row, i + 1], high[row, i] = _interval(size - noise, real, 1.0)
+    count = 0
+    for row in range(rows):
+        for i in range(n):
+            here = low[row, i + 1]
+            if here < math.inf:
+                if here < low[row, i] < math.inf and here <= low[row, i + 2] < math.inf:
+                    here = _vertex(omega, low[row], i)
+                found[count, 0], found[count, 1] = here, high[row, i]
+                count += 1
+    return found[:count]
 
 
 @njit(cache=True, nogil=True)
 def _vertex(omega, low, i):  # type: ignore[no-untyped-def]
-    """Return the least value of the parabola through low at i and its neighbours over ln ω."""
-    if i == 0 or i == len(omega) - 1 or not (omega[i - 1] < omega[i] < omega[i + 1]):
-        return low[i]
-    before, here, after = low[i - 1], low[i], low[i + 1]
-    if not (before < math.inf and after < math.inf):
-        return here
+    """Return the least value of the parabola over ln ω through the local minimum at i; low[i + 1] belongs to omega[i]."""
+    before, here, after = low[i], low[i + 1], low[i + 2]
+    if not omega[i - 1] < omega[i] < omega[i + 1]:
+        return here  # where the next plant begins
     p, q = math.log(omega[i - 1] / omega[i]), math.log(omega[i + 1] / omega[i])
     slope_p, slope_q = (before - here) / p, (after - here) / q
     bend = (slope_q - slope_p) / (q - p)
-    if bend <= 0.0:
-        return here
     slope = slope_p - bend * p
     return here - slope * slope / (4.0 * bend)
 
@@ -107,33 +123,28 @@ def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
         tn, tv: [s].
         limits: (Ms, Mt, Mks), infinite where there is no limit.
     """
-    n = len(omega)
-    low, high = np.full((3, n), math.inf), np.full((3, n), math.inf)
-    loop = np.empty(n, dtype=np.complex128)
-    _exclude(omega, plant, tn, tv, limits, low, high, loop)
+    loop = np.empty(len(omega), dtype=np.complex128)
+    excluded = _exclude(omega, plant, tn, tv, limits, loop)
     ceiling = limits[2] / (1.0 + DERIVATIVE_FILTER_N if tv > 0.0 else 1.0)  # |C·S| at infinite frequency
     bottoms, tops = np.empty(_MOST_PIECES), np.empty(_MOST_PIECES)
     found, reached = 0, 0.0
     for _ in range(_MOST_PIECES):
-        top, row, at = ceiling, 0, -1
-        for r in range(3):
-            for i in range(n):
-                if reached < low[r, i] < top:
-                    top, row, at = low[r, i], r, i
-        if at >= 0:
-            top = _vertex(omega, low[row], at)
-        if reached < top < math.inf and _encirclements(omega, loop, 0.5 * (reached + top)) == 0:
+        top = ceiling
+        for i in range(len(excluded)):
+            if reached < excluded[i, 0] < top:
+                top = excluded[i, 0]
+        # a small gain is stable; higher pieces may not be
+        if top < math.inf and (reached == 0.0 or _encirclements(omega, loop, 0.5 * (reached + top)) == 0):
             bottoms[found], tops[found] = reached, top
             found += 1
-        if at < 0:
+        if top >= ceiling:
             break
-        before, reached = reached, max(reached, high[row, at])
-        while reached > before and reached < ceiling:
+        before, reached = reached, top
+        while reached > before:
             before = reached
-            for r in range(3):
-                for i in range(n):
-                    if low[r, i] <= before and high[r, i] > reached:
-                        reached = high[r, i]
+            for i in range(len(excluded)):
+                if excluded[i, 0] <= before and excluded[i, 1] > reached:
+                    reached = excluded[i, 1]
         if reached >= ceiling:
             break
     return bottoms[:found][::-1], tops[:found][::-1]
@@ -166,7 +177,7 @@ def _grid(dead, small, large, finer):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def swing(heater, gain, tn, tv, setpoint, load, finer):  # type: ignore[no-untyped-def]
+def swing(heater, gain, tn, tv, setpoint, load, finer, dear):  # type: ignore[no-untyped-def]
     """Return ∫v and ∫t·v of v, the part of the deviation whose sign is not that of ∫e dt; infinite where it diverges.
 
     Args:
@@ -174,6 +185,7 @@ def swing(heater, gain, tn, tv, setpoint, load, finer):  # type: ignore[no-untyp
         gain, tn, tv: of the controller.
         setpoint, load: height of the step in setpoint [°C] and load [%]; one of them is 0.
         finer: factor of the number of steps.
+        dear: (weight of ∫v, weight of ∫t·v, sum of both at which the response costs too much and is left).
     """
     k, first, second, dead = heater
     h, whole, late = _grid(dead, second, first, finer)
@@ -192,18 +204,16 @@ def swing(heater, gain, tn, tv, setpoint, load, finer):  # type: ignore[no-untyp
     direct = gain * (1.0 + 0.5 * h / tn + past * (1.0 - nf))
     sign = 1.0 if setpoint > 0.0 else -1.0
     ended = tn / (gain * k) * setpoint - tn / gain * load
-    queue = np.zeros(whole + 1)
+    queue = np.zeros(whole + 1)  # a ring of the powers still to act; `oldest` acts from now
     x1 = x2 = y = summed = filtered = area = moment = peak = 0.0
     e = setpoint
     u = gain * (1.0 + past) * setpoint
-    queue[0] = u
-    quiet = 0
+    queue[whole] = u
+    oldest = quiet = 0
     for i in range(_MOST_STEPS):
-        if whole > 0:
-            left = queue[(i - whole) % (whole + 1)] if i >= whole else 0.0
-            right = queue[(i + 1 - whole) % (whole + 1)] if i >= whole else 0.0
-        else:
-            left, right = u, 0.0
+        following = oldest + 1 if oldest < whole else 0
+        left = queue[oldest] if whole > 0 else u
+        right = queue[following] if i >= whole else 0.0  # before it acts, a step in power is not there at all
         left += load
         free = a1 * x1 * s1 + a2 * x2 * s2 + (s1 * o1 + s2 * o2) * left
         rest = gain * ((summed + 0.5 * h * e) / tn - past * (af * filtered + of * e))
@@ -220,7 +230,8 @@ def swing(heater, gain, tn, tv, setpoint, load, finer):  # type: ignore[no-untyp
         summed += 0.5 * h * (before + e)
         filtered = af * filtered + of * before + nf * e
         u = rest + direct * e
-        queue[(i + 1) % (whole + 1)] = u
+        queue[oldest] = u
+        oldest = following
         v, w = -sign * before, -sign * e
         t = i * h + (dead if load != 0.0 else 0.0)
         if v > 0.0 or w > 0.0:
@@ -231,10 +242,12 @@ def swing(heater, gain, tn, tv, setpoint, load, finer):  # type: ignore[no-untyp
                 part = max(v, w) / (abs(v) + abs(w)) * h
                 area += 0.5 * part * max(v, w)
                 moment += 0.5 * part * max(v, w) * (t if v > 0.0 else t + h)
+            if dear[0] * area + dear[1] * moment > dear[2]:
+                break
         peak = max(peak, abs(e))
         if peak > 1e6 * (k * abs(load) + setpoint):
             return math.inf, math.inf
-        quiet = quiet + 1 if abs(e) < _REST * peak and abs(summed - ended) < _REST * abs(ended) * 10.0 else 0
+        quiet = quiet + 1 if abs(e) < _REST * peak and abs(summed - ended) < _REST * abs(ended) else 0
         if quiet > 2 * whole + 20:
             break
     return area, moment
@@ -253,7 +266,7 @@ def _bound(heaters, weights, gain, tn):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def price(heaters, weights, gain, tn, tv, finer):  # type: ignore[no-untyped-def]
+def price(heaters, weights, gain, tn, tv, finer, best):  # type: ignore[no-untyped-def]
     """Return the cost: Σ over heaters and objectives of weight·value.
 
     Args:
@@ -261,15 +274,17 @@ def price(heaters, weights, gain, tn, tv, finer):  # type: ignore[no-untyped-def
         weights: of load IAE, setpoint IAE, load ITAE and TN/K, shape (p, 4).
         gain, tn, tv: of the controller.
         finer: factor of the number of steps.
+        best: a cost above it need not be exact.
     """
     total = _bound(heaters, weights, gain, tn)
     for p in range(len(heaters)):
         heater = (heaters[p, 0], heaters[p, 1], heaters[p, 2], heaters[p, 3])
-        if weights[p, 0] > 0.0 or weights[p, 2] > 0.0:
-            area, moment = swing(heater, gain, tn, tv, 0.0, 1.0, finer)
-            total += 2.0 * (weights[p, 0] * area + weights[p, 2] * moment)
-        if weights[p, 1] > 0.0:
-            total += 2.0 * weights[p, 1] * swing(heater, gain, tn, tv, 1.0, 0.0, finer)[0]
+        load, setpoint, late = 2.0 * weights[p, 0], 2.0 * weights[p, 1], 2.0 * weights[p, 2]
+        if load > 0.0 or late > 0.0:
+            area, moment = swing(heater, gain, tn, tv, 0.0, 1.0, finer, (load, late, best - total))
+            total += load * area + late * moment
+        if setpoint > 0.0:
+            total += setpoint * swing(heater, gain, tn, tv, 1.0, 0.0, finer, (setpoint, 0.0, best - total))[0]
     return total
 
 
@@ -280,17 +295,17 @@ def _inside(heaters, weights, bottom, top, tn, tv, at_top, finer):  # type: igno
     b = math.log(top)
     golden = 0.5 * (math.sqrt(5.0) - 1.0)
     c, d = b - golden * (b - a), a + golden * (b - a)
-    fc = price(heaters, weights, math.exp(c), tn, tv, finer)
-    fd = price(heaters, weights, math.exp(d), tn, tv, finer)
-    while b - a > 1e-5:
+    fc = price(heaters, weights, math.exp(c), tn, tv, finer, at_top)
+    fd = price(heaters, weights, math.exp(d), tn, tv, finer, at_top)
+    while b - a > 1e-3:
         if fc < fd:
             b, d, fd = d, c, fc
             c = b - golden * (b - a)
-            fc = price(heaters, weights, math.exp(c), tn, tv, finer)
+            fc = price(heaters, weights, math.exp(c), tn, tv, finer, at_top)
         else:
             a, c, fc = c, d, fd
             d = a + golden * (b - a)
-            fd = price(heaters, weights, math.exp(d), tn, tv, finer)
+            fd = price(heaters, weights, math.exp(d), tn, tv, finer, at_top)
     return (fc, math.exp(c)) if fc < fd else (fd, math.exp(d))
 
 
@@ -304,10 +319,11 @@ def reduced(omega, plant, heaters, weights, limits, tn, tv, best, finer):  # typ
         lowest = _bound(heaters, weights, top, tn)
         if lowest >= min(best, cost):
             break  # lower pieces have higher bounds
-        found, at = price(heaters, weights, top, tn, tv, finer), top
-        if found > lowest * (1.0 + 1e-7):
+        dear = _RINGING * min(best, cost)
+        found, at = price(heaters, weights, top, tn, tv, finer, dear), top
+        if lowest * (1.0 + 1e-7) < found < dear:
             near = top * 0.999
-            if near > bottoms[j] and price(heaters, weights, near, tn, tv, finer) < found:
+            if near > bottoms[j] and price(heaters, weights, near, tn, tv, finer, found) < found:
                 found, at = _inside(heaters, weights, bottoms[j], top, tn, tv, found, finer)
         if found < cost:
             cost, gain = found, at
@@ -328,26 +344,86 @@ def scan(omega, plant, heaters, weights, limits, tns, tvs, best, finer):  # type
 
 @njit(cache=True, nogil=True)
 def refine(omega, plant, heaters, weights, limits, start, stride, least, finer):  # type: ignore[no-untyped-def]
-    """Return (cost, K, TN, TV) of the local optimum: a cross and its diagonals around the best point, halved at rest.
+    """Return (cost, K, TN, TV) of the local optimum: TN by golden section (PI), TN and TV by the simplex method (PID).
 
     Args:
         omega, plant, heaters, weights, limits: as in `pieces` and `price`.
         start: (cost, K, TN, TV).
-        stride, least: first and last distance, in ln TN and ln TV.
+        stride: first distance in ln TN and ln TV.
+        least: distance at which the search ends.
         finer: factor of the number of steps.
     """
+    if start[3] == 0.0:
+        return _golden(omega, plant, heaters, weights, limits, start, stride, least, finer)
+    best = _simplex(omega, plant, heaters, weights, limits, start, stride, least, finer)
+    return _simplex(omega, plant, heaters, weights, limits, best, -0.2 * stride, least, finer)
+
+
+@njit(cache=True, nogil=True)
+def _golden(omega, plant, heaters, weights, limits, start, stride, least, finer):  # type: ignore[no-untyped-def]
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+    a, b = math.log(start[2]) - stride, math.log(start[2]) + stride
     best = start
-    flat = start[3] == 0.0
-    while stride > least:
-        centre, moved = best, False
-        for i in range(-2, 3):
-            for j in range(0 if flat else -2, 1 if flat else 3):
-                if i == 0 and j == 0:
-                    continue
-                tn, tv = centre[2] * math.exp(0.5 * i * stride), centre[3] * math.exp(0.5 * j * stride)
-                cost, gain = reduced(omega, plant, heaters, weights, limits, tn, tv, best[0], finer)
-                if cost < best[0] * (1.0 - 1e-12):
-                    best, moved = (cost, gain, tn, tv), True
-        if not moved:
-            stride *= 0.4
+    x = np.array([b - golden * (b - a), a + golden * (b - a)])
+    f = np.empty(2)
+    for j in range(2):
+        f[j], gain = reduced(omega, plant, heaters, weights, limits, math.exp(x[j]), 0.0, math.inf, finer)
+        if f[j] < best[0]:
+            best = (f[j], gain, math.exp(x[j]), 0.0)
+    while b - a > least:
+        j = 0 if f[0] < f[1] else 1  # the better one stays inside
+        if j == 0:
+            b, x[1], f[1] = x[1], x[0], f[0]
+            x[0] = b - golden * (b - a)
+        else:
+            a, x[0], f[0] = x[0], x[1], f[1]
+            x[1] = a + golden * (b - a)
+        f[j], gain = reduced(omega, plant, heaters, weights, limits, math.exp(x[j]), 0.0, math.inf, finer)
+        if f[j] < best[0]:
+            best = (f[j], gain, math.exp(x[j]), 0.0)
     return best
+
+
+@njit(cache=True, nogil=True)
+def _try(omega, plant, heaters, weights, limits, x, finer):  # type: ignore[no-untyped-def]
+    """Return (cost, K, TN, TV) at x = (ln TN, ln TV)."""
+    tn, tv = math.exp(x[0]), math.exp(x[1])
+    cost, gain = reduced(omega, plant, heaters, weights, limits, tn, tv, math.inf, finer)
+    return cost, gain, tn, tv
+
+
+@njit(cache=True, nogil=True)
+def _simplex(omega, plant, heaters, weights, limits, start, stride, least, finer):  # type: ignore[no-untyped-def]
+    """J. A. Nelder and R. Mead, Computer Journal 7 (1965) 308-313, in two dimensions."""
+    x = np.array([[math.log(start[2]), math.log(start[3])]] * 3)
+    x[1, 0] += stride
+    x[2, 1] += stride
+    found = [start, start, start]
+    for j in range(3):
+        found[j] = _try(omega, plant, heaters, weights, limits, x[j], finer)
+    for _ in range(200):
+        order = np.argsort(np.array([found[0][0], found[1][0], found[2][0]]))
+        x = x[order]
+        found = [found[order[0]], found[order[1]], found[order[2]]]
+        if max(np.abs(x[1] - x[0]).max(), np.abs(x[2] - x[0]).max()) < least:
+            break
+        middle = 0.5 * (x[0] + x[1])
+        point = 2.0 * middle - x[2]
+        told = _try(omega, plant, heaters, weights, limits, point, finer)
+        if told[0] < found[0][0]:
+            further = 3.0 * middle - 2.0 * x[2]
+            wide = _try(omega, plant, heaters, weights, limits, further, finer)
+            if wide[0] < told[0]:
+                point, told = further, wide
+        elif told[0] >= found[1][0]:
+            outside = told[0] < found[2][0]
+            point = 1.5 * middle - 0.5 * x[2] if outside else 0.5 * (middle + x[2])
+            level = min(told[0], found[2][0])
+            told = _try(omega, plant, heaters, weights, limits, point, finer)
+            if told[0] >= level:
+                for j in range(1, 3):
+                    x[j] = 0.5 * (x[0] + x[j])
+                    found[j] = _try(omega, plant, heaters, weights, limits, x[j], finer)
+                continue
+        x[2], found[2] = point, told
+    return found[0] if found[0][0] < start[0] else start
