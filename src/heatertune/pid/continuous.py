@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numba import njit
 
-__all__ = ["DERIVATIVE_FILTER_N", "peaks", "pieces", "price", "reduced", "refine", "scan", "swing"]
+__all__ = ["DERIVATIVE_FILTER_N", "controller", "peaks", "pieces", "price", "reduced", "refine", "scan", "swing"]
 
 DERIVATIVE_FILTER_N = 10.0  # N of the issue's ideal form; K. J. Åström and T. Hägglund use 8…20
 
@@ -36,7 +36,7 @@ def _interval(alpha, beta, gamma):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _controller(omega, tn, tv):  # type: ignore[no-untyped-def]
+def controller(omega, tn, tv):  # type: ignore[no-untyped-def]
     """Return c(jω)."""
     c = 1.0 - 1j / (omega * tn)
     if tv > 0.0:
@@ -55,7 +55,7 @@ def _exclude(omega, plant, tn, tv, limits, loop):  # type: ignore[no-untyped-def
     low[:, 0] = low[:, n + 1] = math.inf
     high = np.empty((3, n))
     for i in range(n):
-        c = _controller(omega[i], tn, tv)
+        c = controller(omega[i], tn, tv)
         h = plant[i] * c
         loop[i] = h
         size, real = h.real * h.real + h.imag * h.imag, h.real
@@ -157,7 +157,7 @@ def peaks(omega, plant, gain, tn, tv):  # type: ignore[no-untyped-def]
     ms = mt = 0.0
     mks = gain * (1.0 + DERIVATIVE_FILTER_N if tv > 0.0 else 1.0)
     for i in range(len(omega)):
-        c = gain * _controller(omega[i], tn, tv)
+        c = gain * controller(omega[i], tn, tv)
         loop[i] = plant[i] * c
         s = 1.0 / abs(1.0 + loop[i])
         ms, mt, mks = max(ms, s), max(mt, abs(loop[i]) * s), max(mks, abs(c) * s)
@@ -311,9 +311,14 @@ def _inside(heaters, weights, bottom, top, tn, tv, at_top, finer):  # type: igno
 
 @njit(cache=True, nogil=True)
 def reduced(omega, plant, heaters, weights, limits, tn, tv, best, finer):  # type: ignore[no-untyped-def]
-    """Return the least cost over K at one TN and TV, and that K; infinite where it cannot be below `best`."""
-    bottoms, tops = pieces(omega, plant, tn, tv, limits)
+    """Return the least cost over K at one TN and TV, and that K; infinite where it cannot be below `best`.
+
+    TV > TN is left out: with TV without bound the filtered derivative is a gain, a PI controller under another name.
+    """
     cost, gain = math.inf, 0.0
+    if tv > tn:
+        return cost, gain
+    bottoms, tops = pieces(omega, plant, tn, tv, limits)
     for j in range(len(tops)):
         top = tops[j]
         lowest = _bound(heaters, weights, top, tn)
@@ -356,7 +361,8 @@ def refine(omega, plant, heaters, weights, limits, start, stride, least, finer):
     if start[3] == 0.0:
         return _golden(omega, plant, heaters, weights, limits, start, stride, least, finer)
     best = _simplex(omega, plant, heaters, weights, limits, start, stride, least, finer)
-    return _simplex(omega, plant, heaters, weights, limits, best, -0.2 * stride, least, finer)
+    # begun anew from the other side: a simplex can fall flat where two peaks of |S| meet
+    return _simplex(omega, plant, heaters, weights, limits, best, -0.3 * stride, least, finer)
 
 
 @njit(cache=True, nogil=True)

@@ -12,7 +12,7 @@ from heatertune.model.values import HeaterModel
 from heatertune.pid.sampled import controller_response, frequencies, sample_plant
 from heatertune.pid.values import Margins, PidDesign
 
-__all__ = ["loop_response", "margins", "worst"]
+__all__ = ["crossings", "loop_response", "margins", "worst"]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -30,7 +30,7 @@ def margins(model: HeaterModel, design: PidDesign) -> Margins:
         slowest = max(slowest, design.integral_time_s)
     omega = frequencies(design.sample_time_s, slowest)
     loop = loop_response(model, design, omega)
-    gain, phase = _crossings(loop)
+    gain, phase = crossings(loop)
     if not _encloses_nothing(loop, math.isfinite(design.integral_time_s)):
         return Margins(ms=math.inf, mt=math.inf, gain_margin=gain, phase_margin_deg=phase)
     return Margins(
@@ -65,7 +65,7 @@ def _encloses_nothing(loop: Complex, integrating: bool) -> bool:
     return bool(begins_well) and abs(turned - expected) < math.pi / 2.0
 
 
-def _crossings(loop: Complex) -> tuple[float, float]:
+def crossings(loop: Complex) -> tuple[float, float]:
     """Return the gain margin (smallest factor to a real −1) and the phase margin [°]."""
     phase = np.unwrap(np.angle(loop))
     size = np.abs(loop)

@@ -41,7 +41,7 @@ class PidDesign:
         gain_pct_per_degC: K, proportional gain [% of full power per °C].
         integral_time_s: TN [s]; infinite without integral action.
         derivative_time_s: TV [s]; 0 without derivative action.
-        sample_time_s: TA [s].
+        sample_time_s: TA [s]; 0: continuous, with the derivative filter N of `heatertune.pid.continuous`.
         structure: "p", "pi" or "pid".
         method: how it was found.
         margins: worst over the models it was made for, None where not computed.
@@ -73,7 +73,7 @@ class PidDesign:
             raise OutOfRange("gain_pct_per_degC", 0.0, "not zero")
         check("integral_time_s", self.integral_time_s, above=0.0, infinite=True)
         check("derivative_time_s", self.derivative_time_s, least=0.0)
-        check("sample_time_s", self.sample_time_s, above=0.0)
+        check("sample_time_s", self.sample_time_s, least=0.0)
         check("derivative_filter", self.derivative_filter, least=0.0, most=1.0 - 1e-9)
         if self.structure != structure_of(self.integral_time_s, self.derivative_time_s):
             raise OutOfRange("structure", self.structure, "the one that TN and TV make")
