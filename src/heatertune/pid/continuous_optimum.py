@@ -129,7 +129,7 @@ def optimum(problem: ContinuousProblem) -> PidDesign:
     """
     if problem.structure == "p":
         return _p_design(problem)
-    return _finish(problem, _descend(problem, _scanned(problem, *_SCANNED, math.inf, _COARSE)))
+    return _descend(problem, _scanned(problem, *_SCANNED, math.inf, _COARSE))
 
 
 def unrivalled(problem: ContinuousProblem) -> tuple[PidDesign, str]:
@@ -140,8 +140,10 @@ def unrivalled(problem: ContinuousProblem) -> tuple[PidDesign, str]:
     better = global_check(problem, design)
     if better is None:
         return design, f"The optimum is global: none of {_points(problem)} points of the reduced problem costs less."
-    moved = min((design, _finish(problem, _descend(problem, better))), key=problem.cost)
-    return moved, "The optimum was found by the global check, not by the first search."
+    moved = _descend(problem, better)
+    if problem.cost(moved) >= problem.cost(design) * (1.0 - _WORTH):
+        return design, f"The optimum is global: of {_points(problem)} points of the reduced problem none keeps a lower cost."
+    return moved, "The optimum was found by the global check; the first search had ended at another one."
 
 
 def global_check(problem: ContinuousProblem, design: PidDesign) -> Point | None:
@@ -200,16 +202,19 @@ def _scanned(problem: ContinuousProblem, many_tn: int, many_tv: int, best: float
     return found
 
 
-def _descend(problem: ContinuousProblem, start: Point) -> Point:
+def _descend(problem: ContinuousProblem, start: Point) -> PidDesign:
+    """Return the local optimum near a point of the coarse search."""
     tns, _ = _axes(problem, *_SCANNED)
-    stride = math.log(tns[0] / tns[1])
-    if problem.structure == "pid":
-        stride *= 0.5
-    steps = _STEPS / 4.0
-    near: Point = continuous.refine(*_compiled(problem, _COARSE), start, stride, 0.03, steps)
-    # what the coarse frequencies think of the start is not comparable with what the fine ones will
-    found: Point = continuous.refine(*_compiled(problem, _FINE), (math.inf, *near[1:]), 0.06, 1e-3, steps)
-    return found if math.isfinite(found[0]) else near
+    stride = math.log(tns[0] / tns[1]) * (0.5 if problem.structure == "pid" else 1.0)
+    found: Point = continuous.refine(*_compiled(problem, _COARSE), start, stride, 0.03, _STEPS / 4.0)
+    for density in (_FINE, _EXACT):
+        # what other frequencies think of the start is not comparable with what these will
+        near: Point = continuous.refine(*_compiled(problem, density), (math.inf, *found[1:]), 0.06, 1e-3, _STEPS / 4.0)
+        found = near if math.isfinite(near[0]) else found
+        design = _finish(problem, found)
+        if problem.cost(design) < found[0] * 1.002:
+            break  # else the optimum lies at a cliff, and only the finest frequencies see its edge
+    return design
 
 
 def _feasible(problem: ContinuousProblem) -> bool:

@@ -47,6 +47,7 @@ class PidDesign:
         margins: worst over the models it was made for, None where not computed.
         iae_load: ∫|e| dt after a load step of 1 % power, worst over the models [°C·s], None where not computed.
         iae_setpoint: ∫|e| dt after a setpoint step of 1 °C [s], None where not computed.
+        mks: max |C·S|, the noise gain from reading to power, worst over the models [%/°C], None where not computed.
         notes: what the reader should know, one sentence each.
         derivative_filter: f in D_k = f·D_{k−1} + (1 − f)·TV/TA·(e_k − e_{k−1}); 0: not filtered.
 
@@ -64,6 +65,7 @@ class PidDesign:
     margins: Margins | None = None
     iae_load: float | None = None
     iae_setpoint: float | None = None
+    mks: float | None = None
     notes: tuple[str, ...] = field(default=())
     derivative_filter: float = 0.5
 
