@@ -15,18 +15,18 @@ def sensitivity(plant, gain, tn, tv, omega):
     return 1.0 / np.abs(1.0 + loop)
 
 
-def grid(plant, n=1500):
-    k, lag, dead = plant
+def grid(plant, n=700):
+    _, lag, dead = plant
     return np.concatenate([np.geomspace(0.01 / (lag + dead), 2.0 / dead, n // 3),
                            np.linspace(2.0 / dead, (60.0 + 25.0 * dead / lag) / dead, n)])
 
 
-def iae_load(plant, gain, tn, tv, per_dead_time=40, dead_times=60):
+def iae_load(plant, gain, tn, tv, per_dead_time=32, dead_times=60):
     """∫|e| dt after a unit load step, shape (m,): classical Runge–Kutta steps, delayed power by cubic interpolation."""
     k, lag, dead = plant
     per_dead_time = max(per_dead_time, int(10 * dead / lag))
     h = dead / per_dead_time
-    steps = int(max(dead_times, 40.0 * lag / dead if lag > dead else 0.0) * per_dead_time)
+    steps = int(max(dead_times, 8.0 * lag / dead) * per_dead_time)
     m = len(gain)
     fast = np.where(tv > 0.0, N / np.where(tv > 0.0, tv, 1.0), 0.0)
     y, summed, slow = np.zeros(m), np.zeros(m), np.zeros(m)
@@ -65,7 +65,7 @@ def iae_load(plant, gain, tn, tv, per_dead_time=40, dead_times=60):
     return area
 
 
-def tops(plant, ms, tn, tv, gains=120):
+def tops(plant, ms, tn, tv, gains=60):
     """The two highest gains of each candidate that keep the limit, by a scan from the top and bisection; shape (2, m)."""
     k, lag, dead = plant
     omega = grid(plant)
@@ -90,7 +90,7 @@ def tops(plant, ms, tn, tv, gains=120):
 
 def best(plant, ms, pid, rounds=4, n_tn=14, n_tv=9):
     """Return (IAE, K, TN, TV) of the best candidate: a grid, and finer grids around its best point."""
-    k, lag, dead = plant
+    _, lag, dead = plant
     tns = np.geomspace(0.3 * dead * lag / (dead + lag), 2.5 * (dead + lag), n_tn)
     tvs = np.geomspace(0.08 * dead, 0.9 * dead, n_tv) if pid else np.zeros(1)
     winner = (np.inf,)

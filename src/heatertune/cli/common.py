@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options",
-    "add_objective_options", "add_output_options", "add_proof_options", "add_reading_options", "add_switch_option", "add_tuning_options", "design_and_model",
-    "fitting", "model_from", "output", "proving", "reading", "save", "scaling", "switches", "target", "tuning",
-    "words_and_model",
+    "add_objective_options", "add_output_options", "add_proof_options", "add_reading_options", "add_switch_option",
+    "add_tuning_options", "design_and_model", "fitting", "model_from", "output", "proving", "reading", "save",
+    "scaling", "switches", "target", "tuning", "words_and_model",
 ]
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")

@@ -47,7 +47,7 @@ def controller(omega, tn, tv):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _exclude(omega, plant, tn, tv, limits, loop):  # type: ignore[no-untyped-def]
     """Return the intervals that Ms, Mt and Mks exclude, shape (m, 2), and fill loop with h = G·c."""
-    ms, mt, mks = limits
+    ms, mt, mks, _ = limits
     n = len(omega)
     rows = 1 + (mt < math.inf) + (mks < math.inf)
     found = np.empty((rows * n, 2))
@@ -82,7 +82,7 @@ def _exclude(omega, plant, tn, tv, limits, loop):  # type: ignore[no-untyped-def
 
 @njit(cache=True, nogil=True)
 def _vertex(omega, low, i):  # type: ignore[no-untyped-def]
-    """Return the least value of the parabola over ln ω through the local minimum at i; low[i + 1] belongs to omega[i]."""
+    """Return the least value of the parabola over ln ω through the minimum at omega[i], which is low[i + 1]."""
     before, here, after = low[i], low[i + 1], low[i + 2]
     if not omega[i - 1] < omega[i] < omega[i + 1]:
         return here  # where the next plant begins
@@ -117,11 +117,8 @@ def _encirclements(omega, loop, gain):  # type: ignore[no-untyped-def]
 def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
     """Return bottoms and tops of the feasible pieces of K with a stable loop, the highest first.
 
-    Args:
-        omega: frequencies [rad/s], ascending for each plant, one plant after the other, shape (n,).
-        plant: G(jω), shape (n,).
-        tn, tv: [s].
-        limits: (Ms, Mt, Mks), infinite where there is no limit.
+    `omega` [rad/s] ascends for each plant, one plant after the other; `plant` is G(jω) there; `tv` is 0 without derivative
+    part; `limits` are (Ms, Mt, Mks, shortest TV), infinite where there is none.
     """
     loop = np.empty(len(omega), dtype=np.complex128)
     excluded = _exclude(omega, plant, tn, tv, limits, loop)
@@ -177,20 +174,21 @@ def _grid(dead, small, large, finer):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def swing(heater, gain, tn, tv, setpoint, load, finer, dear):  # type: ignore[no-untyped-def]
+def swing(heater, settings, setpoint, load, finer, dear):  # type: ignore[no-untyped-def]  # noqa: PLR0915 - one loop
     """Return ∫v and ∫t·v of v, the part of the deviation whose sign is not that of ∫e dt; infinite where it diverges.
 
     Args:
         heater: (k [°C/%], larger lag, smaller lag (0: none), dead time [s]).
-        gain, tn, tv: of the controller.
-        setpoint, load: height of the step in setpoint [°C] and load [%]; one of them is 0.
+        settings: (K, TN, TV).
+        setpoint: height of its step [°C], 0 where the load steps.
+        load: height of its step [%], 0 where the setpoint steps.
         finer: factor of the number of steps.
         dear: (weight of ∫v, weight of ∫t·v, sum of both at which the response costs too much and is left).
     """
     k, first, second, dead = heater
+    gain, tn, tv = settings
     h, whole, late = _grid(dead, second, first, finer)
-    if second > 0.9999 * first:
-        second = 0.9999 * first  # equal lags are moved apart; the answer changes by 1e-9
+    second = min(second, 0.9999 * first)  # equal lags are moved apart; the answer changes by 1e-9
     a1, a2 = math.exp(-h / first), math.exp(-h / second) if second > 0.0 else 0.0
     s1, s2 = k * first / (first - second), -k * second / (first - second)
     n1 = 1.0 - (1.0 - a1) * first / h
@@ -267,24 +265,20 @@ def _bound(heaters, weights, gain, tn):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def price(heaters, weights, gain, tn, tv, finer, best):  # type: ignore[no-untyped-def]
-    """Return the cost: Σ over heaters and objectives of weight·value.
+    """Return the cost: Σ over heaters and objectives of weight·value; above `best` it need not be exact.
 
-    Args:
-        heaters: k, lags and dead time of each, shape (p, 4).
-        weights: of load IAE, setpoint IAE, load ITAE and TN/K, shape (p, 4).
-        gain, tn, tv: of the controller.
-        finer: factor of the number of steps.
-        best: a cost above it need not be exact.
+    `heaters` holds k, lags and dead time of each, `weights` those of load IAE, setpoint IAE, load ITAE and TN/K, both of
+    shape (p, 4); `finer` is the factor of the number of steps.
     """
     total = _bound(heaters, weights, gain, tn)
     for p in range(len(heaters)):
         heater = (heaters[p, 0], heaters[p, 1], heaters[p, 2], heaters[p, 3])
         load, setpoint, late = 2.0 * weights[p, 0], 2.0 * weights[p, 1], 2.0 * weights[p, 2]
         if load > 0.0 or late > 0.0:
-            area, moment = swing(heater, gain, tn, tv, 0.0, 1.0, finer, (load, late, best - total))
+            area, moment = swing(heater, (gain, tn, tv), 0.0, 1.0, finer, (load, late, best - total))
             total += load * area + late * moment
         if setpoint > 0.0:
-            total += setpoint * swing(heater, gain, tn, tv, 1.0, 0.0, finer, (setpoint, 0.0, best - total))[0]
+            total += setpoint * swing(heater, (gain, tn, tv), 1.0, 0.0, finer, (setpoint, 0.0, best - total))[0]
     return total
 
 
@@ -313,10 +307,11 @@ def _inside(heaters, weights, bottom, top, tn, tv, at_top, finer):  # type: igno
 def reduced(omega, plant, heaters, weights, limits, tn, tv, best, finer):  # type: ignore[no-untyped-def]
     """Return the least cost over K at one TN and TV, and that K; infinite where it cannot be below `best`.
 
-    TV > TN is left out: with TV without bound the filtered derivative is a gain, a PI controller under another name.
+    TV > TN is left out: with TV without bound the filtered derivative is a gain, a PI controller under another name;
+    and so is TV below the shortest, where noise would pay for a derivative that does nothing.
     """
     cost, gain = math.inf, 0.0
-    if tv > tn:
+    if tv > tn or 0.0 < tv < limits[3]:
         return cost, gain
     bottoms, tops = pieces(omega, plant, tn, tv, limits)
     for j in range(len(tops)):
@@ -349,87 +344,56 @@ def scan(omega, plant, heaters, weights, limits, tns, tvs, best, finer):  # type
 
 @njit(cache=True, nogil=True)
 def refine(omega, plant, heaters, weights, limits, start, stride, least, finer):  # type: ignore[no-untyped-def]
-    """Return (cost, K, TN, TV) of the local optimum: TN by golden section (PI), TN and TV by the simplex method (PID).
+    """Return (cost, K, TN, TV) of the local optimum over ln TN (and ln TV) near a start, found by two simplex searches.
 
-    Args:
-        omega, plant, heaters, weights, limits: as in `pieces` and `price`.
-        start: (cost, K, TN, TV).
-        stride: first distance in ln TN and ln TV.
-        least: distance at which the search ends.
-        finer: factor of the number of steps.
+    `stride` and `least` are their first and last distance; the other arguments are those of `pieces` and `price`.
     """
-    if start[3] == 0.0:
-        return _golden(omega, plant, heaters, weights, limits, start, stride, least, finer)
     best = _simplex(omega, plant, heaters, weights, limits, start, stride, least, finer)
     # begun anew from the other side: a simplex can fall flat where two peaks of |S| meet
     return _simplex(omega, plant, heaters, weights, limits, best, -0.3 * stride, least, finer)
 
 
 @njit(cache=True, nogil=True)
-def _golden(omega, plant, heaters, weights, limits, start, stride, least, finer):  # type: ignore[no-untyped-def]
-    golden = 0.5 * (math.sqrt(5.0) - 1.0)
-    a, b = math.log(start[2]) - stride, math.log(start[2]) + stride
-    best = start
-    x = np.array([b - golden * (b - a), a + golden * (b - a)])
-    f = np.empty(2)
-    for j in range(2):
-        f[j], gain = reduced(omega, plant, heaters, weights, limits, math.exp(x[j]), 0.0, math.inf, finer)
-        if f[j] < best[0]:
-            best = (f[j], gain, math.exp(x[j]), 0.0)
-    while b - a > least:
-        j = 0 if f[0] < f[1] else 1  # the better one stays inside
-        if j == 0:
-            b, x[1], f[1] = x[1], x[0], f[0]
-            x[0] = b - golden * (b - a)
-        else:
-            a, x[0], f[0] = x[0], x[1], f[1]
-            x[1] = a + golden * (b - a)
-        f[j], gain = reduced(omega, plant, heaters, weights, limits, math.exp(x[j]), 0.0, math.inf, finer)
-        if f[j] < best[0]:
-            best = (f[j], gain, math.exp(x[j]), 0.0)
-    return best
-
-
-@njit(cache=True, nogil=True)
-def _try(omega, plant, heaters, weights, limits, x, finer):  # type: ignore[no-untyped-def]
-    """Return (cost, K, TN, TV) at x = (ln TN, ln TV)."""
-    tn, tv = math.exp(x[0]), math.exp(x[1])
-    cost, gain = reduced(omega, plant, heaters, weights, limits, tn, tv, math.inf, finer)
-    return cost, gain, tn, tv
-
-
-@njit(cache=True, nogil=True)
 def _simplex(omega, plant, heaters, weights, limits, start, stride, least, finer):  # type: ignore[no-untyped-def]
-    """J. A. Nelder and R. Mead, Computer Journal 7 (1965) 308-313, in two dimensions."""
-    x = np.array([[math.log(start[2]), math.log(start[3])]] * 3)
-    x[1, 0] += stride
-    x[2, 1] += stride
-    found = [start, start, start]
-    for j in range(3):
-        found[j] = _try(omega, plant, heaters, weights, limits, x[j], finer)
+    """J. A. Nelder and R. Mead, Computer Journal 7 (1965) 308-313, in one dimension (TV = 0) or two."""
+    n = 1 if start[3] == 0.0 else 2
+    x = np.full((n + 1, 2), -math.inf)
+    cost, gain = np.empty(n + 1), np.empty(n + 1)
+    for j in range(n + 1):
+        for i in range(n):
+            x[j, i] = math.log(start[2 + i]) + (stride if j == i + 1 else 0.0)
+        cost[j], gain[j] = _at(omega, plant, heaters, weights, limits, x[j], finer)
     for _ in range(200):
-        order = np.argsort(np.array([found[0][0], found[1][0], found[2][0]]))
-        x = x[order]
-        found = [found[order[0]], found[order[1]], found[order[2]]]
-        if max(np.abs(x[1] - x[0]).max(), np.abs(x[2] - x[0]).max()) < least:
+        order = np.argsort(cost)
+        x, cost, gain = x[order], cost[order], gain[order]
+        if np.abs(x[1:, :n] - x[0, :n]).max() < least:
             break
-        middle = 0.5 * (x[0] + x[1])
-        point = 2.0 * middle - x[2]
-        told = _try(omega, plant, heaters, weights, limits, point, finer)
-        if told[0] < found[0][0]:
-            further = 3.0 * middle - 2.0 * x[2]
-            wide = _try(omega, plant, heaters, weights, limits, further, finer)
-            if wide[0] < told[0]:
-                point, told = further, wide
-        elif told[0] >= found[1][0]:
-            outside = told[0] < found[2][0]
-            point = 1.5 * middle - 0.5 * x[2] if outside else 0.5 * (middle + x[2])
-            level = min(told[0], found[2][0])
-            told = _try(omega, plant, heaters, weights, limits, point, finer)
-            if told[0] >= level:
-                for j in range(1, 3):
-                    x[j] = 0.5 * (x[0] + x[j])
-                    found[j] = _try(omega, plant, heaters, weights, limits, x[j], finer)
+        middle = x[0].copy() if n == 1 else 0.5 * (x[0] + x[1])
+        away = middle[:n] - x[n, :n]
+        point = middle.copy()
+        point[:n] += away
+        told, k = _at(omega, plant, heaters, weights, limits, point, finer)
+        if told < cost[0]:
+            further = point.copy()
+            further[:n] += away
+            wide, w = _at(omega, plant, heaters, weights, limits, further, finer)
+            if wide < told:
+                point, told, k = further, wide, w
+        elif told >= cost[n - 1]:
+            level = min(told, cost[n])
+            point[:n] = middle[:n] + (0.5 if told < cost[n] else -0.5) * away
+            told, k = _at(omega, plant, heaters, weights, limits, point, finer)
+            if told >= level:
+                for j in range(1, n + 1):
+                    x[j, :n] = 0.5 * (x[0, :n] + x[j, :n])
+                    cost[j], gain[j] = _at(omega, plant, heaters, weights, limits, x[j], finer)
                 continue
-        x[2], found[2] = point, told
-    return found[0] if found[0][0] < start[0] else start
+        x[n], cost[n], gain[n] = point, told, k
+    j = np.argmin(cost)
+    return (cost[j], gain[j], math.exp(x[j, 0]), math.exp(x[j, 1])) if cost[j] < start[0] else start
+
+
+@njit(cache=True, nogil=True)
+def _at(omega, plant, heaters, weights, limits, x, finer):  # type: ignore[no-untyped-def]
+    """Return least cost and K at x = (ln TN, ln TV)."""
+    return reduced(omega, plant, heaters, weights, limits, math.exp(x[0]), math.exp(x[1]), math.inf, finer)

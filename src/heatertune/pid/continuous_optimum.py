@@ -1,8 +1,8 @@
 """The constrained optimum of the continuous loop: PI or PID in the ideal form, exact dead time, no Padé.
 
 For each TN and TV the feasible gains are known exactly (`continuous.pieces`), which leaves a search in one or two
-unknowns: a coarse grid, a local search, the same again on finer frequencies. A fine grid over all of the reduced problem
-then checks that the local answer is the global one.
+unknowns: a coarse grid, a local search, the same again on finer frequencies. A fine grid over all of the reduced
+problem then checks that the local answer is the global one.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Point = tuple[float, float, float, float]  # cost, K, TN, TV
 
 _COARSE, _FINE, _EXACT = 1.0, 2.0, 8.0  # density of frequencies
 _SCANNED, _CHECKED = (14, 8), (60, 40)  # points of TN and TV: of the first search, of the global check
-_WORTH = 1e-4  # share of the cost by which a point has to be better to refute the optimum
+_WORTH = 3e-4  # share of the cost by which a point has to be better to refute the optimum
 _MOST_FREQUENCIES = 200_000
 _STEPS = 2.0  # factor of the time steps with which a cost is reported; the search takes a quarter of them
 
@@ -54,7 +54,7 @@ class ContinuousProblem:
     def __post_init__(self) -> None:
         self.specs.refuse_contradictions(self.plants, self.structure)
         if self.specs.objective == "ise":
-            raise InputError("the objective ise is for sampled loops; with --sample-time 0 use load, setpoint, itae or ki")
+            raise InputError("the objective ise is for sampled loops; with --sample-time 0: load, setpoint, itae or ki")
         bounded = math.isfinite(self.specs.mks)
         if not bounded and any(
             p.dead_time_s == 0.0 and (self.structure == "pid" or not isinstance(p, TwoLag)) for p in self.plants
@@ -81,9 +81,9 @@ class ContinuousProblem:
         return np.column_stack(rows) / len(gains)
 
     @property
-    def limits(self) -> tuple[float, float, float]:
-        """Ms, Mt, Mks."""
-        return self.specs.ms, self.specs.mt, self.specs.mks
+    def limits(self) -> tuple[float, float, float, float]:
+        """Ms, Mt, Mks and the shortest TV [s]."""
+        return self.specs.ms, self.specs.mt, self.specs.mks, _quickest(self.plants) / 50.0
 
     def cost(self, design: PidDesign) -> float:
         """Return the cost of a feasible design, in the unit of its objective; a P controller's is −K."""
@@ -142,7 +142,7 @@ def unrivalled(problem: ContinuousProblem) -> tuple[PidDesign, str]:
         return design, f"The optimum is global: none of {_points(problem)} points of the reduced problem costs less."
     moved = _descend(problem, better)
     if problem.cost(moved) >= problem.cost(design) * (1.0 - _WORTH):
-        return design, f"The optimum is global: of {_points(problem)} points of the reduced problem none keeps a lower cost."
+        return design, f"The optimum is global: none of {_points(problem)} points of the reduced problem keeps less."
     return moved, "The optimum was found by the global check; the first search had ended at another one."
 
 
@@ -152,7 +152,7 @@ def global_check(problem: ContinuousProblem, design: PidDesign) -> Point | None:
     Points whose lower bound is above the design's cost are excluded without a simulation, so the grid is cheap.
     """
     cost = float(continuous.price(problem.heaters, problem.weights, *_settings(design), _STEPS / 4.0, math.inf))
-    found = _scanned(problem, *_CHECKED, cost * (1.0 - _WORTH), _FINE)
+    found = _scanned(problem, *_checked(problem), cost * (1.0 - _WORTH), _FINE)
     return found if found[1] > 0.0 else None
 
 
@@ -171,22 +171,32 @@ def margins(plants: tuple[HeaterModel, ...], design: PidDesign) -> tuple[Margins
     return Margins(ms=ms, mt=mt, gain_margin=gain, phase_margin_deg=phase), mks
 
 
+def _quickest(plants: tuple[HeaterModel, ...]) -> float:
+    """Return the shortest dead time and second lag of the models together, but no less than the slow part shows [s]."""
+    slow = max(sum(p.lags_s) + p.dead_time_s for p in plants)
+    return max(min(p.dead_time_s + sum(p.lags_s[1:]) for p in plants), 1e-4 * slow)
+
+
 def _settings(design: PidDesign) -> tuple[float, float, float]:
     return design.gain_pct_per_degC, design.integral_time_s, design.derivative_time_s
 
 
 def _points(problem: ContinuousProblem) -> int:
-    tns, tvs = _axes(problem, *_CHECKED)
+    tns, tvs = _axes(problem, *_checked(problem))
     return len(tns) * len(tvs)
+
+
+def _checked(problem: ContinuousProblem) -> tuple[int, int]:
+    return _CHECKED if problem.structure == "pid" else (400, 1)
 
 
 def _axes(problem: ContinuousProblem, many_tn: int, many_tv: int) -> tuple[Array, Array]:
     """Return the grid: TN from slow to fast, because slow loops are tame and give a bound early; and TV."""
     slow = max(sum(p.lags_s) + p.dead_time_s for p in problem.plants)
-    quick = [p.dead_time_s + sum(p.lags_s[1:]) for p in problem.plants]
-    least = max(min(quick), 1e-4 * slow)
+    least = _quickest(problem.plants)
+    longest = max(least, *(p.dead_time_s + sum(p.lags_s[1:]) for p in problem.plants))
     tns = np.geomspace(0.2 * least, 3.0 * slow, many_tn)[::-1]
-    tvs = np.geomspace(least / 25.0, 1.3 * max(*quick, least), many_tv)
+    tvs = np.geomspace(least / 25.0, 1.3 * longest, many_tv)
     return tns, tvs if problem.structure == "pid" else np.zeros(1)
 
 
@@ -229,11 +239,11 @@ def _finish(problem: ContinuousProblem, found: Point) -> PidDesign:
     bottoms, tops = continuous.pieces(omega, response, tn, tv, problem.limits)
     for bottom, top in zip(bottoms, tops, strict=True):
         if gain > bottom:
-            return _design(problem, min(gain, float(top)), tn, tv)
+            return _design(min(gain, float(top)), tn, tv)
     raise _impossible(problem)
 
 
-def _design(problem: ContinuousProblem, gain: float, tn: float, tv: float) -> PidDesign:
+def _design(gain: float, tn: float, tv: float) -> PidDesign:
     return PidDesign(
         gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=tv, sample_time_s=0.0,
         structure=structure_of(tn, tv), method="optimum",
@@ -245,7 +255,7 @@ def _p_design(problem: ContinuousProblem) -> PidDesign:
     tops = continuous.pieces(omega, response, math.inf, 0.0, problem.limits)[1]
     if len(tops) == 0:
         raise _impossible(problem)
-    return _design(problem, float(tops[0]), math.inf, 0.0)
+    return _design(float(tops[0]), math.inf, 0.0)
 
 
 def _impossible(problem: ContinuousProblem) -> InputError:
@@ -253,7 +263,7 @@ def _impossible(problem: ContinuousProblem) -> InputError:
     specs, names = problem.specs, {"ms": "Ms", "mt": "Mt", "mks": "Mks"}
     helped = [
         names[name] for name in specs.limits
-        if _feasible(replace(problem, specs=replace(specs, **{name: 4.0 if name == "ms" else math.inf})))
+        if _feasible(replace(problem, specs=specs.with_limit(name, 4.0 if name == "ms" else math.inf)))
     ]
     told = f"no {problem.structure.upper()} controller keeps {specs.text} on all {len(problem.plants)} models"
     cure = f"; loosen {' or '.join(helped)}" if helped else "; no single limit is to blame"

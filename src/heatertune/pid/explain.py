@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
 from heatertune.errors import InputError
 from heatertune.pid.specs import Specs
@@ -34,7 +33,7 @@ def explain(specs: Specs, peaks: Mapping[str, float], cost: float, solve: Callab
 def _sentence(specs: Specs, name: str, cost: float, solve: Callable[[Specs], float]) -> str:
     limit, called = specs.limits[name], _NAMES[name]
     try:
-        looser = replace(specs, **{name: limit * LOOSER})
+        looser = specs.with_limit(name, limit * LOOSER)
     except InputError:  # beyond what a limit may be
         return f"{called} stands at its limit of {limit:g}, the largest there is."
     gained = 100.0 * (1.0 - solve(looser) / cost)

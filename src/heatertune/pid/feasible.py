@@ -1,8 +1,8 @@
 """The exact set of gains that keep a sensitivity limit, and the search built on it.
 
 With C = K·c(jω), |1 + K·h| ≥ 1/Ms at one frequency excludes one interval of K (a quadratic in K), and so do the limits
-on Mt and Mks; what is left over all frequencies and all models is the feasible set. It need not be connected, so its pieces are tried
-from the top. That leaves a search over TN (and TV) only, and no start value can mislead it.
+on Mt and Mks; what is left over all frequencies and all models is the feasible set. It need not be connected, so its
+pieces are tried from the top. That leaves a search over TN (and TV) only, and no start value can mislead it.
 """
 
 from __future__ import annotations

@@ -87,7 +87,8 @@ def _samples(problem: Problem, start: PidDesign) -> int:
 
 def _cost(ca: Any, plant: SampledPlant, samples: int, problem: Problem, settings: Any) -> Any:
     """Return the objective on one model, in units of TA."""
-    load, setpoint = (_errors(ca, plant, samples, problem.derivative_filter, *step)(settings) for step in ((0, 1), (1, 0)))
+    past = problem.derivative_filter
+    load, setpoint = (_errors(ca, plant, samples, past, *step)(settings) for step in ((0.0, 1.0), (1.0, 0.0)))
     if problem.objective == "ise":
         return ca.sumsqr(load)
     size, rise = (ca.sqrt(errors**2 + _SMOOTH**2) for errors in (load, setpoint))

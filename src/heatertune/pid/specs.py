@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import HeaterModel
@@ -63,6 +63,11 @@ class Specs:
     def limits(self) -> dict[str, float]:
         """The limits that are set, name → value."""
         return {name: v for name in ("ms", "mt", "mks") if math.isfinite(v := getattr(self, name))}
+
+    def with_limit(self, name: str, value: float) -> Specs:
+        """Return the same with another limit; errors as the class."""
+        other: dict[str, Any] = {name: value}
+        return replace(self, **other)
 
     @property
     def text(self) -> str:

@@ -66,14 +66,19 @@ def tune(
     """Find K, TN, TV and TA for a heater and all its candidate models.
 
     The optimum minimises the mean of the objective of the sampled loop over the candidates, subject to Ms ≤ `ms`,
-    Mt ≤ `mt` and Mks ≤ `mks` on each. A rule is applied to the working FOPDT, and its margins are reported for the worst candidate.
+    Mt ≤ `mt` and Mks ≤ `mks` on each. A rule is applied to the working FOPDT, and its margins are reported for the
+    worst candidate.
     TA = TRdom/10 of the fastest candidate's closed loop, iterated until it rests.
 
     Args:
         fitted: model and candidates.
         method: "optimum" or the name of a rule.
         structure: "p", "pi" or "pid".
-        ms, mt, mks, objective, weight: of the optimum, see `Specs`.
+        ms: limit of the maximum sensitivity, for the optimum.
+        mt: limit of the maximum complementary sensitivity, for the optimum.
+        mks: limit of the noise gain from reading to power, for the optimum [%/°C].
+        objective: of the optimum, one of `heatertune.pid.specs.OBJECTIVES`.
+        weight: share of the setpoint in the objective load, see `Specs`.
         sample_time_s: TA where it is given [s], None to find it, 0 for the continuous loop.
         timer: what the target's timer can do.
         derivative_filter: weight of its past in the target's derivative part, see `PidDesign`.
@@ -141,6 +146,8 @@ def _problem(
 
 
 def _explained(problem: Problem, design: PidDesign) -> list[str]:
+    if problem.objective == "ise":
+        return []  # the feasible-set search does not know this cost
     found = worst([margins(plant, design) for plant in problem.plants])
     peaks = {"ms": found.ms, "mt": found.mt, "mks": max(noise_gain(plant, design) for plant in problem.plants)}
 
