@@ -6,13 +6,18 @@ import numpy as np
 N = 10.0
 
 
-def sensitivity(plant, gain, tn, tv, omega):
-    """|S| for candidates (arrays of shape (m,)) at frequencies (n,); plant is (k, T, L)."""
+def loops(plant, tn, tv, omega):
+    """L/K of candidates (arrays of shape (m,)) at frequencies (n,); plant is (k, T, L)."""
     k, lag, dead = plant
     s = 1j * omega[None, :]
     c = 1.0 + 1.0 / (tn[:, None] * s) + tv[:, None] * s / (1.0 + tv[:, None] * s / N)
-    loop = gain[:, None] * c * k * np.exp(-s * dead) / (lag * s + 1.0)
-    return 1.0 / np.abs(1.0 + loop)
+    return c * k * np.exp(-s * dead) / (lag * s + 1.0)
+
+
+def keeps(loop, gain, ms):
+    """Whether |S| stays at or below the limit at every frequency, shape (m,)."""
+    real, imaginary = 1.0 + gain[:, None] * loop.real, gain[:, None] * loop.imag
+    return np.min(real * real + imaginary * imaginary, axis=1) >= 1.0 / ms**2
 
 
 def grid(plant, n=700):
@@ -21,6 +26,7 @@ def grid(plant, n=700):
                            np.linspace(2.0 / dead, (60.0 + 25.0 * dead / lag) / dead, n)])
 
 
+@np.errstate(all="ignore")  # an unstable candidate may grow without bound
 def iae_load(plant, gain, tn, tv, per_dead_time=32, dead_times=60):
     """∫|e| dt after a unit load step, shape (m,): classical Runge–Kutta steps, delayed power by cubic interpolation."""
     k, lag, dead = plant
@@ -68,19 +74,19 @@ def iae_load(plant, gain, tn, tv, per_dead_time=32, dead_times=60):
 def tops(plant, ms, tn, tv, gains=60):
     """The two highest gains of each candidate that keep the limit, by a scan from the top and bisection; shape (2, m)."""
     k, lag, dead = plant
-    omega = grid(plant)
+    loop = loops(plant, tn, tv, grid(plant))
     ladder = np.geomspace(0.02, 3.0, gains)[::-1] * (lag / dead + 1.0) / k
     found = np.zeros((2, len(tn)))
     count = np.zeros(len(tn), dtype=int)
     above = np.zeros(len(tn), dtype=bool)
     for i, gain in enumerate(ladder):
-        kept = sensitivity(plant, np.full(len(tn), gain), tn, tv, omega).max(axis=1) <= ms
+        kept = keeps(loop, np.full(len(tn), gain), ms)
         edge = np.flatnonzero(kept & ~above & (count < 2))
         if len(edge) and i > 0:
             low, high = np.full(len(edge), gain), np.full(len(edge), ladder[i - 1])
             for _ in range(14):
                 middle = np.sqrt(low * high)
-                good = sensitivity(plant, middle, tn[edge], tv[edge], omega).max(axis=1) <= ms
+                good = keeps(loop[edge], middle, ms)
                 low, high = np.where(good, middle, low), np.where(good, high, middle)
             found[count[edge], edge] = low
             count[edge] += 1

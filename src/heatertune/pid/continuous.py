@@ -117,8 +117,8 @@ def _encirclements(omega, loop, gain):  # type: ignore[no-untyped-def]
 def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
     """Return bottoms and tops of the feasible pieces of K with a stable loop, the highest first.
 
-    `omega` [rad/s] ascends for each plant, one plant after the other; `plant` is G(jω) there; `tv` is 0 without derivative
-    part; `limits` are (Ms, Mt, Mks, shortest TV), infinite where there is none.
+    `omega` [rad/s] ascends for each plant, one plant after the other; `plant` is G(jω) there; `tv` is 0 without a
+    derivative part; `limits` are (Ms, Mt, Mks, shortest TV), infinite where there is none.
     """
     loop = np.empty(len(omega), dtype=np.complex128)
     excluded = _exclude(omega, plant, tn, tv, limits, loop)
@@ -267,8 +267,8 @@ def _bound(heaters, weights, gain, tn):  # type: ignore[no-untyped-def]
 def price(heaters, weights, gain, tn, tv, finer, best):  # type: ignore[no-untyped-def]
     """Return the cost: Σ over heaters and objectives of weight·value; above `best` it need not be exact.
 
-    `heaters` holds k, lags and dead time of each, `weights` those of load IAE, setpoint IAE, load ITAE and TN/K, both of
-    shape (p, 4); `finer` is the factor of the number of steps.
+    `heaters` holds k, lags and dead time of each, `weights` those of load IAE, setpoint IAE, load ITAE and TN/K, both
+    of shape (p, 4); `finer` is the factor of the number of steps.
     """
     total = _bound(heaters, weights, gain, tn)
     for p in range(len(heaters)):
