@@ -8,13 +8,26 @@ import sys
 from collections.abc import Sequence
 
 from heatertune import __version__
-from heatertune.cli import advise, compare, decode, design, export_db, fit, replay, report, targets, tune, verify
+from heatertune.cli import (
+    advise,
+    compare,
+    decode,
+    design,
+    export_db,
+    fit,
+    pareto,
+    replay,
+    report,
+    targets,
+    tune,
+    verify,
+)
 from heatertune.cli.common import CommandParser
 from heatertune.errors import ExportRefused, HeatertuneError
 
 __all__ = ["main"]
 
-COMMANDS = (design, fit, tune, export_db, verify, compare, advise, report, decode, replay, targets)
+COMMANDS = (design, fit, tune, pareto, export_db, verify, compare, advise, report, decode, replay, targets)
 
 _EPILOG = """\
 the chain: log → model → pid → plc → proof → report

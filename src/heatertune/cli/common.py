@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 __all__ = [
     "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options",
     "add_objective_options", "add_output_options", "add_proof_options", "add_reading_options", "add_switch_option",
-    "add_tuning_options", "design_and_model", "fitting", "model_from", "output", "proving", "reading", "save",
-    "scaling", "switches", "target", "tuning", "words_and_model",
+    "add_tuning_options", "design_and_model", "fitting", "model_from", "output", "proving", "reading", "sample_time",
+    "save", "scaling", "switches", "target", "tuning", "words_and_model",
 ]
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
@@ -183,20 +183,24 @@ def fitting(settings: argparse.Namespace) -> dict[str, Any]:
 
 
 def tuning(settings: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of `chain.tune`.
-
-    Raises:
-        InputError: a sampling interval that is neither a number nor auto.
-    """
-    asked = settings.sample_time
-    try:
-        interval = None if asked == "auto" else float(asked)
-    except ValueError as problem:
-        raise InputError(f"--sample-time is {asked!r}; expected seconds or auto") from problem
-    return {"sample_time_s": interval} | {
+    """Return the options of `chain.tune`; errors as `sample_time`."""
+    return {"sample_time_s": sample_time(settings)} | {
         name: getattr(settings, name)
         for name in ("structure", "method", "objective", "ms", "mt", "mks", "weight")
     }
+
+
+def sample_time(settings: argparse.Namespace) -> float | None:
+    """Return the sampling interval [s], None for auto.
+
+    Raises:
+        InputError: it is neither a number nor auto.
+    """
+    asked = settings.sample_time
+    try:
+        return None if asked == "auto" else float(asked)
+    except ValueError as problem:
+        raise InputError(f"--sample-time is {asked!r}; expected seconds or auto") from problem
 
 
 def proving(settings: argparse.Namespace) -> dict[str, Any]:

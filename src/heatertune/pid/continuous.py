@@ -84,8 +84,8 @@ def _exclude(omega, plant, tn, tv, limits, loop):  # type: ignore[no-untyped-def
 def _vertex(omega, low, i):  # type: ignore[no-untyped-def]
     """Return the least value of the parabola over ln ω through the minimum at omega[i], which is low[i + 1]."""
     before, here, after = low[i], low[i + 1], low[i + 2]
-    if not omega[i - 1] < omega[i] < omega[i + 1]:
-        return here  # where the next plant begins
+    if not omega[i - 1] < omega[i] < omega[i + 1] < 1.3 * omega[i - 1]:
+        return here  # the next plant begins, or the grid has a gap
     p, q = math.log(omega[i - 1] / omega[i]), math.log(omega[i + 1] / omega[i])
     slope_p, slope_q = (before - here) / p, (after - here) / q
     bend = (slope_q - slope_p) / (q - p)
@@ -389,8 +389,9 @@ def _simplex(omega, plant, heaters, weights, limits, start, stride, least, finer
                     cost[j], gain[j] = _at(omega, plant, heaters, weights, limits, x[j], finer)
                 continue
         x[n], cost[n], gain[n] = point, told, k
-    j = np.argmin(cost)
-    return (cost[j], gain[j], math.exp(x[j, 0]), math.exp(x[j, 1])) if cost[j] < start[0] else start
+    best = np.argmin(cost)
+    found = cost[best], gain[best], math.exp(x[best, 0]), math.exp(x[best, 1])
+    return found if found[0] < start[0] else start
 
 
 @njit(cache=True, nogil=True)

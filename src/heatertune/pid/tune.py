@@ -20,7 +20,7 @@ from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign
 from heatertune.units import check
 
-__all__ = ["METHODS", "STRUCTURES", "Timer", "tune"]
+__all__ = ["METHODS", "STRUCTURES", "Timer", "assessed_sampled", "tune"]
 
 STRUCTURES = ("p", "pi", "pid")
 METHODS = ("optimum", *RULES)
@@ -213,14 +213,16 @@ def _finished(
     if math.isinf(found[at].ms):
         notes.append(f"Unstable on {sum(not m.stable for m in found)} of {len(plants)} candidate models.")
     limit = f"{specs.text} on {len(plants)} models" if method == "optimum" else SOURCES[method]
+    return replace(assessed_sampled(plants, design), method=f"{method} ({limit})", notes=tuple(notes))
+
+
+def assessed_sampled(plants: Sequence[HeaterModel], design: PidDesign) -> PidDesign:
+    """Return the design of a sampled loop with its margins and costs, worst over the models."""
+    found = worst([margins(plant, design) for plant in plants])
     return replace(
         design,
-        method=f"{method} ({limit})",
-        margins=worst(found),
+        margins=found,
         iae_load=max(iae_load(plant, design) for plant in plants),
         iae_setpoint=max(iae_setpoint(plant, design) for plant in plants),
-        mks=max(noise_gain(plant, design) for plant in plants) if math.isfinite(found[at].ms) else None,
-        notes=tuple(notes),
+        mks=max(noise_gain(plant, design) for plant in plants) if found.stable else None,
     )
-
-
