@@ -30,6 +30,7 @@ NOMENCLATURE: Final[dict[str, tuple[str, str, str]]] = {
     "sample_time_s": ("TA", "sampling interval", "s"),
     "ms": ("Ms", "maximum sensitivity", "1"),
     "mt": ("Mt", "maximum complementary sensitivity", "1"),
+    "mks": ("Mks", "maximum noise gain from reading to power", "%/°C"),
     "gain_margin": ("GM", "gain margin", "1"),
     "phase_margin_deg": ("PM", "phase margin", "°"),
     "iae_load": ("IAE", "integrated absolute error after a load step of 1 % power", "°C·s"),

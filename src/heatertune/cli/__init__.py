@@ -8,13 +8,27 @@ import sys
 from collections.abc import Sequence
 
 from heatertune import __version__
-from heatertune.cli import advise, compare, decode, design, export_db, fit, plan, replay, report, targets, tune, verify
+from heatertune.cli import (
+    advise,
+    compare,
+    decode,
+    design,
+    export_db,
+    fit,
+    pareto,
+    plan,
+    replay,
+    report,
+    targets,
+    tune,
+    verify,
+)
 from heatertune.cli.common import CommandParser
 from heatertune.errors import ExportRefused, HeatertuneError
 
 __all__ = ["main"]
 
-COMMANDS = (design, fit, plan, tune, export_db, verify, compare, advise, report, decode, replay, targets)
+COMMANDS = (design, fit, plan, tune, pareto, export_db, verify, compare, advise, report, decode, replay, targets)
 
 _EPILOG = """\
 the chain: log → model → pid → plc → proof → report

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -17,10 +18,10 @@ if TYPE_CHECKING:
     from heatertune.plc import Scaling, Words
 
 __all__ = [
-    "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options", "add_output_options",
-    "add_proof_options", "add_reading_options", "add_switch_option", "add_tuning_options", "design_and_model",
-    "fitting", "model_from", "output", "proving", "reading", "save", "scaling", "switches", "target", "tuning",
-    "words_and_model",
+    "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options",
+    "add_objective_options", "add_output_options", "add_proof_options", "add_reading_options", "add_switch_option",
+    "add_tuning_options", "design_and_model", "fitting", "model_from", "output", "proving", "reading", "sample_time",
+    "save", "scaling", "switches", "target", "tuning", "words_and_model",
 ]
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
@@ -103,10 +104,22 @@ def add_tuning_options(command: argparse.ArgumentParser) -> None:
                             "lopez-{iae,ise,itae}, rovira-{iae,itae}, usort-{load,setpoint}-{2.0,1.8,1.6,1.4}")
     group.add_argument("--closed-loop", type=float, metavar="S",
                        help="closed-loop time constant: τc of simc, λ of lambda and imc [s] (default: the rule's own)")
-    group.add_argument("--objective", choices=("iae", "ise"), default="iae", help="of the optimum (default: iae)")
+    add_objective_options(group)
     group.add_argument("--ms", type=float, default=1.6, help="largest sensitivity Ms of the optimum (default: 1.6)")
     group.add_argument("--sample-time", default="auto", metavar="S",
-                       help="sampling interval TA [s], or auto: TRdom/10 (default)")
+                       help="sampling interval TA [s]; auto: TRdom/10 (default); 0: continuous")
+
+
+def add_objective_options(group: Any) -> None:
+    """Add what the optimum minimises, and the limits beside Ms."""
+    group.add_argument("--objective", choices=("load", "setpoint", "itae", "ki", "iae", "ise"), default="load",
+                       help="of the optimum: IAE after a load step (default; also iae) or a setpoint step, ITAE or ISE "
+                       "after a load step, largest integral gain")
+    group.add_argument("--weight", type=float, metavar="W",
+                       help="with the objective load: share of the setpoint IAE in the cost, 0 to 1")
+    group.add_argument("--mt", type=float, default=math.inf, help="largest Mt of the optimum (default: no limit)")
+    group.add_argument("--mks", type=float, default=math.inf, metavar="%/°C",
+                       help="largest noise gain Mks from reading to power [%%/°C] (default: no limit)")
 
 
 def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = None) -> None:
@@ -186,19 +199,24 @@ def fitting(settings: argparse.Namespace) -> dict[str, Any]:
 
 
 def tuning(settings: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of `chain.tune`.
+    """Return the options of `chain.tune`; errors as `sample_time`."""
+    return {"sample_time_s": sample_time(settings), "closed_loop_s": settings.closed_loop} | {
+        name: getattr(settings, name)
+        for name in ("structure", "method", "objective", "ms", "mt", "mks", "weight")
+    }
+
+
+def sample_time(settings: argparse.Namespace) -> float | None:
+    """Return the sampling interval [s], None for auto.
 
     Raises:
-        InputError: a sampling interval that is neither a number nor auto.
+        InputError: it is neither a number nor auto.
     """
     asked = settings.sample_time
     try:
-        interval = None if asked == "auto" else float(asked)
+        return None if asked == "auto" else float(asked)
     except ValueError as problem:
         raise InputError(f"--sample-time is {asked!r}; expected seconds or auto") from problem
-    return {"sample_time_s": interval, "closed_loop_s": settings.closed_loop} | {
-        name: getattr(settings, name) for name in ("structure", "method", "objective", "ms")
-    }
 
 
 def proving(settings: argparse.Namespace) -> dict[str, Any]:

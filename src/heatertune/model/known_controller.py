@@ -16,8 +16,9 @@ import numpy.typing as npt
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.open_loop import PowerFit, PowerProblem
+from heatertune.model.readings import Readings
 from heatertune.model.statistics import ar1_bic, fit_pct
-from heatertune.model.values import Candidate
+from heatertune.model.values import Candidate, HeaterModel
 
 __all__ = ["KnownController", "Rated", "compare", "offset_degC", "rate", "records", "replay_notes", "replayed"]
 
@@ -129,6 +130,7 @@ class Rated(NamedTuple):
     bic: float
     name: str
     log: Log
+    model: HeaterModel
     fit: PowerFit
 
 
@@ -140,11 +142,12 @@ def rate(logs: Sequence[tuple[str, Log]], *, ambient_degC: float | None, power_b
             continue
         for two in (False, True):
             fit = PowerProblem(
-                log=log, two_lags=two, ambient_degC=ambient_degC, power_before_pct=power_before_pct
+                readings=Readings.of(log), two_lags=two, ambient_degC=ambient_degC, power_before_pct=power_before_pct
             ).fit()
-            if (fit.model.ambient_degC or 0.0) >= float(np.max(log.temperature_degC)):
-                continue  # a room hotter than anything logged: what the log rests at, taken for the ambient
-            rated.append(Rated(ar1_bic(log.temperature_degC - fit.simulated_degC, fit.unknowns), name, log, fit))
+            if fit.model is None or (fit.model.ambient_degC or 0.0) >= float(np.max(log.temperature_degC)):
+                continue  # no heater; or a room hotter than anything logged: what the log rests at, taken for it
+            bic = ar1_bic(log.temperature_degC - fit.simulated_degC, fit.unknowns)
+            rated.append(Rated(bic, name, log, fit.model, fit))
     return sorted(rated, key=lambda each: each.bic)
 
 
@@ -159,7 +162,7 @@ def _candidate(rated: Rated, leader: float) -> Candidate:
     log, fit = rated.log, rated.fit
     error = log.temperature_degC - fit.simulated_degC
     return Candidate(
-        model=fit.model, log=log.name, window_s=(float(log.time_s[0]), float(log.time_s[-1])),
+        model=rated.model, log=log.name, window_s=(float(log.time_s[0]), float(log.time_s[-1])),
         law=f"{rated.name} replayed", fit_pct=fit_pct(log.temperature_degC, fit.simulated_degC),
         rmse_degC=float(np.sqrt(np.mean(error**2))), delta_bic=rated.bic - leader, on_bound=fit.on_bound,
     )

@@ -14,6 +14,7 @@ from scipy.stats import t as student
 
 from heatertune.log.values import Log
 from heatertune.model.open_loop import PowerProblem
+from heatertune.model.readings import Readings
 from heatertune.model.relay import Relay
 from heatertune.model.values import FittedModel, Fopdt, Interval
 
@@ -308,12 +309,9 @@ def _refined(record: RelayRecord, start: Fopdt, ambient_degC: float | None) -> F
     log, before = record.log, None
     if record.rest is None or ambient_degC is not None:
         log, before = log.window(float(log.time_s[record.off[0]]), float(log.time_s[-1])), record.high_pct
-    problem = PowerProblem(log=log, two_lags=False, ambient_degC=ambient_degC, power_before_pct=before)
-    vector = np.array([math.log(start.time_constant_s), start.dead_time_s, 0.0])
-    gain, lag, _, dead, ambient = (float(v) for v in problem.refit(vector, log.temperature_degC[None, :])[0])
-    if gain <= 0.0:  # not even the start warms where the power is high
-        return None
-    return Fopdt(gain_degC_per_pct=gain, time_constant_s=lag, dead_time_s=dead, ambient_degC=ambient)
+    problem = PowerProblem(readings=Readings.of(log), ambient_degC=ambient_degC, power_before_pct=before)
+    model = problem.refined(np.array([[math.log(start.time_constant_s), start.dead_time_s, 0.0]])).model
+    return model if isinstance(model, Fopdt) else None  # None: not even the start warms where the power is high
 
 
 def _numbers(model: Fopdt) -> str:

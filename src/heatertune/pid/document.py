@@ -32,6 +32,7 @@ def to_document(design: PidDesign, model: FittedModel | None = None) -> dict[str
         "ms": None, "mt": None, "gain_margin": None, "phase_margin_deg": None,
         "iae_load": design.iae_load,
         "iae_setpoint": design.iae_setpoint,
+        "mks": design.mks,
         "notes": list(design.notes),
     }
     if design.margins is not None:
@@ -72,6 +73,7 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "design") 
                                    (math.inf if v is None else v for v in found), strict=True))) if known else None,
         iae_load=optional_number(document, "iae_load", where),
         iae_setpoint=optional_number(document, "iae_setpoint", where),
+        mks=optional_number(document, "mks", where),
         notes=tuple(str(note) for note in document.get("notes", ())),
         derivative_filter=0.5 if past is None else past,
     )

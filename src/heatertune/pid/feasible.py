@@ -1,8 +1,8 @@
 """The exact set of gains that keep a sensitivity limit, and the search built on it.
 
-With C = K·c(jω), |1 + K·h| ≥ 1/Ms at one frequency excludes one interval of K (a quadratic in K); what is left over all
-frequencies and all models is the feasible set. It need not be connected, so its pieces are tried
-from the top. That leaves a search over TN (and TV) only, and no start value can mislead it.
+With C = K·c(jω), |1 + K·h| ≥ 1/Ms at one frequency excludes one interval of K (a quadratic in K), and so do the limits
+on Mt and Mks; what is left over all frequencies and all models is the feasible set. It need not be connected, so its
+pieces are tried from the top. That leaves a search over TN (and TV) only, and no start value can mislead it.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
-from heatertune.pid.response import iae_load
-from heatertune.pid.robustness import margins
+from heatertune.pid.response import iae_load, iae_setpoint, itae_load
+from heatertune.pid.robustness import margins, noise_gain
 from heatertune.pid.sampled import SampledPlant, controller_response, frequencies, sample_plant
+from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign, structure_of
 
 __all__ = ["Problem", "largest_gain", "search"]
@@ -32,7 +33,7 @@ _TOLERANCE = 1.002  # the check's frequencies are finer than the search's
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """Minimise the mean load IAE over the models subject to Ms ≤ `ms` on each.
+    """Minimise the mean cost over the models subject to the limits on each; objective and limits as in `Specs`.
 
     Attributes:
         plants: the heaters to serve.
@@ -40,6 +41,8 @@ class Problem:
         ms: limit of the maximum sensitivity.
         sample_time_s: TA [s].
         derivative_filter: weight of its past in the derivative part, see `PidDesign`.
+        mt, mks: limits of the maximum complementary sensitivity and of the noise gain.
+        objective, weight: what is minimised; for ise the feasible-set search takes the load IAE, and IPOPT the rest.
     """
 
     plants: tuple[HeaterModel, ...]
@@ -47,6 +50,15 @@ class Problem:
     ms: float
     sample_time_s: float
     derivative_filter: float = 0.5
+    mt: float = math.inf
+    mks: float = math.inf
+    objective: str = "load"
+    weight: float | None = None
+
+    @property
+    def specs(self) -> Specs:
+        """Objective and limits."""
+        return Specs(ms=self.ms, mt=self.mt, mks=self.mks, objective=self.objective, weight=self.weight)
 
     @property
     def slowest_s(self) -> float:
@@ -62,13 +74,21 @@ class Problem:
         )
 
     def cost(self, design: PidDesign) -> float:
-        """Return the mean over the models of ∫|e| dt after a load step of 1 % [°C·s]; an offset counts per second.
+        """Return the mean over the models of the objective, in its unit; infinite where a loop does not come to rest.
 
         A P controller keeps an offset whatever its gain; its cost is the negative gain.
         """
         if not math.isfinite(design.integral_time_s):
             return -design.gain_pct_per_degC
-        return float(np.mean([iae_load(plant, design) for plant in self.plants]))
+        if self.objective == "ki":
+            return design.integral_time_s / design.gain_pct_per_degC
+        return float(np.mean([self._cost_on(plant, design) for plant in self.plants]))
+
+    def _cost_on(self, plant: HeaterModel, design: PidDesign) -> float:
+        if self.weight is not None:
+            load = iae_load(plant, design) / plant.gain_degC_per_pct
+            return (1.0 - self.weight) * load + self.weight * iae_setpoint(plant, design)
+        return {"setpoint": iae_setpoint, "itae": itae_load}.get(self.objective, iae_load)(plant, design)
 
 
 def largest_gain(problem: Problem, integral_time_s: float, derivative_time_s: float) -> list[float]:
@@ -78,7 +98,7 @@ def largest_gain(problem: Problem, integral_time_s: float, derivative_time_s: fl
     c = controller_response(unit, omega)
     excluded: list[tuple[float, float]] = []
     for plant in _sampled(problem):
-        excluded += _excluded(plant.frequency_response(omega) * c, problem.ms)
+        excluded += _excluded(plant.frequency_response(omega) * c, c, problem.specs)
     tops = _tops(excluded)
     return [top for top in tops[-_PIECES:][::-1] if _keeps(problem, top, integral_time_s, derivative_time_s)]
 
@@ -124,8 +144,8 @@ def _grids(problem: Problem, around: PidDesign | None) -> tuple[Array, Array]:
 
 def _impossible(problem: Problem) -> InputError:
     return InputError(
-        f"no {problem.structure.upper()} controller keeps Ms <= {problem.ms:g} on all {len(problem.plants)} models; "
-        "allow a larger --ms, or narrow the models with a better log"
+        f"no {problem.structure.upper()} controller keeps {problem.specs.text} on all {len(problem.plants)} models; "
+        f"loosen {' or '.join(f'--{name}' for name in problem.specs.limits)}, or narrow the models with a better log"
     )
 
 
@@ -149,14 +169,23 @@ def _sampled(problem: Problem) -> list[SampledPlant]:
     return [sample_plant(plant, problem.sample_time_s) for plant in problem.plants]
 
 
-def _excluded(h: Complex, ms: float) -> list[tuple[float, float]]:
-    """Return the intervals of K > 0 that some frequency excludes: |1 + K·h|² < 1/Ms²."""
-    a, b, c = np.abs(h) ** 2, h.real, 1.0 - 1.0 / ms**2
-    root = b**2 - a * c
-    hit = (root > 0.0) & (b < 0.0)
-    low = (-b[hit] - np.sqrt(root[hit])) / a[hit]
-    high = (-b[hit] + np.sqrt(root[hit])) / a[hit]
-    return list(zip(low.tolist(), high.tolist(), strict=True))
+def _excluded(h: Complex, c: Complex, specs: Specs) -> list[tuple[float, float]]:
+    """Return the intervals of K > 0 that some frequency excludes; each limit is α·K² + 2·β·K + γ ≥ 0 with γ > 0."""
+    size, real = np.abs(h) ** 2, h.real
+    quadratics = [(size, 1.0 - 1.0 / specs.ms**2)]  # |1 + K·h|² ≥ 1/Ms²
+    if math.isfinite(specs.mt):
+        quadratics.append(((1.0 - 1.0 / specs.mt**2) * size, 1.0))  # |1 + K·h|² ≥ |K·h|²/Mt²
+    if math.isfinite(specs.mks):
+        quadratics.append((size - np.abs(c) ** 2 / specs.mks**2, 1.0))  # |1 + K·h|² ≥ |K·c|²/Mks²
+    found: list[tuple[float, float]] = []
+    for alpha, gamma in quadratics:
+        square = real**2 - alpha * gamma
+        hit = (square > 0.0) & ((real < 0.0) | (alpha < 0.0))
+        root = np.sqrt(square[hit]) - real[hit]
+        high = np.full_like(root, math.inf)
+        np.divide(root, alpha[hit], out=high, where=alpha[hit] > 0.0)
+        found += zip((gamma / root).tolist(), high.tolist(), strict=True)
+    return found
 
 
 def _tops(excluded: Sequence[tuple[float, float]]) -> list[float]:
@@ -171,4 +200,10 @@ def _tops(excluded: Sequence[tuple[float, float]]) -> list[float]:
 
 def _keeps(problem: Problem, gain: float, tn: float, tv: float) -> bool:
     design = problem.design(gain, tn, tv)
-    return all(margins(plant, design).ms <= problem.ms * _TOLERANCE for plant in problem.plants)
+    for plant in problem.plants:
+        found = margins(plant, design)
+        if found.ms > problem.ms * _TOLERANCE or found.mt > problem.mt * _TOLERANCE:
+            return False
+        if math.isfinite(problem.mks) and noise_gain(plant, design) > problem.mks * _TOLERANCE:
+            return False
+    return True

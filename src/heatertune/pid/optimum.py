@@ -1,7 +1,7 @@
 """The constrained optimum, formulated in CasADi and solved by IPOPT.
 
-min over ln K, ln TN, ln TV   mean over the models of Σ √(e² + ε²)·TA   (or Σ e²·TA) after a load step of 1 %
-subject to                    |1 + L(jω)|² ≥ 1/Ms²   at each frequency, for each model
+min over ln K, ln TN, ln TV   mean over the models of Σ √(e² + ε²)·TA after a load step of 1 %, or another objective
+subject to                    |1 + L(jω)|² ≥ 1/Ms², |L|²/Mt², |C|²/Mks²   at each frequency, for each model
 
 The sampled loop with its exact dead time is simulated inside (single shooting); the start is the best
 point of the feasible-set search, which no local minimum can mislead.
@@ -27,14 +27,15 @@ _MOST_SAMPLES = 400
 _MOST_DELAY = 200  # samples of dead time; each is a state of the loop inside
 
 
-def polish(problem: Problem, start: PidDesign, *, objective: str = "iae") -> tuple[PidDesign, str]:
+def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     """Return the better of `start` and IPOPT's optimum with K put on the exact limit, and how the two compare.
 
     Args:
-        problem: models and limit.
+        problem: models, objective and limits.
         start: a feasible design.
-        objective: "iae" or "ise".
     """
+    if problem.objective == "ki":
+        return start, "IPOPT was not asked: TN/K needs no simulation, and the feasible-set search has it exactly."
     plants = [sample_plant(model, problem.sample_time_s) for model in problem.plants]
     longest = max(plant.delay for plant in plants)
     if longest > _MOST_DELAY:
@@ -49,9 +50,8 @@ def polish(problem: Problem, start: PidDesign, *, objective: str = "iae") -> tup
     omega = frequencies(problem.sample_time_s, problem.slowest_s, _FREQUENCIES)
     samples = _samples(problem, start)
     for plant in plants:
-        errors = _errors(ca, plant, samples, problem.derivative_filter)(settings)
-        costs.append(ca.sumsqr(errors) if objective == "ise" else ca.sum2(ca.sqrt(errors**2 + _SMOOTH**2)))
-        limits.append(_distances(plant, settings, omega, problem.derivative_filter))
+        costs.append(_cost(ca, plant, samples, problem, settings))
+        limits.append(_distances(ca, plant, settings, omega, problem))
     cost = problem.sample_time_s * sum(costs) / len(costs)
     nlp = {"x": unknowns, "f": ca.log(cost), "g": ca.vertcat(*limits)}
     solver = ca.nlpsol(
@@ -61,13 +61,13 @@ def polish(problem: Problem, start: PidDesign, *, objective: str = "iae") -> tup
     )
     first = _vector(start, problem.structure)
     value = ca.Function("f", [unknowns], [cost])
-    answer = solver(x0=first, lbg=1.0 / problem.ms**2, ubg=ca.inf, lbx=first - 1.0, ubx=first + 1.0)
+    answer = solver(x0=first, lbg=0.0, ubg=ca.inf, lbx=first - 1.0, ubx=first + 1.0)
     if not solver.stats()["success"]:
         return start, f"IPOPT stopped with {solver.stats()['return_status']}; the feasible-set search stands."
     found = _on_the_limit(problem, start, np.asarray(answer["x"]).ravel())
     change = 100.0 * (float(value(answer["x"])) / float(value(first)) - 1.0)
     told = f"IPOPT ended {abs(change):.1f} % {'below' if change < 0 else 'above'} the feasible-set search's cost."
-    if objective == "ise":
+    if problem.objective == "ise":
         return found, told
     return min((start, found), key=problem.cost), told
 
@@ -85,33 +85,62 @@ def _samples(problem: Problem, start: PidDesign) -> int:
     return int(np.clip(4.0 * slow / problem.sample_time_s, 40, _MOST_SAMPLES))
 
 
-def _errors(ca: Any, plant: SampledPlant, samples: int, past: float) -> Any:
-    """Return the function settings → temperature deviations after a load step of 1 %, shape (1, samples)."""
+def _cost(ca: Any, plant: SampledPlant, samples: int, problem: Problem, settings: Any) -> Any:
+    """Return the objective on one model, in units of TA."""
+    past = problem.derivative_filter
+    load, setpoint = (_errors(ca, plant, samples, past, *step)(settings) for step in ((0.0, 1.0), (1.0, 0.0)))
+    if problem.objective == "ise":
+        return ca.sumsqr(load)
+    size, rise = (ca.sqrt(errors**2 + _SMOOTH**2) for errors in (load, setpoint))
+    if problem.weight is not None:
+        gain = float(np.sum((plant.now + plant.before) / (1.0 - plant.poles)))
+        return (1.0 - problem.weight) / gain * ca.sum2(size) + problem.weight * ca.sum2(rise)
+    if problem.objective == "itae":
+        return plant.sample_time_s * (size @ np.arange(1.0, samples + 1.0))
+    return ca.sum2(rise if problem.objective == "setpoint" else size)
+
+
+def _errors(ca: Any, plant: SampledPlant, samples: int, past: float, setpoint: float, load: float) -> Any:
+    """Return the function settings → control errors after steps of setpoint [°C] and load [%], shape (1, samples)."""
     modes, taps = len(plant.poles), plant.delay + 1
     state = ca.SX.sym("state", modes + taps + 3)
     settings = ca.SX.sym("settings", 3)
     x, queue, memory = state[:modes], state[modes : modes + taps], state[modes + taps :]
-    error = -ca.sum1(x)
+    error = setpoint - ca.sum1(x)
     summed = memory[0] + settings[1] * error
     filtered = past * memory[1] + (1.0 - past) * settings[2] * (error - memory[2])
-    power = settings[0] * (error + summed + filtered) + 1.0
+    power = settings[0] * (error + summed + filtered) + load
     line = ca.vertcat(power, queue)  # newest first
     following = plant.poles * x + plant.now * line[plant.delay] + plant.before * line[plant.delay + 1]
     after = ca.vertcat(following, line[:taps], summed, filtered, error)
-    step = ca.Function("step", [state, settings], [after, ca.sum1(following)])
+    step = ca.Function("step", [state, settings], [after, setpoint - ca.sum1(following)])
     outputs = step.mapaccum("loop", samples)(ca.DM.zeros(modes + taps + 3), ca.repmat(settings, 1, samples))[1]
     return ca.Function("errors", [settings], [outputs])
 
 
-def _distances(plant: SampledPlant, settings: Any, omega: Any, past: float) -> Any:
-    """Return |1 + L|² at each frequency."""
+def _distances(ca: Any, plant: SampledPlant, settings: Any, omega: Any, problem: Problem) -> Any:
+    """Return by how much each limit is kept at each frequency; negative where it is not."""
+    past = problem.derivative_filter
     backward = np.exp(-1j * omega * plant.sample_time_s)
     g = plant.frequency_response(omega)
-    integral = g / (1.0 - backward)
-    derivative = (1.0 - past) * g * (1.0 - backward) / (1.0 - past * backward)
-    real = 1.0 + settings[0] * (g.real + settings[1] * integral.real + settings[2] * derivative.real)
-    imaginary = settings[0] * (g.imag + settings[1] * integral.imag + settings[2] * derivative.imag)
-    return real**2 + imaginary**2
+    integral = 1.0 / (1.0 - backward)
+    derivative = (1.0 - past) * (1.0 - backward) / (1.0 - past * backward)
+
+    def size(start: float, factor: Any) -> Any:
+        parts = [factor * part for part in (1.0, integral, derivative)]
+        real, imaginary = (
+            settings[0] * (get(parts[0]) + settings[1] * get(parts[1]) + settings[2] * get(parts[2]))
+            for get in (np.real, np.imag)
+        )
+        return (start + real) ** 2 + imaginary**2
+
+    distance = size(1.0, g)
+    kept = [distance - 1.0 / problem.ms**2]
+    if math.isfinite(problem.mt):
+        kept.append(distance - size(0.0, g) / problem.mt**2)
+    if math.isfinite(problem.mks):
+        kept.append(distance - size(0.0, np.ones_like(g)) / problem.mks**2)
+    return ca.vertcat(*kept)
 
 
 def _on_the_limit(problem: Problem, start: PidDesign, answer: Any) -> PidDesign:

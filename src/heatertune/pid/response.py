@@ -12,7 +12,7 @@ from heatertune.model.values import HeaterModel
 from heatertune.pid.sampled import sample_plant
 from heatertune.pid.values import PidDesign
 
-__all__ = ["dominant_time_s", "horizon", "iae_load", "iae_setpoint", "respond"]
+__all__ = ["dominant_time_s", "horizon", "iae_load", "iae_setpoint", "itae_load", "respond"]
 
 Array = npt.NDArray[np.float64]
 
@@ -72,6 +72,14 @@ def iae_setpoint(model: HeaterModel, design: PidDesign) -> float:
     """Return ∫|e| dt after a setpoint step of 1 °C, power unlimited [s]; infinite where it does not converge."""
     deviation = 1.0 - respond(model, design, horizon(model, design), setpoint_degC=1.0)
     return _integral(deviation, design.sample_time_s, 1.0)
+
+
+def itae_load(model: HeaterModel, design: PidDesign) -> float:
+    """Return ∫t·|e| dt after a load step of 1 % power [°C·s²]; infinite as `iae_load`."""
+    deviation = respond(model, design, horizon(model, design), load_pct=1.0)
+    if math.isinf(_integral(deviation, design.sample_time_s, model.gain_degC_per_pct)):
+        return math.inf
+    return float(np.arange(len(deviation)) @ np.abs(deviation)) * design.sample_time_s**2
 
 
 def dominant_time_s(model: HeaterModel, design: PidDesign) -> float:

@@ -12,7 +12,7 @@ from heatertune.model.values import HeaterModel
 from heatertune.pid.sampled import controller_response, frequencies, sample_plant
 from heatertune.pid.values import Margins, PidDesign
 
-__all__ = ["loop_response", "margins", "worst"]
+__all__ = ["crossings", "loop_response", "margins", "noise_gain", "worst"]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -25,12 +25,9 @@ def loop_response(model: HeaterModel, design: PidDesign, omega: Array) -> Comple
 
 def margins(model: HeaterModel, design: PidDesign) -> Margins:
     """Return Ms, Mt, gain and phase margin of the sampled loop; Ms and Mt are infinite where it is unstable."""
-    slowest = max(*model.lags_s, model.dead_time_s, design.sample_time_s)
-    if math.isfinite(design.integral_time_s):
-        slowest = max(slowest, design.integral_time_s)
-    omega = frequencies(design.sample_time_s, slowest)
+    omega = _frequencies(model, design)
     loop = loop_response(model, design, omega)
-    gain, phase = _crossings(loop)
+    gain, phase = crossings(loop)
     if not _encloses_nothing(loop, math.isfinite(design.integral_time_s)):
         return Margins(ms=math.inf, mt=math.inf, gain_margin=gain, phase_margin_deg=phase)
     return Margins(
@@ -39,6 +36,20 @@ def margins(model: HeaterModel, design: PidDesign) -> Margins:
         gain_margin=gain,
         phase_margin_deg=phase,
     )
+
+
+def noise_gain(model: HeaterModel, design: PidDesign) -> float:
+    """Return Mks = max |C·S| of a stable sampled loop: how much of a reading's noise reaches the power [%/°C]."""
+    omega = _frequencies(model, design)
+    controller = controller_response(design, omega)
+    return float(np.max(np.abs(controller / (1.0 + loop_response(model, design, omega)))))
+
+
+def _frequencies(model: HeaterModel, design: PidDesign) -> Array:
+    slowest = max(*model.lags_s, model.dead_time_s, design.sample_time_s)
+    if math.isfinite(design.integral_time_s):
+        slowest = max(slowest, design.integral_time_s)
+    return frequencies(design.sample_time_s, slowest)
 
 
 def worst(found: Sequence[Margins]) -> Margins:
@@ -65,8 +76,8 @@ def _encloses_nothing(loop: Complex, integrating: bool) -> bool:
     return bool(begins_well) and abs(turned - expected) < math.pi / 2.0
 
 
-def _crossings(loop: Complex) -> tuple[float, float]:
-    """Return the gain margin (smallest factor to a real −1) and the phase margin [°]."""
+def crossings(loop: Complex) -> tuple[float, float]:
+    """Return of L at ascending frequencies the gain margin (smallest factor to a real −1) and the phase margin [°]."""
     phase = np.unwrap(np.angle(loop))
     size = np.abs(loop)
     gain = math.inf

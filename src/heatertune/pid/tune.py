@@ -8,20 +8,22 @@ from dataclasses import dataclass, replace
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.pid.continuous_tune import tune_continuous
+from heatertune.pid.explain import explain
 from heatertune.pid.feasible import Problem, search
 from heatertune.pid.linear import control_margins
 from heatertune.pid.optimum import polish
 from heatertune.pid.response import dominant_time_s, iae_load, iae_setpoint
-from heatertune.pid.robustness import margins, worst
+from heatertune.pid.robustness import margins, noise_gain, worst
 from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
+from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign
 from heatertune.units import check
 
-__all__ = ["METHODS", "OBJECTIVES", "STRUCTURES", "Timer", "tune"]
+__all__ = ["METHODS", "STRUCTURES", "Timer", "assessed_sampled", "tune"]
 
 STRUCTURES = ("p", "pi", "pid")
 METHODS = ("optimum", *RULES)
-OBJECTIVES = ("iae", "ise")
 
 _SAMPLES_PER_TRDOM = 10.0  # S5-115U manual, section 11.2.3: TA ≈ TRdom/10
 _ROUNDS = 8
@@ -52,7 +54,10 @@ def tune(
     method: str = "optimum",
     structure: str = "pi",
     ms: float = 1.6,
-    objective: str = "iae",
+    mt: float = math.inf,
+    mks: float = math.inf,
+    objective: str = "load",
+    weight: float | None = None,
     sample_time_s: float | None = None,
     closed_loop_s: float | None = None,
     timer: Timer | None = None,
@@ -61,8 +66,9 @@ def tune(
 ) -> PidDesign:
     """Find K, TN, TV and TA for a heater and all its candidate models.
 
-    The optimum minimises the mean load-disturbance IAE (or ISE) of the sampled loop over the candidates, subject to
-    Ms ≤ `ms` on each. A rule is applied to the working FOPDT, and its margins are reported for the worst candidate.
+    The optimum minimises the mean of the objective of the sampled loop over the candidates, subject to Ms ≤ `ms`,
+    Mt ≤ `mt` and Mks ≤ `mks` on each. A rule is applied to the working FOPDT, and its margins are reported for the
+    worst candidate.
     TA = TRdom/10 of the fastest candidate's closed loop, iterated until it rests.
 
     Args:
@@ -70,8 +76,11 @@ def tune(
         method: "optimum" or the name of a rule.
         structure: "p", "pi" or "pid".
         ms: limit of the maximum sensitivity, for the optimum.
-        objective: "iae" or "ise", for the optimum.
-        sample_time_s: TA where it is given [s], None to find it.
+        mt: limit of the maximum complementary sensitivity, for the optimum.
+        mks: limit of the noise gain from reading to power, for the optimum [%/°C].
+        objective: of the optimum, one of `heatertune.pid.specs.OBJECTIVES`.
+        weight: share of the setpoint in the objective load, see `Specs`.
+        sample_time_s: TA where it is given [s], None to find it, 0 for the continuous loop.
         closed_loop_s: closed-loop time constant of a rule that leaves it open [s], None for the rule's own.
         timer: what the target's timer can do.
         derivative_filter: weight of its past in the target's derivative part, see `PidDesign`.
@@ -79,24 +88,27 @@ def tune(
 
     Raises:
         UnknownName: no such method, structure or objective.
-        OutOfRange: a limit Ms that no controller can keep.
-        InputError: no design keeps the limit, or the rule does not give the structure or take the closed-loop time.
+        OutOfRange: a limit that no controller can keep.
+        InputError: no design keeps the limits, or the rule does not give the structure or take the closed-loop time.
     """
-    kinds = ("tuning method", "structure", "objective")
-    asked = zip(kinds, (method, structure, objective), (METHODS, STRUCTURES, OBJECTIVES), strict=True)
-    for kind, name, known in asked:
+    for kind, name, known in (("tuning method", method, METHODS), ("structure", structure, STRUCTURES)):
         if name not in known:
             raise UnknownName(kind, name, known)
-    check("ms", ms, above=1.05, most=4.0)
-    if sample_time_s is not None:
-        check("sample_time_s", sample_time_s, above=0.0)
     if closed_loop_s is not None and method == "optimum":
         raise InputError("the optimum takes no closed-loop time constant; give --ms, or a rule with --method")
     plants = fitted.plants
+    specs = Specs(ms=ms, mt=mt, mks=mks, objective=objective, weight=weight)
+    specs.refuse_contradictions(plants, structure)
+    if sample_time_s is not None:
+        check("sample_time_s", sample_time_s, least=0.0)
+    if sample_time_s == 0.0:
+        return tune_continuous(
+            fitted, method=method, structure=structure, specs=specs, closed_loop_s=closed_loop_s
+        )
     check("derivative_filter", derivative_filter, least=0.0, most=0.99)
     one_round = (
         _rule_round(fitted, method, structure, derivative_filter, closed_loop_s) if method in RULES
-        else _search_round(plants, structure, ms, derivative_filter)
+        else _search_round(plants, structure, specs, derivative_filter)
     )
     design, rounds = _settle(one_round, plants, sample_time_s, timer or Timer(), progress)
     notes = [_told_about_ta(design, plants, rounds, sample_time_s)]
@@ -105,13 +117,10 @@ def tune(
         notes += [f"The rule claims: {RULES[method].claim}.", *([] if outside is None else [outside])]
     if method == "optimum" and structure != "p":
         progress("polishing the optimum with CasADi and IPOPT")
-        problem = Problem(
-            plants=plants, structure=structure, ms=ms, sample_time_s=design.sample_time_s,
-            derivative_filter=derivative_filter,
-        )
-        design, told = polish(problem, design, objective=objective)
-        notes.append(told)
-    return _finished(design, fitted, method, ms, notes)
+        problem = _problem(plants, structure, specs, design.sample_time_s, derivative_filter)
+        design, told = polish(problem, design)
+        notes += [told, *_explained(problem, design)]
+    return _finished(design, fitted, method, specs, notes)
 
 
 def _rule_round(
@@ -130,15 +139,34 @@ def _rule_round(
 
 
 def _search_round(
-    plants: tuple[HeaterModel, ...], structure: str, ms: float, derivative_filter: float
+    plants: tuple[HeaterModel, ...], structure: str, specs: Specs, derivative_filter: float
 ) -> Callable[[float, PidDesign | None], PidDesign]:
     def one_round(ta: float, before: PidDesign | None) -> PidDesign:
-        problem = Problem(
-            plants=plants, structure=structure, ms=ms, sample_time_s=ta, derivative_filter=derivative_filter
-        )
-        return search(problem, around=before)
+        return search(_problem(plants, structure, specs, ta, derivative_filter), around=before)
 
     return one_round
+
+
+def _problem(
+    plants: tuple[HeaterModel, ...], structure: str, specs: Specs, sample_time_s: float, derivative_filter: float
+) -> Problem:
+    return Problem(
+        plants=plants, structure=structure, sample_time_s=sample_time_s, derivative_filter=derivative_filter,
+        ms=specs.ms, mt=specs.mt, mks=specs.mks, objective=specs.objective, weight=specs.weight,
+    )
+
+
+def _explained(problem: Problem, design: PidDesign) -> list[str]:
+    if problem.objective == "ise":
+        return []  # the feasible-set search does not know this cost
+    found = worst([margins(plant, design) for plant in problem.plants])
+    peaks = {"ms": found.ms, "mt": found.mt, "mks": max(noise_gain(plant, design) for plant in problem.plants)}
+
+    def solve(specs: Specs) -> float:
+        other = replace(problem, ms=specs.ms, mt=specs.mt, mks=specs.mks)
+        return other.cost(search(other, around=design))
+
+    return explain(problem.specs, peaks, problem.cost(design), solve)
 
 
 def _settle(
@@ -185,7 +213,7 @@ def _told_about_ta(
 
 
 def _finished(
-    design: PidDesign, fitted: FittedModel, method: str, ms: float, notes: list[str]
+    design: PidDesign, fitted: FittedModel, method: str, specs: Specs, notes: list[str]
 ) -> PidDesign:
     plants = fitted.plants
     found = [margins(plant, design) for plant in plants]
@@ -195,14 +223,17 @@ def _finished(
         notes.append(f"python-control sees Ms = {opinion.ms:.4g} where this program sees {found[at].ms:.4g}.")
     if math.isinf(found[at].ms):
         notes.append(f"Unstable on {sum(not m.stable for m in found)} of {len(plants)} candidate models.")
-    limit = f"Ms <= {ms:g} on {len(plants)} models" if method == "optimum" else RULES[method].source
+    limit = f"{specs.text} on {len(plants)} models" if method == "optimum" else RULES[method].source
+    return replace(assessed_sampled(plants, design), method=f"{method} ({limit})", notes=tuple(notes))
+
+
+def assessed_sampled(plants: Sequence[HeaterModel], design: PidDesign) -> PidDesign:
+    """Return the design of a sampled loop with its margins and costs, worst over the models."""
+    found = worst([margins(plant, design) for plant in plants])
     return replace(
         design,
-        method=f"{method} ({limit})",
-        margins=worst(found),
+        margins=found,
         iae_load=max(iae_load(plant, design) for plant in plants),
         iae_setpoint=max(iae_setpoint(plant, design) for plant in plants),
-        notes=tuple(notes),
+        mks=max(noise_gain(plant, design) for plant in plants) if found.stable else None,
     )
-
-

@@ -41,12 +41,13 @@ class PidDesign:
         gain_pct_per_degC: K, proportional gain [% of full power per °C].
         integral_time_s: TN [s]; infinite without integral action.
         derivative_time_s: TV [s]; 0 without derivative action.
-        sample_time_s: TA [s].
+        sample_time_s: TA [s]; 0: continuous, with the derivative filter N of `heatertune.pid.continuous`.
         structure: "p", "pi" or "pid".
         method: how it was found.
         margins: worst over the models it was made for, None where not computed.
         iae_load: ∫|e| dt after a load step of 1 % power, worst over the models [°C·s], None where not computed.
         iae_setpoint: ∫|e| dt after a setpoint step of 1 °C [s], None where not computed.
+        mks: max |C·S|, the noise gain from reading to power, worst over the models [%/°C], None where not computed.
         notes: what the reader should know, one sentence each.
         derivative_filter: f in D_k = f·D_{k−1} + (1 − f)·TV/TA·(e_k − e_{k−1}); 0: not filtered.
 
@@ -64,6 +65,7 @@ class PidDesign:
     margins: Margins | None = None
     iae_load: float | None = None
     iae_setpoint: float | None = None
+    mks: float | None = None
     notes: tuple[str, ...] = field(default=())
     derivative_filter: float = 0.5
 
@@ -73,7 +75,7 @@ class PidDesign:
             raise OutOfRange("gain_pct_per_degC", 0.0, "not zero")
         check("integral_time_s", self.integral_time_s, above=0.0, infinite=True)
         check("derivative_time_s", self.derivative_time_s, least=0.0)
-        check("sample_time_s", self.sample_time_s, above=0.0)
+        check("sample_time_s", self.sample_time_s, least=0.0)
         check("derivative_filter", self.derivative_filter, least=0.0, most=1.0 - 1e-9)
         if self.structure != structure_of(self.integral_time_s, self.derivative_time_s):
             raise OutOfRange("structure", self.structure, "the one that TN and TV make")

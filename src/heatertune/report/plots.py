@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["plot_fit", "plot_loop", "plot_paper", "plot_pwm", "plot_robustness", "plot_wish"]
+__all__ = ["plot_fit", "plot_loop", "plot_paper", "plot_pareto", "plot_pwm", "plot_robustness", "plot_wish"]
 
 Part = Mapping[str, Any]
 
@@ -93,6 +93,22 @@ def plot_paper(runs: Sequence[Part]) -> Figure:
     _setpoint(ax, runs[0]["series"])
     ax.set(xlabel="time [s]", ylabel="temperature [°C]")
     ax.legend(frameon=False, fontsize=8, loc="lower right")
+    return figure
+
+
+def plot_pareto(front: Part) -> Figure:
+    """Draw cost against the limit of Ms, and the noise gain that the performance costs."""
+    figure, (top, low) = new_figure(2, 4.6, sharex=True, height_ratios=(2, 1))
+    rows = front["rows"]
+    limits = [row["ms_limit"] for row in rows]
+    top.plot(limits, [row["cost"] for row in rows], marker="o", markersize=4, **LOOK["realised"])
+    top.set_ylim(bottom=0.0)
+    top.set_ylabel("cost")
+    top.set_title(f"{front['structure'].upper()}: {front['cost']}", fontsize=8, loc="left")
+    low.plot(limits, [row["mks"] for row in rows], marker="o", markersize=4, **LOOK["worst"])
+    low.set_ylim(bottom=0.0)
+    low.set_ylabel("Mks [%/°C]")
+    low.set_xlabel("limit of Ms [1]")
     return figure
 
 

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["LOOK", "label_end", "new_figure", "to_svg"]
+__all__ = ["LOOK", "label_end", "new_figure", "to_png", "to_svg"]
 
 # M. Okabe and K. Ito, "Color universal design" (2008): told apart by colour-blind eyes; darkness differs too
 LOOK: Final[dict[str, dict[str, Any]]] = {
@@ -40,6 +40,15 @@ def label_end(ax: Axes, x: Any, y: Any, text: str, look: str) -> None:
         text, (x[-1], y[-1]), xytext=(4, 0), textcoords="offset points", color=LOOK[look]["color"], fontsize=8,
         va="center", annotation_clip=False,
     )
+
+
+def to_png(figure: Figure) -> bytes:
+    """Return the figure as a PNG file; the same figure always gives the same bytes."""
+    import io  # noqa: PLC0415
+
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=150, metadata={"Software": None})
+    return content.getvalue()
 
 
 def to_svg(figure: Figure) -> str:

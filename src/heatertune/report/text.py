@@ -10,7 +10,7 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines", "figure", "forms_lines",
-    "hypothesis_table", "model_lines", "model_rows", "summary", "table", "word", "words_table",
+    "hypothesis_table", "model_lines", "model_rows", "pareto_table", "summary", "table", "word", "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -123,6 +123,18 @@ def alternatives_table(rows: Sequence[Document]) -> str:
         numbers = ["∞" if row[name] == math.inf else figure(row[name]) for name in names]
         cells.append((row["method"], *numbers, row["why_not"] or ""))
     return table(cells, right=(1, 2, 3, 4, 5))
+
+
+def pareto_table(front: Document) -> str:
+    """Return the front: a row for each limit of Ms, what it costs, and how much less than the most robust row."""
+    first = front["rows"][0]["cost"]
+    rows: list[tuple[str, ...]] = [("Ms <=", "K %/°C", "TN s", "TV s", "Mt", "Mks %/°C", "cost", "saved", "")]
+    for row in front["rows"]:
+        names = ("ms_limit", "gain_pct_per_degC", "integral_time_s", "derivative_time_s", "mt", "mks", "cost")
+        saved = f"{100.0 * (1.0 - row['cost'] / first):.0f} %"
+        rows.append((*[figure(row[name]) for name in names], saved, "" if row["on_front"] else "no gain"))
+    loop = "continuous loop" if front["sample_time_s"] == 0.0 else f"TA = {figure(front['sample_time_s'])} s"
+    return f"{front['structure'].upper()}, {loop}; cost: {front['cost']}\n{table(rows, right=tuple(range(8)))}"
 
 
 def words_table(words: Document) -> str:

@@ -1,0 +1,400 @@
+"""The loop in continuous time with its exact dead time, compiled: feasible gains, time responses, the search.
+
+Controller C(s) = K·c(s), c(s) = 1 + 1/(TN·s) + TV·s/(1 + TV·s/N). Each limit excludes, at each frequency, one interval
+of K (`_interval`); what is left over all frequencies is the feasible set, in pieces. Time responses come from the
+delay equation itself: the power runs straight between instants that divide the dead time, each lag is solved exactly.
+
+∫e dt is known without a simulation (TN/K after a load of 1), and ∫|e| ≥ |∫e|: the search leaves out what this bound
+already shows to be worse, and only the part of e with the other sign is simulated.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+__all__ = ["DERIVATIVE_FILTER_N", "controller", "peaks", "pieces", "price", "reduced", "refine", "scan", "swing"]
+
+DERIVATIVE_FILTER_N = 10.0  # N of the issue's ideal form; K. J. Åström and T. Hägglund use 8…20
+
+_MOST_PIECES = 6
+_MOST_STEPS = 60_000
+_RINGING = 2.0  # a response this much dearer than the best is not made the best by a smaller K
+_REST = 1e-5  # share of the largest deviation, and of ∫e, below which the response has come to rest
+
+
+@njit(cache=True, nogil=True)
+def _interval(alpha, beta, gamma):  # type: ignore[no-untyped-def]
+    """Return the interval of K > 0 where α·K² + 2·β·K + γ < 0, with γ > 0; both ends infinite where there is none."""
+    square = beta * beta - alpha * gamma
+    if square <= 0.0 or (alpha >= 0.0 and beta >= 0.0):
+        return math.inf, math.inf
+    root = math.sqrt(square) - beta
+    return gamma / root, root / alpha if alpha > 0.0 else math.inf
+
+
+@njit(cache=True, nogil=True)
+def controller(omega, tn, tv):  # type: ignore[no-untyped-def]
+    """Return c(jω)."""
+    c = 1.0 - 1j / (omega * tn)
+    if tv > 0.0:
+        c += 1j * omega * tv / (1.0 + 1j * omega * tv / DERIVATIVE_FILTER_N)
+    return c
+
+
+@njit(cache=True, nogil=True)
+def _exclude(omega, plant, tn, tv, limits, loop):  # type: ignore[no-untyped-def]
+    """Return the intervals that Ms, Mt and Mks exclude, shape (m, 2), and fill loop with h = G·c."""
+    ms, mt, mks, _ = limits
+    n = len(omega)
+    rows = 1 + (mt < math.inf) + (mks < math.inf)
+    found = np.empty((rows * n, 2))
+    low = np.empty((3, n + 2))
+    low[:, 0] = low[:, n + 1] = math.inf
+    high = np.empty((3, n))
+    for i in range(n):
+        c = controller(omega[i], tn, tv)
+        h = plant[i] * c
+        loop[i] = h
+        size, real = h.real * h.real + h.imag * h.imag, h.real
+        row = 0
+        low[0, i + 1], high[0, i] = _interval(size, real, 1.0 - 1.0 / ms**2)
+        if mt < math.inf:
+            row += 1
+            low[row, i + 1], high[row, i] = _interval((1.0 - 1.0 / mt**2) * size, real, 1.0)
+        if mks < math.inf:
+            row += 1
+            noise = (c.real * c.real + c.imag * c.imag) / mks**2
+            low[row, i + 1], high[row, i] = _interval(size - noise, real, 1.0)
+    count = 0
+    for row in range(rows):
+        for i in range(n):
+            here = low[row, i + 1]
+            if here < math.inf:
+                if here < low[row, i] < math.inf and here <= low[row, i + 2] < math.inf:
+                    here = _vertex(omega, low[row], i)
+                found[count, 0], found[count, 1] = here, high[row, i]
+                count += 1
+    return found[:count]
+
+
+@njit(cache=True, nogil=True)
+def _vertex(omega, low, i):  # type: ignore[no-untyped-def]
+    """Return the least value of the parabola over ln ω through the minimum at omega[i], which is low[i + 1]."""
+    before, here, after = low[i], low[i + 1], low[i + 2]
+    if not omega[i - 1] < omega[i] < omega[i + 1] < 1.3 * omega[i - 1]:
+        return here  # the next plant begins, or the grid has a gap
+    p, q = math.log(omega[i - 1] / omega[i]), math.log(omega[i + 1] / omega[i])
+    slope_p, slope_q = (before - here) / p, (after - here) / q
+    bend = (slope_q - slope_p) / (q - p)
+    slope = slope_p - bend * p
+    return here - slope * slope / (4.0 * bend)
+
+
+@njit(cache=True, nogil=True)
+def _encirclements(omega, loop, gain):  # type: ignore[no-untyped-def]
+    """Return the largest number of encirclements of −1 by K·h over the plants (ω begins anew with each).
+
+    Counted by the crossings of the negative real axis left of −1; the open loop has one integrator and is stable
+    otherwise, so none is what a stable loop has.
+    """
+    worst = count = 0
+    for i in range(1, len(omega)):
+        if omega[i] < omega[i - 1]:
+            worst, count = max(worst, abs(count)), 0
+            continue
+        a, b = loop[i - 1], loop[i]
+        if (a.imag < 0.0) != (b.imag < 0.0):
+            share = a.imag / (a.imag - b.imag)
+            if gain * (a.real + share * (b.real - a.real)) < -1.0:
+                count += 1 if a.imag < 0.0 else -1
+    return max(worst, abs(count))
+
+
+@njit(cache=True, nogil=True)
+def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
+    """Return bottoms and tops of the feasible pieces of K with a stable loop, the highest first.
+
+    `omega` [rad/s] ascends for each plant, one plant after the other; `plant` is G(jω) there; `tv` is 0 without a
+    derivative part; `limits` are (Ms, Mt, Mks, shortest TV), infinite where there is none.
+    """
+    loop = np.empty(len(omega), dtype=np.complex128)
+    excluded = _exclude(omega, plant, tn, tv, limits, loop)
+    ceiling = limits[2] / (1.0 + DERIVATIVE_FILTER_N if tv > 0.0 else 1.0)  # |C·S| at infinite frequency
+    bottoms, tops = np.empty(_MOST_PIECES), np.empty(_MOST_PIECES)
+    found, reached = 0, 0.0
+    for _ in range(_MOST_PIECES):
+        top = ceiling
+        for i in range(len(excluded)):
+            if reached < excluded[i, 0] < top:
+                top = excluded[i, 0]
+        # a small gain is stable; higher pieces may not be
+        if top < math.inf and (reached == 0.0 or _encirclements(omega, loop, 0.5 * (reached + top)) == 0):
+            bottoms[found], tops[found] = reached, top
+            found += 1
+        if top >= ceiling:
+            break
+        before, reached = reached, top
+        while reached > before:
+            before = reached
+            for i in range(len(excluded)):
+                if excluded[i, 0] <= before and excluded[i, 1] > reached:
+                    reached = excluded[i, 1]
+        if reached >= ceiling:
+            break
+    return bottoms[:found][::-1], tops[:found][::-1]
+
+
+@njit(cache=True, nogil=True)
+def peaks(omega, plant, gain, tn, tv):  # type: ignore[no-untyped-def]
+    """Return Ms, Mt and Mks at the given frequencies; infinite where the loop is unstable."""
+    loop = np.empty(len(omega), dtype=np.complex128)
+    ms = mt = 0.0
+    mks = gain * (1.0 + DERIVATIVE_FILTER_N if tv > 0.0 else 1.0)
+    for i in range(len(omega)):
+        c = gain * controller(omega[i], tn, tv)
+        loop[i] = plant[i] * c
+        s = 1.0 / abs(1.0 + loop[i])
+        ms, mt, mks = max(ms, s), max(mt, abs(loop[i]) * s), max(mks, abs(c) * s)
+    if _encirclements(omega, loop, 1.0) != 0:
+        return math.inf, math.inf, math.inf
+    return ms, mt, mks
+
+
+@njit(cache=True, nogil=True)
+def _grid(dead, small, large, finer):  # type: ignore[no-untyped-def]
+    """Return the step, the whole steps of dead time and the share of a step left over (only without whole steps)."""
+    step = min((dead + small) / 32.0, large / 8.0) / finer
+    if dead < step / 20.0:
+        return step, 0, dead / step
+    whole = math.ceil(dead / step)
+    return dead / whole, whole, 0.0
+
+
+@njit(cache=True, nogil=True)
+def swing(heater, settings, setpoint, load, finer, dear):  # type: ignore[no-untyped-def]  # noqa: PLR0915 - one loop
+    """Return ∫v and ∫t·v of v, the part of the deviation whose sign is not that of ∫e dt; infinite where it diverges.
+
+    Args:
+        heater: (k [°C/%], larger lag, smaller lag (0: none), dead time [s]).
+        settings: (K, TN, TV).
+        setpoint: height of its step [°C], 0 where the load steps.
+        load: height of its step [%], 0 where the setpoint steps.
+        finer: factor of the number of steps.
+        dear: (weight of ∫v, weight of ∫t·v, sum of both at which the response costs too much and is left).
+    """
+    k, first, second, dead = heater
+    gain, tn, tv = settings
+    h, whole, late = _grid(dead, second, first, finer)
+    second = min(second, 0.9999 * first)  # equal lags are moved apart; the answer changes by 1e-9
+    a1, a2 = math.exp(-h / first), math.exp(-h / second) if second > 0.0 else 0.0
+    s1, s2 = k * first / (first - second), -k * second / (first - second)
+    n1 = 1.0 - (1.0 - a1) * first / h
+    n2 = 1.0 - (1.0 - a2) * second / h
+    o1, o2 = 1.0 - a1 - n1, 1.0 - a2 - n2
+    new = s1 * n1 + s2 * n2
+    past = DERIVATIVE_FILTER_N if tv > 0.0 else 0.0
+    af = math.exp(-h * DERIVATIVE_FILTER_N / tv) if tv > 0.0 else 0.0
+    nf = 1.0 - (1.0 - af) * tv / (DERIVATIVE_FILTER_N * h)
+    of = 1.0 - af - nf
+    direct = gain * (1.0 + 0.5 * h / tn + past * (1.0 - nf))
+    sign = 1.0 if setpoint > 0.0 else -1.0
+    ended = tn / (gain * k) * setpoint - tn / gain * load
+    queue = np.zeros(whole + 1)  # a ring of the powers still to act; `oldest` acts from now
+    x1 = x2 = y = summed = filtered = area = moment = peak = 0.0
+    e = setpoint
+    u = gain * (1.0 + past) * setpoint
+    queue[whole] = u
+    oldest = quiet = 0
+    for i in range(_MOST_STEPS):
+        following = oldest + 1 if oldest < whole else 0
+        left = queue[oldest] if whole > 0 else u
+        right = queue[following] if i >= whole else 0.0  # before it acts, a step in power is not there at all
+        left += load
+        free = a1 * x1 * s1 + a2 * x2 * s2 + (s1 * o1 + s2 * o2) * left
+        rest = gain * ((summed + 0.5 * h * e) / tn - past * (af * filtered + of * e))
+        if whole > 0:
+            right += load
+        else:
+            share = 1.0 - late
+            known = late * u + load + share * (rest + direct * setpoint)
+            right = (known - share * direct * free) / (1.0 + share * direct * new)
+        y = free + new * right
+        x1 = a1 * x1 + o1 * left + n1 * right
+        x2 = a2 * x2 + o2 * left + n2 * right
+        before, e = e, setpoint - y
+        summed += 0.5 * h * (before + e)
+        filtered = af * filtered + of * before + nf * e
+        u = rest + direct * e
+        queue[oldest] = u
+        oldest = following
+        v, w = -sign * before, -sign * e
+        t = i * h + (dead if load != 0.0 else 0.0)
+        if v > 0.0 or w > 0.0:
+            if v >= 0.0 and w >= 0.0:
+                area += 0.5 * h * (v + w)
+                moment += 0.5 * h * (v * t + w * (t + h))
+            else:
+                part = max(v, w) / (abs(v) + abs(w)) * h
+                area += 0.5 * part * max(v, w)
+                moment += 0.5 * part * max(v, w) * (t if v > 0.0 else t + h)
+            if dear[0] * area + dear[1] * moment > dear[2]:
+                break
+        peak = max(peak, abs(e))
+        if peak > 1e6 * (k * abs(load) + setpoint):
+            return math.inf, math.inf
+        quiet = quiet + 1 if abs(e) < _REST * peak and abs(summed - ended) < _REST * abs(ended) else 0
+        if quiet > 2 * whole + 20:
+            break
+    return area, moment
+
+
+@njit(cache=True, nogil=True)
+def _bound(heaters, weights, gain, tn):  # type: ignore[no-untyped-def]
+    """Return the cost of a response that never changes its sign: no loop with these settings costs less."""
+    told = 0.0
+    for p in range(len(heaters)):
+        k = heaters[p, 0]
+        ie = tn / gain
+        told += (weights[p, 0] + weights[p, 3]) * ie + weights[p, 1] * ie / k
+        told += weights[p, 2] * ie * ie * (1.0 / k + gain)  # ∫t·e dt = −Y′(0) with Y = 1/(s/G + s·C)
+    return told
+
+
+@njit(cache=True, nogil=True)
+def price(heaters, weights, gain, tn, tv, finer, best):  # type: ignore[no-untyped-def]
+    """Return the cost: Σ over heaters and objectives of weight·value; above `best` it need not be exact.
+
+    `heaters` holds k, lags and dead time of each, `weights` those of load IAE, setpoint IAE, load ITAE and TN/K, both
+    of shape (p, 4); `finer` is the factor of the number of steps.
+    """
+    total = _bound(heaters, weights, gain, tn)
+    for p in range(len(heaters)):
+        heater = (heaters[p, 0], heaters[p, 1], heaters[p, 2], heaters[p, 3])
+        load, setpoint, late = 2.0 * weights[p, 0], 2.0 * weights[p, 1], 2.0 * weights[p, 2]
+        if load > 0.0 or late > 0.0:
+            area, moment = swing(heater, (gain, tn, tv), 0.0, 1.0, finer, (load, late, best - total))
+            total += load * area + late * moment
+        if setpoint > 0.0:
+            total += setpoint * swing(heater, (gain, tn, tv), 1.0, 0.0, finer, (setpoint, 0.0, best - total))[0]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _inside(heaters, weights, bottom, top, tn, tv, at_top, finer):  # type: ignore[no-untyped-def]
+    """Return the best cost and gain below the top of a piece, by golden section; the bound closes the range below."""
+    a = math.log(max(bottom, top * _bound(heaters, weights, top, tn) / at_top))
+    b = math.log(top)
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+    c, d = b - golden * (b - a), a + golden * (b - a)
+    fc = price(heaters, weights, math.exp(c), tn, tv, finer, at_top)
+    fd = price(heaters, weights, math.exp(d), tn, tv, finer, at_top)
+    while b - a > 1e-3:
+        if fc < fd:
+            b, d, fd = d, c, fc
+            c = b - golden * (b - a)
+            fc = price(heaters, weights, math.exp(c), tn, tv, finer, at_top)
+        else:
+            a, c, fc = c, d, fd
+            d = a + golden * (b - a)
+            fd = price(heaters, weights, math.exp(d), tn, tv, finer, at_top)
+    return (fc, math.exp(c)) if fc < fd else (fd, math.exp(d))
+
+
+@njit(cache=True, nogil=True)
+def reduced(omega, plant, heaters, weights, limits, tn, tv, best, finer):  # type: ignore[no-untyped-def]
+    """Return the least cost over K at one TN and TV, and that K; infinite where it cannot be below `best`.
+
+    TV > TN is left out: with TV without bound the filtered derivative is a gain, a PI controller under another name;
+    and so is TV below the shortest, where noise would pay for a derivative that does nothing.
+    """
+    cost, gain = math.inf, 0.0
+    if tv > tn or 0.0 < tv < limits[3]:
+        return cost, gain
+    bottoms, tops = pieces(omega, plant, tn, tv, limits)
+    for j in range(len(tops)):
+        top = tops[j]
+        lowest = _bound(heaters, weights, top, tn)
+        if lowest >= min(best, cost):
+            break  # lower pieces have higher bounds
+        dear = _RINGING * min(best, cost)
+        found, at = price(heaters, weights, top, tn, tv, finer, dear), top
+        if lowest * (1.0 + 1e-7) < found < dear:
+            near = top * 0.999
+            if near > bottoms[j] and price(heaters, weights, near, tn, tv, finer, found) < found:
+                found, at = _inside(heaters, weights, bottoms[j], top, tn, tv, found, finer)
+        if found < cost:
+            cost, gain = found, at
+    return cost, gain
+
+
+@njit(cache=True, nogil=True)
+def scan(omega, plant, heaters, weights, limits, tns, tvs, best, finer):  # type: ignore[no-untyped-def]
+    """Return (cost, K, TN, TV) of the best point of a grid that is below `best`; cost `best` where there is none."""
+    found = (best, 0.0, 0.0, 0.0)
+    for tn in tns:
+        for tv in tvs:
+            cost, gain = reduced(omega, plant, heaters, weights, limits, tn, tv, found[0], finer)
+            if cost < found[0]:
+                found = (cost, gain, tn, tv)
+    return found
+
+
+@njit(cache=True, nogil=True)
+def refine(omega, plant, heaters, weights, limits, start, stride, least, finer):  # type: ignore[no-untyped-def]
+    """Return (cost, K, TN, TV) of the local optimum over ln TN (and ln TV) near a start, found by two simplex searches.
+
+    `stride` and `least` are their first and last distance; the other arguments are those of `pieces` and `price`.
+    """
+    best = _simplex(omega, plant, heaters, weights, limits, start, stride, least, finer)
+    # begun anew from the other side: a simplex can fall flat where two peaks of |S| meet
+    return _simplex(omega, plant, heaters, weights, limits, best, -0.3 * stride, least, finer)
+
+
+@njit(cache=True, nogil=True)
+def _simplex(omega, plant, heaters, weights, limits, start, stride, least, finer):  # type: ignore[no-untyped-def]
+    """J. A. Nelder and R. Mead, Computer Journal 7 (1965) 308-313, in one dimension (TV = 0) or two."""
+    n = 1 if start[3] == 0.0 else 2
+    x = np.full((n + 1, 2), -math.inf)
+    cost, gain = np.empty(n + 1), np.empty(n + 1)
+    for j in range(n + 1):
+        for i in range(n):
+            x[j, i] = math.log(start[2 + i]) + (stride if j == i + 1 else 0.0)
+        cost[j], gain[j] = _at(omega, plant, heaters, weights, limits, x[j], finer)
+    for _ in range(200):
+        order = np.argsort(cost)
+        x, cost, gain = x[order], cost[order], gain[order]
+        if np.abs(x[1:, :n] - x[0, :n]).max() < least:
+            break
+        middle = x[0].copy() if n == 1 else 0.5 * (x[0] + x[1])
+        away = middle[:n] - x[n, :n]
+        point = middle.copy()
+        point[:n] += away
+        told, k = _at(omega, plant, heaters, weights, limits, point, finer)
+        if told < cost[0]:
+            further = point.copy()
+            further[:n] += away
+            wide, w = _at(omega, plant, heaters, weights, limits, further, finer)
+            if wide < told:
+                point, told, k = further, wide, w
+        elif told >= cost[n - 1]:
+            level = min(told, cost[n])
+            point[:n] = middle[:n] + (0.5 if told < cost[n] else -0.5) * away
+            told, k = _at(omega, plant, heaters, weights, limits, point, finer)
+            if told >= level:
+                for j in range(1, n + 1):
+                    x[j, :n] = 0.5 * (x[0, :n] + x[j, :n])
+                    cost[j], gain[j] = _at(omega, plant, heaters, weights, limits, x[j], finer)
+                continue
+        x[n], cost[n], gain[n] = point, told, k
+    best = np.argmin(cost)
+    found = cost[best], gain[best], math.exp(x[best, 0]), math.exp(x[best, 1])
+    return found if found[0] < start[0] else start
+
+
+@njit(cache=True, nogil=True)
+def _at(omega, plant, heaters, weights, limits, x, finer):  # type: ignore[no-untyped-def]
+    """Return least cost and K at x = (ln TN, ln TV)."""
+    return reduced(omega, plant, heaters, weights, limits, math.exp(x[0]), math.exp(x[1]), math.inf, finer)

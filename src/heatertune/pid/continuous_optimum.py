@@ -1,0 +1,263 @@
+"""The constrained optimum of the continuous loop: PI or PID in the ideal form, exact dead time, no Padé.
+
+For each TN and TV the feasible gains are known exactly (`continuous.pieces`), which leaves a search in one or two
+unknowns: a coarse grid, a local search, the same again on finer frequencies. A fine grid over all of the reduced
+problem then checks that the local answer is the global one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import InputError
+from heatertune.model.values import HeaterModel, TwoLag
+from heatertune.pid import continuous
+from heatertune.pid.robustness import crossings
+from heatertune.pid.specs import Specs
+from heatertune.pid.values import Margins, PidDesign, structure_of
+
+__all__ = ["ContinuousProblem", "global_check", "margins", "optimum", "response_grid", "unrivalled"]
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+Point = tuple[float, float, float, float]  # cost, K, TN, TV
+
+_COARSE, _FINE, _EXACT = 1.0, 2.0, 8.0  # density of frequencies
+_SCANNED, _CHECKED = (14, 8), (60, 40)  # points of TN and TV: of the first search, of the global check
+_WORTH = 3e-4  # share of the cost by which a point has to be better to refute the optimum
+_MOST_FREQUENCIES = 200_000
+_STEPS = 2.0  # factor of the time steps with which a cost is reported; the search takes a quarter of them
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContinuousProblem:
+    """Minimise the mean cost over the heaters subject to the limits on each.
+
+    Attributes:
+        plants: the heaters to serve.
+        structure: "p", "pi" or "pid".
+        specs: objective and limits.
+
+    Raises:
+        OutOfRange, InputError: limits that contradict each other or the structure; an objective that only sampled
+            loops have; a heater without dead time whose gain nothing limits.
+    """
+
+    plants: tuple[HeaterModel, ...]
+    structure: str
+    specs: Specs
+
+    def __post_init__(self) -> None:
+        self.specs.refuse_contradictions(self.plants, self.structure)
+        if self.specs.objective == "ise":
+            raise InputError("the objective ise is for sampled loops; with --sample-time 0: load, setpoint, itae or ki")
+        bounded = math.isfinite(self.specs.mks)
+        if not bounded and any(
+            p.dead_time_s == 0.0 and (self.structure == "pid" or not isinstance(p, TwoLag)) for p in self.plants
+        ):
+            raise InputError("without dead time this heater keeps every Ms at any gain, so there is no best one; "
+                             "give its dead time, or limit the noise gain with --mks")
+
+    @property
+    def heaters(self) -> Array:
+        """Gain [°C/%], larger and smaller lag (0: none), dead time [s] of each model, shape (p, 4)."""
+        return np.array([[p.gain_degC_per_pct, *(*p.lags_s, 0.0)[:2], p.dead_time_s] for p in self.plants])
+
+    @property
+    def weights(self) -> Array:
+        """Weights of load IAE, setpoint IAE, load ITAE and TN/K in the cost, shape (p, 4)."""
+        gains = self.heaters[:, 0]
+        one, none = np.ones_like(gains), np.zeros_like(gains)
+        share = self.specs.weight
+        if share is not None:
+            rows = [(1.0 - share) / gains, share * one, none, none]
+        else:
+            which = {"load": 0, "iae": 0, "setpoint": 1, "itae": 2, "ki": 3}[self.specs.objective]
+            rows = [one if i == which else none for i in range(4)]
+        return np.column_stack(rows) / len(gains)
+
+    @property
+    def limits(self) -> tuple[float, float, float, float]:
+        """Ms, Mt, Mks and the shortest TV [s]."""
+        return self.specs.ms, self.specs.mt, self.specs.mks, _quickest(self.plants) / 50.0
+
+    def cost(self, design: PidDesign) -> float:
+        """Return the cost of a feasible design, in the unit of its objective; a P controller's is −K."""
+        if not math.isfinite(design.integral_time_s):
+            return -design.gain_pct_per_degC
+        return float(continuous.price(self.heaters, self.weights, *_settings(design), _STEPS, math.inf))
+
+
+def response_grid(plants: tuple[HeaterModel, ...], derivative: bool, density: float) -> tuple[Array, Complex]:
+    """Return frequencies [rad/s] for each model, one model after the other, and G(jω) [°C/%] there.
+
+    Logarithmic up to the inverse of the dead time, then even, so that every turn of e^(−jωL) is seen, up to where the
+    lags have made the loop too small to come near −1.
+
+    Args:
+        plants: the models.
+        derivative: whether the controller has a derivative part.
+        density: 1 for some 300 frequencies.
+    """
+    grids = [_frequencies(plant, derivative, density) for plant in plants]
+    responses = [plant.frequency_response(omega) for plant, omega in zip(plants, grids, strict=True)]
+    return np.concatenate(grids), np.concatenate(responses)
+
+
+def _frequencies(plant: HeaterModel, derivative: bool, density: float) -> Array:
+    dead, slow = plant.dead_time_s, sum(plant.lags_s) + plant.dead_time_s
+    low = 0.02 / slow
+    high = 1e4 / min(plant.lags_s) if dead == 0.0 else max(1.5 / dead, 2.0 * low)
+    omega = np.geomspace(low, high, int(40.0 * density * math.log10(high / low)) + 2)
+    if dead == 0.0:
+        return omega
+    turns = max(60.0, 25.0 * dead / plant.lags_s[0]) if derivative else max(25.0, 3.0 * dead / plant.lags_s[0])
+    # |C·S| may have its peak where the filter's gain is all there and the loop is small: a few whole turns far out
+    rest = 2.0 * math.pi * np.geomspace(turns / 6.0, 5.0 * turns, 10)[:, None] + np.arange(0.0, 6.5, 0.4 / density)
+    near = np.arange(1.5 + 0.2 / density, 12.0, 0.2 / density)
+    far = np.arange(12.0, turns, max(0.4 / density, turns / _MOST_FREQUENCIES))
+    return np.unique(np.concatenate([omega, near / dead, far / dead, *([rest.ravel() / dead] if derivative else [])]))
+
+
+def optimum(problem: ContinuousProblem) -> PidDesign:
+    """Return the best design; its limits are exact.
+
+    Raises:
+        InputError: no gain keeps the limits on all models.
+    """
+    if problem.structure == "p":
+        return _p_design(problem)
+    return _descend(problem, _scanned(problem, *_SCANNED, math.inf, _COARSE))
+
+
+def unrivalled(problem: ContinuousProblem) -> tuple[PidDesign, str]:
+    """Return the optimum after the global check, and a sentence about the check; errors as `optimum`."""
+    design = optimum(problem)
+    if problem.structure == "p":
+        return design, "The gain is the largest of all feasible ones: nothing was searched."
+    better = global_check(problem, design)
+    if better is None:
+        return design, f"The optimum is global: none of {_points(problem)} points of the reduced problem costs less."
+    moved = _descend(problem, better)
+    if problem.cost(moved) >= problem.cost(design) * (1.0 - _WORTH):
+        return design, f"The optimum is global: none of {_points(problem)} points of the reduced problem keeps less."
+    return moved, "The optimum was found by the global check; the first search had ended at another one."
+
+
+def global_check(problem: ContinuousProblem, design: PidDesign) -> Point | None:
+    """Return the point of a fine grid over TN and TV, each with its best K, that beats the design; None: there is none.
+
+    Points whose lower bound is above the design's cost are excluded without a simulation, so the grid is cheap.
+    """
+    cost = float(continuous.price(problem.heaters, problem.weights, *_settings(design), _STEPS / 4.0, math.inf))
+    found = _scanned(problem, *_checked(problem), cost * (1.0 - _WORTH), _FINE)
+    return found if found[1] > 0.0 else None
+
+
+def margins(plants: tuple[HeaterModel, ...], design: PidDesign) -> tuple[Margins, float]:
+    """Return the worst margins of the continuous loop over the models, and the worst Mks [%/°C]."""
+    found = []
+    for plant in plants:
+        omega, response = response_grid((plant,), design.derivative_time_s > 0.0, _EXACT)
+        settings = _settings(design)
+        ms, mt, mks = continuous.peaks(omega, response, *settings)
+        loop = response * design.gain_pct_per_degC * continuous.controller(omega, *settings[1:])
+        gain, phase = crossings(loop)
+        found.append((ms, mt, mks, gain, phase))
+    ms, mt, mks = (max(row[i] for row in found) for i in range(3))
+    gain, phase = (min(row[i] for row in found) for i in (3, 4))
+    return Margins(ms=ms, mt=mt, gain_margin=gain, phase_margin_deg=phase), mks
+
+
+def _quickest(plants: tuple[HeaterModel, ...]) -> float:
+    """Return the shortest dead time and second lag of the models together, but no less than the slow part shows [s]."""
+    slow = max(sum(p.lags_s) + p.dead_time_s for p in plants)
+    return max(min(p.dead_time_s + sum(p.lags_s[1:]) for p in plants), 1e-4 * slow)
+
+
+def _settings(design: PidDesign) -> tuple[float, float, float]:
+    return design.gain_pct_per_degC, design.integral_time_s, design.derivative_time_s
+
+
+def _points(problem: ContinuousProblem) -> int:
+    tns, tvs = _axes(problem, *_checked(problem))
+    return len(tns) * len(tvs)
+
+
+def _checked(problem: ContinuousProblem) -> tuple[int, int]:
+    return _CHECKED if problem.structure == "pid" else (400, 1)
+
+
+def _axes(problem: ContinuousProblem, many_tn: int, many_tv: int) -> tuple[Array, Array]:
+    """Return the grid: TN from slow to fast, because slow loops are tame and give a bound early; and TV."""
+    slow = max(sum(p.lags_s) + p.dead_time_s for p in problem.plants)
+    least = _quickest(problem.plants)
+    longest = max(least, *(p.dead_time_s + sum(p.lags_s[1:]) for p in problem.plants))
+    tns = np.geomspace(0.2 * least, 3.0 * slow, many_tn)[::-1]
+    tvs = np.geomspace(least / 25.0, 1.3 * longest, many_tv)
+    return tns, tvs if problem.structure == "pid" else np.zeros(1)
+
+
+def _compiled(problem: ContinuousProblem, density: float) -> tuple[Array, Complex, Array, Array, tuple[float, ...]]:
+    omega, response = response_grid(problem.plants, problem.structure == "pid", density)
+    return omega, response, problem.heaters, problem.weights, problem.limits
+
+
+def _scanned(problem: ContinuousProblem, many_tn: int, many_tv: int, best: float, density: float) -> Point:
+    found: Point = continuous.scan(*_compiled(problem, density), *_axes(problem, many_tn, many_tv), best, _STEPS / 4.0)
+    if found[1] == 0.0 and math.isinf(best):
+        raise _impossible(problem)
+    return found
+
+
+def _descend(problem: ContinuousProblem, start: Point) -> PidDesign:
+    """Return the local optimum near a point of the coarse search."""
+    tns, _ = _axes(problem, *_SCANNED)
+    stride = math.log(tns[0] / tns[1]) * (0.5 if problem.structure == "pid" else 1.0)
+    found: Point = continuous.refine(*_compiled(problem, _COARSE), start, stride, 0.03, _STEPS / 4.0)
+    for density in (_FINE, _EXACT):
+        # what other frequencies think of the start is not comparable with what these will
+        near: Point = continuous.refine(*_compiled(problem, density), (math.inf, *found[1:]), 0.06, 1e-3, _STEPS / 4.0)
+        found = near if math.isfinite(near[0]) else found
+        design = _finish(problem, found)
+        if problem.cost(design) < found[0] * 1.002:
+            break  # else the optimum lies at a cliff, and only the finest frequencies see its edge
+    return design
+
+
+def _finish(problem: ContinuousProblem, found: Point) -> PidDesign:
+    """Return the design with K inside the piece that the finest frequencies leave."""
+    _, gain, tn, tv = found
+    omega, response = response_grid(problem.plants, tv > 0.0, _EXACT)
+    bottoms, tops = continuous.pieces(omega, response, tn, tv, problem.limits)
+    for bottom, top in zip(bottoms, tops, strict=True):
+        if gain > bottom:
+            return _design(min(gain, float(top)), tn, tv)
+    raise _impossible(problem)
+
+
+def _design(gain: float, tn: float, tv: float) -> PidDesign:
+    return PidDesign(
+        gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=tv, sample_time_s=0.0,
+        structure=structure_of(tn, tv), method="optimum",
+    )
+
+
+def _p_design(problem: ContinuousProblem) -> PidDesign:
+    omega, response = response_grid(problem.plants, False, _EXACT)
+    tops = continuous.pieces(omega, response, math.inf, 0.0, problem.limits)[1]
+    if len(tops) == 0:
+        raise _impossible(problem)
+    return _design(float(tops[0]), math.inf, 0.0)
+
+
+def _impossible(problem: ContinuousProblem) -> InputError:
+    """Return the error for limits so close to what is possible that no gain is left in double precision."""
+    return InputError(
+        f"no {problem.structure.upper()} controller keeps {problem.specs.text} on all {len(problem.plants)} models; "
+        f"loosen {' or '.join(f'--{name}' for name in problem.specs.limits)}"
+    )

@@ -1,0 +1,92 @@
+"""FittedModel → PidDesign of the continuous loop: the answer to `--sample-time 0`, with its explanation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from heatertune.errors import InputError
+from heatertune.model.values import FittedModel
+from heatertune.pid.continuous import DERIVATIVE_FILTER_N
+from heatertune.pid.continuous_optimum import ContinuousProblem, margins, optimum, unrivalled
+from heatertune.pid.explain import explain
+from heatertune.pid.rules import RULES, apply_rule, model_for
+from heatertune.pid.specs import Specs
+from heatertune.pid.values import PidDesign, structure_of
+
+__all__ = ["assessed", "tune_continuous"]
+
+_TOLD = (
+    f"Continuous loop with its exact dead time, TV filtered by TV/{DERIVATIVE_FILTER_N:g}; "
+    "for words of a PLC tune with a sampling interval."
+)
+
+
+def tune_continuous(
+    fitted: FittedModel, *, method: str, structure: str, specs: Specs, closed_loop_s: float | None = None
+) -> PidDesign:
+    """Return the continuous design by the optimum or a rule; the optimum is checked to be global.
+
+    Raises:
+        InputError, OutOfRange: as `ContinuousProblem` and `optimum`; the rule does not give the structure.
+        UnknownName: no such rule.
+    """
+    if method != "optimum":
+        gain, tn, tv = apply_rule(method, model_for(method, structure, fitted), structure, 0.0, closed_loop_s=closed_loop_s)
+        by_rule = PidDesign(
+            gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=tv, sample_time_s=0.0,
+            structure=structure_of(tn, tv), method=f"{method} ({RULES[method].source})",
+        )
+        return replace(assessed(fitted, by_rule), notes=(_TOLD,))
+    problem = ContinuousProblem(plants=fitted.plants, structure=structure, specs=specs)
+    found, checked = unrivalled(problem)
+    design = assessed(fitted, found)
+    notes = [_TOLD, checked, *_explained(problem, design), *_plainer(problem, design)]
+    return replace(design, method=f"optimum ({specs.text} on {len(fitted.plants)} models)", notes=tuple(notes))
+
+
+def assessed(fitted: FittedModel, design: PidDesign) -> PidDesign:
+    """Return the design with its margins and costs, worst over the models; a cost is None where there is none."""
+    worst, mks = margins(fitted.plants, design)
+    known = worst.stable and math.isfinite(design.integral_time_s)
+    alone = [
+        {name: ContinuousProblem(plants=(plant,), structure="pi", specs=Specs(objective=name, mks=_ANY)).cost(design)
+         for name in ("load", "setpoint")}
+        for plant in fitted.plants
+    ] if known else []
+    return replace(
+        design, margins=worst, mks=mks if worst.stable else None,
+        iae_load=max((row["load"] for row in alone), default=None),
+        iae_setpoint=max((row["setpoint"] for row in alone), default=None),
+    )
+
+
+_ANY = float(np.finfo(float).max)  # a limit on Mks that is none: a price can be named for every heater
+
+
+def _explained(problem: ContinuousProblem, design: PidDesign) -> list[str]:
+    assert design.margins is not None
+    assert design.mks is not None
+    peaks = {"ms": design.margins.ms, "mt": design.margins.mt, "mks": design.mks}
+
+    def solve(specs: Specs) -> float:
+        other = replace(problem, specs=specs)
+        return other.cost(optimum(other))
+
+    if problem.structure == "p":
+        return explain(problem.specs, peaks, -1.0 / design.gain_pct_per_degC, lambda specs: 1.0 / solve(specs))
+    return explain(problem.specs, peaks, problem.cost(design), solve)
+
+
+def _plainer(problem: ContinuousProblem, design: PidDesign) -> list[str]:
+    """Tell where a PI controller is better: the derivative part multiplies noise by 1 + N however short TV is."""
+    if problem.structure != "pid":
+        return []
+    try:
+        plain = replace(problem, structure="pi")
+        gained = 100.0 * (1.0 - plain.cost(optimum(plain)) / problem.cost(design))
+    except InputError:
+        return []
+    return [f"A PI controller under the same limits costs {gained:.1f} % less."] if gained > 0.0 else []

@@ -1,0 +1,94 @@
+"""The front of performance against robustness: the best cost at each limit of Ms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from heatertune.errors import OutOfRange
+from heatertune.model.values import FittedModel
+from heatertune.pid.continuous_optimum import ContinuousProblem, optimum
+from heatertune.pid.continuous_tune import assessed
+from heatertune.pid.feasible import Problem, search
+from heatertune.pid.specs import OBJECTIVES, Specs
+from heatertune.pid.tune import assessed_sampled, tune
+
+__all__ = ["SCHEMA", "front"]
+
+SCHEMA = "heatertune/pareto/1"
+
+
+def front(
+    fitted: FittedModel, *, structure: str = "pi", ms_low: float = 1.2, ms_high: float = 2.0, points: int = 9,
+    sample_time_s: float | None = 0.0, progress: Callable[[str], object] = str, **specs: Any,
+) -> dict[str, Any]:
+    """Return the document of the front: one row for each limit of Ms, from the most robust to the fastest.
+
+    A row is on the front where no row of a smaller Ms costs as little; under limits of Mt or Mks a larger Ms may give
+    nothing more, and the row says so.
+
+    Args:
+        fitted: model and candidates.
+        structure: "pi" or "pid".
+        ms_low: smallest limit of Ms.
+        ms_high: largest limit of Ms.
+        points: number of rows.
+        sample_time_s: TA [s]; 0 for the continuous loop, None for the TA that `tune` finds half way.
+        progress: told what begins.
+        specs: further settings of `Specs`: mt, mks, objective, weight.
+
+    Raises:
+        OutOfRange: limits that are not in order, fewer than two points, a P controller (it has no load IAE).
+        InputError: as `heatertune.pid.tune.tune`.
+    """
+    if structure not in ("pi", "pid"):
+        raise OutOfRange("structure", structure, "pi or pid: the offset of a P controller costs without end")
+    if points < 2:
+        raise OutOfRange("points", points, ">= 2")
+    if not ms_low < ms_high:
+        raise OutOfRange("ms_low", ms_low, f"< ms_high = {ms_high:g}")
+    wanted = Specs(ms=ms_high, **specs)
+    if sample_time_s is None:
+        half_way = {"ms": 0.5 * (ms_low + ms_high), **specs}
+        sample_time_s = tune(fitted, structure=structure, progress=progress, **half_way).sample_time_s
+    rows: list[dict[str, Any]] = []
+    least = math.inf
+    for ms in np.linspace(ms_low, ms_high, points):
+        progress(f"tuning with Ms <= {ms:.3g}")
+        row = _row(fitted, structure, replace(wanted, ms=float(ms)), sample_time_s)
+        rows.append(row | {"on_front": row["cost"] < least * (1.0 - 1e-3)})
+        least = min(least, row["cost"])
+    return {
+        "schema": SCHEMA, "structure": structure, "sample_time_s": sample_time_s, "objective": wanted.objective,
+        "weight": wanted.weight, "cost": _cost_name(wanted), "rows": rows,
+    }
+
+
+def _cost_name(specs: Specs) -> str:
+    if specs.weight is None:
+        return OBJECTIVES[specs.objective]
+    load = f"{1.0 - specs.weight:g}·∫|e| dt after a load of 1/k %"
+    return f"{load} + {specs.weight:g}·∫|e| dt after a setpoint of 1 °C [s]"
+
+
+def _row(fitted: FittedModel, structure: str, specs: Specs, sample_time_s: float) -> dict[str, Any]:
+    if sample_time_s == 0.0:
+        problem = ContinuousProblem(plants=fitted.plants, structure=structure, specs=specs)
+        found = optimum(problem)
+        cost, design = problem.cost(found), assessed(fitted, found)
+    else:
+        sampled = Problem(
+            plants=fitted.plants, structure=structure, sample_time_s=sample_time_s, ms=specs.ms, mt=specs.mt,
+            mks=specs.mks, objective=specs.objective, weight=specs.weight,
+        )
+        found = search(sampled)
+        cost, design = sampled.cost(found), assessed_sampled(fitted.plants, found)
+    assert design.margins is not None
+    return {"ms_limit": specs.ms, "cost": cost, "ms": design.margins.ms, "mt": design.margins.mt} | {
+        name: getattr(design, name)
+        for name in ("mks", "gain_pct_per_degC", "integral_time_s", "derivative_time_s", "iae_load", "iae_setpoint")
+    }

@@ -1,0 +1,320 @@
+"""The compiled continuous loop against second implementations and published figures."""
+
+import importlib.util
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.model.values import Fopdt, TwoLag
+from heatertune.pid import continuous
+from heatertune.pid.continuous_optimum import (
+    ContinuousProblem,
+    global_check,
+    margins,
+    optimum,
+    response_grid,
+    unrivalled,
+)
+from heatertune.pid.specs import Specs
+from heatertune.pid.values import PidDesign, structure_of
+
+_SPEC = importlib.util.spec_from_file_location("brute_force", Path(__file__).with_name("brute_force.py"))
+brute_force = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(brute_force)
+
+NONE = math.inf
+LOAD = np.array([[1.0, 0.0, 0.0, 0.0]])
+
+
+def _heater(dead, lag=1.0, gain=1.0):
+    return Fopdt(gain_degC_per_pct=gain, time_constant_s=lag, dead_time_s=dead)
+
+
+def _problem(plant, structure="pi", **specs):
+    return ContinuousProblem(plants=(plant,), structure=structure, specs=Specs(**specs))
+
+
+def _design(gain, tn, tv=0.0):
+    return PidDesign(gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=tv, sample_time_s=0.0,
+                     structure=structure_of(tn, tv), method="")
+
+
+def _dense_peaks(plant, design, points=60_000):
+    """Ms, Mt and Mks by plain evaluation on very many frequencies."""
+    omega = np.geomspace(1e-4, 400.0, points) / (plant.dead_time_s or plant.lags_s[-1])
+    s = 1j * omega
+    c = design.gain_pct_per_degC * (1 + 1 / (design.integral_time_s * s)
+                                    + design.derivative_time_s * s / (1 + design.derivative_time_s * s / 10))
+    g = plant.gain_degC_per_pct * np.exp(-s * plant.dead_time_s)
+    for lag in plant.lags_s:
+        g = g / (lag * s + 1)
+    sensitivity = 1 / np.abs(1 + g * c)
+    highest = design.gain_pct_per_degC * (11 if design.derivative_time_s else 1)  # |C·S| at infinite frequency
+    return sensitivity.max(), (np.abs(g * c) * sensitivity).max(), max((np.abs(c) * sensitivity).max(), highest)
+
+
+# ---- the feasible set -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("ms", "gain", "tn"),
+    # K. J. Åström, H. Panagopoulos, T. Hägglund, "Design of PI controllers based on non-convex optimization",
+    # Automatica 34 (1998) 585–601: PI with the largest integral gain for 1/(s + 1)³
+    [(1.4, 0.633, 1.945), (2.0, 1.22, 1.78)],
+)
+def test_the_largest_integral_gain_for_three_lags_is_the_published_one(ms, gain, tn):
+    omega = np.geomspace(1e-3, 1e2, 2000)
+    plant = 1.0 / (1j * omega + 1.0) ** 3
+    tns = np.linspace(1.2, 2.6, 561)
+    tops = [continuous.pieces(omega, plant, t, 0.0, (ms, NONE, NONE, 0.0))[1][0] for t in tns]
+    best = int(np.argmax(np.array(tops) / tns))
+    assert tops[best] == pytest.approx(gain, rel=0.005)
+    assert tns[best] == pytest.approx(tn, rel=0.005)
+
+
+def test_ms_is_met_at_two_gains_and_both_are_found_with_their_costs():
+    # the trap of this project's own notes on tuning: Ms(K) is not monotone, and the load IAE differs 51 times;
+    # gains and costs were computed there by another program
+    omega, plant = response_grid((_heater(0.05),), True, 8.0)
+    bottoms, tops = continuous.pieces(omega, plant, 0.13042, 0.02029, (1.6, NONE, NONE, 0.0))
+    assert tops == pytest.approx([12.12, 0.298], rel=1e-3)
+    assert bottoms[0] > tops[1]
+    heaters = np.array([[1.0, 1.0, 0.0, 0.05]])
+    costs = [continuous.price(heaters, LOAD, top, 0.13042, 0.02029, 2.0, NONE) for top in tops]
+    assert costs == pytest.approx([0.01473, 0.7472], rel=1e-3)
+
+
+@pytest.mark.parametrize("limits", [(1.6, NONE, NONE), (4.0, 1.1, NONE), (4.0, NONE, 4.0), (1.4, 1.2, 3.0)])
+@pytest.mark.parametrize("settings", [(0.8, 0.0), (0.5, 0.1), (0.3, 0.12), (2.0, 0.05)])
+def test_inside_a_piece_every_limit_is_kept_and_at_its_top_one_is_met(limits, settings):
+    plant = _heater(0.3)
+    omega, response = response_grid((plant,), settings[1] > 0.0, 8.0)
+    bottoms, tops = continuous.pieces(omega, response, *settings, (*limits, 0.0))
+    for bottom, top in zip(bottoms, tops, strict=True):
+        inside = _dense_peaks(plant, _design(0.5 * (bottom + top), *settings))
+        assert all(found <= limit * 1.0005 for found, limit in zip(inside, limits, strict=True))
+        at = _dense_peaks(plant, _design(top, *settings))
+        assert max(found / limit for found, limit in zip(at, limits, strict=True)) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_first_piece_begins_at_zero_and_no_piece_is_unstable():
+    # Routh: the loop K·(1 + 1/s)/((s + 1)(s + 1)) = K/(s(s + 1)) is stable at every K; with e^(−sL), L·K < π/2 at most
+    plant = _heater(1.0)
+    omega, response = response_grid((plant,), False, 4.0)
+    bottoms, tops = continuous.pieces(omega, response, 1.0, 0.0, (4.0, NONE, NONE, 0.0))
+    assert bottoms[-1] == 0.0
+    assert len(tops) == 1
+    assert tops[0] < math.pi / 2.0
+    # |1 + L| = 1 − (K/ω)·sin … at Ms = 4 is known by hand only as a bound; the exact edge is that of K·e^(−s)/s
+    w = np.linspace(0.5, 2.5, 400_001)
+    loop = tops[0] * np.exp(-1j * w) / (1j * w)
+    assert 1.0 / np.abs(1.0 + loop).min() == pytest.approx(4.0, rel=1e-4)
+    assert continuous.peaks(omega, response, 1.6, 1.0, 0.0) == (NONE, NONE, NONE)
+
+
+@pytest.mark.parametrize("plant", [_heater(0.3), TwoLag(gain_degC_per_pct=2.0, time_constant_s=5.0,
+                                                        second_time_constant_s=1.0, dead_time_s=0.4)])
+def test_the_margins_are_those_of_plain_evaluation(plant):
+    design = _design(1.1 / plant.gain_degC_per_pct, 1.3, 0.1)
+    found, mks = margins((plant,), design)
+    assert (found.ms, found.mt, mks) == pytest.approx(_dense_peaks(plant, design), rel=1e-4)
+    # gain margin: at the crossing L is real, so the loop with K·GM passes through −1
+    at = _dense_peaks(plant, _design(0.999 * found.gain_margin * design.gain_pct_per_degC, 1.3, 0.1))
+    assert at[0] > 300.0
+
+
+# ---- time responses -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("plant", "settings"), [
+    ((1.0, 1.0, 0.3), (1.4, 0.6, 0.0)), ((1.0, 1.0, 0.3), (2.3, 0.5, 0.12)), ((2.0, 1.0, 3.0), (0.2, 1.2, 0.8)),
+    ((1.0, 1.0, 0.05), (12.12, 0.13042, 0.02029)), ((1.0, 1.0, 10.0), (0.25, 3.0, 0.0)),
+])
+def test_the_load_iae_is_that_of_runge_and_kutta(plant, settings):
+    k, lag, dead = plant
+    heaters = np.array([[k, lag, 0.0, dead]])
+    by_steps = brute_force.iae_load(plant, *(np.array([value]) for value in settings), per_dead_time=80)[0]
+    assert continuous.price(heaters, LOAD, *settings, 4.0, NONE) == pytest.approx(by_steps, rel=5e-4)
+
+
+def test_without_dead_time_the_costs_are_those_of_the_linear_system():
+    # scipy's exact step response of the two-lag loop: no dead time, so it is of finite order
+    from scipy import signal  # noqa: PLC0415 - beside its only use
+
+    k, a, b, gain, tn = 1.5, 4.0, 1.0, 2.0, 2.5
+    closed = np.polyadd([a * b * tn, (a + b) * tn, tn, 0.0], [k * gain * tn, k * gain])
+    t = np.linspace(0.0, 400.0, 400_001)
+    heaters = np.array([[k, a, b, 0.0]])
+    load = signal.step(([k * tn, 0.0], closed), T=t)[1]
+    setpoint = 1.0 - signal.step(([k * gain * tn, k * gain], closed), T=t)[1]
+    expected = [np.trapezoid(np.abs(load), t), np.trapezoid(np.abs(setpoint), t), np.trapezoid(t * np.abs(load), t), tn / gain]
+    for i, value in enumerate(expected):
+        weights = np.eye(4)[i : i + 1]
+        assert continuous.price(heaters, weights, gain, tn, 0.0, 4.0, NONE) == pytest.approx(value, rel=1e-4)
+
+
+@pytest.mark.parametrize("settings", [(1.4, 0.6, 0.0), (2.3, 0.5, 0.12)])
+def test_setpoint_iae_and_itae_are_those_of_fine_euler_steps(settings):
+    # the plainest scheme there is, 20 000 steps per dead time constant
+    gain, tn, tv = settings
+    h, dead = 5e-5, 0.3
+    n, m = int(20.0 / h), round(dead / h)
+    found = []
+    for setpoint, load in ((1.0, 0.0), (0.0, 1.0)):
+        powers, y, summed, slow, area, moment = np.zeros(n + 1), 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(n):
+            e = setpoint - y
+            u = gain * (e + summed / tn + (10.0 * (e - slow) if tv else 0.0))
+            powers[i] = u + load
+            y += h * ((powers[i - m] if i >= m else 0.0) - y)
+            summed += h * e
+            slow += h * 10.0 / tv * (e - slow) if tv else 0.0
+            area += h * abs(e)
+            moment += h * i * h * abs(e)
+        found.append((area, moment))
+    heaters = np.array([[1.0, 1.0, 0.0, dead]])
+    price = [continuous.price(heaters, np.eye(4)[i : i + 1], *settings, 4.0, NONE) for i in (0, 1, 2)]
+    assert price == pytest.approx([found[1][0], found[0][0], found[1][1]], rel=2e-3)
+
+
+# ---- the optimum ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("dead", "ms", "structure"), [
+    (0.05, 1.6, "pi"), (0.2, 1.2, "pi"), (1.0, 2.0, "pi"), (5.0, 1.6, "pi"), (5.0, 2.0, "pi"),
+    (0.2, 2.0, "pid"), (1.0, 1.2, "pid"), (5.0, 1.6, "pid"),
+])
+def test_no_brute_force_finds_a_better_design_and_the_limit_holds(dead, ms, structure):
+    plant = _heater(dead)
+    problem = _problem(plant, structure, ms=ms)
+    design = optimum(problem)
+    best = brute_force.best((1.0, 1.0, dead), ms, structure == "pid")
+    assert problem.cost(design) < 1.005 * best[0]
+    assert problem.cost(design) > 0.99 * best[0], "the brute force would be far from its own optimum"
+    assert _dense_peaks(plant, design)[0] <= ms * 1.001
+
+
+@pytest.mark.parametrize("structure", ["pi", "pid"])
+@pytest.mark.parametrize("objective", ["load", "setpoint", "itae", "ki"])
+def test_no_feasible_neighbour_is_better_under_any_objective(structure, objective):
+    plant = _heater(0.4, lag=3.0, gain=0.5)
+    problem = _problem(plant, structure, objective=objective, ms=1.7, mt=1.25, mks=60.0)
+    design, _ = unrivalled(problem)
+    cost = problem.cost(design)
+    peaks = _dense_peaks(plant, design)
+    assert all(peak <= limit * 1.001 for peak, limit in zip(peaks, (1.7, 1.25, 60.0), strict=True))
+    rng = np.random.default_rng(5)
+    for change in rng.normal(0.0, 0.04, (120, 3)):
+        gain, tn, tv = (design.gain_pct_per_degC, design.integral_time_s, design.derivative_time_s) * np.exp(change)
+        other = _design(float(gain), float(tn), float(tv))
+        if all(p <= limit for p, limit in zip(_dense_peaks(plant, other, 6_000), (1.7, 1.25, 60.0), strict=True)):
+            assert problem.cost(other) > cost * 0.999
+
+
+def test_a_larger_share_of_the_setpoint_costs_load_and_gains_setpoint():
+    plant = _heater(0.3)
+    found = [optimum(_problem(plant, weight=w)) for w in (0.0, 0.5, 1.0)]
+    load = [_problem(plant).cost(d) for d in found]
+    setpoint = [_problem(plant, objective="setpoint").cost(d) for d in found]
+    assert load[0] < load[1] < load[2]
+    assert setpoint[0] > setpoint[1] > setpoint[2]
+    assert load[0] == pytest.approx(_problem(plant).cost(optimum(_problem(plant))), rel=1e-4)
+
+
+def test_units_of_time_and_gain_only_scale_the_answer():
+    # s → 60·s and °C → 7·°C: K goes with 1/gain, the times with the time, ∫|e| dt with both
+    one, other = optimum(_problem(_heater(0.4, 2.0), "pid")), optimum(_problem(_heater(24.0, 120.0, 7.0), "pid"))
+    assert other.gain_pct_per_degC * 7.0 == pytest.approx(one.gain_pct_per_degC, rel=1e-6)
+    assert other.integral_time_s / 60.0 == pytest.approx(one.integral_time_s, rel=1e-6)
+    assert other.derivative_time_s / 60.0 == pytest.approx(one.derivative_time_s, rel=1e-6)
+
+
+def test_the_limit_holds_on_every_model_and_one_decides():
+    plants = (_heater(0.2), _heater(0.5, lag=1.5, gain=1.3))
+    for structure in ("p", "pi", "pid"):
+        design = optimum(ContinuousProblem(plants=plants, structure=structure, specs=Specs(ms=1.5)))
+        if structure != "p":
+            found = [_dense_peaks(plant, design)[0] for plant in plants]
+            assert max(found) == pytest.approx(1.5, rel=1e-3)
+        assert margins(plants, design)[0].ms == pytest.approx(1.5, rel=1e-3)
+
+
+def test_the_global_check_refutes_a_local_answer_and_agrees_with_the_global_one():
+    problem = _problem(_heater(0.05), "pid")
+    trapped = _design(0.29820539, 0.13042, 0.02029)  # the lower root of the trap
+    refuted = global_check(problem, trapped)
+    assert refuted is not None
+    assert refuted[0] < 0.03 * problem.cost(trapped)
+    design, told = unrivalled(problem)
+    assert global_check(problem, design) is None
+    assert "global" in told
+
+
+# ---- what cannot be -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("specs", "error", "told"), [
+    ({"ms": 1.0}, OutOfRange, "ms = 1.0 is out of range: must be > 1"),
+    ({"ms": math.nan}, OutOfRange, "ms"),
+    ({"mt": 0.9}, OutOfRange, "mt = 0.9 .*integral action"),
+    ({"mks": 1.9}, OutOfRange, "mks = 1.9 .*>= 2 %/°C"),
+    ({"objective": "speed"}, UnknownName, "known: load"),
+    ({"objective": "ki", "weight": 0.5}, InputError, "weight goes with the objective load"),
+    ({"weight": 1.5}, OutOfRange, "weight"),
+    ({"objective": "ise"}, InputError, "sampled"),
+])
+def test_specs_that_contradict_themselves_are_told(specs, error, told):
+    with pytest.raises(error, match=told):
+        _problem(_heater(1.0, gain=0.5), **specs)
+
+
+def test_a_heater_without_dead_time_has_no_best_gain_unless_noise_limits_it():
+    with pytest.raises(InputError, match="dead time"):
+        _problem(_heater(0.0))
+    design = optimum(_problem(_heater(0.0), mks=5.0))
+    assert _dense_peaks(_heater(0.0), design)[2] == pytest.approx(5.0, rel=1e-3)
+
+
+def test_a_limit_that_leaves_no_gain_is_told():
+    # 1 − 1/Ms² is 0 in double precision; a slow enough controller keeps every limit that is really above 1
+    with pytest.raises(InputError, match=r"no PI controller keeps Ms <= 1 on all 1 models; loosen --ms"):
+        optimum(_problem(_heater(0.5), ms=1.0 + 1e-16 * 2.3))
+    assert optimum(_problem(_heater(0.5), ms=1.0001, mt=1.0, mks=1.0)).gain_pct_per_degC > 0.0
+
+
+def _random_heater(rng):
+    lag = float(np.exp(rng.uniform(math.log(1.0), math.log(3000.0))))
+    dead = lag * float(np.exp(rng.uniform(math.log(0.01), math.log(10.0))))
+    gain = float(np.exp(rng.uniform(math.log(0.05), math.log(20.0))))
+    if rng.random() < 0.5:
+        return _heater(dead, lag, gain)
+    return TwoLag(gain_degC_per_pct=gain, time_constant_s=lag, second_time_constant_s=lag * rng.uniform(0.02, 1.0),
+                  dead_time_s=dead)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(4))
+def test_every_random_heater_ends_with_a_feasible_design_or_a_sentence(seed):
+    rng = np.random.default_rng(seed)
+    designs = 0
+    for _ in range(50):
+        plant = _random_heater(rng)
+        structure = rng.choice(["p", "pi", "pid"])
+        objective = rng.choice(["load", "setpoint", "itae", "ki"])
+        ms, mt = rng.uniform(1.05, 2.5), rng.choice([math.inf, rng.uniform(1.0, 1.6)])
+        mks = rng.choice([math.inf, rng.uniform(0.5, 40.0) / plant.gain_degC_per_pct])
+        if structure != "p" and mks * plant.gain_degC_per_pct < 1.0:
+            with pytest.raises(OutOfRange, match="mks"):
+                _problem(plant, structure, mks=mks)
+            continue
+        design = optimum(_problem(plant, structure, objective=objective, ms=ms, mt=mt, mks=mks))
+        designs += 1
+        found, noise = margins((plant,), design)
+        assert found.ms <= ms * 1.001
+        assert found.mt <= mt * 1.001
+        assert noise <= mks * 1.001
+    assert designs > 35
