@@ -20,6 +20,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("pid", metavar="PID", help="pid.json as written by tune")
     command.add_argument("-o", "--out", required=True, metavar="DIR", help="directory for the files")
+    common.add_words_option(command)
     command.add_argument("--force", action="store_true", help="export in spite of a verdict of FAIL; the files say so")
     common.add_proof_options(command)
     common.add_model_options(command)
@@ -33,10 +34,10 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.documents import to_json, write_files  # noqa: PLC0415
     from heatertune.report.text import words_table  # noqa: PLC0415
 
-    words, fitted = common.words_and_model(settings)
+    words, search, fitted = common.words_and_model(settings)
     proof = chain.prove(words, fitted, **common.proving(settings))
     files = chain.export(words, proof, force=settings.force)
-    document = words_document(words, proof, files)
+    document = words_document(words, proof, files, search)
     documents = {"words.json": to_json(document), "proof.json": to_json(proof.to_document())}
     written = write_files(settings.out, {**files, **documents})
     names = "\n".join(str(path) for path in written)

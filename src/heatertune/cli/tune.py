@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from heatertune.cli import common
+from heatertune.errors import InputError
 
 __all__ = ["add_to"]
 
@@ -29,11 +30,16 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.chain.words import tune_for_words  # noqa: PLC0415
     from heatertune.pid.document import to_document  # noqa: PLC0415
     from heatertune.report.text import design_lines  # noqa: PLC0415
 
     fitted = common.model_from(settings, settings.model)
-    design = chain.tune(fitted, target=settings.target, progress=common.Progress(settings), **common.tuning(settings))
+    by_words = common.interval_by_words(settings)
+    if by_words and settings.target is None:
+        raise InputError("--sample-time words needs --target: the words are its own")
+    find = tune_for_words if by_words else chain.tune
+    design = find(fitted, target=settings.target, progress=common.Progress(settings), **common.tuning(settings))
     document = to_document(design, fitted)
     common.save(settings.out, document)
     common.output(settings, document, lambda: design_lines(document))

@@ -33,6 +33,7 @@ Complex = npt.NDArray[np.complex128]
 
 _FREQUENCIES = 400
 _PER_DELAY = 12  # frequencies per sample of dead time, whose phase has to be followed
+_BESIDE = 2e-4  # relative; the margins' own frequencies lie beside these, so their Ms may be smaller by so much
 _HORIZON = 10.0  # times the slowest part of the loop
 _MOST_SAMPLES = 20_000
 
@@ -126,7 +127,8 @@ class LoopBounds:
         least = self.sample_time_s / float(high[1])
         if least >= enough:
             return least
-        found = [int(_distances(heater.parts, corners, 1.0 / self.ms)) for heater in self.heaters]
+        least_distance = (1.0 - _BESIDE) / self.ms
+        found = [int(_distances(heater.parts, corners, least_distance)) for heater in self.heaters]
         if 1 in found:
             return math.inf
         middle, half = (low + high) / 2.0, (high - low) / 2.0

@@ -31,8 +31,8 @@ Array = npt.NDArray[np.float64]
 Vector = tuple[int, ...]
 _Box = tuple[tuple[int, int], ...]
 
-_EQUAL = 1e-6  # relative; costs closer than this are one cost
-_MOST_BOXES = 20_000
+_EQUAL = 1e-5  # relative; costs closer than this are one cost
+_MOST_BOXES = 8_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,11 +72,9 @@ class Integers:
     def _form(self) -> tuple[list[int], Array, Array]:
         """The words that vary, the two values each was tried at, and the gains at the corners, shape (2, …, 2, 3)."""
         varied = [i for i, (low, high) in enumerate(self.ranges) if low < high]
-        pairs = []
-        for i in varied:
-            value, (_, high) = self.start[i], self.ranges[i]
-            # far apart, so that differences keep their digits
-            pairs.append((value, 2 * value if 2 * value <= high else value // 2))
+        # far apart, so that differences keep their digits
+        pairs = [(self.start[i], self.start[i] * 2 if self.start[i] * 2 <= self.ranges[i][1] else self.start[i] // 2)
+                 for i in varied]
         corners = np.array([_gains(self._decoded(self._with(varied, tried))) for tried in product(*pairs)])
         return varied, np.array(pairs, dtype=np.float64), corners.reshape(*[2] * len(varied), 3)
 
@@ -125,7 +123,7 @@ class Found:
 
     @property
     def proven(self) -> bool:
-        """Whether no words are better by more than a millionth."""
+        """Whether no words are better by more than two hundred-thousandths."""
         return self.least >= self.cost * (1.0 - 2.0 * _EQUAL)
 
 

@@ -113,7 +113,8 @@ def _words(documents: Documents) -> str:
         f"{figure(scale['low_degC'])}…{figure(scale['high_degC'])} °C; call every "
         f"{figure(words['sample_time_s'])} s. The setpoint of the proof, {figure(words['setpoint_degC'])} °C, is "
         f"{words['setpoint_units']} units.</p>"
-        f"{table(['address', 'word', 'value', 'meaning', 'typed'], rows, numeric=(2,))}<ul>{files}</ul>"
+        f"{table(['address', 'word', 'value', 'meaning', 'typed'], rows, numeric=(2,))}"
+        f"{bullets((words.get('search') or {}).get('notes', ()))}<ul>{files}</ul>"
     )
 
 

@@ -80,10 +80,10 @@ def design_lines(design: Document) -> str:
 
 
 def words_table(words: Document) -> str:
-    """Return the words in the order in which they are typed in."""
+    """Return the words in the order in which they are typed in, and how they were found."""
     rows = [("address", "word", "value", "meaning")]
     rows += [(f["address"], f["name"], word(words["words"][f["name"]]), f["comment"]) for f in words["fields"]]
-    return table(rows, right=(2,))
+    return "\n".join([table(rows, right=(2,)), *(f"- {note}" for note in (words.get("search") or {}).get("notes", ()))])
 
 
 def criteria_table(proof: Document) -> str:
