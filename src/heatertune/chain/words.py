@@ -155,10 +155,15 @@ def _why_rounded(design: PidDesign, rounded: Words, way: str, wished: _Measured)
 
 
 def _search(rounded: Words, plants: tuple[HeaterModel, ...], ms: float) -> Found:
-    """Return the best whole numbers; parts that the rounded words leave out stay out."""
+    """Return the best whole numbers; parts that the rounded words leave out stay out.
+
+    The D part at most doubles: load disturbances alone would ask for ever more of it, and noise would pay.
+    """
     found, names = room(rounded.target), INTEGERS[rounded.target]
     start = tuple(rounded.whole[name] for name in names)
-    ranges = tuple((1, _largest(rounded, name)) if rounded.whole[name] else (0, 0) for name in names)
+    largest = [_largest(rounded, name) for name in names]
+    largest[2] = min(largest[2], max(2 * start[2], 2))
+    ranges = tuple((1, high) if value else (0, 0) for value, high in zip(start, largest, strict=True))
 
     def decode(values: Vector) -> PidDesign | None:
         try:
