@@ -218,6 +218,15 @@ def test_an_open_point_that_is_known_of_a_controller_is_not_varied(run, by_hand,
         assert (status, named in err) == (2, True)
 
 
+def test_one_of_several_runs_can_be_asked_for(run, tmp_path):
+    rows = [f"{10 * k},{20 + 0.5 * k % 7 + 0.1 * k},{50 * (k % 9 > 4)}" for k in range(40)]
+    log = tmp_path / "two.csv"
+    log.write_text("\n".join(["time_s,temp_C,duty_pct", *rows, *rows[:25]]) + "\n")
+    told = json.loads(run("fit", log, "--run", 2, "--json")[1] or "{}")
+    assert "run 3" in run("fit", log, "--run", 3)[2]
+    assert told["schema"] == "heatertune/model/1"
+
+
 def test_the_command_line_knows_the_interlocks():
     assert common.INTERLOCKS == INTERLOCKS
 

@@ -256,6 +256,21 @@ def test_the_feedback_on_i0_0_does_not_reach_the_reading():
     assert run(program, "INT0", ready.written({"IB0": 90, "I1.0": 1})).read("VW0") == 91
 
 
+@pytest.mark.parametrize("target", ["s7-200", "s7-200-pid"])
+def test_a_width_may_apply_one_cycle_later(target):
+    which = room(target)
+    words = which.encode(_design(), Scaling())
+    widths = []
+    for setting in ("this_cycle", "next_cycle"):
+        state, found = which.start(words, {"width_applies": setting, "first_call": "setpoint_kept"}), []
+        for degrees in (40.0, 40.5, 41.5, 43.0):
+            state, scan = which.step(words, state, which.measure(words, 60.0), which.measure(words, degrees), {})
+            found.append(scan.output)
+        widths.append(found)
+    assert widths[1] == [0, *widths[0][:-1]]
+    assert len(set(widths[0])) == 4
+
+
 # the repaired program's words
 
 
@@ -312,6 +327,7 @@ def test_the_exports_are_the_texts_that_ran():
     assert "\tMOVW\t+7000, SMW68\r\n" in text
     faithful = PAPER.export(paper_words(gain=60), Certificate(verdict="FAIL", forced=True))["s7_200_paper.awl"]
     assert "16#CB" not in faithful
+    assert "\tDTCH\t0\r\n" in faithful  # network 12: the event is detached
     assert faithful.count("// fault: ") == 4
     assert "FORCED" in faithful
     plain = printed_program(paper_words(gain=60)).splitlines()

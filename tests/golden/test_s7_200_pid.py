@@ -108,6 +108,16 @@ def test_real_instructions_round_halves_away_and_flag_what_is_no_number():
     assert struct.pack(">i", after.read("VD8")) == struct.pack(">f", 7.0)
 
 
+def test_the_bias_begins_where_the_output_was():
+    # first power flow: setpoint := process variable, PV_before := process variable, MX := M
+    values = {0: 0.5, 4: 0.9, 8: 0.4, 12: 2.0, 16: 1.0, 20: 1.0, 24: 1.0, 28: 0.0, 32: 0.0}
+    moves = "".join(f"\tMOVR\t{value}, VD{100 + at}\n" for at, value in values.items())
+    text = f"ORGANIZATION_BLOCK MAIN:OB1\nBEGIN\nNetwork 1\n\tLD\tSM0.0\n{moves}\tPID\tVB100, 3\nEND_ORGANIZATION_BLOCK\n"
+    after = run(assemble(text), "OB1", COLD)
+    found = [struct.unpack(">f", after.read(name).to_bytes(4, "big"))[0] for name in ("VD108", "VD128", "VD132")]
+    assert found == pytest.approx([0.4, 0.4, 0.5])
+
+
 def test_the_loop_table_has_the_manuals_offsets_and_comes_back():
     words = ROOM.encode(_design(gain=2.5, tn=240.0, tv=30.0, ta=2.0), Scaling(low_degC=0.0, high_degC=200.0))
     short, long = to_image(words), to_image(words, extended=True)

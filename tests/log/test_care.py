@@ -44,12 +44,20 @@ def test_what_is_no_reading_of_the_heater_is_left_out_by_line_and_value(tmp_path
     clean = _read(tmp_path, rows)
     for k, cell in enumerate(cells):
         rows[40 + k][1] = cell
-    log = _read(tmp_path, rows)
+    log = _read(tmp_path, rows, skip_empty="without" in told)
     assert told in _told(log)
     kept = np.r_[0:40, 40 + len(cells):120]
     assert log.time_s.tolist() == clean.time_s[kept].tolist()
     assert log.temperature_degC.tolist() == clean.temperature_degC[kept].tolist()
     assert len(log.power_pct) == 120 - len(cells)
+
+
+def test_rows_without_a_reading_are_refused_unless_they_may_be_left_out(tmp_path):
+    for cell in ("", "nan"):
+        rows = _rows()
+        rows[40][1] = cell
+        with pytest.raises(LogError, match=r"line 42, column temp_C.*--skip-empty"):
+            _read(tmp_path, rows)
 
 
 def test_four_readings_apart_are_no_spike_but_what_the_heater_did(tmp_path):

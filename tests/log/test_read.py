@@ -122,6 +122,7 @@ BAD = {
     "empty": ("", {}, ["empty"]),
     "header only": ("time_s,temp_C\n", {}, ["no readings"]),
     "text for a number": (_table("time_s,temp_C,duty_pct").replace("21,", "warm,", 1), {}, ["line 6", "temp_C", "'warm'"]),
+    "not a number": (_table("time_s,temp_C,duty_pct").replace("21,", "nan,", 1), {}, ["line 6", "temp_C", "finite"]),
     "infinite": (_table("time_s,temp_C,duty_pct").replace("21,", "inf,", 1), {}, ["line 6", "temp_C", "finite"]),
     "no number for the power": (_table("time_s,temp_C,duty_pct").replace(",40\n", ",nan\n", 1), {}, ["line 3", "duty_pct", "finite"]),
     "empty cell": (_table("time_s,temp_C,duty_pct").replace(",40\n", ",\n", 1), {}, ["line 3", "duty_pct", "empty cell"]),

@@ -67,7 +67,9 @@ def add_reading_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--power-full-scale", type=float, metavar="X", help="reading at full power: 1, 100, 255 …")
     group.add_argument("--time-unit", choices=("s", "ms", "min", "h"), help="unit of the time")
     group.add_argument("--log-interval", type=float, metavar="S", help="interval of a log without time column [s]")
-    group.add_argument("--run", type=int, metavar="N", help="which of several runs in one file (default: the longest)")
+    group.add_argument("--run", type=int, dest="which_run", metavar="N",
+                       help="which of several runs in one file (default: the longest)")
+    group.add_argument("--skip-empty", action="store_true", help="leave out rows without a temperature (empty, NaN)")
     group.add_argument("--errata", action="store_true", help="apply the known misprints of a built-in table")
     group.add_argument("--until", type=float, metavar="S", help="last instant to use [s]; default: up to a disturbance")
 
@@ -166,9 +168,10 @@ def add_condition_options(command: argparse.ArgumentParser) -> None:
 def reading(settings: argparse.Namespace) -> dict[str, Any]:
     """Return the options of `read_log`."""
     names = ("time_column", "temperature_column", "power_column", "setpoint_column", "temperature_unit",
-             "power_full_scale", "time_unit", "run")
-    found = _given(settings, *names) | ({"errata": True} if settings.errata else {})
-    return found | ({"sample_time_s": settings.log_interval} if settings.log_interval is not None else {})
+             "power_full_scale", "time_unit")
+    found = _given(settings, *names) | {name: True for name in ("errata", "skip_empty") if getattr(settings, name)}
+    others = {"sample_time_s": settings.log_interval, "run": settings.which_run}
+    return found | {name: value for name, value in others.items() if value is not None}
 
 
 def fitting(settings: argparse.Namespace) -> dict[str, Any]:

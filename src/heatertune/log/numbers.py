@@ -37,7 +37,9 @@ def numbers(
         raise refused(sheet, columns, role, row, "no number:" if cells[row] else "an empty cell", expected) from None
     unusable = np.flatnonzero(~(np.abs(values) < _BEYOND) & ~(np.isnan(values) if holes else False))
     if len(unusable):
-        raise refused(sheet, columns, role, int(unusable[0]), "no reading:", f"a finite number below {_BEYOND:g}")
+        row = int(unusable[0])
+        finite = expected.replace("a number", f"a finite number below {_BEYOND:g}", 1)
+        raise refused(sheet, columns, role, row, "no reading:", finite)
     return values
 
 

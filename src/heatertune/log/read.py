@@ -40,6 +40,7 @@ def read_log(
     time_unit: str | None = None,
     sample_time_s: float | None = None,
     run: int | None = None,
+    skip_empty: bool = False,
     errata: bool = False,
 ) -> Log:
     """Read a temperature log.
@@ -59,6 +60,7 @@ def read_log(
         time_unit: "s", "ms", "min" or "h".
         sample_time_s: interval of a log without a time column [s].
         run: which of several runs in one file, 1 = first; by default the longest.
+        skip_empty: whether rows without a temperature (empty, NaN) are left out instead of refused.
         errata: whether the known misprints of a built-in table are corrected.
 
     Raises:
@@ -83,7 +85,7 @@ def read_log(
                            counted=sample_time_s is not None)
     repairs += columns.told
     sheet, time = one_run(sheet, seconds(sheet, columns, time_unit, sample_time_s, repairs), run, repairs)
-    raw = numbers(sheet, columns, "temperature", holes=True)
+    raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves such rows out)", holes=skip_empty)
     kept = kept_rows(sheet, columns, time, repairs) & ~no_readings(sheet, columns, raw, repairs)
     unit = _temperature_unit(sheet, columns, temperature_unit, raw[kept], repairs, doubts)
     found = {

@@ -12,6 +12,7 @@ import numpy as np
 from heatertune.documents import number, optional_number, read_document
 from heatertune.errors import DocumentError
 from heatertune.model.fit import model_by_hand
+from heatertune.model.reduction import matched
 from heatertune.model.values import (
     Candidate,
     FittedModel,
@@ -97,6 +98,8 @@ def _candidate_document(candidate: Candidate) -> dict[str, Any]:
     document: dict[str, Any] = {name: getattr(plant, name) for name in _FIELDS}
     if isinstance(plant, TwoLag):
         document["second_time_constant_s"] = plant.second_time_constant_s
+        for name, reduced in (("half_rule", plant.half_rule()), ("matched", matched(plant))):
+            document[name] = {field: getattr(reduced, field) for field in ("time_constant_s", "dead_time_s")}
     return document | {
         "log": candidate.log,
         "window_s": candidate.window_s,

@@ -67,14 +67,20 @@ def _candidates(model: Document) -> str:
         second = c.get("second_time_constant_s")
         lags = figure(c["time_constant_s"]) + (f" + {figure(second)}" if second else "")
         rows.append([c["log"], c["law"], figure(c["gain_degC_per_pct"]), lags, figure(c["dead_time_s"]),
-                     figure(c["ambient_degC"]), figure(c["fit_pct"]), figure(c["delta_bic"], 3)])
+                     figure(c["ambient_degC"]), figure(c["fit_pct"]), figure(c["delta_bic"], 3),
+                     *(_reduced(c.get(name)) for name in ("half_rule", "matched"))])
     if not rows:
         return ""
-    heads = ["log", "law inside the fit", "gain °C/%", "lags s", "dead time s", "ambient °C", "fit %", "ΔBIC"]
+    heads = ["log", "law inside the fit", "gain °C/%", "lags s", "dead time s", "ambient °C", "fit %", "ΔBIC",
+             "as one lag, half rule", "matched at the crossover"]
     return (
         "<h3>Models that explain the data nearly as well</h3><p>One of them may destabilise a design made for another, "
         f"so design and proof run on all of them.</p>{table(heads, rows, numeric=range(2, 8))}"
     )
+
+
+def _reduced(found: Document | None) -> str:
+    return "" if found is None else f"{figure(found['time_constant_s'], 3)} s, {figure(found['dead_time_s'], 3)} s"
 
 
 def _design(documents: Documents) -> str:

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from heatertune.errors import UnknownName
 from heatertune.pid.values import PidDesign
-from heatertune.plc.room import Certificate, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.room import Certificate, Scaling, Scan, Switch, Timing, WordField, Words, settings_of
 from heatertune.plc.s5_ob251.export import export_words
 from heatertune.plc.s5_ob251.image import from_image, oddities
 from heatertune.plc.s5_ob251.recursion import COLD, Assumptions, Parameters, State, call
@@ -126,10 +125,7 @@ class Ob251:
 
 
 def _assumptions(switches: Mapping[str, str]) -> Assumptions:
-    chosen = {switch.name: switches.get(switch.name, switch.default) for switch in _SWITCHES}
-    for switch in _SWITCHES:
-        if chosen[switch.name] not in switch.settings:
-            raise UnknownName(f"setting of switch {switch.name}", chosen[switch.name], switch.settings)
+    chosen = settings_of(_SWITCHES, switches)
     return Assumptions(*(chosen[switch.name] != switch.default for switch in _SWITCHES))
 
 

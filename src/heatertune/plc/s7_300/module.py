@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from heatertune.errors import UnknownName
-from heatertune.plc.room import Switch, Words
+from heatertune.plc.room import Switch, Words, settings_of
 
 __all__ = ["FULL_SCALE", "chosen", "counts"]
 
@@ -16,11 +15,8 @@ FULL_SCALE: Final = 27648
 
 def chosen(switches: Sequence[Switch], given: Mapping[str, str]) -> list[bool]:
     """Return for each switch whether it differs from its default; raise UnknownName for an unknown setting."""
-    for switch in switches:
-        setting = given.get(switch.name, switch.default)
-        if setting not in switch.settings:
-            raise UnknownName(f"setting of switch {switch.name}", setting, switch.settings)
-    return [given.get(switch.name, switch.default) != switch.default for switch in switches]
+    settings = settings_of(switches, given)
+    return [settings[switch.name] != switch.default for switch in switches]
 
 
 def counts(words: Words, temperature_degC: float) -> int:

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from heatertune.errors import UnknownName
 from heatertune.pid.values import PidDesign
-from heatertune.plc.room import Certificate, Number, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.room import Certificate, Number, Scaling, Scan, Switch, Timing, WordField, Words, settings_of
 from heatertune.plc.single import single
 from heatertune.plc.weg.block import COLD, Assumptions, Block, Inputs, State, block_of, call
 from heatertune.plc.weg.export import export_words
@@ -132,10 +131,7 @@ def _told(state: _Running, after: State) -> tuple[_Running, Scan]:
 
 
 def _assumptions(switches: Mapping[str, str]) -> Assumptions:
-    chosen = {switch.name: switches.get(switch.name, switch.default) for switch in _SWITCHES}
-    for switch in _SWITCHES:
-        if chosen[switch.name] not in switch.settings:
-            raise UnknownName(f"setting of switch {switch.name}", chosen[switch.name], switch.settings)
+    chosen = settings_of(_SWITCHES, switches)
     others = (chosen[switch.name] != switch.default for switch in _SWITCHES[1:])
     return Assumptions(chosen["anti_windup"], *others)
 

@@ -78,7 +78,6 @@ class Cpu:
         state: the rest.
         program: block name → instructions.
         wrap: whether an overflowing sum writes its wrapped result.
-        cycle_loads: whether PLS loads the cycle time even without its update bit.
         bumpless: whether the first call of a PID loop sets its setpoint to the process variable.
         top: top of the logic stack; instructions other than loads are carried out where it is 1.
         returned: whether the block has come to a return.
@@ -88,7 +87,6 @@ class Cpu:
     state: State
     program: Program
     wrap: bool
-    cycle_loads: bool
     bumpless: bool
     top: bool = True
     returned: bool = False
@@ -129,7 +127,7 @@ class Cpu:
             return
         cycle, width = self.get(_CYCLE) & 0xFFFF, self.get(_WIDTH) & 0xFFFF
         self.state = self.state._replace(
-            cycle=cycle if control & 1 or self.cycle_loads else self.state.cycle,
+            cycle=cycle if control & 1 else self.state.cycle,
             width=width if control & 2 else self.state.width, pulsed=True,
         )
 
@@ -139,10 +137,10 @@ Program = Mapping[str, Sequence[Action]]
 
 
 def run(
-    program: Program, block: str, state: State, *, wrap: bool = False, cycle_loads: bool = False, bumpless: bool = True,
+    program: Program, block: str, state: State, *, wrap: bool = False, bumpless: bool = True,
 ) -> State:
     """Return the state after one pass through a block; OB1 once is one scan. Open points: see `Cpu`."""
     fresh = state._replace(pulsed=False, overflow=False, zero_division=False)
-    cpu = Cpu(bytearray(state.memory), fresh, program, wrap, cycle_loads, bumpless)
+    cpu = Cpu(bytearray(state.memory), fresh, program, wrap, bumpless)
     cpu.call(block)
     return cpu.state._replace(memory=bytes(cpu.memory))

@@ -95,10 +95,10 @@ class PaperProgram:
         cpu, overflow, attached = state.cpu.written(inputs_of(setpoint, reading)), False, dict(state.cpu.attached)
         if memory.rises(c, cycle_start) and cpu.enabled and 0 in attached:
             before = cpu.width
-            cpu = run(state.program, attached[0], cpu, wrap=c.wrap, cycle_loads=c.loads_cycle)
+            cpu = run(state.program, attached[0], cpu, wrap=c.wrap)
             overflow = cpu.overflow
             memory = memory._replace(applied=before if c.next_cycle else cpu.width)
-        cpu = run(state.program, "OB1", cpu, wrap=c.wrap, cycle_loads=c.loads_cycle).written({"SM0.1": 0})
+        cpu = run(state.program, "OB1", cpu, wrap=c.wrap).written({"SM0.1": 0})
         flags = {"SM1.1": overflow or cpu.overflow, "SM1.3": cpu.zero_division}
         found = Scan(power_pct=memory.power_pct(c), output=memory.applied, flags=flags)
         return state._replace(cpu=cpu, memory=memory), found
