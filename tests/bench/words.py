@@ -38,7 +38,7 @@ def best_near(words, plant, ms):
     best = np.inf
     for dk, dt in itertools.product(range(-25, 26), range(-3, 4)):
         values = dict(words.values) | {"K": words.values["K"] + dk, "TI": words.values["TI"] + dt}
-        if min(values["K"], values["TI"]) < 1:
+        if min(values["K"], values["TI"]) < 1 or values["K"] > 32767:
             continue
         design = room(TARGET).decode(
             Words(target=TARGET, values=values, scaling=words.scaling, sample_time_s=words.sample_time_s))

@@ -8,6 +8,7 @@ from typing import Any
 
 from heatertune.chain.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.chain.documents import log_document, pictures, read_documents, words_document
+from heatertune.chain.refine import refine
 from heatertune.chain.stages import Told, export, fit, prove, tune
 from heatertune.chain.words import choose_words, tune_for_words
 from heatertune.documents import plain, to_json, write_files
@@ -27,7 +28,7 @@ def design(
     source: str | Path, *, target: str, out: str | Path, reading: Mapping[str, Any] | None = None,
     fitting: Mapping[str, Any] | None = None, tuning: Mapping[str, Any] | None = None,
     proving: Mapping[str, Any] | None = None, scaling: Scaling | None = None, force: bool = False, progress: Told = str,
-    words_by: str = "auto", interval_by_words: bool = False,
+    words_by: str = "auto", interval_by_words: bool = False, refined: bool = False,
 ) -> dict[str, dict[str, Any]]:
     """Run the whole chain, write every stage's document, the export files and the report; return the documents.
 
@@ -46,6 +47,7 @@ def design(
         progress: told what begins.
         words_by: how the words are found, see `choose_words`.
         interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
+        refined: whether the gains are refined in the loop of the proof, see `refine`.
 
     Raises:
         HeatertuneError: as the stages; nothing is written then.
@@ -59,6 +61,8 @@ def design(
         else tune(fitted, target=target, progress=progress, **asked)
     )
     choice = choose_words(wished, target, fitted, scaling=scaling, way=words_by, progress=progress)
+    if refined:
+        choice = refine(choice, fitted, proving=proving, progress=progress)
     words = choice.words
     progress(f"proving the words on {len(fitted.plants)} models")
     proof = prove(words, fitted, **(proving or {}))

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options", "add_output_options",
-    "add_proof_options", "add_reading_options", "add_switch_option", "add_tuning_options", "add_words_option",
-    "design_and_model", "fitting", "interval_by_words", "model_from", "output", "proving",
-    "reading", "save", "scaling", "switches", "target", "tuning", "words_and_model",
+    "add_proof_options", "add_reading_options", "add_refine_option", "add_switch_option", "add_tuning_options",
+    "add_words_option", "design_and_model", "fitting", "interval_by_words", "model_from", "output", "proving", "reading",
+    "save", "scaling", "switches", "target", "tuning", "words_and_model",
 ]
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
@@ -109,6 +109,12 @@ def add_words_option(command: argparse.ArgumentParser) -> None:
     command.add_argument("--words", choices=("auto", "optimum", "rounded"), default="auto",
                          help="the best whole numbers the controller can hold, or each rounded on its own (default: "
                               "optimum for a design that is an optimum itself, else rounded)")
+
+
+def add_refine_option(command: argparse.ArgumentParser) -> None:
+    """Add --refine."""
+    command.add_argument("--refine", action="store_true",
+                         help="change K and TN where the loop of the proof (limits, anti-windup, PWM) gains by it")
 
 
 def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = None) -> None:
