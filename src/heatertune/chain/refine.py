@@ -12,7 +12,7 @@ from itertools import product
 from typing import Any, Final
 
 from heatertune.chain.stages import Told, encode, prove
-from heatertune.chain.words import Choice
+from heatertune.chain.words import Choice, realised_as
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.robustness import margins
@@ -93,7 +93,8 @@ def refine(
         f"TN by {_factor(best, first, 'time')}; the worst IAE of the scenario goes from {first.cost:.4g} "
         f"to {best.cost:.4g} °C·s{kept}."
     )
-    return _told(replace(choice, words=best.words), told, way="refined")
+    real = realised_as(best.words, fitted, choice.search["iae_load_wished"])
+    return _told(replace(choice, words=best.words), told, way="refined", **real)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

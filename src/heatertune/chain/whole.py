@@ -8,6 +8,7 @@ from typing import Any
 
 from heatertune.chain.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.chain.documents import log_document, pictures, read_documents, words_document
+from heatertune.chain.pwm import with_pwm
 from heatertune.chain.refine import refine
 from heatertune.chain.stages import Told, export, fit, prove, tune
 from heatertune.chain.words import choose_words, tune_for_words
@@ -29,6 +30,7 @@ def design(
     fitting: Mapping[str, Any] | None = None, tuning: Mapping[str, Any] | None = None,
     proving: Mapping[str, Any] | None = None, scaling: Scaling | None = None, force: bool = False, progress: Told = str,
     words_by: str = "auto", interval_by_words: bool = False, refined: bool = False,
+    switch_kind: str | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Run the whole chain, write every stage's document, the export files and the report; return the documents.
 
@@ -47,6 +49,7 @@ def design(
         progress: told what begins.
         words_by: how the words are found, see `choose_words`.
         interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
+        switch_kind: "relay" or "ssr": the PWM period is proposed for it, see `with_pwm`; a given actuator stays.
         refined: whether the gains are refined in the loop of the proof, see `refine`.
 
     Raises:
@@ -61,11 +64,16 @@ def design(
         else tune(fitted, target=target, progress=progress, **asked)
     )
     choice = choose_words(wished, target, fitted, scaling=scaling, way=words_by, progress=progress)
+    conditions = dict(proving or {})
+    if switch_kind is not None:
+        shared = {name: conditions[name] for name in ("setpoint_degC", "tolerance_degC") if name in conditions}
+        wished, actuator = with_pwm(wished, fitted, switch_kind, words=choice.words, **shared)
+        conditions = {"actuator": actuator} | conditions
     if refined:
-        choice = refine(choice, fitted, proving=proving, progress=progress)
+        choice = refine(choice, fitted, proving=conditions, progress=progress)
     words = choice.words
     progress(f"proving the words on {len(fitted.plants)} models")
-    proof = prove(words, fitted, **(proving or {}))
+    proof = prove(words, fitted, **conditions)
     files = export(words, proof, force=force) if force or proof.verdict == "PASS" else {}
     progress("comparing with other designs, drawing the report")
     documents = dossier(log, fitted, wished, proof, files, search=choice.search)

@@ -17,10 +17,11 @@ from heatertune.pid.integers import Found, Integers, Vector, best_integers
 from heatertune.pid.response import iae_load
 from heatertune.pid.robustness import margins
 from heatertune.pid.tune import Timer
+from heatertune.pid.uncertain import draw_heaters, ms_over
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Room, Scaling, Words, room
 
-__all__ = ["WAYS", "Choice", "choose_words", "tune_for_words"]
+__all__ = ["WAYS", "Choice", "choose_words", "realised_as", "tune_for_words"]
 
 #: how words are found; auto: the optimum for a design that is an optimum itself, else what was asked for is kept
 WAYS: Final = ("auto", "optimum", "rounded")
@@ -209,8 +210,8 @@ def _chosen(rounded: Words, found: Found, fitted: FittedModel, design: PidDesign
         *_told_about_coarse(words, design),
     ]
     return Choice(words=words, search={
-        "way": "optimum", "iae_load": best.iae_load, "ms": best.ms, "ms_limit": wished.ms,
-        "iae_load_wished": wished.iae_load, "gap_pct": gap, "proven": found.proven, "left_open_pct": left,
+        "way": "optimum", **realised_as(words, fitted, wished.iae_load), "ms_limit": wished.ms,
+        "iae_load_wished": wished.iae_load, "proven": found.proven, "left_open_pct": left,
         "rounded": {"words": {name: rounded.values[name] for name in INTEGERS[words.target]},
                     "iae_load": _finite(plain.iae_load), "ms": _finite(plain.ms), "gap_pct": gap_rounded},
         "notes": notes,
@@ -229,10 +230,29 @@ def _plainly(rounded: Words, fitted: FittedModel, wished: _Measured, why: str) -
         assert design is not None
         notes += _told_about_coarse(rounded, design)
     return {
-        "way": "rounded", "iae_load": None if plain is None else _finite(plain.iae_load),
-        "ms": None if plain is None else _finite(plain.ms), "ms_limit": _finite(wished.ms),
-        "iae_load_wished": _finite(wished.iae_load), "gap_pct": gap, "notes": notes,
+        "way": "rounded", **realised_as(rounded, fitted, wished.iae_load), "ms_limit": _finite(wished.ms),
+        "iae_load_wished": _finite(wished.iae_load), "notes": notes,
     }
+
+
+def realised_as(words: Words, fitted: FittedModel, wished_iae: float | None) -> dict[str, Any]:
+    """Return what words are on the heaters: mean load IAE, gap to the wished one, Ms, and Ms over drawn heaters.
+
+    Numbers that are not finite, and all of them for a controller that is no PID, are None.
+    """
+    design = room(words.target).decode(words)
+    if design is None:
+        return {"iae_load": None, "gap_pct": None, "ms": None, "ms_drawn": None}
+    found = _measured(fitted.plants, design)
+    drawn = ms_over(draw_heaters(fitted), design)
+    told = None if drawn is None else {
+        "count": drawn.count, "median": _finite(drawn.median), "p95": _finite(drawn.p95), "worst": _finite(drawn.worst),
+        "unstable": drawn.unstable,
+        "told": f"On {drawn.count} heaters drawn from the fit's intervals Ms is {drawn.median:.3g} in the middle, "
+                f"up to {drawn.p95:.3g} on 95 % of them, {drawn.worst:.3g} at worst; unstable on {drawn.unstable}.",
+    }
+    gap = None if wished_iae is None else _gap(found, _Measured(iae_load=wished_iae, ms=1.0))
+    return {"iae_load": _finite(found.iae_load), "gap_pct": gap, "ms": _finite(found.ms), "ms_drawn": told}
 
 
 def _told_about_coarse(words: Words, design: PidDesign) -> list[str]:

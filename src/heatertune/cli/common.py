@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options", "add_output_options",
-    "add_proof_options", "add_reading_options", "add_refine_option", "add_switch_option", "add_tuning_options",
-    "add_words_option", "design_and_model", "fitting", "interval_by_words", "model_from", "output", "proving", "reading",
-    "save", "scaling", "switches", "target", "tuning", "words_and_model",
+    "add_proof_options", "add_reading_options", "add_refine_option", "add_switch_kind_option", "add_switch_option",
+    "add_tuning_options", "add_words_option", "design_and_model", "fitting", "interval_by_words", "model_from",
+    "output", "proving", "reading", "save", "scaling", "switches", "target", "tuning", "words_and_model",
 ]
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
@@ -102,6 +102,12 @@ def add_tuning_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--ms", type=float, default=1.6, help="largest sensitivity Ms of the optimum (default: 1.6)")
     group.add_argument("--sample-time", default="auto", metavar="S",
                        help="sampling interval TA [s]; auto: TRdom/10 (default); words: near that, as suits the words")
+
+
+def add_switch_kind_option(command: argparse.ArgumentParser) -> None:
+    """Add --switch-kind."""
+    command.add_argument("--switch-kind", choices=("relay", "ssr"),
+                         help="what switches the heater: the PWM period is proposed, ripple against wear of contacts")
 
 
 def add_words_option(command: argparse.ArgumentParser) -> None:
