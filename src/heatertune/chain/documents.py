@@ -28,8 +28,10 @@ def log_document(log: Log) -> dict[str, Any]:
     return {"schema": "heatertune/log/1"} | {name: getattr(log, name) for name in names}
 
 
-def words_document(words: Words, proof: Proof, files: Mapping[str, str | bytes]) -> dict[str, Any]:
-    """Return the JSON document of words, in the order in which they are typed in."""
+def words_document(
+    words: Words, proof: Proof, files: Mapping[str, str | bytes], search: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return the JSON document of words, in the order in which they are typed in, and how they were found."""
     fields = room(words.target).fields
     return {
         "schema": WORDS_SCHEMA,
@@ -45,6 +47,7 @@ def words_document(words: Words, proof: Proof, files: Mapping[str, str | bytes])
         "files": sorted(files),
         "verdict": proof.verdict,
         "forced": bool(files) and proof.verdict == "FAIL",
+        "search": None if search is None else dict(search),
     }
 
 

@@ -8,7 +8,10 @@ from typing import Any
 
 from heatertune.chain.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.chain.documents import log_document, pictures, read_documents, words_document
-from heatertune.chain.stages import Told, encode, export, fit, prove, tune
+from heatertune.chain.pwm import with_pwm
+from heatertune.chain.refine import refine
+from heatertune.chain.stages import Told, export, fit, prove, tune
+from heatertune.chain.words import choose_words, tune_for_words
 from heatertune.documents import plain, to_json, write_files
 from heatertune.log import read_log
 from heatertune.log.values import Log
@@ -26,6 +29,8 @@ def design(
     source: str | Path, *, target: str, out: str | Path, reading: Mapping[str, Any] | None = None,
     fitting: Mapping[str, Any] | None = None, tuning: Mapping[str, Any] | None = None,
     proving: Mapping[str, Any] | None = None, scaling: Scaling | None = None, force: bool = False, progress: Told = str,
+    words_by: str = "auto", interval_by_words: bool = False, refined: bool = False,
+    switch_kind: str | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Run the whole chain, write every stage's document, the export files and the report; return the documents.
 
@@ -42,6 +47,10 @@ def design(
         scaling: sensor range.
         force: export in spite of FAIL.
         progress: told what begins.
+        words_by: how the words are found, see `choose_words`.
+        interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
+        switch_kind: "relay" or "ssr": the PWM period is proposed for it, see `with_pwm`; a given actuator stays.
+        refined: whether the gains are refined in the loop of the proof, see `refine`.
 
     Raises:
         HeatertuneError: as the stages; nothing is written then.
@@ -49,13 +58,25 @@ def design(
     room(target)  # an unknown target is refused before the long part
     log = read_log(source, **({"errata": True} | dict(reading or {})))
     fitted = fit(log, companions=True, progress=progress, **(fitting or {}))
-    wished = tune(fitted, target=target, progress=progress, **(tuning or {}))
-    words = encode(wished, target, scaling=scaling)
+    asked = dict(tuning or {})
+    wished = (
+        tune_for_words(fitted, target=target, scaling=scaling, progress=progress, **asked) if interval_by_words
+        else tune(fitted, target=target, progress=progress, **asked)
+    )
+    choice = choose_words(wished, target, fitted, scaling=scaling, way=words_by, progress=progress)
+    conditions = dict(proving or {})
+    if switch_kind is not None:
+        shared = {name: conditions[name] for name in ("setpoint_degC", "tolerance_degC") if name in conditions}
+        wished, actuator = with_pwm(wished, fitted, switch_kind, words=choice.words, **shared)
+        conditions = {"actuator": actuator} | conditions
+    if refined:
+        choice = refine(choice, fitted, proving=conditions, progress=progress)
+    words = choice.words
     progress(f"proving the words on {len(fitted.plants)} models")
-    proof = prove(words, fitted, **(proving or {}))
+    proof = prove(words, fitted, **conditions)
     files = export(words, proof, force=force) if force or proof.verdict == "PASS" else {}
     progress("comparing with other designs, drawing the report")
-    documents = dossier(log, fitted, wished, proof, files)
+    documents = dossier(log, fitted, wished, proof, files, search=choice.search)
     _write(documents, files, out)
     return documents
 
@@ -73,14 +94,15 @@ def write_report(
 
 
 def dossier(
-    log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes]
+    log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
+    search: Mapping[str, Any] | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Return the documents of all stages, as JSON holds them: a report drawn now is one drawn later from the files."""
     documents: dict[str, dict[str, Any]] = plain({
         "log": log_document(log),
         "model": model_document.to_document(fitted),
         "pid": pid_document.to_document(wished, fitted),
-        "words": words_document(proof.words, proof, files),
+        "words": words_document(proof.words, proof, files, search),
         "proof": proof.to_document(),
         "pictures": pictures(wished, fitted, proof),
         "comparison": {

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options",
-    "add_objective_options", "add_output_options", "add_proof_options", "add_reading_options", "add_switch_option",
-    "add_tuning_options", "design_and_model", "fitting", "model_from", "output", "proving", "reading", "sample_time",
-    "save", "scaling", "switches", "target", "tuning", "words_and_model",
+    "add_objective_options", "add_output_options", "add_proof_options", "add_reading_options", "add_refine_option",
+    "add_switch_kind_option", "add_switch_option", "add_tuning_options", "add_words_option", "design_and_model",
+    "fitting", "interval_by_words", "model_from", "output", "proving", "reading", "sample_time", "save", "scaling",
+    "switches", "target", "tuning", "words_and_model",
 ]
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
@@ -107,7 +108,8 @@ def add_tuning_options(command: argparse.ArgumentParser) -> None:
     add_objective_options(group)
     group.add_argument("--ms", type=float, default=1.6, help="largest sensitivity Ms of the optimum (default: 1.6)")
     group.add_argument("--sample-time", default="auto", metavar="S",
-                       help="sampling interval TA [s]; auto: TRdom/10 (default); 0: continuous")
+                       help="sampling interval TA [s]; auto: TRdom/10 (default); words: near that, as suits the "
+                            "words; 0: continuous")
 
 
 def add_objective_options(group: Any) -> None:
@@ -120,6 +122,25 @@ def add_objective_options(group: Any) -> None:
     group.add_argument("--mt", type=float, default=math.inf, help="largest Mt of the optimum (default: no limit)")
     group.add_argument("--mks", type=float, default=math.inf, metavar="%/°C",
                        help="largest noise gain Mks from reading to power [%%/°C] (default: no limit)")
+
+
+def add_switch_kind_option(command: argparse.ArgumentParser) -> None:
+    """Add --switch-kind."""
+    command.add_argument("--switch-kind", choices=("relay", "ssr"),
+                         help="what switches the heater: the PWM period is proposed, ripple against wear of contacts")
+
+
+def add_words_option(command: argparse.ArgumentParser) -> None:
+    """Add --words."""
+    command.add_argument("--words", choices=("auto", "optimum", "rounded"), default="auto",
+                         help="the best whole numbers the controller can hold, or each rounded on its own (default: "
+                              "optimum for a design that is an optimum itself, else rounded)")
+
+
+def add_refine_option(command: argparse.ArgumentParser) -> None:
+    """Add --refine."""
+    command.add_argument("--refine", action="store_true",
+                         help="change K and TN where the loop of the proof (limits, anti-windup, PWM) gains by it")
 
 
 def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = None) -> None:
@@ -210,13 +231,18 @@ def sample_time(settings: argparse.Namespace) -> float | None:
     """Return the sampling interval [s], None for auto.
 
     Raises:
-        InputError: it is neither a number nor auto.
+        InputError: it is neither a number nor auto nor words.
     """
     asked = settings.sample_time
     try:
-        return None if asked == "auto" else float(asked)
+        return None if asked in ("auto", "words") else float(asked)
     except ValueError as problem:
-        raise InputError(f"--sample-time is {asked!r}; expected seconds or auto") from problem
+        raise InputError(f"--sample-time is {asked!r}; expected seconds, auto or words") from problem
+
+
+def interval_by_words(settings: argparse.Namespace) -> bool:
+    """Return whether TA is to be found by the words."""
+    return bool(settings.sample_time == "words")
 
 
 def proving(settings: argparse.Namespace) -> dict[str, Any]:
@@ -264,21 +290,22 @@ def scaling(settings: argparse.Namespace) -> Scaling:
     return Scaling(low_degC=settings.range[0], high_degC=settings.range[1])
 
 
-def words_and_model(settings: argparse.Namespace) -> tuple[Words, FittedModel]:
-    """Return the words of a design or words file, and the model to prove them on.
+def words_and_model(settings: argparse.Namespace) -> tuple[Words, Mapping[str, Any] | None, FittedModel]:
+    """Return the words of a design or words file, how they were found (None: given), and the model to prove them on.
 
     Raises:
         InputError: the file holds no model and none is given by hand; words of another target.
         NotRepresentable, OutOfRange: the words do not fit.
     """
     from heatertune.chain.documents import read_words  # noqa: PLC0415
-    from heatertune.chain.stages import encode  # noqa: PLC0415
+    from heatertune.chain.words import choose_words  # noqa: PLC0415
 
     words = read_words(settings.pid, target(settings))
     if words is not None:
-        return words, model_from(settings, None)
+        return words, None, model_from(settings, None)
     design, model = design_and_model(settings)
-    return encode(design, target(settings), scaling=scaling(settings)), model
+    choice = choose_words(design, target(settings), model, scaling=scaling(settings), way=settings.words)
+    return choice.words, choice.search, model
 
 
 def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedModel]:

@@ -20,6 +20,9 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("log", metavar="LOG", help="a CSV file, or table3 / table4 built in")
     command.add_argument("--out", required=True, metavar="DIR", help="directory for the results")
+    common.add_words_option(command)
+    common.add_refine_option(command)
+    common.add_switch_kind_option(command)
     command.add_argument("--force", action="store_true", help="export in spite of a verdict of FAIL")
     common.add_proof_options(command)
     common.add_log_options(command)
@@ -36,6 +39,8 @@ def _run(settings: argparse.Namespace) -> int:
         settings.log, target=common.target(settings), out=settings.out, reading=common.reading(settings),
         fitting=common.fitting(settings), tuning=common.tuning(settings), proving=common.proving(settings),
         scaling=common.scaling(settings), force=settings.force, progress=common.Progress(settings),
+        words_by=settings.words, interval_by_words=common.interval_by_words(settings),
+        refined=settings.refine, switch_kind=settings.switch_kind,
     )
     common.output(settings, documents, lambda: f"{summary(documents)}\nwritten to {settings.out}")
     return 0 if documents["proof"]["verdict"] == "PASS" else 1

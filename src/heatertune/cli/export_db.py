@@ -20,6 +20,8 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("pid", metavar="PID", help="pid.json as written by tune")
     command.add_argument("-o", "--out", required=True, metavar="DIR", help="directory for the files")
+    common.add_words_option(command)
+    common.add_refine_option(command)
     command.add_argument("--force", action="store_true", help="export in spite of a verdict of FAIL; the files say so")
     common.add_proof_options(command)
     common.add_model_options(command)
@@ -30,13 +32,18 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.chain.documents import words_document  # noqa: PLC0415
+    from heatertune.chain.refine import refine  # noqa: PLC0415
+    from heatertune.chain.words import Choice  # noqa: PLC0415
     from heatertune.documents import to_json, write_files  # noqa: PLC0415
     from heatertune.report.text import words_table  # noqa: PLC0415
 
-    words, fitted = common.words_and_model(settings)
+    words, search, fitted = common.words_and_model(settings)
+    if settings.refine and search is not None:
+        choice = refine(Choice(words=words, search=search), fitted, proving=common.proving(settings))
+        words, search = choice.words, choice.search
     proof = chain.prove(words, fitted, **common.proving(settings))
     files = chain.export(words, proof, force=settings.force)
-    document = words_document(words, proof, files)
+    document = words_document(words, proof, files, search)
     documents = {"words.json": to_json(document), "proof.json": to_json(proof.to_document())}
     written = write_files(settings.out, {**files, **documents})
     names = "\n".join(str(path) for path in written)

@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from heatertune.cli import common
+from heatertune.errors import InputError
 
 __all__ = ["add_to"]
 
@@ -21,6 +22,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("model", metavar="MODEL", nargs="?", help="model.json as written by fit")
     command.add_argument("-o", "--out", metavar="FILE", help="write the design to this JSON file")
     command.add_argument("--target", metavar="NAME", help="round TA to what this controller's timer can do")
+    common.add_switch_kind_option(command)
     common.add_model_options(command)
     common.add_tuning_options(command)
     common.add_output_options(command)
@@ -29,13 +31,21 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.chain.pwm import with_pwm  # noqa: PLC0415
+    from heatertune.chain.words import tune_for_words  # noqa: PLC0415
     from heatertune.pid.alternatives import alternatives  # noqa: PLC0415
     from heatertune.pid.document import to_document  # noqa: PLC0415
     from heatertune.pid.forms import other_forms  # noqa: PLC0415
     from heatertune.report.text import alternatives_table, design_lines, forms_lines  # noqa: PLC0415
 
     fitted = common.model_from(settings, settings.model)
-    design = chain.tune(fitted, target=settings.target, progress=common.Progress(settings), **common.tuning(settings))
+    by_words = common.interval_by_words(settings)
+    if by_words and settings.target is None:
+        raise InputError("--sample-time words needs --target: the words are its own")
+    find = tune_for_words if by_words else chain.tune
+    design = find(fitted, target=settings.target, progress=common.Progress(settings), **common.tuning(settings))
+    if settings.switch_kind is not None:
+        design, _ = with_pwm(design, fitted, settings.switch_kind)
     others = alternatives(fitted, design)
     settled = (design.gain_pct_per_degC, design.integral_time_s, design.derivative_time_s)
     document = to_document(design, fitted) | {"forms": other_forms(*settled), "alternatives": others}

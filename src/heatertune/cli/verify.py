@@ -19,6 +19,7 @@ def add_to(commands: Any) -> None:
         description="Run the closed loop in the PLC's own arithmetic on every candidate model and judge it.",
     )
     command.add_argument("pid", metavar="PID|WORDS", help="pid.json as written by tune, or words.json by export-db")
+    common.add_words_option(command)
     common.add_proof_options(command)
     common.add_model_options(command)
     common.add_output_options(command)
@@ -29,7 +30,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import criteria_table  # noqa: PLC0415
 
-    words, fitted = common.words_and_model(settings)
+    words, _, fitted = common.words_and_model(settings)
     proof = chain.prove(words, fitted, **common.proving(settings))
     document = proof.to_document()
     common.output(settings, document, lambda: f"{criteria_table(document)}\nVERDICT {proof.verdict}")

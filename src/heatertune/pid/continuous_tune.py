@@ -34,7 +34,8 @@ def tune_continuous(
         UnknownName: no such rule.
     """
     if method != "optimum":
-        gain, tn, tv = apply_rule(method, model_for(method, structure, fitted), structure, 0.0, closed_loop_s=closed_loop_s)
+        model = model_for(method, structure, fitted)
+        gain, tn, tv = apply_rule(method, model, structure, 0.0, closed_loop_s=closed_loop_s)
         by_rule = PidDesign(
             gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=tv, sample_time_s=0.0,
             structure=structure_of(tn, tv), method=f"{method} ({RULES[method].source})",

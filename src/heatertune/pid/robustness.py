@@ -12,7 +12,7 @@ from heatertune.model.values import HeaterModel
 from heatertune.pid.sampled import controller_response, frequencies, sample_plant
 from heatertune.pid.values import Margins, PidDesign
 
-__all__ = ["crossings", "loop_response", "margins", "noise_gain", "worst"]
+__all__ = ["crossings", "encloses_nothing", "loop_response", "margins", "noise_gain", "worst"]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -28,7 +28,7 @@ def margins(model: HeaterModel, design: PidDesign) -> Margins:
     omega = _frequencies(model, design)
     loop = loop_response(model, design, omega)
     gain, phase = crossings(loop)
-    if not _encloses_nothing(loop, math.isfinite(design.integral_time_s)):
+    if not encloses_nothing(loop, integrating=math.isfinite(design.integral_time_s)):
         return Margins(ms=math.inf, mt=math.inf, gain_margin=gain, phase_margin_deg=phase)
     return Margins(
         ms=float(np.max(1.0 / np.abs(1.0 + loop))),
@@ -62,8 +62,8 @@ def worst(found: Sequence[Margins]) -> Margins:
     )
 
 
-def _encloses_nothing(loop: Complex, integrating: bool) -> bool:
-    """Return whether the Nyquist curve leaves −1 outside (open loop stable but for one integrator).
+def encloses_nothing(loop: Complex, *, integrating: bool) -> bool:
+    """Return whether the Nyquist curve leaves −1 outside (open loop stable but for one integrator): a stable loop.
 
     1 + L turns from −90° (integrator) or from a positive real number to the real axis at half the sampling
     frequency; without encirclement it ends on the positive side after exactly that turn.

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from heatertune.model.values import HeaterModel, TwoLag
 from heatertune.pid.values import PidDesign
 
-__all__ = ["SampledPlant", "controller_response", "frequencies", "sample_plant"]
+__all__ = ["SampledPlant", "controller_response", "frequencies", "part_responses", "sample_plant"]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -68,15 +68,21 @@ def sample_plant(model: HeaterModel, sample_time_s: float, *, computing_delay_s:
 
 def controller_response(design: PidDesign, omega: Array) -> Complex:
     """Return C(e^(jω·TA)) [%/°C], shape (n,)."""
-    backward = np.exp(-1j * np.asarray(omega) * design.sample_time_s)
-    parts = np.ones_like(backward)
-    if math.isfinite(design.integral_time_s):
-        parts = parts + design.sample_time_s / design.integral_time_s / (1.0 - backward)
-    if design.derivative_time_s > 0.0:
-        past = design.derivative_filter
-        difference = (1.0 - past) * design.derivative_time_s / design.sample_time_s
-        parts = parts + difference * (1.0 - backward) / (1.0 - past * backward)
-    return np.asarray(design.gain_pct_per_degC * parts)
+    proportional, summed, difference = part_responses(omega, design.sample_time_s, design.derivative_filter)
+    integral = design.sample_time_s / design.integral_time_s
+    derivative = design.derivative_time_s / design.sample_time_s
+    return np.asarray(design.gain_pct_per_degC * (proportional + integral * summed + derivative * difference))
+
+
+def part_responses(omega: Array, sample_time_s: float, derivative_filter: float) -> Complex:
+    """Return what the P, I and D part make of an error at e^(jω·TA), per unit of kP, kI, kD, shape (3, n).
+
+    P: 1; I: 1/(1 − z⁻¹), the sum; D: (1 − f)·(1 − z⁻¹)/(1 − f·z⁻¹), the filtered difference.
+    """
+    backward = np.exp(-1j * np.asarray(omega) * sample_time_s)
+    past = derivative_filter
+    difference = (1.0 - past) * (1.0 - backward) / (1.0 - past * backward)
+    return np.stack([np.ones_like(backward), 1.0 / (1.0 - backward), difference])
 
 
 def frequencies(sample_time_s: float, slowest_s: float, n: int = 1500) -> Array:

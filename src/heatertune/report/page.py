@@ -7,7 +7,7 @@ from typing import Any
 
 from heatertune.report import plots
 from heatertune.report.html import bullets, page, picture, table, text_of
-from heatertune.report.text import criterion_value, figure, model_rows, word
+from heatertune.report.text import criterion_value, figure, model_rows, search_notes, word
 
 __all__ = ["render"]
 
@@ -119,7 +119,8 @@ def _words(documents: Documents) -> str:
         f"{figure(scale['low_degC'])}…{figure(scale['high_degC'])} °C; call every "
         f"{figure(words['sample_time_s'])} s. The setpoint of the proof, {figure(words['setpoint_degC'])} °C, is "
         f"{words['setpoint_units']} units.</p>"
-        f"{table(['address', 'word', 'value', 'meaning', 'typed'], rows, numeric=(2,))}<ul>{files}</ul>"
+        f"{table(['address', 'word', 'value', 'meaning', 'typed'], rows, numeric=(2,))}"
+        f"{bullets(search_notes(words))}<ul>{files}</ul>"
     )
 
 

@@ -10,7 +10,8 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines", "figure", "forms_lines",
-    "hypothesis_table", "model_lines", "model_rows", "pareto_table", "summary", "table", "word", "words_table",
+    "hypothesis_table", "model_lines", "model_rows", "pareto_table", "search_notes", "summary", "table", "word",
+    "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -138,10 +139,19 @@ def pareto_table(front: Document) -> str:
 
 
 def words_table(words: Document) -> str:
-    """Return the words in the order in which they are typed in."""
+    """Return the words in the order in which they are typed in, and how they were found."""
     rows = [("address", "word", "value", "meaning")]
     rows += [(f["address"], f["name"], word(words["words"][f["name"]]), f["comment"]) for f in words["fields"]]
-    return table(rows, right=(2,))
+    return "\n".join([table(rows, right=(2,)), *(f"- {note}" for note in search_notes(words))])
+
+
+def search_notes(words: Document) -> list[str]:
+    """Return how the words were found and how robust they are, one sentence each; nothing for words that were given."""
+    search = words.get("search")
+    if search is None:
+        return []
+    drawn = search["ms_drawn"]
+    return [*search["notes"], *([drawn["told"]] if drawn else [])]
 
 
 def criteria_table(proof: Document) -> str:

@@ -1,0 +1,118 @@
+"""Which words a design becomes."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heatertune.chain.stages import encode, tune
+from heatertune.chain.words import choose_words, tune_for_words
+from heatertune.errors import NotRepresentable, UnknownName
+from heatertune.model.fit import model_by_hand
+from heatertune.model.values import Fopdt
+from heatertune.pid.feasible import Problem, search
+from heatertune.pid.response import iae_load
+from heatertune.pid.robustness import margins
+from heatertune.plc import room
+
+HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
+SLOW = Fopdt(gain_degC_per_pct=0.8, time_constant_s=480.0, dead_time_s=60.0, ambient_degC=22.0)
+
+
+@pytest.fixture(autouse=True)
+def no_cache(monkeypatch):
+    monkeypatch.setenv("HEATERTUNE_CACHE", "")
+
+
+def _optimum(plant, ta, ms=1.6):
+    problem = Problem(plants=(plant,), structure="pi", ms=ms, sample_time_s=ta)
+    return search(problem)
+
+
+def test_where_rounding_decides_the_best_words_keep_the_limit_and_win_back_what_rounding_costs():
+    # reference tuning page: naive rounding breaks at TI words of 10 and less; solving K anew recovers most of it
+    design, fitted = _optimum(SLOW, 1.0), model_by_hand(SLOW)
+    choice = choose_words(design, "s5-ob251", fitted)
+    plain = room("s5-ob251").decode(encode(design, "s5-ob251"))
+    best = room("s5-ob251").decode(choice.words)
+    wished = iae_load(SLOW, design)
+    assert choice.words.values["TI"] < 10
+    assert margins(SLOW, best).ms <= margins(SLOW, design).ms
+    lost, left = abs(iae_load(SLOW, plain) / wished - 1.0), iae_load(SLOW, best) / wished - 1.0
+    assert lost > 0.05 or margins(SLOW, plain).ms > margins(SLOW, design).ms + 0.03
+    assert left < 0.6 * max(lost, 0.35 * 0.5)
+    search = choice.search
+    assert search["gap_pct"] == pytest.approx(100.0 * left)
+    assert search["rounded"]["gap_pct"] == pytest.approx(100.0 * (iae_load(SLOW, plain) / wished - 1.0))
+    assert search["proven"]
+    assert any("rounding decides" in note for note in search["notes"])
+
+
+def test_the_interval_it_proposes_makes_the_word_fine():
+    choice = choose_words(_optimum(SLOW, 1.0), "s5-ob251", model_by_hand(SLOW))
+    note = next(note for note in choice.search["notes"] if "rounding decides" in note)
+    ta = float(note.split("TA = ")[1].split(" s")[0])
+    finer = choose_words(_optimum(SLOW, ta), "s5-ob251", model_by_hand(SLOW))
+    assert 16 <= finer.words.values["TI"] <= 24
+    assert not any("rounding decides" in note for note in finer.search["notes"])
+
+
+@pytest.mark.parametrize(
+    ("target", "way", "said"),
+    [
+        ("weg", "auto", "nothing to gain"),
+        ("fb41", "optimum", "nothing to gain"),
+        ("on-off", "auto", "no PID"),
+        ("s5-ob251", "rounded", "asked for"),
+    ],
+)
+def test_where_there_is_no_search_the_words_are_the_rounded_ones_and_it_is_said_why(target, way, said):
+    design, fitted = _optimum(HEATER, 4.0), model_by_hand(HEATER)
+    choice = choose_words(design, target, fitted, way=way)
+    assert choice.words == encode(design, target)
+    assert choice.search["way"] == "rounded"
+    assert said in choice.search["notes"][0]
+    if target == "weg":
+        assert abs(choice.search["gap_pct"]) < 1e-4
+
+
+def test_a_rule_is_kept_unless_the_optimum_is_asked_for():
+    fitted = model_by_hand(HEATER)
+    design = tune(fitted, target="s5-ob251", method="simc")
+    assert choose_words(design, "s5-ob251", fitted).words == encode(design, "s5-ob251")
+    asked = choose_words(design, "s5-ob251", fitted, way="optimum")
+    assert asked.search["way"] == "optimum"
+    assert asked.search["iae_load"] < choose_words(design, "s5-ob251", fitted).search["iae_load"]
+    assert asked.search["ms"] <= asked.search["ms_limit"]
+
+
+def test_a_p_controller_and_an_unstable_design_are_only_rounded():
+    fitted = model_by_hand(HEATER)
+    p = choose_words(tune(fitted, structure="p", sample_time_s=4.0), "s5-ob251", fitted)
+    assert "without an I part" in p.search["notes"][0]
+    wild = replace(_optimum(HEATER, 4.0), gain_pct_per_degC=31.0, integral_time_s=20.0)
+    assert math.isinf(margins(HEATER, wild).ms)
+    found = choose_words(wild, "s5-ob251", fitted)
+    assert found.search["way"] == "rounded"
+    assert found.search["ms"] is None
+    assert "does not settle" in found.search["notes"][0]
+
+
+def test_bad_names_and_words_that_do_not_fit_are_refused():
+    fitted = model_by_hand(HEATER)
+    with pytest.raises(UnknownName, match="known: auto, optimum, rounded"):
+        choose_words(_optimum(HEATER, 4.0), "s5-ob251", fitted, way="best")
+    with pytest.raises(NotRepresentable, match="slower TA"):
+        choose_words(_optimum(SLOW, 0.1), "s5-ob251", model_by_hand(SLOW))
+
+
+@pytest.mark.long
+def test_the_interval_found_by_the_words_is_no_worse_than_the_usual_one():
+    fitted = model_by_hand(SLOW)
+    usual = tune(fitted, target="s5-ob251")
+    found = tune_for_words(fitted, target="s5-ob251", sample_time_s=None)
+    costs = [choose_words(design, "s5-ob251", fitted).search["iae_load"] for design in (usual, found)]
+    assert costs[1] <= costs[0]
+    assert found.sample_time_s in np.round(np.array([0.5, 0.7, 1.0, 1.4, 2.0]) * usual.sample_time_s, 1)
+    assert any("chosen by the words" in note for note in found.notes)

@@ -1,0 +1,80 @@
+"""The PWM period: ripple against the simulated loop, and what each kind of switch gets."""
+
+import numpy as np
+import pytest
+
+from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.model.values import Fopdt, TwoLag
+from heatertune.proof.period import propose_period, ripple_degC
+
+HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
+SMOOTH = TwoLag(gain_degC_per_pct=0.37, time_constant_s=167.0, second_time_constant_s=40.0, dead_time_s=12.0)
+
+
+def _simulated(lags, gain, period, power):
+    """Return the peak to peak at rest of lags in series behind a switch, in steps of a thousandth period."""
+    states, dt, seen = [gain * power] * len(lags), period / 1000.0, []
+    for k in range(30_000):
+        fed = gain * (100.0 if k % 1000 < 10.0 * power else 0.0)
+        for i, lag in enumerate(lags):
+            states[i] += (fed - states[i]) * -np.expm1(-dt / lag)
+            fed = states[i]
+        seen.append(states[-1])
+    return np.ptp(seen[-1000:])
+
+
+@pytest.mark.parametrize(("period", "power"), [(10.0, 50.0), (60.0, 20.0), (300.0, 80.0)])
+def test_the_ripple_is_that_of_a_simulated_lag_and_a_bound_for_two(period, power):
+    # 30 periods bring the mean to rest only where they span many time constants, so the lag is short here
+    plant = Fopdt(gain_degC_per_pct=0.37, time_constant_s=3.0 * period, dead_time_s=0.0)
+    assert ripple_degC(plant, period, power) == pytest.approx(_simulated((3.0 * period,), 0.37, period, power), rel=0.01)
+    both = TwoLag(gain_degC_per_pct=0.37, time_constant_s=3.0 * period, second_time_constant_s=period, dead_time_s=0.0)
+    assert ripple_degC(both, period, power) > _simulated((3.0 * period, period), 0.37, period, power)
+
+
+def test_no_ripple_without_power_or_at_full_power_and_most_of_it_in_the_middle():
+    found = [ripple_degC(HEATER, 20.0, power) for power in (0.0, 20.0, 50.0, 100.0)]
+    assert found[0] == found[3] == 0.0
+    assert found[2] > found[1] > 0.0
+    # far below the time constant it is k·100·P·d·(1 − d)/T, worked out by hand: 37·20·0.25/167
+    assert found[2] == pytest.approx(37.0 * 20.0 * 0.25 / 167.0, rel=0.01)
+
+
+def _propose(kind, ta, most=0.2, models=(HEATER,)):
+    return propose_period(models, kind=kind, sample_time_s=ta, setpoint_degC=40.5, ambient_degC=20.0, ripple_degC_most=most)
+
+
+def test_contacts_get_the_longest_period_within_the_ripple_and_whole_periods_in_ta():
+    found = _propose("relay", 30.0)
+    count = round(30.0 / found.period_s)
+    assert found.period_s * count == pytest.approx(30.0)
+    assert found.ripple_degC <= 0.2 < ripple_degC(HEATER, 30.0 / (count - 1), 50.0)
+    # 10 s: 360 switchings an hour, 100,000 of them in 278 h
+    calm = _propose("relay", 10.0, most=5.0)
+    assert calm.period_s == 10.0
+    assert "360 switchings an hour" in calm.told
+    assert "278 h" in calm.told
+
+
+def test_a_solid_state_relay_gets_the_shortest_period_of_a_second_or_more():
+    assert _propose("ssr", 30.0).period_s == 1.0
+    assert _propose("ssr", 4.5).period_s == pytest.approx(1.125)
+    assert _propose("ssr", 0.4).period_s == 0.4
+    assert "contacts" not in _propose("ssr", 30.0).told
+
+
+def test_the_worst_heater_decides_and_a_ripple_that_cannot_be_had_is_told():
+    fast = Fopdt(gain_degC_per_pct=0.37, time_constant_s=20.0, dead_time_s=1.0, ambient_degC=22.0)
+    both = _propose("relay", 20.0, models=(HEATER, fast))
+    assert both.period_s < _propose("relay", 20.0).period_s
+    assert "above the 0.2 °C wanted" in both.told
+    assert "above" not in _propose("relay", 20.0).told
+
+
+def test_what_makes_no_sense_is_refused():
+    with pytest.raises(UnknownName, match="relay, ssr"):
+        _propose("triac", 10.0)
+    with pytest.raises(InputError, match="at least one model"):
+        _propose("ssr", 10.0, models=())
+    with pytest.raises(OutOfRange, match="sample_time_s"):
+        _propose("ssr", 0.0)
