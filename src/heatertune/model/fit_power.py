@@ -11,7 +11,7 @@ from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.diagnosis import notes_of
 from heatertune.model.intervals import identified_parts
-from heatertune.model.loads import bic_of, with_loads
+from heatertune.model.loads import bic_of, left_over, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.outliers import tamed, without_outliers
 from heatertune.model.readings import Readings
@@ -118,6 +118,8 @@ def _started(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[P
 
 def _drifting(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
     """Return the fits with a drift of the ambient where one lag and two both ask for it."""
+    if not any(map(left_over, problems, fits)):
+        return problems, fits
     others = [replace(p, drift=True) for p in problems]
     tried = _refitted(others, fits)
     worth = min(bic_of(p, f) - bic_of(o, t) for p, f, o, t in zip(problems, fits, others, tried, strict=True))
