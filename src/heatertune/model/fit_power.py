@@ -138,10 +138,10 @@ def _candidates(log: Log, found: _Found, lag: Interval | None) -> tuple[Candidat
         (fit.model, fit.simulated_degC, ar1_bic(record - fit.simulated_degC, fit.unknowns), law)
         for fit, law in _fits_of(found, lag)
     ]
-    if not problem.loads_s and not problem.drift:
+    if not problem.loads_s and not problem.drift and left_over(problem, one):
         rates = fit_two_rates(problem, one)
         bic = ar1_bic(record - rates.simulated_degC, rates.unknowns)
-        if bic < min(found for _, _, found, _ in tried) - _NEAR:  # two faces of one heater have to be asked for
+        if not rates.on_bound and bic < min(found for _, _, found, _ in tried) - _NEAR:
             tried.append((rates.heating, rates.simulated_degC, bic, "power logged, heating"))
             tried.append((rates.cooling, rates.simulated_degC, bic, "power logged, cooling"))
     least = min(bic for _, _, bic, _ in tried)
