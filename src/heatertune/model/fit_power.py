@@ -11,7 +11,7 @@ from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.diagnosis import notes_of
 from heatertune.model.intervals import identified_parts
-from heatertune.model.loads import bic_of, with_loads
+from heatertune.model.loads import bic_of, left_over, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.outliers import tamed, without_outliers
 from heatertune.model.readings import Readings
@@ -118,6 +118,8 @@ def _started(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[P
 
 def _drifting(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
     """Return the fits with a drift of the ambient where one lag and two both ask for it."""
+    if not any(map(left_over, problems, fits)):
+        return problems, fits
     others = [replace(p, drift=True) for p in problems]
     tried = _refitted(others, fits)
     worth = min(bic_of(p, f) - bic_of(o, t) for p, f, o, t in zip(problems, fits, others, tried, strict=True))
@@ -136,10 +138,10 @@ def _candidates(log: Log, found: _Found, lag: Interval | None) -> tuple[Candidat
         (fit.model, fit.simulated_degC, ar1_bic(record - fit.simulated_degC, fit.unknowns), law)
         for fit, law in _fits_of(found, lag)
     ]
-    if not problem.loads_s and not problem.drift:
+    if not problem.loads_s and not problem.drift and left_over(problem, one):
         rates = fit_two_rates(problem, one)
         bic = ar1_bic(record - rates.simulated_degC, rates.unknowns)
-        if bic < min(found for _, _, found, _ in tried) - _NEAR:  # two faces of one heater have to be asked for
+        if not rates.on_bound and bic < min(found for _, _, found, _ in tried) - _NEAR:
             tried.append((rates.heating, rates.simulated_degC, bic, "power logged, heating"))
             tried.append((rates.cooling, rates.simulated_degC, bic, "power logged, cooling"))
     least = min(bic for _, _, bic, _ in tried)

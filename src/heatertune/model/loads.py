@@ -10,12 +10,13 @@ import numpy.typing as npt
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.statistics import ar1_bic
 
-__all__ = ["bic_of", "with_loads"]
+__all__ = ["bic_of", "left_over", "with_loads"]
 
 Array = npt.NDArray[np.float64]
 
 _MOST = 3
 _GAIN = 20.0  # BIC points a load step has to be worth: its instant is chosen among many
+_LEFT = 2e-3  # of the span
 _INSTANTS = 80
 _ROUNDS = 3
 
@@ -23,6 +24,12 @@ _ROUNDS = 3
 def bic_of(problem: PowerProblem, fit: PowerFit) -> float:
     """Return the criterion of a fit on its problem's readings."""
     return ar1_bic(problem.readings.temperature_degC - fit.simulated_degC, fit.unknowns)
+
+
+def left_over(problem: PowerProblem, fit: PowerFit) -> bool:
+    """Return whether a fit leaves enough for a drift or a load to be there at all, and not the arithmetic of a fit."""
+    record = problem.readings.temperature_degC
+    return float(np.sqrt(np.mean((record - fit.simulated_degC) ** 2))) > _LEFT * float(np.ptp(record))
 
 
 def with_loads(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
@@ -33,6 +40,8 @@ def with_loads(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list
     for _ in range(_MOST):
         bics = [bic_of(problem, fit) for problem, fit in zip(problems, fits, strict=True)]
         best = int(np.argmin(bics))
+        if not left_over(problems[best], fits[best]):
+            break
         trial, found = problems, fits
         for _ in range(_ROUNDS):  # the load bends lags and dead time, and these its instant
             instant = _instant(problems[best], found[best])

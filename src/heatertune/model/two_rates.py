@@ -35,12 +35,14 @@ class TwoRates:
         heating: as it warms.
         cooling: as it cools.
         simulated_degC: shape (n,).
+        on_bound: whether a time constant ended on a bound: the log shows only one face.
         unknowns: number of fitted numbers.
     """
 
     heating: Fopdt
     cooling: Fopdt
     simulated_degC: Array
+    on_bound: bool
     unknowns: int = UNKNOWNS
 
 
@@ -101,4 +103,8 @@ def fit_two_rates(problem: PowerProblem, one: PowerFit) -> TwoRates:
         Fopdt(gain_degC_per_pct=gain, time_constant_s=lag, dead_time_s=float(best[5]), ambient_degC=ambient_degC)
         for lag in (heating, cooling)
     )
-    return TwoRates(heating=heater, cooling=cooler, simulated_degC=record + residuals(best[None, :], np.arange(1))[0])
+    margin = 1e-3 * (high - low)[3]
+    return TwoRates(
+        heating=heater, cooling=cooler, simulated_degC=record + residuals(best[None, :], np.arange(1))[0],
+        on_bound=bool(np.any((best[3:5] <= low[3:5] + margin) | (best[3:5] >= high[3:5] - margin))),
+    )

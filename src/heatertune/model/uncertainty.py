@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import t as student
 
-from heatertune.model.intervals import hull, interval
+from heatertune.model.intervals import envelope, hull, interval
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.projection import AMBIENT, GAIN
 from heatertune.model.statistics import autocorrelation, block_resamples
@@ -47,12 +47,12 @@ class _Noise:
 
 def intervals(problem: PowerProblem, fit: PowerFit, *, seed: int) -> dict[str, Interval]:
     """Return the 95 % interval of each parameter and of gain per time constant; an end on a bound is open."""
-    problem = problem.thinned(_READINGS)
+    problem, told = problem.thinned(_READINGS), fit
     fit = problem.refined(fit.vector[None, :])
     noise = _noise(problem, fit)
     ends = _ends(problem)
     return {
-        name: hull(interval(values, *ends[name]), _profile(problem, fit, name, noise))
+        name: envelope(hull(interval(values, *ends[name]), _profile(problem, fit, name, noise)), [_value(told, name)])
         for name, values in _bootstrap(problem, fit, seed).items()
         if name in noise.deviation
     }

@@ -1,0 +1,33 @@
+import numpy as np
+import pytest
+from tests.bench.identification import answer, noise
+
+from heatertune.log.values import Log
+from heatertune.model.open_loop import PowerProblem
+from heatertune.model.readings import Readings
+from heatertune.model.uncertainty import _crossing, _noise, _profile
+from heatertune.model.values import Fopdt
+
+PLANT = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=20.0)
+
+
+def _profile_width(kind):
+    time = np.arange(0.0, 1500.0, 4.0)
+    power = np.select([time < 60, time < 500, time < 900, time < 1200], [0.0, 60.0, 10.0, 80.0], 30.0)
+    y = answer(PLANT, time, power, 20.0) + noise(np.random.default_rng(1), kind, 0.3, len(time))
+    problem = PowerProblem(readings=Readings.of(Log(name="", source="", time_s=time, temperature_degC=y, power_pct=power)))
+    fit = problem.fit()
+    found = _profile(problem, fit, "gain_degC_per_pct", _noise(problem, fit))
+    return found.high - found.low
+
+
+def test_the_profile_alone_widens_with_the_noise_s_colour():
+    # a mean of AR(1) noise with correlation 0.8 spreads by sqrt((1 + 0.8)/(1 - 0.8)) = 3 times as much as of white
+    assert 2.0 < _profile_width("coloured") / _profile_width("white") < 4.5
+
+
+def test_a_profile_that_never_rises_to_the_limit_leaves_the_end_open():
+    values = np.array([1.0, 2.0, 3.0, 3.0])
+    assert _crossing(values, np.array([0.0, 0.5, 0.9, 0.9]), 1.0) is None
+    # a parabola rise = (x - 1)² meets 2.25 at 2.5, and its root is a straight line: exact
+    assert _crossing(values, (values - 1.0) ** 2, 2.25) == pytest.approx(2.5, rel=1e-12)
