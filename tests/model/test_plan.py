@@ -10,11 +10,11 @@ from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.log.values import Log
 from heatertune.model.doublet_plan import best_step, plan_doublet, within_limit
 from heatertune.model.experiment import Conditions, Prior, errors, peaks, prior_by_hand, prior_of, shares
-from heatertune.model.fisher import Noise
+from heatertune.model.fisher import Noise, covariance
 from heatertune.model.fit import fit, model_by_hand
 from heatertune.model.plan import propose
 from heatertune.model.relay_plan import RelayPlan, plan_relay
-from heatertune.model.response import Schedule
+from heatertune.model.response import Schedule, rows_of, sensitivities
 from heatertune.model.values import FittedModel, Fopdt, Interval, Outcome, TwoLag
 
 RANGES = {
@@ -176,6 +176,10 @@ def test_a_known_ambient_makes_more_known_and_has_no_error():
     assert np.all(known[:, 3] == 0.0)
     assert np.all(free[:, 3] > 0.0)
     assert np.all(known[:, [0, 2]] < free[:, [0, 2]])
+    # the fit still has to find gain, dead time, lag and initial state: columns 0, 1, 2 and 4 of the sensitivities
+    jacobian = sensitivities(rows_of(list(PRIOR.models.values())), schedule, np.arange(0.0, 401.0, 4.0))
+    left = np.sqrt(np.einsum("gqq->gq", covariance(jacobian[:, :, [0, 1, 2, 4]], NOISE)))
+    assert known[:, :3] == pytest.approx(left[:, [0, 2, 1]])
     # after one step gain and dead time take up any constant and any decay, so the ambient does not matter to the lag
     assert known[:, 1] == pytest.approx(free[:, 1])
 
