@@ -13,7 +13,8 @@ from heatertune.model.experiment import Conditions, Prior, errors, peaks, prior_
 from heatertune.model.fisher import Noise, covariance
 from heatertune.model.fit import fit, model_by_hand
 from heatertune.model.plan import propose
-from heatertune.model.relay_plan import RelayPlan, plan_relay
+from heatertune.model.relay import Relay
+from heatertune.model.relay_plan import RelayPlan, _tested, plan_relay
 from heatertune.model.response import Schedule, rows_of, sensitivities
 from heatertune.model.values import FittedModel, Fopdt, Interval, Outcome, TwoLag
 
@@ -257,6 +258,14 @@ def test_a_relay_plan_has_what_it_needs(relay):
         for power, side in ((relay.relay.high_pct, 1.0), (relay.relay.low_pct, -1.0)):
             rest = model.ambient_degC + model.gain_degC_per_pct * power
             assert side * (rest - relay.relay.setpoint_degC) > relay.relay.hysteresis_degC
+
+
+@pytest.mark.parametrize(("limit", "kept"), [(32.0, False), (32.5, True)])
+def test_a_relay_that_swings_beyond_the_limit_is_left_out(limit, kept):
+    # the closed form of the peak: 29 + 37·(1 − e^(−15/200)) + 0.6·e^(−15/200) = 32.23 °C
+    prior = Prior(models={"centre": PRIOR.models["centre"]}, ambient_known=False)
+    relay = Relay(setpoint_degC=29.0, hysteresis_degC=0.6, high_pct=100.0)
+    assert (_tested(prior, replace(CONDITIONS, limit_degC=limit), relay, 1200.0) is not None) == kept
 
 
 @pytest.mark.long

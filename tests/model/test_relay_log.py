@@ -114,6 +114,10 @@ def test_period_gain_and_heater_are_those_that_made_the_log(relay, rest):
     assert ("integrals" in found.source) == bool(rest)
 
 
+def test_a_rest_too_short_to_show_that_it_is_one_is_not_believed():
+    assert find_relay(_logged(SKEW, rest=5.0)).rest is None  # a twentieth of the period
+
+
 def test_a_known_ambient_serves_for_a_rest():
     found = estimate(find_relay(_logged(EVEN, rest=0.0), ambient_degC=20.0), ambient_degC=20.0)
     assert _numbers(found.oscillation) == pytest.approx(TRUE, rel=0.03)
