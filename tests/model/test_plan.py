@@ -10,11 +10,12 @@ from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.log.values import Log
 from heatertune.model.doublet_plan import best_step, plan_doublet, within_limit
 from heatertune.model.experiment import Conditions, Prior, errors, peaks, prior_by_hand, prior_of, shares
-from heatertune.model.fisher import Noise
+from heatertune.model.fisher import Noise, covariance
 from heatertune.model.fit import fit, model_by_hand
 from heatertune.model.plan import propose
-from heatertune.model.relay_plan import RelayPlan, plan_relay
-from heatertune.model.response import Schedule
+from heatertune.model.relay import Relay
+from heatertune.model.relay_plan import RelayPlan, _tested, plan_relay
+from heatertune.model.response import Schedule, rows_of, sensitivities
 from heatertune.model.values import FittedModel, Fopdt, Interval, Outcome, TwoLag
 
 RANGES = {
@@ -176,6 +177,10 @@ def test_a_known_ambient_makes_more_known_and_has_no_error():
     assert np.all(known[:, 3] == 0.0)
     assert np.all(free[:, 3] > 0.0)
     assert np.all(known[:, [0, 2]] < free[:, [0, 2]])
+    # the fit still has to find gain, dead time, lag and initial state: columns 0, 1, 2 and 4 of the sensitivities
+    jacobian = sensitivities(rows_of(list(PRIOR.models.values())), schedule, np.arange(0.0, 401.0, 4.0))
+    left = np.sqrt(np.einsum("gqq->gq", covariance(jacobian[:, :, [0, 1, 2, 4]], NOISE)))
+    assert known[:, :3] == pytest.approx(left[:, [0, 2, 1]])
     # after one step gain and dead time take up any constant and any decay, so the ambient does not matter to the lag
     assert known[:, 1] == pytest.approx(free[:, 1])
 
@@ -253,6 +258,14 @@ def test_a_relay_plan_has_what_it_needs(relay):
         for power, side in ((relay.relay.high_pct, 1.0), (relay.relay.low_pct, -1.0)):
             rest = model.ambient_degC + model.gain_degC_per_pct * power
             assert side * (rest - relay.relay.setpoint_degC) > relay.relay.hysteresis_degC
+
+
+@pytest.mark.parametrize(("limit", "kept"), [(32.0, False), (32.5, True)])
+def test_a_relay_that_swings_beyond_the_limit_is_left_out(limit, kept):
+    # the closed form of the peak: 29 + 37·(1 − e^(−15/200)) + 0.6·e^(−15/200) = 32.23 °C
+    prior = Prior(models={"centre": PRIOR.models["centre"]}, ambient_known=False)
+    relay = Relay(setpoint_degC=29.0, hysteresis_degC=0.6, high_pct=100.0)
+    assert (_tested(prior, replace(CONDITIONS, limit_degC=limit), relay, 1200.0) is not None) == kept
 
 
 @pytest.mark.long

@@ -6,8 +6,8 @@ from tests.conftest import load_csv
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
 from heatertune.model.relay import Relay, oscillation, simulate_relay
-from heatertune.model.relay_log import estimate, find_relay, oscillating_fopdt
-from heatertune.model.values import Fopdt
+from heatertune.model.relay_log import estimate, find_relay, oscillating_fopdt, with_relay
+from heatertune.model.values import FittedModel, Fopdt, Outcome
 
 TRUTH = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=20.0, ambient_degC=20.0)
 SKEW = Relay(setpoint_degC=38.0, hysteresis_degC=0.5, high_pct=80.0, low_pct=5.0)
@@ -48,6 +48,27 @@ def test_the_inverse_undoes_the_closed_form(relay, low):
             assert back is None, "a symmetric swing has one equation less"
         else:
             assert _numbers(back) == pytest.approx(TRUE, rel=1e-6)
+
+
+def test_a_nearly_symmetric_swing_does_not_tell_the_gain():
+    relay = Relay(setpoint_degC=40.5, hysteresis_degC=0.5, high_pct=80.0, low_pct=0.0)
+    found = oscillation(TRUTH, relay)
+    assert 0.01 < abs(found.on_s / found.off_s - 1.0) < 0.1
+    told = {"on_s": found.on_s, "off_s": found.off_s, "highest_degC": found.highest_degC, "lowest_degC": found.lowest_degC}
+    assert oscillating_fopdt(relay, **told, gain=None) is None
+    assert _numbers(oscillating_fopdt(relay, **told, gain=0.5)) == pytest.approx(TRUE, rel=1e-6)
+
+
+def test_a_wide_hysteresis_hides_the_ultimate_gain():
+    wide = Relay(setpoint_degC=38.0, hysteresis_degC=3.0, high_pct=80.0, low_pct=5.0)
+    log = _logged(wide, length=2500.0)
+    bare = FittedModel(model=TRUTH, outcome=Outcome.IDENTIFIED, method="")
+    told = with_relay(log, bare, ambient_degC=None)
+    assert not told.combinations
+    assert "does not tell the ultimate gain" in told.notes[-1]
+    assert _numbers(estimate(find_relay(log)).oscillation) == pytest.approx(TRUE, rel=0.05), "the heater shows all the same"
+    narrow = with_relay(_logged(SKEW), bare, ambient_degC=None)
+    assert set(narrow.combinations) == {"ultimate_gain_pct_per_degC", "ultimate_period_s"}
 
 
 def test_what_no_fopdt_does_has_no_fopdt():
@@ -91,6 +112,10 @@ def test_period_gain_and_heater_are_those_that_made_the_log(relay, rest):
     assert _numbers(found.oscillation) == pytest.approx(TRUE, rel=0.02 if rest else 0.1)
     assert _numbers(found.output_error) == pytest.approx(TRUE, rel=3e-3)
     assert ("integrals" in found.source) == bool(rest)
+
+
+def test_a_rest_too_short_to_show_that_it_is_one_is_not_believed():
+    assert find_relay(_logged(SKEW, rest=5.0)).rest is None  # a twentieth of the period
 
 
 def test_a_known_ambient_serves_for_a_rest():

@@ -31,6 +31,7 @@ _PHASES = 400  # of the mean period
 _STILL = 0.05  # of the log's span: a rest moves less
 _LONG = 0.1  # of the period: a shorter stretch does not show whether the heater rested
 _LOPSIDED = 0.1  # a smaller difference of on and off time does not tell the gain
+_WIDE = 0.4  # of the half swing: more hysteresis turns the phase at the relay's period by over 24° from −180°
 _SHIFT = 0.05  # of the relay's step: how far the mean power has to be from that of the rest
 
 
@@ -236,6 +237,10 @@ def with_relay(log: Log, fitted: FittedModel, *, ambient_degC: float | None) -> 
             f"FOPDT from the oscillation ({found.source}): {_numbers(found.oscillation)}; output-error fit that starts "
             f"there: {_numbers(found.output_error)}."
         )
+    highest, lowest = record.extremes()
+    if record.relay.hysteresis_degC > _WIDE * 0.5 * (highest - lowest):
+        doubt = "The thresholds lie too far apart for the swing: it does not tell the ultimate gain and period."
+        return replace(fitted, notes=(*fitted.notes, told, model, doubt))
     doubt = "On a FOPDT the describing function errs by −19 to +27 %, which its interval does not hold."
     combinations = {
         "ultimate_gain_pct_per_degC": found.ultimate_gain, "ultimate_period_s": found.period_s, **fitted.combinations,
