@@ -65,7 +65,9 @@ def test_the_heater_behind_a_known_controller_is_found(target, plant):
 @pytest.mark.long
 def test_a_wrong_setting_of_an_open_point_is_ruled_out_by_the_log():
     trace = _trace("weg", ONE, switches={"anti_windup": "none"})
-    fitted = fit_known(_log(trace, "weg"), controllers(_words("weg")), setpoint_degC=SETPOINT)
+    log, tried = _log(trace, "weg"), controllers(_words("weg"))
+    fitted = fit_known(log, tried, setpoint_degC=SETPOINT)
+    assert float(closed_again(log, fitted, tried, SETPOINT).split()[-2]) > 95.0, "with this setting, not the default"
     assert fitted.hypotheses[0].law == "weg, anti_windup = none replayed"
     assert all("anti_windup = none" in each.law for each in fitted.candidates)
     assert any("speaks against" in note and "weg replayed (" in note for note in fitted.notes)
