@@ -32,6 +32,8 @@ def _interval(alpha, beta, gamma):  # type: ignore[no-untyped-def]
     if square <= 0.0 or (alpha >= 0.0 and beta >= 0.0):
         return math.inf, math.inf
     root = math.sqrt(square) - beta
+    if root <= 0.0:  # α is negative only by its last digit: K would be without end
+        return math.inf, math.inf
     return gamma / root, root / alpha if alpha > 0.0 else math.inf
 
 
@@ -134,7 +136,7 @@ def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
         if top < math.inf and (reached == 0.0 or _encirclements(omega, loop, 0.5 * (reached + top)) == 0):
             bottoms[found], tops[found] = reached, top
             found += 1
-        if top >= ceiling:
+        if top >= ceiling or reached >= ceiling:
             break
         before, reached = reached, top
         while reached > before:
@@ -142,8 +144,6 @@ def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
             for i in range(len(excluded)):
                 if excluded[i, 0] <= before and excluded[i, 1] > reached:
                     reached = excluded[i, 1]
-        if reached >= ceiling:
-            break
     return bottoms[:found][::-1], tops[:found][::-1]
 
 

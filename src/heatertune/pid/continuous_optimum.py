@@ -165,6 +165,8 @@ def margins(plants: tuple[HeaterModel, ...], design: PidDesign) -> tuple[Margins
         omega, response = response_grid((plant,), design.derivative_time_s > 0.0, _EXACT)
         settings = _settings(design)
         ms, mt, mks = continuous.peaks(omega, response, *settings)
+        if math.isfinite(design.integral_time_s):  # at frequency 0, which no grid reaches
+            mt, mks = max(mt, 1.0), max(mks, 1.0 / plant.gain_degC_per_pct)
         loop = response * design.gain_pct_per_degC * continuous.controller(omega, *settings[1:])
         gain, phase = crossings(loop)
         found.append((ms, mt, mks, gain, phase))

@@ -71,8 +71,8 @@ def front(
 def _cost_name(specs: Specs) -> str:
     if specs.weight is None:
         return OBJECTIVES[specs.objective]
-    load, setpoint = f"{1.0 - specs.weight:g}·∫|e| dt after a load of 1/k %", f"{specs.weight:g}·∫|e| dt after a setpoint"
-    return f"{load} + {setpoint} of 1 °C [s]"
+    load = f"{1.0 - specs.weight:g}·∫|e| dt after a load of 1/k %"
+    return f"{load} + {specs.weight:g}·∫|e| dt after a setpoint step of 1 °C [s]"
 
 
 def _row(fitted: FittedModel, structure: str, specs: Specs, sample_time_s: float) -> dict[str, Any]:
