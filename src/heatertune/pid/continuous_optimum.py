@@ -223,7 +223,7 @@ def _descend(problem: ContinuousProblem, start: Point) -> PidDesign:
     found: Point = continuous.refine(*_compiled(problem, _COARSE), start, stride, 0.03, _STEPS / 4.0)
     for density in (_FINE, _EXACT):
         # what other frequencies think of the start is not comparable with what these will
-        near: Point = continuous.refine(*_compiled(problem, density), (math.inf, *found[1:]), 0.06, 1e-3, _STEPS / 4.0)
+        near: Point = continuous.refine(*_compiled(problem, density), (math.inf, *found[1:]), 0.06, 3e-4, _STEPS / 4.0)
         found = near if math.isfinite(near[0]) else found
         design = _finish(problem, found)
         if problem.cost(design) < found[0] * 1.002:
