@@ -120,7 +120,7 @@ def test_the_first_piece_begins_at_zero_and_no_piece_is_unstable():
 def test_the_margins_are_those_of_plain_evaluation(plant):
     design = _design(1.1 / plant.gain_degC_per_pct, 1.3, 0.1)
     found, mks = margins((plant,), design)
-    assert (found.ms, found.mt, mks) == pytest.approx(_dense_peaks(plant, design), rel=1e-4)
+    assert (found.ms, found.mt, mks) == pytest.approx(_dense_peaks(plant, design), rel=5e-4)
     # gain margin: at the crossing L is real, so the loop with K·GM passes through −1
     at = _dense_peaks(plant, _design(0.999 * found.gain_margin * design.gain_pct_per_degC, 1.3, 0.1))
     assert at[0] > 300.0
@@ -211,6 +211,8 @@ def test_no_feasible_neighbour_is_better_under_any_objective(structure, objectiv
     for change in rng.normal(0.0, 0.04, (120, 3)):
         gain, tn, tv = (design.gain_pct_per_degC, design.integral_time_s, design.derivative_time_s) * np.exp(change)
         other = _design(float(gain), float(tn), float(tv))
+        if tv and tv < problem.limits[3]:
+            continue
         if all(p <= limit for p, limit in zip(_dense_peaks(plant, other, 6_000), (1.7, 1.25, 60.0), strict=True)):
             assert problem.cost(other) > cost * 0.999
 
@@ -279,11 +281,10 @@ def test_a_heater_without_dead_time_has_no_best_gain_unless_noise_limits_it():
     assert _dense_peaks(_heater(0.0), design)[2] == pytest.approx(5.0, rel=1e-3)
 
 
-def test_a_limit_that_leaves_no_gain_is_told():
-    # 1 − 1/Ms² is 0 in double precision; a slow enough controller keeps every limit that is really above 1
-    with pytest.raises(InputError, match=r"no PI controller keeps Ms <= 1 on all 1 models; loosen --ms"):
-        optimum(_problem(_heater(0.5), ms=1.0 + 1e-16 * 2.3))
-    assert optimum(_problem(_heater(0.5), ms=1.0001, mt=1.0, mks=1.0)).gain_pct_per_degC > 0.0
+def test_a_slow_enough_controller_keeps_every_limit_that_is_possible():
+    # on a stable heater T = 1 and C·S = 1/k at frequency 0 are the least there is; slow integral action reaches both
+    design = optimum(_problem(_heater(0.5), ms=1.001, mt=1.0, mks=1.0))
+    assert _dense_peaks(_heater(0.5), design) == pytest.approx((1.001, 1.0, 1.0), abs=1e-3)
 
 
 def _random_heater(rng):

@@ -32,6 +32,8 @@ def _interval(alpha, beta, gamma):  # type: ignore[no-untyped-def]
     if square <= 0.0 or (alpha >= 0.0 and beta >= 0.0):
         return math.inf, math.inf
     root = math.sqrt(square) - beta
+    if root <= 0.0:  # α is negative only by its last digit: K would be without end
+        return math.inf, math.inf
     return gamma / root, root / alpha if alpha > 0.0 else math.inf
 
 
@@ -134,7 +136,7 @@ def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
         if top < math.inf and (reached == 0.0 or _encirclements(omega, loop, 0.5 * (reached + top)) == 0):
             bottoms[found], tops[found] = reached, top
             found += 1
-        if top >= ceiling:
+        if top >= ceiling or reached >= ceiling:
             break
         before, reached = reached, top
         while reached > before:
@@ -142,8 +144,6 @@ def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
             for i in range(len(excluded)):
                 if excluded[i, 0] <= before and excluded[i, 1] > reached:
                     reached = excluded[i, 1]
-        if reached >= ceiling:
-            break
     return bottoms[:found][::-1], tops[:found][::-1]
 
 
@@ -191,8 +191,7 @@ def swing(heater, settings, setpoint, load, finer, dear):  # type: ignore[no-unt
     second = min(second, 0.9999 * first)  # equal lags are moved apart; the answer changes by 1e-9
     a1, a2 = math.exp(-h / first), math.exp(-h / second) if second > 0.0 else 0.0
     s1, s2 = k * first / (first - second), -k * second / (first - second)
-    n1 = 1.0 - (1.0 - a1) * first / h
-    n2 = 1.0 - (1.0 - a2) * second / h
+    n1, n2 = 1.0 - (1.0 - a1) * first / h, 1.0 - (1.0 - a2) * second / h
     o1, o2 = 1.0 - a1 - n1, 1.0 - a2 - n2
     new = s1 * n1 + s2 * n2
     past = DERIVATIVE_FILTER_N if tv > 0.0 else 0.0
@@ -204,8 +203,7 @@ def swing(heater, settings, setpoint, load, finer, dear):  # type: ignore[no-unt
     ended = tn / (gain * k) * setpoint - tn / gain * load
     queue = np.zeros(whole + 1)  # a ring of the powers still to act; `oldest` acts from now
     x1 = x2 = y = summed = filtered = area = moment = peak = 0.0
-    e = setpoint
-    u = gain * (1.0 + past) * setpoint
+    e, u = setpoint, gain * (1.0 + past) * setpoint
     queue[whole] = u
     oldest = quiet = 0
     for i in range(_MOST_STEPS):
@@ -222,8 +220,7 @@ def swing(heater, settings, setpoint, load, finer, dear):  # type: ignore[no-unt
             known = late * u + load + share * (rest + direct * setpoint)
             right = (known - share * direct * free) / (1.0 + share * direct * new)
         y = free + new * right
-        x1 = a1 * x1 + o1 * left + n1 * right
-        x2 = a2 * x2 + o2 * left + n2 * right
+        x1, x2 = a1 * x1 + o1 * left + n1 * right, a2 * x2 + o2 * left + n2 * right
         before, e = e, setpoint - y
         summed += 0.5 * h * (before + e)
         filtered = af * filtered + of * before + nf * e

@@ -165,6 +165,8 @@ def margins(plants: tuple[HeaterModel, ...], design: PidDesign) -> tuple[Margins
         omega, response = response_grid((plant,), design.derivative_time_s > 0.0, _EXACT)
         settings = _settings(design)
         ms, mt, mks = continuous.peaks(omega, response, *settings)
+        if math.isfinite(design.integral_time_s):  # at frequency 0, which no grid reaches
+            mt, mks = max(mt, 1.0), max(mks, 1.0 / plant.gain_degC_per_pct)
         loop = response * design.gain_pct_per_degC * continuous.controller(omega, *settings[1:])
         gain, phase = crossings(loop)
         found.append((ms, mt, mks, gain, phase))
@@ -221,7 +223,7 @@ def _descend(problem: ContinuousProblem, start: Point) -> PidDesign:
     found: Point = continuous.refine(*_compiled(problem, _COARSE), start, stride, 0.03, _STEPS / 4.0)
     for density in (_FINE, _EXACT):
         # what other frequencies think of the start is not comparable with what these will
-        near: Point = continuous.refine(*_compiled(problem, density), (math.inf, *found[1:]), 0.06, 1e-3, _STEPS / 4.0)
+        near: Point = continuous.refine(*_compiled(problem, density), (math.inf, *found[1:]), 0.06, 3e-4, _STEPS / 4.0)
         found = near if math.isfinite(near[0]) else found
         design = _finish(problem, found)
         if problem.cost(design) < found[0] * 1.002:

@@ -180,11 +180,11 @@ def _excluded(h: Complex, c: Complex, specs: Specs) -> list[tuple[float, float]]
     found: list[tuple[float, float]] = []
     for alpha, gamma in quadratics:
         square = real**2 - alpha * gamma
-        hit = (square > 0.0) & ((real < 0.0) | (alpha < 0.0))
-        root = np.sqrt(square[hit]) - real[hit]
-        high = np.full_like(root, math.inf)
-        np.divide(root, alpha[hit], out=high, where=alpha[hit] > 0.0)
-        found += zip((gamma / root).tolist(), high.tolist(), strict=True)
+        root = np.sqrt(np.maximum(square, 0.0)) - real
+        hit = (square > 0.0) & ((real < 0.0) | (alpha < 0.0)) & (root > 0.0)
+        high = np.full(len(root), math.inf)
+        np.divide(root, alpha, out=high, where=alpha > 0.0)
+        found += zip((gamma / root[hit]).tolist(), high[hit].tolist(), strict=True)
     return found
 
 

@@ -72,7 +72,7 @@ def _cost_name(specs: Specs) -> str:
     if specs.weight is None:
         return OBJECTIVES[specs.objective]
     load = f"{1.0 - specs.weight:g}·∫|e| dt after a load of 1/k %"
-    return f"{load} + {specs.weight:g}·∫|e| dt after a setpoint of 1 °C [s]"
+    return f"{load} + {specs.weight:g}·∫|e| dt after a setpoint step of 1 °C [s]"
 
 
 def _row(fitted: FittedModel, structure: str, specs: Specs, sample_time_s: float) -> dict[str, Any]:

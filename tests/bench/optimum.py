@@ -1,0 +1,152 @@
+"""Time of one constrained optimum, warm, beside SciPy's SLSQP and CasADi/IPOPT on the same problem; and many heaters.
+
+    python tests/bench/optimum.py            the table of times and costs
+    python tests/bench/optimum.py --heaters  2,000 random heaters: every one ends with a design or a sentence
+
+The rivals minimise the same load IAE under the same Ms: SLSQP with this program's own compiled functions, from the
+same start; IPOPT on a transcription of the delay equation in steps of 1/40 dead time.
+"""
+
+import argparse
+import math
+import time
+
+import numpy as np
+from scipy.optimize import minimize
+
+from heatertune.errors import InputError
+from heatertune.model.values import Fopdt
+from heatertune.pid import continuous
+from heatertune.pid.continuous_optimum import ContinuousProblem, margins, optimum, response_grid
+from heatertune.pid.specs import Specs
+
+MS = 1.6
+
+
+def timed(function, times=1):
+    """Best time [s] of several calls, and the last answer."""
+    best, answer = math.inf, None
+    for _ in range(times):
+        begun = time.perf_counter()
+        answer = function()
+        best = min(best, time.perf_counter() - begun)
+    return best, answer
+
+
+def start(dead, structure):
+    gain = 0.4 * (1.0 / dead + 0.3)
+    return [math.log(gain), math.log(min(1.0, 6.0 * dead) + 0.3 * dead)] + ([math.log(0.3 * dead)] if structure == "pid" else [])
+
+
+def settings(x):
+    return (math.exp(x[0]), math.exp(x[1]), math.exp(x[2]) if len(x) > 2 else 0.0)
+
+
+def by_slsqp(problem, dead, structure):
+    omega, response = response_grid(problem.plants, structure == "pid", 2.0)
+
+    def cost(x):
+        return math.log(min(continuous.price(problem.heaters, problem.weights, *settings(x), 0.5, math.inf), 1e6))
+
+    def room(x):
+        gain, tn, tv = settings(x)
+        return 1.0 - np.max(1.0 / np.abs(1.0 + gain * response * continuous.controller(omega, tn, tv))) / MS
+
+    found = minimize(cost, start(dead, structure), method="SLSQP", constraints={"type": "ineq", "fun": room},
+                     options={"maxiter": 200, "ftol": 1e-9})
+    return settings(found.x)
+
+
+def ipopt_solver(dead, structure):
+    """Return the solver of the transcription; the loop is simulated with a hold of first order, |e| is rounded by 1e-6."""
+    import casadi as ca  # noqa: PLC0415 - beside its only use
+
+    per, spans = 40, 30
+    h, n = dead / per, per * spans
+    x = ca.SX.sym("x", 3 if structure == "pid" else 2)
+    gain, tn = ca.exp(x[0]), ca.exp(x[1])
+    tv = ca.exp(x[2]) if structure == "pid" else None
+    a = math.exp(-h)
+    new = 1.0 - (1.0 - a) / h
+    old = 1.0 - a - new
+    y, summed, slow, queue = ca.SX.sym("y"), ca.SX.sym("s"), ca.SX.sym("f"), ca.SX.sym("q", per + 1)
+    after = a * y + old * (1.0 + queue[0]) + new * (1.0 + queue[1])
+    total = summed - 0.5 * h * (y + after)
+    power = gain * (-after + total / tn)
+    filtered = slow
+    if tv is not None:
+        af = ca.exp(-h * 10.0 / tv)
+        nf = 1.0 - (1.0 - af) * tv / (10.0 * h)
+        filtered = af * slow - (1.0 - af - nf) * y - nf * after
+        power += gain * 10.0 * (-after - filtered)
+    state = ca.vertcat(y, summed, slow, queue)
+    step = ca.Function("step", [state, x], [ca.vertcat(after, total, filtered, queue[1:], power), after])
+    path = step.mapaccum("loop", n)(ca.DM.zeros(per + 4), ca.repmat(x, 1, n))[1]
+    cost = h * ca.sum2(ca.sqrt(path**2 + 1e-12))
+    omega = response_grid((Fopdt(gain_degC_per_pct=1.0, time_constant_s=1.0, dead_time_s=dead),), structure == "pid", 1.0)[0]
+    g = np.exp(-1j * omega * dead) / (1j * omega + 1.0)
+    real = g.real + (g / (1j * omega)).real / tn
+    imaginary = g.imag + (g / (1j * omega)).imag / tn
+    if tv is not None:
+        u = omega * tv
+        d_real, d_imaginary = u**2 / 10.0 / (1.0 + (u / 10.0) ** 2), u / (1.0 + (u / 10.0) ** 2)
+        real += g.real * d_real - g.imag * d_imaginary
+        imaginary += g.real * d_imaginary + g.imag * d_real
+    distance = (1.0 + gain * real) ** 2 + (gain * imaginary) ** 2
+    options = {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes", "ipopt.max_iter": 150, "ipopt.tol": 1e-7,
+               "ipopt.hessian_approximation": "limited-memory"}
+    return ca.nlpsol("s", "ipopt", {"x": x, "f": ca.log(cost), "g": distance}, options)
+
+
+def by_ipopt(solver, dead, structure):
+    answer = solver(x0=start(dead, structure), lbg=1.0 / MS**2, ubg=math.inf)
+    return settings(np.asarray(answer["x"]).ravel()), solver.stats()["success"]
+
+
+def compare():
+    print(f"{'':4} {'L/T':>5}  {'here':>9} {'SLSQP':>9} {'IPOPT':>9}   {'SLSQP':>7} {'IPOPT':>7}   their cost above ours: SLSQP, IPOPT")
+    for structure in ("pi", "pid"):
+        for dead in (0.1, 0.3, 1.0, 3.0):
+            plant = Fopdt(gain_degC_per_pct=1.0, time_constant_s=1.0, dead_time_s=dead)
+            problem = ContinuousProblem(plants=(plant,), structure=structure, specs=Specs(ms=MS))
+            optimum(problem)
+            ours, design = timed(lambda problem=problem: optimum(problem), 20)
+            by_slsqp(problem, dead, structure)
+            slsqp, found = timed(lambda p=problem, d=dead, s=structure: by_slsqp(p, d, s), 2)
+            solver = ipopt_solver(dead, structure)
+            ipopt, (other, ended) = timed(lambda s=solver, d=dead, t=structure: by_ipopt(s, d, t), 2)
+            omega, response = response_grid((plant,), structure == "pid", 8.0)
+            told = []
+            for gain, tn, tv in (found, other):
+                # their frequencies are coarse: K is put on the exact limit, so that equal robustness is compared
+                bottoms, tops = continuous.pieces(omega, response, tn, tv, problem.limits)
+                kept = min([gain, *[top for bottom, top in zip(bottoms, tops, strict=True) if gain > bottom][:1]])
+                ratio = continuous.price(problem.heaters, problem.weights, kept, tn, tv, 2.0, math.inf) / problem.cost(design)
+                told.append(f"{ratio - 1.0:+.1e}")
+            print(f"{structure:4} {dead:5.2f}  {1e3 * ours:6.2f} ms {1e3 * slsqp:6.1f} ms {1e3 * ipopt:6.0f} ms   "
+                  f"{slsqp / ours:6.0f}× {ipopt / ours:6.0f}×   {told[0]}, {told[1]}{'' if ended else ' not converged'}", flush=True)
+
+
+def heaters(count=2000):
+    rng = np.random.default_rng(7)
+    designs, sentences = 0, {}
+    begun = time.perf_counter()
+    for _ in range(count):
+        lag = float(np.exp(rng.uniform(0.0, math.log(3000.0))))
+        plant = Fopdt(gain_degC_per_pct=float(np.exp(rng.uniform(-3.0, 3.0))), time_constant_s=lag,
+                      dead_time_s=lag * float(np.exp(rng.uniform(math.log(0.01), math.log(10.0)))))
+        structure, ms = str(rng.choice(["pi", "pid"])), float(rng.uniform(1.1, 2.2))
+        try:
+            design = optimum(ContinuousProblem(plants=(plant,), structure=structure, specs=Specs(ms=ms)))
+        except InputError as problem:
+            sentences[str(problem)] = sentences.get(str(problem), 0) + 1
+            continue
+        assert margins((plant,), design)[0].ms <= ms * 1.001, (plant, structure, ms)
+        designs += 1
+    print(f"{count} heaters: {designs} designs that keep their limit, {time.perf_counter() - begun:.0f} s; sentences: {sentences}")
+
+
+if __name__ == "__main__":
+    asked = argparse.ArgumentParser()
+    asked.add_argument("--heaters", action="store_true")
+    heaters() if asked.parse_args().heaters else compare()
