@@ -85,9 +85,9 @@ def main():
         at = (word >= low) & (word <= high)
         if at.any():
             print(f"{low:4d}…{high:<5d} {at.sum():9d}  {np.median(iae[at]):8.3f} {iae[at].max():8.3f} "
-                  f"{ms[at].max():8.3f} {(ms[at] > 1.0001).sum():8d}      {np.median(best_iae[at]):8.4f} "
+                  f"{ms[at].max():8.3f} {(ms[at] > 1.0).sum():8d}      {np.median(best_iae[at]):8.4f} "
                   f"{best_iae[at].max():8.4f} {best_ms[at].max():8.4f}")
-    kept = ms <= 1.0001
+    kept = ms <= 1.0
     gain = 100.0 * (iae[kept] / best_iae[kept] - 1.0)
     print(f"where rounding keeps Ms ({kept.sum()}): gain in IAE median {np.median(gain):.2f} %, worst {gain.min():.2f} %, "
           f"best {gain.max():.1f} %")

@@ -4,12 +4,13 @@ import itertools
 import math
 from dataclasses import replace
 
+import control
 import numpy as np
 import pytest
 
-from heatertune.errors import OutOfRange
+from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.bounds import bounds_of
+from heatertune.pid.bounds import _norms, bounds_of
 from heatertune.pid.integers import Integers, best_integers
 from heatertune.pid.linear import control_margins, loop_transfer_function
 from heatertune.pid.response import iae_load
@@ -94,7 +95,7 @@ def test_words_of_other_rooms_and_their_other_form():
 
 @pytest.mark.parametrize(("target", "past"), [("s5-ob251", 0.5), ("s7-200", 0.0)])
 def test_the_gains_at_the_corners_are_those_of_the_decoded_words(target, past):
-    problem = _problem(target, _pid(0.9, 250.0, 40.0, ta=10.0, past=past), (OTHER,), ((1, 1500), (1, 9999), (1, 999)))
+    problem = _problem(target, _pid(0.9, 250.0, 40.0, ta=10.0, past=past), (OTHER,), ((1, 32767),) * 3 if past == 0.0 else ((1, 1500), (1, 9999), (1, 999)))
     box = tuple((max(1, s // 3), s + s // 4 + 1) for s in problem.start)
     found = problem.corners(box)
     assert found.shape == (8, 3)
@@ -103,6 +104,20 @@ def test_the_gains_at_the_corners_are_those_of_the_decoded_words(target, past):
         gain, ta = design.gain_pct_per_degC, design.sample_time_s
         expected = [gain, gain * ta / design.integral_time_s, gain * design.derivative_time_s / ta]
         assert gains == pytest.approx(expected, rel=1e-9)
+
+
+def test_words_of_a_loop_sampled_slower_than_its_reset():
+    # KP halved with KI doubled would leave no P part, so the two are tried the other way round
+    problem = _problem("s7-200", _pid(0.5, 12.0, ta=10.0, past=0.0), (HEATER,), ((1, 32767),) * 3)
+    kp, ki, _ = problem.start
+    assert kp // 2 - 2 * ki < 0
+    assert best_integers(problem).proven
+
+
+def test_words_that_are_not_allowed_to_begin_with_are_refused():
+    problem = _problem("s7-200", _pid(13.0, 62.0, past=0.0), (HEATER,), ((1, 32767),) * 3)
+    with pytest.raises(InputError, match="not allowed"):
+        best_integers(replace(problem, start=(5, 5, 0)))
 
 
 def test_a_limit_nothing_keeps_gives_no_words():
@@ -161,6 +176,23 @@ def test_a_box_of_unstable_controllers_is_ruled_out_though_all_keep_their_distan
         assert np.min(np.abs(1.0 + loop_transfer_function(HEATER, design)(np.exp(1j * omega * ta)))) > 1.0 / 1.6
     bounds = bounds_of((HEATER,), ms=1.6, sample_time_s=ta, derivative_filter=0.5)
     assert bounds.least_cost(np.array([low, high]), math.inf) == math.inf
+
+
+@pytest.mark.parametrize("past", [0.0, 0.5])
+def test_the_sizes_of_the_parts_are_those_of_python_controls_impulse_responses(past):
+    # G by python-control, the loop closed by its feedback; the D part counts as the others do
+    ta, gains = 5.0, np.array([3.0, 0.05, 12.0])
+    plant = loop_transfer_function(HEATER, PidDesign(gain_pct_per_degC=1.0, integral_time_s=math.inf, derivative_time_s=0.0,
+                                                     sample_time_s=ta, structure="p", method=""))
+    z = control.tf([1.0, 0.0], [1.0], ta)
+    parts = [control.tf([1.0], [1.0], ta), z / (z - 1.0), (1.0 - past) * (z - 1.0) / (z - past)]
+    law = sum(gain * part for gain, part in zip(gains, parts, strict=True))
+    # the impulse is 1 at the first sample: TA times a discrete impulse of python-control's area 1
+    times = np.arange(800) * ta
+    expected = [float(np.sum(np.abs(np.asarray(control.impulse_response(control.feedback(plant * part, law / part), times).outputs)))) * ta
+                for part in parts]
+    heater = bounds_of((HEATER,), ms=1.6, sample_time_s=ta, derivative_filter=past).heaters[0]
+    assert _norms(*heater.modes, gains, past, 800)[1] == pytest.approx(expected, rel=1e-3)
 
 
 def test_of_a_single_controller_the_bound_is_its_cost():

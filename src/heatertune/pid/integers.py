@@ -17,6 +17,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
 from heatertune.pid.bounds import LoopBounds, bounds_of
 from heatertune.pid.response import iae_load
@@ -63,7 +64,9 @@ class Integers:
     @cached_property
     def bounds(self) -> LoopBounds:
         """The bounds for boxes of gains."""
-        design = self._decoded(self.start)
+        design = self.decode(self.start)
+        if design is None:
+            raise InputError(f"words {self.start} to begin with are not allowed")
         return bounds_of(
             self.plants, ms=self.ms, sample_time_s=design.sample_time_s, derivative_filter=design.derivative_filter
         )
@@ -72,11 +75,16 @@ class Integers:
     def _form(self) -> tuple[list[int], Array, Array]:
         """The words that vary, the two values each was tried at, and the gains at the corners, shape (2, …, 2, 3)."""
         varied = [i for i, (low, high) in enumerate(self.ranges) if low < high]
-        # far apart, so that differences keep their digits
-        pairs = [(self.start[i], self.start[i] * 2 if self.start[i] * 2 <= self.ranges[i][1] else self.start[i] // 2)
-                 for i in varied]
-        corners = np.array([_gains(self._decoded(self._with(varied, tried))) for tried in product(*pairs)])
-        return varied, np.array(pairs, dtype=np.float64), corners.reshape(*[2] * len(varied), 3)
+        # doubled or halved: far apart, so that differences keep their digits
+        for factors in product((2.0, 0.5), repeat=len(varied)):
+            pairs = [(self.start[i], int(factor * self.start[i])) for i, factor in zip(varied, factors, strict=True)]
+            inside = all(self.ranges[i][0] <= other <= self.ranges[i][1]
+                         for i, (_, other) in zip(varied, pairs, strict=True))
+            designs = [self.decode(self._with(varied, tried)) for tried in product(*pairs)] if inside else [None]
+            gains = [_gains(design) for design in designs if design is not None]
+            if len(gains) == len(designs):
+                return varied, np.array(pairs, dtype=np.float64), np.array(gains).reshape(*[2] * len(varied), 3)
+        raise InputError(f"words {self.start}: doubling or halving them makes words the controller does not allow")
 
     def corners(self, box: _Box) -> Array:
         """Return kP, kI, kD at the corners of a box of words, shape (m, 3)."""
@@ -98,11 +106,6 @@ class Integers:
         for i, value in zip(varied, values, strict=True):
             words[i] = value
         return tuple(words)
-
-    def _decoded(self, words: Vector) -> PidDesign:
-        design = self.decode(words)
-        assert design is not None, f"words {words} near the start are not allowed"
-        return design
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,6 +134,9 @@ def best_integers(problem: Integers, *, most_boxes: int = _MOST_BOXES) -> Found:
     """Return the best words over all ranges, the box with the lowest bound first.
 
     Where `most_boxes` do not suffice, the best so far is returned with the bound that is proven by then.
+
+    Raises:
+        InputError: the start, or its words doubled or halved, are not allowed.
     """
     cost = problem.cost(problem.start)
     words = None if math.isinf(cost) else problem.start
