@@ -178,6 +178,15 @@ def test_a_box_of_unstable_controllers_is_ruled_out_though_all_keep_their_distan
     assert bounds.least_cost(np.array([low, high]), math.inf) == math.inf
 
 
+def test_a_box_whose_middle_is_unstable_is_kept_for_the_good_controller_at_its_corner():
+    good = _pid(3.0, 300.0, ta=10.0)
+    assert margins(HEATER, good).ms < 1.6
+    assert control_margins(HEATER, _pid(201.5, 300.0, ta=10.0)).ms == math.inf
+    corners = np.array([[k, k * 10.0 / 300.0, 0.0] for k in (3.0, 400.0)])
+    bounds = bounds_of((HEATER,), ms=1.6, sample_time_s=10.0, derivative_filter=0.5)
+    assert bounds.least_cost(corners, math.inf) <= iae_load(HEATER, good)
+
+
 @pytest.mark.parametrize("past", [0.0, 0.5])
 def test_the_sizes_of_the_parts_are_those_of_python_controls_impulse_responses(past):
     # G by python-control, the loop closed by its feedback; the D part counts as the others do
