@@ -219,7 +219,10 @@ def test_an_open_point_that_is_known_of_a_controller_is_not_varied(run, by_hand,
 
 
 def test_one_of_several_runs_can_be_asked_for(run, tmp_path):
-    rows = [f"{10 * k},{20 + 0.5 * k % 7 + 0.1 * k},{50 * (k % 9 > 4)}" for k in range(40)]
+    heat = [20.0]
+    for k in range(39):
+        heat.append(heat[-1] + 0.05 * (20.0 + 0.5 * 50 * (k % 20 > 9) - heat[-1]))
+    rows = [f"{10 * k},{y:.3f},{50 * (k % 20 > 9)}" for k, y in enumerate(heat)]
     log = tmp_path / "two.csv"
     log.write_text("\n".join(["time_s,temp_C,duty_pct", *rows, *rows[:25]]) + "\n")
     told = json.loads(run("fit", log, "--run", 2, "--json")[1] or "{}")

@@ -41,7 +41,7 @@ def test_the_front_of_a_sampled_loop_is_above_that_of_the_continuous_one(run):
 @pytest.mark.parametrize(("arguments", "told"), [
     (("--points", 1), "points = 1"), (("--ms-range", 2, 1.5), "ms_low = 2.0"), (("--ms-range", 0.9, 1.5), "ms = 0.9"),
     (("-o", "front.pdf"), "expected a name that ends in .svg, .png or .json"), (("--mks", 1), "mks = 1.0"),
-    (("--sample-time", "soon"), "expected seconds or auto"), (("--weight", 2), "weight = 2.0"),
+    (("--sample-time", "soon"), "expected seconds, auto or words"), (("--weight", 2), "weight = 2.0"),
 ])
 def test_what_cannot_be_drawn_is_told_in_one_line(run, arguments, told):
     status, out, err = run("pareto", *HAND, "--quiet", *arguments)

@@ -10,6 +10,7 @@ from heatertune.model.outliers import tamed
 __all__ = ["disturbance_s", "undisturbed"]
 
 _SHARE = 0.1  # of the log's span: a jump no heater makes between two readings
+_SPIKE = 5  # neighbours of a reading: two odd ones in a row are a spike, three a disturbance that is over soon
 _TIMES = 10.0  # the usual departure from the neighbouring slopes
 
 
@@ -18,9 +19,9 @@ def disturbance_s(log: Log) -> float | None:
 
     A jump departs from the median slope of its neighbours by more than a tenth of the log's span and by more than
     ten times the usual departure. Jumps within the first 20 readings are not looked for: they would leave
-    too little to fit. A few odd readings that return are no jump.
+    too little to fit. Two odd readings that return are no jump.
     """
-    readings = tamed(log.temperature_degC)
+    readings = tamed(log.temperature_degC, _SPIKE)
     change = np.diff(readings)
     padded = np.pad(change, 3, mode="edge")
     usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, 7), axis=1)

@@ -9,6 +9,8 @@ from typing import Any
 
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
+from heatertune.pid.continuous_optimum import margins as continuous_margins
+from heatertune.pid.continuous_tune import assessed
 from heatertune.pid.response import iae_load
 from heatertune.pid.robustness import margins
 from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
@@ -44,7 +46,10 @@ def _ruled(name: str, fitted: FittedModel, design: PidDesign) -> Mapping[str, An
 
 
 def _judged(fitted: FittedModel, design: PidDesign, doubt: str | None) -> dict[str, Any]:
-    found = [margins(plant, design).ms for plant in fitted.plants]
+    if design.sample_time_s == 0.0:
+        found = [continuous_margins((plant,), design)[0].ms for plant in fitted.plants]
+    else:
+        found = [margins(plant, design).ms for plant in fitted.plants]
     unstable = sum(math.isinf(ms) for ms in found)
     why_not = [doubt] if doubt is not None else []
     if unstable:
@@ -54,7 +59,14 @@ def _judged(fitted: FittedModel, design: PidDesign, doubt: str | None) -> dict[s
         "integral_time_s": design.integral_time_s,
         "derivative_time_s": design.derivative_time_s,
         "ms": max(found),
-        "iae_load": math.inf if unstable else max(iae_load(plant, design) for plant in fitted.plants),
+        "iae_load": math.inf if unstable else _load(fitted, design),
         "applicable": not why_not,
         "why_not": " ".join(why_not) or None,
     }
+
+
+def _load(fitted: FittedModel, design: PidDesign) -> float:
+    if design.sample_time_s == 0.0:
+        cost = assessed(fitted, design).iae_load
+        return math.inf if cost is None else cost
+    return max(iae_load(plant, design) for plant in fitted.plants)
