@@ -44,7 +44,7 @@ def _design(gain, tn, tv=0.0):
 
 def _dense_peaks(plant, design, points=60_000):
     """Ms, Mt and Mks by plain evaluation on very many frequencies."""
-    omega = np.geomspace(1e-4, 400.0, points) / (plant.dead_time_s or plant.lags_s[-1])
+    omega = np.geomspace(1e-6, 400.0, points) / (plant.dead_time_s or plant.lags_s[-1])
     s = 1j * omega
     c = design.gain_pct_per_degC * (1 + 1 / (design.integral_time_s * s)
                                     + design.derivative_time_s * s / (1 + design.derivative_time_s * s / 10))
@@ -278,11 +278,10 @@ def test_specs_that_contradict_themselves_are_told(specs, error, told):
         _problem(_heater(1.0, gain=0.5), **specs)
 
 
-def test_a_heater_without_dead_time_has_no_best_gain_unless_noise_limits_it():
-    with pytest.raises(InputError, match="dead time"):
-        _problem(_heater(0.0))
-    design = optimum(_problem(_heater(0.0), mks=5.0))
-    assert _dense_peaks(_heater(0.0), design)[2] == pytest.approx(5.0, rel=1e-3)
+def test_a_heater_without_dead_time_has_no_best_gain():
+    for specs in ({}, {"mks": 5.0}):
+        with pytest.raises(InputError, match="dead time"):
+            _problem(_heater(0.0), **specs)
 
 
 def test_a_slow_enough_controller_keeps_every_limit_that_is_possible():

@@ -37,13 +37,13 @@ def without_outliers(measured: Array, simulated: Array) -> tuple[Array, npt.NDAr
     return np.where(odd, measured - off, measured), np.flatnonzero(odd)
 
 
-def tamed(measured: Array, neighbours: int = _NEIGHBOURS) -> Array:
-    """Return the readings with wild ones, off by a tenth of the span, put where their neighbours are [°C].
+def tamed(measured: Array, neighbours: int = _NEIGHBOURS, share: float = _WILD) -> Array:
+    """Return the readings with wild ones, off by this share of the span, put where their neighbours are [°C].
 
     Of so many neighbours up to half may be wild in a row.
     """
     smooth = _median(measured, neighbours)
-    return np.where(np.abs(measured - smooth) > _WILD * float(np.ptp(smooth)), smooth, measured)
+    return np.where(np.abs(measured - smooth) > share * float(np.ptp(smooth)), smooth, measured)
 
 
 def _median(values: Array, neighbours: int = _NEIGHBOURS) -> Array:

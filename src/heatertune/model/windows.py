@@ -11,6 +11,7 @@ __all__ = ["disturbance_s", "undisturbed"]
 
 _SHARE = 0.1  # of the log's span: a jump no heater makes between two readings
 _SPIKE = 5  # neighbours of a reading: two odd ones in a row are a spike, three a disturbance that is over soon
+_ABSURD = 0.5  # of the span: no disturbance leaves so far and comes back within a few readings
 _TIMES = 10.0  # the usual departure from the neighbouring slopes
 
 
@@ -21,7 +22,7 @@ def disturbance_s(log: Log) -> float | None:
     ten times the usual departure. Jumps within the first 20 readings are not looked for: they would leave
     too little to fit. Two odd readings that return are no jump.
     """
-    readings = tamed(log.temperature_degC, _SPIKE)
+    readings = tamed(tamed(log.temperature_degC, share=_ABSURD), _SPIKE)
     change = np.diff(readings)
     padded = np.pad(change, 3, mode="edge")
     usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, 7), axis=1)

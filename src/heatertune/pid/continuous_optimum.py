@@ -44,7 +44,7 @@ class ContinuousProblem:
 
     Raises:
         OutOfRange, InputError: limits that contradict each other or the structure; an objective that only sampled
-            loops have; a heater without dead time whose gain nothing limits.
+            loops have; a heater without dead time, whose gain Ms does not limit.
     """
 
     plants: tuple[HeaterModel, ...]
@@ -55,12 +55,9 @@ class ContinuousProblem:
         self.specs.refuse_contradictions(self.plants, self.structure)
         if self.specs.objective == "ise":
             raise InputError("the objective ise is for sampled loops; with --sample-time 0: load, setpoint, itae or ki")
-        bounded = math.isfinite(self.specs.mks)
-        if not bounded and any(
-            p.dead_time_s == 0.0 and (self.structure == "pid" or not isinstance(p, TwoLag)) for p in self.plants
-        ):
+        if any(p.dead_time_s == 0.0 and (self.structure == "pid" or not isinstance(p, TwoLag)) for p in self.plants):
             raise InputError("without dead time this heater keeps every Ms at any gain, so there is no best one; "
-                             "give its dead time, or limit the noise gain with --mks")
+                             "give its dead time: no heater is without")
 
     @property
     def heaters(self) -> Array:
