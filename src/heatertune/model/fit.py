@@ -109,7 +109,7 @@ def fit_known(
     if offset != 0.0:
         rated = rate(records(used, controllers, setpoint_degC, offset), **given)
     candidates, hypotheses = compare(rated)
-    found = _fit_logged(rated[0].log, bounds, power_before_pct, seed)
+    found = _fit_logged(rated[0].log, bounds, power_before_pct, seed, believed=True)
     told = replay_notes(used, controllers, hypotheses, offset)
     return replace(
         found, candidates=tuple(candidates), hypotheses=tuple(hypotheses),
@@ -216,15 +216,17 @@ def _single(bounds: Bounds | None) -> float | None:
     return None if bounds is None or bounds[0] < bounds[1] else bounds[0]
 
 
-def _fit_logged(log: Log, bounds: Bounds | None, power_before_pct: float | None, seed: int) -> FittedModel:
+def _fit_logged(
+    log: Log, bounds: Bounds | None, power_before_pct: float | None, seed: int, *, believed: bool = False
+) -> FittedModel:
     """Return the fit of a log with power; a free ambient that leaves its interval is taken at the nearest end."""
     known = _single(bounds)
     _demand_excitation(log, known)
-    found = fit_power(log, ambient_degC=known, power_before_pct=power_before_pct, seed=seed)
+    found = fit_power(log, ambient_degC=known, power_before_pct=power_before_pct, seed=seed, believed=believed)
     end = None if bounds is None else _nearest_end(found, bounds)
     if end is None:
         return found
-    held = fit_power(log, ambient_degC=end, power_before_pct=power_before_pct, seed=seed)
+    held = fit_power(log, ambient_degC=end, power_before_pct=power_before_pct, seed=seed, believed=believed)
     note = f"Left free, the ambient leaves the given interval; its end of {end:g} °C was taken."
     return replace(held, notes=(note, *held.notes))
 

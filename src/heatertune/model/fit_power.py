@@ -42,12 +42,13 @@ class _Found:
 
 
 def fit_power(
-    log: Log, *, ambient_degC: float | None, power_before_pct: float | None, seed: int
+    log: Log, *, ambient_degC: float | None, power_before_pct: float | None, seed: int, believed: bool = False
 ) -> FittedModel:
     """Return the FOPDT of a log with power, its intervals, and the candidates.
 
     Beside one lag: two lags, a time constant for heating and one for cooling, an integrator; a drift of the ambient
     and load steps where the log asks for them.
+    `believed`: the power is known to be the heater's, so its cause is not asked for.
 
     Raises:
         InputError: the power cannot have made the temperature (sign, clock, no answer at all).
@@ -55,7 +56,7 @@ def fit_power(
     problem = PowerProblem(
         readings=Readings.of(log), ambient_degC=ambient_degC, power_before_pct=power_before_pct
     )
-    found = _search(log, problem)
+    found = _search(log, problem, believed=believed)
     one, full = found.fits[0], replace(found.problems[0], readings=Readings.of(log))
     assert isinstance(one.model, Fopdt)
     simulated = one.linear @ full.basis(one.vector)
@@ -82,7 +83,7 @@ def fit_power(
     )
 
 
-def _search(log: Log, problem: PowerProblem) -> _Found:
+def _search(log: Log, problem: PowerProblem, *, believed: bool) -> _Found:
     """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
     whole, measured = problem.readings, log.temperature_degC
     cleaned, outliers = tamed(measured), np.empty(0, dtype=np.intp)
@@ -93,7 +94,8 @@ def _search(log: Log, problem: PowerProblem) -> _Found:
         cleaned, outliers = without_outliers(measured, fit.linear @ problem.basis(fit.vector))
         if np.array_equal(last, outliers):
             break
-    demand_cause(log, thin, None if fit.model is None else fit)
+    if not believed:
+        demand_cause(log, thin, None if fit.model is None else fit)
     problems = [thin, replace(thin, two_lags=True)]
     fits = [fit, problems[1].fit()]
     problems, fits = _started(problems, fits)
