@@ -278,6 +278,12 @@ def test_specs_that_contradict_themselves_are_told(specs, error, told):
         _problem(_heater(1.0, gain=0.5), **specs)
 
 
+def test_a_pid_with_a_limit_on_mks_is_not_called_global():
+    # the case of the expected failure above: the search ends above the best, so nothing may be claimed
+    problem = _problem(_heater(0.4, lag=3.0, gain=0.5), "pid", objective="setpoint", ms=1.7, mt=1.25, mks=60.0)
+    assert unrivalled(problem)[1].startswith("Not proven global")
+
+
 def test_a_heater_without_dead_time_has_no_best_gain():
     for specs in ({}, {"mks": 5.0}):
         with pytest.raises(InputError, match="dead time"):

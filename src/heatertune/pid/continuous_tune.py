@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
 from heatertune.pid.continuous import DERIVATIVE_FILTER_N
@@ -53,7 +51,7 @@ def assessed(fitted: FittedModel, design: PidDesign) -> PidDesign:
     worst, mks = margins(fitted.plants, design)
     known = worst.stable and math.isfinite(design.integral_time_s)
     alone = [
-        {name: ContinuousProblem(plants=(plant,), structure="pi", specs=Specs(objective=name, mks=_ANY)).cost(design)
+        {name: ContinuousProblem(plants=(plant,), structure="pi", specs=Specs(objective=name)).cost(design)
          for name in ("load", "setpoint")}
         for plant in fitted.plants
     ] if known else []
@@ -62,9 +60,6 @@ def assessed(fitted: FittedModel, design: PidDesign) -> PidDesign:
         iae_load=max((row["load"] for row in alone), default=None),
         iae_setpoint=max((row["setpoint"] for row in alone), default=None),
     )
-
-
-_ANY = float(np.finfo(float).max)  # a limit on Mks that is none: a price can be named for every heater
 
 
 def _explained(problem: ContinuousProblem, design: PidDesign) -> list[str]:
