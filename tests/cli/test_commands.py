@@ -317,6 +317,8 @@ BAD = {
     "unknown target": (("design", "table4", "--target", "s5-ob252", "--out", "out"), ", ".join(TARGETS)),
     "unknown target of verify": (("verify", "pid.json", "--target", "plc", *HAND), "plc"),
     "no model": (("tune",), "--gain"),
+    "an interval that is no number": (("decode", "empty.csv", "--target", "s7-200-pid", "--called-every", "nan"), "--called-every"),
+    "an interval of nothing": (("decode", "empty.csv", "--target", "s5-ob251", "--called-every", 0), "--called-every"),
     "half a model": (("tune", "--gain", 1), "--time-constant"),
     "negative gain": (("tune", "--gain", -1, "--time-constant", 10, "--dead-time", 1), "gain_degC_per_pct"),
     "gain no number": (("tune", "--gain", "big"), "--gain"),

@@ -35,7 +35,9 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.pid.document import to_document  # noqa: PLC0415
     from heatertune.plc import TARGETS, Imaged, room  # noqa: PLC0415
     from heatertune.report.text import criteria_table, design_lines  # noqa: PLC0415
+    from heatertune.units import check  # noqa: PLC0415
 
+    check("--called-every", settings.called_every, above=0.0)
     found = room(common.target(settings))
     if not isinstance(found, Imaged):
         known = ", ".join(name for name in TARGETS if isinstance(room(name), Imaged))
