@@ -21,6 +21,7 @@ class TenthsRoom:
     program: object = None
     overflows_above: int = 10**9
     seen: list = field(default_factory=list)
+    faults: object = None
     name: str = "tenths"
     counts: int = 1000  # over 0…100 °C
 

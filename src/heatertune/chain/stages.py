@@ -269,4 +269,4 @@ def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str 
     lines += [f"taken as known: {name} = {setting}" for name, setting in proof.known.items()]
     lines += [f"not kept: {name}" for name in failed]
     certificate = Certificate(verdict=proof.verdict, lines=tuple(lines), forced=bool(failed))
-    return room(words.target).export(words, certificate)
+    return dict(room(words.target).export(words, certificate))

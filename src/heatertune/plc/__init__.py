@@ -8,8 +8,6 @@ from typing import Final
 from heatertune.errors import UnknownName
 from heatertune.plc.room import (
     Certificate,
-    Faulty,
-    Imaged,
     Number,
     Room,
     Scaling,
@@ -21,7 +19,7 @@ from heatertune.plc.room import (
 )
 
 __all__ = [
-    "FAITHFUL", "TARGETS", "Certificate", "Faulty", "Imaged", "Number", "Room", "Scaling", "Scan", "Switch", "Timing",
+    "FAITHFUL", "TARGETS", "Certificate", "Number", "Room", "Scaling", "Scan", "Switch", "Timing",
     "WordField", "Words", "room",
 ]
 

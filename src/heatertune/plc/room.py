@@ -7,9 +7,10 @@ know rooms only through this file.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Protocol, cast, runtime_checkable
+from typing import Any, Final, Protocol, cast
 
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.pid.values import PidDesign
@@ -17,7 +18,7 @@ from heatertune.plc.single import is_single
 from heatertune.units import check
 
 __all__ = [
-    "FORMATS", "Certificate", "Faulty", "Imaged", "Number", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField",
+    "FORMATS", "Certificate", "Number", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField",
     "Words", "check_fields", "holds", "settings_of",
 ]
 
@@ -199,63 +200,68 @@ def settings_of(switches: Sequence[Switch], given: Mapping[str, str]) -> dict[st
     return {name: given.get(name, switch.default) for name, switch in known.items()}
 
 
-class Room(Protocol):
-    """One controller."""
+class ReadImage(Protocol):
+    """Memory → words."""
 
-    @property
-    def name(self) -> str:
-        """Name on the command line."""
+    def __call__(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
+        """Return the words of a dump; raise InputError where its length is wrong, OutOfRange for a word."""
 
-    @property
-    def title(self) -> str:
-        """Controller, manual and edition."""
 
-    @property
-    def fields(self) -> tuple[WordField, ...]:
-        """The words, in the order in which they are typed in."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Room(ABC):
+    """One controller: what it is, its doors between design, words and text, and, in its subclass, how it runs.
 
-    @property
-    def switches(self) -> tuple[Switch, ...]:
-        """What the manual leaves open."""
+    Attributes:
+        name: on the command line.
+        title: controller, manual and edition.
+        fields: the words, in the order in which they are typed in.
+        switches: what the manual leaves open.
+        inputs: what one scan reads, in the controller's units: name → format; the first two are setpoint and reading.
+        can: what the controller can do, one sentence each.
+        cannot: what it can't do, or what this room leaves out, one sentence each.
+        counts: steps of the input module over the sensor range.
+        sample_times_s: shortest, longest and step of the sampling interval the target's timer can do [s].
+        derivative_filter: weight of its own past in the derivative part, see `PidDesign`; ½ where there is none.
+        encode: rounds a design to words, once; raises NotRepresentable for what does not fit.
+        decode: words → the design as they realise it; None where the controller is no PID.
+        check: raises OutOfRange naming the first word that is missing, unknown, of the wrong kind or out of its range.
+        export: words → file name → content; the same words and certificate always give the same bytes.
+        read_image: memory of a running controller → words; None where they cannot be read back.
+        oddities: what is odd about a controller's words, one sentence each; None without `read_image`.
+        faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
+    """
 
-    @property
-    def can(self) -> tuple[str, ...]:
-        """What the controller can do, one sentence each."""
+    name: str
+    title: str
+    fields: tuple[WordField, ...]
+    switches: tuple[Switch, ...]
+    inputs: Mapping[str, str]
+    can: tuple[str, ...]
+    cannot: tuple[str, ...]
+    counts: int
+    sample_times_s: tuple[float, float, float]
+    derivative_filter: float
+    encode: Callable[[PidDesign, Scaling], Words]
+    decode: Callable[[Words], PidDesign | None]
+    check: Callable[[Words], None]
+    export: Callable[[Words, Certificate], Mapping[str, str | bytes]]
+    read_image: ReadImage | None = None
+    oddities: Callable[[Words], tuple[str, ...]] | None = None
+    faults: Callable[[Words], tuple[str, ...]] | None = None
 
-    @property
-    def cannot(self) -> tuple[str, ...]:
-        """What it can't do, or what this room leaves out, one sentence each."""
-
-    @property
-    def counts(self) -> int:
-        """Steps of the input module over the sensor range."""
-
-    @property
-    def derivative_filter(self) -> float:
-        """Weight of its own past in the derivative part, see `PidDesign`; ½ where there is none."""
-
-    @property
-    def sample_times_s(self) -> tuple[float, float, float]:
-        """Shortest, longest and step of the sampling interval the target's timer can do [s]."""
-
-    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
-        """Round the design to words, once; raise NotRepresentable for what does not fit."""
-
-    def decode(self, words: Words) -> PidDesign | None:
-        """Return the design as the words realise it; None where the controller is no PID."""
-
-    def check(self, words: Words) -> None:
-        """Raise OutOfRange naming the first word that is missing, unknown, of the wrong kind or out of its range."""
-
+    @abstractmethod
     def timing(self, words: Words) -> Timing:
         """Return when the room wants to be called."""
 
+    @abstractmethod
     def measure(self, words: Words, temperature_degC: float) -> Number:
         """Return the reading for a temperature, quantised and limited as the input module does [units]."""
 
+    @abstractmethod
     def start(self, words: Words, switches: Mapping[str, str]) -> Any:
         """Return the cold state for these settings of the switches."""
 
+    @abstractmethod
     def step(self, words: Words, state: Any, setpoint: Any, reading: Any, switches: Mapping[str, str],
              *, cycle_start: bool = True) -> tuple[Any, Scan]:
         """Run one scan; pure, total for every bit pattern.
@@ -264,31 +270,6 @@ class Room(Protocol):
         its own PWM that a PWM period begins with this scan.
         """
 
-    @property
-    def inputs(self) -> Mapping[str, str]:
-        """What one scan reads, in the controller's units: name → format; the first two are setpoint and reading."""
-
+    @abstractmethod
     def scan(self, state: Any, inputs: Mapping[str, Any]) -> tuple[Any, Scan]:
         """Run one scan on all of its inputs; those not named stay as the words have them. Pure, as `step`."""
-
-    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
-        """Return file name → content; the same words and certificate always give the same bytes."""
-
-
-@runtime_checkable
-class Faulty(Protocol):
-    """A room that is known to compute something else than it means to."""
-
-    def faults(self, words: Words) -> tuple[str, ...]:
-        """Return what is wrong with these words, one sentence each."""
-
-
-@runtime_checkable
-class Imaged(Protocol):
-    """A room whose words can be read back from the memory of a running controller."""
-
-    def read_image(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
-        """Return the words of a dump; raise InputError where its length is wrong, OutOfRange for a word."""
-
-    def oddities(self, words: Words) -> tuple[str, ...]:
-        """Return what is odd about a controller's words, one sentence each."""

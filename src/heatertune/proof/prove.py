@@ -11,7 +11,7 @@ from typing import Any, Final
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import Margins, PidDesign
-from heatertune.plc.room import Faulty, Room, Switch, Words, settings_of
+from heatertune.plc.room import Room, Switch, Words, settings_of
 from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge
@@ -171,7 +171,7 @@ def prove(
         nominal=traces[0],
         worst=traces[-1],
         known=dict(known or {}),
-        faults=room.faults(words) if isinstance(room, Faulty) else (),
+        faults=() if room.faults is None else room.faults(words),
     )
 
 

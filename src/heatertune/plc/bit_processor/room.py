@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from heatertune.pid.values import PidDesign
 from heatertune.plc.bit_processor.export import PROGRAM, export_words, from_image
 from heatertune.plc.bit_processor.machine import START, State, Wiring, scan
 from heatertune.plc.bit_processor.programs import ON_OFF_NAMES
 from heatertune.plc.bit_processor.words import COUNTS, FIELDS, TIMER, check_words, encode
-from heatertune.plc.room import Certificate, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.room import Room, Scaling, Scan, Timing, Words
 
 __all__ = ["ROOM", "OnOff"]
 
@@ -28,34 +27,9 @@ class _Running(NamedTuple):
     state: State
 
 
-@dataclass(frozen=True, slots=True)
-class OnOff:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OnOff(Room):
     """See `heatertune.plc.room.Room`."""
-
-    name: str = "on-off"
-    title: str = "bit processor, two-level control (Hryniewicz, Chmiel, Przegląd Elektrotechniczny 88(9a), 2012, Ex. 3)"
-    fields: tuple[WordField, ...] = FIELDS
-    switches: tuple[Switch, ...] = ()
-    can: tuple[str, ...] = ("switch the heater fully on below SP − BAND and off above SP + BAND",)
-    cannot: tuple[str, ...] = (
-        "no PID: of a design only TA is taken, as the scan interval",
-        "the temperature swings around the setpoint, the more the longer the dead time",
-    )
-    derivative_filter: float = 0.5
-    sample_times_s: tuple[float, float, float] = TIMER
-    counts: int = COUNTS
-
-    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
-        """Return BAND for the sensor range and TA of the design; see `words.encode`."""
-        return encode(design, scaling)
-
-    def decode(self, words: Words) -> None:
-        """Return None: the controller is no PID."""
-        del words
-
-    def check(self, words: Words) -> None:
-        """Raise OutOfRange where BAND or the scan interval is not what the program can use."""
-        check_words(words)
 
     def timing(self, words: Words) -> Timing:
         """Return the scan interval; the switch behind the output is an actuator, always on or off for a whole scan."""
@@ -86,29 +60,42 @@ class OnOff:
         """Run one scan with SP and PV."""
         return self.step(_NO_WORDS, state, inputs["SP"], inputs["PV"], {})
 
-    @property
-    def inputs(self) -> Mapping[str, str]:
-        """SP and PV in counts."""
-        return _INPUTS
-
-    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
-        """Return the listing, the word as CSV, and the memory as Intel HEX and binary."""
-        return export_words(words, certificate)
-
-    def read_image(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
-        """Return the words of a memory that was read back; see `export.from_image`."""
-        return from_image(image, sample_time_s=sample_time_s, scaling=scaling, source=source)
-
-    def oddities(self, words: Words) -> tuple[str, ...]:
-        """Return what is odd about the word of a running controller."""
-        band = words.whole["BAND"]
-        if band <= _WIDE * COUNTS:
-            return ()
-        degrees = band * words.scaling.span_degC / COUNTS
-        return (f"BAND is {band}: the heater switches {degrees:.3g} °C above and below the setpoint.",)
-
 
 #: the word of a running program is in its state
 _NO_WORDS: Final = Words(target="on-off", values={}, scaling=Scaling(), sample_time_s=1.0)
 
-ROOM: Final = OnOff()
+def _decode(words: Words) -> None:
+    """Return None: the controller is no PID."""
+    del words
+
+
+def _oddities(words: Words) -> tuple[str, ...]:
+    """Return what is odd about the word of a running controller."""
+    band = words.whole["BAND"]
+    if band <= _WIDE * COUNTS:
+        return ()
+    degrees = band * words.scaling.span_degC / COUNTS
+    return (f"BAND is {band}: the heater switches {degrees:.3g} °C above and below the setpoint.",)
+
+
+ROOM: Final = OnOff(
+    name="on-off",
+    title="bit processor, two-level control (Hryniewicz, Chmiel, Przegląd Elektrotechniczny 88(9a), 2012, Ex. 3)",
+    fields=FIELDS,
+    switches=(),
+    inputs=_INPUTS,
+    can=("switch the heater fully on below SP − BAND and off above SP + BAND",),
+    cannot=(
+        "no PID: of a design only TA is taken, as the scan interval",
+        "the temperature swings around the setpoint, the more the longer the dead time",
+    ),
+    counts=COUNTS,
+    sample_times_s=TIMER,
+    derivative_filter=0.5,
+    encode=encode,
+    decode=_decode,
+    check=check_words,
+    export=export_words,
+    read_image=from_image,
+    oddities=_oddities,
+)

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from heatertune.pid.values import PidDesign
-from heatertune.plc.room import Certificate, Scaling, Scan, Switch, Timing, WordField, Words, settings_of
+from heatertune.plc.room import Room, Scan, Switch, Timing, Words, settings_of
 from heatertune.plc.s5_ob251.export import export_words
 from heatertune.plc.s5_ob251.image import from_image, oddities
 from heatertune.plc.s5_ob251.recursion import COLD, Assumptions, Parameters, State, call
@@ -36,37 +35,9 @@ class _Running(NamedTuple):
     state: State
 
 
-@dataclass(frozen=True, slots=True)
-class Ob251:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ob251(Room):
     """See `heatertune.plc.room.Room`."""
-
-    name: str = "s5-ob251"
-    title: str = "SIMATIC S5-115U, OB251 (manual 4NEB 811 6130, section 11.2.3)"
-    fields: tuple[WordField, ...] = FIELDS
-    switches: tuple[Switch, ...] = _SWITCHES
-    can: tuple[str, ...] = (
-        "P, PI and PID; feed-forward of Z; manual with a bumpless return; position or velocity algorithm",
-        "derivative of the control error, or of XZ",
-    )
-    cannot: tuple[str, ...] = (
-        "no PWM of its own: a switch behind YA is proven with it",
-        "TV is a whole multiple of TA; K is limited to ±1500/1024 units per unit with a D part",
-    )
-    derivative_filter: float = 0.5
-    sample_times_s: tuple[float, float, float] = TIMER
-    counts: int = FULL_SCALE
-
-    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
-        """Round the design to words, once; see `words.encode`."""
-        return encode(design, scaling)
-
-    def decode(self, words: Words) -> PidDesign:
-        """Return the design as the words realise it."""
-        return decode(words)
-
-    def check(self, words: Words) -> None:
-        """Raise OutOfRange for the first word that the manual does not allow."""
-        check_words(words)
 
     def timing(self, words: Words) -> Timing:
         """Return TA; the PWM is an actuator behind YA."""
@@ -106,27 +77,33 @@ class Ob251:
         power = min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0)
         return state._replace(state=after), Scan(power_pct=power, output=after.output, flags=flags)
 
-    @property
-    def inputs(self) -> Mapping[str, str]:
-        """W and X; Z, XZ, YH and STEU where they are not as in the words."""
-        return _INPUTS
-
-    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
-        """Return the listing, the CSV and the image of the controller DB."""
-        return export_words(words, certificate)
-
-    def read_image(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
-        """Return the words of a dumped controller DB; see `image.from_image`."""
-        return from_image(image, sample_time_s=sample_time_s, scaling=scaling, source=source)
-
-    def oddities(self, words: Words) -> tuple[str, ...]:
-        """Return what is odd about the words of a running controller."""
-        return oddities(words)
-
 
 def _assumptions(switches: Mapping[str, str]) -> Assumptions:
     chosen = settings_of(_SWITCHES, switches)
     return Assumptions(*(chosen[switch.name] != switch.default for switch in _SWITCHES))
 
 
-ROOM: Final = Ob251()
+ROOM: Final = Ob251(
+    name="s5-ob251",
+    title="SIMATIC S5-115U, OB251 (manual 4NEB 811 6130, section 11.2.3)",
+    fields=FIELDS,
+    switches=_SWITCHES,
+    inputs=_INPUTS,
+    can=(
+        "P, PI and PID; feed-forward of Z; manual with a bumpless return; position or velocity algorithm",
+        "derivative of the control error, or of XZ",
+    ),
+    cannot=(
+        "no PWM of its own: a switch behind YA is proven with it",
+        "TV is a whole multiple of TA; K is limited to ±1500/1024 units per unit with a D part",
+    ),
+    counts=FULL_SCALE,
+    sample_times_s=TIMER,
+    derivative_filter=0.5,
+    encode=encode,
+    decode=decode,
+    check=check_words,
+    export=export_words,
+    read_image=from_image,
+    oddities=oddities,
+)

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from heatertune.pid.values import PidDesign
-from heatertune.plc.room import Certificate, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.room import Certificate, Room, Scaling, Scan, Timing, Words
 from heatertune.plc.s7_200.listing import repaired_program
 from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
 from heatertune.plc.s7_200.wiring import COUNTS, WIDTH_APPLIES, count, head, inputs_of
@@ -27,34 +26,9 @@ class _Running(NamedTuple):
     begun: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class S7200:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class S7200(Room):
     """See `heatertune.plc.room.Room`."""
-
-    name: str = "s7-200"
-    title: str = "SIMATIC S7-200 CPU 214, PID/PWM program (Alia, Am. J. Appl. Sci. 4(5), 2007, Table 2), repaired"
-    fields: tuple[WordField, ...] = FIELDS
-    switches: tuple[Switch, ...] = (WIDTH_APPLIES,)
-    can: tuple[str, ...] = (
-        "PI and PID in whole numbers, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",
-        "free of overflow for every pair of setpoint and reading",
-    )
-    cannot: tuple[str, ...] = ("no P alone: the pulse width accumulates", "8-bit readings, no manual mode")
-    derivative_filter: float = 0.0
-    sample_times_s: tuple[float, float, float] = TIMER
-    counts: int = COUNTS
-
-    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
-        """Round the design to the constants, once; see `words.encode`."""
-        return encode(design, scaling)
-
-    def decode(self, words: Words) -> PidDesign:
-        """Return the design as the constants realise it."""
-        return decode(words)
-
-    def check(self, words: Words) -> None:
-        """Raise OutOfRange for the first constant that the program cannot hold."""
-        check_words(words)
 
     def timing(self, words: Words) -> Timing:
         """Return the PWM cycle: the program computes once in each."""
@@ -90,22 +64,36 @@ class S7200:
         power = 100.0 * min(width, state.cycle_ms) / state.cycle_ms
         return state._replace(cpu=cpu), Scan(power_pct=power, output=width, flags=flags)
 
-    @property
-    def inputs(self) -> Mapping[str, str]:
-        """Return setpoint and reading in counts."""
-        return _INPUTS
-
     def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
         """Run one PWM cycle's computation."""
         return self.step(_NO_WORDS, state, inputs["SP"], inputs["PV"], {})
-
-    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
-        """Return the program that was proven, with its certificate in the head."""
-        return {"s7_200_program.awl": repaired_program(words, head(words, certificate))}
 
 
 #: the words of a running program are in its state
 _NO_WORDS: Final = Words(target="s7-200", values={}, scaling=Scaling(), sample_time_s=1.0)
 
 
-ROOM: Final = S7200()
+def _export(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+    """Return the program that was proven, with its certificate in the head."""
+    return {"s7_200_program.awl": repaired_program(words, head(words, certificate))}
+
+
+ROOM: Final = S7200(
+    name="s7-200",
+    title="SIMATIC S7-200 CPU 214, PID/PWM program (Alia, Am. J. Appl. Sci. 4(5), 2007, Table 2), repaired",
+    fields=FIELDS,
+    switches=(WIDTH_APPLIES,),
+    inputs=_INPUTS,
+    can=(
+        "PI and PID in whole numbers, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",
+        "free of overflow for every pair of setpoint and reading",
+    ),
+    cannot=("no P alone: the pulse width accumulates", "8-bit readings, no manual mode"),
+    counts=COUNTS,
+    sample_times_s=TIMER,
+    derivative_filter=0.0,
+    encode=encode,
+    decode=decode,
+    check=check_words,
+    export=_export,
+)

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from heatertune.pid.values import PidDesign
-from heatertune.plc.room import Certificate, Number, Scaling, Scan, Switch, Timing, WordField, Words, settings_of
+from heatertune.plc.room import Number, Room, Scan, Switch, Timing, Words, settings_of
 from heatertune.plc.single import single
 from heatertune.plc.weg.block import COLD, Assumptions, Block, Inputs, State, block_of, call
 from heatertune.plc.weg.export import export_words
@@ -46,38 +45,9 @@ class _Running(NamedTuple):
     state: State
 
 
-@dataclass(frozen=True, slots=True)
-class Weg:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Weg(Room):
     """See `heatertune.plc.room.Room`."""
-
-    name: str = "weg"
-    title: str = "WEG SCA06 Ladder, block PID (WPS help; equation of the CFW501 programming manual V1.8x)"
-    fields: tuple[WordField, ...] = FIELDS
-    switches: tuple[Switch, ...] = _SWITCHES
-    can: tuple[str, ...] = (
-        "P, PI, PD and PID in single precision, academic or parallel form, direct or reverse action",
-        "setpoint filter of first order, limits of the output, manual output, enabling; Ts of 1 to 65535 ms",
-    )
-    cannot: tuple[str, ...] = (
-        "no derivative filter: noise and steps of the reading reach the output times K*TV/TA",
-        "no PWM of its own: a switch behind Output is proven with it",
-        "an integral step below half a digit of the sum is lost: a slower Ts makes it larger",
-    )
-    derivative_filter: float = 0.0
-    sample_times_s: tuple[float, float, float] = TIMER
-    counts: int = _COUNTS
-
-    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
-        """Round the design to the words of the academic form, once; see `words.encode`."""
-        return encode(design, scaling)
-
-    def decode(self, words: Words) -> PidDesign:
-        """Return the design as the words realise it."""
-        return decode(words)
-
-    def check(self, words: Words) -> None:
-        """Raise OutOfRange for the first word that the block cannot hold."""
-        check_words(words)
 
     def timing(self, words: Words) -> Timing:
         """Return Ts; the PWM is an actuator behind Output."""
@@ -110,15 +80,6 @@ class Weg:
         )
         return _told(state, call(state.block, state.assumptions, state.state, given))
 
-    @property
-    def inputs(self) -> Mapping[str, str]:
-        """SetPoint and Feedback in °C, ManualSetPoint in %; not named, EN is set and SelectSetPoint is not."""
-        return _INPUTS
-
-    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
-        """Return the call, the block in structured text, and a PLCopen project."""
-        return {**export_words(words, certificate)}
-
 
 def _told(state: _Running, after: State) -> tuple[_Running, Scan]:
     block = state.block
@@ -136,4 +97,26 @@ def _assumptions(switches: Mapping[str, str]) -> Assumptions:
     return Assumptions(chosen["anti_windup"], *others)
 
 
-ROOM: Final = Weg()
+ROOM: Final = Weg(
+    name="weg",
+    title="WEG SCA06 Ladder, block PID (WPS help; equation of the CFW501 programming manual V1.8x)",
+    fields=FIELDS,
+    switches=_SWITCHES,
+    inputs=_INPUTS,
+    can=(
+        "P, PI, PD and PID in single precision, academic or parallel form, direct or reverse action",
+        "setpoint filter of first order, limits of the output, manual output, enabling; Ts of 1 to 65535 ms",
+    ),
+    cannot=(
+        "no derivative filter: noise and steps of the reading reach the output times K*TV/TA",
+        "no PWM of its own: a switch behind Output is proven with it",
+        "an integral step below half a digit of the sum is lost: a slower Ts makes it larger",
+    ),
+    counts=_COUNTS,
+    sample_times_s=TIMER,
+    derivative_filter=0.0,
+    encode=encode,
+    decode=decode,
+    check=check_words,
+    export=export_words,
+)

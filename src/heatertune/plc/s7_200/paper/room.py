@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from heatertune.pid.values import PidDesign
-from heatertune.plc.room import Certificate, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.room import Certificate, Room, Scaling, Scan, Switch, Timing, Words
 from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
 from heatertune.plc.s7_200.paper.faults import faults
 from heatertune.plc.s7_200.paper.listing import printed_program
@@ -41,34 +40,9 @@ class _Running(NamedTuple):
     memory: Memory = Memory()  # of it: the scans counted, the width of the running PWM cycle
 
 
-@dataclass(frozen=True, slots=True)
-class PaperProgram:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PaperProgram(Room):
     """See `heatertune.plc.room.Room`."""
-
-    name: str = "s7-200-paper"
-    title: str = "SIMATIC S7-200 CPU 214, PID/PWM program as printed (Alia, Am. J. Appl. Sci. 4(5), 2007, Table 2)"
-    fields: tuple[WordField, ...] = FIELDS
-    switches: tuple[Switch, ...] = _SWITCHES
-    can: tuple[str, ...] = ("what the paper prints, its own PWM on Q0.0; for comparison",)
-    cannot: tuple[str, ...] = (
-        "no PID: its P accumulates, its D acts as P",
-        "no setpoint 128 counts or more above the reading: the error word wraps",
-    )
-    derivative_filter: float = 0.5
-    sample_times_s: tuple[float, float, float] = TIMER
-    counts: int = COUNTS
-
-    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
-        """Return the constants that the paper's equation asks for; see `words.encode`."""
-        return encode(design, scaling)
-
-    def decode(self, words: Words) -> None:
-        """Return None: what the program makes of its constants is no PID."""
-        check_words(words)
-
-    def check(self, words: Words) -> None:
-        """Raise OutOfRange for the first constant that the program cannot hold."""
-        check_words(words)
 
     def timing(self, words: Words) -> Timing:
         """Return the scan interval and the PWM cycle."""
@@ -103,24 +77,10 @@ class PaperProgram:
         found = Scan(power_pct=memory.power_pct(c), output=memory.applied, flags=flags)
         return state._replace(cpu=cpu, memory=memory), found
 
-    @property
-    def inputs(self) -> Mapping[str, str]:
-        """Return setpoint and reading in counts, and whether a PWM cycle begins with the scan."""
-        return _INPUTS
-
     def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
         """Run one scan with SP, PV and, where named, whether a PWM cycle begins."""
         begins = bool(inputs.get("CYCLE_START", 1))
         return self.step(_NO_WORDS, state, inputs["SP"], inputs["PV"], {}, cycle_start=begins)
-
-    def faults(self, words: Words) -> tuple[str, ...]:
-        """Return what is wrong in the program with these constants, one sentence each."""
-        return faults(words)
-
-    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
-        """Return the program, its faults and its certificate in the head."""
-        lines = [*head(words, certificate), *[f"fault: {fault}" for fault in faults(words)]]
-        return {"s7_200_paper.awl": printed_program(words, lines)}
 
 
 #: the words of a running program are in its state
@@ -138,4 +98,34 @@ def constants(words: Words, switches: Mapping[str, str]) -> Constants:
     )
 
 
-ROOM: Final = PaperProgram()
+def _decode(words: Words) -> None:
+    """Return None: what the program makes of its constants is no PID."""
+    check_words(words)
+
+
+def _export(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+    """Return the program, its faults and its certificate in the head."""
+    lines = [*head(words, certificate), *[f"fault: {fault}" for fault in faults(words)]]
+    return {"s7_200_paper.awl": printed_program(words, lines)}
+
+
+ROOM: Final = PaperProgram(
+    name="s7-200-paper",
+    title="SIMATIC S7-200 CPU 214, PID/PWM program as printed (Alia, Am. J. Appl. Sci. 4(5), 2007, Table 2)",
+    fields=FIELDS,
+    switches=_SWITCHES,
+    inputs=_INPUTS,
+    can=("what the paper prints, its own PWM on Q0.0; for comparison",),
+    cannot=(
+        "no PID: its P accumulates, its D acts as P",
+        "no setpoint 128 counts or more above the reading: the error word wraps",
+    ),
+    counts=COUNTS,
+    sample_times_s=TIMER,
+    derivative_filter=0.5,
+    encode=encode,
+    decode=_decode,
+    check=check_words,
+    export=_export,
+    faults=faults,
+)

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from heatertune.pid.values import PidDesign
-from heatertune.plc.room import Certificate, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.room import Certificate, Room, Scaling, Scan, Switch, Timing, Words
 from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
 from heatertune.plc.s7_200.pid.image import from_image, oddities, to_image
 from heatertune.plc.s7_200.pid.listing import SETPOINT, pid_program
@@ -40,34 +39,9 @@ class _Running(NamedTuple):
     begun: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class S7200Pid:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class S7200Pid(Room):
     """See `heatertune.plc.room.Room`."""
-
-    name: str = "s7-200-pid"
-    title: str = "SIMATIC S7-200, PID instruction (System Manual C79000-G7076-C233-01, pp. 9-84 to 9-91)"
-    fields: tuple[WordField, ...] = FIELDS
-    switches: tuple[Switch, ...] = _SWITCHES
-    can: tuple[str, ...] = (
-        "P, PI and PID in single precision, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",
-        "bias clamped with the output: no windup",
-    )
-    cannot: tuple[str, ...] = ("not on a CPU 212 or 214; no manual mode in this program", "no filter of the derivative")
-    derivative_filter: float = 0.0
-    sample_times_s: tuple[float, float, float] = TIMER
-    counts: int = _FULL // _STEP
-
-    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
-        """Round the design to the loop table's REALs, once; see `words.encode`."""
-        return encode(design, scaling)
-
-    def decode(self, words: Words) -> PidDesign:
-        """Return the design as the loop realises it."""
-        return decode(words)
-
-    def check(self, words: Words) -> None:
-        """Raise OutOfRange for the first word that the loop cannot hold."""
-        check_words(words)
 
     def timing(self, words: Words) -> Timing:
         """Return the PWM cycle: the loop is called once in each."""
@@ -105,36 +79,9 @@ class S7200Pid:
         flags = {"SM1.1": cpu.overflow}
         return state._replace(cpu=cpu, begun=True), Scan(power_pct=power, output=width, flags=flags)
 
-    @property
-    def inputs(self) -> Mapping[str, str]:
-        """Return setpoint and reading as analog words, 0…32000."""
-        return _INPUTS
-
     def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
         """Run one sampling interval."""
         return self.step(_NO_WORDS, state, inputs["SP"], inputs["PV"], {})
-
-    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
-        """Return the program that was proven, and the loop table in both lengths."""
-        s = words.scaling
-        head = ascii_only([
-            f"sensor {s.low_degC:g}...{s.high_degC:g} degC = 0...{_FULL} on AIW0; heater switch on Q0.0",
-            f"setpoint as a share of that range in {SETPOINT}",
-            *certificate.head, "not tried in STEP 7-Micro/WIN",
-        ])
-        return {
-            "s7_200_pid.awl": pid_program(words, head),
-            f"VB{TABLE}_36.bin": to_image(words),
-            f"VB{TABLE}_80.bin": to_image(words, extended=True),
-        }
-
-    def read_image(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
-        """Return the words of a dumped loop table; see `image.from_image`."""
-        return from_image(image, sample_time_s=sample_time_s, scaling=scaling, source=source)
-
-    def oddities(self, words: Words) -> tuple[str, ...]:
-        """Return what is odd about the words of a running loop."""
-        return oddities(words)
 
 
 #: the words of a running program are in its state
@@ -145,4 +92,39 @@ def _bits(value: float) -> int:
     return int.from_bytes(struct.pack(">f", value), "big")
 
 
-ROOM: Final = S7200Pid()
+def _export(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+    """Return the program that was proven, and the loop table in both lengths."""
+    s = words.scaling
+    head = ascii_only([
+        f"sensor {s.low_degC:g}...{s.high_degC:g} degC = 0...{_FULL} on AIW0; heater switch on Q0.0",
+        f"setpoint as a share of that range in {SETPOINT}",
+        *certificate.head, "not tried in STEP 7-Micro/WIN",
+    ])
+    return {
+        "s7_200_pid.awl": pid_program(words, head),
+        f"VB{TABLE}_36.bin": to_image(words),
+        f"VB{TABLE}_80.bin": to_image(words, extended=True),
+    }
+
+
+ROOM: Final = S7200Pid(
+    name="s7-200-pid",
+    title="SIMATIC S7-200, PID instruction (System Manual C79000-G7076-C233-01, pp. 9-84 to 9-91)",
+    fields=FIELDS,
+    switches=_SWITCHES,
+    inputs=_INPUTS,
+    can=(
+        "P, PI and PID in single precision, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",
+        "bias clamped with the output: no windup",
+    ),
+    cannot=("not on a CPU 212 or 214; no manual mode in this program", "no filter of the derivative"),
+    counts=_FULL // _STEP,
+    sample_times_s=TIMER,
+    derivative_filter=0.0,
+    encode=encode,
+    decode=decode,
+    check=check_words,
+    export=_export,
+    read_image=from_image,
+    oddities=oddities,
+)

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from heatertune.pid.values import PidDesign
-from heatertune.plc.room import Certificate, Number, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.room import Number, Room, Scan, Switch, Timing, Words
 from heatertune.plc.s7_300.fb41.algorithm import Assumptions, Parameters, State, call, restart, scaled
 from heatertune.plc.s7_300.fb41.export import export_words
 from heatertune.plc.s7_300.fb41.image import from_image, oddities
@@ -40,37 +39,9 @@ class _Running(NamedTuple):
     state: State
 
 
-@dataclass(frozen=True, slots=True)
-class ContC:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ContC(Room):
     """See `heatertune.plc.room.Room`."""
-
-    name: str = "fb41"
-    title: str = "SIMATIC S7-300/400, FB41 CONT_C (Standard Library; SFB41 of the CPU 31xC)"
-    fields: tuple[WordField, ...] = FIELDS
-    switches: tuple[Switch, ...] = _SWITCHES
-    can: tuple[str, ...] = (
-        "P, PI, PD and PID in single precision with a filtered derivative of the error; PV and setpoint in °C",
-        "dead band, limits, feed-forward DISV, manual with a smooth return",
-    )
-    cannot: tuple[str, ...] = (
-        "no PWM of its own: FB43 PULSEGEN or a switch behind LMN is proven with it (--pwm-rule pulsegen)",
-        "PV_IN is left out: the reading comes from PV_PER",
-    )
-    derivative_filter: float = 0.5
-    sample_times_s: tuple[float, float, float] = TIMER
-    counts: int = FULL_SCALE
-
-    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
-        """Round the design to words, once; see `words.encode`."""
-        return encode(design, scaling)
-
-    def decode(self, words: Words) -> PidDesign | None:
-        """Return the design as the words realise it; None without a P part."""
-        return decode(words)
-
-    def check(self, words: Words) -> None:
-        """Raise OutOfRange for the first word that the block cannot use."""
-        check_words(words)
 
     def timing(self, words: Words) -> Timing:
         """Return OB35's interval; the PWM is an actuator behind LMN."""
@@ -105,23 +76,6 @@ class ContC:
         setpoint = inputs["SP_INT"] if "SP_INT" in inputs else scaled(Real(), p, int(inputs["SP_PER"]))
         return _called(state, p, setpoint, int(inputs["PV_PER"]))
 
-    @property
-    def inputs(self) -> Mapping[str, str]:
-        """A setpoint as an analog value and PV_PER; SP_INT and others where they are not as in the words."""
-        return _INPUTS
-
-    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
-        """Return the STL source and the table of words."""
-        return export_words(words, certificate)
-
-    def read_image(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
-        """Return the words of a dumped instance data block; see `image.from_image`."""
-        return from_image(image, sample_time_s=sample_time_s, scaling=scaling, source=source)
-
-    def oddities(self, words: Words) -> tuple[str, ...]:
-        """Return what is odd about the words of a running controller."""
-        return oddities(words)
-
 
 def _called(state: _Running, parameters: Parameters, setpoint: float, reading: int) -> tuple[_Running, Scan]:
     r = Real()
@@ -149,4 +103,27 @@ def _parameters(v: Mapping[str, Number]) -> Parameters:
     )
 
 
-ROOM: Final = ContC()
+ROOM: Final = ContC(
+    name="fb41",
+    title="SIMATIC S7-300/400, FB41 CONT_C (Standard Library; SFB41 of the CPU 31xC)",
+    fields=FIELDS,
+    switches=_SWITCHES,
+    inputs=_INPUTS,
+    can=(
+        "P, PI, PD and PID in single precision with a filtered derivative of the error; PV and setpoint in °C",
+        "dead band, limits, feed-forward DISV, manual with a smooth return",
+    ),
+    cannot=(
+        "no PWM of its own: FB43 PULSEGEN or a switch behind LMN is proven with it (--pwm-rule pulsegen)",
+        "PV_IN is left out: the reading comes from PV_PER",
+    ),
+    counts=FULL_SCALE,
+    sample_times_s=TIMER,
+    derivative_filter=0.5,
+    encode=encode,
+    decode=decode,
+    check=check_words,
+    export=export_words,
+    read_image=from_image,
+    oddities=oddities,
+)

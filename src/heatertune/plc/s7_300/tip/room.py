@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from heatertune.pid.values import PidDesign
-from heatertune.plc.room import Certificate, Scaling, Scan, Switch, Timing, WordField, Words
+from heatertune.plc.room import Room, Scan, Switch, Timing, Words
 from heatertune.plc.s7_300.module import FULL_SCALE, chosen, counts
 from heatertune.plc.s7_300.timer import TIMER
 from heatertune.plc.s7_300.tip.algorithm import COLD, Assumptions, Parameters, State, call, manual
@@ -35,37 +34,9 @@ class _Running(NamedTuple):
     state: State
 
 
-@dataclass(frozen=True, slots=True)
-class PidTip:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PidTip(Room):
     """See `heatertune.plc.room.Room`."""
-
-    name: str = "s7-300"
-    title: str = "SIMATIC S7-300/400, application tip PID No. 2 (Siemens, V1.0, 11/96)"
-    fields: tuple[WordField, ...] = FIELDS
-    switches: tuple[Switch, ...] = _SWITCHES
-    can: tuple[str, ...] = (
-        "P, PI, PD and PID in single precision; derivative of the reading, not filtered; I, ID and D with GAIN = 0",
-        "exported as a whole STL program",
-    )
-    cannot: tuple[str, ...] = (
-        "no PWM of its own: a switch behind OUT is proven with it",
-        "no feed-forward, no dead band, no derivative filter",
-    )
-    derivative_filter: float = 0.0
-    sample_times_s: tuple[float, float, float] = TIMER
-    counts: int = FULL_SCALE
-
-    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
-        """Round the design to words, once; see `words.encode`."""
-        return encode(design, scaling)
-
-    def decode(self, words: Words) -> PidDesign | None:
-        """Return the design as the words realise it; None for GAIN = 0."""
-        return decode(words)
-
-    def check(self, words: Words) -> None:
-        """Raise OutOfRange for the first word that the block cannot use."""
-        check_words(words)
 
     def timing(self, words: Words) -> Timing:
         """Return OB35's interval; the PWM is an actuator behind OUT."""
@@ -101,22 +72,28 @@ class PidTip:
             power_pct=power, output=after.output, flags={"overflow": after.overflow}
         )
 
-    @property
-    def inputs(self) -> Mapping[str, str]:
-        """SP and PV; mode_req and, in manual, OUT where they are not as the block has them."""
-        return _INPUTS
 
-    def export(self, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
-        """Return the STL source and the table of words."""
-        return export_words(words, certificate)
-
-    def read_image(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
-        """Return the words of a dumped instance data block; see `image.from_image`."""
-        return from_image(image, sample_time_s=sample_time_s, scaling=scaling, source=source)
-
-    def oddities(self, words: Words) -> tuple[str, ...]:
-        """Return what is odd about the words of a running controller."""
-        return oddities(words)
-
-
-ROOM: Final = PidTip()
+ROOM: Final = PidTip(
+    name="s7-300",
+    title="SIMATIC S7-300/400, application tip PID No. 2 (Siemens, V1.0, 11/96)",
+    fields=FIELDS,
+    switches=_SWITCHES,
+    inputs=_INPUTS,
+    can=(
+        "P, PI, PD and PID in single precision; derivative of the reading, not filtered; I, ID and D with GAIN = 0",
+        "exported as a whole STL program",
+    ),
+    cannot=(
+        "no PWM of its own: a switch behind OUT is proven with it",
+        "no feed-forward, no dead band, no derivative filter",
+    ),
+    counts=FULL_SCALE,
+    sample_times_s=TIMER,
+    derivative_filter=0.0,
+    encode=encode,
+    decode=decode,
+    check=check_words,
+    export=export_words,
+    read_image=from_image,
+    oddities=oddities,
+)
