@@ -7,29 +7,37 @@ assumed about steadiness at the start: that would inflate the gain.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC
-from heatertune.model.least_squares import minimise
-from heatertune.model.projection import AMBIENT, COLUMNS, DRIFT, GAIN, SECOND_STATE, columns, project
+from heatertune.model.projection import AMBIENT, COLUMNS, DRIFT, GAIN, SECOND_STATE, columns, descend, project
 from heatertune.model.readings import Readings
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["PowerFit", "PowerProblem"]
+__all__ = ["Known", "PowerFit", "PowerProblem"]
 
 Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.intp]
-
-#: vectors (n, 3) and which rows they are → the linear unknowns that are given, nan where free, shape (n, 5 + loads)
-Known = Callable[[Array, Rows], Array]
 
 _RATIO = (0.01, 0.98)
 _COARSE = 250  # readings that tell the region of the best fit
 _FAR = 5.0  # lengths of the log: a longer time constant shows no curvature
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Known:
+    """Linear unknowns that are given, row by row.
+
+    Attributes:
+        values: nan where free, shape (n, 5 + loads).
+        gain_per_lag: whether the gain is given as gain per time constant [°C/(s·%)].
+    """
+
+    values: Array
+    gain_per_lag: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,78 +108,82 @@ class PowerProblem:
         return known
 
     def solve(self, z: Array, records: Array, known: Known | None = None) -> tuple[Array, Array]:
-        """Return residuals (n, m) and linear parts (n, 5 + loads) for vectors (n, 3) and one record each."""
-        given = np.tile(self.known, (len(z), 1)) if known is None else known(z, np.arange(len(z)))
-        return self._solve(z, records, given)
+        """Return residuals (n, m) and linear parts (n, 5 + loads) for vectors (n, 3) and one record each.
 
-    def _solve(self, z: Array, records: Array, known: Array) -> tuple[Array, Array]:
-        residuals, linear = np.empty((len(z), records.shape[1])), np.zeros(known.shape)
+        The residuals are infinite where the gain has the wrong sign: that is no model.
+        """
+        given = self.nothing_more(len(z)) if known is None else known
+        residuals, linear, cost = np.empty((len(z), records.shape[1])), np.zeros(given.values.shape), np.empty(len(z))
+        project(*self._asked(records, given), z, residuals, linear, cost)
+        residuals[np.isinf(cost)] = np.inf
+        return residuals, linear
+
+    def cost(self, z: Array, records: Array, known: Known | None = None) -> Array:
+        """Return the sums of squares (n,), infinite for what is no model; arguments as `solve`."""
+        return np.asarray(np.sum(self.solve(z, records, known)[0] ** 2, axis=1))
+
+    def nothing_more(self, rows: int) -> Known:
+        """Return what the problem itself knows, for so many rows."""
+        return Known(values=np.tile(self.known, (rows, 1)))
+
+    def _asked(self, records: Array, known: Known) -> tuple[Any, ...]:
+        """Return log, records, known and law as the compiled code takes them."""
+        return self._log, _writable(records), known.values, (known.gain_per_lag, self.sign)
+
+    @property
+    def _log(self) -> tuple[Any, ...]:
         r = self.readings
-        project(
-            r.time_s, r.half_s, r.edge_s, r.level_pct, self._before, np.array(self.loads_s), records, known,
-            _plants(z), residuals, linear,
-        )
-        # solutions with the other sign are no models
-        right = (self.sign * linear[:, GAIN] > 0.0) | (self.sign == 0.0)
-        return np.where(right[:, None], residuals, np.inf), linear
+        arrays = (_writable(each) for each in (r.time_s, r.half_s, r.edge_s, r.level_pct))
+        return *arrays, self._before, np.array(self.loads_s)
 
     def basis(self, z: Array) -> Array:
         """Return the columns whose sum, weighted by the linear part, is the temperature, shape (5 + loads, m)."""
-        r = self.readings
-        basis = np.empty((COLUMNS + len(self.loads_s), len(r.time_s)))
-        columns(
-            r.time_s, r.half_s, r.edge_s, r.level_pct, self._before, np.array(self.loads_s), _plants(z[None, :])[0],
-            basis,
-        )
+        basis = np.empty((COLUMNS + len(self.loads_s), len(self.readings.time_s)))
+        lag = math.exp(z[0])
+        columns(*self._log, lag, lag * z[2], z[1], basis)
         return basis
 
     def minimum(
         self, starts: Array, records: Array, known: Known | None = None, *, held: int | None = None,
-        iterations: int = 15,
+        iterations: int = 15, tolerance: float = 1e-6,
     ) -> Array:
         """Return the vector that each start leads to for its record, shape (n, 3).
 
         Args:
             starts: shape (n, 3).
             records: shape (n, m).
-            known: see `Known`; by default what the problem knows.
+            known: by default what the problem knows.
             held: place in the vector that keeps its start.
             iterations: most steps tried.
+            tolerance: relative decrease of the sum of squares below which a row rests.
         """
-
-        def against(vectors: Array, rows: Rows) -> Array:
-            given = np.tile(self.known, (len(vectors), 1)) if known is None else known(vectors, rows)
-            return self._solve(vectors, records[rows], given)[0]
-
         high = self.high if held is None else np.where(np.arange(len(self.high)) == held, self.low, self.high)
-        return minimise(against, starts, self.low, high, iterations=iterations).parameters
+        given = self.nothing_more(len(starts)) if known is None else known
+        z = starts.copy()
+        descend(*self._asked(records, given), z, self.low, high, iterations, tolerance)
+        return z
 
     def fit(self) -> PowerFit:
         """Return the best fit from a grid of starts over lags and dead time."""
         coarse = self.thinned(_COARSE)
         grid = self._grid()
         record = np.tile(coarse.readings.temperature_degC, (len(grid), 1))
-        starts = grid[np.argsort(np.sum(coarse.solve(grid, record)[0] ** 2, axis=1))[:8]]
+        starts = grid[np.argsort(coarse.cost(grid, record))[:8]]
         starts = coarse.minimum(starts, record, iterations=30)
-        cost = np.sum(coarse.solve(starts, record[: len(starts)])[0] ** 2, axis=1)
-        return self.refined(starts[np.argsort(cost)[:3]])
+        return self.refined(starts[np.argsort(coarse.cost(starts, record))[:3]])
 
     def refined(self, starts: Array) -> PowerFit:
         """Return the best fit that the starts (n, 3) lead to."""
-        record = self.readings.temperature_degC
-
-        def against(z: Array, rows: Rows) -> Array:
-            return self.solve(z, np.broadcast_to(record, (len(rows), len(record))))[0]
-
-        minima = minimise(against, starts, self.low, self.high, iterations=60, tolerance=1e-9)
-        return self._result(minima.parameters[np.argmin(minima.cost)])
+        records = np.tile(self.readings.temperature_degC, (len(starts), 1))
+        z = self.minimum(starts, records, iterations=60, tolerance=1e-9)
+        return self._result(z[np.argmin(self.cost(z, records))])
 
     def far(self) -> PowerFit:
         """Return the best fit whose time constant is the longest searched: the heater as an integrator."""
         starts = np.column_stack([np.full(9, self.high[0]), np.linspace(self.low[1], self.high[1], 9), np.zeros(9)])
-        record = np.broadcast_to(self.readings.temperature_degC, (9, len(self.readings.time_s)))
-        z = self.minimum(starts, record, held=0, iterations=30)
-        return self._result(z[np.argmin(np.sum(self.solve(z, record)[0] ** 2, axis=1))])
+        records = np.tile(self.readings.temperature_degC, (9, 1))
+        z = self.minimum(starts, records, held=0, iterations=30)
+        return self._result(z[np.argmin(self.cost(z, records))])
 
     def thinned(self, most: int) -> PowerProblem:
         """Return the problem with its readings averaged to about `most`."""
@@ -203,9 +215,9 @@ class PowerProblem:
         )
 
 
-def _plants(z: Array) -> Array:
-    first = np.exp(z[:, 0])
-    return np.column_stack([first, first * z[:, 2], z[:, 1]])
+def _writable(array: Array) -> Array:
+    """Return the array as the compiler knows it: a read-only one would be another type."""
+    return np.require(array, requirements=["C", "W"])
 
 
 def _plant(z: Array, linear: Array, *, two_lags: bool) -> HeaterModel | None:

@@ -11,10 +11,13 @@ import math
 import numpy as np
 from numba import njit
 
-__all__ = ["AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "columns", "project"]
+__all__ = ["AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "columns", "descend", "project"]
 
 #: columns of the linear part; one more for each load step
 GAIN, AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE, COLUMNS = 0, 1, 2, 3, 4, 5
+
+DIFFERENCE = 1e-4  # finite-difference step as a share of the parameter's range
+REST = 3  # poor steps in a row, then a row rests
 
 
 @njit(cache=True, nogil=True)
@@ -71,11 +74,10 @@ def _decay(time, half, lag, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def columns(time, half, edges, levels, before, loads, plant, basis):  # type: ignore[no-untyped-def]
-    """Fill basis (5 + loads, m) for plant = first lag, second lag (0: one lag), dead time."""
+def columns(time, half, edges, levels, before, loads, first, second, dead, basis):  # type: ignore[no-untyped-def]
+    """Fill basis (5 + loads, m) for the lags (second = 0: one lag) and the dead time."""
     m = len(time)
-    first, second = plant[0], plant[1]
-    _forced(time, half, edges, levels, before, first, second, plant[2], basis[GAIN])
+    _forced(time, half, edges, levels, before, first, second, dead, basis[GAIN])
     basis[SECOND_STATE] = 0.0
     _decay(time, half, first, basis[FIRST_STATE])
     if second > 0.0:
@@ -119,36 +121,130 @@ def _add(weight, column, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def project(  # type: ignore[no-untyped-def]
-    time, half, edges, levels, before, loads, records, known, plants, residuals, linear
-):
-    """Fill residuals (n, m) and the linear part (n, 5 + loads) for rows of plants and their records.
+def _space(width, m):  # type: ignore[no-untyped-def]
+    """Return working space for `_residuals`: basis, normal matrix, right side, places of the free unknowns."""
+    return np.empty((width, m)), np.empty((width, width)), np.empty(width), np.empty(width, dtype=np.int64)
 
-    `known` (n, 5 + loads) holds the linear unknowns that are given, nan where they are free.
+
+@njit(cache=True, nogil=True)
+def _residuals(log, record, known, law, z, space, out, linear):  # type: ignore[no-untyped-def]
+    """Fill residuals (m,) and linear part (5 + loads) of one vector; return the sum of squares.
+
+    Args:
+        log: times, half widths, edges, levels, power before, load instants.
+        record: temperatures, shape (m,).
+        known: linear unknowns that are given, nan where free, shape (5 + loads,).
+        law: whether the gain is given as gain per time constant; its sign, see `PowerProblem`: with another the sum
+            is infinite.
+        z: ln first lag, dead time, lag ratio.
+        space: see `_space`.
+        out: residuals.
+        linear: linear part.
     """
-    m, width = len(time), known.shape[1]
-    basis = np.empty((width, m))
-    normal = np.empty((width, width))
-    right = np.empty(width)
-    free = np.empty(width, dtype=np.int64)
-    for row in range(plants.shape[0]):
-        columns(time, half, edges, levels, before, loads, plants[row], basis)
-        size = 0
-        for i in range(m):
-            residuals[row, i] = -records[row, i]
-        for c in range(width):
-            if math.isnan(known[row, c]):
-                free[size] = c
-                size += 1
+    time, half, edges, levels, before, loads = log
+    basis, normal, right, free = space
+    per_lag, sign = law
+    lag = math.exp(z[0])
+    columns(time, half, edges, levels, before, loads, lag, z[2] * lag, z[1], basis)
+    size = 0
+    for i in range(len(out)):
+        out[i] = -record[i]
+    for c in range(len(known)):
+        if math.isnan(known[c]):
+            free[size] = c
+            size += 1
+        else:
+            linear[c] = known[c] * lag if per_lag and c == GAIN else known[c]
+            _add(linear[c], basis[c], out)
+    for a in range(size):
+        right[a] = -_dot(basis[free[a]], out)
+        for b in range(a + 1):
+            normal[a, b] = normal[b, a] = _dot(basis[free[a]], basis[free[b]])
+        normal[a, a] += 1e-12 * (normal[a, a] + 1e-12)  # a column of zeros stays solvable
+    _solve(normal, right, size)
+    for a in range(size):
+        linear[free[a]] = right[a]
+        _add(right[a], basis[free[a]], out)
+    total = _dot(out, out)
+    no_model = sign != 0.0 and not sign * linear[GAIN] > 0.0
+    return math.inf if no_model or not math.isfinite(total) else total
+
+
+@njit(cache=True, nogil=True)
+def project(log, records, known, law, vectors, residuals, linear, cost):  # type: ignore[no-untyped-def]
+    """Fill residuals (n, m), linear part (n, 5 + loads) and sum of squares (n,) for vectors (n, 3)."""
+    space = _space(known.shape[1], records.shape[1])
+    for i in range(len(vectors)):
+        cost[i] = _residuals(log, records[i], known[i], law, vectors[i], space, residuals[i], linear[i])
+
+
+@njit(cache=True, nogil=True)
+def _slopes(log, record, known, law, z, low, high, r, space, moved, linear, jacobian):  # type: ignore[no-untyped-def]
+    """Fill the residuals' change (3, m) over the range of each parameter; 0 for one that is held."""
+    shifted = z.copy()
+    for k in range(3):
+        jacobian[k] = 0.0
+        if high[k] > low[k]:
+            change = DIFFERENCE * (high[k] - low[k])
+            shifted[k] = z[k] + change if z[k] + change <= high[k] else z[k] - change
+            if math.isfinite(_residuals(log, record, known, law, shifted, space, moved, linear)):
+                share = (high[k] - low[k]) / (shifted[k] - z[k])
+                for i in range(len(r)):
+                    jacobian[k, i] = (moved[i] - r[i]) * share
+            shifted[k] = z[k]
+
+
+@njit(cache=True, nogil=True)
+def _stepped(jacobian, r, z, low, high, damping, matrix, step, trial):  # type: ignore[no-untyped-def]
+    """Write z after the damped Gauss–Newton step, projected onto the bounds, into trial."""
+    for a in range(3):
+        step[a] = -_dot(jacobian[a], r)
+        for b in range(a + 1):
+            matrix[a, b] = matrix[b, a] = _dot(jacobian[a], jacobian[b])
+    most = max(matrix[0, 0], matrix[1, 1], matrix[2, 2])
+    for a in range(3):
+        outward = (z[a] <= low[a] and step[a] < 0.0) or (z[a] >= high[a] and step[a] > 0.0)
+        matrix[a, a] += damping * max(matrix[a, a], 1e-9 * most + 1e-12)
+        if outward or high[a] == low[a]:
+            step[a] = 0.0
+            for b in range(3):
+                matrix[a, b] = matrix[b, a] = 1.0 if a == b else 0.0
+    _solve(matrix, step, 3)
+    for a in range(3):
+        wanted = z[a] + step[a] * (high[a] - low[a])
+        trial[a] = min(max(wanted, low[a]), high[a]) if high[a] > low[a] else z[a]
+
+
+@njit(cache=True, nogil=True)
+def descend(log, records, known, law, vectors, low, high, iterations, tolerance):  # type: ignore[no-untyped-def]
+    """Move each vector (n, 3) to the local minimum that it leads to; arguments as `_residuals`, one per row.
+
+    The step is Levenberg's and Marquardt's, as in `least_squares.minimise`. A parameter whose bounds are equal keeps
+    its start. A row rests after three steps that gain no more than `tolerance`.
+    """
+    m, width = records.shape[1], known.shape[1]
+    space = _space(width, m)
+    r, tried, jacobian, linear = np.empty(m), np.empty(m), np.empty((3, m)), np.empty(width)
+    matrix, step, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for row in range(len(vectors)):
+        z, record, given = vectors[row], records[row], known[row]
+        for k in range(3):
+            z[k] = min(max(z[k], low[k]), high[k]) if high[k] > low[k] else z[k]
+        cost = _residuals(log, record, given, law, z, space, r, linear)
+        damping, resting, better = 1e-2, 0, True
+        for _ in range(iterations if math.isfinite(cost) else 0):
+            if better:
+                _slopes(log, record, given, law, z, low, high, r, space, tried, linear, jacobian)
+            _stepped(jacobian, r, z, low, high, damping, matrix, step, trial)
+            found = _residuals(log, record, given, law, trial, space, tried, linear)
+            better = found < cost
+            if not better or cost - found <= tolerance * cost:
+                resting += 1 if better or damping > 1e3 else 0
             else:
-                linear[row, c] = known[row, c]
-                _add(known[row, c], basis[c], residuals[row])
-        for a in range(size):
-            right[a] = -_dot(basis[free[a]], residuals[row])
-            for b in range(a + 1):
-                normal[a, b] = normal[b, a] = _dot(basis[free[a]], basis[free[b]])
-            normal[a, a] += 1e-12 * (normal[a, a] + 1e-12)  # a column of zeros stays solvable
-        _solve(normal, right, size)
-        for a in range(size):
-            linear[row, free[a]] = right[a]
-            _add(right[a], basis[free[a]], residuals[row])
+                resting = 0
+            damping = max(damping / 3.0, 1e-8) if better else min(damping * 4.0, 1e8)
+            if better:
+                z[:] = trial
+                r, tried, cost = tried, r, found
+            if resting == REST:
+                break

@@ -9,7 +9,7 @@ sees what is skewed or open; the bootstrap sees colour of any other shape.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +24,6 @@ from heatertune.model.values import Interval
 __all__ = ["RATIO", "intervals"]
 
 Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.intp]
 
 RATIO = "gain_per_time_constant_degC_per_s_pct"
 
@@ -176,16 +175,11 @@ def _held(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Arr
     if held is not None:
         z[:, held] = np.log(values) if held == 0 else values
 
-    def known(vectors: Array, rows: Rows) -> Array:
-        given = np.tile(problem.known, (len(rows), 1))
-        if name == RATIO:
-            given[:, GAIN] = values[rows] * np.exp(vectors[:, 0])
-        elif held is None:
-            given[:, GAIN if name == "gain_degC_per_pct" else AMBIENT] = values[rows]
-        return given
-
-    z = problem.minimum(z, records, known, held=held, iterations=12)
-    return np.asarray(np.sum(problem.solve(z, records, known)[0] ** 2, axis=1))
+    given = problem.nothing_more(len(values))
+    if held is None:
+        given.values[:, AMBIENT if name == "ambient_degC" else GAIN] = values
+    known = replace(given, gain_per_lag=name == RATIO)
+    return problem.cost(problem.minimum(z, records, known, held=held, iterations=12), records, known)
 
 
 def _value(fit: PowerFit, name: str) -> float:
