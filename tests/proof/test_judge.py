@@ -24,6 +24,7 @@ def _trace(course, duration, *, disturbances=(), resolution=0.0, power=None, swi
     scenario = Scenario(setpoint_degC=SETPOINT, duration_s=duration, disturbances=disturbances)
     return Trace(
         time_s=time, temperature_degC=temperature, reading_degC=temperature,
+        followed_degC=np.full(len(time), SETPOINT),
         power_asked_pct=np.full(len(time), 50.0) if power is None else np.array([power(t) for t in time]),
         edge_time_s=np.array(switched, dtype=float), edge_on=np.arange(len(switched)) % 2 == 0,
         stretches=np.column_stack([time, temperature, temperature, temperature]),

@@ -113,9 +113,9 @@ def test_while_the_power_is_at_its_limit_the_wish_does_not_wind_up(heater):
 def test_the_wish_lets_the_integral_lead_back_from_a_limit():
     design = PidDesign(gain_pct_per_degC=1.0, integral_time_s=10.0, derivative_time_s=100.0, sample_time_s=1.0,
                        structure="pid", method="by hand")
-    step = _law(design, 50.0)
-    assert step(45.0, True) == 100.0  # the derivative of the first error; its I step is left out
-    powers = [step(49.0, True) for _ in range(40)]
+    step = _law(design)
+    assert step(50.0, 45.0, True) == 100.0  # the derivative of the first error; its I step is left out
+    powers = [step(50.0, 49.0, True) for _ in range(40)]
     assert powers[0] == 0.0, "the derivative takes the power to the lower limit, where the error leads back"
     assert powers[-1] == pytest.approx(1.0 + 40 * 0.1)
 
