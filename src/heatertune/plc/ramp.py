@@ -7,15 +7,14 @@ they are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from heatertune.errors import OutOfRange
 from heatertune.plc.single import is_single, single
 from heatertune.units import check
 
-__all__ = ["Number", "Ramp", "course", "moved", "nearest", "read_ramp"]
+__all__ = ["Number", "Ramp", "course", "moved", "nearest"]
 
 #: a word or reading: whole, or a REAL (single precision) in controllers that have them
 Number = int | float
@@ -51,6 +50,10 @@ class Ramp:
             raise OutOfRange("ramp step", self.step, "a whole number, or one in single precision")
         if isinstance(self.calls, bool) or not isinstance(self.calls, int) or not 1 <= self.calls <= _MOST_CALLS:
             raise OutOfRange("ramp calls", self.calls, f"a whole number 1…{_MOST_CALLS}")
+
+    def __str__(self) -> str:
+        """Return it as told to people."""
+        return f"{self.step:.9g} units every {'call' if self.calls == 1 else f'{self.calls} calls'}"
 
 
 def moved(setpoint: Number, asked: Number, step: Number) -> Number:
@@ -102,12 +105,8 @@ def nearest(per_call: float, *, whole: bool, least: float) -> Ramp:
             return Ramp(step=round(wished), calls=calls)
         if not whole and wished >= least:
             return Ramp(step=single(wished), calls=calls)
-    raise OutOfRange("setpoint ramp in units per call", per_call, f"> {least / _MOST_CALLS:.3g}, a step in {_MOST_CALLS} calls")
-
-
-def read_ramp(document: Mapping[str, Any] | None) -> Ramp | None:
-    """Return the ramp of a `words.json`'s `setpoint_ramp`, None where there is none; errors as `Ramp`."""
-    return None if document is None else Ramp(step=document["step"], calls=document["calls"])
+    slowest = (1.0 if whole else least) / _MOST_CALLS
+    raise OutOfRange("setpoint ramp in units per call", per_call, f"> {slowest:.3g}, a step in {_MOST_CALLS} calls")
 
 
 def _stored(value: Number, step: Number) -> Number:

@@ -27,7 +27,7 @@ def ramp_listing(ramp: Ramp, interval_s: float, db: int, certificate: Certificat
         certificate: of the words with this ramp.
     """
     head = [
-        f"FB{_BLOCK}: leads W (DW 9 of DB{db}) to the setpoint asked for, {ramp.step} units every {ramp.calls} calls",
+        f"FB{_BLOCK}: leads W (DW 9 of DB{db}) to the setpoint asked for, {ramp}",
         f"JU FB{_BLOCK} in the timed block (OB13, every {interval_s:g} s) before OB251 is called",
         f"{_ASKED}: the setpoint asked for, -2047...+2047 units, written by your program",
         *([f"{_COUNTDOWN}: calls to the next step"] if ramp.calls > 1 else []),
