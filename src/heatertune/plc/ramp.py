@@ -7,6 +7,7 @@ they are.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -99,14 +100,15 @@ def nearest(per_call: float, *, whole: bool, least: float) -> Ramp:
         OutOfRange: a rate so slow that 32767 calls do not make a step.
     """
     check("setpoint ramp in units per call", per_call, above=0.0)
-    for calls in range(1, _MOST_CALLS + 1):
+    least = 1.0 / (1.0 + _NEAR) if whole else least
+    for calls in range(max(1, math.floor(min(least / per_call, _MOST_CALLS + 1))), _MOST_CALLS + 1):
         wished = per_call * calls
         if whole and round(wished) >= 1 and abs(round(wished) - wished) <= _NEAR * wished:
             return Ramp(step=round(wished), calls=calls)
         if not whole and wished >= least:
             return Ramp(step=single(wished), calls=calls)
-    slowest = (1.0 if whole else least) / _MOST_CALLS
-    raise OutOfRange("setpoint ramp in units per call", per_call, f"> {slowest:.3g}, a step in {_MOST_CALLS} calls")
+    rule = f"> {least / _MOST_CALLS:.3g}, a step in {_MOST_CALLS} calls"
+    raise OutOfRange("setpoint ramp in units per call", per_call, rule)
 
 
 def _stored(value: Number, step: Number) -> Number:

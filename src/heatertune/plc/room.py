@@ -16,7 +16,7 @@ from typing import Any, Final, Protocol, cast
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.values import PidDesign
 from heatertune.plc.ramp import Number, Ramp, nearest
-from heatertune.plc.single import is_single
+from heatertune.plc.single import is_single, single
 from heatertune.units import check
 
 __all__ = [
@@ -288,7 +288,7 @@ class Room(ABC):
         if not self.ramped:
             raise InputError(f"{self.name} has no setpoint ramp (see: heatertune targets)")
         low, high = self._ends(words)
-        least = 1 if isinstance(high, int) else (high - low) / self.counts
+        least = 1 if isinstance(high, int) else single((high - low) / self.counts)
         if isinstance(words.ramp.step, int) != isinstance(high, int) or not least <= words.ramp.step < high - low:
             kind = "a whole number" if isinstance(high, int) else "a number in single precision"
             raise OutOfRange("ramp step", words.ramp.step, f"{kind} from {least:.4g} to below {high - low:g}")
