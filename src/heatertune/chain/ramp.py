@@ -43,19 +43,19 @@ def prove_ramped(
         InputError: a ramp for a room that has none, or as `prove`.
         OutOfRange, UnknownName: as `prove`; a rate that the room cannot have.
     """
-    conditions_, found = dict(proving or {}), room(words.target)
+    options, found = dict(proving or {}), room(words.target)
     if isinstance(ramp, float | int):
         words = replace(words, ramp=found.ramp(words, ramp))
     elif ramp is not None:
         words = replace(words, ramp=None)
-    plain = prove(words, fitted, **conditions_)
+    plain = prove(words, fitted, **options)
     if words.ramp is not None or ramp == "none":
         return plain, []
     broken = [criterion.name for criterion in plain.criteria if not criterion.ok]
     if broken != ["overshoot"] or not found.ramped:
         return plain, [_why_none(plain, broken, ramped=found.ramped)] if ramp == "auto" else []
     progress("looking for the fastest setpoint ramp that keeps the limit on overshoot")
-    ramped = _Search(plain=plain, fitted=fitted, proving=conditions_).fastest()
+    ramped = _Search(plain=plain, fitted=fitted, proving=options).fastest()
     if ramped is None:
         return plain, ["No setpoint ramp that ends half way to the disturbance keeps the limit on overshoot."]
     told = _told(plain, ramped)

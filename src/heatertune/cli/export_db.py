@@ -33,7 +33,6 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.chain.documents import words_document  # noqa: PLC0415
-    from heatertune.chain.ramp import prove_ramped  # noqa: PLC0415
     from heatertune.chain.refine import refine  # noqa: PLC0415
     from heatertune.chain.words import Choice  # noqa: PLC0415
     from heatertune.documents import to_json, write_files  # noqa: PLC0415
@@ -44,8 +43,8 @@ def _run(settings: argparse.Namespace) -> int:
     if settings.refine and search is not None:
         choice = refine(Choice(words=words, search=search), fitted, proving=common.proving(settings))
         words, search = choice.words, choice.search
-    proof, notes = prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=common.proving(settings),
-                                progress=progress)
+    proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=common.proving(settings),
+                                      progress=progress)
     for note in notes:
         progress(note)
     if search is not None:

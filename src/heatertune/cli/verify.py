@@ -28,11 +28,11 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.chain.ramp import prove_ramped  # noqa: PLC0415 - the help must not wait for it
+    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import criteria_table, ramp_note  # noqa: PLC0415
 
     words, _, fitted = common.words_and_model(settings)
-    proof, notes = prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=common.proving(settings))
+    proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=common.proving(settings))
     document = proof.to_document()
     told = "".join(f"- {note}\n" for note in (*ramp_note(document), *notes))
     common.output(settings, document, lambda: f"{criteria_table(document)}\n{told}VERDICT {proof.verdict}")

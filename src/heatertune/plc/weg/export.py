@@ -99,7 +99,7 @@ def _ramp(words: Words) -> str:
         return ""
     step, calls = literal(words.ramp.step), words.ramp.calls
     return (
-        "IF HeaterOn AND NOT HeaterWasOn THEN\n  HeaterRamp := HeaterTemperature;\n  HeaterRampCalls := 0;\nEND_IF;\n"
+        "IF NOT HeaterWasOn THEN\n  HeaterRamp := HeaterTemperature;\n  HeaterRampCalls := 0;\nEND_IF;\n"
         "HeaterWasOn := HeaterOn;\nHeaterRampCalls := HeaterRampCalls + 1;\n"
         f"IF HeaterRampCalls >= {calls} THEN\n  HeaterRampCalls := 0;\n"
         "  IF HeaterRamp < HeaterSetPoint THEN\n"
