@@ -73,6 +73,9 @@ def test_a_whole_design_carries_its_ramp_into_every_document_and_the_report(run,
     log.write_text("time_s,temp_C,duty_pct\n" + "\n".join(rows))
     status, said, _ = run("design", log, "--target", "s5-ob251", "--out", out, "--setpoint", 45, "--setpoint-ramp", 6)
     assert (status, "The setpoint moves by" in said) == (0, True)
+    asked = ("--setpoint", 45, "--setpoint-ramp", "auto")
+    status, said, _ = run("design", log, "--target", "s5-ob251", "--out", tmp_path / "auto", *asked)
+    assert (status, "No setpoint ramp is needed" in said) == (0, True)
     documents = {name: json.loads((out / f"{name}.json").read_text()) for name in ("words", "proof", "pictures")}
     ramp = documents["words"]["setpoint_ramp"]
     assert documents["proof"]["setpoint_ramp"] == ramp
