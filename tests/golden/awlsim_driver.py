@@ -1,6 +1,7 @@
 """Run an exported STL source in awlsim, scan by scan; in a process of its own, since awlsim is GPL and heatertune is not.
 
-stdin: JSON {"source": path, "block": DB number, "rows": [[mode, SP, PV, OUT or null], …], "scan_s": number or null}.
+stdin: JSON {"source": path, "block": DB number, "rows": [[mode, SP, PV, OUT or null], …], "scan_s": number or null,
+"asked": byte of the flag word that takes SP, "restart": reading while OB100 runs}.
 stdout: JSON {"source": data block after OB100 as hex, "rows": [data block after each OB35 as hex, …], "names": {…}}.
 A row's OUT is written to DBW6 before the call, as the user of manual mode does. With "scan_s" each row is a scan of OB1
 that takes so long, on a clock of its own, instead of a call of OB35.
@@ -68,6 +69,7 @@ def main():
     sim.registerHardwareClass(Module)
     sim.load(parser.getParseTree())
     sim.build()
+    ANALOG[:] = struct.pack(">h", task["restart"])
     sim.startup()
     block = cpu.getDB(task["block"])
     memory, flags = block.structInstance.memory.getRawDataBytes(), cpu.flags.getRawDataBytes()
@@ -76,7 +78,7 @@ def main():
     rows = []
     for mode, setpoint, reading, output in task["rows"]:
         flags[10] = flags[10] & 0xFE | mode
-        flags[12:14] = struct.pack(">h", setpoint)
+        flags[task["asked"]:task["asked"] + 2] = struct.pack(">h", setpoint)
         ANALOG[:] = struct.pack(">h", reading)
         if output is not None:
             memory[6:8] = struct.pack(">h", output)

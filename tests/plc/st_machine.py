@@ -11,7 +11,7 @@ import tree_sitter
 import tree_sitter_iec61131_3_st
 
 LANGUAGE = tree_sitter.Language(tree_sitter_iec61131_3_st.language())
-ZERO = {"REAL": np.float32(0.0), "BOOL": False, "BYTE": 0, "UINT": 0}
+ZERO = {"REAL": np.float32(0.0), "BOOL": False, "BYTE": 0, "INT": 0, "UINT": 0}
 WORDS = {"AND": "and", "OR": "or", "NOT": "not ", "=": "==", "<>": "!="}
 FUNCTIONS = {"ABS": abs, "UINT_TO_REAL": np.float32, "real": np.float32}
 
@@ -55,9 +55,13 @@ def _declared(block):
     for declaration in found(block, "variable_declaration"):
         type_ = _text(declaration.child_by_field_name("type"))
         initial = declaration.child_by_field_name("initial_value")
-        value = ZERO[type_] if initial is None else type(ZERO[type_])(float(_text(initial)))
+        value = ZERO[type_] if initial is None else _initial(type_, _text(initial))
         for name in declaration.children_by_field_name("names"):
             yield _text(name), value
+
+
+def _initial(type_, text):
+    return text == "TRUE" if type_ == "BOOL" else type(ZERO[type_])(float(text))
 
 
 def _text(node):

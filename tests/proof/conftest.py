@@ -28,6 +28,9 @@ class TenthsRoom:
     def check(self, words):
         assert set(words.values) == {"K", "TN"}
 
+    def check_ramp(self, words):
+        assert words.ramp is None or isinstance(words.ramp.step, int)
+
     def decode(self, words):
         gain, tn = words.values["K"] / 1000.0, float(words.values["TN"])
         return PidDesign(

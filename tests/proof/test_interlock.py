@@ -133,8 +133,8 @@ def test_the_program_rests_until_its_inputs_change(fan, contact, hot, turns):
 
 def test_a_cut_ends_the_pulse_that_runs_and_switches_nothing_on_afterwards():
     def edges(cut):
-        return run(lambda _r, _b: 50.0, lambda y: y, (0.5, 150.0, 0.0, 1.0, 20.0), 20.0, 1.0, [0.0] * 11, [],
-                   PWM.numbers, cut)[1]
+        return run(lambda _w, _r, _b: 50.0, lambda y: y, (0.5, 150.0, 0.0, 1.0, 20.0), 20.0, 1.0, [50.0] * 11, [0.0] * 11,
+                   [], PWM.numbers, cut)[1]
 
     assert edges(math.inf) == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0]
     assert edges(4.25) == [0.0, 1.0, 2.0, 3.0, 4.0, 4.25]

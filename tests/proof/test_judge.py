@@ -1,5 +1,6 @@
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ def _trace(course, duration, *, disturbances=(), resolution=0.0, power=None, swi
     scenario = Scenario(setpoint_degC=SETPOINT, duration_s=duration, disturbances=disturbances)
     return Trace(
         time_s=time, temperature_degC=temperature, reading_degC=temperature,
+        followed_degC=np.full(len(time), SETPOINT),
         power_asked_pct=np.full(len(time), 50.0) if power is None else np.array([power(t) for t in time]),
         edge_time_s=np.array(switched, dtype=float), edge_on=np.arange(len(switched)) % 2 == 0,
         stretches=np.column_stack([time, temperature, temperature, temperature]),
@@ -209,3 +211,13 @@ def test_the_worst_is_not_ok_where_one_is_not(values, limit, at_least):
 def test_limits_without_meaning_are_refused(field, value):
     with pytest.raises(OutOfRange, match=field):
         Limits(**{field: value})
+
+
+def test_a_ramp_is_judged_against_the_setpoint_asked_for():
+    # 40 °C in 20 s, followed without any error: the area of the triangle, and the time the ramp takes to the band
+    trace = _trace(lambda t: min(AMBIENT + 2.0 * t, SETPOINT), 200.0)
+    ramped = replace(trace, followed_degC=np.minimum(AMBIENT + 2.0 * trace.time_s, SETPOINT))
+    found = _judged(ramped)
+    assert found["iae"].value == pytest.approx(40.0 * 20.0 / 2.0, rel=0.01)
+    assert found["settling_time"].value == pytest.approx(20.0 - TWO_PERCENT / 2.0, abs=0.1)
+    assert found["overshoot"].value == 0.0

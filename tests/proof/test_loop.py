@@ -12,6 +12,7 @@ from scipy.signal import lsim
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
+from heatertune.plc import Ramp
 from heatertune.proof import Actuator, Kick, Load, Scenario, simulate, simulate_wish
 from heatertune.proof.ideal import _law
 
@@ -102,6 +103,33 @@ def test_with_a_fast_pwm_the_wish_is_python_controls_linear_loop(tv):
     assert wrong[1] == pytest.approx(wrong[0] / 2.0, rel=0.1), "the PWM's error is of first order in its period"
 
 
+def test_on_a_ramp_the_wish_is_python_controls_linear_loop():
+    heater = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=20.0, ambient_degC=20.0)
+    design = PidDesign(gain_pct_per_degC=4.0, integral_time_s=120.0, derivative_time_s=0.0, sample_time_s=5.0,
+                       structure="pi", method="by hand")
+    # 2.4 °C/min are 0.2 °C per call: the ramp arrives with the 40th call
+    way = 8.0 * np.minimum(np.arange(1, 202) / 40.0, 1.0)
+    ones = _linear(design, heater, 1.0, 201)
+    expected = 20.0 + np.convolve(np.diff(way, prepend=0.0), ones)[:201]
+    actuator = Actuator(pwm_period_s=0.5, resolution_s=1e-6)
+    trace = simulate_wish(design, heater, Scenario(setpoint_degC=28.0, duration_s=1000.0), actuator, ramp_degC_per_min=2.4)
+    assert trace.followed_degC == pytest.approx(20.0 + way)
+    assert trace.power_asked_pct.min() > 0.0
+    assert trace.power_asked_pct.max() < 100.0
+    assert trace.temperature_degC == pytest.approx(expected, abs=0.03)
+
+
+def test_the_room_is_told_where_its_ramp_is_from_the_first_reading_on(tenths, words, heater):
+    ramped = replace(words(), ramp=Ramp(step=15, calls=2))
+    scenario = Scenario(setpoint_degC=30.0, duration_s=100.0, noise_degC=0.3, seed=5)
+    trace = simulate(tenths, ramped, heater, scenario, FAST)
+    setpoints, readings = [s for s, _, _ in tenths.seen], [r for _, r, _ in tenths.seen]
+    assert readings[0] != 240, "the noise has to show in the first reading"
+    assert setpoints == [min(300, readings[0] + 15 * ((k + 1) // 2)) for k in range(51)]
+    assert trace.followed_degC == pytest.approx(np.array(setpoints) / 10.0)
+    assert trace.setpoint_degC == 30.0
+
+
 def test_while_the_power_is_at_its_limit_the_wish_does_not_wind_up(heater):
     design = PidDesign(gain_pct_per_degC=8.0, integral_time_s=110.0, derivative_time_s=0.0, sample_time_s=2.0,
                        structure="pi", method="by hand")
@@ -113,9 +141,9 @@ def test_while_the_power_is_at_its_limit_the_wish_does_not_wind_up(heater):
 def test_the_wish_lets_the_integral_lead_back_from_a_limit():
     design = PidDesign(gain_pct_per_degC=1.0, integral_time_s=10.0, derivative_time_s=100.0, sample_time_s=1.0,
                        structure="pid", method="by hand")
-    step = _law(design, 50.0)
-    assert step(45.0, True) == 100.0  # the derivative of the first error; its I step is left out
-    powers = [step(49.0, True) for _ in range(40)]
+    step = _law(design)
+    assert step(50.0, 45.0, True) == 100.0  # the derivative of the first error; its I step is left out
+    powers = [step(50.0, 49.0, True) for _ in range(40)]
     assert powers[0] == 0.0, "the derivative takes the power to the lower limit, where the error leads back"
     assert powers[-1] == pytest.approx(1.0 + 40 * 0.1)
 

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,10 @@ from heatertune.chain.documents import pictures
 from heatertune.documents import plain
 from heatertune.model.fit import model_by_hand
 from heatertune.model.values import Fopdt
+from heatertune.plc import Ramp
 from heatertune.report import plots
 from heatertune.report.style import LOOK, to_svg
-from heatertune.report.text import criteria_table, criterion_value, design_lines, table
+from heatertune.report.text import criteria_table, criterion_value, design_lines, ramp_note, table
 
 LABELS = {"temperature [°C]", "residual [°C]", "power asked for [%]", "realised − wished [°C]", "heater [%]", "Re L [1]",
           "|S| [1]"}
@@ -104,3 +106,23 @@ def test_a_design_without_integral_action_says_none():
     document = {"gain_pct_per_degC": 2.0, "integral_time_s": None, "derivative_time_s": 0.0, "sample_time_s": 5.0,
                 "structure": "p", "method": "by hand"}
     assert "TN  none" in design_lines(document)
+
+
+def test_a_ramp_is_drawn_as_it_was_followed(shown):
+    _, proof = shown
+    words = replace(proof.words, ramp=Ramp(step=9, calls=2))
+    fitted = model_by_hand(proof.nominal.model)
+    ramped = chain.prove(words, fitted, setpoint_degC=40.0)
+    series = plain(pictures(proof.design, fitted, ramped))
+    top = plots.plot_loop(series["nominal"], series["worst"], series["others"]).axes[0]
+    drawn = [line for line in top.lines if len(line.get_ydata()) == len(ramped.nominal.time_s)]
+    assert drawn[0].get_ydata() == pytest.approx(ramped.nominal.followed_degC, abs=1e-3)
+    assert drawn[0].get_drawstyle() == "steps-post"
+    assert shown[0]["nominal"]["followed_degC"] is None
+
+
+def test_a_ramp_is_told_with_its_rate():
+    ramp = {"step": 9, "calls": 2, "degC_per_min": 2.6377}
+    assert ramp_note({"setpoint_ramp": ramp})[0].startswith("The setpoint moves by 9 units every 2 calls, 2.64 °C/min:")
+    assert ramp_note({"setpoint_ramp": ramp | {"calls": 1}})[0].startswith("The setpoint moves by 9 units every call,")
+    assert ramp_note({"setpoint_ramp": None}) == ramp_note({}) == []

@@ -53,11 +53,13 @@ def rivals(fitted: FittedModel, wished: PidDesign, proof: Proof) -> list[dict[st
 
 
 def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proof: Proof) -> dict[str, Any]:
-    """Return how a design fares on a target in a proof like another one's, open points at their defaults."""
+    """Return how a design fares on a target in another one's proof, with its ramp, open points at their defaults."""
     try:
         words = encode(design, target, scaling=proof.words.scaling)
     except NotRepresentable as problem:
         return {"label": label, "verdict": "not representable", "ms": None, "fails": [str(problem)]}
+    if proof.words.ramp is not None and room(target).ramped:
+        words = replace(words, ramp=room(target).ramp(words, proof.ramp_degC_per_min))
     actuator = Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s))
     found = prove(
         room(target), words, labelled(fitted), proof.nominal.scenario, actuator, proof.limits, margins,

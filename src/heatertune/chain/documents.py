@@ -13,7 +13,7 @@ from heatertune.log.values import Log
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, Words, room
+from heatertune.plc import Ramp, Scaling, Words, room
 from heatertune.proof import Proof, Trace, simulate, simulate_wish
 from heatertune.proof.series import curve_series, trace_series
 
@@ -42,6 +42,7 @@ def words_document(
         "sample_time_s": words.sample_time_s,
         "setpoint_degC": proof.nominal.setpoint_degC,
         "setpoint_units": room(words.target).measure(words, proof.nominal.setpoint_degC),
+        "setpoint_ramp": proof.ramp_document(),
         "scaling": {"low_degC": words.scaling.low_degC, "high_degC": words.scaling.high_degC},
         "realised": None if proof.design is None else pid_document.to_document(proof.design),
         "files": sorted(files),
@@ -56,7 +57,8 @@ def read_words(path: str | Path, target: str) -> Words | None:
 
     Raises:
         DocumentError: the file cannot be read, or holds words of another target.
-        OutOfRange: a word the target does not allow.
+        OutOfRange: a word the target does not allow, a ramp that makes no sense (the proof asks whether the target
+            can follow it).
     """
     found = peek_schema(path)
     if found != WORDS_SCHEMA:
@@ -70,9 +72,19 @@ def read_words(path: str | Path, target: str) -> Words | None:
     words = Words(
         target=target, values=document["words"], sample_time_s=number(document, "sample_time_s", path),
         scaling=Scaling(low_degC=number(scale, "low_degC", path), high_degC=number(scale, "high_degC", path)),
+        ramp=_read_ramp(document.get("setpoint_ramp"), path),
     )
     room(target).check(words)
     return words
+
+
+def _read_ramp(document: Any, path: str | Path) -> Ramp | None:
+    if document is None:
+        return None
+    if not isinstance(document, dict):
+        raise DocumentError(f"{path}: setpoint_ramp is {document!r}; expected step and calls")
+    number(document, "step", path)
+    return Ramp(step=document["step"], calls=document.get("calls", 1))
 
 
 def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
@@ -101,7 +113,9 @@ def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, 
         "nominal": trace_series(nominal, proof.runs[0].label),
         "worst": trace_series(proof.worst, _label_of(proof.worst, models)),
         "others": [{name: run[name] for name in ("label", "time_s", "temperature_degC")} for run in others],
-        "wish": trace_series(simulate_wish(wished, models[0][1], nominal.scenario, nominal.actuator), "wished"),
+        "wish": trace_series(
+            simulate_wish(wished, models[0][1], nominal.scenario, nominal.actuator,
+                          ramp_degC_per_min=proof.ramp_degC_per_min), "wished"),
         "curves": [] if proof.design is None else curve_series(proof.design, models),
     }
 

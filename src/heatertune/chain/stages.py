@@ -9,7 +9,7 @@ from typing import Any
 
 from heatertune import cache
 from heatertune.chain.known import closed_again, controllers
-from heatertune.errors import ExportRefused
+from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
@@ -101,9 +101,11 @@ def fit_known(
         progress: told what begins.
 
     Raises:
-        InputError, OutOfRange: as `heatertune.model.fit.fit_known`.
+        InputError, OutOfRange: as `heatertune.model.fit.fit_known`; words with a setpoint ramp.
         UnknownName: no such switch or setting.
     """
+    if words.ramp is not None:
+        raise InputError("words with a setpoint ramp: a log tells the setpoint asked for, not the one followed")
     tried = controllers(words, known)
     settings: dict[str, Any] = {
         "setpoint_degC": setpoint_degC, "ambient_degC": ambient_degC, "power_before_pct": power_before_pct or 0.0,
@@ -265,6 +267,9 @@ def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str 
     models = len({run.model for run in proof.runs})
     lines = [f"proven in {len(proof.runs)} closed-loop runs on {models} heater models"]
     watch = proof.nominal.interlock
+    if words.ramp is not None:
+        rate = f"{words.ramp}, {proof.ramp_degC_per_min:.3g} °C/min"
+        lines.append(f"proven with the setpoint ramp {rate}; nothing is proven without it")
     lines += [] if watch is None else [f"behind the interlock {watch.name}, limit {watch.limit_degC:g} °C"]
     lines += [f"taken as known: {name} = {setting}" for name, setting in proof.known.items()]
     lines += [f"not kept: {name}" for name in failed]

@@ -9,8 +9,9 @@ from typing import Any
 from heatertune.chain.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.chain.documents import log_document, pictures, read_documents, words_document
 from heatertune.chain.pwm import with_pwm
+from heatertune.chain.ramp import prove_ramped
 from heatertune.chain.refine import refine
-from heatertune.chain.stages import Told, export, fit, prove, tune
+from heatertune.chain.stages import Told, export, fit, tune
 from heatertune.chain.words import choose_words, tune_for_words
 from heatertune.documents import plain, to_json, write_files
 from heatertune.log import read_log
@@ -30,7 +31,7 @@ def design(
     fitting: Mapping[str, Any] | None = None, tuning: Mapping[str, Any] | None = None,
     proving: Mapping[str, Any] | None = None, scaling: Scaling | None = None, force: bool = False, progress: Told = str,
     words_by: str = "auto", interval_by_words: bool = False, refined: bool = False,
-    switch_kind: str | None = None,
+    switch_kind: str | None = None, setpoint_ramp: float | str | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Run the whole chain, write every stage's document, the export files and the report; return the documents.
 
@@ -51,6 +52,7 @@ def design(
         interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
         switch_kind: "relay" or "ssr": the PWM period is proposed for it, see `with_pwm`; a given actuator stays.
         refined: whether the gains are refined in the loop of the proof, see `refine`.
+        setpoint_ramp: [°C/min], "auto" or "none", see `prove_ramped`.
 
     Raises:
         HeatertuneError: as the stages; nothing is written then.
@@ -71,12 +73,12 @@ def design(
         conditions = {"actuator": actuator} | conditions
     if refined:
         choice = refine(choice, fitted, proving=conditions, progress=progress)
-    words = choice.words
     progress(f"proving the words on {len(fitted.plants)} models")
-    proof = prove(words, fitted, **conditions)
-    files = export(words, proof, force=force) if force or proof.verdict == "PASS" else {}
+    proof, notes = prove_ramped(choice.words, fitted, setpoint_ramp, proving=conditions, progress=progress)
+    search = {**choice.search, "notes": [*choice.search["notes"], *notes]}
+    files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
     progress("comparing with other designs, drawing the report")
-    documents = dossier(log, fitted, wished, proof, files, search=choice.search)
+    documents = dossier(log, fitted, wished, proof, files, search=search)
     _write(documents, files, out)
     return documents
 

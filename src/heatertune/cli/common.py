@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options",
-    "add_objective_options", "add_output_options", "add_proof_options", "add_reading_options", "add_refine_option",
-    "add_switch_kind_option", "add_switch_option", "add_tuning_options", "add_words_option", "design_and_model",
-    "fitting", "interval_by_words", "model_from", "output", "proving", "reading", "sample_time", "save", "scaling",
-    "switches", "target", "tuning", "words_and_model",
+    "add_objective_options", "add_output_options", "add_proof_options", "add_ramp_option", "add_reading_options",
+    "add_refine_option", "add_switch_kind_option", "add_switch_option", "add_tuning_options", "add_words_option",
+    "design_and_model", "fitting", "interval_by_words", "model_from", "output", "proving", "reading", "sample_time",
+    "save", "scaling", "setpoint_ramp", "switches", "target", "tuning", "words_and_model",
 ]
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
@@ -141,6 +141,28 @@ def add_refine_option(command: argparse.ArgumentParser) -> None:
     """Add --refine."""
     command.add_argument("--refine", action="store_true",
                          help="change K and TN where the loop of the proof (limits, anti-windup, PWM) gains by it")
+
+
+def add_ramp_option(command: argparse.ArgumentParser) -> None:
+    """Add --setpoint-ramp."""
+    command.add_argument("--setpoint-ramp", metavar="auto|none|°C/MIN",
+                         help="lead the setpoint to its end at so many °C/min; auto: as fast as the limit on overshoot "
+                              "allows, where that alone fails (default: as the words have it, else none)")
+
+
+def setpoint_ramp(settings: argparse.Namespace) -> float | str | None:
+    """Return the setpoint ramp: [°C/min], auto, none, or None where nothing was said.
+
+    Raises:
+        InputError: it is none of these.
+    """
+    asked: str | None = settings.setpoint_ramp
+    if asked in (None, "auto", "none"):
+        return asked
+    try:
+        return float(asked)
+    except ValueError as problem:
+        raise InputError(f"--setpoint-ramp is {asked!r}; expected °C/min, auto or none") from problem
 
 
 def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = None) -> None:

@@ -22,6 +22,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("--out", required=True, metavar="DIR", help="directory for the results")
     common.add_words_option(command)
     common.add_refine_option(command)
+    common.add_ramp_option(command)
     common.add_switch_kind_option(command)
     command.add_argument("--force", action="store_true", help="export in spite of a verdict of FAIL")
     common.add_proof_options(command)
@@ -40,7 +41,7 @@ def _run(settings: argparse.Namespace) -> int:
         fitting=common.fitting(settings), tuning=common.tuning(settings), proving=common.proving(settings),
         scaling=common.scaling(settings), force=settings.force, progress=common.Progress(settings),
         words_by=settings.words, interval_by_words=common.interval_by_words(settings),
-        refined=settings.refine, switch_kind=settings.switch_kind,
+        refined=settings.refine, switch_kind=settings.switch_kind, setpoint_ramp=common.setpoint_ramp(settings),
     )
     common.output(settings, documents, lambda: f"{summary(documents)}\nwritten to {settings.out}")
     return 0 if documents["proof"]["verdict"] == "PASS" else 1

@@ -22,6 +22,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("-o", "--out", required=True, metavar="DIR", help="directory for the files")
     common.add_words_option(command)
     common.add_refine_option(command)
+    common.add_ramp_option(command)
     command.add_argument("--force", action="store_true", help="export in spite of a verdict of FAIL; the files say so")
     common.add_proof_options(command)
     common.add_model_options(command)
@@ -37,13 +38,19 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.documents import to_json, write_files  # noqa: PLC0415
     from heatertune.report.text import words_table  # noqa: PLC0415
 
+    progress = common.Progress(settings)
     words, search, fitted = common.words_and_model(settings)
     if settings.refine and search is not None:
         choice = refine(Choice(words=words, search=search), fitted, proving=common.proving(settings))
         words, search = choice.words, choice.search
-    proof = chain.prove(words, fitted, **common.proving(settings))
-    files = chain.export(words, proof, force=settings.force)
-    document = words_document(words, proof, files, search)
+    proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=common.proving(settings),
+                                      progress=progress)
+    for note in notes:
+        progress(note)
+    if search is not None:
+        search = {**search, "notes": [*search["notes"], *notes]}
+    files = chain.export(proof.words, proof, force=settings.force)
+    document = words_document(proof.words, proof, files, search)
     documents = {"words.json": to_json(document), "proof.json": to_json(proof.to_document())}
     written = write_files(settings.out, {**files, **documents})
     names = "\n".join(str(path) for path in written)

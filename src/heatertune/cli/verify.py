@@ -20,6 +20,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("pid", metavar="PID|WORDS", help="pid.json as written by tune, or words.json by export-db")
     common.add_words_option(command)
+    common.add_ramp_option(command)
     common.add_proof_options(command)
     common.add_model_options(command)
     common.add_output_options(command)
@@ -28,10 +29,11 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.report.text import criteria_table  # noqa: PLC0415
+    from heatertune.report.text import criteria_table, ramp_note  # noqa: PLC0415
 
     words, _, fitted = common.words_and_model(settings)
-    proof = chain.prove(words, fitted, **common.proving(settings))
+    proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=common.proving(settings))
     document = proof.to_document()
-    common.output(settings, document, lambda: f"{criteria_table(document)}\nVERDICT {proof.verdict}")
+    told = "".join(f"- {note}\n" for note in (*ramp_note(document), *notes))
+    common.output(settings, document, lambda: f"{criteria_table(document)}\n{told}VERDICT {proof.verdict}")
     return 0 if proof.verdict == "PASS" else 1

@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import Final
 
 from heatertune.errors import UnknownName
+from heatertune.plc.ramp import Ramp
 from heatertune.plc.room import (
     Certificate,
     Number,
@@ -19,7 +20,7 @@ from heatertune.plc.room import (
 )
 
 __all__ = [
-    "FAITHFUL", "TARGETS", "Certificate", "Number", "Room", "Scaling", "Scan", "Switch", "Timing",
+    "FAITHFUL", "TARGETS", "Certificate", "Number", "Ramp", "Room", "Scaling", "Scan", "Switch", "Timing",
     "WordField", "Words", "room",
 ]
 

@@ -7,23 +7,22 @@ know rooms only through this file.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol, cast
 
-from heatertune.errors import OutOfRange, UnknownName
+from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.values import PidDesign
-from heatertune.plc.single import is_single
+from heatertune.plc.ramp import Number, Ramp, nearest
+from heatertune.plc.single import is_single, single
 from heatertune.units import check
 
 __all__ = [
     "FORMATS", "Certificate", "Number", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField",
     "Words", "check_fields", "holds", "settings_of",
 ]
-
-#: a word or reading: whole, or a REAL (single precision) in controllers that have them
-Number = int | float
 
 #: format of a number in a controller → smallest and largest value; what is not REAL is whole
 FORMATS: Final[Mapping[str, tuple[float, float]]] = {
@@ -92,12 +91,14 @@ class Words:
         values: word name → number as stored, REALs in single precision.
         scaling: the sensor range the words were made for.
         sample_time_s: interval at which the controller is called [s].
+        ramp: how the program around the controller moves its setpoint; None: at once.
     """
 
     target: str
     values: Mapping[str, Number]
     scaling: Scaling
     sample_time_s: float
+    ramp: Ramp | None = None
 
     @property
     def whole(self) -> Mapping[str, int]:
@@ -229,6 +230,7 @@ class Room(ABC):
         read_image: memory of a running controller → words; None where they cannot be read back.
         oddities: what is odd about a controller's words, one sentence each; None without `read_image`.
         faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
+        ramped: whether the export brings the program of a setpoint ramp along.
     """
 
     name: str
@@ -248,6 +250,51 @@ class Room(ABC):
     read_image: ReadImage | None = None
     oddities: Callable[[Words], tuple[str, ...]] | None = None
     faults: Callable[[Words], tuple[str, ...]] | None = None
+    ramped: bool = False
+
+    def ramp(self, words: Words, rate_degC_per_min: float) -> Ramp:
+        """Return the setpoint ramp that comes near a rate [°C/min].
+
+        Raises:
+            InputError: this room has no ramp.
+            OutOfRange: a rate that is not positive, so slow that the word would not move, or so fast that one step
+                crosses the sensor's range.
+        """
+        if not self.ramped:
+            raise InputError(f"{self.name} has no setpoint ramp (see: heatertune targets)")
+        check("setpoint_ramp_degC_per_min", rate_degC_per_min, above=0.0)
+        low, high = self._ends(words)
+        per_degree = (high - low) / words.scaling.span_degC
+        per_call = rate_degC_per_min / 60.0 * self.timing(words).scan_s * per_degree
+        found = nearest(per_call, whole=isinstance(high, int), least=(high - low) / self.counts)
+        if not found.step < high - low:
+            fastest = 60.0 * words.scaling.span_degC / self.timing(words).scan_s
+            raise OutOfRange("setpoint_ramp_degC_per_min", rate_degC_per_min,
+                             f"< {fastest:.4g}, the sensor's whole range in one call")
+        return found
+
+    def ramp_degC_per_min(self, words: Words) -> float:
+        """Return how fast the words' ramp moves the setpoint [°C/min], infinite without one."""
+        if words.ramp is None:
+            return math.inf
+        low, high = self._ends(words)
+        per_call = words.ramp.step * words.scaling.span_degC / (high - low) / words.ramp.calls
+        return 60.0 * per_call / self.timing(words).scan_s
+
+    def check_ramp(self, words: Words) -> None:
+        """Raise OutOfRange for a ramp that this room's setpoint word cannot follow, InputError where it has none."""
+        if words.ramp is None:
+            return
+        if not self.ramped:
+            raise InputError(f"{self.name} has no setpoint ramp (see: heatertune targets)")
+        low, high = self._ends(words)
+        least = 1 if isinstance(high, int) else single((high - low) / self.counts)
+        if isinstance(words.ramp.step, int) != isinstance(high, int) or not least <= words.ramp.step < high - low:
+            kind = "a whole number" if isinstance(high, int) else "a number in single precision"
+            raise OutOfRange("ramp step", words.ramp.step, f"{kind} from {least:.4g} to below {high - low:g}")
+
+    def _ends(self, words: Words) -> tuple[Number, Number]:
+        return self.measure(words, words.scaling.low_degC), self.measure(words, words.scaling.high_degC)
 
     @abstractmethod
     def timing(self, words: Words) -> Timing:

@@ -88,7 +88,7 @@ class Limits:
             controller cannot correct.
         steady_share: last part of the time before the first disturbance that counts as rest, in (0, 1].
         pwm_ripple_degC: peak to peak within one PWM period at rest [°C].
-        iae_degC_s: ∫|setpoint − temperature| dt of the whole record [°C·s].
+        iae_degC_s: ∫|setpoint − temperature| dt of the whole record, the setpoint as asked for, no ramp [°C·s].
         recovery_s: time after a disturbance until the temperature stays in the band [s]; None: the time until the
             next one, or the end.
         recovery_overshoot_pct: beyond the setpoint after a disturbance, on the other side [% of the step].

@@ -24,6 +24,9 @@ _PERIODS_AT_REST = 3  # PWM periods that the time at rest spans at least
 def judge(trace: Trace, limits: Limits, margins: Margins | None = None) -> tuple[Criterion, ...]:
     """Return what the run and the margins of its controller amount to, in a fixed order.
 
+    The setpoint is always the one asked for, also while a ramp is on its way to it: overshoot is what goes beyond it,
+    and settling time and IAE count the time that a ramp takes.
+
     Criteria of disturbances, interlock and margins are there where the run has them and margins are given. All
     temperatures are the true ones, at any instant, not the sensor's.
     """

@@ -24,21 +24,23 @@ Event = tuple[float, int, float]
 
 
 def run(
-    step: Callable[[float, bool], float], measure: Callable[[float], float],
+    step: Callable[[float, float, bool], float], measure: Callable[[float], float],
     plant: tuple[float, float, float, float, float], start: float, scan_s: float,
-    noise: Sequence[float], disturbances: Sequence[Event], pwm: tuple[float, float, float, float, bool],
-    cut: float = math.inf,
+    setpoints: Sequence[float], noise: Sequence[float], disturbances: Sequence[Event],
+    pwm: tuple[float, float, float, float, bool], cut: float = math.inf,
 ) -> tuple[list[tuple[float, float, float]], list[float], list[tuple[float, float, float, float]]]:
     """Run the loop for as many scans as there are noise values; scans and PWM periods both begin at 0.
 
     The power asked for last when a PWM period begins holds for that period; at equal instants the scan is first.
 
     Args:
-        step: (reading, whether a PWM period has begun since the scan before or begins now) → power asked for [%].
+        step: (setpoint, reading, whether a PWM period has begun since the scan before or begins now) → power asked
+            for [%].
         measure: temperature → reading.
         plant: gain [°C/%], larger lag, smaller lag (0: none), dead time [s], ambient [°C].
         start: temperature of all lags at 0 [°C].
         scan_s: [s].
+        setpoints: of each scan, in the controller's units.
         noise: added to the temperature before it is measured [°C].
         disturbances: (instant at which it acts [s], JUMP or LOAD, °C or %).
         pwm: `Actuator.numbers`.
@@ -78,7 +80,7 @@ def run(
         now = t
         reading = measure(y + noise[k])
         latest = math.floor((t + INSTANT_S) / period) * period
-        power = step(reading, latest > t - scan_s + INSTANT_S)
+        power = step(setpoints[k], reading, latest > t - scan_s + INSTANT_S)
         samples.append((y, reading, power))
         while begun * period < t + scan_s - INSTANT_S:
             on, carried = on_time(power, carried, pwm)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
+from heatertune.plc.ramp import course
 from heatertune.plc.room import Room, Words, settings_of
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import JUMP, LOAD, Event, run
@@ -27,7 +28,8 @@ class Controller:
     """A controller as the loop sees it.
 
     Attributes:
-        step: (reading, whether a PWM period begins) → power asked for, 0…100 %.
+        step: (setpoint, reading, whether a PWM period begins) → power asked for, 0…100 %.
+        setpoints: (first reading, number of scans) → setpoint at each scan [units of a reading].
         measure: temperature [°C] → reading.
         scan_s: interval between two steps [s].
         pwm_period_s: where it makes the PWM itself [s], else None.
@@ -36,7 +38,8 @@ class Controller:
         words, switches, flags: see `Trace`.
     """
 
-    step: Callable[[float, bool], float]
+    step: Callable[[float, float, bool], float]
+    setpoints: Callable[[float, int], Sequence[float]]
     measure: Callable[[float], float]
     scan_s: float
     pwm_period_s: float | None = None
@@ -56,7 +59,7 @@ def simulate(
 
     Args:
         room: the controller.
-        words: what it holds.
+        words: what it holds; with a ramp, its setpoint goes from the first reading to the scenario's.
         model: the heater.
         scenario: what happens.
         actuator: the switch; not used where the controller makes the PWM itself.
@@ -69,6 +72,7 @@ def simulate(
         UnknownName: a switch or setting the room does not have.
     """
     room.check(words)
+    room.check_ramp(words)
     scaling = words.scaling
     if not scaling.low_degC < scenario.setpoint_degC < scaling.high_degC:
         rule = f"> {scaling.low_degC:g} and < {scaling.high_degC:g}, the sensor's range"
@@ -98,12 +102,14 @@ def run_loop(
     scans = math.ceil(scenario.duration_s / controller.scan_s - INSTANT_S) + 1
     time = np.arange(scans, dtype=np.float64) * controller.scan_s
     noise = np.random.default_rng(scenario.seed).normal(0.0, scenario.noise_degC, scans)
+    setpoints = controller.setpoints(controller.measure(start + noise[0]), scans)
     samples, edges, stretches = run(
         controller.step,
         controller.measure,
         (model.gain_degC_per_pct, first, rest[0] if rest else 0.0, model.dead_time_s, ambient),
         start,
         controller.scan_s,
+        setpoints,
         noise.tolist(),
         [_event(each, model.dead_time_s) for each in scenario.disturbances],
         actuator.numbers,
@@ -115,6 +121,7 @@ def run_loop(
         time_s=time,
         temperature_degC=temperature,
         reading_degC=controller.zero_degC + controller.unit_degC * reading,
+        followed_degC=controller.zero_degC + controller.unit_degC * np.array(setpoints, dtype=np.float64),
         power_asked_pct=power,
         edge_time_s=switched,
         edge_on=np.arange(len(switched)) % 2 == 0,
@@ -146,10 +153,10 @@ def _event(disturbance: Kick | Load, dead_time_s: float) -> Event:
 
 def _of_room(room: Room, words: Words, setpoint_degC: float, switches: Mapping[str, str]) -> Controller:
     state = room.start(words, switches)
-    setpoint = room.measure(words, setpoint_degC)
+    asked = room.measure(words, setpoint_degC)
     flags: dict[str, int] = {}
 
-    def step(reading: float, cycle_start: bool) -> float:
+    def step(setpoint: float, reading: float, cycle_start: bool) -> float:
         nonlocal state
         state, scan = room.step(words, state, setpoint, reading, switches, cycle_start=cycle_start)
         for name, is_set in scan.flags.items():
@@ -162,6 +169,7 @@ def _of_room(room: Room, words: Words, setpoint_degC: float, switches: Mapping[s
     unit = (high - low) / (room.measure(words, high) - lowest)
     return Controller(
         step=step,
+        setpoints=lambda first, scans: course(words.ramp, first, asked, scans),
         measure=lambda temperature: room.measure(words, temperature),
         scan_s=timing.scan_s,
         pwm_period_s=timing.pwm_period_s,

@@ -68,6 +68,7 @@ class Proof:
         worst: trace of the run whose criteria strain their limits most.
         known: settings that were taken as known.
         faults: what is known to be wrong in the controller with these words, one sentence each.
+        ramp_degC_per_min: how fast the words' ramp moves the setpoint [°C/min]; infinite without one.
     """
 
     words: Words
@@ -79,6 +80,7 @@ class Proof:
     worst: Trace
     known: Mapping[str, str] = field(default_factory=dict)
     faults: tuple[str, ...] = ()
+    ramp_degC_per_min: float = math.inf
 
     @property
     def verdict(self) -> str:
@@ -94,6 +96,7 @@ class Proof:
             "words": dict(self.words.values),
             "sample_time_s": self.words.sample_time_s,
             "scaling": asdict(self.words.scaling),
+            "setpoint_ramp": self.ramp_document(),
             "criteria": {each.name: each.to_document() for each in self.criteria},
             "runs": [
                 {
@@ -114,6 +117,10 @@ class Proof:
             "faults": list(self.faults),
             "interlock": None if self.nominal.interlock is None else asdict(self.nominal.interlock),
         }
+
+    def ramp_document(self) -> dict[str, float] | None:
+        """Return the setpoint ramp as a JSON object, None without one."""
+        return None if self.words.ramp is None else asdict(self.words.ramp) | {"degC_per_min": self.ramp_degC_per_min}
 
 
 def prove(
@@ -172,6 +179,7 @@ def prove(
         worst=traces[-1],
         known=dict(known or {}),
         faults=() if room.faults is None else room.faults(words),
+        ramp_degC_per_min=math.inf if words.ramp is None else room.ramp_degC_per_min(words),
     )
 
 

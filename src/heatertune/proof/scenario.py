@@ -65,7 +65,7 @@ class Scenario:
     """One run of the loop, from a cold heater with the power off.
 
     Attributes:
-        setpoint_degC: [°C], constant.
+        setpoint_degC: [°C], constant: what is asked for. A ramp on the way to it belongs to the words.
         duration_s: [s].
         ambient_degC: temperature without power [°C]; None: the model's own.
         start_degC: temperature of all lags at the start [°C]; None: ambient.

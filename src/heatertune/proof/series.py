@@ -22,7 +22,10 @@ _POINTS: Final = 800
 
 
 def trace_series(trace: Trace, label: str) -> dict[str, Any]:
-    """Return one run as lists: temperature at even instants, power asked for, switching instants."""
+    """Return one run as lists: temperature at even instants, power asked for, switching instants.
+
+    The setpoint that was followed is at the instants of the power asked for, and None where it never moved.
+    """
     end = float(trace.time_s[-1])
     time = np.linspace(0.0, end, _POINTS)
     return {
@@ -30,6 +33,7 @@ def trace_series(trace: Trace, label: str) -> dict[str, Any]:
         "setpoint_degC": trace.setpoint_degC,
         "time_s": np.round(time, 2),
         "temperature_degC": np.round(trace.temperature_at(time), 3),
+        "followed_degC": np.round(trace.followed_degC, 3) if np.ptp(trace.followed_degC) > 0.0 else None,
         "asked_time_s": np.round(trace.time_s, 3),
         "asked_pct": np.round(trace.power_asked_pct, 3),
         "edge_s": np.round(trace.edge_time_s, 3),

@@ -29,6 +29,7 @@ class Trace:
         time_s: instants of the scans, shape (n,).
         temperature_degC: the true temperature at each scan, shape (n,).
         reading_degC: what the controller saw, noise and resolution included, shape (n,).
+        followed_degC: the setpoint that the controller followed, a ramp on its way included, shape (n,).
         power_asked_pct: what the controller asked for, shape (n,).
         edge_time_s: instants at which the heater was switched, shape (e,).
         edge_on: whether it was switched on, shape (e,).
@@ -44,6 +45,7 @@ class Trace:
     time_s: Array
     temperature_degC: Array
     reading_degC: Array
+    followed_degC: Array
     power_asked_pct: Array
     edge_time_s: Array
     edge_on: npt.NDArray[np.bool_]

@@ -7,7 +7,7 @@ from typing import Any
 
 from heatertune.report import plots
 from heatertune.report.html import bullets, page, picture, table, text_of
-from heatertune.report.text import criterion_value, figure, model_rows, search_notes, word
+from heatertune.report.text import criterion_value, figure, model_rows, ramp_note, search_notes, word
 
 __all__ = ["render"]
 
@@ -120,7 +120,7 @@ def _words(documents: Documents) -> str:
         f"{figure(words['sample_time_s'])} s. The setpoint of the proof, {figure(words['setpoint_degC'])} °C, is "
         f"{words['setpoint_units']} units.</p>"
         f"{table(['address', 'word', 'value', 'meaning', 'typed'], rows, numeric=(2,))}"
-        f"{bullets(search_notes(words))}<ul>{files}</ul>"
+        f"{bullets([*ramp_note(words), *search_notes(words)])}<ul>{files}</ul>"
     )
 
 

@@ -143,5 +143,7 @@ def _temperature(ax: Axes, run: Part, name: str, look: str) -> None:
 
 
 def _setpoint(ax: Axes, run: Part) -> None:
+    if run.get("followed_degC") is not None:
+        ax.step(run["asked_time_s"], run["followed_degC"], where="post", **LOOK["limit"])
     ax.axhline(run["setpoint_degC"], **LOOK["limit"])
     ax.annotate("setpoint", (0.0, run["setpoint_degC"]), va="bottom", fontsize=8, color=LOOK["limit"]["color"])

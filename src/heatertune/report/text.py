@@ -10,8 +10,8 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines", "figure", "forms_lines",
-    "hypothesis_table", "model_lines", "model_rows", "pareto_table", "search_notes", "summary", "table", "word",
-    "words_table",
+    "hypothesis_table", "model_lines", "model_rows", "pareto_table", "ramp_note", "search_notes", "summary", "table",
+    "word", "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -142,7 +142,18 @@ def words_table(words: Document) -> str:
     """Return the words in the order in which they are typed in, and how they were found."""
     rows = [("address", "word", "value", "meaning")]
     rows += [(f["address"], f["name"], word(words["words"][f["name"]]), f["comment"]) for f in words["fields"]]
-    return "\n".join([table(rows, right=(2,)), *(f"- {note}" for note in search_notes(words))])
+    return "\n".join([table(rows, right=(2,)), *(f"- {note}" for note in (*ramp_note(words), *search_notes(words)))])
+
+
+def ramp_note(words: Document) -> list[str]:
+    """Return how the setpoint is led to what is asked for, in a sentence; nothing where it is not."""
+    ramp = words.get("setpoint_ramp")
+    if ramp is None:
+        return []
+    every = "call" if ramp["calls"] == 1 else f"{ramp['calls']} calls"
+    rate = figure(ramp["degC_per_min"], 3)
+    return [f"The setpoint moves by {figure(ramp['step'])} units every {every}, {rate} °C/min: the exported files "
+            "hold the program of this ramp, and the words are proven with it only."]
 
 
 def search_notes(words: Document) -> list[str]:

@@ -88,6 +88,7 @@ ROOM: Final = OnOff(
     cannot=(
         "no PID: of a design only TA is taken, as the scan interval",
         "the temperature swings around the setpoint, the more the longer the dead time",
+        "no setpoint ramp in its program",
     ),
     counts=COUNTS,
     sample_times_s=TIMER,

@@ -7,6 +7,7 @@ import io
 
 from heatertune.plc.room import Certificate, Words
 from heatertune.plc.s5_ob251.image import LENGTH, to_image
+from heatertune.plc.s5_ob251.ramp import ramp_listing
 from heatertune.plc.s5_ob251.words import FIELDS, FULL_SCALE
 
 __all__ = ["export_words"]
@@ -18,13 +19,16 @@ _CELLS = {22: ("KF", "X actual value, written by the program"), 24: ("KF", "Z di
 
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
-    """Return the listing, the CSV and the DB image; the same words and certificate give the same bytes."""
+    """Return listing, CSV, DB image and the ramp's listing; the same words and certificate give the same bytes."""
     rows = _rows(words)
-    return {
+    files: dict[str, str | bytes] = {
         f"DB{_DB}_listing.txt": _listing(words, certificate, rows),
         f"DB{_DB}.csv": _csv(rows),
         f"DB{_DB}.bin": to_image(words),
     }
+    if words.ramp is not None:
+        files["ramp_listing.txt"] = ramp_listing(words.ramp, words.sample_time_s, _DB, certificate)
+    return files
 
 
 def _rows(words: Words) -> list[tuple[int, str, str, str]]:
@@ -59,7 +63,8 @@ def _meaning(name: str, words: Words) -> str:
         return f"K·R = {v['K'] * v['R'] / 1024**2:.5g} units per unit"
     if name == "W":
         low, span = words.scaling.low_degC, words.scaling.span_degC
-        return f"setpoint: round(({FULL_SCALE}/{span:g})·(°C − {low:g})), enter yours"
+        units = f"setpoint: round(({FULL_SCALE}/{span:g})·(°C − {low:g}))"
+        return f"{units}, enter yours" if words.ramp is None else f"{units}, led there by ramp_listing.txt"
     return ""
 
 

@@ -92,6 +92,7 @@ ROOM: Final = Ob251(
     can=(
         "P, PI and PID; feed-forward of Z; manual with a bumpless return; position or velocity algorithm",
         "derivative of the control error, or of XZ",
+        "setpoint ramp: the export brings the function block that moves W",
     ),
     cannot=(
         "no PWM of its own: a switch behind YA is proven with it",
@@ -106,4 +107,5 @@ ROOM: Final = Ob251(
     export=export_words,
     read_image=from_image,
     oddities=oddities,
+    ramped=True,
 )

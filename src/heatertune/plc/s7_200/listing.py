@@ -1,7 +1,8 @@
 """The repaired program as statement list, written from its words.
 
 Only instructions that a CPU 214 has are used. V memory: VW0, VW2, VW4 reading and its two predecessors; VW10, VW20
-error and its predecessor; VW24, VW26, VW28 differences and sum; VW30 ticks to go; VD224 rest; constants from VW200.
+error and its predecessor; VW24, VW26, VW28 differences and sum; VW30 ticks to go; VW34, VW36 setpoint on its
+ramp and calls to its next step; VD224 rest; constants from VW200.
 """
 
 from __future__ import annotations
@@ -9,9 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from heatertune.plc.room import Words
+from heatertune.plc.s7_200.ramp import ramp_begins, ramp_moves
 from heatertune.plc.s7_200.text import Network, block, count_ticks, program, pwm_registers, timed_interrupt
 
 __all__ = ["repaired_program"]
+
+#: setpoint on the ramp, calls to its next step
+_RAMP = ("VW34", "VW36")
 
 
 def repaired_program(words: Words, head: Sequence[str] = ()) -> str:
@@ -20,7 +25,7 @@ def repaired_program(words: Words, head: Sequence[str] = ()) -> str:
     return program(
         block("OB1", "PID/PWM heater controller, repaired", [first], head),
         block("SBR0", "constants, PWM on Q0.0, timed interrupt", _initialisation(words)),
-        block("INT0", "one PWM cycle: errors, increments, pulse width", _interrupt(words.whole["SCALE"])),
+        block("INT0", "one PWM cycle: errors, increments, pulse width", _interrupt(words)),
     )
 
 
@@ -39,18 +44,30 @@ def _initialisation(words: Words) -> list[Network]:
         Network("process variable: IB0", ["LD SM0.0", "MOVW +0, VW0", "MOVB IB0, VB1"]),
         Network("its bit 0 is wired to I1.0", ["LD I1.0", "= V1.0"]),
         Network("no change of it before the start", ["LD SM0.0", "MOVW VW0, VW2"]),
+        *([] if words.ramp is None else [ramp_begins(words.ramp, "VW0", *_RAMP)]),
         pwm_registers(cycle),
         timed_interrupt(v["TICK"]),
     ]
 
 
-def _interrupt(scale: int) -> list[Network]:
+def _ramped(words: Words) -> list[Network]:
+    """Return the networks that put the setpoint on its ramp in the place of the one asked for."""
+    if words.ramp is None:
+        return []
+    word, _ = _RAMP
+    follow = Network("set point on its ramp", ["LD SM0.0", f"MOVW {word}, VW10"])
+    return [*ramp_moves(words.ramp, "VW10", *_RAMP), follow]
+
+
+def _interrupt(words: Words) -> list[Network]:
+    scale = words.whole["SCALE"]
     return [
         *count_ticks("VW30", "VW208"),
         Network("set point: analog adjustment 0; process variable: IB0", [
             "LD SM0.0", "MOVW VW2, VW4", "MOVW VW0, VW2", "MOVW VW10, VW20",
             "MOVW +0, VW10", "MOVB SMB28, VB11", "MOVB IB0, VB1",
         ]),
+        *_ramped(words),
         Network("its bit 0 is wired to I1.0", ["LD I1.0", "= V1.0"]),
         Network("error, its change and sum, second difference of the process variable", [
             "LD SM0.0", "-I VW0, VW10", "MOVW VW10, VW24", "-I VW20, VW24", "MOVW VW10, VW26", "+I VW20, VW26",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 from heatertune.plc.room import Certificate, Room, Scaling, Scan, Timing, Words
@@ -40,8 +40,8 @@ class S7200(Room):
         return count(words.scaling, temperature_degC)
 
     def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
-        """Return the state after power-up, the program loaded."""
-        program = assemble(repaired_program(words))
+        """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""
+        program = assemble(repaired_program(replace(words, ramp=None)))
         next_cycle = switches.get("width_applies") == "next_cycle"
         return _Running(program, None, cycle_ms(words), next_cycle)
 
@@ -86,7 +86,7 @@ ROOM: Final = S7200(
     inputs=_INPUTS,
     can=(
         "PI and PID in whole numbers, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",
-        "free of overflow for every pair of setpoint and reading",
+        "free of overflow for every pair of setpoint and reading", "setpoint ramp in whole counts",
     ),
     cannot=("no P alone: the pulse width accumulates", "8-bit readings, no manual mode"),
     counts=COUNTS,
@@ -96,4 +96,5 @@ ROOM: Final = S7200(
     decode=decode,
     check=check_words,
     export=_export,
+    ramped=True,
 )

@@ -26,8 +26,15 @@ _VARIABLES = (
     ("HeaterPower", "REAL", "0.0", "%, to the PWM"),
 )
 
+#: further ones where a ramp leads the setpoint
+_RAMP_VARIABLES = (
+    ("HeaterRamp", "REAL", "0.0", "degC, the setpoint on its ramp"),
+    ("HeaterRampCalls", "INT", "0", "calls since its last step"),
+    ("HeaterWasOn", "BOOL", "FALSE", "HeaterOn of the call before"),
+)
+
 _WIRES = (
-    ("SetPoint", "HeaterSetPoint"), ("ManualSetPoint", "HandPower"), ("SelectSetPoint", "ByHand"),
+    ("ManualSetPoint", "HandPower"), ("SelectSetPoint", "ByHand"),
     ("Feedback", "HeaterTemperature"),
 )
 
@@ -44,9 +51,10 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     head = _head(words, certificate)
     comment = "\n".join(f"(* {line} *)" for line in head) + "\n"
     return {
-        "weg_pid_call.st": comment + _program("WegHeater", "FB_PID", _weg_call(words)),
-        "weg_pid_block.st": comment + function_block() + "\n" + _program("Heater", BLOCK_NAME, _block_call(words)),
-        "weg_pid_plcopen.xml": project(_VARIABLES, _block_call(words), head, words.whole["Ts"]),
+        "weg_pid_call.st": comment + _program("WegHeater", "FB_PID", words, _weg_call(words)),
+        "weg_pid_block.st":
+            comment + function_block() + "\n" + _program("Heater", BLOCK_NAME, words, _block_call(words)),
+        "weg_pid_plcopen.xml": project(_variables(words), _block_call(words), head, words.whole["Ts"]),
     }
 
 
@@ -77,22 +85,49 @@ def _values(words: Words) -> list[tuple[str, str]]:
     ]
 
 
+def _variables(words: Words) -> tuple[tuple[str, str, str, str], ...]:
+    return _VARIABLES if words.ramp is None else _VARIABLES + _RAMP_VARIABLES
+
+
+def _wires(words: Words) -> list[tuple[str, str]]:
+    return [("SetPoint", "HeaterSetPoint" if words.ramp is None else "HeaterRamp"), *_WIRES]
+
+
+def _ramp(words: Words) -> str:
+    """Return the statements that lead the setpoint; it begins at the reading of the call that enables the block."""
+    if words.ramp is None:
+        return ""
+    step, calls = literal(words.ramp.step), words.ramp.calls
+    return (
+        "IF NOT HeaterWasOn THEN\n  HeaterRamp := HeaterTemperature;\n  HeaterRampCalls := 0;\nEND_IF;\n"
+        "HeaterWasOn := HeaterOn;\nHeaterRampCalls := HeaterRampCalls + 1;\n"
+        f"IF HeaterRampCalls >= {calls} THEN\n  HeaterRampCalls := 0;\n"
+        "  IF HeaterRamp < HeaterSetPoint THEN\n"
+        f"    HeaterRamp := HeaterRamp + {step};\n"
+        "    IF HeaterRamp > HeaterSetPoint THEN\n      HeaterRamp := HeaterSetPoint;\n    END_IF;\n"
+        "  ELSIF HeaterRamp > HeaterSetPoint THEN\n"
+        f"    HeaterRamp := HeaterRamp - {step};\n"
+        "    IF HeaterRamp < HeaterSetPoint THEN\n      HeaterRamp := HeaterSetPoint;\n    END_IF;\n"
+        "  ELSE\n    HeaterRamp := HeaterSetPoint;\n  END_IF;\nEND_IF;\n"
+    )
+
+
 def _called(instance: str, wires: list[tuple[str, str]]) -> str:
     return f"{instance}(\n" + ",\n".join(f"  {name} := {value}" for name, value in wires) + ");\n"
 
 
 def _weg_call(words: Words) -> str:
     """Return the statements in the form of the manual's example: EN and Output as members."""
-    call = _called("HeaterPid", [*_WIRES, *_values(words)])
-    return f"HeaterPid.EN := HeaterOn;\n{call}HeaterPower := HeaterPid.Output;\n"
+    call = _called("HeaterPid", [*_wires(words), *_values(words)])
+    return f"{_ramp(words)}HeaterPid.EN := HeaterOn;\n{call}HeaterPower := HeaterPid.Output;\n"
 
 
 def _block_call(words: Words) -> str:
     values = [(_RENAMED.get(name, name), value) for name, value in _values(words)]
-    call = _called("HeaterPid", [("Enable", "HeaterOn"), *_WIRES, *values])
-    return f"{call}HeaterPower := HeaterPid.Output;\n"
+    call = _called("HeaterPid", [("Enable", "HeaterOn"), *_wires(words), *values])
+    return f"{_ramp(words)}{call}HeaterPower := HeaterPid.Output;\n"
 
 
-def _program(name: str, block: str, body: str) -> str:
-    declared = "".join(f"  {n} : {t} := {v}; (* {meaning} *)\n" for n, t, v, meaning in _VARIABLES)
+def _program(name: str, block: str, words: Words, body: str) -> str:
+    declared = "".join(f"  {n} : {t} := {v}; (* {meaning} *)\n" for n, t, v, meaning in _variables(words))
     return f"PROGRAM {name}\nVAR\n{declared}  HeaterPid : {block};\nEND_VAR\n\n{body}\nEND_PROGRAM\n"

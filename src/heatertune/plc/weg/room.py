@@ -106,9 +106,11 @@ ROOM: Final = Weg(
     can=(
         "P, PI, PD and PID in single precision, academic or parallel form, direct or reverse action",
         "setpoint filter of first order, limits of the output, manual output, enabling; Ts of 1 to 65535 ms",
+        "setpoint ramp by statements before the block's call",
     ),
     cannot=(
         "no derivative filter: noise and steps of the reading reach the output times K*TV/TA",
+        "TauSetPoint does not soften a start: the filter begins at the setpoint (the proof tries both readings)",
         "no PWM of its own: a switch behind Output is proven with it",
         "an integral step below half a digit of the sum is lost: a slower Ts makes it larger",
     ),
@@ -119,4 +121,5 @@ ROOM: Final = Weg(
     decode=decode,
     check=check_words,
     export=export_words,
+    ramped=True,
 )

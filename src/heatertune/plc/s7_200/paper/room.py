@@ -119,6 +119,7 @@ ROOM: Final = PaperProgram(
     cannot=(
         "no PID: its P accumulates, its D acts as P",
         "no setpoint 128 counts or more above the reading: the error word wraps",
+        "no setpoint ramp: the program is exported as the paper prints it",
     ),
     counts=COUNTS,
     sample_times_s=TIMER,

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 from heatertune.plc.room import Certificate, Room, Scaling, Scan, Switch, Timing, Words
 from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
 from heatertune.plc.s7_200.pid.image import from_image, oddities, to_image
-from heatertune.plc.s7_200.pid.listing import SETPOINT, pid_program
+from heatertune.plc.s7_200.pid.listing import ASKED, SETPOINT, pid_program
 from heatertune.plc.s7_200.pid.words import FIELDS, TABLE, check_words, decode, encode
 from heatertune.plc.s7_200.wiring import WIDTH_APPLIES, ascii_only
 from heatertune.plc.s7_200.words import TIMER, cycle_ms
@@ -54,9 +54,9 @@ class S7200Pid(Room):
         return _STEP * int(min(max(share * self.counts, 0.0), float(self.counts)))
 
     def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
-        """Return the state after power-up, the program loaded."""
+        """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""
         return _Running(
-            program=assemble(pid_program(words)), cycle_ms=cycle_ms(words),
+            program=assemble(pid_program(replace(words, ramp=None))), cycle_ms=cycle_ms(words),
             next_cycle=switches.get("width_applies") == "next_cycle",
             bumpless=switches.get("first_call") != "setpoint_kept",
         )
@@ -97,7 +97,8 @@ def _export(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
     s = words.scaling
     head = ascii_only([
         f"sensor {s.low_degC:g}...{s.high_degC:g} degC = 0...{_FULL} on AIW0; heater switch on Q0.0",
-        f"setpoint as a share of that range in {SETPOINT}",
+        f"setpoint as a share of that range in {SETPOINT}" if words.ramp is None
+        else f"setpoint asked for in {ASKED}, as an analog input word; its ramp writes {SETPOINT}",
         *certificate.head, "not tried in STEP 7-Micro/WIN",
     ])
     return {
@@ -115,7 +116,7 @@ ROOM: Final = S7200Pid(
     inputs=_INPUTS,
     can=(
         "P, PI and PID in single precision, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",
-        "bias clamped with the output: no windup",
+        "bias clamped with the output: no windup", "setpoint ramp in whole input words",
     ),
     cannot=("not on a CPU 212 or 214; no manual mode in this program", "no filter of the derivative"),
     counts=_FULL // _STEP,
@@ -127,4 +128,5 @@ ROOM: Final = S7200Pid(
     export=_export,
     read_image=from_image,
     oddities=oddities,
+    ramped=True,
 )

@@ -112,10 +112,11 @@ ROOM: Final = ContC(
     can=(
         "P, PI, PD and PID in single precision with a filtered derivative of the error; PV and setpoint in °C",
         "dead band, limits, feed-forward DISV, manual with a smooth return",
+        "setpoint ramp in whole analog values: OB35 of the export leads SP_INT",
     ),
     cannot=(
         "no PWM of its own: FB43 PULSEGEN or a switch behind LMN is proven with it (--pwm-rule pulsegen)",
-        "PV_IN is left out: the reading comes from PV_PER",
+        "no setpoint weights: the block has none", "PV_IN is left out: the reading comes from PV_PER",
     ),
     counts=FULL_SCALE,
     sample_times_s=TIMER,
@@ -126,4 +127,5 @@ ROOM: Final = ContC(
     export=export_words,
     read_image=from_image,
     oddities=oddities,
+    ramped=True,
 )

@@ -6,6 +6,7 @@ from typing import Final
 
 from heatertune.plc.room import Certificate, Words
 from heatertune.plc.s7_300 import awl
+from heatertune.plc.s7_300.ramp import WORD, ramp_begins, ramp_moves
 from heatertune.plc.s7_300.tip.block import STATEMENTS, VARIABLES
 from heatertune.plc.s7_300.tip.words import FIELDS
 
@@ -13,6 +14,8 @@ __all__ = ["export_words"]
 
 #: number of the function block and of its instance data block: free in most programs
 _NUMBER: Final = 100
+#: the setpoint that the user enters
+_ASKED: Final = "MW 12"
 
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
@@ -24,16 +27,16 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
     head = awl.head(
         "PID of S7-300/400 application tip No. 2: the document's equations, heatertune's statements",
         words, certificate,
-        f"setpoint SP = 27648/{span:g} * (degC {0.0 - low:+g}), rounded; enter yours in MW 12",
+        f"setpoint SP = 27648/{span:g} * (degC {0.0 - low:+g}), rounded; enter yours in {_ASKED}",
         f"OB 35 must be called every {1000 * words.sample_time_s:g} ms (hardware configuration)",
         "OB 1 is yours: where there is no OB 35, take the network of s7_300_ob1.awl into it instead",
     )
-    source = [*head, *_function_block(), *_data_block(words), *_restart(words), *_interrupt()]
+    source = [*head, *_function_block(), *_data_block(words), *_restart(words), *_interrupt(words)]
     files: dict[str, str | bytes] = {
         "s7_300_pid.awl": awl.text(source), "s7_300_words.csv": awl.table(FIELDS, words),
     }
     clock = awl.s5_time(words.sample_time_s)
-    return files | ({} if clock is None else {"s7_300_ob1.awl": awl.text(_scan(clock))})
+    return files | ({} if clock is None else {"s7_300_ob1.awl": awl.text(_scan(clock, words))})
 
 
 def _function_block() -> list[str]:
@@ -63,29 +66,34 @@ def _restart(words: Words) -> list[str]:
         "ORGANIZATION_BLOCK OB 100", "TITLE =restart: load the words, begin from cold in automatic", "VERSION : 0.1",
         "BEGIN", "NETWORK", "TITLE =words", *loads,
         f"      L     {awl.bits(0.0)};", f"      T     DB{_NUMBER}.DBD 26;  // BIAS",
+        *([] if words.ramp is None else ramp_begins(words.ramp)),
         "      SET   ;", f"      R     DB{_NUMBER}.DBX 34.0;  // STARTED", "      S     M 10.0;  // automatic",
         "END_ORGANIZATION_BLOCK", "",
     ]
 
 
-def _interrupt() -> list[str]:
+def _interrupt(words: Words) -> list[str]:
     return [
         "ORGANIZATION_BLOCK OB 35", "TITLE =cyclic interrupt: one call of the PID", "VERSION : 0.1",
-        "BEGIN", "NETWORK", "TITLE =tie these to your inputs and outputs", *_CALL, "END_ORGANIZATION_BLOCK",
+        "BEGIN", "NETWORK", "TITLE =tie these to your inputs and outputs", *_call(words), "END_ORGANIZATION_BLOCK",
     ]
 
 
-def _scan(clock: str) -> list[str]:
+def _scan(clock: str, words: Words) -> list[str]:
     """Return an OB1 that calls the block each time a timer has run; each period is longer by up to two scans."""
     return [
         "// instead of OB 35: one call each time T 1 has run, which makes every interval longer by up to two scans",
         "ORGANIZATION_BLOCK OB 1", "TITLE =scan", "VERSION : 0.1", "BEGIN", "NETWORK",
-        "TITLE =tie these to your inputs and outputs", "      A     T 1;", "      JCN   wait;", *_CALL,
+        "TITLE =tie these to your inputs and outputs", "      A     T 1;", "      JCN   wait;", *_call(words),
         "wait: AN    T 1;", f"      L     {clock};", "      SD    T 1;", "END_ORGANIZATION_BLOCK",
     ]
 
 
-_CALL: Final = (
-    f"      CALL  FB {_NUMBER} , DB {_NUMBER} (", "           mode_req := M 10.0,", "           PV := PIW 256,",
-    "           SP := MW 12,", "           OUT := PQW 256,", "           OVERFLOW := M 10.1);",
-)
+def _call(words: Words) -> list[str]:
+    """Return the call of the block; with a ramp, first its statements."""
+    ramp, setpoint = ([], _ASKED) if words.ramp is None else (ramp_moves(words.ramp, _ASKED), WORD)
+    return [
+        *ramp, f"      CALL  FB {_NUMBER} , DB {_NUMBER} (", "           mode_req := M 10.0,",
+        "           PV := PIW 256,", f"           SP := {setpoint},", "           OUT := PQW 256,",
+        "           OVERFLOW := M 10.1);",
+    ]

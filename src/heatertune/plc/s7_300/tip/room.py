@@ -81,7 +81,7 @@ ROOM: Final = PidTip(
     inputs=_INPUTS,
     can=(
         "P, PI, PD and PID in single precision; derivative of the reading, not filtered; I, ID and D with GAIN = 0",
-        "exported as a whole STL program",
+        "exported as a whole STL program, with a setpoint ramp in whole analog values where one is asked for",
     ),
     cannot=(
         "no PWM of its own: a switch behind OUT is proven with it",
@@ -96,4 +96,5 @@ ROOM: Final = PidTip(
     export=export_words,
     read_image=from_image,
     oddities=oddities,
+    ramped=True,
 )

@@ -1,0 +1,206 @@
+"""The exported ramp programs, run: each moves the setpoint as the proof did.
+
+Which machine runs them: S5, a small one written for this test from the list of operations; S7-300, awlsim; WEG, structured
+text by tree-sitter; S7-200, the room's own machine on the exported text, against the room that is told the setpoint.
+"""
+
+import random
+import re
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.golden.s5_machine import blocks, run
+from tests.golden.test_fb41 import _stub
+from tests.plc.st_machine import FunctionBlock
+
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Certificate, Ramp, Scaling, room
+from heatertune.plc.ramp import course
+from heatertune.plc.s7_200.machine import assemble
+from heatertune.plc.s7_300.fb41.algorithm import scaled
+from heatertune.plc.s7_300.real import Real
+
+PASS = Certificate(verdict="PASS")
+#: where the setpoint asked for goes in a run: (calls, share of the range); up, down, up before it has arrived, and to rest
+JOURNEY = ((40, 0.5), (60, 0.3), (7, 0.6), (50, 0.31), (20, 0.31))
+
+
+def _words(target, ramp, scaling=None):
+    design = PidDesign(gain_pct_per_degC=3.0, integral_time_s=300.0, derivative_time_s=0.0, sample_time_s=4.0,
+                       structure="pi", method="")
+    return replace(room(target).encode(design, scaling or Scaling()), ramp=ramp)
+
+
+def _export(words, name):
+    return room(words.target).export(words, PASS)[name]
+
+
+def _asked(full):
+    return [round(share * full) for calls, share in JOURNEY for _ in range(calls)]
+
+
+def _followed(ramp, begin, asked):
+    """The setpoint at each call by a loop of the test's own: after every `calls`-th call a step, as the export's head says."""
+    word, found = begin, []
+    for call, end in enumerate(asked, start=1):
+        if call % ramp.calls == 0:
+            word += max(-ramp.step, min(ramp.step, end - word))
+        found.append(word)
+    return found
+
+
+def test_the_loop_of_this_test_is_the_row_of_the_proof():
+    ramp = Ramp(step=20, calls=2)
+    assert _followed(ramp, 491, [552] * 8) == course(ramp, 491, 552, 8) == [491, 511, 511, 531, 531, 551, 551, 552]
+
+
+@pytest.mark.parametrize("ramp", [Ramp(step=37), Ramp(step=90, calls=3)])
+def test_the_s5_listing_moves_w(ramp):
+    listing = _export(_words("s5-ob251", ramp), "ramp_listing.txt")
+    moves, restart = blocks(listing)[0], blocks(listing)[1]
+    memory = {"DW 9": -7, "DW 22": 491, "FW 202": -1}
+    run(restart, memory)
+    found = []
+    for end in _asked(2047):
+        memory["FW 200"] = end
+        run(moves, memory)
+        found.append(memory["DW 9"])
+    assert found == _followed(ramp, 491, _asked(2047))
+    assert found[-1] == _asked(2047)[-1]
+
+
+def test_the_s5_listing_is_totally_calm_at_the_ends_of_w():
+    moves = blocks(_export(_words("s5-ob251", Ramp(step=2046)), "ramp_listing.txt"))[0]
+    for begin, end in ((2047, -2047), (-2047, 2047), (2047, 2047), (-2047, -2047)):
+        memory = {"DW 9": begin, "FW 200": end}
+        run(moves, memory)  # the machine refuses an overflow
+        assert memory["DW 9"] == _followed(Ramp(step=2046), begin, [end])[0]
+
+
+@pytest.mark.parametrize("ramp", [Ramp(step=300), Ramp(step=1001, calls=3)])
+def test_the_s7_300_source_moves_sp_in_awlsim(awlsim, ramp):
+    rows = [[1, end, 13000, None] for end in _asked(27648)]
+    answer = awlsim(_export(_words("s7-300", ramp), "s7_300_pid.awl"), rows, restart=5000)
+    at = answer["offsets"]["SP"][0]
+    found = [struct.unpack_from(">h", bytes.fromhex(row), at)[0] for row in answer["rows"]]
+    assert found == _followed(ramp, 5000, _asked(27648))
+
+
+def test_a_sensor_that_is_broken_at_the_restart_does_not_make_the_ramp_wrap(awlsim):
+    # over-range, 32767: a step up would wrap to a large negative setpoint
+    answer = awlsim(_export(_words("s7-300", Ramp(step=1001)), "s7_300_pid.awl"), [[1, 20000, 13000, None]] * 15, restart=32767)
+    at = answer["offsets"]["SP"][0]
+    found = [struct.unpack_from(">h", bytes.fromhex(row), at)[0] for row in answer["rows"]]
+    assert found == _followed(Ramp(step=1001), 32767, [20000] * 15)
+
+
+def test_the_program_for_ob1_moves_sp_too():
+    source = _export(_words("s7-300", Ramp(step=300)), "s7_300_ob1.awl")
+    assert "SP := MW 30," in source
+    assert source.index("T     MW 30;") < source.index("CALL  FB 100")
+
+
+@pytest.mark.parametrize("ramp", [Ramp(step=300), Ramp(step=1001, calls=3)])
+def test_the_fb41_source_moves_sp_int_to_the_bits_of_the_room(awlsim, ramp):
+    words = _words("fb41", ramp, Scaling(low_degC=-17.7, high_degC=250.3))
+    rows = [[1, end, 13000, None] for end in _asked(27648)]
+    answer = awlsim(_stub(_export(words, "fb41_cont_c.awl")), rows, block=41, asked=20, restart=5000)
+    at = answer["offsets"]["SP_INT"][0]
+    found = [bytes.fromhex(row)[at:at + 4] for row in answer["rows"]]
+    parameters = room("fb41").start(words, {}).parameters
+    told = [struct.pack(">f", scaled(Real(), parameters, each)) for each in _followed(ramp, 5000, _asked(27648))]
+    assert found == told
+    # 13824 of 27648 is the middle of the range: (250.3 − 17.7)/2
+    assert struct.unpack(">f", found[39])[0] == pytest.approx(116.3, abs=1e-3)
+
+
+def _weg_program(words, name):
+    """The statements before the call of the block, with the variables of the program, as a function block to run."""
+    text = _export(words, name)
+    program = text[text.index("PROGRAM"):]
+    declared = "\n".join(re.findall(r"^  Heater\w+ : (?:REAL|INT|BOOL) := .*;.*$", program, re.MULTILINE))
+    body = program.split("END_VAR")[1].split("HeaterPid")[0]
+    return FunctionBlock(f"FUNCTION_BLOCK Ramp\nVAR\n{declared}\nEND_VAR\n{body}\nEND_FUNCTION_BLOCK\n")
+
+
+@pytest.mark.parametrize("name", ["weg_pid_call.st", "weg_pid_block.st"])
+@pytest.mark.parametrize("ramp", [Ramp(step=float(np.float32(0.7))), Ramp(step=float(np.float32(0.1)), calls=3)])
+def test_the_structured_text_moves_the_setpoint_in_single_precision(name, ramp):
+    program = _weg_program(_words("weg", ramp), name)
+    program.call(HeaterOn=False, HeaterTemperature=99.0, HeaterSetPoint=40.0)
+    begin = float(np.float32(24.3))
+    found = [float(program.call(HeaterOn=True, HeaterTemperature=begin + k, HeaterSetPoint=40.0).HeaterRamp) for k in range(700)]
+    assert found == course(ramp, begin, 40.0, 700)
+    assert found[-1] == 40.0
+    # switched off and on again it begins at the reading of that moment, and goes down as well
+    program.call(HeaterOn=False, HeaterTemperature=47.0)
+    down = [float(program.call(HeaterOn=True, HeaterTemperature=50.0).HeaterRamp) for _ in range(400)]
+    assert down == course(ramp, 50.0, 40.0, 400)
+
+
+def test_a_broken_sensor_at_the_start_does_not_poison_the_structured_text():
+    program = _weg_program(_words("weg", Ramp(step=0.5)), "weg_pid_call.st")
+    assert program.call(HeaterOn=True, HeaterTemperature=np.nan, HeaterSetPoint=40.0).HeaterRamp == 40.0
+
+
+def test_the_ramped_setpoint_is_wired_to_wegs_block():
+    files = room("weg").export(_words("weg", Ramp(step=0.5)), PASS)
+    for content in files.values():
+        assert "SetPoint := HeaterRamp," in content
+        assert "SetPoint := HeaterSetPoint," not in content
+        assert "HeaterWasOn" in content
+
+
+@pytest.mark.parametrize("ramp", [Ramp(step=3), Ramp(step=7, calls=3)])
+def test_the_s7_200_program_makes_the_setpoints_that_the_room_was_told(ramp):
+    words, found = _words("s7-200", ramp), room("s7-200")
+    told = made = found.start(words, {})
+    made = made._replace(program=assemble(_export(words, "s7_200_program.awl")))
+    readings, asked = _readings(61, 255), _asked(255)
+    widths = set()
+    for reading, end, setpoint in zip(readings, asked, _followed(ramp, readings[0], asked), strict=True):
+        told, one = found.step(words, told, setpoint, reading, {})
+        made, other = found.step(words, made, end, reading, {})
+        assert one == other
+        assert made.cpu.read("VW34") == setpoint
+        widths.add(one.output)
+    assert len(widths) > 20
+
+
+@pytest.mark.parametrize("switches", [{}, {"first_call": "setpoint_kept"}])
+@pytest.mark.parametrize("ramp", [Ramp(step=400), Ramp(step=900, calls=3)])
+def test_the_program_around_the_pid_instruction_makes_the_setpoints_that_the_room_was_told(ramp, switches):
+    words, found = _words("s7-200-pid", ramp), room("s7-200-pid")
+    told = made = found.start(words, switches)
+    made = made._replace(program=assemble(_export(words, "s7_200_pid.awl")))
+    readings, asked = _readings(7600, 32000), _asked(32000)
+    widths = set()
+    for reading, end, setpoint in zip(readings, asked, _followed(ramp, readings[0], asked), strict=True):
+        told, one = found.step(words, told, setpoint, reading, switches)
+        # the panel writes the setpoint asked for to VW80; what `step` writes to VD104 is overwritten by the ramp
+        made = made._replace(cpu=made.cpu.written({"VW80": end, "AIW0": reading}))
+        made, other = found.step(words, made, 0, reading, switches)
+        assert one == other
+        assert made.cpu.read("VW82") == setpoint
+        widths.add(one.output)
+    assert len(widths) > 20
+
+
+def _readings(begin, full):
+    """Readings that wander a little below the middle, as the closed loop's would."""
+    rng, count = random.Random(3), sum(calls for calls, _ in JOURNEY)
+    return [begin, *(round(full * (0.33 + 0.06 * rng.random())) for _ in range(count - 1))]
+
+
+@pytest.mark.parametrize("target", ["s5-ob251", "s7-200", "s7-200-pid", "s7-300", "fb41", "weg"])
+def test_without_a_ramp_nothing_of_it_is_exported(target):
+    words = _words(target, None)
+    whole = isinstance(room(target).measure(words, 50.0), int)
+    ramped = room(target).export(replace(words, ramp=Ramp(step=2 if whole else 0.5, calls=2)), PASS)
+    plain = room(target).export(words, PASS)
+    assert set(plain) <= set(ramped)
+    told = [name for name in ramped if plain.get(name) != ramped[name]]
+    assert told, "the ramp is in the export"
+    assert not any("ramp" in str(content).lower() for content in plain.values())
