@@ -68,7 +68,7 @@ def fleet(
 
     Raises:
         UnknownName: no such target.
-        InputError: no log found; as `heatertune.chain.batch.run`.
+        InputError: no log found; as `heatertune.chain.batch.engine`.
     """
     room(target)  # an unknown one is refused before the long part
     folder, names = find_logs(logs)

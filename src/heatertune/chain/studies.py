@@ -62,7 +62,7 @@ def study(
 
     Raises:
         DocumentError: as `read_study`; a log or model that cannot be read.
-        InputError: as `heatertune.chain.batch.run`.
+        InputError: as `heatertune.chain.batch.engine`.
     """
     cases = read_study(path)
     files = _files(Path(path), cases)

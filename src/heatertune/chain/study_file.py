@@ -117,7 +117,7 @@ class Study:
         if number >= self._combinations:
             return {**self.fixed, **self.listed[number - self._combinations]}
         chosen: dict[str, Any] = {}
-        for key in reversed(self.grid):
+        for key in reversed(list(self.grid)):
             number, which = divmod(number, len(self.grid[key]))
             chosen[key] = self.grid[key][which]
         return {**self.fixed, **chosen}
