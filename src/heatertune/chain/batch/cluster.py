@@ -50,7 +50,7 @@ def _all(
     distributed: Any, client: Any, chunks: Iterator[Chunk], do: Task
 ) -> Iterator[tuple[Chunk, list[Row] | None]]:
     under_way: dict[Any, Chunk] = {}
-    ready = distributed.as_completed()
+    ready = distributed.as_completed(loop=client.loop)
 
     def submit(number: int) -> None:
         for chunk in islice(chunks, number):
