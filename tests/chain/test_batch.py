@@ -109,7 +109,7 @@ def test_what_was_done_is_not_done_again_and_the_bytes_are_the_same(out, tmp_pat
             again.append(chunk.start)
             yield chunk, do(chunk.cases)
 
-    run(batch_of(9), out, workers=watched, resume=True, progress=lambda done, total: told.append(done))
+    run(batch_of(9), out, workers=watched, resume=True, progress=lambda done, _: told.append(done))
     assert again == [4, 5, 6, 7, 8]
     assert told[0] == 4, "what an earlier run did is told at once"
     assert out.read_bytes() == whole.read_bytes()
@@ -195,7 +195,7 @@ def test_any_number_of_processes_writes_the_same_bytes_one_thread_each(out, tmp_
     for jobs in (1, 3):
         path = tmp_path / f"{jobs}.parquet"
         run(batch_of(12), path, workers=in_processes(jobs),
-            progress=lambda done, total: seen.append((os.environ["OMP_NUM_THREADS"], done)))
+            progress=lambda done, _: seen.append((os.environ["OMP_NUM_THREADS"], done)))
         assert path.read_bytes() == out.read_bytes()
     assert ("1", 12) in seen
     assert os.environ["OMP_NUM_THREADS"] == "7"

@@ -13,7 +13,8 @@ from heatertune.errors import InputError
 
 
 @pytest.fixture
-def cluster():
+def cluster(request, monkeypatch):
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", str(getattr(request, "param", 3)))
     command = [sys.executable, "-m", "tests.chain.cluster"]
     process = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                stderr=subprocess.DEVNULL, text=True)
@@ -44,6 +45,7 @@ def test_a_cluster_that_loses_a_worker_half_way_writes_what_one_process_writes(c
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("cluster", [0], indirect=True)  # as seldom as can be: every death costs a new worker
 def test_a_case_that_kills_every_worker_is_a_row(cluster, tmp_path):
     out = tmp_path / "table.parquet"
     summary = run(batch_of(6, always_deadly=[3]), out, workers=on_dask(cluster.address))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options",
     "add_objective_options", "add_output_options", "add_proof_options", "add_reading_options", "add_refine_option",
-    "add_switch_kind_option", "add_switch_option", "add_tuning_options", "add_words_option", "design_and_model",
+    "add_switch_kind_option", "add_switch_option", "add_tuning_options", "add_words_option", "by_hand", "design_and_model",
     "fitting", "interval_by_words", "model_from", "output", "proving", "reading", "sample_time", "save", "scaling",
     "switches", "target", "tuning", "words_and_model",
 ]
@@ -297,8 +297,8 @@ def words_and_model(settings: argparse.Namespace) -> tuple[Words, Mapping[str, A
         InputError: the file holds no model and none is given by hand; words of another target.
         NotRepresentable, OutOfRange: the words do not fit.
     """
-    from heatertune.chain.documents import read_words  # noqa: PLC0415
     from heatertune.chain.words import choose_words  # noqa: PLC0415
+    from heatertune.chain.words_file import read_words  # noqa: PLC0415
 
     words = read_words(settings.pid, target(settings))
     if words is not None:
@@ -317,8 +317,12 @@ def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedMod
     from heatertune.pid.document import read_design  # noqa: PLC0415
 
     design, model = read_design(settings.pid)
-    by_hand = any(getattr(settings, name) is not None for name in ("gain", "time_constant", "dead_time"))
-    return design, model if model is not None and not by_hand else model_from(settings, None)
+    return design, model if model is not None and not by_hand(settings) else model_from(settings, None)
+
+
+def by_hand(settings: argparse.Namespace) -> bool:
+    """Return whether a model is given by hand."""
+    return any(getattr(settings, name) is not None for name in ("gain", "time_constant", "dead_time"))
 
 
 def _given(settings: argparse.Namespace, *names: str) -> dict[str, Any]:

@@ -4,8 +4,8 @@ The table depends on the cases alone: not on the number of workers, nor on what 
 """
 
 from heatertune.chain.batch.cluster import on_dask
-from heatertune.chain.batch.processes import in_processes
 from heatertune.chain.batch.engine import run
+from heatertune.chain.batch.processes import in_processes
 from heatertune.chain.batch.values import Batch, Chunk, Column, Progress, Row, Workers, silent
 
 __all__ = ["Batch", "Chunk", "Column", "Progress", "Row", "Workers", "in_processes", "on_dask", "run", "silent"]
