@@ -4,13 +4,14 @@ import os
 import random
 import subprocess
 import sys
+from concurrent.futures import wait
 
 import pyarrow.parquet
 import pytest
 from tests.chain.batch_work import COLUMNS, batch_of, expected_row
 from tests.conftest import ROOT
 
-from heatertune.chain.batch import Chunk, in_processes, parts, run, table
+from heatertune.chain.batch import Chunk, in_processes, parts, processes, run, table
 from heatertune.errors import DocumentError, InputError, OutOfRange
 
 
@@ -124,8 +125,11 @@ def test_a_finished_table_is_left_alone_by_resume_and_made_anew_without_it(out):
     assert run(batch_of(5), out, workers=nobody, resume=True) == first
     with pytest.raises(AssertionError):
         run(batch_of(5), out, workers=nobody)
-    out.with_name(f"{out.name}.parts").joinpath("manifest.json").unlink()
-    assert run(batch_of(6), out, workers=at_once, resume=True)["rows"] == 6, "another batch is not the finished one"
+
+
+def test_the_finished_table_of_another_batch_is_not_taken_for_this_one(out):
+    run(batch_of(5), out, workers=at_once)
+    assert run(batch_of(6), out, workers=at_once, resume=True)["rows"] == 6
 
 
 def test_parts_are_neither_overwritten_nor_mixed_with_those_of_another_run(out):
@@ -209,6 +213,18 @@ def test_a_process_that_is_killed_takes_no_case_along(out, tmp_path):
     assert not flag.exists(), "the process did die"
     assert summary["outcomes"] == {"FAIL": 6, "PASS": 6}
     assert rows_of(out) == [expected_row(k) for k in range(12)]
+
+
+def test_chunks_whose_end_is_not_heard_of_when_a_process_dies_are_done_again(out, tmp_path, monkeypatch):
+    def one_by_one(futures, **_):
+        done, _ = wait(futures)
+        return {next(future for future in futures if future in done)}, set()
+
+    monkeypatch.setattr(processes, "wait", one_by_one)
+    flag = tmp_path / "flag"
+    flag.touch()
+    run(batch_of(6, deadly_once={1: str(flag)}), out, workers=in_processes(2))
+    assert rows_of(out) == [expected_row(k) for k in range(6)]
 
 
 @pytest.mark.long

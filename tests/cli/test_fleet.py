@@ -188,7 +188,9 @@ def test_the_bar_tells_rate_and_time_left(moving, monkeypatch, capsys):
     for seconds, done in ((0.0, 100), (0.1, 101), (50.0, 200), (250.0, 400), (450.0, 1000)):
         now[0] = 100.0 + seconds
         bar(done, 1000)
-    said = [line.strip() for line in capsys.readouterr().err.replace("\r", "\n").splitlines() if line.strip()]
+    raw = capsys.readouterr().err
+    assert (raw.count("\r"), raw.count("\n")) == ((4, 1) if moving else (0, 4))
+    said = [line.strip() for line in raw.replace("\r", "\n").splitlines() if line.strip()]
     assert said == [
         "[  0.0 s] 100 of 1000 zones, done before",
         "[ 50.0 s] 200 of 1000 zones, 2/s, 6.7 min left",

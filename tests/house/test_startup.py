@@ -8,7 +8,7 @@ import pytest
 
 from heatertune.cli import main
 
-SLOW = ("casadi", "control", "llvmlite", "matplotlib", "numba", "pyarrow", "distributed", "scipy")
+SLOW = ("casadi", "control", "llvmlite", "matplotlib", "numba", "pyarrow", "distributed", "scipy", "scipy.stats")
 
 HAND = ("--gain", "0.37", "--time-constant", "167", "--dead-time", "12", "--ambient", "22")
 TARGET = ("--target", "s5-ob251", "--setpoint", "40")
@@ -60,7 +60,7 @@ def test_words_that_are_proven_are_exported_again_by_none_of_the_slow_libraries(
 def test_a_design_is_proven_and_exported_without_casadi_and_matplotlib(proven, tmp_path):
     loaded = slow_modules(("export-db", proven / "pid.json", *TARGET, "-o", tmp_path))
     assert loaded.startswith("0 ")
-    assert not any(name in loaded for name in ("casadi", "matplotlib", "control", "pyarrow", "distributed"))
+    assert not any(name in loaded for name in ("casadi", "matplotlib", "control", "pyarrow", "distributed", "scipy.stats"))
 
 
 @pytest.mark.parametrize(("change", "status", "told"), [

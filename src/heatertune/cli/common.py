@@ -21,8 +21,8 @@ __all__ = [
     "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options",
     "add_objective_options", "add_output_options", "add_proof_options", "add_reading_options", "add_refine_option",
     "add_switch_kind_option", "add_switch_option", "add_tuning_options", "add_words_option", "by_hand",
-    "design_and_model", "fitting", "interval_by_words", "model_from", "output", "proving", "reading", "sample_time", "save", "scaling",
-    "switches", "target", "tuning", "words_and_model",
+    "design_and_model", "fitting", "interval_by_words", "model_from", "output", "proving", "reading", "sample_time",
+    "save", "scaling", "switches", "target", "tuning", "words_and_model",
 ]
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
