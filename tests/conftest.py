@@ -1,5 +1,6 @@
 """What all tests share."""
 
+import random
 from pathlib import Path
 
 import numpy as np
@@ -38,3 +39,13 @@ def table3():
 @pytest.fixture(scope="session")
 def table4():
     return load_csv(TABLES / "table4.csv", "table4")
+
+
+def heater_log(gain, seed):
+    """T' = (20 + gain·u(t − 10) − T)/120 from 20 °C, worked out second by second, read every 5 s, noise 0.05 °C."""
+    chance, temperature, rows = random.Random(seed), 20.0, ["time [s];T [°C];power [%]"]
+    for t in range(1200):
+        if t % 5 == 0:
+            rows.append(f"{t};{temperature + chance.gauss(0.0, 0.05):.2f};{60 if t >= 60 else 0}")
+        temperature += (20.0 + gain * (60 if t - 10 >= 60 else 0) - temperature) / 120.0
+    return "\n".join(rows) + "\n"

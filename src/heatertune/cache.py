@@ -9,7 +9,9 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache as remember
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,9 @@ from typing import Any
 from heatertune.documents import to_json, write_files
 from heatertune.errors import InputError
 
-__all__ = ["cached"]
+__all__ = ["cached", "source_digest", "unused"]
+
+_unused: ContextVar[bool] = ContextVar("unused", default=False)
 
 
 def cached(
@@ -33,9 +37,10 @@ def cached(
     """
     folder = _folder()
     if folder is None:
-        return run()
+        # through the same text as a result that is kept: a switched-off cache changes no number
+        return dict(json.loads(to_json(run())))
     told = json.dumps(inputs, sort_keys=True, default=lambda array: array.tolist())  # keeps nan apart from null
-    key = hashlib.sha256((_source() + stage + told).encode()).hexdigest()[:32]
+    key = hashlib.sha256((source_digest() + stage + told).encode()).hexdigest()[:32]
     name = f"{stage}-{key}.json"
     kept = _read(folder / name)
     if kept is not None:
@@ -50,7 +55,19 @@ def cached(
     return dict(json.loads(text))
 
 
+@contextmanager
+def unused() -> Iterator[None]:
+    """Keep and read nothing within the block: a million results would fill the disk."""
+    mark = _unused.set(True)
+    try:
+        yield
+    finally:
+        _unused.reset(mark)
+
+
 def _folder() -> Path | None:
+    if _unused.get():
+        return None
     given = os.environ.get("HEATERTUNE_CACHE")
     if given is not None:
         return Path(given) if given else None
@@ -70,7 +87,7 @@ def _read(path: Path) -> dict[str, Any] | None:
 
 
 @remember
-def _source() -> str:
+def source_digest() -> str:
     """Return a digest of heatertune's own source, so that a changed program forgets what the old one found."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.rglob("*.py")):

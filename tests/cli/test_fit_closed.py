@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from heatertune.chain.documents import WORDS_SCHEMA
+from heatertune.chain.words_file import WORDS_SCHEMA
 from heatertune.documents import to_json
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign

@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from tests.conftest import ROOT
+from tests.conftest import ROOT, heater_log
 
 from heatertune.cli import COMMANDS, main
 
@@ -16,11 +16,21 @@ SHELL = [line for kind, block in BLOCKS if kind == "sh" for line in block.splitl
 COMMAND_LINES = [line[line.index("heatertune") :] for line in SHELL if "heatertune " in line]
 
 
+def _write_files(folder):
+    """Write what the examples read: the user's own files."""
+    (folder / "inputs.csv").write_text("W,X\n1091,500\n1091,510\n")
+    (folder / "logs").mkdir()
+    (folder / "logs" / "zone.csv").write_text(heater_log(0.5, 1))
+    (folder / "study.toml").write_text(
+        "[fixed]\ngain_degC_per_pct = 0.37\ntime_constant_s = 167\ndead_time_s = 12\nambient_degC = 22\n"
+        "[grid]\ntarget = ['weg']\n")
+
+
 @pytest.mark.long
 def test_the_readmes_commands_run_in_the_order_they_stand(tmp_path, tmp_path_factory, monkeypatch, capsys):
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "inputs.csv").write_text("W,X\n1091,500\n1091,510\n")
+    _write_files(tmp_path)
     for line in COMMAND_LINES:
         status = main(shlex.split(line)[1:])
         assert status == 0, (line, capsys.readouterr())
@@ -36,10 +46,10 @@ def test_every_command_stands_in_the_readme():
 def test_the_example_in_every_commands_help_runs(tmp_path, tmp_path_factory, monkeypatch, capsys):
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
     monkeypatch.chdir(tmp_path)
-    examples = {command._EXAMPLE.split()[2]: command._EXAMPLE.removeprefix("example: ") for command in COMMANDS}
-    (tmp_path / "inputs.csv").write_text("W,X\n1091,500\n1091,510\n")
-    for name in ("fit", "plan", "tune", "pareto", "verify", "export-db", "compare", "advise", "design", "report", "decode",
-                 "replay", "targets"):
+    examples = {command._EXAMPLE.split()[2]: command._EXAMPLE.removeprefix("example: ").splitlines()[0] for command in COMMANDS}
+    _write_files(tmp_path)
+    for name in ("fit", "plan", "tune", "pareto", "verify", "export-db", "compare", "advise", "study", "fleet", "design",
+                 "report", "decode", "replay", "targets"):
         assert main(shlex.split(examples.pop(name))[1:]) == 0, (name, capsys.readouterr())
     assert not examples
 

@@ -10,14 +10,34 @@
 There is no algorithm here: each function asks the stage that knows. `design` does it all.
 """
 
-from heatertune.chain.experiment import plan
-from heatertune.chain.ramp import prove_ramped
-from heatertune.chain.stages import encode, export, fit, fit_known, fit_together, prove, tune
-from heatertune.chain.targets import compare
-from heatertune.chain.whole import design, write_report
-from heatertune.log import read_log
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 __all__ = [
-    "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "prove_ramped",
-    "read_log", "tune", "write_report",
+    "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "fleet", "plan", "prove",
+    "prove_ramped", "read_log", "study", "tune", "write_report",
 ]
+
+if TYPE_CHECKING:
+    from heatertune.chain.experiment import plan
+    from heatertune.chain.fleets import fleet
+    from heatertune.chain.ramp import prove_ramped
+    from heatertune.chain.stages import encode, export, fit, fit_known, fit_together, prove, tune
+    from heatertune.chain.studies import study
+    from heatertune.chain.targets import compare
+    from heatertune.chain.whole import design, write_report
+    from heatertune.log import read_log
+
+_STAGES = "heatertune.chain.stages"
+_HOMES = {
+    "plan": "heatertune.chain.experiment", "compare": "heatertune.chain.targets", "read_log": "heatertune.log",
+    "prove_ramped": "heatertune.chain.ramp", "fleet": "heatertune.chain.fleets", "study": "heatertune.chain.studies",
+    "design": "heatertune.chain.whole", "write_report": "heatertune.chain.whole",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a function when it is first used: an export needs no fit, and a worker no report."""
+    if name in __all__:
+        return getattr(import_module(_HOMES.get(name, _STAGES)), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -7,19 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from heatertune.chain.stages import labelled
-from heatertune.documents import number, peek_schema, read_document
-from heatertune.errors import DocumentError
+from heatertune.chain.words_file import WORDS_SCHEMA
+from heatertune.documents import read_document
 from heatertune.log.values import Log
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Ramp, Scaling, Words, room
+from heatertune.plc import Words, room
 from heatertune.proof import Proof, Trace, simulate, simulate_wish
 from heatertune.proof.series import curve_series, trace_series
 
-__all__ = ["log_document", "pictures", "read_documents", "read_words", "words_document"]
-
-WORDS_SCHEMA = "heatertune/words/1"
+__all__ = ["log_document", "pictures", "read_documents", "words_document"]
 
 
 def log_document(log: Log) -> dict[str, Any]:
@@ -50,41 +48,6 @@ def words_document(
         "forced": bool(files) and proof.verdict == "FAIL",
         "search": None if search is None else dict(search),
     }
-
-
-def read_words(path: str | Path, target: str) -> Words | None:
-    """Return the words of a `words.json`, None where the file holds another document.
-
-    Raises:
-        DocumentError: the file cannot be read, or holds words of another target.
-        OutOfRange: a word the target does not allow, a ramp that makes no sense (the proof asks whether the target
-            can follow it).
-    """
-    found = peek_schema(path)
-    if found != WORDS_SCHEMA:
-        return None
-    document = read_document(path, WORDS_SCHEMA)
-    if document.get("target") != target or not isinstance(document.get("words"), dict):
-        raise DocumentError(f"{path}: words of target {document.get('target')!r}; expected {target!r}")
-    scale = document.get("scaling")
-    if not isinstance(scale, dict):
-        raise DocumentError(f"{path}: scaling is {scale!r}; expected low_degC and high_degC")
-    words = Words(
-        target=target, values=document["words"], sample_time_s=number(document, "sample_time_s", path),
-        scaling=Scaling(low_degC=number(scale, "low_degC", path), high_degC=number(scale, "high_degC", path)),
-        ramp=_read_ramp(document.get("setpoint_ramp"), path),
-    )
-    room(target).check(words)
-    return words
-
-
-def _read_ramp(document: Any, path: str | Path) -> Ramp | None:
-    if document is None:
-        return None
-    if not isinstance(document, dict):
-        raise DocumentError(f"{path}: setpoint_ramp is {document!r}; expected step and calls")
-    number(document, "step", path)
-    return Ramp(step=document["step"], calls=document.get("calls", 1))
 
 
 def read_documents(directory: Path) -> dict[str, dict[str, Any]]:

@@ -5,28 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from heatertune import cache
 from heatertune.chain.known import closed_again, controllers
+from heatertune.chain.words_file import certificate
 from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
-from heatertune.model.closed_loop import Bounds
-from heatertune.model.fit import fit as fit_log
-from heatertune.model.fit import fit_known as fit_log_known
-from heatertune.model.fit import fit_together as fit_logs
-from heatertune.model.fit import pool_candidates
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.robustness import margins
-from heatertune.pid.tune import Timer
-from heatertune.pid.tune import tune as tune_model
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Certificate, Scaling, Words, room
+from heatertune.plc import Scaling, Words, room
 from heatertune.proof import Actuator, Interlock, Limits, Proof, scenario_for
 from heatertune.proof import prove as prove_words
+
+if TYPE_CHECKING:
+    from heatertune.model.closed_loop import Bounds
 
 __all__ = [
     "Told", "default_pwm_period_s", "default_setpoint", "encode", "export", "fit", "fit_known", "fit_together",
@@ -57,6 +54,8 @@ def fit(
     Raises:
         InputError, OutOfRange: as `heatertune.model.fit.fit`.
     """
+    from heatertune.model.fit import pool_candidates  # noqa: PLC0415 - compiles; a proof needs no fit
+
     settings = {
         "ambient_degC": ambient_degC, "power_before_pct": power_before_pct, "until_s": until_s, "thorough": thorough,
     }
@@ -76,6 +75,8 @@ def fit_together(
     Raises:
         InputError, OutOfRange: as `heatertune.model.fit.fit_together`.
     """
+    from heatertune.model.fit import fit_together as fit_logs  # noqa: PLC0415 - compiles; a proof needs no fit
+
     settings: dict[str, Any] = {"ambient_degC": ambient_degC, "until_s": until_s}
     return _kept(
         "fit-together", {"logs": [_columns(log) for log in logs], **settings},
@@ -106,6 +107,8 @@ def fit_known(
     """
     if words.ramp is not None:
         raise InputError("words with a setpoint ramp: a log tells the setpoint asked for, not the one followed")
+    from heatertune.model.fit import fit_known as fit_log_known  # noqa: PLC0415 - compiles; a proof needs no fit
+
     tried = controllers(words, known)
     settings: dict[str, Any] = {
         "setpoint_degC": setpoint_degC, "ambient_degC": ambient_degC, "power_before_pct": power_before_pct or 0.0,
@@ -124,6 +127,8 @@ def fit_known(
 
 
 def _fit_one(log: Log, settings: Mapping[str, Any], progress: Told) -> FittedModel:
+    from heatertune.model.fit import fit as fit_log  # noqa: PLC0415 - compiles; a proof needs no fit
+
     laws = _laws() if log.power_pct is None else ()
     return _kept(
         "fit", _columns(log) | dict(settings), lambda: fit_log(log, laws=laws, progress=progress, **settings), progress)
@@ -152,6 +157,9 @@ def tune(fitted: FittedModel, *, target: str | None = None, progress: Told = str
     Raises:
         UnknownName, OutOfRange, InputError: as there.
     """
+    from heatertune.pid.tune import Timer  # noqa: PLC0415 - compiles; a proof needs no search
+    from heatertune.pid.tune import tune as tune_model  # noqa: PLC0415
+
     timer = Timer()
     if target is not None:
         found = room(target)
@@ -260,18 +268,4 @@ def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str 
     """
     if proof.words != words:
         raise ExportRefused("the proof was made for other words; prove these first")
-    failed = [criterion.name for criterion in proof.criteria if not criterion.ok]
-    if failed and not force:
-        broken = ", ".join(failed)
-        raise ExportRefused(f"the proof of these words is FAIL ({broken}); --force exports them all the same")
-    models = len({run.model for run in proof.runs})
-    lines = [f"proven in {len(proof.runs)} closed-loop runs on {models} heater models"]
-    watch = proof.nominal.interlock
-    if words.ramp is not None:
-        rate = f"{words.ramp}, {proof.ramp_degC_per_min:.3g} °C/min"
-        lines.append(f"proven with the setpoint ramp {rate}; nothing is proven without it")
-    lines += [] if watch is None else [f"behind the interlock {watch.name}, limit {watch.limit_degC:g} °C"]
-    lines += [f"taken as known: {name} = {setting}" for name, setting in proof.known.items()]
-    lines += [f"not kept: {name}" for name in failed]
-    certificate = Certificate(verdict=proof.verdict, lines=tuple(lines), forced=bool(failed))
-    return dict(room(words.target).export(words, certificate))
+    return dict(room(words.target).export(words, certificate(proof.to_document(), force=force)))

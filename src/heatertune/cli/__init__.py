@@ -15,10 +15,12 @@ from heatertune.cli import (
     design,
     export_db,
     fit,
+    fleet,
     pareto,
     plan,
     replay,
     report,
+    study,
     targets,
     tune,
     verify,
@@ -28,7 +30,9 @@ from heatertune.errors import ExportRefused, HeatertuneError
 
 __all__ = ["main"]
 
-COMMANDS = (design, fit, plan, tune, pareto, export_db, verify, compare, advise, report, decode, replay, targets)
+COMMANDS = (
+    design, fit, plan, tune, pareto, export_db, verify, compare, advise, study, fleet, report, decode, replay, targets,
+)
 
 _EPILOG = """\
 the chain: log → model → pid → plc → proof → report

@@ -21,9 +21,11 @@ __all__ = [
     "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options",
     "add_objective_options", "add_output_options", "add_proof_options", "add_ramp_option", "add_reading_options",
     "add_refine_option", "add_switch_kind_option", "add_switch_option", "add_tuning_options", "add_words_option",
-    "design_and_model", "fitting", "interval_by_words", "model_from", "output", "proving", "reading", "sample_time",
-    "save", "scaling", "setpoint_ramp", "switches", "target", "tuning", "words_and_model",
+    "design_and_model", "fitting", "interval_by_words", "model_from", "output", "proof_asked", "proving", "reading",
+    "sample_time", "save", "scaling", "setpoint_ramp", "switches", "target", "tuning", "words_and_model",
 ]
+
+_TOLERANCE_DEGC = 1.0
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
 INTERLOCKS = ("heater-fan",)
@@ -209,7 +211,7 @@ def add_condition_options(command: argparse.ArgumentParser) -> None:
                        help="block that makes the PWM; pulsegen: --minimum-on is P_B_TM (default: a plain switch)")
     group.add_argument("--pwm-resolution", type=float, metavar="S",
                        help="the on time is a multiple of it; a block's call interval [s] (default: 0.01)")
-    group.add_argument("--tolerance", type=float, default=1.0, metavar="°C",
+    group.add_argument("--tolerance", type=float, default=_TOLERANCE_DEGC, metavar="°C",
                        help="how far from the setpoint is still right: band, offset and swing [°C] (default: 1)")
     group.add_argument("--noise", type=float, default=0.0, metavar="°C", help="sensor noise, standard deviation [°C]")
     group.add_argument("--interlock", choices=INTERLOCKS,
@@ -319,8 +321,8 @@ def words_and_model(settings: argparse.Namespace) -> tuple[Words, Mapping[str, A
         InputError: the file holds no model and none is given by hand; words of another target.
         NotRepresentable, OutOfRange: the words do not fit.
     """
-    from heatertune.chain.documents import read_words  # noqa: PLC0415
     from heatertune.chain.words import choose_words  # noqa: PLC0415
+    from heatertune.chain.words_file import read_words  # noqa: PLC0415
 
     words = read_words(settings.pid, target(settings))
     if words is not None:
@@ -339,8 +341,20 @@ def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedMod
     from heatertune.pid.document import read_design  # noqa: PLC0415
 
     design, model = read_design(settings.pid)
-    by_hand = any(getattr(settings, name) is not None for name in ("gain", "time_constant", "dead_time"))
-    return design, model if model is not None and not by_hand else model_from(settings, None)
+    return design, model if model is not None and not _by_hand(settings) else model_from(settings, None)
+
+
+def proof_asked(settings: argparse.Namespace) -> bool:
+    """Return whether an option asks for a proof of its own: a heater by hand, another condition, a ramp."""
+    given = _given(settings, "setpoint", "pwm_period", "pwm_rule", "pwm_resolution", "interlock", "limit_temperature",
+                   "fan_stops", "setpoint_ramp")
+    other = settings.noise or settings.minimum_on or settings.minimum_off or settings.switch or settings.refine
+    return bool(given or other) or settings.tolerance != _TOLERANCE_DEGC or _by_hand(settings)
+
+
+def _by_hand(settings: argparse.Namespace) -> bool:
+    """Return whether a model is given by hand."""
+    return any(getattr(settings, name) is not None for name in ("gain", "time_constant", "dead_time"))
 
 
 def _given(settings: argparse.Namespace, *names: str) -> dict[str, Any]:

@@ -18,7 +18,8 @@ def add_to(commands: Any) -> None:
         "export-db", help="pid → words, proven, as text for the PLC", epilog=_EXAMPLE,
         description="Round a design to words, prove them, and write what is typed into the PLC. Refuses on FAIL.",
     )
-    command.add_argument("pid", metavar="PID", help="pid.json as written by tune")
+    command.add_argument("pid", metavar="PID|WORDS", help=(
+        "pid.json as written by tune; or words.json, exported again as the proof.json beside it says"))
     command.add_argument("-o", "--out", required=True, metavar="DIR", help="directory for the files")
     common.add_words_option(command)
     common.add_refine_option(command)
@@ -31,12 +32,27 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.chain.words_file import export_again  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.documents import to_json, write_files  # noqa: PLC0415
+    from heatertune.report.text import words_table  # noqa: PLC0415
+
+    again = None if common.proof_asked(settings) else export_again(
+        settings.pid, common.target(settings), force=settings.force)
+    found = again or _proven(settings)
+    document = found["words"]
+    documents = {"words.json": to_json(document), "proof.json": to_json(found["proof"])}
+    written = write_files(settings.out, {**found["files"], **documents})
+    names = "\n".join(str(path) for path in written)
+    common.output(settings, document, lambda: f"{words_table(document)}\nVERDICT {document['verdict']}\n{names}")
+    return 0
+
+
+def _proven(settings: argparse.Namespace) -> dict[str, Any]:
+    """Return the words of a design, proven: documents and files."""
+    from heatertune import chain  # noqa: PLC0415 - words that are proven already need none of it
     from heatertune.chain.documents import words_document  # noqa: PLC0415
     from heatertune.chain.refine import refine  # noqa: PLC0415
     from heatertune.chain.words import Choice  # noqa: PLC0415
-    from heatertune.documents import to_json, write_files  # noqa: PLC0415
-    from heatertune.report.text import words_table  # noqa: PLC0415
 
     progress = common.Progress(settings)
     words, search, fitted = common.words_and_model(settings)
@@ -51,8 +67,4 @@ def _run(settings: argparse.Namespace) -> int:
         search = {**search, "notes": [*search["notes"], *notes]}
     files = chain.export(proof.words, proof, force=settings.force)
     document = words_document(proof.words, proof, files, search)
-    documents = {"words.json": to_json(document), "proof.json": to_json(proof.to_document())}
-    written = write_files(settings.out, {**files, **documents})
-    names = "\n".join(str(path) for path in written)
-    common.output(settings, document, lambda: f"{words_table(document)}\nVERDICT {proof.verdict}\n{names}")
-    return 0
+    return {"words": document, "proof": proof.to_document(), "files": files}

@@ -76,7 +76,7 @@ def _fitted(settings: argparse.Namespace, logs: Sequence[Log], progress: common.
 
 
 def _words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words:
-    from heatertune.chain.documents import read_words  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.chain.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
     from heatertune.plc import room  # noqa: PLC0415
 
     room(settings.controller)  # an unknown name is refused before the file is opened

@@ -59,13 +59,13 @@ def _is_digital(cell: str) -> bool:
     return is_number(cell) or any(character.isdigit() for character in cell)
 
 
-def read_sheet(path: Path) -> Sheet:
-    """Return the cells of a CSV file.
+def read_sheet(path: Path, content: bytes | None = None) -> Sheet:
+    """Return the cells of a CSV file; with `content`, the path only names it.
 
     Raises:
         LogError: the file cannot be read, is empty, is no text, or a row has another number of cells than the first.
     """
-    text, repairs = _text(path)
+    text, repairs = _text(path, content)
     numbered = [(i, line.rstrip("\n")) for i, line in enumerate(io.StringIO(text, newline=None), start=1)]
     kept = [(i, line) for i, line in numbered if line.strip(" \t,;") and not line.lstrip().startswith("#")]
     if kept and kept[0][1].strip('" ').lower() in ("sep=;", "sep=,", "sep=\t"):  # written by spreadsheets
@@ -85,9 +85,9 @@ def read_sheet(path: Path) -> Sheet:
     return Sheet(file=str(path), header=header, comment=comment, rows=rows, lines=lines, repairs=tuple(repairs))
 
 
-def _text(path: Path) -> tuple[str, list[str]]:
+def _text(path: Path, content: bytes | None) -> tuple[str, list[str]]:
     try:
-        data = path.read_bytes()
+        data = path.read_bytes() if content is None else content
     except OSError as problem:
         raise LogError(f"cannot be read: {problem.strerror}", file=path) from problem
     except ValueError as problem:  # a path that holds a null character

@@ -42,6 +42,7 @@ def read_log(
     run: int | None = None,
     skip_empty: bool = False,
     errata: bool = False,
+    content: bytes | None = None,
 ) -> Log:
     """Read a temperature log.
 
@@ -62,6 +63,7 @@ def read_log(
         run: which of several runs in one file, 1 = first; by default the longest.
         skip_empty: whether rows without a temperature (empty, NaN) are left out instead of refused.
         errata: whether the known misprints of a built-in table are corrected.
+        content: of the file, where it lies on another machine; `source` then only names it.
 
     Raises:
         LogError: what cannot be understood, with file, line, column and value.
@@ -73,8 +75,9 @@ def read_log(
     for name, number in (("power_full_scale", power_full_scale), ("sample_time_s", sample_time_s)):
         if number is not None:
             check(name, number, above=0.0)
-    table = built_in(str(source).lower()) if isinstance(source, str) and source.lower() in BUILT_IN else None
-    sheet = with_names(read_sheet(table.path if table else Path(source)))
+    named = isinstance(source, str) and source.lower() in BUILT_IN and content is None
+    table = built_in(str(source).lower()) if named else None
+    sheet = with_names(read_sheet(table.path if table else Path(source), content))
     if not sheet.rows:
         raise LogError("the file holds a header and no readings", file=sheet.file, expected="at least 20 rows")
     repairs, doubts = list(sheet.repairs), list(table.doubts if table else ())

@@ -11,8 +11,6 @@ import numpy as np
 
 from heatertune.documents import number, optional_number, read_document
 from heatertune.errors import DocumentError
-from heatertune.model.fit import model_by_hand
-from heatertune.model.reduction import matched
 from heatertune.model.values import (
     Candidate,
     FittedModel,
@@ -73,6 +71,8 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "model") -
     """Return the model of a document; errors as in `read_model`."""
     model = _plant(document, where)
     if not document.get("candidates"):
+        from heatertune.model.fit import model_by_hand  # noqa: PLC0415 - compiles; a proof needs no fit
+
         return model_by_hand(model)
     assert isinstance(model, Fopdt)
     try:
@@ -100,6 +100,8 @@ def _candidate_document(candidate: Candidate) -> dict[str, Any]:
     document: dict[str, Any] = {name: getattr(plant, name) for name in _FIELDS}
     if isinstance(plant, TwoLag):
         document["second_time_constant_s"] = plant.second_time_constant_s
+        from heatertune.model.reduction import matched  # noqa: PLC0415 - an optimiser; reading needs none
+
         for name, reduced in (("half_rule", plant.half_rule()), ("matched", matched(plant))):
             document[name] = {field: getattr(reduced, field) for field in ("time_constant_s", "dead_time_s")}
     return document | {

@@ -10,8 +10,8 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines", "figure", "forms_lines",
-    "hypothesis_table", "model_lines", "model_rows", "pareto_table", "ramp_note", "search_notes", "summary", "table",
-    "word", "words_table",
+    "hypothesis_table", "model_lines", "model_rows", "outcome_lines", "pareto_table", "ramp_note", "search_notes",
+    "summary", "table", "word", "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -223,6 +223,18 @@ def summary(documents: Mapping[str, Document]) -> str:
     text = "\n\n".join(f"== {title}\n{body}" for title, body in parts)
     runs = len(proof["runs"])
     return f"{text}\n\nVERDICT {proof['verdict']} ({runs} runs: every candidate model, every open point of the manual)"
+
+
+def outcome_lines(summary: Document) -> str:
+    """Return what became of the cases of a table: how many of each outcome, and the first that are not PASS."""
+    rows = [(outcome, str(number)) for outcome, number in summary["outcomes"].items()]
+    lines = [table([*rows, ("together", str(summary["rows"]))], right=(1,))]
+    for outcome, examples in summary["examples"].items():
+        lines += [f"{outcome}: {each['reason']}" if each["reason"].startswith(each["name"]) else
+                  f"{outcome}: {each['name']}: {each['reason']}" for each in examples]
+        more = summary["outcomes"][outcome] - len(examples)
+        lines += [f"{outcome}: and {more} more"] if more else []
+    return "\n".join([*lines, f"written to {summary['table']}"])
 
 
 def _interval(pair: Sequence[float | None] | None) -> str:

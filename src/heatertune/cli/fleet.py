@@ -1,0 +1,45 @@
+"""`heatertune fleet`: many logs → one table of proven words."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from heatertune.cli import batch, common
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune fleet logs/ --target s7-300 -o fleet.parquet"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "fleet", help="many logs → one table: each fitted, tuned, rounded to words and proven", epilog=_EXAMPLE,
+        description="Take the log of every zone of a plant through the chain and write one row per log. A log that "
+        "cannot be read, fitted or proven is a row with its reason. Exit status 0 where the table is written, "
+        "whatever the verdicts in it.",
+    )
+    command.add_argument("logs", metavar="LOGS", help="a folder, a pattern in quotation marks, or a list of paths")
+    batch.add_table_options(command)
+    common.add_words_option(command)
+    common.add_proof_options(command)
+    common.add_log_options(command)
+    common.add_tuning_options(command)
+    common.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune.chain.fleets import fleet  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.report.text import outcome_lines  # noqa: PLC0415
+
+    document = fleet(
+        settings.logs, target=common.target(settings), out=settings.out, workers=batch.workers(settings),
+        resume=settings.resume, reading=common.reading(settings), fitting=common.fitting(settings),
+        tuning=common.tuning(settings), proving=common.proving(settings), scaling=common.scaling(settings),
+        words_by=settings.words, interval_by_words=common.interval_by_words(settings),
+        progress=batch.Bar(settings, "zones"),
+    )
+    common.output(settings, document, lambda: outcome_lines(document))
+    return 0

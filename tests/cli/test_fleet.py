@@ -1,0 +1,202 @@
+import json
+import subprocess
+import sys
+
+import pyarrow.parquet
+import pytest
+from tests.conftest import ROOT, heater_log
+
+from heatertune.errors import InputError
+
+#: a rule instead of the optimum, and one structure: what is tested is the fleet, not the search
+QUICK = ("--target", "s7-300", "--method", "simc", "--setpoint", 45)
+
+
+@pytest.fixture(scope="session")
+def logs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("plant") / "logs"
+    (folder / "line 2").mkdir(parents=True)
+    (folder / "oven.csv").write_text(heater_log(0.5, 1))
+    (folder / "line 2" / "dryer.csv").write_text(heater_log(0.7, 2))
+    (folder / "line 2" / "weak.csv").write_text(heater_log(0.2, 3))  # cannot hold 45 °C
+    (folder / "empty.csv").write_text("")
+    (folder / "torn.csv").write_text("time [s];T [°C];power [%]\n0;20;oops\n")
+    (folder / "still.csv").write_text("\n".join(f"{5 * k};{20 + 0.01 * (k % 7):.2f};30" for k in range(240)))
+    (folder / "notes.md").write_text("not a log")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def table(logs, tmp_path_factory):
+    """The table of the fleet, by two processes, and what the command said."""
+    out = tmp_path_factory.mktemp("table") / "fleet.parquet"
+    ended = subprocess.run(command(logs, out, "--jobs", 2, "--json"), capture_output=True, text=True, check=True, cwd=ROOT)
+    return out, json.loads(ended.stdout), ended.stderr
+
+
+def command(logs, out, *others):
+    return [sys.executable, "-m", "heatertune", "fleet", str(logs), "-o", str(out), *map(str, (*QUICK, *others))]
+
+
+@pytest.mark.long
+def test_every_log_is_a_row_and_a_bad_one_stops_no_other(table):
+    out, document, _ = table
+    rows = {row["name"]: row for row in pyarrow.parquet.read_table(out).to_pylist()}
+    assert list(rows) == ["empty.csv", "line 2/dryer.csv", "line 2/weak.csv", "oven.csv", "still.csv", "torn.csv"]
+    assert {name: row["outcome"] for name, row in rows.items()} == {
+        "empty.csv": "no log", "line 2/dryer.csv": "PASS", "line 2/weak.csv": "no proof", "oven.csv": "PASS",
+        "still.csv": "no fit", "torn.csv": "no log",
+    }
+    assert rows["torn.csv"]["reason"].startswith("torn.csv, line 2, column power [%]: no number: 'oops'")
+    assert "setpoint_degC = 45.0 is out of range" in rows["line 2/weak.csv"]["reason"]
+    assert rows["line 2/weak.csv"]["gain_degC_per_pct"] == pytest.approx(0.2, rel=0.03), "what was found is kept"
+    assert "The power never changes" in rows["still.csv"]["reason"]
+    # the heater that was written into the log, second by second
+    for name, gain in (("oven.csv", 0.5), ("line 2/dryer.csv", 0.7)):
+        row = rows[name]
+        assert row["gain_degC_per_pct_ci95_low"] < gain < row["gain_degC_per_pct_ci95_high"]
+        assert row["gain_degC_per_pct"] == pytest.approx(gain, rel=0.01)
+        assert row["time_constant_s"] == pytest.approx(120.0, rel=0.03)
+        assert row["dead_time_s"] == pytest.approx(10.0, abs=1.5)
+        assert row["fit_outcome"] == "IDENTIFIED"
+        assert row["setpoint_degC"] == 45.0
+        assert json.loads(row["words"])["GAIN"] == row["word_GAIN"]
+        # S. Skogestad, J. Process Control 13 (2003), eqs. 23-25 with τc = θ (+ TA/2 in θ): K·gain·2θ = T
+        theta = row["dead_time_s"] + row["sample_time_s"] / 2.0
+        assert row["gain_pct_per_degC"] == pytest.approx(
+            row["time_constant_s"] / (row["gain_degC_per_pct"] * 2.0 * theta), rel=0.05)
+    assert document["outcomes"] == {"PASS": 2, "no fit": 1, "no log": 2, "no proof": 1}
+    assert document["rows"] == 6
+
+
+@pytest.mark.long
+def test_a_row_says_what_the_single_commands_say(table, logs, tmp_path, run):
+    model, pid = tmp_path / "model.json", tmp_path / "pid.json"
+    assert run("fit", logs / "oven.csv", "-o", model, "--quiet")[0] == 0
+    assert run("tune", model, "--method", "simc", "--target", "s7-300", "-o", pid, "--quiet")[0] == 0
+    verdict = json.loads(run("verify", pid, "--target", "s7-300", "--setpoint", 45, "--json")[1])
+    fitted, tuned = json.loads(model.read_text()), json.loads(pid.read_text())
+    (row,) = [row for row in pyarrow.parquet.read_table(table[0]).to_pylist() if row["name"] == "oven.csv"]
+    for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"):
+        assert row[name] == fitted[name]
+        assert [row[f"{name}_ci95_low"], row[f"{name}_ci95_high"]] == fitted[f"{name}_ci95"]
+    for name in ("gain_pct_per_degC", "integral_time_s", "sample_time_s", "structure"):
+        assert row[name] == tuned[name]
+    assert json.loads(row["words"]) == verdict["words"]
+    criteria = {"overshoot_pct": "overshoot", "settling_time_s": "settling_time", "steady_offset_degC": "steady_offset",
+                "limit_cycle_degC": "limit_cycle", "pwm_ripple_degC": "pwm_ripple", "iae_degC_s": "iae",
+                "recovery_time_s": "recovery_time", "recovery_overshoot_pct": "recovery_overshoot",
+                "deviation_degC": "deviation", "saturation_pct": "saturation", "switchings_per_h": "switchings",
+                "overflows": "overflow", "ms": "ms", "gain_margin": "gain_margin", "phase_margin_deg": "phase_margin"}
+    assert {column: row[column] for column in criteria} == {
+        column: verdict["criteria"][name]["value"] for column, name in criteria.items()}
+    assert row["runs"] == len(verdict["runs"])
+
+
+@pytest.mark.long
+def test_killed_and_resumed_by_one_process_the_bytes_are_the_same(table, logs, tmp_path):
+    out = tmp_path / "fleet.parquet"
+    process = subprocess.Popen(command(logs, out, "--jobs", 1, "--quiet"), cwd=ROOT)
+    while not list(tmp_path.glob("fleet.parquet.parts/0*.jsonl")):
+        assert process.poll() is None, "it was too quick to be killed"
+        try:
+            process.wait(timeout=0.02)
+        except subprocess.TimeoutExpired:
+            continue
+    process.kill()
+    process.wait()
+    assert not out.exists()
+    ended = subprocess.run(command(logs, out, "--jobs", 1, "--resume"), cwd=ROOT, capture_output=True, text=True, check=True)
+    assert out.read_bytes() == table[0].read_bytes()
+    assert "of 6 zones, done before" in ended.stderr
+    assert "no log: empty.csv: the file is empty" in ended.stdout
+    assert "PASS      2" in ended.stdout
+
+
+@pytest.mark.long
+def test_progress_is_told_by_lines_where_there_is_no_terminal(table):
+    said = table[2].splitlines()
+    assert said[0].endswith("0 of 6 zones")
+    assert "6 of 6 zones, " in said[-1]
+    assert said[-1].endswith("/s")
+    assert not any("\r" in line or "\x1b" in line for line in said)
+
+
+@pytest.mark.parametrize(("arguments", "told"), [
+    (("nothing/",), "nothing: cannot be read; expected a folder, a pattern, or a list of paths"),
+    (("nothing/*.csv",), "nothing/*.csv: no log found; expected files that match"),
+    ((".",), ".: no log found; expected files that end in .csv, .tsv, .txt, .log, .dat"),
+    ((".", "--target", "s5"), "unknown target 's5'; known: s5-ob251"),
+    ((".", "--jobs", 0), "jobs = 0 is out of range: must be >= 1"),
+    ((".", "--jobs", 2, "--scheduler", "tcp://127.0.0.1:1"), "give --jobs or --scheduler, not both"),
+])
+def test_what_cannot_be_done_is_one_line(arguments, told, run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    target = () if "--target" in arguments else ("--target", "s7-300")
+    status, out, err = run("fleet", *arguments, *target, "-o", "fleet.parquet")
+    assert (status, out) == (2, "")
+    assert err.startswith(f"error: {told}")
+    assert err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_logs_are_found_in_folders_by_patterns_and_by_lists(logs, tmp_path, monkeypatch):
+    from heatertune.chain.fleets import find_logs  # noqa: PLC0415 - the slow libraries, beside their only use
+
+    below = ["empty.csv", "line 2/dryer.csv", "line 2/weak.csv", "oven.csv", "still.csv", "torn.csv"]
+    assert find_logs(logs) == (str(logs), below)
+    assert find_logs(f"{logs}/**/*.csv") == (str(logs), below)
+    assert find_logs(f"{logs}/line*/*.csv") == (str(logs / "line 2"), ["dryer.csv", "weak.csv"])
+    listed = logs.parent / "list"
+    listed.write_text(f"# two of them\nlogs/oven.csv\n\n{logs}/line 2/weak.csv\nlogs/line 2/../oven.csv\n")
+    assert find_logs(listed) == (str(logs), ["line 2/weak.csv", "oven.csv"])
+    monkeypatch.chdir(logs)
+    assert find_logs(".") == (str(logs), below)
+    listed.write_bytes(b"\xff\xfe\xff")
+    with pytest.raises(InputError, match="expected a folder, a pattern, or a list of paths"):
+        find_logs(listed)
+
+
+def test_a_log_that_vanished_is_a_row(logs):
+    from heatertune.chain.fleets import _fitted, _sent  # noqa: PLC0415 - the slow libraries, beside their only use
+    from heatertune.chain.zone import zone_row  # noqa: PLC0415
+
+    row = zone_row("gone.csv", lambda: _fitted({"reading": {}, "fitting": {}}, _sent(str(logs), "gone.csv")), target="weg")
+    assert row == {"name": "gone.csv", "outcome": "no log", "reason": "gone.csv: cannot be read: No such file or directory"}
+
+
+def test_a_fault_of_the_program_is_a_row():
+    from heatertune.chain.zone import zone_row  # noqa: PLC0415 - the slow libraries, beside their only use
+
+    def broken():
+        raise ZeroDivisionError("float division by zero")
+
+    assert zone_row("oven.csv", broken, target="weg") == {
+        "name": "oven.csv", "outcome": "crashed", "reason": "no fit: ZeroDivisionError: float division by zero"}
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_the_bar_tells_rate_and_time_left(moving, monkeypatch, capsys):
+    import argparse  # noqa: PLC0415 - beside its only use
+
+    from heatertune.cli import batch  # noqa: PLC0415
+
+    now = [100.0]
+    monkeypatch.setattr(batch.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: moving, raising=False)
+    bar = batch.Bar(argparse.Namespace(quiet=False), "zones")
+    for seconds, done in ((0.0, 100), (0.1, 101), (50.0, 200), (250.0, 400), (450.0, 1000)):
+        now[0] = 100.0 + seconds
+        bar(done, 1000)
+    raw = capsys.readouterr().err
+    assert (raw.count("\r"), raw.count("\n")) == ((4, 1) if moving else (0, 4))
+    said = [line.strip() for line in raw.replace("\r", "\n").splitlines() if line.strip()]
+    assert said == [
+        "[  0.0 s] 100 of 1000 zones, done before",
+        "[ 50.0 s] 200 of 1000 zones, 2/s, 6.7 min left",
+        "[250.0 s] 400 of 1000 zones, 1.2/s, 8.3 min left",
+        "[450.0 s] 1000 of 1000 zones, 2/s",
+    ]
+    quiet = batch.Bar(argparse.Namespace(quiet=True), "zones")
+    quiet(1, 1)
+    assert capsys.readouterr().err == ""

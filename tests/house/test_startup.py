@@ -1,0 +1,90 @@
+"""What a command does not need it does not import."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from heatertune.cli import main
+
+SLOW = ("casadi", "control", "llvmlite", "matplotlib", "numba", "pyarrow", "distributed", "scipy", "scipy.stats")
+
+HAND = ("--gain", "0.37", "--time-constant", "167", "--dead-time", "12", "--ambient", "22")
+TARGET = ("--target", "s5-ob251", "--setpoint", "40")
+
+
+def slow_modules(arguments):
+    """Return which of the slow libraries a command loads, in a process of its own."""
+    code = (
+        "import sys; from heatertune.cli import main\n"
+        "try: status = main(sys.argv[1:])\n"
+        "except SystemExit as end: status = end.code\n"
+        f"print(status, [name for name in {SLOW!r} if name in sys.modules], file=sys.stderr)"
+    )
+    ended = subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, check=True)
+    return ended.stderr.strip()
+
+
+@pytest.fixture(scope="module")
+def proven(tmp_path_factory):
+    """A folder with words and their proof, as export-db writes it; and the design they come from."""
+    folder = tmp_path_factory.mktemp("proven")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HEATERTUNE_CACHE", "")
+        assert main(["tune", *HAND, "--target", "s5-ob251", "-o", str(folder / "pid.json"), "--quiet"]) == 0
+        assert main(["export-db", str(folder / "pid.json"), *TARGET, "-o", str(folder / "out")]) == 0
+    return folder
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("export-db", "--help"), ("fleet", "--help"), ("study", "--help"),
+                                       ("--version",)])
+def test_help_loads_none_of_the_slow_libraries(arguments):
+    assert slow_modules(arguments) == "0 []"
+
+
+@pytest.mark.long
+def test_words_that_are_proven_are_exported_again_by_none_of_the_slow_libraries(proven, tmp_path):
+    again = ("export-db", proven / "out" / "words.json", "--target", "s5-ob251", "-o", tmp_path)
+    assert slow_modules(again) == "0 []"
+    first = {path.name: path for path in (proven / "out").iterdir()}
+    assert {path.name for path in tmp_path.iterdir()} == set(first)
+    for path in tmp_path.iterdir():
+        if path.suffix == ".json":
+            assert json.loads(path.read_text()) == json.loads(first[path.name].read_text())
+        else:
+            assert path.read_bytes() == first[path.name].read_bytes()
+
+
+@pytest.mark.long
+def test_a_design_is_proven_and_exported_without_casadi_and_matplotlib(proven, tmp_path):
+    loaded = slow_modules(("export-db", proven / "pid.json", *TARGET, "-o", tmp_path))
+    assert loaded.startswith("0 ")
+    assert not any(name in loaded for name in ("casadi", "matplotlib", "control", "pyarrow", "distributed", "scipy.stats"))
+
+
+@pytest.mark.parametrize(("change", "status", "told"), [
+    (lambda proof: proof["words"].update(K=proof["words"]["K"] + 1), 1, "the proof of other words (words); prove these"),
+    (lambda proof: proof.update(sample_time_s=9.0), 1, "the proof of other words (sample_time_s)"),
+    (lambda proof: proof["scaling"].update(high_degC=200.0), 1, "the proof of other words (scaling)"),
+    (lambda proof: proof["criteria"]["ms"].update(ok=False) or proof.update(verdict="FAIL"), 1,
+     "the proof of these words is FAIL (ms); --force exports them all the same"),
+    (lambda proof: proof.pop("runs"), 2, "proof.json: no whole proof; prove the words again"),
+    (lambda proof: proof.update(schema="x"), 2, "schema is 'x'; expected 'heatertune/proof/1'"),
+])
+@pytest.mark.long
+def test_no_words_leave_on_another_proof(change, status, told, proven, tmp_path, capsys):
+    proof = json.loads((proven / "out" / "proof.json").read_text())
+    change(proof)
+    (tmp_path / "words.json").write_text((proven / "out" / "words.json").read_text())
+    (tmp_path / "proof.json").write_text(json.dumps(proof))
+    arguments = ["export-db", str(tmp_path / "words.json"), "--target", "s5-ob251", "-o", str(tmp_path / "new")]
+    capsys.readouterr()
+    assert main(arguments) == status
+    assert told in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+    if "FAIL" in told:
+        assert main([*arguments, "--force"]) == 0
+        listing = (tmp_path / "new" / "DB30_listing.txt").read_text()
+        assert "not kept: ms" in listing
+        assert json.loads((tmp_path / "new" / "words.json").read_text())["forced"] is True
