@@ -32,7 +32,8 @@ from heatertune.errors import ExportRefused, HeatertuneError
 __all__ = ["main"]
 
 COMMANDS = (
-    design, fit, plan, tune, pareto, export_db, verify, compare, advise, report, decode, replay, targets, doctor, completion,
+    design, fit, plan, tune, pareto, export_db, verify, compare, advise, report, decode, replay, targets, doctor,
+    completion,
 )
 
 _EPILOG = """\

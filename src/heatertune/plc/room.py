@@ -15,6 +15,7 @@ from typing import Any, Final, Protocol, cast
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.pid.values import PidDesign
 from heatertune.plc.single import is_single
+from heatertune.show import Shown
 from heatertune.units import check
 
 __all__ = [
@@ -84,7 +85,7 @@ class WordField:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Words:
+class Words(Shown):
     """The numbers the PLC will hold, for one target.
 
     Attributes:
