@@ -26,10 +26,12 @@ __all__ = ["card"]
 _POINTS: Final = 600  # what a card's width can show
 
 # a notebook has its own paper, white or dark: a card brings its own
-_STYLE: Final = (
-    "background:#fff;color:#1a1a1a;padding:.6rem .8rem;border:1px solid #d5d5d5;max-width:46rem;overflow-x:auto;"
-    "font:14px/1.4 system-ui,sans-serif"
-)
+_STYLE: Final = """\
+.heatertune { background: #fff; color: #1a1a1a; font: 14px/1.4 system-ui, sans-serif; max-width: 46rem;
+  padding: .6rem .8rem; border: 1px solid #d5d5d5; overflow-x: auto; }
+.heatertune th, .heatertune td { padding: .1rem .7rem .1rem 0; text-align: left; }
+.heatertune td.n { text-align: right; font-variant-numeric: tabular-nums; }
+.heatertune td.fail { color: #a33c00; font-weight: 700; }"""
 
 
 @singledispatch
@@ -39,7 +41,8 @@ def card(value: object) -> str:
 
 
 def _card(title: str, *parts: str) -> str:
-    return f'<div style="{_STYLE}"><strong>{text_of(title)}</strong>{"".join(parts)}</div>'
+    return (f'<div class="heatertune"><style>{_STYLE}</style><strong>{text_of(title)}</strong>'
+            f'{"".join(parts)}</div>')
 
 
 def _picture(drawn: Any) -> str:
@@ -67,8 +70,9 @@ def _log(value: Log) -> str:
         power = ax.twinx()
         power.step(*_thinned(value.time_s, value.power_pct), where="post", **LOOK["other"])
         power.set_ylabel("power [%]")
-    told = bullets([*value.repairs, *value.doubts])
-    return _card(f"log {value.name}", table(["", "", "unit"], rows, numeric=(1,)), _picture(drawn), told)
+    told = [*value.repairs, *value.doubts]
+    notes = f"<details><summary>{len(told)} notes of the reader</summary>{bullets(told)}</details>" if told else ""
+    return _card(f"log {value.name}", table(["", "", "unit"], rows, numeric=(1,)), _picture(drawn), notes)
 
 
 def _span(name: str, column: Any, unit: str) -> tuple[str, str, str]:

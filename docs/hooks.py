@@ -1,0 +1,84 @@
+"""Pages that MkDocs gets from the program itself, so that nothing is written twice.
+
+A line `<!-- generate: NAME -->` in a page is replaced by what the function of that name returns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("COLUMNS", "100")  # the width of the help texts, whatever the terminal
+
+from heatertune import __all__ as ENTRY_POINTS  # noqa: E402 - the width is read when argparse is asked
+from heatertune.cli import parser  # noqa: E402
+from heatertune.plc import TARGETS, room  # noqa: E402
+from heatertune.units import NOMENCLATURE  # noqa: E402
+
+SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
+STAGES = ("log", "model", "pid", "plc", "proof", "report")
+_MARKER = re.compile(r"^<!-- generate: (\w+) -->$", re.MULTILINE)
+
+
+def commands() -> str:
+    """Return the help of every command, as the program prints it."""
+    (sub,) = [a for a in parser()._actions if isinstance(a, argparse._SubParsersAction)]
+    parts = [f"```text\n{parser().format_help()}```\n"]
+    parts += [f"## {name}\n\n```text\n{each.format_help()}```\n" for name, each in sub.choices.items()]
+    return "\n".join(parts)
+
+
+def nomenclature() -> str:
+    """Return the table of symbols."""
+    rows = "\n".join(f"| {symbol} | {name} | {unit} | `{field}` |"
+                     for field, (symbol, name, unit) in NOMENCLATURE.items())
+    return f"| symbol | term | unit | name in the code |\n| --- | --- | --- | --- |\n{rows}\n"
+
+
+def controllers() -> str:
+    """Return what every room says of itself, and its DIFFERENCES.md."""
+    return "\n".join(_controller(name, package) for name, package in TARGETS.items())
+
+
+def _controller(name: str, package: str) -> str:
+    each = room(name)
+    low, high, step = each.sample_times_s
+    words = "\n".join(f"| {f.address} | {f.name} | {f.format} | {f.low:.6g} … {f.high:.6g} | {f.comment} |"
+                      for f in each.fields)
+    told = "\n".join([*(f"- can: {can}" for can in each.can), *(f"- can't: {cannot}" for cannot in each.cannot)])
+    differences = SOURCE.joinpath(*package.split(".")[1:], "DIFFERENCES.md").read_text(encoding="utf-8")
+    body = re.sub(r"^(#+) ", lambda found: f"{found[1]}## ", differences.partition("\n")[2], flags=re.MULTILINE)
+    return (f"## {name}\n\n{each.title}. TA {low:g} … {high:g} s in steps of {step:g} s.\n\n{told}\n\n"
+            f"| address | word | format | range | meaning |\n| --- | --- | --- | --- | --- |\n{words}\n\n{body}\n")
+
+
+def python() -> str:
+    """Return the directives from which mkdocstrings draws the Python reference: chain, values, and every stage."""
+    chain = f"::: heatertune.chain.stages\n\n::: heatertune.chain.whole\n\n::: heatertune.chain.experiment\n\n" \
+            f"::: heatertune.chain.targets\n\n::: heatertune.chain.advice\n"
+    assert set(ENTRY_POINTS) <= set(dir(__import__("heatertune.chain", fromlist=["chain"])))
+    return chain + "\n".join(f"\n::: {name}\n" for name in ("heatertune.units", "heatertune.errors", *modules()))
+
+
+def modules() -> list[str]:
+    """Return every module of the stages that offers something to others."""
+    found = []
+    for stage in STAGES:
+        for path in sorted((SOURCE / stage).rglob("*.py")):
+            if path.name != "__init__.py" and "__all__" in path.read_text(encoding="utf-8"):
+                found.append(".".join(path.relative_to(SOURCE.parent).with_suffix("").parts))
+    return found
+
+
+GENERATORS: dict[str, Callable[[], str]] = {
+    "commands": commands, "nomenclature": nomenclature, "controllers": controllers, "python": python,
+}
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Fill the markers of a page."""
+    return _MARKER.sub(lambda found: GENERATORS[found[1]](), markdown)
