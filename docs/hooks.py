@@ -12,12 +12,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-os.environ.setdefault("COLUMNS", "100")  # the width of the help texts, whatever the terminal
-
-from heatertune import __all__ as ENTRY_POINTS  # noqa: E402 - the width is read when argparse is asked
-from heatertune.cli import parser  # noqa: E402
-from heatertune.plc import TARGETS, room  # noqa: E402
-from heatertune.units import NOMENCLATURE  # noqa: E402
+from heatertune.cli import parser
+from heatertune.plc import TARGETS, room
+from heatertune.units import NOMENCLATURE
 
 SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
 STAGES = ("log", "model", "pid", "plc", "proof", "report")
@@ -25,7 +22,8 @@ _MARKER = re.compile(r"^<!-- generate: (\w+) -->$", re.MULTILINE)
 
 
 def commands() -> str:
-    """Return the help of every command, as the program prints it."""
+    """Return the help of every command, as the program prints it on a terminal of 100 columns."""
+    os.environ["COLUMNS"] = "100"
     (sub,) = [a for a in parser()._actions if isinstance(a, argparse._SubParsersAction)]
     parts = [f"```text\n{parser().format_help()}```\n"]
     parts += [f"## {name}\n\n```text\n{each.format_help()}```\n" for name, each in sub.choices.items()]
@@ -57,11 +55,10 @@ def _controller(name: str, package: str) -> str:
 
 
 def python() -> str:
-    """Return the directives from which mkdocstrings draws the Python reference: chain, values, and every stage."""
-    chain = f"::: heatertune.chain.stages\n\n::: heatertune.chain.whole\n\n::: heatertune.chain.experiment\n\n" \
-            f"::: heatertune.chain.targets\n\n::: heatertune.chain.advice\n"
-    assert set(ENTRY_POINTS) <= set(dir(__import__("heatertune.chain", fromlist=["chain"])))
-    return chain + "\n".join(f"\n::: {name}\n" for name in ("heatertune.units", "heatertune.errors", *modules()))
+    """Return the directives from which mkdocstrings draws the Python reference: chain, what is free to all, stages."""
+    names = [f"chain.{name}" for name in ("stages", "whole", "experiment", "targets", "advice")]
+    return "\n".join(f"::: heatertune.{name}\n    options:\n      toc_label: {name}\n"
+                     for name in (*names, "units", "errors", *modules()))
 
 
 def modules() -> list[str]:
@@ -70,7 +67,7 @@ def modules() -> list[str]:
     for stage in STAGES:
         for path in sorted((SOURCE / stage).rglob("*.py")):
             if path.name != "__init__.py" and "__all__" in path.read_text(encoding="utf-8"):
-                found.append(".".join(path.relative_to(SOURCE.parent).with_suffix("").parts))
+                found.append(".".join(path.relative_to(SOURCE).with_suffix("").parts))
     return found
 
 

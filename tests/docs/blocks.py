@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 from contextlib import chdir, redirect_stderr, redirect_stdout
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -50,7 +51,7 @@ def blocks(text: str) -> list[Block]:
     """Return the blocks of a page that run."""
     fences = list(_FENCE.finditer(text))
     found = []
-    for fence, after in zip(fences, [*fences[1:], None], strict=True):
+    for fence, after in zip_longest(fences, fences[1:]):
         if fence[1] in ("sh", "python"):
             shown = after is not None and after[1] == "text" and not text[fence.end() : after.start()].strip()
             output, span = (after[2], after.span(2)) if shown and after is not None else (None, (0, 0))
