@@ -125,7 +125,7 @@ def _numbers(line: str) -> list[float]:
 
 def refreshed(shown: str, printed: str) -> str:
     """Return the output as it is now, with what the page leaves out left out again; a line that is gone stays."""
-    if "…" not in shown:
+    if not any(line.strip() == "…" for line in shown.splitlines()):
         return "\n".join(line.rstrip() for line in printed.strip("\n").splitlines()) + "\n"
     lines, rest = [], printed.splitlines()
     for line in shown.splitlines():

@@ -65,3 +65,4 @@ def test_the_exit_status_is_the_one_the_page_names(tmp_path, monkeypatch):
 def test_a_refreshed_output_keeps_what_was_left_out():
     assert refreshed("a 1\n…\nc 3\n", "a 2\nb 9\nc 4\nd 5\n") == "a 2\n…\nc 4\n"
     assert refreshed("a 1\n", "a 2\nb 9\n") == "a 2\nb 9\n"
+    assert refreshed("1 … 2\n", "3 to 4\n") == "3 to 4\n", "a line of its own stands for lines, not a sign within one"

@@ -39,7 +39,7 @@ def test_the_example_in_every_commands_help_runs(tmp_path, tmp_path_factory, mon
     examples = {command._EXAMPLE.split()[2]: command._EXAMPLE.removeprefix("example: ") for command in COMMANDS}
     (tmp_path / "inputs.csv").write_text("W,X\n1091,500\n1091,510\n")
     for name in ("fit", "plan", "tune", "pareto", "verify", "export-db", "compare", "advise", "design", "report", "decode",
-                 "replay", "targets"):
+                 "replay", "targets", "doctor", "completion"):
         assert main(shlex.split(examples.pop(name))[1:]) == 0, (name, capsys.readouterr())
     assert not examples
 
