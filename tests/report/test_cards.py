@@ -20,7 +20,7 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.reaction import reaction
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Scaling, Words
-from heatertune.report.cards import card
+from heatertune.report.cards import _thinned, card
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 DESIGN = PidDesign(
@@ -60,7 +60,14 @@ def test_a_log_shows_its_spans_with_units_and_what_the_reader_did(log):
     assert "1 notes of the reader" in text
     assert "a < b" in text
     assert pictures == 1
-    assert len(card(log)) < 60_000, "a long log is thinned"
+
+
+def test_a_long_log_is_thinned_its_last_reading_kept(log):
+    noisy = replace(log, temperature_degC=log.temperature_degC + np.sin(1.7 * log.time_s))
+    short = noisy.window(0.0, 599.0)
+    assert len(card(noisy)) < 1.3 * len(card(short)), "a picture of 5000 readings is not larger than one of 600"
+    (kept,) = _thinned(noisy.time_s)
+    assert (kept[0], kept[-1], len(kept)) == (0.0, 4999.0, 600)
 
 
 def test_a_model_shows_its_numbers_and_its_outcome(log):
