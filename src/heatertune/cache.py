@@ -19,7 +19,7 @@ from typing import Any
 from heatertune.documents import to_json, write_files
 from heatertune.errors import InputError
 
-__all__ = ["cached", "source_digest", "unused"]
+__all__ = ["cached", "folder", "source_digest", "unused"]
 
 _unused: ContextVar[bool] = ContextVar("unused", default=False)
 
@@ -35,23 +35,23 @@ def cached(
         run: makes the document.
         progress: told when a result is read instead of computed.
     """
-    folder = _folder()
-    if folder is None:
+    place = folder()
+    if place is None:
         # through the same text as a result that is kept: a switched-off cache changes no number
         return dict(json.loads(to_json(run())))
     told = json.dumps(inputs, sort_keys=True, default=lambda array: array.tolist())  # keeps nan apart from null
     key = hashlib.sha256((source_digest() + stage + told).encode()).hexdigest()[:32]
     name = f"{stage}-{key}.json"
-    kept = _read(folder / name)
+    kept = _read(place / name)
     if kept is not None:
         progress(f"{stage}: read from the cache")
         return kept
     # the text, not the value, is what a later run will see: both runs get the same
     text = to_json(run())
     try:
-        write_files(folder, {name: text})
+        write_files(place, {name: text})
     except InputError:
-        progress(f"{stage}: the cache {folder} cannot be written")
+        progress(f"{stage}: the cache {place} cannot be written")
     return dict(json.loads(text))
 
 
@@ -65,7 +65,8 @@ def unused() -> Iterator[None]:
         _unused.reset(mark)
 
 
-def _folder() -> Path | None:
+def folder() -> Path | None:
+    """Return where results are kept, None where nothing is to be kept."""
     if _unused.get():
         return None
     given = os.environ.get("HEATERTUNE_CACHE")

@@ -42,8 +42,8 @@ def compare(
         InputError, OutOfRange: as `prove`.
     """
     rows = []
-    for target in TARGETS:
-        progress(f"proving the words of {target}")
+    for number, target in enumerate(TARGETS, 1):
+        progress(f"proving the words of {target} ({number} of {len(TARGETS)})")
         rows.append(_row(target, wished, fitted, scaling, proving or {}))
     label, model = labelled(fitted)[0]
     return {"schema": SCHEMA, "model": label, "gain_degC_per_pct": model.gain_degC_per_pct, "rows": rows}

@@ -11,8 +11,10 @@ from heatertune import __version__
 from heatertune.cli import (
     advise,
     compare,
+    completion,
     decode,
     design,
+    doctor,
     export_db,
     fit,
     fleet,
@@ -26,12 +28,14 @@ from heatertune.cli import (
     verify,
 )
 from heatertune.cli.common import CommandParser
+from heatertune.cli.terminal import painted
 from heatertune.errors import ExportRefused, HeatertuneError
 
 __all__ = ["main"]
 
 COMMANDS = (
     design, fit, plan, tune, pareto, export_db, verify, compare, advise, study, fleet, report, decode, replay, targets,
+    doctor, completion,
 )
 
 _EPILOG = """\
@@ -63,14 +67,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         settings = parser().parse_args(arguments)
         return int(settings.run(settings))
     except ExportRefused as problem:
-        print(f"error: {problem}", file=sys.stderr)
+        print(painted(f"error: {problem}", sys.stderr), file=sys.stderr)
         return 1
     except HeatertuneError as problem:
-        print(f"error: {problem}", file=sys.stderr)
+        print(painted(f"error: {problem}", sys.stderr), file=sys.stderr)
         return 2
     except BrokenPipeError:  # the reader of a pipe went away; nothing is wrong with the result
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:
-        print("error: interrupted", file=sys.stderr)
+        print(painted("error: interrupted", sys.stderr), file=sys.stderr)
         return 130

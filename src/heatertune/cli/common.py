@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import sys
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, Final, NoReturn
 
+from heatertune.cli.terminal import painted
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,6 +33,8 @@ TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41",
 INTERLOCKS = ("heater-fan",)
 PWM_RULES = ("pulsegen", "pid-compact")
 
+_COUNT: Final = re.compile(r"\((\d+) of (\d+)\)$")
+
 
 class CommandParser(argparse.ArgumentParser):
     """A parser whose complaints are one line, with exit status 2, like every other bad input."""
@@ -46,11 +50,25 @@ class Progress:
     def __init__(self, settings: argparse.Namespace) -> None:
         self._loud = not settings.quiet
         self._begun = time.monotonic()
+        self._counted_from = self._begun
 
     def __call__(self, message: str) -> None:
-        """Tell what begins now."""
+        """Tell what begins now; where the message ends in its count, "(3 of 9)", also the time that is left."""
+        now = time.monotonic()
         if self._loud:
-            print(f"[{time.monotonic() - self._begun:5.1f} s] {message}", file=sys.stderr, flush=True)
+            left = self._left(message, now)
+            print(f"[{now - self._begun:5.1f} s] {message}{left}", file=sys.stderr, flush=True)
+
+    def _left(self, message: str, now: float) -> str:
+        found = _COUNT.search(message)
+        if found is None:
+            return ""
+        number, total = int(found[1]), int(found[2])
+        if number <= 1:
+            self._counted_from = now
+            return ""
+        seconds = (now - self._counted_from) / (number - 1) * (total - number + 1)
+        return f", about {seconds:.0f} s left"
 
 
 def add_output_options(command: argparse.ArgumentParser) -> None:
@@ -393,7 +411,10 @@ def output(settings: argparse.Namespace, document: Mapping[str, Any], summary: C
     """Print the document (--json) or the summary on stdout."""
     from heatertune.documents import to_json  # noqa: PLC0415
 
-    print(to_json(document) if settings.json else summary(), end="" if settings.json else "\n")
+    if settings.json:
+        print(to_json(document), end="")
+    else:
+        print(painted(summary(), sys.stdout))
 
 
 def save(path: str | None, document: Mapping[str, Any]) -> None:

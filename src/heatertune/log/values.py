@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import OutOfRange
+from heatertune.show import Shown
 
 __all__ = ["ABSOLUTE_ZERO_DEGC", "MIN_SAMPLES", "Log"]
 
@@ -20,7 +21,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Log:
+class Log(Shown):
     """A temperature record.
 
     Attributes:

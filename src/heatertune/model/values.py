@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import OutOfRange
+from heatertune.show import Shown
 from heatertune.units import check
 
 __all__ = ["Candidate", "FittedModel", "Fopdt", "HeaterModel", "Interval", "Outcome", "Residuals", "TwoLag"]
@@ -201,7 +202,7 @@ class Residuals:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FittedModel:
+class FittedModel(Shown):
     """What a log says about its heater.
 
     Attributes:

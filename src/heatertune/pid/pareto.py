@@ -57,8 +57,8 @@ def front(
         sample_time_s = tune(fitted, structure=structure, progress=progress, **half_way).sample_time_s
     rows: list[dict[str, Any]] = []
     least = math.inf
-    for ms in np.linspace(ms_low, ms_high, points):
-        progress(f"tuning with Ms <= {ms:.3g}")
+    for number, ms in enumerate(np.linspace(ms_low, ms_high, points), 1):
+        progress(f"tuning with Ms <= {ms:.3g} ({number} of {points})")
         row = _row(fitted, structure, replace(wanted, ms=float(ms)), sample_time_s)
         rows.append(row | {"on_front": row["cost"] < least * (1.0 - 1e-3)})
         least = min(least, row["cost"])

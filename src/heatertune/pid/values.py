@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from heatertune.errors import OutOfRange
+from heatertune.show import Shown
 from heatertune.units import check
 
 __all__ = ["Margins", "PidDesign"]
@@ -34,7 +35,7 @@ class Margins:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PidDesign:
+class PidDesign(Shown):
     """u = K·(e + 1/TN·∫e dt + TV·de/dt), sampled every TA.
 
     Attributes:

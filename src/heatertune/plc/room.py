@@ -17,6 +17,7 @@ from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.values import PidDesign
 from heatertune.plc.ramp import Number, Ramp, nearest
 from heatertune.plc.single import is_single, single
+from heatertune.show import Shown
 from heatertune.units import check
 
 __all__ = [
@@ -83,7 +84,7 @@ class WordField:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Words:
+class Words(Shown):
     """The numbers the PLC will hold, for one target.
 
     Attributes:

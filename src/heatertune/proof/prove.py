@@ -19,6 +19,7 @@ from heatertune.proof.loop import simulate
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.trace import Trace
+from heatertune.show import Shown
 
 __all__ = ["SCHEMA", "Proof", "RunResult", "prove", "settings_to_prove"]
 
@@ -55,7 +56,7 @@ class RunResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Proof:
+class Proof(Shown):
     """What the words do in every run.
 
     Attributes:

@@ -15,6 +15,7 @@ from heatertune.proof.interlock import Interlock
 from heatertune.proof.plant import advance, turning_times
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario
+from heatertune.show import Shown
 
 __all__ = ["Trace"]
 
@@ -22,7 +23,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trace:
+class Trace(Shown):
     """One run of the closed loop; all arrays are read-only.
 
     Attributes:

@@ -1,0 +1,43 @@
+"""`heatertune doctor`: says whether this installation works."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from heatertune.cli import common
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune doctor"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "doctor", help="look at this installation: versions, solvers, caches, extras", epilog=_EXAMPLE,
+        description="Look at Python, the packages, IPOPT, both caches, the extras and the paper tables, and say what "
+        "to do about what is broken. Exit status 1 where something that heatertune needs is.",
+    )
+    common.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune.health import document, examine  # noqa: PLC0415 - it loads what it looks at
+    from heatertune.report.text import table  # noqa: PLC0415
+
+    told = document(examine())
+
+    def lines() -> str:
+        found = told["findings"]
+        rows = [(_mark(each), each["name"], each["found"]) for each in found]
+        remedies = [f"{each['name']}: {each['remedy']}" for each in found if not each["ok"]]
+        return "\n".join([table(rows), *remedies, "all that is needed works" if told["well"] else "FAIL: see above"])
+
+    common.output(settings, told, lines)
+    return 0 if told["well"] else 1
+
+
+def _mark(finding: dict[str, Any]) -> str:
+    return "ok" if finding["ok"] else "FAIL" if finding["needed"] else "-"

@@ -1,0 +1,201 @@
+"""Whether this installation works: versions, solvers, caches, extras, paper tables. It changes nothing."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from importlib import import_module, metadata
+from pathlib import Path
+from typing import Any, Final
+
+__all__ = ["SCHEMA", "Finding", "document", "examine"]
+
+SCHEMA: Final = "heatertune/doctor/1"
+
+#: the oldest Python, as pyproject.toml has it
+_PYTHON: Final = (3, 11)
+_REQUIREMENT: Final = re.compile(r"([A-Za-z0-9._-]+)\s*(?:>=\s*([0-9.]+))?(?:.*extra\s*==\s*['\"]([^'\"]+)['\"])?")
+#: modules whose compiled functions a first run waits for
+_COMPILED: Final = ("heatertune.model.kernel", "heatertune.pid.response", "heatertune.pid.continuous")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes:
+        name: what it is.
+        found: what was found, one line.
+        ok: whether it works.
+        needed: whether heatertune cannot do its main job without it.
+        remedy: what to do where it does not work, empty otherwise.
+    """
+
+    name: str
+    found: str
+    ok: bool
+    needed: bool = True
+    remedy: str = ""
+
+
+def examine() -> tuple[Finding, ...]:
+    """Return all findings; nothing that is broken makes this fail."""
+    return (_python(), *_packages(), _ipopt(), _tables(), _results(), _compiled(), *_extras())
+
+
+def document(findings: Sequence[Finding]) -> dict[str, Any]:
+    """Return the JSON document: well, and one object per finding."""
+    well = all(each.ok for each in findings if each.needed)
+    return {"schema": SCHEMA, "well": well, "findings": [asdict(each) for each in findings]}
+
+
+def _python() -> Finding:
+    wanted = ".".join(map(str, _PYTHON))
+    return Finding(
+        name="Python", found=f"{platform.python_version()} on {platform.system()} {platform.machine()}",
+        ok=sys.version_info >= _PYTHON, remedy=f"install Python {wanted} or newer",
+    )
+
+
+def _requirements() -> Iterator[tuple[str, str, str]]:
+    """Yield name, oldest version ("" for any) and extra ("" for none) of all that heatertune's own metadata names."""
+    for line in metadata.requires("heatertune") or ():
+        found = _REQUIREMENT.match(line)
+        if found:
+            yield found[1], found[2] or "", found[3] or ""
+
+
+def _packages() -> Iterator[Finding]:
+    try:
+        needed = [(name, oldest) for name, oldest, extra in _requirements() if not extra]
+        yield Finding(name="heatertune", found=metadata.version("heatertune"), ok=True)
+    except metadata.PackageNotFoundError:
+        yield Finding(name="heatertune", found="runs from its source, not installed", ok=True, needed=False,
+                      remedy="pip install . checks and brings what it needs")
+        return
+    for name, oldest in needed:
+        yield _package(name, oldest)
+
+
+def _package(name: str, oldest: str) -> Finding:
+    remedy = f"pip install --upgrade '{name}{f'>={oldest}' if oldest else ''}'"
+    try:
+        version = metadata.version(name)
+        import_module(name.replace("-", "_"))
+    except metadata.PackageNotFoundError:
+        return Finding(name=name, found="not installed", ok=False, remedy=remedy)
+    except Exception as problem:  # a broken package may raise anything, and is to be told
+        return Finding(name=name, found=f"{version}, but cannot be imported: {_one_line(problem)}", ok=False,
+                       remedy=remedy)
+    return Finding(name=name, found=version, ok=_numbers(version) >= _numbers(oldest), remedy=remedy)
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """Return the leading numbers of a version: "3.6.5rc1" is (3, 6, 5)."""
+    return tuple(int(part) for part in re.findall(r"(?:^|\.)(\d+)", version.partition("+")[0]))
+
+
+def _guarded(name: str, remedy: str, look: Callable[[], tuple[str, bool]]) -> Finding:
+    try:
+        found, ok = look()
+    except Exception as problem:  # as in _package
+        found, ok = _one_line(problem), False
+    return Finding(name=name, found=found, ok=ok, remedy=remedy)
+
+
+def _one_line(problem: Exception) -> str:
+    return f"{type(problem).__name__}: {' '.join(str(problem).split())}"[:200]
+
+
+def _ipopt() -> Finding:
+    """Solve min (x − 3)² subject to x ≤ 2, whose answer is 2."""
+
+    def look() -> tuple[str, bool]:
+        import casadi  # noqa: PLC0415 - slow, and may be what is broken
+
+        x = casadi.MX.sym("x")
+        silent: dict[str, Any] = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
+        answer = casadi.nlpsol("doctor", "ipopt", {"x": x, "f": (x - 3.0) ** 2}, silent)(ubx=2.0)
+        found = float(answer["x"])
+        return f"in CasADi {metadata.version('casadi')}; solves its test problem: {found:.4f}", abs(found - 2.0) < 1e-4
+
+    return _guarded("IPOPT", "pip install --force-reinstall casadi", look)
+
+
+def _tables() -> Finding:
+    def look() -> tuple[str, bool]:
+        from heatertune.log import read_log  # noqa: PLC0415 - needs numpy, which may be what is broken
+        from heatertune.log.tables import BUILT_IN  # noqa: PLC0415
+
+        return ", ".join(f"{name}: {len(read_log(name).time_s)} readings" for name in BUILT_IN), True
+
+    return _guarded("paper tables", "install heatertune again", look)
+
+
+def _results() -> Finding:
+    from heatertune.cache import folder  # noqa: PLC0415 - beside its only use
+
+    place = folder()
+    if place is None:
+        return Finding(name="cache of results", found="switched off", ok=True, needed=False)
+    kept = list(place.glob("*.json")) if place.is_dir() else []
+    megabytes = sum(each.stat().st_size for each in kept) / 1e6
+    return Finding(
+        name="cache of results", found=f"{place}: {len(kept)} results, {megabytes:.1f} MB", ok=_writable(place),
+        needed=False, remedy="set HEATERTUNE_CACHE to a folder that can be written; without it every fit runs anew",
+    )
+
+
+def _compiled() -> Finding:
+    """Tell where numba keeps compiled functions, and whether any of this program are there."""
+    try:
+        places, kept = set(), 0
+        for name in _COMPILED:
+            module = import_module(name)
+            for each in vars(module).values():
+                place = getattr(getattr(each, "stats", None), "cache_path", None)
+                if place is not None:
+                    places.add(Path(place))
+                    kept += any(Path(place).glob(f"{name.rpartition('.')[2]}.{each.__name__}-*.nbi"))
+    except Exception as problem:  # as in _package
+        return Finding(name="cache of compiled code", found=_one_line(problem), ok=False,
+                       remedy="pip install --upgrade numba")
+    told = ", ".join(str(place) for place in sorted(places)) or "nowhere"
+    state = "warm" if kept else "cold: the first run compiles, which takes some seconds"
+    return Finding(
+        name="cache of compiled code", found=f"{told}; {state}",
+        ok=bool(places) and all(map(_writable, places)), needed=False,
+        remedy="set NUMBA_CACHE_DIR to a folder that can be written; without it every start compiles",
+    )
+
+
+def _writable(place: Path) -> bool:
+    """Return whether a folder can be written, or made where it is missing."""
+    while not place.exists() and place != place.parent:
+        place = place.parent
+    return place.is_dir() and os.access(place, os.W_OK | os.X_OK)
+
+
+def _extras() -> Iterator[Finding]:
+    try:
+        wanted = [(name, extra) for name, _, extra in _requirements() if extra]
+    except metadata.PackageNotFoundError:
+        return
+    for extra in sorted({extra for _, extra in wanted}):
+        missing = [name for name, of in wanted if of == extra and not _installed(name)]
+        yield Finding(
+            name=f"extra {extra}", found=f"missing: {', '.join(missing)}" if missing else "complete", ok=not missing,
+            needed=False, remedy=f"pip install 'heatertune[{extra}]'",
+        )
+
+
+def _installed(name: str) -> bool:
+    try:
+        metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return False
+    return True

@@ -1,0 +1,187 @@
+"""Cards: what a notebook shows of a value, a small table and a picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import singledispatch
+from typing import Any, Final
+
+import numpy as np
+
+from heatertune.documents import plain
+from heatertune.log.values import Log
+from heatertune.model import document as model_document
+from heatertune.model.values import FittedModel
+from heatertune.pid.reaction import reaction
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Words, room
+from heatertune.proof import Proof, Trace
+from heatertune.report.html import bullets, table, text_of
+from heatertune.report.style import LOOK, label_end, new_figure, to_svg
+from heatertune.report.text import criterion_value, figure, model_rows, word
+
+__all__ = ["card"]
+
+_POINTS: Final = 600  # what a card's width can show
+
+# a notebook has its own paper, white or dark: a card brings its own
+_STYLE: Final = """\
+.heatertune { background: #fff; color: #1a1a1a; font: 14px/1.4 system-ui, sans-serif; max-width: 46rem;
+  padding: .6rem .8rem; border: 1px solid #d5d5d5; overflow-x: auto; }
+.heatertune th, .heatertune td { padding: .1rem .7rem .1rem 0; text-align: left; }
+.heatertune td.n { text-align: right; font-variant-numeric: tabular-nums; }
+.heatertune td.fail { color: #a33c00; font-weight: 700; }"""
+
+
+@singledispatch
+def card(value: object) -> str:
+    """Return a value of the chain as HTML; raise TypeError for any other."""
+    raise TypeError(f"no card for a {type(value).__name__}")
+
+
+def _card(title: str, *parts: str) -> str:
+    return (f'<div class="heatertune"><style>{_STYLE}</style><strong>{text_of(title)}</strong>'
+            f'{"".join(parts)}</div>')
+
+
+def _picture(drawn: Any) -> str:
+    # only numbers and text stand in it: the width alone is for the page to choose
+    return to_svg(drawn).replace("<svg ", '<svg style="max-width:100%;height:auto" ', 1)
+
+
+def _thinned(*columns: Any) -> list[Any]:
+    """Return every n-th of each column, so that no more stays than can be seen; the last is kept."""
+    n = len(columns[0])
+    kept = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(int))
+    return [np.asarray(column)[kept] for column in columns]
+
+
+@card.register
+def _log(value: Log) -> str:
+    rows = [("readings", str(len(value.time_s)), ""), ("duration", figure(float(np.ptp(value.time_s))), "s"),
+            _span("temperature", value.temperature_degC, "°C"), _span("heater power", value.power_pct, "%"),
+            _span("setpoint", value.setpoint_degC, "°C")]
+    drawn, (ax,) = new_figure(1, 2.4)
+    time, temperature = _thinned(value.time_s, value.temperature_degC)
+    ax.plot(time, temperature, **LOOK["log"])
+    ax.set(xlabel="time [s]", ylabel="temperature [°C]")
+    if value.power_pct is not None:
+        power = ax.twinx()
+        power.step(*_thinned(value.time_s, value.power_pct), where="post", **LOOK["other"])
+        power.set_ylabel("power [%]")
+    told = [*value.repairs, *value.doubts]
+    notes = f"<details><summary>{len(told)} notes of the reader</summary>{bullets(told)}</details>" if told else ""
+    return _card(f"log {value.name}", table(["", "", "unit"], rows, numeric=(1,)), _picture(drawn), notes)
+
+
+def _span(name: str, column: Any, unit: str) -> tuple[str, str, str]:
+    if column is None:
+        return name, "not logged", ""
+    return name, f"{figure(float(np.min(column)))} … {figure(float(np.max(column)))}", unit
+
+
+@card.register
+def _model(value: FittedModel) -> str:
+    rows = model_rows(model_document.to_document(value))
+    told = text_of(value.outcome.value)
+    if len(value.candidates) > 1:
+        told += f" {len(value.candidates)} candidate models; design and proof run on all of them."
+    if value.fit_pct is not None:
+        told += f" Fit {figure(value.fit_pct)} %."
+    parts = [table(["", "value", "95 % interval", "unit"], rows, numeric=(1,)), f"<p>{told}</p>"]
+    found = value.residuals
+    if found is not None:
+        drawn, (ax,) = new_figure(1, 2.6)
+        time, measured, simulated = _thinned(found.time_s, found.measured_degC, found.simulated_degC)
+        for line, name in ((measured, "log"), (simulated, "model")):
+            ax.plot(time, line, **LOOK[name])
+        label_end(ax, time, simulated, "model", "model")
+        ax.set(xlabel="time [s]", ylabel="temperature [°C]")
+        parts.append(_picture(drawn))
+    return _card("heater", *parts)
+
+
+@card.register
+def _design(value: PidDesign) -> str:
+    margins = value.margins
+    rows = [*_constants(value)]
+    if margins is not None:
+        rows += [("Ms", figure(margins.ms), ""), ("Mt", figure(margins.mt), ""),
+                 ("gain margin", figure(margins.gain_margin), ""),
+                 ("phase margin", figure(margins.phase_margin_deg), "°")]
+    title = f"{value.structure.upper()} controller, {value.method}"
+    return _card(title, table(["", "value", "unit"], rows, numeric=(1,)), _reaction(value), bullets(value.notes))
+
+
+def _constants(design: PidDesign) -> list[tuple[str, str, str]]:
+    tn = design.integral_time_s
+    return [
+        ("K", figure(design.gain_pct_per_degC), "%/°C"), ("TN", figure(tn) if math.isfinite(tn) else "none", "s"),
+        ("TV", figure(design.derivative_time_s), "s"), ("TA", figure(design.sample_time_s), "s"),
+    ]
+
+
+def _reaction(design: PidDesign) -> str:
+    drawn, (ax,) = new_figure(1, 2.0)
+    ax.step(*_thinned(*reaction(design)), where="post", **LOOK["realised"])
+    ax.set(xlabel="time since the error stepped by 1 °C [s]", ylabel="change of power [%]")
+    ax.set_ylim(bottom=min(0.0, design.gain_pct_per_degC))
+    return _picture(drawn)
+
+
+@card.register
+def _words(value: Words) -> str:
+    found = room(value.target)
+    rows = [(each.address, each.name, word(value.values[each.name]), each.comment) for each in found.fields]
+    scale = (f"<p>Called every {figure(value.sample_time_s)} s; sensor {figure(value.scaling.low_degC)} … "
+             f"{figure(value.scaling.high_degC)} °C.</p>")
+    parts = [table(["address", "word", "value", "meaning"], rows, numeric=(2,)), scale]
+    real = found.decode(value)
+    if real is not None:
+        parts += ["<p>What the controller makes of them:</p>",
+                  table(["", "value", "unit"], _constants(real), numeric=(1,)), _reaction(real)]
+    return _card(f"words for {found.title}", *parts)
+
+
+@card.register
+def _proof(value: Proof) -> str:
+    rows = []
+    document = plain(value.to_document())
+    for name, each in document["criteria"].items():
+        limit = "" if each["limit"] is None else f"{'≥' if each['bound'] == '>=' else '≤'} {figure(each['limit'])}"
+        mark = "" if each["limit"] is None else "ok" if each["ok"] else "FAIL"
+        rows.append([name.replace("_", " "), criterion_value(each), limit, each["unit"], mark])
+    models = len({run.model for run in value.runs})
+    told = f"<p>{len(value.runs)} runs on {models} heater models; each criterion is the worst of all runs.</p>"
+    return _card(
+        f"proof of {value.words.target}: {value.verdict}", told,
+        table(["criterion", "worst", "limit", "unit", ""], rows, numeric=(1,)),
+        _loop([("worst", value.worst, "worst"), ("nominal", value.nominal, "realised")]), bullets(value.faults),
+    )
+
+
+@card.register
+def _trace(value: Trace) -> str:
+    temperature = value.temperature_degC
+    rows = [
+        ("setpoint", figure(value.setpoint_degC), "°C"), ("duration", figure(float(value.time_s[-1])), "s"),
+        _span("temperature", temperature, "°C"), _span("power asked for", value.power_asked_pct, "%"),
+        ("scans", str(len(value.time_s)), ""), ("switchings of the heater", str(len(value.edge_time_s)), ""),
+    ]
+    who = "ideal controller" if value.words is None else value.words.target
+    return _card(f"closed loop of {who}", table(["", "", "unit"], rows, numeric=(1,)),
+                 _loop([("temperature", value, "realised")]))
+
+
+def _loop(runs: Sequence[tuple[str, Trace, str]]) -> str:
+    drawn, (top, low) = new_figure(2, 3.4, sharex=True, height_ratios=(2, 1))
+    for name, trace, look in runs:
+        time, temperature, power = _thinned(trace.time_s, trace.temperature_degC, trace.power_asked_pct)
+        top.plot(time, temperature, label=name, **LOOK[look])
+        low.step(time, power, where="post", **LOOK[look])
+    top.axhline(runs[0][1].setpoint_degC, label="setpoint", **LOOK["limit"])
+    top.legend(frameon=False, fontsize=8, loc="lower right")
+    top.set_ylabel("temperature [°C]")
+    low.set(xlabel="time [s]", ylabel="power [%]", ylim=(-4, 104))
+    return _picture(drawn)

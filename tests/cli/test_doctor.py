@@ -1,0 +1,136 @@
+"""`doctor` finds what is broken, and only what is broken."""
+
+import json
+from importlib import metadata
+
+import casadi
+import pytest
+
+from heatertune import cache, health
+from heatertune.errors import LogError
+from heatertune.log import tables
+
+
+def _by_name(findings):
+    return {each.name: each for each in findings}
+
+
+@pytest.mark.long
+def test_a_working_installation_is_well(run):
+    status, out, _ = run("doctor", "--json")
+    document = json.loads(out)
+    assert (status, document["schema"], document["well"]) == (0, "heatertune/doctor/1", True)
+    found = {each["name"]: each for each in document["findings"]}
+    assert found["numpy"]["found"] == metadata.version("numpy")
+    assert found["paper tables"]["found"] == "table3: 240 readings, table4: 240 readings"
+    assert "2.0000" in found["IPOPT"]["found"]
+    status, out, _ = run("doctor")
+    assert (status, out.splitlines()[-1]) == (0, "all that is needed works")
+
+
+def test_every_package_of_the_projects_metadata_is_looked_at():
+    needed = {line.split(">")[0] for line in metadata.requires("heatertune") if "extra" not in line}
+    assert needed <= set(_by_name(health._packages()))
+    assert len(needed) >= 6
+
+
+def test_a_missing_package_is_a_fail_with_its_remedy(run, monkeypatch):
+    real = metadata.version
+
+    def version(name):
+        if name == "control":
+            raise metadata.PackageNotFoundError(name)
+        return real(name)
+
+    monkeypatch.setattr(health.metadata, "version", version)
+    status, out, err = run("doctor")
+    assert status == 1
+    assert "pip install --upgrade 'control>=0.10.1'" in out
+    assert out.splitlines()[-1] == "FAIL: see above"
+    assert err == ""
+
+
+@pytest.mark.parametrize(("version", "ok"), [("1.25.9", False), ("1.26", True), ("1.26.0rc1", True), ("2.0", True),
+                                             ("1.3", False), ("10.0+local.1", True)])
+def test_an_old_package_is_told_from_a_new_one(monkeypatch, version, ok):
+    monkeypatch.setattr(health.metadata, "version", lambda _: version)
+    assert health._package("numpy", "1.26").ok is ok
+
+
+def test_a_package_that_cannot_be_imported_is_broken(monkeypatch):
+    def broken(name):
+        raise RuntimeError("compiled for\nanother numpy")
+
+    monkeypatch.setattr(health, "import_module", broken)
+    found = health._package("scipy", "1.11")
+    assert not found.ok
+    assert "RuntimeError: compiled for another numpy" in found.found
+
+
+def test_a_casadi_without_ipopt_is_broken_and_so_is_one_that_errs(monkeypatch):
+    def without(*_):
+        raise RuntimeError("Plugin 'ipopt' is not found.")
+
+    monkeypatch.setattr(casadi, "nlpsol", without)
+    assert not health._ipopt().ok
+    assert "not found" in health._ipopt().found
+    # one that solves, but wrongly: x = 3 breaks the bound x <= 2
+    monkeypatch.setattr(casadi, "nlpsol", lambda *_: lambda **_: {"x": 3.0})
+    assert not health._ipopt().ok
+    assert health._ipopt().needed
+
+
+def test_missing_tables_are_a_fail(monkeypatch):
+    def missing():
+        raise LogError("the built-in tables are missing", file="table3.csv")
+
+    monkeypatch.setattr(tables, "_folder", missing)
+    found = health._tables()
+    assert (found.ok, found.needed) == (False, True)
+
+
+def test_a_cache_that_cannot_be_written_is_told_but_no_fail(monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path / "file" / "cache"))
+    found = health._results()
+    assert (found.ok, found.needed) == (False, False)
+    assert health.document([found])["well"]
+    monkeypatch.setenv("HEATERTUNE_CACHE", "")
+    assert health._results().found == "switched off"
+    assert cache.folder() is None
+
+
+def test_the_cache_counts_what_it_keeps(monkeypatch, tmp_path):
+    place = tmp_path / "not" / "yet"
+    monkeypatch.setenv("HEATERTUNE_CACHE", str(place))
+    assert health._results().ok, "it can be made"
+    cache.cached("stage", {"a": 1}, lambda: {"b": 2})
+    assert "1 results, 0.0 MB" in health._results().found
+
+
+def test_compiled_code_is_warm_once_something_of_it_is_kept(monkeypatch, tmp_path):
+    class _Compiled:
+        __name__ = "simulate"
+
+        class stats:  # noqa: N801 - numba's own name
+            cache_path = str(tmp_path)
+
+    class _Module:
+        simulate = _Compiled()
+
+    monkeypatch.setattr(health, "_COMPILED", ("heatertune.model.kernel",))
+    monkeypatch.setattr(health, "import_module", lambda _: _Module)
+    assert "cold" in health._compiled().found
+    (tmp_path / "kernel.simulate-39.py311.nbi").write_text("")
+    found = health._compiled()
+    assert found.ok
+    assert found.found == f"{tmp_path}; warm"
+
+
+def test_a_missing_extra_is_told_but_no_fail(monkeypatch):
+    monkeypatch.setattr(health, "_installed", lambda name: name != "jupyterlab")
+    found = _by_name(health._extras())
+    assert found["extra notebook"].found == "missing: jupyterlab"
+    assert found["extra notebook"].remedy == "pip install 'heatertune[notebook]'"
+    assert not found["extra notebook"].needed
+    assert found["extra test"].ok

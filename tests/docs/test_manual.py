@@ -1,0 +1,143 @@
+"""The manual: its blocks run and print what it shows, its figures have a source, and its pages build and stay at home."""
+
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+
+import pytest
+from tests.conftest import ROOT
+from tests.docs.blocks import DOCS, INSTALL, PAGES, blocks, differences, run
+
+from heatertune.cli import COMMANDS
+from heatertune.plc import TARGETS
+from heatertune.units import NOMENCLATURE
+
+RUNNING = [page for page in PAGES if blocks((DOCS / page).read_text(encoding="utf-8"))]
+#: these need the fit of the paper's log, so they run in one process, which keeps it
+PAPER = ("tutorial.md", "explain/no_power.md")
+
+
+@pytest.fixture
+def folder(tmp_path, tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def _run_page(page):
+    names = {"__name__": "__manual__"}
+    for block in blocks((DOCS / page).read_text(encoding="utf-8")):
+        printed = run(block, names)
+        if block.output is not None:
+            assert differences(block.output, printed) == [], (page, block.code, printed)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("page", [page for page in RUNNING if page not in PAPER])
+def test_the_blocks_of_a_page_print_what_it_shows(page, folder):
+    _run_page(page)
+
+
+@pytest.mark.long
+def test_the_pages_on_the_papers_log_print_what_they_show(folder):
+    for page in PAPER:
+        _run_page(page)
+
+
+def test_every_page_is_in_the_navigation_and_every_fence_is_one_that_is_looked_at():
+    assert set(PAGES) == {str(path.relative_to(DOCS)) for path in DOCS.rglob("*.md")}
+    config = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    assert all(f": {page}\n" in config + "\n" for page in PAGES)
+    for page in PAGES:
+        text = (DOCS / page).read_text(encoding="utf-8")
+        fences = re.findall(r"^[ >]*```.*$", text, re.MULTILINE)
+        opened = fences[::2]
+        assert set(opened) <= {"```sh", "```python", "```text"}, page
+        assert opened.count("```sh") + opened.count("```python") == len(blocks(text)), page
+        shown = sum(block.output is not None for block in blocks(text))
+        assert opened.count("```text") == shown, f"{page}: a text block that is nobody's output"
+
+
+def test_only_installs_are_left_to_the_ci():
+    lines = [line for page in PAGES for block in blocks((DOCS / page).read_text(encoding="utf-8"))
+             if block.kind == "sh" for line in block.code.splitlines()]
+    assert [line for line in lines if INSTALL.match(line)] == ["pip install ."]
+
+
+FIGURE = re.compile(r"(?<![\w.-])(\d+\.\d+|\d{3,})(?![\w-])")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_figure_in_the_text_stands_in_a_block_or_names_its_source(page):
+    text = (DOCS / page).read_text(encoding="utf-8")
+    known = set(FIGURE.findall("\n".join(re.findall(r"^```.*?^```$", text, re.MULTILINE | re.DOTALL))))
+    prose = re.sub(r"^```.*?^```$|`[^`\n]*`", "", text, flags=re.MULTILINE | re.DOTALL)
+    if page == "sources.md":
+        return  # it is the source
+    for part in re.split(r"\n\s*\n|\n(?=- |\| |\d\. )", prose):
+        if "sources.md" not in part:
+            missing = [each for each in FIGURE.findall(part) if each not in known]
+            assert not missing, (page, missing, part)
+
+
+class _Links(HTMLParser):
+    """What a browser would fetch on its own to show a page, and the text of the page."""
+
+    def __init__(self):
+        super().__init__()
+        self.fetched, self.words = [], []
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        if tag in ("img", "script", "iframe", "source", "video", "audio", "embed"):
+            self.fetched.append(found.get("src") or "")
+        if tag == "link" and found.get("rel") != "canonical":
+            self.fetched.append(found.get("href") or "")
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The built manual; a warning is an error."""
+    place = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(place)]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    return place
+
+
+@pytest.mark.long
+def test_the_manual_builds_without_a_warning_and_fetches_nothing(site):
+    for path in site.rglob("*.html"):
+        page = _Links()
+        page.feed(path.read_text(encoding="utf-8"))
+        assert not [each for each in page.fetched if re.match(r"(https?:)?//", each)], path
+    for path in [*site.rglob("*.css")]:
+        text = path.read_text(encoding="utf-8")
+        assert not re.search(r"(url\(|@import)\s*['\"]?(https?:)?//", text), path
+    assert not (site / "hooks.py").exists()
+
+
+@pytest.mark.long
+def test_the_reference_is_what_the_program_says_of_itself(site):
+    def words(name):
+        page = _Links()
+        page.feed((site / "reference" / name).read_text(encoding="utf-8"))
+        return "".join(page.words)
+
+    commands, python = words("commands.html"), (site / "reference" / "python.html").read_text(encoding="utf-8")
+    for command in COMMANDS:
+        assert command._EXAMPLE in " ".join(commands.split())
+    for name in ("chain.stages.fit", "log.values.Log", "plc.room.Room", "proof.prove.Proof", "units.check"):
+        assert f'id="heatertune.{name}"' in python
+    controllers, nomenclature = words("controllers.html"), words("nomenclature.html")
+    assert all(f"\n{name}\n" in controllers or name in controllers for name in TARGETS)
+    assert "integral_inward" in controllers, "a switch of OB251's DIFFERENCES.md"
+    for field, (symbol, name, _) in NOMENCLATURE.items():
+        assert field in nomenclature
+        assert symbol in nomenclature
+        assert name in nomenclature
+    assert "<!-- generate" not in "".join(path.read_text(encoding="utf-8") for path in site.rglob("*.html"))
