@@ -15,7 +15,9 @@ import math
 import numpy as np
 from numba import njit
 
-__all__ = ["DERIVATIVE_FILTER_N", "controller", "peaks", "pieces", "price", "reduced", "refine", "scan", "swing"]
+__all__ = [
+    "DERIVATIVE_FILTER_N", "controller", "encirclements", "pieces", "price", "reduced", "refine", "scan", "swing",
+]
 
 DERIVATIVE_FILTER_N = 10.0  # N of the issue's ideal form; K. J. Åström and T. Hägglund use 8…20
 
@@ -96,7 +98,7 @@ def _vertex(omega, low, i):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _encirclements(omega, loop, gain):  # type: ignore[no-untyped-def]
+def encirclements(omega, loop, gain):  # type: ignore[no-untyped-def]
     """Return the largest number of encirclements of −1 by K·h over the plants (ω begins anew with each).
 
     Counted by the crossings of the negative real axis left of −1; the open loop has one integrator and is stable
@@ -133,40 +135,31 @@ def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
             if reached < excluded[i, 0] < top:
                 top = excluded[i, 0]
         # a small gain is stable; higher pieces may not be
-        if top < math.inf and (reached == 0.0 or _encirclements(omega, loop, 0.5 * (reached + top)) == 0):
+        if top < math.inf and (reached == 0.0 or encirclements(omega, loop, 0.5 * (reached + top)) == 0):
             bottoms[found], tops[found] = reached, top
             found += 1
-        if top >= ceiling or reached >= ceiling:
-            break
         before, reached = reached, top
         while reached > before:
             before = reached
             for i in range(len(excluded)):
                 if excluded[i, 0] <= before and excluded[i, 1] > reached:
                     reached = excluded[i, 1]
+        if reached >= ceiling:
+            break
     return bottoms[:found][::-1], tops[:found][::-1]
 
 
 @njit(cache=True, nogil=True)
-def peaks(omega, plant, gain, tn, tv):  # type: ignore[no-untyped-def]
-    """Return Ms, Mt and Mks at the given frequencies; infinite where the loop is unstable."""
-    loop = np.empty(len(omega), dtype=np.complex128)
-    ms = mt = 0.0
-    mks = gain * (1.0 + DERIVATIVE_FILTER_N if tv > 0.0 else 1.0)
-    for i in range(len(omega)):
-        c = gain * controller(omega[i], tn, tv)
-        loop[i] = plant[i] * c
-        s = 1.0 / abs(1.0 + loop[i])
-        ms, mt, mks = max(ms, s), max(mt, abs(loop[i]) * s), max(mks, abs(c) * s)
-    if _encirclements(omega, loop, 1.0) != 0:
-        return math.inf, math.inf, math.inf
-    return ms, mt, mks
+def _grid(heater, high, finer):  # type: ignore[no-untyped-def]
+    """Return the step, the whole steps of dead time and the share of a step left over (only without whole steps).
 
-
-@njit(cache=True, nogil=True)
-def _grid(dead, small, large, finer):  # type: ignore[no-untyped-def]
-    """Return the step, the whole steps of dead time and the share of a step left over (only without whole steps)."""
-    step = min((dead + small) / 32.0, large / 8.0) / finer
+    `high` is the controller's gain at infinite frequency; it alone sets the pace where a heater has one lag only.
+    """
+    k, first, second, dead = heater
+    pace = first / (k * high)
+    if pace < second:
+        pace = math.sqrt(pace * second)
+    step = min(max(dead + min(second, 4.0 * pace), pace / 8.0) / 32.0, first / 8.0) / finer
     if dead < step / 20.0:
         return step, 0, dead / step
     whole = math.ceil(dead / step)
@@ -187,43 +180,51 @@ def swing(heater, settings, setpoint, load, finer, dear):  # type: ignore[no-unt
     """
     k, first, second, dead = heater
     gain, tn, tv = settings
-    h, whole, late = _grid(dead, second, first, finer)
+    past = DERIVATIVE_FILTER_N if tv > 0.0 else 0.0
+    h, whole, late = _grid(heater, gain * (1.0 + past), finer)
     second = min(second, 0.9999 * first)  # equal lags are moved apart; the answer changes by 1e-9
     a1, a2 = math.exp(-h / first), math.exp(-h / second) if second > 0.0 else 0.0
     s1, s2 = k * first / (first - second), -k * second / (first - second)
     n1, n2 = 1.0 - (1.0 - a1) * first / h, 1.0 - (1.0 - a2) * second / h
     o1, o2 = 1.0 - a1 - n1, 1.0 - a2 - n2
-    new = s1 * n1 + s2 * n2
-    past = DERIVATIVE_FILTER_N if tv > 0.0 else 0.0
+    new, old = s1 * n1 + s2 * n2, s1 * o1 + s2 * o2
     af = math.exp(-h * DERIVATIVE_FILTER_N / tv) if tv > 0.0 else 0.0
     nf = 1.0 - (1.0 - af) * tv / (DERIVATIVE_FILTER_N * h)
     of = 1.0 - af - nf
     direct = gain * (1.0 + 0.5 * h / tn + past * (1.0 - nf))
     sign = 1.0 if setpoint > 0.0 else -1.0
     ended = tn / (gain * k) * setpoint - tn / gain * load
+    half, ratio = 0.5 * gain * past, gain * tv / h
     queue = np.zeros(whole + 1)  # a ring of the powers still to act; `oldest` acts from now
-    x1 = x2 = y = summed = filtered = area = moment = peak = 0.0
+    lacks = np.zeros(whole + 1)  # mean power of each step beside the straight line: a short TV acts within one step
+    x1 = x2 = summed = filtered = area = moment = peak = 0.0
     e, u = setpoint, gain * (1.0 + past) * setpoint
     queue[whole] = u
     oldest = quiet = 0
     for i in range(_MOST_STEPS):
         following = oldest + 1 if oldest < whole else 0
-        left = queue[oldest] if whole > 0 else u
-        right = queue[following] if i >= whole else 0.0  # before it acts, a step in power is not there at all
-        left += load
-        free = a1 * x1 * s1 + a2 * x2 * s2 + (s1 * o1 + s2 * o2) * left
-        rest = gain * ((summed + 0.5 * h * e) / tn - past * (af * filtered + of * e))
+        left = load + (queue[oldest] if whole > 0 else u)
+        kept, held = af * filtered + of * e, 0.0
+        free = a1 * x1 * s1 + a2 * x2 * s2 + old * left
+        rest = gain * ((summed + 0.5 * h * e) / tn - past * kept)
         if whole > 0:
-            right += load
+            share = 0.0
+            right = load + (queue[following] if i >= whole else 0.0)  # before it acts, a step in power is not there
+            lack = lacks[following]
         else:
             share = 1.0 - late
-            known = late * u + load + share * (rest + direct * setpoint)
-            right = (known - share * direct * free) / (1.0 + share * direct * new)
-        y = free + new * right
+            right = load + late * u + share * rest
+            lack = (half + ratio) * kept + (half - ratio) * filtered - half * e
+            held = (half + ratio) * nf - half
+        before = e
+        e = (setpoint - free - new * right - (old + new) * lack) / (1.0 + share * direct * new + (old + new) * held)
+        right += share * direct * e + lack + held * e
+        left += lack + held * e
         x1, x2 = a1 * x1 + o1 * left + n1 * right, a2 * x2 + o2 * left + n2 * right
-        before, e = e, setpoint - y
         summed += 0.5 * h * (before + e)
-        filtered = af * filtered + of * before + nf * e
+        kept += nf * e
+        lacks[oldest] = (half + ratio) * kept + (half - ratio) * filtered - half * (before + e)
+        filtered = kept
         u = rest + direct * e
         queue[oldest] = u
         oldest = following

@@ -25,7 +25,7 @@ _TOLD = (
 def tune_continuous(
     fitted: FittedModel, *, method: str, structure: str, specs: Specs, closed_loop_s: float | None = None
 ) -> PidDesign:
-    """Return the continuous design by the optimum or a rule; the optimum is checked to be global.
+    """Return the continuous design by the optimum or a rule; the optimum is checked on a grid.
 
     Raises:
         InputError, OutOfRange: as `ContinuousProblem` and `optimum`; the rule does not give the structure.
