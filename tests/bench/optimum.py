@@ -1,7 +1,7 @@
 """Time of one constrained optimum, warm, beside SciPy's SLSQP and CasADi/IPOPT on the same problem; and many heaters.
 
-    python tests/bench/optimum.py            the table of times and costs
-    python tests/bench/optimum.py --heaters  2,000 random heaters: every one ends with a design or a sentence
+    python tests/bench/optimum.py                  the table of times and costs
+    python tests/bench/optimum.py --heaters 2000   random heaters: every one ends with a design or a sentence
 
 The rivals minimise the same load IAE under the same Ms: SLSQP with this program's own compiled functions, from the
 same start; IPOPT on a transcription of the delay equation in steps of 1/40 dead time.
@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
 from heatertune.pid import continuous
-from heatertune.pid.continuous_optimum import ContinuousProblem, margins, optimum, response_grid
+from heatertune.pid.continuous_optimum import ContinuousProblem, margins, optimum, response_grid, unrivalled
 from heatertune.pid.specs import Specs
 
 MS = 1.6
@@ -127,26 +127,47 @@ def compare():
                   f"{slsqp / ours:6.0f}× {ipopt / ours:6.0f}×   {told[0]}, {told[1]}{'' if ended else ' not converged'}", flush=True)
 
 
-def heaters(count=2000):
-    rng = np.random.default_rng(7)
-    designs, sentences = 0, {}
-    begun = time.perf_counter()
+def random_heaters(count, seed=7):
+    """Return heaters with dead time/time constant log-uniform in 0.01…10, each with a limit on Ms in 1.1…2.2."""
+    rng = np.random.default_rng(seed)
+    found = []
     for _ in range(count):
         lag = float(np.exp(rng.uniform(0.0, math.log(3000.0))))
         plant = Fopdt(gain_degC_per_pct=float(np.exp(rng.uniform(-3.0, 3.0))), time_constant_s=lag,
                       dead_time_s=lag * float(np.exp(rng.uniform(math.log(0.01), math.log(10.0)))))
-        structure, ms = str(rng.choice(["pi", "pid"])), float(rng.uniform(1.1, 2.2))
-        try:
-            design = optimum(ContinuousProblem(plants=(plant,), structure=structure, specs=Specs(ms=ms)))
-        except InputError as problem:
-            sentences[str(problem)] = sentences.get(str(problem), 0) + 1
-            continue
-        assert margins((plant,), design)[0].ms <= ms * 1.001, (plant, structure, ms)
-        designs += 1
-    print(f"{count} heaters: {designs} designs that keep their limit, {time.perf_counter() - begun:.0f} s; sentences: {sentences}")
+        found.append((plant, float(rng.uniform(1.1, 2.2))))
+    return found
+
+
+def judged(plant, ms, structure):
+    """Return "" for a design that keeps its limit and comes to rest, else what is wrong; and the sentence, if any."""
+    problem = ContinuousProblem(plants=(plant,), structure=structure, specs=Specs(ms=ms))
+    try:
+        design, told = unrivalled(problem)
+    except InputError as refused:
+        return "", str(refused)
+    found = margins((plant,), design)[0].ms
+    if not found <= ms * 1.001:
+        return f"Ms = {found:.5g} above its limit of {ms:.5g}", told
+    cost, least = problem.cost(design), design.integral_time_s / design.gain_pct_per_degC
+    return ("" if least * (1.0 - 1e-9) <= cost < 100.0 * least else f"cost {cost:.4g} beside TN/K = {least:.4g}"), told
+
+
+def heaters(count):
+    begun, sentences = time.perf_counter(), {}
+    for number, (plant, ms) in enumerate(random_heaters(count)):
+        for structure in ("pi", "pid"):
+            wrong, told = judged(plant, ms, structure)
+            sentences[told] = sentences.get(told, 0) + 1
+            if wrong:
+                print(f"heater {number}, {structure}, {plant}: {wrong}", flush=True)
+    print(f"{count} heaters, PI and PID, {time.perf_counter() - begun:.0f} s; how they ended:")
+    for told, times in sentences.items():
+        print(f"{times:6d}  {told}")
 
 
 if __name__ == "__main__":
     asked = argparse.ArgumentParser()
-    asked.add_argument("--heaters", action="store_true")
-    heaters() if asked.parse_args().heaters else compare()
+    asked.add_argument("--heaters", type=int, metavar="COUNT")
+    count = asked.parse_args().heaters
+    compare() if count is None else heaters(count)

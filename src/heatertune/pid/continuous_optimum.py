@@ -20,7 +20,7 @@ from heatertune.pid.robustness import crossings
 from heatertune.pid.specs import Specs
 from heatertune.pid.values import Margins, PidDesign, structure_of
 
-__all__ = ["ContinuousProblem", "global_check", "margins", "optimum", "peaks", "response_grid", "unrivalled"]
+__all__ = ["ContinuousProblem", "global_check", "iae", "margins", "optimum", "peaks", "response_grid", "unrivalled"]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -41,6 +41,7 @@ class ContinuousProblem:
         plants: the heaters to serve.
         structure: "p", "pi" or "pid".
         specs: objective and limits.
+        guards: heaters on which the limits hold too, but which cost nothing.
 
     Raises:
         OutOfRange, InputError: limits that contradict each other or the structure; an objective that only sampled
@@ -50,19 +51,25 @@ class ContinuousProblem:
     plants: tuple[HeaterModel, ...]
     structure: str
     specs: Specs
+    guards: tuple[HeaterModel, ...] = ()
+
+    @property
+    def limited(self) -> tuple[HeaterModel, ...]:
+        """Every heater on which the limits hold."""
+        return self.plants + self.guards
 
     def __post_init__(self) -> None:
-        self.specs.refuse_contradictions(self.plants, self.structure)
+        self.specs.refuse_contradictions(self.limited, self.structure)
         if self.specs.objective == "ise":
             raise InputError("the objective ise is for sampled loops; with --sample-time 0: load, setpoint, itae or ki")
-        if math.isinf(self.specs.mks) and all(_boundless(plant, self.structure) for plant in self.plants):
+        if math.isinf(self.specs.mks) and all(_boundless(plant, self.structure) for plant in self.limited):
             raise InputError("without dead time this heater keeps every Ms at any gain, so there is no best one; "
                              "limit the noise gain with --mks, or give the dead time: no heater is without")
 
     @property
     def heaters(self) -> Array:
         """Gain [°C/%], larger and smaller lag (0: none), dead time [s] of each model, shape (p, 4)."""
-        return np.array([[p.gain_degC_per_pct, *(*p.lags_s, 0.0)[:2], p.dead_time_s] for p in self.plants])
+        return np.array([_row(plant) for plant in self.plants])
 
     @property
     def weights(self) -> Array:
@@ -94,6 +101,15 @@ class ContinuousProblem:
         if not math.isfinite(design.integral_time_s):
             return -design.gain_pct_per_degC
         return float(continuous.price(self.heaters, self.weights, *_settings(design), _STEPS, math.inf))
+
+
+def iae(plant: HeaterModel, design: PidDesign) -> tuple[float, float]:
+    """Return ∫|e| dt after a load step of 1 % [°C·s] and after a setpoint step of 1 °C [s]; the loop is stable."""
+    load, setpoint = (
+        float(continuous.price(np.array([_row(plant)]), weights, *_settings(design), _STEPS, math.inf))
+        for weights in np.eye(4)[:2, None]
+    )
+    return load, setpoint
 
 
 def response_grid(plants: tuple[HeaterModel, ...], derivative: bool, density: float) -> tuple[Array, Complex]:
@@ -206,6 +222,10 @@ def _pace(plant: HeaterModel, structure: str, mks: float) -> float:
     return alone if alone >= known else math.sqrt(alone * known)
 
 
+def _row(plant: HeaterModel) -> tuple[float, ...]:
+    return plant.gain_degC_per_pct, *(*plant.lags_s, 0.0)[:2], plant.dead_time_s
+
+
 def _settings(design: PidDesign) -> tuple[float, float, float]:
     return design.gain_pct_per_degC, design.integral_time_s, design.derivative_time_s
 
@@ -230,7 +250,7 @@ def _axes(problem: ContinuousProblem, many_tn: int, many_tv: int) -> tuple[Array
 
 
 def _compiled(problem: ContinuousProblem, density: float) -> tuple[Array, Complex, Array, Array, tuple[float, ...]]:
-    omega, response = response_grid(problem.plants, problem.structure == "pid", density)
+    omega, response = response_grid(problem.limited, problem.structure == "pid", density)
     return omega, response, problem.heaters, problem.weights, problem.limits
 
 
@@ -259,7 +279,7 @@ def _descend(problem: ContinuousProblem, start: Point) -> PidDesign:
 def _finish(problem: ContinuousProblem, found: Point) -> PidDesign:
     """Return the design with K inside the piece that the finest frequencies leave."""
     _, gain, tn, tv = found
-    omega, response = response_grid(problem.plants, tv > 0.0, _EXACT)
+    omega, response = response_grid(problem.limited, tv > 0.0, _EXACT)
     bottoms, tops = continuous.pieces(omega, response, tn, tv, problem.limits)
     for bottom, top in zip(bottoms, tops, strict=True):
         if gain > bottom:
@@ -275,7 +295,7 @@ def _design(gain: float, tn: float, tv: float) -> PidDesign:
 
 
 def _p_design(problem: ContinuousProblem) -> PidDesign:
-    omega, response = response_grid(problem.plants, False, _EXACT)
+    omega, response = response_grid(problem.limited, False, _EXACT)
     tops = continuous.pieces(omega, response, math.inf, 0.0, problem.limits)[1]
     if len(tops) == 0:
         raise _impossible(problem)
@@ -285,6 +305,6 @@ def _p_design(problem: ContinuousProblem) -> PidDesign:
 def _impossible(problem: ContinuousProblem) -> InputError:
     """Return the error for limits so close to what is possible that no gain is left in double precision."""
     return InputError(
-        f"no {problem.structure.upper()} controller keeps {problem.specs.text} on all {len(problem.plants)} models; "
+        f"no {problem.structure.upper()} controller keeps {problem.specs.text} on all {len(problem.limited)} models; "
         f"loosen {' or '.join(f'--{name}' for name in problem.specs.limits)}"
     )
