@@ -19,6 +19,7 @@ from heatertune.pid.continuous_optimum import (
     response_grid,
     unrivalled,
 )
+from heatertune.pid.robustness import crossings
 from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign, structure_of
 
@@ -74,6 +75,20 @@ def test_the_largest_integral_gain_for_three_lags_is_the_published_one(ms, gain,
     best = int(np.argmax(np.array(tops) / tns))
     assert tops[best] == pytest.approx(gain, rel=0.005)
     assert tns[best] == pytest.approx(tn, rel=0.005)
+
+
+def test_the_margins_of_three_lags_are_those_that_matlab_prints():
+    # MATLAB's documentation of pidtune: for 1/(s + 1)³ and a phase margin of 60°, Kp = 1.14, Ki = 0.454, crossing at
+    # 0.52 rad/s; three digits of the gains leave a quarter of a degree
+    omega = np.geomspace(1e-3, 1e2, 4000)
+    loop, ms, _, _ = peaks(omega, 1.0 / (1j * omega + 1.0) ** 3, 1.14, 1.14 / 0.454, 0.0)
+    gain_margin, phase_margin = crossings(loop, sampled=False)
+    assert phase_margin == pytest.approx(60.0, abs=0.3)
+    assert omega[np.argmin(np.abs(np.abs(loop) - 1.0))] == pytest.approx(0.52, abs=0.01)
+    # by hand (Routh on (s + 1)³·s + GM·(1.14·s + 0.454)): GM where the row of s¹ vanishes
+    at = np.roots([-(1.14**2), 8.0 * 1.14 - 9.0 * 0.454, 8.0])
+    assert gain_margin == pytest.approx(max(at), rel=1e-3)
+    assert ms == pytest.approx(1.0 / np.abs(1.0 + loop).min())
 
 
 def test_ms_is_met_at_two_gains_and_both_are_found_with_their_costs():
