@@ -86,7 +86,7 @@ def test_the_margins_of_three_lags_are_those_that_matlab_prints():
     assert phase_margin == pytest.approx(60.0, abs=0.3)
     assert omega[np.argmin(np.abs(np.abs(loop) - 1.0))] == pytest.approx(0.52, abs=0.01)
     # by hand (Routh on (s + 1)³·s + GM·(1.14·s + 0.454)): GM where the row of s¹ vanishes
-    at = np.roots([-(1.14**2), 8.0 * 1.14 - 9.0 * 0.454, 8.0])
+    at = np.roots([-(1.14**2), 7.0 * 1.14 - 9.0 * 0.454, 8.0])
     assert gain_margin == pytest.approx(max(at), rel=1e-3)
     assert ms == pytest.approx(1.0 / np.abs(1.0 + loop).min())
 

@@ -1,11 +1,9 @@
 """The loop in continuous time with its exact dead time, compiled: feasible gains, time responses, the search.
 
 Controller C(s) = K·c(s), c(s) = 1 + 1/(TN·s) + TV·s/(1 + TV·s/N). Each limit excludes, at each frequency, one interval
-of K (`_interval`); what is left over all frequencies is the feasible set, in pieces. Time responses come from the
-delay equation itself: the power runs straight between instants that divide the dead time, each lag is solved exactly.
-
-∫e dt is known without a simulation (TN/K after a load of 1), and ∫|e| ≥ |∫e|: the search leaves out what this bound
-already shows to be worse, and only the part of e with the other sign is simulated.
+of K (`_interval`); what is left is the feasible set, in pieces. Time responses come from the delay equation itself: the
+power runs straight between instants that divide the dead time, each lag is solved exactly. ∫e dt is known without (TN/K
+after a load of 1), and ∫|e| ≥ |∫e|: only the part of e with the other sign is simulated, and only where this may pay.
 """
 
 from __future__ import annotations
@@ -121,8 +119,8 @@ def encirclements(omega, loop, gain):  # type: ignore[no-untyped-def]
 def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
     """Return bottoms and tops of the feasible pieces of K with a stable loop, the highest first.
 
-    `omega` [rad/s] ascends for each plant, one plant after the other; `plant` is G(jω) there; `tv` is 0 without a
-    derivative part; `limits` are (Ms, Mt, Mks, shortest TV), infinite where there is none.
+    `omega` [rad/s] ascends for each plant, one after the other; `plant` is G(jω) there; `tv` is 0 without a derivative
+    part; `limits` are (Ms, Mt, Mks, shortest TV), infinite where there is none.
     """
     loop = np.empty(len(omega), dtype=np.complex128)
     excluded = _exclude(omega, plant, tn, tv, limits, loop)
@@ -167,30 +165,38 @@ def _grid(heater, high, finer):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _lag(lag, h):  # type: ignore[no-untyped-def]
+    """Return the weights of state, input and next input in a lag's next state; between, the input runs straight."""
+    a = math.exp(-h / lag) if lag > 0.0 else 0.0
+    new = 1.0 - (1.0 - a) * lag / h
+    return a, 1.0 - a - new, new
+
+
+@njit(cache=True, nogil=True)
+def _above(v, w, t, h):  # type: ignore[no-untyped-def]
+    """Return ∫ and ∫t· of what is positive of the line from v at t to w at t + h."""
+    if v >= 0.0 and w >= 0.0:
+        return 0.5 * h * (v + w), 0.5 * h * (v * t + w * (t + h))
+    part = 0.5 * max(v, w) ** 2 / (abs(v) + abs(w)) * h
+    return part, part * (t if v > 0.0 else t + h)
+
+
+@njit(cache=True, nogil=True)
 def swing(heater, settings, setpoint, load, finer, dear):  # type: ignore[no-untyped-def]  # noqa: PLR0915 - one loop
     """Return ∫v and ∫t·v of v, the part of the deviation whose sign is not that of ∫e dt; infinite where it diverges.
 
-    Args:
-        heater: (k [°C/%], larger lag, smaller lag (0: none), dead time [s]).
-        settings: (K, TN, TV).
-        setpoint: height of its step [°C], 0 where the load steps.
-        load: height of its step [%], 0 where the setpoint steps.
-        finer: factor of the number of steps.
-        dear: (weight of ∫v, weight of ∫t·v, sum of both at which the response costs too much and is left).
+    `heater` is (k [°C/%], larger lag, smaller lag (0: none), dead time [s]), `settings` (K, TN, TV); of `setpoint` [°C]
+    and `load` [%] one is the height of the step, the other 0; `finer` is the factor of the number of steps; `dear`
+    (weight of ∫v, weight of ∫t·v, sum of both at which the response costs too much and is left).
     """
     k, first, second, dead = heater
     gain, tn, tv = settings
     past = DERIVATIVE_FILTER_N if tv > 0.0 else 0.0
     h, whole, late = _grid(heater, gain * (1.0 + past), finer)
     second = min(second, 0.9999 * first)  # equal lags are moved apart; the answer changes by 1e-9
-    a1, a2 = math.exp(-h / first), math.exp(-h / second) if second > 0.0 else 0.0
     s1, s2 = k * first / (first - second), -k * second / (first - second)
-    n1, n2 = 1.0 - (1.0 - a1) * first / h, 1.0 - (1.0 - a2) * second / h
-    o1, o2 = 1.0 - a1 - n1, 1.0 - a2 - n2
+    (a1, o1, n1), (a2, o2, n2), (af, of, nf) = _lag(first, h), _lag(second, h), _lag(tv / DERIVATIVE_FILTER_N, h)
     new, old = s1 * n1 + s2 * n2, s1 * o1 + s2 * o2
-    af = math.exp(-h * DERIVATIVE_FILTER_N / tv) if tv > 0.0 else 0.0
-    nf = 1.0 - (1.0 - af) * tv / (DERIVATIVE_FILTER_N * h)
-    of = 1.0 - af - nf
     direct = gain * (1.0 + 0.5 * h / tn + past * (1.0 - nf))
     sign = 1.0 if setpoint > 0.0 else -1.0
     ended = tn / (gain * k) * setpoint - tn / gain * load
@@ -231,13 +237,8 @@ def swing(heater, settings, setpoint, load, finer, dear):  # type: ignore[no-unt
         v, w = -sign * before, -sign * e
         t = i * h + (dead if load != 0.0 else 0.0)
         if v > 0.0 or w > 0.0:
-            if v >= 0.0 and w >= 0.0:
-                area += 0.5 * h * (v + w)
-                moment += 0.5 * h * (v * t + w * (t + h))
-            else:
-                part = max(v, w) / (abs(v) + abs(w)) * h
-                area += 0.5 * part * max(v, w)
-                moment += 0.5 * part * max(v, w) * (t if v > 0.0 else t + h)
+            more, later = _above(v, w, t, h)
+            area, moment = area + more, moment + later
             if dear[0] * area + dear[1] * moment > dear[2]:
                 break
         peak = max(peak, abs(e))
