@@ -79,7 +79,7 @@ def guarded(fitted: FittedModel, specs: Specs, way: str, solve: Solve, first: Pi
         first: the best design without guards.
 
     Raises:
-        InputError: the fit has no interval to draw from, or no controller keeps the limits on candidates and guards.
+        InputError: the fit has no interval to draw from, or no controller was found that keeps the limits.
     """
     heaters = draw_heaters(fitted)
     if not heaters:
@@ -94,6 +94,8 @@ def guarded(fitted: FittedModel, specs: Specs, way: str, solve: Solve, first: Pi
         broken = _most_broken(specs, way, peaks)
         if broken is None:
             return Guarded(design=design, guards=tuple(guards), before=before, after=spread, way=way)
+        if heaters[broken] in guards:  # the search's frequencies missed what the margins' own see
+            raise InputError(f"no design found that keeps {specs.text} on the heaters drawn from the fit; loosen it")
         guards.append(heaters[broken])
         design = solve(tuple(guards))
 
