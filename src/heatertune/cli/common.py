@@ -127,6 +127,9 @@ def add_tuning_options(command: argparse.ArgumentParser) -> None:
                        help="closed-loop time constant: τc of simc, λ of lambda and imc [s] (default: the rule's own)")
     add_objective_options(group)
     group.add_argument("--ms", type=float, default=1.6, help="largest sensitivity Ms of the optimum (default: 1.6)")
+    group.add_argument("--robust", choices=("none", "p95", "worst"), default="none",
+                       help="keep the limits of the optimum on heaters drawn from the fit's intervals too: 95 %% of "
+                            "them, or all (default: none; what is lost on them is told)")
     group.add_argument("--sample-time", default="auto", metavar="S",
                        help="sampling interval TA [s]; auto: TRdom/10 (default); words: near that, as suits the "
                             "words; 0: continuous")
@@ -265,7 +268,7 @@ def tuning(settings: argparse.Namespace) -> dict[str, Any]:
     """Return the options of `chain.tune`; errors as `sample_time`."""
     return {"sample_time_s": sample_time(settings), "closed_loop_s": settings.closed_loop} | {
         name: getattr(settings, name)
-        for name in ("structure", "method", "objective", "ms", "mt", "mks", "weight")
+        for name in ("structure", "method", "objective", "ms", "mt", "mks", "weight", "robust")
     }
 
 

@@ -1,11 +1,9 @@
 """The loop in continuous time with its exact dead time, compiled: feasible gains, time responses, the search.
 
 Controller C(s) = K·c(s), c(s) = 1 + 1/(TN·s) + TV·s/(1 + TV·s/N). Each limit excludes, at each frequency, one interval
-of K (`_interval`); what is left over all frequencies is the feasible set, in pieces. Time responses come from the
-delay equation itself: the power runs straight between instants that divide the dead time, each lag is solved exactly.
-
-∫e dt is known without a simulation (TN/K after a load of 1), and ∫|e| ≥ |∫e|: the search leaves out what this bound
-already shows to be worse, and only the part of e with the other sign is simulated.
+of K (`_interval`); what is left is the feasible set, in pieces. Time responses come from the delay equation itself: the
+power runs straight between instants that divide the dead time, each lag is solved exactly. ∫e dt is known without (TN/K
+after a load of 1), and ∫|e| ≥ |∫e|: only the part of e with the other sign is simulated, and only where this may pay.
 """
 
 from __future__ import annotations
@@ -15,7 +13,9 @@ import math
 import numpy as np
 from numba import njit
 
-__all__ = ["DERIVATIVE_FILTER_N", "controller", "peaks", "pieces", "price", "reduced", "refine", "scan", "swing"]
+__all__ = [
+    "DERIVATIVE_FILTER_N", "controller", "encirclements", "pieces", "price", "reduced", "refine", "scan", "swing",
+]
 
 DERIVATIVE_FILTER_N = 10.0  # N of the issue's ideal form; K. J. Åström and T. Hägglund use 8…20
 
@@ -96,7 +96,7 @@ def _vertex(omega, low, i):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _encirclements(omega, loop, gain):  # type: ignore[no-untyped-def]
+def encirclements(omega, loop, gain):  # type: ignore[no-untyped-def]
     """Return the largest number of encirclements of −1 by K·h over the plants (ω begins anew with each).
 
     Counted by the crossings of the negative real axis left of −1; the open loop has one integrator and is stable
@@ -119,8 +119,8 @@ def _encirclements(omega, loop, gain):  # type: ignore[no-untyped-def]
 def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
     """Return bottoms and tops of the feasible pieces of K with a stable loop, the highest first.
 
-    `omega` [rad/s] ascends for each plant, one plant after the other; `plant` is G(jω) there; `tv` is 0 without a
-    derivative part; `limits` are (Ms, Mt, Mks, shortest TV), infinite where there is none.
+    `omega` [rad/s] ascends for each plant, one after the other; `plant` is G(jω) there; `tv` is 0 without a derivative
+    part; `limits` are (Ms, Mt, Mks, shortest TV), infinite where there is none.
     """
     loop = np.empty(len(omega), dtype=np.complex128)
     excluded = _exclude(omega, plant, tn, tv, limits, loop)
@@ -133,40 +133,31 @@ def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
             if reached < excluded[i, 0] < top:
                 top = excluded[i, 0]
         # a small gain is stable; higher pieces may not be
-        if top < math.inf and (reached == 0.0 or _encirclements(omega, loop, 0.5 * (reached + top)) == 0):
+        if top < math.inf and (reached == 0.0 or encirclements(omega, loop, 0.5 * (reached + top)) == 0):
             bottoms[found], tops[found] = reached, top
             found += 1
-        if top >= ceiling or reached >= ceiling:
-            break
         before, reached = reached, top
         while reached > before:
             before = reached
             for i in range(len(excluded)):
                 if excluded[i, 0] <= before and excluded[i, 1] > reached:
                     reached = excluded[i, 1]
+        if reached >= ceiling:
+            break
     return bottoms[:found][::-1], tops[:found][::-1]
 
 
 @njit(cache=True, nogil=True)
-def peaks(omega, plant, gain, tn, tv):  # type: ignore[no-untyped-def]
-    """Return Ms, Mt and Mks at the given frequencies; infinite where the loop is unstable."""
-    loop = np.empty(len(omega), dtype=np.complex128)
-    ms = mt = 0.0
-    mks = gain * (1.0 + DERIVATIVE_FILTER_N if tv > 0.0 else 1.0)
-    for i in range(len(omega)):
-        c = gain * controller(omega[i], tn, tv)
-        loop[i] = plant[i] * c
-        s = 1.0 / abs(1.0 + loop[i])
-        ms, mt, mks = max(ms, s), max(mt, abs(loop[i]) * s), max(mks, abs(c) * s)
-    if _encirclements(omega, loop, 1.0) != 0:
-        return math.inf, math.inf, math.inf
-    return ms, mt, mks
+def _grid(heater, high, finer):  # type: ignore[no-untyped-def]
+    """Return the step, the whole steps of dead time and the share of a step left over (only without whole steps).
 
-
-@njit(cache=True, nogil=True)
-def _grid(dead, small, large, finer):  # type: ignore[no-untyped-def]
-    """Return the step, the whole steps of dead time and the share of a step left over (only without whole steps)."""
-    step = min((dead + small) / 32.0, large / 8.0) / finer
+    `high` is the controller's gain at infinite frequency; it alone sets the pace where a heater has one lag only.
+    """
+    k, first, second, dead = heater
+    pace = first / (k * high)
+    if pace < second:
+        pace = math.sqrt(pace * second)
+    step = min(max(dead + min(second, 4.0 * pace), pace / 8.0) / 32.0, first / 8.0) / finer
     if dead < step / 20.0:
         return step, 0, dead / step
     whole = math.ceil(dead / step)
@@ -174,69 +165,80 @@ def _grid(dead, small, large, finer):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _lag(lag, h):  # type: ignore[no-untyped-def]
+    """Return the weights of state, input and next input in a lag's next state; between, the input runs straight."""
+    a = math.exp(-h / lag) if lag > 0.0 else 0.0
+    new = 1.0 - (1.0 - a) * lag / h
+    return a, 1.0 - a - new, new
+
+
+@njit(cache=True, nogil=True)
+def _above(v, w, t, h):  # type: ignore[no-untyped-def]
+    """Return ∫ and ∫t· of what is positive of the line from v at t to w at t + h."""
+    if v >= 0.0 and w >= 0.0:
+        return 0.5 * h * (v + w), 0.5 * h * (v * t + w * (t + h))
+    part = 0.5 * max(v, w) ** 2 / (abs(v) + abs(w)) * h
+    return part, part * (t if v > 0.0 else t + h)
+
+
+@njit(cache=True, nogil=True)
 def swing(heater, settings, setpoint, load, finer, dear):  # type: ignore[no-untyped-def]  # noqa: PLR0915 - one loop
     """Return ∫v and ∫t·v of v, the part of the deviation whose sign is not that of ∫e dt; infinite where it diverges.
 
-    Args:
-        heater: (k [°C/%], larger lag, smaller lag (0: none), dead time [s]).
-        settings: (K, TN, TV).
-        setpoint: height of its step [°C], 0 where the load steps.
-        load: height of its step [%], 0 where the setpoint steps.
-        finer: factor of the number of steps.
-        dear: (weight of ∫v, weight of ∫t·v, sum of both at which the response costs too much and is left).
+    `heater` is (k [°C/%], larger lag, smaller lag (0: none), dead time [s]), `settings` (K, TN, TV); of `setpoint` [°C]
+    and `load` [%] one is the height of the step, the other 0; `finer` is the factor of the number of steps; `dear`
+    (weight of ∫v, weight of ∫t·v, sum of both at which the response costs too much and is left).
     """
     k, first, second, dead = heater
     gain, tn, tv = settings
-    h, whole, late = _grid(dead, second, first, finer)
-    second = min(second, 0.9999 * first)  # equal lags are moved apart; the answer changes by 1e-9
-    a1, a2 = math.exp(-h / first), math.exp(-h / second) if second > 0.0 else 0.0
-    s1, s2 = k * first / (first - second), -k * second / (first - second)
-    n1, n2 = 1.0 - (1.0 - a1) * first / h, 1.0 - (1.0 - a2) * second / h
-    o1, o2 = 1.0 - a1 - n1, 1.0 - a2 - n2
-    new = s1 * n1 + s2 * n2
     past = DERIVATIVE_FILTER_N if tv > 0.0 else 0.0
-    af = math.exp(-h * DERIVATIVE_FILTER_N / tv) if tv > 0.0 else 0.0
-    nf = 1.0 - (1.0 - af) * tv / (DERIVATIVE_FILTER_N * h)
-    of = 1.0 - af - nf
+    h, whole, late = _grid(heater, gain * (1.0 + past), finer)
+    second = min(second, 0.9999 * first)  # equal lags are moved apart; the answer changes by 1e-9
+    s1, s2 = k * first / (first - second), -k * second / (first - second)
+    (a1, o1, n1), (a2, o2, n2), (af, of, nf) = _lag(first, h), _lag(second, h), _lag(tv / DERIVATIVE_FILTER_N, h)
+    new, old = s1 * n1 + s2 * n2, s1 * o1 + s2 * o2
     direct = gain * (1.0 + 0.5 * h / tn + past * (1.0 - nf))
     sign = 1.0 if setpoint > 0.0 else -1.0
     ended = tn / (gain * k) * setpoint - tn / gain * load
+    half, ratio = 0.5 * gain * past, gain * tv / h
     queue = np.zeros(whole + 1)  # a ring of the powers still to act; `oldest` acts from now
-    x1 = x2 = y = summed = filtered = area = moment = peak = 0.0
+    lacks = np.zeros(whole + 1)  # mean power of each step beside the straight line: a short TV acts within one step
+    x1 = x2 = summed = filtered = area = moment = peak = 0.0
     e, u = setpoint, gain * (1.0 + past) * setpoint
     queue[whole] = u
     oldest = quiet = 0
     for i in range(_MOST_STEPS):
         following = oldest + 1 if oldest < whole else 0
-        left = queue[oldest] if whole > 0 else u
-        right = queue[following] if i >= whole else 0.0  # before it acts, a step in power is not there at all
-        left += load
-        free = a1 * x1 * s1 + a2 * x2 * s2 + (s1 * o1 + s2 * o2) * left
-        rest = gain * ((summed + 0.5 * h * e) / tn - past * (af * filtered + of * e))
+        left = load + (queue[oldest] if whole > 0 else u)
+        kept, held = af * filtered + of * e, 0.0
+        free = a1 * x1 * s1 + a2 * x2 * s2 + old * left
+        rest = gain * ((summed + 0.5 * h * e) / tn - past * kept)
         if whole > 0:
-            right += load
+            share = 0.0
+            right = load + (queue[following] if i >= whole else 0.0)  # before it acts, a step in power is not there
+            lack = lacks[following]
         else:
             share = 1.0 - late
-            known = late * u + load + share * (rest + direct * setpoint)
-            right = (known - share * direct * free) / (1.0 + share * direct * new)
-        y = free + new * right
+            right = load + late * u + share * rest
+            lack = (half + ratio) * kept + (half - ratio) * filtered - half * e
+            held = (half + ratio) * nf - half
+        before = e
+        e = (setpoint - free - new * right - (old + new) * lack) / (1.0 + share * direct * new + (old + new) * held)
+        right += share * direct * e + lack + held * e
+        left += lack + held * e
         x1, x2 = a1 * x1 + o1 * left + n1 * right, a2 * x2 + o2 * left + n2 * right
-        before, e = e, setpoint - y
         summed += 0.5 * h * (before + e)
-        filtered = af * filtered + of * before + nf * e
+        kept += nf * e
+        lacks[oldest] = (half + ratio) * kept + (half - ratio) * filtered - half * (before + e)
+        filtered = kept
         u = rest + direct * e
         queue[oldest] = u
         oldest = following
         v, w = -sign * before, -sign * e
         t = i * h + (dead if load != 0.0 else 0.0)
         if v > 0.0 or w > 0.0:
-            if v >= 0.0 and w >= 0.0:
-                area += 0.5 * h * (v + w)
-                moment += 0.5 * h * (v * t + w * (t + h))
-            else:
-                part = max(v, w) / (abs(v) + abs(w)) * h
-                area += 0.5 * part * max(v, w)
-                moment += 0.5 * part * max(v, w) * (t if v > 0.0 else t + h)
+            more, later = _above(v, w, t, h)
+            area, moment = area + more, moment + later
             if dear[0] * area + dear[1] * moment > dear[2]:
                 break
         peak = max(peak, abs(e))

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 from heatertune.errors import InputError
-from heatertune.model.values import FittedModel
+from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.continuous import DERIVATIVE_FILTER_N
-from heatertune.pid.continuous_optimum import ContinuousProblem, margins, optimum, unrivalled
+from heatertune.pid.continuous_optimum import ContinuousProblem, iae, margins, optimum, unrivalled
 from heatertune.pid.explain import explain
+from heatertune.pid.robust import guarded
 from heatertune.pid.rules import RULES, apply_rule, model_for
+from heatertune.pid.scheduling import told_about_faces
 from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign, structure_of
 
@@ -23,9 +27,12 @@ _TOLD = (
 
 
 def tune_continuous(
-    fitted: FittedModel, *, method: str, structure: str, specs: Specs, closed_loop_s: float | None = None
+    fitted: FittedModel, *, method: str, structure: str, specs: Specs, closed_loop_s: float | None = None,
+    robust: str = "none",
 ) -> PidDesign:
-    """Return the continuous design by the optimum or a rule; the optimum is checked to be global.
+    """Return the continuous design by the optimum or a rule; the optimum is checked on a grid.
+
+    The arguments are those of `heatertune.pid.tune.tune`.
 
     Raises:
         InputError, OutOfRange: as `ContinuousProblem` and `optimum`; the rule does not give the structure.
@@ -41,31 +48,38 @@ def tune_continuous(
         return replace(assessed(fitted, by_rule), notes=(_TOLD,))
     problem = ContinuousProblem(plants=fitted.plants, structure=structure, specs=specs)
     found, checked = unrivalled(problem)
+    notes = [_TOLD, checked]
+    if robust != "none":
+        kept = guarded(fitted, specs, robust, lambda guards: optimum(replace(problem, guards=guards)), found)
+        problem = replace(problem, guards=kept.guards)
+        notes = [_TOLD, kept.told(problem.cost(found), problem.cost(kept.design))]
+        found = kept.design
     design = assessed(fitted, found)
-    notes = [_TOLD, checked, *_explained(problem, design), *_plainer(problem, design)]
+    notes += [*_explained(problem, design), *_plainer(problem, design)]
+    notes += told_about_faces(fitted, design, partial(_alone, problem))
     return replace(design, method=f"optimum ({specs.text} on {len(fitted.plants)} models)", notes=tuple(notes))
+
+
+def _alone(problem: ContinuousProblem, plant: HeaterModel) -> tuple[PidDesign, Callable[[PidDesign], float]]:
+    own = replace(problem, plants=(plant,), guards=())
+    return optimum(own), own.cost
 
 
 def assessed(fitted: FittedModel, design: PidDesign) -> PidDesign:
     """Return the design with its margins and costs, worst over the models; a cost is None where there is none."""
     worst, mks = margins(fitted.plants, design)
     known = worst.stable and math.isfinite(design.integral_time_s)
-    alone = [
-        {name: ContinuousProblem(plants=(plant,), structure="pi", specs=Specs(objective=name)).cost(design)
-         for name in ("load", "setpoint")}
-        for plant in fitted.plants
-    ] if known else []
+    alone = [iae(plant, design) for plant in fitted.plants] if known else []
     return replace(
         design, margins=worst, mks=mks if worst.stable else None,
-        iae_load=max((row["load"] for row in alone), default=None),
-        iae_setpoint=max((row["setpoint"] for row in alone), default=None),
+        iae_load=max((load for load, _ in alone), default=None),
+        iae_setpoint=max((setpoint for _, setpoint in alone), default=None),
     )
 
 
 def _explained(problem: ContinuousProblem, design: PidDesign) -> list[str]:
-    assert design.margins is not None
-    assert design.mks is not None
-    peaks = {"ms": design.margins.ms, "mt": design.margins.mt, "mks": design.mks}
+    found, noise = margins(problem.limited, design)
+    peaks = {"ms": found.ms, "mt": found.mt, "mks": noise}
 
     def solve(specs: Specs) -> float:
         other = replace(problem, specs=specs)

@@ -33,7 +33,7 @@ _TOLERANCE = 1.002  # the check's frequencies are finer than the search's
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """Minimise the mean cost over the models subject to the limits on each; objective and limits as in `Specs`.
+    """Minimise the mean cost over the models subject to limits on each and on the guards; both as in `Specs`.
 
     Attributes:
         plants: the heaters to serve.
@@ -43,6 +43,7 @@ class Problem:
         derivative_filter: weight of its past in the derivative part, see `PidDesign`.
         mt, mks: limits of the maximum complementary sensitivity and of the noise gain.
         objective, weight: what is minimised; for ise the feasible-set search takes the load IAE, and IPOPT the rest.
+        guards: heaters on which the limits hold too, but which cost nothing.
     """
 
     plants: tuple[HeaterModel, ...]
@@ -54,6 +55,12 @@ class Problem:
     mks: float = math.inf
     objective: str = "load"
     weight: float | None = None
+    guards: tuple[HeaterModel, ...] = ()
+
+    @property
+    def limited(self) -> tuple[HeaterModel, ...]:
+        """Every heater on which the limits hold."""
+        return self.plants + self.guards
 
     @property
     def specs(self) -> Specs:
@@ -62,8 +69,8 @@ class Problem:
 
     @property
     def slowest_s(self) -> float:
-        """Largest sum of lags and dead time of the models [s]."""
-        return max(sum(plant.lags_s) + plant.dead_time_s for plant in self.plants)
+        """Largest sum of lags and dead time of the heaters on which the limits hold [s]."""
+        return max(sum(plant.lags_s) + plant.dead_time_s for plant in self.limited)
 
     def design(self, gain: float, integral_time_s: float, derivative_time_s: float) -> PidDesign:
         """Return the design with these settings."""
@@ -144,7 +151,7 @@ def _grids(problem: Problem, around: PidDesign | None) -> tuple[Array, Array]:
 
 def _impossible(problem: Problem) -> InputError:
     return InputError(
-        f"no {problem.structure.upper()} controller keeps {problem.specs.text} on all {len(problem.plants)} models; "
+        f"no {problem.structure.upper()} controller keeps {problem.specs.text} on all {len(problem.limited)} models; "
         f"loosen {' or '.join(f'--{name}' for name in problem.specs.limits)}, or narrow the models with a better log"
     )
 
@@ -166,7 +173,7 @@ def _zoom(grid: Array, centre: float) -> Array:
 
 
 def _sampled(problem: Problem) -> list[SampledPlant]:
-    return [sample_plant(plant, problem.sample_time_s) for plant in problem.plants]
+    return [sample_plant(plant, problem.sample_time_s) for plant in problem.limited]
 
 
 def _excluded(h: Complex, c: Complex, specs: Specs) -> list[tuple[float, float]]:
@@ -200,7 +207,7 @@ def _tops(excluded: Sequence[tuple[float, float]]) -> list[float]:
 
 def _keeps(problem: Problem, gain: float, tn: float, tv: float) -> bool:
     design = problem.design(gain, tn, tv)
-    for plant in problem.plants:
+    for plant in problem.limited:
         found = margins(plant, design)
         if found.ms > problem.ms * _TOLERANCE or found.mt > problem.mt * _TOLERANCE:
             return False

@@ -36,7 +36,7 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     """
     if problem.objective == "ki":
         return start, "IPOPT was not asked: TN/K needs no simulation, and the feasible-set search has it exactly."
-    plants = [sample_plant(model, problem.sample_time_s) for model in problem.plants]
+    plants = [sample_plant(model, problem.sample_time_s) for model in problem.limited]
     longest = max(plant.delay for plant in plants)
     if longest > _MOST_DELAY:
         return start, f"IPOPT was not asked: the dead time spans {longest} samples; the feasible-set search stands."
@@ -46,12 +46,10 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     gain, integral = ca.exp(unknowns[0]), ca.exp(unknowns[1])
     derivative = ca.exp(unknowns[2]) if problem.structure == "pid" else ca.SX(0.0)
     settings = ca.vertcat(gain, problem.sample_time_s / integral, derivative / problem.sample_time_s)
-    costs, limits = [], []
     omega = frequencies(problem.sample_time_s, problem.slowest_s, _FREQUENCIES)
     samples = _samples(problem, start)
-    for plant in plants:
-        costs.append(_cost(ca, plant, samples, problem, settings))
-        limits.append(_distances(ca, plant, settings, omega, problem))
+    costs = [_cost(ca, plant, samples, problem, settings) for plant in plants[: len(problem.plants)]]
+    limits = [_distances(ca, plant, settings, omega, problem) for plant in plants]
     cost = problem.sample_time_s * sum(costs) / len(costs)
     nlp = {"x": unknowns, "f": ca.log(cost), "g": ca.vertcat(*limits)}
     solver = ca.nlpsol(

@@ -76,8 +76,11 @@ def encloses_nothing(loop: Complex, *, integrating: bool) -> bool:
     return bool(begins_well) and abs(turned - expected) < math.pi / 2.0
 
 
-def crossings(loop: Complex) -> tuple[float, float]:
-    """Return of L at ascending frequencies the gain margin (smallest factor to a real −1) and the phase margin [°]."""
+def crossings(loop: Complex, *, sampled: bool = True) -> tuple[float, float]:
+    """Return of L at ascending frequencies the gain margin (smallest factor to a real −1) and the phase margin [°].
+
+    `sampled`: whether the last frequency is half the sampling frequency, where L is real.
+    """
     phase = np.unwrap(np.angle(loop))
     size = np.abs(loop)
     gain = math.inf
@@ -86,7 +89,7 @@ def crossings(loop: Complex) -> tuple[float, float]:
             share = (level - phase[k]) / (phase[k + 1] - phase[k])
             at = float(np.exp(np.log(size[k]) + share * np.log(size[k + 1] / size[k])))
             gain = min(gain, 1.0 / at)
-    if loop[-1].real < 0.0:  # at half the sampling frequency L is real
+    if sampled and loop[-1].real < 0.0:
         gain = min(gain, 1.0 / abs(float(loop[-1].real)))
     margin = math.inf
     for k in np.flatnonzero(np.diff(np.signbit(size - 1.0))):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
@@ -14,8 +15,10 @@ from heatertune.pid.feasible import Problem, search
 from heatertune.pid.linear import control_margins
 from heatertune.pid.optimum import polish
 from heatertune.pid.response import dominant_time_s, iae_load, iae_setpoint
+from heatertune.pid.robust import ROBUST, Guarded, guarded
 from heatertune.pid.robustness import margins, noise_gain, worst
 from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
+from heatertune.pid.scheduling import told_about_faces
 from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign
 from heatertune.units import check
@@ -62,6 +65,7 @@ def tune(
     closed_loop_s: float | None = None,
     timer: Timer | None = None,
     derivative_filter: float = 0.5,
+    robust: str = "none",
     progress: Callable[[str], object] = str,
 ) -> PidDesign:
     """Find K, TN, TV and TA for a heater and all its candidate models.
@@ -84,18 +88,17 @@ def tune(
         closed_loop_s: closed-loop time constant of a rule that leaves it open [s], None for the rule's own.
         timer: what the target's timer can do.
         derivative_filter: weight of its past in the target's derivative part, see `PidDesign`.
+        robust: over which heaters drawn from the fit the optimum keeps its limits besides the candidates, one of
+            `heatertune.pid.robust.ROBUST`; TA is that of the design without them.
         progress: called with a short message when a round begins.
 
     Raises:
-        UnknownName: no such method, structure or objective.
+        UnknownName: no such method, structure, objective or way to be robust.
         OutOfRange: a limit that no controller can keep.
-        InputError: no design keeps the limits, or the rule does not give the structure or take the closed-loop time.
+        InputError: no design keeps the limits, or the rule does not give the structure or take the closed-loop time, or
+            a rule is to be robust, or the fit has no intervals to draw from.
     """
-    for kind, name, known in (("tuning method", method, METHODS), ("structure", structure, STRUCTURES)):
-        if name not in known:
-            raise UnknownName(kind, name, known)
-    if closed_loop_s is not None and method == "optimum":
-        raise InputError("the optimum takes no closed-loop time constant; give --ms, or a rule with --method")
+    _refuse_nonsense(method, structure, robust, closed_loop_s)
     plants = fitted.plants
     specs = Specs(ms=ms, mt=mt, mks=mks, objective=objective, weight=weight)
     specs.refuse_contradictions(plants, structure)
@@ -103,7 +106,7 @@ def tune(
         check("sample_time_s", sample_time_s, least=0.0)
     if sample_time_s == 0.0:
         return tune_continuous(
-            fitted, method=method, structure=structure, specs=specs, closed_loop_s=closed_loop_s
+            fitted, method=method, structure=structure, specs=specs, closed_loop_s=closed_loop_s, robust=robust
         )
     check("derivative_filter", derivative_filter, least=0.0, most=0.99)
     one_round = (
@@ -115,12 +118,55 @@ def tune(
     if method in RULES:
         outside = range_note(method, model_for(method, structure, fitted), structure, design.sample_time_s)
         notes += [f"The rule claims: {RULES[method].claim}.", *([] if outside is None else [outside])]
-    if method == "optimum" and structure != "p":
-        progress("polishing the optimum with CasADi and IPOPT")
+    if method == "optimum":
         problem = _problem(plants, structure, specs, design.sample_time_s, derivative_filter)
-        design, told = polish(problem, design)
-        notes += [told, *_explained(problem, design)]
+        design, told = _improved(problem, fitted, design, robust, progress)
+        notes += [*told, *told_about_faces(fitted, design, partial(_alone, problem))]
     return _finished(design, fitted, method, specs, notes)
+
+
+def _alone(problem: Problem, plant: HeaterModel) -> tuple[PidDesign, Callable[[PidDesign], float]]:
+    own = replace(problem, plants=(plant,))
+    return search(own), own.cost
+
+
+def _refuse_nonsense(method: str, structure: str, robust: str, closed_loop_s: float | None) -> None:
+    for kind, name, known in (
+        ("tuning method", method, METHODS), ("structure", structure, STRUCTURES), ("way to be robust", robust, ROBUST)
+    ):
+        if name not in known:
+            raise UnknownName(kind, name, known)
+    if closed_loop_s is not None and method == "optimum":
+        raise InputError("the optimum takes no closed-loop time constant; give --ms, or a rule with --method")
+    if robust != "none" and method != "optimum":
+        raise InputError(f"the rule {method} has no limits to keep; --robust goes with --method optimum")
+
+
+def _improved(
+    problem: Problem, fitted: FittedModel, design: PidDesign, robust: str, progress: Callable[[str], object]
+) -> tuple[PidDesign, list[str]]:
+    """Return the design of the search after the guards' word and IPOPT's, and what is to be told."""
+    kept: Guarded | None = None
+    plain, plainly = design, problem
+    if robust != "none":
+        progress("keeping the limits on heaters drawn from the fit")
+        kept = guarded(
+            fitted, problem.specs, robust, lambda guards: search(replace(plainly, guards=guards), around=plain), plain
+        )
+        problem, design = replace(problem, guards=kept.guards), kept.design
+    notes = []
+    if problem.structure != "p":
+        progress("polishing the optimum with CasADi and IPOPT")
+        polished, told = polish(problem, design)
+        better = None if kept is None else kept.improved(fitted, problem.specs, polished)
+        if kept is not None and better is None:
+            told = "IPOPT's optimum would break a limit on the drawn heaters; the feasible-set search stands."
+        else:
+            design, kept = polished, better
+        notes = [told, *_explained(problem, design)]
+    if kept is not None:
+        notes.insert(0, kept.told(problem.cost(plain), problem.cost(design)))
+    return design, notes
 
 
 def _rule_round(
@@ -159,8 +205,8 @@ def _problem(
 def _explained(problem: Problem, design: PidDesign) -> list[str]:
     if problem.objective == "ise":
         return []  # the feasible-set search does not know this cost
-    found = worst([margins(plant, design) for plant in problem.plants])
-    peaks = {"ms": found.ms, "mt": found.mt, "mks": max(noise_gain(plant, design) for plant in problem.plants)}
+    found = worst([margins(plant, design) for plant in problem.limited])
+    peaks = {"ms": found.ms, "mt": found.mt, "mks": max(noise_gain(plant, design) for plant in problem.limited)}
 
     def solve(specs: Specs) -> float:
         other = replace(problem, ms=specs.ms, mt=specs.mt, mks=specs.mks)

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from heatertune.model.uncertainty import RATIO
 from heatertune.model.values import FittedModel, Fopdt, HeaterModel, Interval, TwoLag
-from heatertune.pid.robustness import margins
+from heatertune.pid.continuous_optimum import margins as continuous_margins
+from heatertune.pid.robustness import margins, noise_gain
 from heatertune.pid.values import PidDesign
 
-__all__ = ["Drawn", "draw_heaters", "ms_over"]
+__all__ = ["Drawn", "draw_heaters", "drawn_of", "ms_over", "peaks_on"]
 
 #: half width of a 95 % interval in standard deviations
 _HALF_WIDTH: Final = 1.96
+_MOST_CORRELATED: Final = 0.99  # intervals are wider than their samples; beyond this they contradict each other
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,24 +42,48 @@ class Drawn:
 def draw_heaters(fitted: FittedModel, count: int = 200, *, seed: int = 0) -> tuple[HeaterModel, ...]:
     """Return heaters that the log does not rule out; none where the fit gives no interval.
 
-    Each candidate in turn, its gain, lags and dead time multiplied by factors drawn lognormally from the width of their
-    95 % intervals. The factors are drawn independently, although a fit knows some combinations better than each
-    parameter alone: the draw is wider than the log, so what it shows is rather too bad than too good. An interval that
-    is open or missing adds nothing; there the candidates themselves span what is possible.
+    Each candidate in turn, its gain, lags and dead time multiplied by lognormal factors as wide as their 95 %
+    intervals. The fit's document holds no bootstrap samples; of what they would tell, the interval of gain per time
+    constant is known: it gives the correlation of the two, and where they are open it alone is drawn, as a factor of
+    the gain. Otherwise the factors are independent, which is wider than the log: what it shows is rather too bad than
+    too good. An interval that is open or missing adds nothing; there the candidates span what is possible.
     """
-    spreads = [_spread(fitted.ci95.get(name)) for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s")]
-    if not any(spreads):
+    names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
+    gain, lag, dead = (_spread(fitted.ci95.get(name)) for name in names)
+    ratio = _spread(fitted.combinations[RATIO][1]) if RATIO in fitted.combinations else 0.0
+    together = 0.0
+    if ratio and not (gain and lag):
+        gain, lag = ratio, 0.0
+    elif ratio:
+        together = (gain**2 + lag**2 - ratio**2) / (2.0 * gain * lag)
+        together = min(max(together, -_MOST_CORRELATED), _MOST_CORRELATED)
+    if not (gain or lag or dead):
         return ()
-    factors = np.exp(np.random.default_rng(seed).normal(0.0, 1.0, (count, 3)) * spreads)
+    normal = np.random.default_rng(seed).normal(0.0, 1.0, (count, 3))
+    normal[:, 1] = together * normal[:, 0] + math.sqrt(1.0 - together**2) * normal[:, 1]
+    factors = np.exp(normal * (gain, lag, dead))
     plants = fitted.plants
     return tuple(_scaled(plants[i % len(plants)], *row) for i, row in enumerate(factors.tolist()))
 
 
+def peaks_on(heater: HeaterModel, design: PidDesign) -> dict[str, float]:
+    """Return ms, mt and mks [%/°C] of a controller on a heater; infinite where the loop is unstable."""
+    if design.sample_time_s == 0.0:
+        found, noise = continuous_margins((heater,), design)
+    else:
+        found = margins(heater, design)
+        noise = noise_gain(heater, design) if found.stable else math.inf
+    return {"ms": found.ms, "mt": found.mt, "mks": noise}
+
+
 def ms_over(heaters: tuple[HeaterModel, ...], design: PidDesign) -> Drawn | None:
     """Return the quantiles of Ms of one controller over heaters; None where there are none."""
-    if not heaters:
-        return None
-    found = sorted(margins(heater, design).ms for heater in heaters)
+    return drawn_of([peaks_on(heater, design)["ms"] for heater in heaters]) if heaters else None
+
+
+def drawn_of(values: Sequence[float]) -> Drawn:
+    """Return the quantiles of Ms of one controller, given its value on each heater; at least one."""
+    found = sorted(values)
     last = len(found) - 1
     return Drawn(
         count=len(found), median=found[round(0.5 * last)], p95=found[round(0.95 * last)], worst=found[-1],
