@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,7 +98,7 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> _Found:
     if not believed:
         demand_cause(log, thin, None if fit.model is None else fit)
     problems = [thin, replace(thin, two_lags=True)]
-    fits = [fit, problems[1].fit()]
+    fits = [fit, _second(problems[1], fit)]
     problems, fits = _started(problems, fits)
     # a drift passes for loads and a load for a drift: each may come first
     ways = [with_loads(*_drifting(problems, fits)), _drifting(*with_loads(problems, fits))]
@@ -105,6 +106,15 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> _Found:
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
     return _Found(problems=problems, fits=fits, cleaned=cleaned, outliers=outliers)
+
+
+def _second(problem: PowerProblem, one: PowerFit) -> PowerFit:
+    """Return two lags; where the free initial states alone make the best of it, the two nearest to the one lag."""
+    found = problem.fit()
+    if found.model is not None:
+        return found
+    near = [(one.vector[0], max(one.vector[1] - ratio * math.exp(one.vector[0]), 0.0), ratio) for ratio in (0.03, 0.2)]
+    return problem.refined(np.array(near))
 
 
 def _started(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:

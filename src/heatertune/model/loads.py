@@ -22,7 +22,9 @@ _ROUNDS = 3
 
 
 def bic_of(problem: PowerProblem, fit: PowerFit) -> float:
-    """Return the criterion of a fit on its problem's readings."""
+    """Return the criterion of a fit on its problem's readings; infinite where it is no heater."""
+    if fit.model is None and problem.sign > 0.0 and problem.least_dead_time_s == 0.0:
+        return np.inf
     return ar1_bic(problem.readings.temperature_degC - fit.simulated_degC, fit.unknowns)
 
 
