@@ -11,16 +11,15 @@ through the same projection.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
+from heatertune.model.judgement import InputCorrelation
 from heatertune.model.readings import Readings
 from heatertune.model.statistics import autocorrelation
 
-__all__ = ["InputCorrelation", "input_correlation"]
+__all__ = ["input_correlation"]
 
 Array = npt.NDArray[np.float64]
 
@@ -29,23 +28,6 @@ _ORDERS = 8  # of the autoregression that whitens the residuals
 _DRAWN = 500
 _SURE = 0.95
 _NULLED = 0.7  # of the deviation of two unrelated series
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InputCorrelation:
-    """The lag at which the residuals follow the power most, measured by what chance allows there.
-
-    Attributes:
-        largest: normalised correlation at that lag, both series whitened.
-        at_lag_s: the power's lead over the residual [s].
-        limit: what the magnitude stays below in 95 of 100 logs of a right model, all lags taken together.
-        ok: whether it does here.
-    """
-
-    largest: float
-    at_lag_s: float
-    limit: float
-    ok: bool
 
 
 def input_correlation(
@@ -84,10 +66,8 @@ def input_correlation(
     quantile = float(np.quantile(np.max(np.abs(by_chance) / deviation, axis=1), _SURE))
     found = correlations(residuals[None, :])[0]
     worst = int(np.argmax(np.abs(found) / deviation))
-    limit = quantile * float(deviation[worst])
-    largest = float(found[worst])
     return InputCorrelation(
-        largest=largest, at_lag_s=float(lags[worst]), limit=limit, ok=abs(largest) <= limit,
+        largest=float(found[worst]), at_lag_s=float(lags[worst]), limit=quantile * float(deviation[worst]),
     )
 
 
@@ -135,4 +115,4 @@ def _filtered(whitening: Array, rows: Array) -> Array:
 def _projected(errors: Array, sensitivities: Array) -> Array:
     """Return what a fit with these sensitivities leaves of errors (k, n)."""
     base, _ = np.linalg.qr(sensitivities)
-    return errors - (errors @ base) @ base.T
+    return np.asarray(errors - (errors @ base) @ base.T)

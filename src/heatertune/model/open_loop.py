@@ -29,6 +29,7 @@ Known = Callable[[Array, Rows], Array]
 
 _RATIO = (0.01, 0.98)
 _COARSE = 250  # readings that tell the region of the best fit
+_ROUGH, _ROUGH_READINGS = 3, 120  # every third of the grid
 _FAR = 5.0  # lengths of the log: a longer time constant shows no curvature
 
 
@@ -108,7 +109,7 @@ class PowerProblem:
         residuals, linear = np.empty((len(z), records.shape[1])), np.zeros(known.shape)
         r = self.readings
         project(
-            r.time_s, r.half_s, r.edge_s, r.level_pct, self._before, np.array(self.loads_s), records, known,
+            r.time_s, r.half_s, r.edge_s, r.level_pct, self.power_before, np.array(self.loads_s), records, known,
             _plants(z), residuals, linear,
         )
         # solutions with the other sign are no models
@@ -120,8 +121,8 @@ class PowerProblem:
         r = self.readings
         basis = np.empty((COLUMNS + len(self.loads_s), len(r.time_s)))
         columns(
-            r.time_s, r.half_s, r.edge_s, r.level_pct, self._before, np.array(self.loads_s), _plants(z[None, :])[0],
-            basis,
+            r.time_s, r.half_s, r.edge_s, r.level_pct, self.power_before, np.array(self.loads_s),
+            _plants(z[None, :])[0], basis,
         )
         return basis
 
@@ -156,6 +157,14 @@ class PowerProblem:
         cost = np.sum(coarse.solve(starts, record[: len(starts)])[0] ** 2, axis=1)
         return self.refined(starts[np.argsort(cost)[:3]])
 
+    def roughly(self) -> tuple[float, Array]:
+        """Return the least sum of squares on a grid over lags and dead time, by a few readings, and where it lies."""
+        coarse = self.thinned(_ROUGH_READINGS)
+        grid = self._grid()[::_ROUGH]
+        cost = np.sum(coarse.solve(grid, np.tile(coarse.readings.temperature_degC, (len(grid), 1)))[0] ** 2, axis=1)
+        place = int(np.argmin(cost))
+        return float(cost[place]) / len(coarse.readings.time_s), grid[place]
+
     def refined(self, starts: Array) -> PowerFit:
         """Return the best fit that the starts (n, 3) lead to."""
         record = self.readings.temperature_degC
@@ -178,7 +187,8 @@ class PowerProblem:
         return replace(self, readings=self.readings.thinned(most))
 
     @property
-    def _before(self) -> float:
+    def power_before(self) -> float:
+        """Power before the first reading [%]."""
         first = float(self.readings.level_pct[0])
         return first if self.power_before_pct is None else self.power_before_pct
 
