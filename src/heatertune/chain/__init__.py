@@ -13,10 +13,11 @@ There is no algorithm here: each function asks the stage that knows. `design` do
 from heatertune.chain.experiment import plan
 from heatertune.chain.stages import encode, export, fit, fit_known, fit_together, prove, tune
 from heatertune.chain.targets import compare
+from heatertune.chain.validation import validate
 from heatertune.chain.whole import design, write_report
 from heatertune.log import read_log
 
 __all__ = [
     "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "read_log", "tune",
-    "write_report",
+    "validate", "write_report",
 ]

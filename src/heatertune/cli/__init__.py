@@ -21,6 +21,7 @@ from heatertune.cli import (
     report,
     targets,
     tune,
+    validate,
     verify,
 )
 from heatertune.cli.common import CommandParser
@@ -28,7 +29,9 @@ from heatertune.errors import ExportRefused, HeatertuneError
 
 __all__ = ["main"]
 
-COMMANDS = (design, fit, plan, tune, pareto, export_db, verify, compare, advise, report, decode, replay, targets)
+COMMANDS = (
+    design, fit, validate, plan, tune, pareto, export_db, verify, compare, advise, report, decode, replay, targets,
+)
 
 _EPILOG = """\
 the chain: log → model → pid → plc → proof → report

@@ -10,8 +10,8 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines", "figure", "forms_lines",
-    "hypothesis_table", "model_lines", "model_rows", "pareto_table", "search_notes", "summary", "table", "word",
-    "words_table",
+    "hypothesis_table", "model_lines", "model_rows", "pareto_table", "search_notes", "summary", "table",
+    "validation_lines", "word",    "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -50,7 +50,10 @@ def table(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> str:
 def model_lines(model: Document) -> str:
     """Return the fitted FOPDT, its intervals, its candidates and what could not be identified."""
     rows = [("", "value", "95 %", ""), *model_rows(model)]
-    lines = [table(rows, right=(1,)), f"fit {figure(model.get('fit_pct'))} %, {model['method']}", model["outcome_text"]]
+    unseen = model.get("held_out")
+    seen = "" if unseen is None else f" ({figure(unseen['fit_pct'])} % on windows left out)"
+    fit = f"fit {figure(model.get('fit_pct'))} %{seen}, {model['method']}"
+    lines = [table(rows, right=(1,)), fit, model["outcome_text"]]
     others = len(model.get("candidates", ()))
     if others > 1:
         lines.append(f"{others} candidate models; design and proof run on all of them.")
@@ -85,6 +88,19 @@ def hypothesis_table(model: Document) -> str:
             ", ".join(each["on_bound"]),
         ))
     return table(rows, right=(1, 3, 4, 6, 7, 8, 9))
+
+
+def validation_lines(found: Document) -> str:
+    """Return each model's run on another log, what it means, and the verdict with the criteria that are not kept."""
+    rows = [("model", "ambient", "fit %", "bias °C", "RMS °C", "white", "follows the power")]
+    for run in found["runs"]:
+        seen = run["input_crosscorrelation"]
+        follows = "—" if seen is None else "no" if seen["ok"] else f"after {figure(seen['at_lag_s'], 3)} s"
+        numbers = (figure(run[name], 3) for name in ("ambient_degC", "fit_pct", "bias_degC", "rmse_degC"))
+        rows.append((run["label"], *numbers, "yes" if run["whiteness"]["ok"] else "no", follows))
+    by = f", by {' and '.join(found['fails'])}" if found["fails"] else ""
+    notes = [f"- {note}" for note in found["notes"]]
+    return "\n".join([table(rows, right=(1, 2, 3, 4)), *notes, f"VERDICT {found['verdict']}{by}"])
 
 
 def design_lines(design: Document) -> str:
