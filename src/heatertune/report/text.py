@@ -9,12 +9,14 @@ from typing import Any
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines", "figure", "forms_lines",
-    "hypothesis_table", "model_lines", "model_rows", "pareto_table", "search_notes", "summary", "table",
-    "validation_lines", "word",    "words_table",
+    "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
+    "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "model_lines", "model_rows", "pareto_table",
+    "search_notes", "summary", "table", "validation_lines", "word", "words_table",
 ]
 
 Document = Mapping[str, Any]
+
+NOT_IDENTIFIED = "not identified"
 
 
 def figure(value: Any, digits: int = 4) -> str:
@@ -71,12 +73,17 @@ def model_rows(model: Document) -> list[tuple[str, str, str, str]]:
 
 
 def hypothesis_table(model: Document) -> str:
-    """Return every hypothesis, the best by BIC first: fit, errors on seen and unseen readings, heater, bounds touched.
+    """Return every hypothesis as aligned columns; see `hypothesis_rows`."""
+    return table(hypothesis_rows(model), right=(1, 3, 4, 6, 7, 8, 9))
+
+
+def hypothesis_rows(model: Document) -> list[tuple[str, ...]]:
+    """Return heads and every hypothesis, the best by BIC first: fit, errors, heater, bounds touched.
 
     Errors are RMS in °C: on the readings used, on the later ones foretold from the earlier, on blocks left out.
     """
     heads = ("law", "gain", "lags s", "dead s", "ambient", "fit %", "ΔBIC", "RMS", "foretold", "left out", "on a bound")
-    rows = [heads]
+    rows: list[tuple[str, ...]] = [heads]
     for each in model["hypotheses"]:
         lags = [figure(each[name], 3) for name in ("time_constant_s", "second_time_constant_s") if name in each]
         fits = [figure(fit, 3) for fit in each["fits_pct"].values()] or [figure(each["fit_pct"], 3)]
@@ -87,7 +94,7 @@ def hypothesis_table(model: Document) -> str:
                                           for name in ("rmse", "hold_out_rmse", "cross_rmse")],
             ", ".join(each["on_bound"]),
         ))
-    return table(rows, right=(1, 3, 4, 6, 7, 8, 9))
+    return rows
 
 
 def validation_lines(found: Document) -> str:
@@ -232,6 +239,6 @@ def summary(documents: Mapping[str, Document]) -> str:
 
 def _interval(pair: Sequence[float | None] | None) -> str:
     if pair is None:
-        return "not identified"
+        return NOT_IDENTIFIED
     low, high = ("open" if end is None else figure(end, 3) for end in pair)
     return f"{low} … {high}"
