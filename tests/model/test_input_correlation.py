@@ -48,17 +48,18 @@ def test_a_second_lag_that_the_model_does_not_have_is_seen_after_about_its_own_t
         assert DEAD <= found.at_lag_s <= DEAD + 2.0 * second
 
 
-def test_the_correlation_is_that_of_a_program_that_does_nothing_clever():
-    # white residuals and random power, one of them held back by five samples: no whitening, no projection
+@pytest.mark.parametrize("lag", [1, 5])
+def test_the_correlation_is_that_of_a_program_that_does_nothing_clever(lag):
+    # white residuals and random power, one of them held back by some samples: no whitening, no projection
     rng = np.random.default_rng(4)
     power, residuals = rng.choice([0.0, 100.0], 400), rng.normal(0.0, 1.0, 400)
-    residuals[5:] += 0.01 * power[:-5]
+    residuals[lag:] += 0.01 * power[:-lag]
     time = np.arange(400.0)
     readings = Readings(
         time_s=time, half_s=np.zeros(400), temperature_degC=residuals, edge_s=time, level_pct=power)
     found = input_correlation(readings, residuals, np.ones((400, 1)), before_pct=power[0], horizon_s=30.0, seed=1)
-    assert found.at_lag_s == 5.0
-    assert found.largest == pytest.approx(np.corrcoef(residuals[5:], power[:-5])[0, 1], abs=0.01)
+    assert found.at_lag_s == lag
+    assert found.largest == pytest.approx(np.corrcoef(residuals[lag:], power[:-lag])[0, 1], abs=0.01)
     # of 30 independent lags the largest stays below 3.1 deviations of 1/√n in 95 of 100 (normal distribution)
     assert found.limit == pytest.approx(3.1 / np.sqrt(400), rel=0.1)
     assert not found.ok
