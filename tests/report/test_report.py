@@ -117,7 +117,7 @@ def test_every_hypothesis_and_what_it_is_worth_stands_in_the_page_where_the_powe
     model = {"hypotheses": [one, two]} | dict.fromkeys(names, 1.0) | {"time_constant_s_ci95": [145.0, 208.0]}
     page = _hypotheses(model)
     assert "2 compared" in page
-    assert "Identified: time constant." in page
+    assert "Known within the intervals above: time constant." in page
     for cell in ("positional &lt;P&gt;", "166 + 20", "93.5", "112", "0.31", "0.7", "dead_time_s", "foretold"):
         assert cell in page, cell
     assert "None of the parameters" in _hypotheses(model | {"time_constant_s_ci95": None})
