@@ -126,3 +126,26 @@ def test_a_ramp_is_told_with_its_rate():
     assert ramp_note({"setpoint_ramp": ramp})[0].startswith("The setpoint moves by 9 units every 2 calls, 2.64 °C/min:")
     assert ramp_note({"setpoint_ramp": ramp | {"calls": 1}})[0].startswith("The setpoint moves by 9 units every call,")
     assert ramp_note({"setpoint_ramp": None}) == ramp_note({}) == []
+
+
+def test_every_hypothesis_and_what_it_is_worth_stands_in_the_page_where_the_power_was_not_logged():
+    from heatertune.report.page import _checks, _hypotheses  # noqa: PLC0415 - parts of the page, beside their only use
+
+    names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
+    one = {"law": "positional <P>", "gain_degC_per_pct": 0.4, "time_constant_s": 166.0, "dead_time_s": 14.4,
+           "ambient_degC": 24.0, "fits_pct": {}, "fit_pct": 93.5, "delta_bic": 0.0, "rmse_degC": 0.31,
+           "hold_out_rmse_degC": 0.7, "cross_rmse_degC": None, "on_bound": ["dead_time_s"]}
+    two = one | {"law": "PI", "second_time_constant_s": 20.0, "delta_bic": 112.0}
+    model = {"hypotheses": [one, two]} | dict.fromkeys(names, 1.0) | {"time_constant_s_ci95": [145.0, 208.0]}
+    page = _hypotheses(model)
+    assert "2 compared" in page
+    assert "Known within the intervals above: time constant." in page
+    for cell in ("positional &lt;P&gt;", "166 + 20", "93.5", "112", "0.31", "0.7", "dead_time_s", "foretold"):
+        assert cell in page, cell
+    assert "None of the parameters" in _hypotheses(model | {"time_constant_s_ci95": None})
+    assert _hypotheses({}) == _checks({}) == ""
+    checked = _checks({"fit_pct": 96.6, "held_out": {"fit_pct": 94.3}, "whiteness": {
+        "ljung_box": 4766.0, "limit": 31.41, "ok": False}, "input_crosscorrelation": {
+        "largest": 0.1, "at_lag_s": 12.0, "limit": 0.17, "ok": True}})
+    for cell in ("94.3", "4.77e+03", "not by chance", "12 s before", ">ok<"):
+        assert cell in checked, cell

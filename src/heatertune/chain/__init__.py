@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 __all__ = [
     "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "fleet", "plan", "prove",
-    "prove_ramped", "read_log", "study", "tune", "write_report",
+    "prove_ramped", "read_log", "study", "tune", "validate", "write_report",
 ]
 
 if TYPE_CHECKING:
@@ -25,19 +25,21 @@ if TYPE_CHECKING:
     from heatertune.chain.stages import encode, export, fit, fit_known, fit_together, prove, tune
     from heatertune.chain.studies import study
     from heatertune.chain.targets import compare
+    from heatertune.chain.validation import validate
     from heatertune.chain.whole import design, write_report
     from heatertune.log import read_log
 
-_STAGES = "heatertune.chain.stages"
+_STAGES = "stages"
 _HOMES = {
-    "plan": "heatertune.chain.experiment", "compare": "heatertune.chain.targets", "read_log": "heatertune.log",
-    "prove_ramped": "heatertune.chain.ramp", "fleet": "heatertune.chain.fleets", "study": "heatertune.chain.studies",
-    "design": "heatertune.chain.whole", "write_report": "heatertune.chain.whole",
+    "compare": "targets", "design": "whole", "fleet": "fleets", "plan": "experiment", "prove_ramped": "ramp",
+    "study": "studies", "validate": "validation", "write_report": "whole",
 }
 
 
 def __getattr__(name: str) -> Any:
     """Import a function when it is first used: an export needs no fit, and a worker no report."""
+    if name == "read_log":
+        return import_module("heatertune.log").read_log
     if name in __all__:
-        return getattr(import_module(_HOMES.get(name, _STAGES)), name)
+        return getattr(import_module(f"heatertune.chain.{_HOMES.get(name, _STAGES)}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -32,6 +32,9 @@ __all__ = [
 
 Told = Callable[[str], object]
 
+#: of a model's document, what is told and no design depends on
+_TOLD = ("residuals", "notes", "hypotheses", "whiteness", "input_crosscorrelation", "held_out", "halves")
+
 #: ambient assumed where neither the log nor the user tells it [°C]
 ROOM_DEGC = 20.0
 
@@ -181,7 +184,7 @@ def tune(fitted: FittedModel, *, target: str | None = None, progress: Told = str
 def _essence(fitted: FittedModel) -> dict[str, Any]:
     """Return what a design depends on: the working model and the candidates."""
     document = model_document.to_document(fitted)
-    return {key: document[key] for key in document if key not in ("residuals", "notes", "hypotheses")}
+    return {key: document[key] for key in document if key not in _TOLD}
 
 
 def encode(design: PidDesign, target: str, *, scaling: Scaling | None = None) -> Words:

@@ -25,6 +25,7 @@ from heatertune.cli import (
     study,
     targets,
     tune,
+    validate,
     verify,
 )
 from heatertune.cli.common import CommandParser
@@ -34,8 +35,8 @@ from heatertune.errors import ExportRefused, HeatertuneError
 __all__ = ["main"]
 
 COMMANDS = (
-    design, fit, plan, tune, pareto, export_db, verify, compare, advise, study, fleet, report, decode, replay, targets,
-    doctor, completion,
+    design, fit, validate, plan, tune, pareto, export_db, verify, compare, advise, study, fleet, report, decode, replay,
+    targets, doctor, completion,
 )
 
 _EPILOG = """\

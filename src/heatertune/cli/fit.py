@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from heatertune.cli import common
+from heatertune.cli.known import add_known_options, known_words
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
     from heatertune.log.values import Log
     from heatertune.model.values import FittedModel
-    from heatertune.plc import Words
 
 __all__ = ["add_to"]
 
@@ -31,11 +31,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("--hypotheses", action="store_true",
                          help="show the table of controller hypotheses; for one log all of them, however bad")
     common.add_log_options(command)
-    known = command.add_argument_group("a log without power, of a controller you know")
-    known.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(common.TARGETS)}")
-    known.add_argument("--words", metavar="FILE", help="its words: words.json as written by export-db")
-    known.add_argument("--setpoint", type=float, metavar="°C", help="its setpoint, where the log does not hold it [°C]")
-    common.add_switch_option(known, "setting of an open point, where you know it")
+    add_known_options(command)
     common.add_output_options(command)
     command.set_defaults(run=_run)
 
@@ -61,30 +57,13 @@ def _fitted(settings: argparse.Namespace, logs: Sequence[Log], progress: common.
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
 
     given = common.fitting(settings)
-    if settings.controller is not None:
-        words, known = _words(settings, logs), common.switches(settings)
+    words = known_words(settings, logs)
+    if words is not None:
+        known = common.switches(settings)
         return chain.fit_known(
             logs[0], words, setpoint_degC=settings.setpoint, known=known, progress=progress, **given)
-    for name in ("words", "setpoint", "switch"):
-        if getattr(settings, name):
-            raise InputError(f"--{name} needs --controller: it tells what that controller holds")
     if len(logs) == 1:
         return chain.fit(logs[0], thorough=settings.hypotheses, progress=progress, **given)
     if given.pop("power_before_pct") is not None:
         raise InputError("--power-before means nothing for logs without power, and only those are fitted together")
     return chain.fit_together(logs, progress=progress, **given)
-
-
-def _words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words:
-    from heatertune.chain.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc import room  # noqa: PLC0415
-
-    room(settings.controller)  # an unknown name is refused before the file is opened
-    if settings.words is None:
-        raise InputError("--controller needs --words: without its words a controller is not known")
-    if len(logs) > 1:
-        raise InputError("--controller takes one log: the words are of one run")
-    words = read_words(settings.words, settings.controller)
-    if words is None:
-        raise InputError(f"{settings.words}: no words; expected words.json as written by export-db")
-    return words

@@ -11,6 +11,7 @@ import numpy as np
 
 from heatertune.documents import number, optional_number, read_document
 from heatertune.errors import DocumentError
+from heatertune.model import judgement_document
 from heatertune.model.values import (
     Candidate,
     FittedModel,
@@ -47,6 +48,8 @@ def to_document(fitted: FittedModel) -> dict[str, Any]:
         "hypotheses": [_candidate_document(candidate) for candidate in fitted.hypotheses],
         "notes": list(fitted.notes),
     }
+    if fitted.validation is not None:
+        document |= judgement_document.to_document(fitted.validation)
     if fitted.residuals is not None:
         document["residuals"] = {
             "time_s": fitted.residuals.time_s,
@@ -90,6 +93,7 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "model") -
             fit_pct=optional_number(document, "fit_pct", where),
             notes=tuple(str(note) for note in document.get("notes", ())),
             residuals=_residuals(document.get("residuals")),
+            validation=judgement_document.from_document(document),
         )
     except (KeyError, TypeError, AttributeError) as problem:
         raise DocumentError(f"{where}: {problem} is missing or of the wrong kind") from problem

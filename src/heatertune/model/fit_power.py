@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,15 +12,17 @@ from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.diagnosis import notes_of
 from heatertune.model.intervals import identified_parts
+from heatertune.model.judge import correlation_of, judged, judgement_notes
 from heatertune.model.loads import bic_of, left_over, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.outliers import tamed, without_outliers
+from heatertune.model.power_candidates import candidates_of, second_is_seen
 from heatertune.model.readings import Readings
+from heatertune.model.rivals import rivals_of, widened
 from heatertune.model.sanity import demand_cause
-from heatertune.model.statistics import ar1_bic, autocorrelation, fit_pct
-from heatertune.model.two_rates import fit_two_rates
+from heatertune.model.statistics import autocorrelation, fit_pct
 from heatertune.model.uncertainty import RATIO, intervals
-from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Interval, Outcome, Residuals
+from heatertune.model.values import FittedModel, Fopdt, Interval, Outcome, Residuals
 
 __all__ = ["fit_power"]
 
@@ -60,12 +63,18 @@ def fit_power(
     one, full = found.fits[0], replace(found.problems[0], readings=Readings.of(log))
     assert isinstance(one.model, Fopdt)
     simulated = one.linear @ full.basis(one.vector)
-    ci95: dict[str, Interval | None] = {**intervals(found.problems[0], one, seed=seed)}
-    ratio = ci95.pop(RATIO)
-    candidates = _candidates(log, found, ci95["time_constant_s"])
+    inside = intervals(found.problems[0], one, seed=seed)
+    validation = judged(found.problems[0], one)
+    rivals = rivals_of(log, found.problems[0], one, inside, validation.held_out)
+    ci95: dict[str, Interval | None] = {**widened(inside, [_values(rival.model) for rival in rivals])}
+    ratio, lag = ci95.pop(RATIO), ci95["time_constant_s"]
+    assert ratio is not None
+    assert lag is not None
+    candidates = candidates_of(
+        log, found.problems, found.fits, left_out=validation.held_out, open_lag=lag.high is None, rivals=rivals)
     known = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
     fit = fit_pct(found.cleaned, simulated)
-    assert ratio is not None
+    second = correlation_of(found.problems[1], found.fits[1]) if second_is_seen(found.fits[1]) else None
     return FittedModel(
         model=one.model,
         outcome=Outcome.POOR_FIT if fit < _POOR else Outcome.IDENTIFIED if known else Outcome.COMBINATIONS_ONLY,
@@ -75,12 +84,22 @@ def fit_power(
         combinations={} if known else {RATIO: (one.model.gain_degC_per_pct / one.model.time_constant_s, ratio)},
         candidates=candidates,
         fit_pct=fit,
-        notes=notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
+        notes=(*notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
+               *(rival.told for rival in rivals), *judgement_notes(log, validation, fit, second)),
         residuals=Residuals(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
             autocorrelation=autocorrelation(found.cleaned - simulated),
         ),
+        validation=validation,
     )
+
+
+def _values(model: Fopdt) -> dict[str, float]:
+    named = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
+    return {name: float(getattr(model, name)) for name in named} | {
+        "ambient_degC": math.nan if model.ambient_degC is None else model.ambient_degC,
+        RATIO: model.gain_degC_per_pct / model.time_constant_s,
+    }
 
 
 def _search(log: Log, problem: PowerProblem, *, believed: bool) -> _Found:
@@ -97,7 +116,7 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> _Found:
     if not believed:
         demand_cause(log, thin, None if fit.model is None else fit)
     problems = [thin, replace(thin, two_lags=True)]
-    fits = [fit, problems[1].fit()]
+    fits = [fit, _second(problems[1], fit)]
     problems, fits = _started(problems, fits)
     # a drift passes for loads and a load for a drift: each may come first
     ways = [with_loads(*_drifting(problems, fits)), _drifting(*with_loads(problems, fits))]
@@ -105,6 +124,15 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> _Found:
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
     return _Found(problems=problems, fits=fits, cleaned=cleaned, outliers=outliers)
+
+
+def _second(problem: PowerProblem, one: PowerFit) -> PowerFit:
+    """Return two lags; where the free initial states alone make the best of it, the two nearest to the one lag."""
+    found = problem.fit()
+    if found.model is not None:
+        return found
+    near = [(one.vector[0], max(one.vector[1] - ratio * math.exp(one.vector[0]), 0.0), ratio) for ratio in (0.03, 0.2)]
+    return problem.refined(np.array(near))
 
 
 def _started(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
@@ -130,40 +158,3 @@ def _drifting(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[
 
 def _refitted(problems: list[PowerProblem], fits: list[PowerFit]) -> list[PowerFit]:
     return [problem.refined(fit.vector[None, :]) for problem, fit in zip(problems, fits, strict=True)]
-
-
-def _candidates(log: Log, found: _Found, lag: Interval | None) -> tuple[Candidate, ...]:
-    """Return the one-lag model and every other that explains the log nearly as well or better."""
-    problem, one = found.problems[0], found.fits[0]
-    record = problem.readings.temperature_degC
-    tried: list[tuple[HeaterModel | None, Array, float, str]] = [
-        (fit.model, fit.simulated_degC, ar1_bic(record - fit.simulated_degC, fit.unknowns), law)
-        for fit, law in _fits_of(found, lag)
-    ]
-    if not problem.loads_s and not problem.drift and left_over(problem, one):
-        rates = fit_two_rates(problem, one)
-        bic = ar1_bic(record - rates.simulated_degC, rates.unknowns)
-        if not rates.on_bound and bic < min(found for _, _, found, _ in tried) - _NEAR:
-            tried.append((rates.heating, rates.simulated_degC, bic, "power logged, heating"))
-            tried.append((rates.cooling, rates.simulated_degC, bic, "power logged, cooling"))
-    least = min(bic for _, _, bic, _ in tried)
-    return tuple(
-        Candidate(
-            model=model, log=log.name, window_s=(float(log.time_s[0]), float(log.time_s[-1])), law=law,
-            fit_pct=fit_pct(record, simulated), rmse_degC=float(np.sqrt(np.mean((record - simulated) ** 2))),
-            delta_bic=bic - least,
-        )
-        for model, simulated, bic, law in tried
-        if model is not None and (model is one.model or bic - least < _NEAR)
-    )
-
-
-def _fits_of(found: _Found, lag: Interval | None) -> list[tuple[PowerFit, str]]:
-    """Return one lag, two where the second is seen, and the integrator where the time constant is open upwards."""
-    one, two = found.fits
-    fits = [(one, "power logged")]
-    if "second_time_constant_s" not in two.on_bound:
-        fits.append((two, "power logged"))
-    if lag is not None and lag.high is None:
-        fits.append((found.problems[0].far(), "power logged, as an integrator"))
-    return fits

@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.open_loop import PowerFit, PowerProblem
+from heatertune.model.projection import AMBIENT
 from heatertune.model.statistics import ar1_bic
 
-__all__ = ["bic_of", "left_over", "with_loads"]
+__all__ = ["bic_of", "is_sensible", "left_over", "with_loads"]
 
 Array = npt.NDArray[np.float64]
 
@@ -19,10 +20,15 @@ _GAIN = 20.0  # BIC points a load step has to be worth: its instant is chosen am
 _LEFT = 2e-3  # of the span
 _INSTANTS = 80
 _ROUNDS = 3
+_COLDER = 0.05  # of the span: noise and a poor start
+_GRID = 16  # instants
+_RATIO = 0.1  # of two lags to begin with
 
 
 def bic_of(problem: PowerProblem, fit: PowerFit) -> float:
-    """Return the criterion of a fit on its problem's readings."""
+    """Return the criterion of a fit on its problem's readings; infinite where it is no heater."""
+    if fit.model is None and problem.sign > 0.0 and problem.least_dead_time_s == 0.0:
+        return np.inf
     return ar1_bic(problem.readings.temperature_degC - fit.simulated_degC, fit.unknowns)
 
 
@@ -30,6 +36,12 @@ def left_over(problem: PowerProblem, fit: PowerFit) -> bool:
     """Return whether a fit leaves enough for a drift or a load to be there at all, and not the arithmetic of a fit."""
     record = problem.readings.temperature_degC
     return float(np.sqrt(np.mean((record - fit.simulated_degC) ** 2))) > _LEFT * float(np.ptp(record))
+
+
+def is_sensible(problem: PowerProblem, fit: PowerFit) -> bool:
+    """Return whether the ambient lies below the readings, but for a little: no heater is colder than its room."""
+    readings = problem.readings.temperature_degC
+    return float(fit.linear[AMBIENT]) <= float(readings.min()) + _COLDER * float(np.ptp(readings))
 
 
 def with_loads(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
@@ -42,16 +54,40 @@ def with_loads(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list
         best = int(np.argmin(bics))
         if not left_over(problems[best], fits[best]):
             break
-        trial, found = problems, fits
-        for _ in range(_ROUNDS):  # the load bends lags and dead time, and these its instant
-            instant = _instant(problems[best], found[best])
-            trial = [replace(problem, loads_s=(*problem.loads_s, instant)) for problem in problems]
-            found = [t.refined(fit.vector[None, :]) for t, fit in zip(trial, found, strict=True)]
+        ways = [_descended(problems, fits, best)]
+        if not problems[0].loads_s:  # under feedback a load passes for a weak heater, far from the true one
+            ways += [way for way in [_descended(problems, _far_off(problems), 0)] if is_sensible(way[0][0], way[1][0])]
+        trial, found = min(ways, key=lambda way: min(map(bic_of, *way)))
         gains = [bic - bic_of(t, f) for bic, t, f in zip(bics, trial, found, strict=True)]
         if min(gains) < _GAIN:
             break
         problems, fits = trial, found
     return problems, fits
+
+
+def _descended(
+    problems: list[PowerProblem], fits: list[PowerFit], best: int
+) -> tuple[list[PowerProblem], list[PowerFit]]:
+    """Return the problems and fits with one more load, found from where the fits are."""
+    trial = problems
+    for _ in range(_ROUNDS):  # the load bends lags and dead time, and these its instant
+        instant = _instant(problems[best], fits[best])
+        trial = [replace(problem, loads_s=(*problem.loads_s, instant)) for problem in problems]
+        fits = [t.refined(fit.vector[None, :]) for t, fit in zip(trial, fits, strict=True)]
+    return trial, fits
+
+
+def _far_off(problems: list[PowerProblem]) -> list[PowerFit]:
+    """Return the fits with one load whose instant, lag and dead time were searched together, on a coarse grid."""
+    time = problems[0].readings.time_s
+    tried = time[0] + np.linspace(0.05, 0.95, _GRID) * float(np.ptp(time))
+    found = [replace(problems[0], loads_s=(float(instant),)).roughly() for instant in tried]
+    place = int(np.argmin([cost for cost, _ in found]))
+    vector, fits = found[place][1], []
+    for problem in problems:
+        start = np.array([[vector[0], vector[1], _RATIO if problem.two_lags else 0.0]])
+        fits.append(replace(problem, loads_s=(float(tried[place]),)).refined(start))
+    return fits
 
 
 def _instant(problem: PowerProblem, fit: PowerFit) -> float:

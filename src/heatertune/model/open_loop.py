@@ -24,6 +24,7 @@ Array = npt.NDArray[np.float64]
 
 _RATIO = (0.01, 0.98)
 _COARSE = 250  # readings that tell the region of the best fit
+_ROUGH, _ROUGH_READINGS = 3, 120  # every third of the grid
 _FAR = 5.0  # lengths of the log: a longer time constant shows no curvature
 
 
@@ -134,7 +135,7 @@ class PowerProblem:
     def _log(self) -> tuple[Any, ...]:
         r = self.readings
         arrays = (_writable(each) for each in (r.time_s, r.half_s, r.edge_s, r.level_pct))
-        return *arrays, self._before, np.array(self.loads_s)
+        return *arrays, self.power_before, np.array(self.loads_s)
 
     def basis(self, z: Array) -> Array:
         """Return the columns whose sum, weighted by the linear part, is the temperature, shape (5 + loads, m)."""
@@ -172,6 +173,14 @@ class PowerProblem:
         starts = coarse.minimum(starts, record, iterations=30)
         return self.refined(starts[np.argsort(coarse.cost(starts, record))[:3]])
 
+    def roughly(self) -> tuple[float, Array]:
+        """Return the least sum of squares on a grid over lags and dead time, by a few readings, and where it lies."""
+        coarse = self.thinned(_ROUGH_READINGS)
+        grid = self._grid()[::_ROUGH]
+        cost = coarse.cost(grid, np.tile(coarse.readings.temperature_degC, (len(grid), 1)))
+        place = int(np.argmin(cost))
+        return float(cost[place]) / len(coarse.readings.time_s), grid[place]
+
     def refined(self, starts: Array) -> PowerFit:
         """Return the best fit that the starts (n, 3) lead to."""
         records = np.tile(self.readings.temperature_degC, (len(starts), 1))
@@ -190,7 +199,8 @@ class PowerProblem:
         return replace(self, readings=self.readings.thinned(most))
 
     @property
-    def _before(self) -> float:
+    def power_before(self) -> float:
+        """Power before the first reading [%]."""
         first = float(self.readings.level_pct[0])
         return first if self.power_before_pct is None else self.power_before_pct
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.model.loads import bic_of
+from heatertune.model.loads import bic_of, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.projection import GAIN
 from heatertune.model.statistics import ar1_bic
@@ -43,7 +43,8 @@ def demand_cause(log: Log, problem: PowerProblem, fit: PowerFit | None) -> None:
     fit = None if fit is None else problem.refined(fit.vector[None, :])
     opposite = replace(problem, sign=-1.0)
     other = opposite.fit()
-    _demand_effect(log, problem, min(bic_of(opposite, other), np.inf if fit is None else bic_of(problem, fit)))
+    best = min(bic_of(opposite, other), np.inf if fit is None else bic_of(problem, fit))
+    _demand_effect(log, problem, fit, best)
     if fit is None or (
         _squares(opposite, other) < _BETTER * _squares(problem, fit)
         and bic_of(opposite, other) < bic_of(problem, fit) - _SURE
@@ -106,7 +107,7 @@ def _demand_order(log: Log, problem: PowerProblem, fit: PowerFit) -> None:
         )
 
 
-def _demand_effect(log: Log, problem: PowerProblem, with_power: float) -> None:
+def _demand_effect(log: Log, problem: PowerProblem, fit: PowerFit | None, with_power: float) -> None:
     if len(problem.readings.level_pct) == 1:
         return  # constant power was accepted because the ambient is known
     still = replace(
@@ -114,11 +115,23 @@ def _demand_effect(log: Log, problem: PowerProblem, with_power: float) -> None:
     )
     idle = still.fit()
     error = problem.readings.temperature_degC - idle.simulated_degC
-    if ar1_bic(error, idle.unknowns - 2) < with_power + _SURE:  # neither gain nor dead time
+    if ar1_bic(error, idle.unknowns - 2) < with_power + _SURE and not _answers_beside_load(problem, still, fit):
         raise InputError(
             f"{log.name}: the temperature does not follow the power within this log: the dead time is longer than the "
             "log, the heater was off, or the sensor sits elsewhere; log until the temperature has answered a step"
         )
+
+
+def _answers_beside_load(problem: PowerProblem, still: PowerProblem, fit: PowerFit | None) -> bool:
+    """Return whether the power is seen once a load is allowed: a controller's answer to one hides its own effect."""
+    if fit is None:
+        return False
+    (loaded, *_), (found, *_) = with_loads([problem], [fit])
+    if not loaded.loads_s:
+        return False
+    idle = replace(still, loads_s=loaded.loads_s).fit()
+    error = problem.readings.temperature_degC - idle.simulated_degC
+    return ar1_bic(error, idle.unknowns - 2) > bic_of(loaded, found) + _SURE
 
 
 def _sample(problem: PowerProblem) -> float:

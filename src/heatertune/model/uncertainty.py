@@ -21,7 +21,7 @@ from heatertune.model.projection import AMBIENT, GAIN
 from heatertune.model.statistics import autocorrelation, block_resamples
 from heatertune.model.values import Interval
 
-__all__ = ["RATIO", "intervals"]
+__all__ = ["RATIO", "intervals", "reaches", "sensitivities"]
 
 Array = npt.NDArray[np.float64]
 
@@ -57,6 +57,15 @@ def intervals(problem: PowerProblem, fit: PowerFit, *, seed: int) -> dict[str, I
     }
 
 
+def reaches(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
+    """Return half the width of each parameter's 95 % interval by linear theory, under noise of the residuals' colour.
+
+    For comparisons; what is told of a fit alone is `intervals`, which sees what is skewed or open.
+    """
+    noise = _noise(problem, fit)
+    return {name: noise.quantile * deviation for name, deviation in noise.deviation.items()}
+
+
 def _ends(problem: PowerProblem) -> dict[str, tuple[float, float]]:
     low, high = problem.low, problem.high
     return {
@@ -82,7 +91,7 @@ def _bootstrap(problem: PowerProblem, fit: PowerFit, seed: int) -> dict[str, Arr
 
 def _noise(problem: PowerProblem, fit: PowerFit) -> _Noise:
     """Return what first-order autoregressive noise of the residuals' colour does to the parameters."""
-    jacobian, names = _jacobian(problem, fit)
+    jacobian, names = sensitivities(problem, fit)
     residuals = problem.readings.temperature_degC - fit.simulated_degC
     base, triangle = np.linalg.qr(jacobian)
     rho, variance = _colour(residuals, base)
@@ -102,7 +111,7 @@ def _noise(problem: PowerProblem, fit: PowerFit) -> _Noise:
     )
 
 
-def _jacobian(problem: PowerProblem, fit: PowerFit) -> tuple[Array, list[str]]:
+def sensitivities(problem: PowerProblem, fit: PowerFit) -> tuple[Array, list[str]]:
     """Return the derivative of the temperature by each unknown, shape (m, p), and the unknowns' names."""
     free = np.flatnonzero(np.isnan(problem.known))
     called = {GAIN: "gain_degC_per_pct", AMBIENT: "ambient_degC"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,9 @@ import numpy.typing as npt
 from heatertune.errors import OutOfRange
 from heatertune.show import Shown
 from heatertune.units import check
+
+if TYPE_CHECKING:
+    from heatertune.model.judgement import Validation
 
 __all__ = ["Candidate", "FittedModel", "Fopdt", "HeaterModel", "Interval", "Outcome", "Residuals", "TwoLag"]
 
@@ -216,6 +220,7 @@ class FittedModel(Shown):
         method: how it was found, one sentence.
         notes: what the log cannot tell and what that means, one sentence each.
         residuals: of the working model, None for a model given by hand.
+        validation: checks of the working model, None where no power was logged.
     """
 
     model: Fopdt
@@ -228,6 +233,7 @@ class FittedModel(Shown):
     fit_pct: float | None = None
     notes: tuple[str, ...] = ()
     residuals: Residuals | None = None
+    validation: Validation | None = None
 
     @property
     def plants(self) -> tuple[HeaterModel, ...]:

@@ -7,7 +7,16 @@ from typing import Any
 
 from heatertune.report import plots
 from heatertune.report.html import bullets, page, picture, table, text_of
-from heatertune.report.text import criterion_value, figure, model_rows, ramp_note, search_notes, word
+from heatertune.report.text import (
+    NOT_IDENTIFIED,
+    criterion_value,
+    figure,
+    hypothesis_rows,
+    model_rows,
+    ramp_note,
+    search_notes,
+    word,
+)
 
 __all__ = ["render"]
 
@@ -52,7 +61,7 @@ def _model(documents: Documents) -> str:
     found = table(["", "value", "95 % interval", "unit"], model_rows(model), numeric=(1,))
     return (
         f"<h2>Heater</h2><p>{text_of(model['outcome_text'])} Method: {text_of(model['method'])}.</p>{found}"
-        f"{bullets(model.get('notes', ()))}{_candidates(model)}{_price(documents)}"
+        f"{_checks(model)}{bullets(model.get('notes', ()))}{_candidates(model)}{_hypotheses(model)}{_price(documents)}"
     )
 
 
@@ -76,6 +85,40 @@ def _candidates(model: Document) -> str:
     return (
         "<h3>Models that explain the data nearly as well</h3><p>One of them may destabilise a design made for another, "
         f"so design and proof run on all of them.</p>{table(heads, rows, numeric=range(2, 8))}"
+    )
+
+
+def _checks(model: Document) -> str:
+    """Return what the fit is worth on windows left out of it, and whether its residuals are noise."""
+    held, white, follows = (model.get(name) for name in ("held_out", "whiteness", "input_crosscorrelation"))
+    if held is None or white is None:
+        return ""
+    rows = [["fit", figure(model["fit_pct"]), "", "%", ""],
+            ["fit on windows left out", figure(held["fit_pct"]), "", "%", ""],
+            ["whiteness of the residuals (Ljung–Box, 20 lags)", figure(white["ljung_box"], 3),
+             f"≤ {figure(white['limit'])}", "", _mark(white["ok"])]]
+    if follows is not None:
+        name = f"correlation of the residuals with the power {figure(follows['at_lag_s'], 3)} s before"
+        rows.append([name, figure(follows["largest"], 2), f"≤ {figure(follows['limit'], 2)}", "", _mark(follows["ok"])])
+    return table(["check of the working model", "value", "by chance", "unit", ""], rows, numeric=(1, 2))
+
+
+def _mark(ok: bool) -> str:
+    return "ok" if ok else "not by chance"
+
+
+def _hypotheses(model: Document) -> str:
+    """Return every hypothesis about the controller that was compared; nothing where the power was logged."""
+    if not model.get("hypotheses"):
+        return ""
+    heads, *rows = hypothesis_rows(model)
+    sure = [called for called, _, ci95, _ in model_rows(model) if ci95 != NOT_IDENTIFIED]
+    told = f"Known within the intervals above: {', '.join(sure)}." if sure else "None of the parameters is identified."
+    return (
+        f"<h3>Hypotheses about the controller</h3><p>{text_of(told)} BIC with AR(1) errors on the same readings; RMS "
+        "in °C on the readings used, on the later ones foretold from the earlier, and on blocks left out.</p>"
+        f"<details open><summary>{len(rows)} compared</summary>{table(heads, rows, numeric=(1, 3, 4, 6, 7, 8, 9))}"
+        "</details>"
     )
 
 

@@ -9,12 +9,14 @@ from typing import Any
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines", "figure", "forms_lines",
-    "hypothesis_table", "model_lines", "model_rows", "outcome_lines", "pareto_table", "ramp_note", "search_notes",
-    "summary", "table", "word", "words_table",
+    "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
+    "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "model_lines", "model_rows", "outcome_lines",
+    "pareto_table", "ramp_note", "search_notes", "summary", "table", "validation_lines", "word", "words_table",
 ]
 
 Document = Mapping[str, Any]
+
+NOT_IDENTIFIED = "not identified"
 
 
 def figure(value: Any, digits: int = 4) -> str:
@@ -50,7 +52,10 @@ def table(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> str:
 def model_lines(model: Document) -> str:
     """Return the fitted FOPDT, its intervals, its candidates and what could not be identified."""
     rows = [("", "value", "95 %", ""), *model_rows(model)]
-    lines = [table(rows, right=(1,)), f"fit {figure(model.get('fit_pct'))} %, {model['method']}", model["outcome_text"]]
+    unseen = model.get("held_out")
+    seen = "" if unseen is None else f" ({figure(unseen['fit_pct'])} % on windows left out)"
+    fit = f"fit {figure(model.get('fit_pct'))} %{seen}, {model['method']}"
+    lines = [table(rows, right=(1,)), fit, model["outcome_text"]]
     others = len(model.get("candidates", ()))
     if others > 1:
         lines.append(f"{others} candidate models; design and proof run on all of them.")
@@ -68,12 +73,17 @@ def model_rows(model: Document) -> list[tuple[str, str, str, str]]:
 
 
 def hypothesis_table(model: Document) -> str:
-    """Return every hypothesis, the best by BIC first: fit, errors on seen and unseen readings, heater, bounds touched.
+    """Return every hypothesis as aligned columns; see `hypothesis_rows`."""
+    return table(hypothesis_rows(model), right=(1, 3, 4, 6, 7, 8, 9))
+
+
+def hypothesis_rows(model: Document) -> list[tuple[str, ...]]:
+    """Return heads and every hypothesis, the best by BIC first: fit, errors, heater, bounds touched.
 
     Errors are RMS in °C: on the readings used, on the later ones foretold from the earlier, on blocks left out.
     """
     heads = ("law", "gain", "lags s", "dead s", "ambient", "fit %", "ΔBIC", "RMS", "foretold", "left out", "on a bound")
-    rows = [heads]
+    rows: list[tuple[str, ...]] = [heads]
     for each in model["hypotheses"]:
         lags = [figure(each[name], 3) for name in ("time_constant_s", "second_time_constant_s") if name in each]
         fits = [figure(fit, 3) for fit in each["fits_pct"].values()] or [figure(each["fit_pct"], 3)]
@@ -84,7 +94,20 @@ def hypothesis_table(model: Document) -> str:
                                           for name in ("rmse", "hold_out_rmse", "cross_rmse")],
             ", ".join(each["on_bound"]),
         ))
-    return table(rows, right=(1, 3, 4, 6, 7, 8, 9))
+    return rows
+
+
+def validation_lines(found: Document) -> str:
+    """Return each model's run on another log, what it means, and the verdict with the criteria that are not kept."""
+    rows = [("model", "ambient", "fit %", "bias °C", "RMS °C", "white", "follows the power")]
+    for run in found["runs"]:
+        seen = run["input_crosscorrelation"]
+        follows = "—" if seen is None else "no" if seen["ok"] else f"after {figure(seen['at_lag_s'], 3)} s"
+        numbers = (figure(run[name], 3) for name in ("ambient_degC", "fit_pct", "bias_degC", "rmse_degC"))
+        rows.append((run["label"], *numbers, "yes" if run["whiteness"]["ok"] else "no", follows))
+    by = f", by {' and '.join(found['fails'])}" if found["fails"] else ""
+    notes = [f"- {note}" for note in found["notes"]]
+    return "\n".join([table(rows, right=(1, 2, 3, 4)), *notes, f"VERDICT {found['verdict']}{by}"])
 
 
 def design_lines(design: Document) -> str:
@@ -239,6 +262,6 @@ def outcome_lines(summary: Document) -> str:
 
 def _interval(pair: Sequence[float | None] | None) -> str:
     if pair is None:
-        return "not identified"
+        return NOT_IDENTIFIED
     low, high = ("open" if end is None else figure(end, 3) for end in pair)
     return f"{low} … {high}"

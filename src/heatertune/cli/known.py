@@ -1,0 +1,51 @@
+"""The options of a known controller behind a log without power."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from heatertune.cli import common
+from heatertune.errors import InputError
+
+if TYPE_CHECKING:
+    from heatertune.log.values import Log
+    from heatertune.plc import Words
+
+__all__ = ["add_known_options", "known_words"]
+
+
+def add_known_options(command: argparse.ArgumentParser) -> None:
+    """Add --controller, --words, --setpoint and --switch."""
+    known = command.add_argument_group("a log without power, of a controller you know")
+    known.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(common.TARGETS)}")
+    known.add_argument("--words", metavar="FILE", help="its words: words.json as written by export-db")
+    known.add_argument("--setpoint", type=float, metavar="°C", help="its setpoint, where the log does not hold it [°C]")
+    common.add_switch_option(known, "setting of an open point, where you know it")
+
+
+def known_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | None:
+    """Return the words of the controller that is named, None where none is.
+
+    Raises:
+        InputError: words without a controller, a controller without words or with several logs.
+        UnknownName: no such controller.
+    """
+    if settings.controller is None:
+        for name in ("words", "setpoint", "switch"):
+            if getattr(settings, name):
+                raise InputError(f"--{name} needs --controller: it tells what that controller holds")
+        return None
+    from heatertune.chain.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc import room  # noqa: PLC0415
+
+    room(settings.controller)  # an unknown name is refused before the file is opened
+    if settings.words is None:
+        raise InputError("--controller needs --words: without its words a controller is not known")
+    if len(logs) > 1:
+        raise InputError("--controller takes one log: the words are of one run")
+    words = read_words(settings.words, settings.controller)
+    if words is None:
+        raise InputError(f"{settings.words}: no words; expected words.json as written by export-db")
+    return words

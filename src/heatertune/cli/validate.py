@@ -1,0 +1,57 @@
+"""`heatertune validate`: model and another log → whether the model holds."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from heatertune.cli import common
+from heatertune.cli.known import add_known_options, known_words
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune validate model.json other_day.csv --ambient 19.5"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "validate", help="prove a model on another log: exit status 1 where it does not hold", epilog=_EXAMPLE,
+        description="Simulate a model and its candidates with the power of another log of the same heater and judge "
+                    "them by its readings; only the state at the first reading is fitted.",
+    )
+    command.add_argument("model", metavar="MODEL", help="model.json as written by fit")
+    command.add_argument("log", metavar="LOG", help="a CSV file with power, or without where the controller is known")
+    command.add_argument("-o", "--out", metavar="FILE", help="write the result to this JSON file")
+    command.add_argument("--least-fit", type=float, default=80.0, metavar="%",
+                         help="fit the best of the models has to reach [%%] (default: 80)")
+    common.add_reading_options(command)
+    group = command.add_argument_group("this log")
+    group.add_argument("--ambient", type=float, metavar="°C",
+                       help="ambient during this log [°C] (default: the model's own)")
+    group.add_argument("--power-before", type=float, metavar="%", help="power before the first reading [%%]")
+    add_known_options(command)
+    common.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.model.document import read_model  # noqa: PLC0415
+    from heatertune.model.validate_document import to_document  # noqa: PLC0415
+    from heatertune.report.text import validation_lines  # noqa: PLC0415
+
+    progress = common.Progress(settings)
+    model = read_model(settings.model)
+    log = chain.read_log(settings.log, **common.reading(settings))
+    for told in (*log.repairs, *log.doubts):
+        progress(told)
+    verdict = chain.validate(
+        model, log, words=known_words(settings, [log]), setpoint_degC=settings.setpoint,
+        known=common.switches(settings), ambient_degC=settings.ambient, power_before_pct=settings.power_before,
+        until_s=settings.until, least_fit_pct=settings.least_fit,
+    )
+    document = to_document(verdict, settings.least_fit)
+    common.save(settings.out, document)
+    common.output(settings, document, lambda: validation_lines(document))
+    return 1 if verdict.fails else 0

@@ -1,0 +1,92 @@
+"""What a fit with power is worth on windows it has not seen, and whether the halves of a log give the same heater."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.model.judgement import Half, HeldOut
+from heatertune.model.open_loop import PowerFit, PowerProblem
+from heatertune.model.statistics import fit_pct
+from heatertune.model.uncertainty import reaches
+from heatertune.model.values import Interval
+
+__all__ = ["halves", "held_out"]
+
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.bool_]
+
+_WINDOWS = 6  # the first stays in every fit: without it nothing tells where the heater began
+_FEWEST = 20  # readings of a half
+_READINGS = 250  # averaged, of a half
+_SHOWN = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
+
+
+def held_out(problem: PowerProblem, fit: PowerFit) -> HeldOut:
+    """Return how well each window is foretold by a fit to all other readings; drift and load instants stay as found."""
+    time, record = problem.readings.time_s, problem.readings.temperature_degC
+    places = np.array_split(np.arange(len(time)), _WINDOWS)[1:]
+    foretold = np.empty_like(record)
+    for place in places:
+        kept = np.ones(len(time), dtype=np.bool_)
+        kept[place] = False
+        foretold[place] = _foretold(problem, fit, kept)[place]
+    seen = np.concatenate(places)
+    error = foretold - record
+    return HeldOut(
+        fit_pct=fit_pct(record[seen], foretold[seen]), rmse_degC=_rms(error[seen]),
+        windows_s=tuple((float(time[place[0]]), float(time[place[-1]])) for place in places),
+        rmses_degC=tuple(_rms(error[place]) for place in places),
+    )
+
+
+def halves(problem: PowerProblem, fit: PowerFit) -> tuple[Half, Half] | None:
+    """Return one lag fitted to each half of the time, None where a half holds no heater or too few readings."""
+    time = problem.readings.time_s
+    middle = 0.5 * float(time[0] + time[-1])
+    found = tuple(_half(problem, fit, rows) for rows in (time <= middle, time > middle))
+    first, second = found
+    return None if first is None or second is None else (first, second)
+
+
+def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
+    if np.count_nonzero(rows) < _FEWEST:
+        return None
+    part = _part(problem, rows).thinned(_READINGS)
+    start, end = float(part.readings.time_s[0]), float(part.readings.time_s[-1])
+    # a load that began before is ambient, but for its start, which the free initial state takes
+    part = replace(part, loads_s=tuple(t for t in problem.loads_s if start < t < end))
+    found = part.refined(np.array([fit.vector]))
+    if found.model is None:
+        return None
+    values = {name: float(getattr(found.model, name)) for name in _SHOWN}
+    reach = reaches(part, found)
+    ends = {"dead_time_s": float(part.low[1])}
+    return Half(
+        window_s=(start, end), values=values,
+        ci95={name: _around(values[name], reach[name], ends.get(name, 0.0)) for name in _SHOWN},
+    )
+
+
+def _around(value: float, reach: float, least: float) -> Interval:
+    low = value - reach
+    return Interval(low=low if low > least else None, high=value + reach)
+
+
+def _foretold(problem: PowerProblem, fit: PowerFit, kept: Rows) -> Array:
+    """Return the temperature at all readings by a fit to those that are kept."""
+    found = _part(problem, kept).refined(fit.vector[None, :])
+    return np.asarray(found.linear @ problem.basis(found.vector))
+
+
+def _part(problem: PowerProblem, rows: Rows) -> PowerProblem:
+    """Return the problem on some of its readings; the power is known all the time."""
+    r = problem.readings
+    return replace(problem, readings=replace(
+        r, time_s=r.time_s[rows], half_s=r.half_s[rows], temperature_degC=r.temperature_degC[rows]))
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))

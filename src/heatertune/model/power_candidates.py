@@ -1,0 +1,92 @@
+"""The models that explain a log with power: one lag, two, two time constants, an integrator, and the rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.log.values import Log
+from heatertune.model.judge import unseen
+from heatertune.model.judgement import HeldOut
+from heatertune.model.loads import bic_of, left_over
+from heatertune.model.open_loop import PowerFit, PowerProblem
+from heatertune.model.rivals import Rival
+from heatertune.model.statistics import ar1_bic, fit_pct
+from heatertune.model.two_rates import fit_two_rates
+from heatertune.model.values import Candidate, HeaterModel
+
+__all__ = ["candidates_of", "second_is_seen"]
+
+Array = npt.NDArray[np.float64]
+
+_NEAR = 10.0  # BIC points
+
+
+class _Tried(NamedTuple):
+    model: HeaterModel
+    simulated_degC: Array
+    bic: float
+    law: str
+    left_out: HeldOut | None = None
+    kept: bool = False
+
+
+def second_is_seen(two: PowerFit) -> bool:
+    """Return whether the second lag is one: on a bound it is none, or none other than the first."""
+    return "second_time_constant_s" not in two.on_bound
+
+
+def candidates_of(
+    log: Log, problems: Sequence[PowerProblem], fits: Sequence[PowerFit], *, left_out: HeldOut, open_lag: bool,
+    rivals: Sequence[Rival],
+) -> tuple[Candidate, ...]:
+    """Return the one-lag model, its rivals, and every other model that explains the log nearly as well or better.
+
+    Args:
+        log: for its name and times.
+        problems: of one lag and of two.
+        fits: their best fits.
+        left_out: error of one lag on windows left out.
+        open_lag: whether the time constant's interval is open upwards.
+        rivals: kept however far behind they are.
+    """
+    problem, one = problems[0], fits[0]
+    record = problem.readings.temperature_degC
+    tried = [*_orders(problems, fits, left_out, open_lag=open_lag)]
+    tried += [_Tried(r.model, r.fit.simulated_degC, bic_of(r.problem, r.fit), r.law, None, True) for r in rivals]
+    if not problem.loads_s and not problem.drift and left_over(problem, one):
+        rates = fit_two_rates(problem, one)
+        bic = ar1_bic(record - rates.simulated_degC, rates.unknowns)
+        if not rates.on_bound and bic < min(each.bic for each in tried) - _NEAR:
+            tried.append(_Tried(rates.heating, rates.simulated_degC, bic, "power logged, heating"))
+            tried.append(_Tried(rates.cooling, rates.simulated_degC, bic, "power logged, cooling"))
+    least = min(each.bic for each in tried)
+    return tuple(
+        Candidate(
+            model=each.model, log=log.name, window_s=(float(log.time_s[0]), float(log.time_s[-1])), law=each.law,
+            fit_pct=fit_pct(record, each.simulated_degC),
+            rmse_degC=float(np.sqrt(np.mean((record - each.simulated_degC) ** 2))), delta_bic=each.bic - least,
+            cross_rmse_degC=None if each.left_out is None else each.left_out.rmse_degC,
+        )
+        for each in tried if each.kept or each.bic - least < _NEAR
+    )
+
+
+def _orders(
+    problems: Sequence[PowerProblem], fits: Sequence[PowerFit], left_out: HeldOut, *, open_lag: bool
+) -> list[_Tried]:
+    """Return one lag, two where the second is seen, and the integrator where the time constant is open upwards."""
+    (problem, other), (one, two) = problems, fits
+    assert one.model is not None
+    found = [_Tried(one.model, one.simulated_degC, bic_of(problem, one), "power logged", left_out, True)]
+    if second_is_seen(two) and two.model is not None:
+        found.append(_Tried(two.model, two.simulated_degC, bic_of(other, two), "power logged", unseen(other, two)))
+    if open_lag:
+        far = problem.far()
+        if far.model is not None:
+            law = "power logged, as an integrator"
+            found.append(_Tried(far.model, far.simulated_degC, bic_of(problem, far), law))
+    return found

@@ -1,0 +1,121 @@
+"""Other readings of the same log: what passes for drift, load or initial state may be a slow answer of the heater."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from heatertune.log.values import Log
+from heatertune.model.feedback import is_feedback
+from heatertune.model.intervals import envelope
+from heatertune.model.judge import unseen
+from heatertune.model.judgement import HeldOut
+from heatertune.model.loads import bic_of, is_sensible
+from heatertune.model.open_loop import PowerFit, PowerProblem
+from heatertune.model.projection import AMBIENT
+from heatertune.model.sanity import follows_temperature
+from heatertune.model.statistics import fit_pct
+from heatertune.model.values import Fopdt, Interval
+
+__all__ = ["Rival", "rivals_of", "widened"]
+
+_SURE = 0.4  # of the error on windows not seen, that drift and loads have to leave to be believed in an open loop
+_POOR = 60.0  # fit [%] below which a model is no rival
+
+
+class Rival(NamedTuple):
+    """Another fit of one lag, what was done otherwise, and the sentence about it."""
+
+    problem: PowerProblem
+    fit: PowerFit
+    model: Fopdt
+    law: str
+    told: str
+
+
+def rivals_of(
+    log: Log, problem: PowerProblem, fit: PowerFit, ci95: Mapping[str, Interval | None], held_out: HeldOut
+) -> tuple[Rival, ...]:
+    """Return the one-lag fits that the log does not rule out and that lie outside the intervals.
+
+    Args:
+        log: the whole log.
+        problem: of one lag, with the drift and loads that were found.
+        fit: its best fit.
+        ci95: its intervals.
+        held_out: its error on windows not seen.
+    """
+    found = (*_without_events(log, problem, fit, held_out), *_at_rest(problem, fit, ci95.get("ambient_degC")))
+    record = problem.readings.temperature_degC
+    return tuple(
+        rival for rival in found
+        if fit_pct(record, rival.fit.simulated_degC) > _POOR and not _inside(rival.model, ci95)
+    )
+
+
+def widened(ci95: Mapping[str, Interval], values: Sequence[Mapping[str, float]]) -> dict[str, Interval]:
+    """Return the intervals, widened until they hold the rivals too."""
+    others = {name: [each[name] for each in values if math.isfinite(each[name])] for name in ci95}
+    return {name: envelope(found, others[name]) if others[name] else found for name, found in ci95.items()}
+
+
+def _inside(model: Fopdt, ci95: Mapping[str, Interval | None]) -> bool:
+    for name in ("gain_degC_per_pct", "time_constant_s"):
+        found, value = ci95[name], float(getattr(model, name))
+        assert found is not None
+        if value < (found.low or 0.0) or value > (np.inf if found.high is None else found.high):
+            return False
+    return True
+
+
+def _without_events(log: Log, problem: PowerProblem, fit: PowerFit, held_out: HeldOut) -> Iterator[Rival]:
+    if not problem.drift and not problem.loads_s:
+        return
+    plain = replace(problem, drift=False, loads_s=())
+    found = min((plain.fit(), plain.refined(fit.vector[None, :])), key=lambda each: bic_of(plain, each))
+    closed = is_feedback(log) or follows_temperature(log)
+    if found.model is None or (not closed and held_out.rmse_degC < _SURE * unseen(plain, found).rmse_degC):
+        return
+    law = "power logged, without drift and loads"
+    if plain.ambient_degC is None and not is_sensible(plain, found):
+        # under feedback a load drives the gain of a fit without it towards nothing, and the ambient to the setpoint
+        plain, law = _held(plain), f"{law}, ambient at the lowest reading"
+        found = plain.fit()
+    if not isinstance(found.model, Fopdt):
+        return
+    events = " and ".join(["drift"] * problem.drift + ["load steps"] * bool(problem.loads_s))
+    answers = ", and in a closed loop the power answers them" if closed else ""
+    yield Rival(plain, found, found.model, law, (
+        f"With {events} fitted, {_heater(fit.model)}; without, {_heater(found.model)}. They can swallow a slow answer "
+        f"of the heater{answers}: the log does not tell which, so both are candidates and the intervals hold both."
+    ))
+
+
+def _at_rest(problem: PowerProblem, fit: PowerFit, ambient: Interval | None) -> Iterator[Rival]:
+    """Return the fit with the ambient at the lowest reading, where a free one lies above it for sure."""
+    lowest = float(problem.readings.temperature_degC.min())
+    if ambient is None or ambient.low is None or ambient.low <= lowest or is_sensible(problem, fit):
+        return
+    held = _held(problem)
+    found = min((held.fit(), held.refined(fit.vector[None, :])), key=lambda each: bic_of(held, each))
+    if not isinstance(found.model, Fopdt):
+        return
+    yield Rival(held, found, found.model, "power logged, ambient at the lowest reading", (
+        f"Left free, the ambient comes out at {fit.linear[AMBIENT]:.3g} °C, above the lowest reading of "
+        f"{lowest:.3g} °C, though no heater is colder than its room: a slow part of the heater passes for its initial "
+        f"state. With the ambient at that reading {_heater(found.model)}; both are candidates, the intervals hold "
+        "both, and --ambient would settle it."
+    ))
+
+
+def _held(problem: PowerProblem) -> PowerProblem:
+    return replace(problem, ambient_degC=float(problem.readings.temperature_degC.min()))
+
+
+def _heater(model: object) -> str:
+    assert isinstance(model, Fopdt)
+    return f"the gain is {model.gain_degC_per_pct:.3g} °C/% and the time constant {model.time_constant_s:.3g} s"

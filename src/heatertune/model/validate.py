@@ -1,0 +1,193 @@
+"""One model against another log: simulated with that log's power and judged by what is left.
+
+The simulation runs free: no reading corrects it. Only the heater's state at the first reading is fitted, as nothing
+logs it; the ambient is the model's own, or a given one, since a room differs from day to day.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import InputError
+from heatertune.log.values import Log
+from heatertune.model.feedback import feedback_notes
+from heatertune.model.input_correlation import input_correlation
+from heatertune.model.judgement import InputCorrelation
+from heatertune.model.open_loop import Known, PowerProblem
+from heatertune.model.outliers import tamed
+from heatertune.model.projection import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE
+from heatertune.model.readings import Readings
+from heatertune.model.statistics import fit_pct
+from heatertune.model.validation import ljung_box
+from heatertune.model.values import FittedModel, HeaterModel, TwoLag
+from heatertune.model.windows import undisturbed
+from heatertune.units import check
+
+__all__ = ["LEAST_FIT_PCT", "MOST_BIAS_PCT", "Run", "Verdict", "validate"]
+
+Array = npt.NDArray[np.float64]
+
+LEAST_FIT_PCT = 80.0
+MOST_BIAS_PCT = 5.0  # of the span of the readings
+_READINGS = 500  # averaged, for the correlation
+_SEED = 1
+_GAINED = 5.0  # fit [%] for which a free ambient is worth a sentence
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """One model on the log.
+
+    Attributes:
+        label: of the model.
+        model: the heater.
+        ambient_degC: ambient of the simulation [°C].
+        fit_pct: 100·(1 − ‖y−ŷ‖/‖y−ȳ‖) [%].
+        bias_degC: mean of measured − simulated [°C].
+        rmse_degC: root mean square of the same [°C].
+        free_fit_pct: fit with the ambient fitted to the log [%].
+        free_ambient_degC: that ambient [°C].
+        ljung_box: whiteness; see `validation.ljung_box`.
+        input_correlation: None where the power does not move within reach.
+    """
+
+    label: str
+    model: HeaterModel
+    ambient_degC: float
+    fit_pct: float
+    bias_degC: float
+    rmse_degC: float
+    free_fit_pct: float
+    free_ambient_degC: float
+    ljung_box: float
+    input_correlation: InputCorrelation | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """Whether a model holds on another log.
+
+    Attributes:
+        log: its name.
+        runs: the working model first, then every candidate.
+        best: place of the run that fits best; by it the model is judged.
+        most_bias_degC: largest bias that is accepted [°C].
+        fails: criteria that are not kept, "fit" or "bias"; none: the model holds.
+        notes: what that means, one sentence each.
+    """
+
+    log: str
+    runs: tuple[Run, ...]
+    best: int
+    most_bias_degC: float
+    fails: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def validate(
+    fitted: FittedModel, log: Log, *, ambient_degC: float | None = None, power_before_pct: float | None = None,
+    until_s: float | None = None, least_fit_pct: float = LEAST_FIT_PCT,
+) -> Verdict:
+    """Simulate a model and its candidates with the power of a log and judge them by the log's readings.
+
+    Args:
+        fitted: of another log of the same heater.
+        log: with power.
+        ambient_degC: ambient during this log [°C]; None: the model's own.
+        power_before_pct: power before the first reading [%]; None: the first logged one, or none, whichever fits.
+        until_s: last instant to use [s]; by default the log is used up to its first disturbance.
+        least_fit_pct: fit that the best model has to reach [%].
+
+    Raises:
+        InputError: the log holds no power.
+        OutOfRange: fewer than 20 readings are left, a power outside 0…100 %, an ambient below absolute zero.
+    """
+    if log.power_pct is None:
+        raise InputError(
+            f"{log.name}: the power was not logged, so the model cannot be run; name its --controller, or log the power"
+        )
+    if ambient_degC is not None:
+        check("ambient_degC", ambient_degC, least=-273.15)
+    if power_before_pct is not None:
+        check("power_before_pct", power_before_pct, least=0.0, most=100.0)
+    check("least_fit_pct", least_fit_pct, most=100.0)
+    used, notes = undisturbed(log) if until_s is None else (log.window(float(log.time_s[0]), until_s), ())
+    labelled: list[tuple[str, HeaterModel]] = [("working model", fitted.model)]
+    labelled += [(each.label, each.model) for each in fitted.candidates if each.model != fitted.model]
+    runs = tuple(_run(label, model, used, ambient_degC, power_before_pct) for label, model in labelled)
+    best = max(range(len(runs)), key=lambda i: runs[i].fit_pct)
+    limit = MOST_BIAS_PCT / 100.0 * float(np.ptp(tamed(used.temperature_degC)))
+    kept = {"fit": runs[best].fit_pct >= least_fit_pct, "bias": abs(runs[best].bias_degC) <= limit}
+    fails = tuple(name for name, is_kept in kept.items() if not is_kept)
+    return Verdict(
+        log=log.name, runs=runs, best=best, most_bias_degC=limit, fails=fails,
+        notes=(*notes, *feedback_notes(used), *_told(runs[best], fails, least_fit_pct, limit)),
+    )
+
+
+def _run(label: str, model: HeaterModel, log: Log, ambient_degC: float | None, before_pct: float | None) -> Run:
+    problems = [PowerProblem(
+        readings=replace(Readings.of(log), temperature_degC=tamed(log.temperature_degC)),
+        two_lags=isinstance(model, TwoLag), power_before_pct=before,
+    ) for before in ((None, 0.0) if before_pct is None else (before_pct,))]
+    own = model.ambient_degC if ambient_degC is None else ambient_degC
+    held = [_simulated(problem, model, math.nan if own is None else own) for problem in problems]
+    place = min(range(len(problems)), key=lambda i: float(np.sum(held[i][0] ** 2)))
+    problem, (residuals, linear) = problems[place], held[place]
+    free, freely = _simulated(problem, model, math.nan)
+    record = problem.readings.temperature_degC
+    return Run(
+        label=label, model=model, ambient_degC=float(linear[AMBIENT]), fit_pct=fit_pct(record, record - residuals),
+        bias_degC=float(np.mean(residuals)), rmse_degC=float(np.sqrt(np.mean(residuals**2))),
+        free_fit_pct=fit_pct(record, record - free), free_ambient_degC=float(freely[AMBIENT]),
+        ljung_box=ljung_box(residuals), input_correlation=_correlation(problem, model, linear),
+    )
+
+
+def _simulated(problem: PowerProblem, model: HeaterModel, ambient_degC: float) -> tuple[Array, Array]:
+    """Return measured − simulated, and the linear part; nan: the ambient is fitted."""
+    known = problem.known
+    known[GAIN], known[AMBIENT] = model.gain_degC_per_pct, ambient_degC
+    record = problem.readings.temperature_degC
+    residuals, linear = problem.solve(_vector(model)[None, :], record[None, :], Known(values=known[None, :]))
+    return -residuals[0], linear[0]
+
+
+def _correlation(problem: PowerProblem, model: HeaterModel, linear: Array) -> InputCorrelation | None:
+    thin, vector = problem.thinned(_READINGS), _vector(model)
+    basis = thin.basis(vector)
+    states = basis[[FIRST_STATE, SECOND_STATE] if isinstance(model, TwoLag) else [FIRST_STATE]]  # all that was fitted
+    return input_correlation(
+        thin.readings, thin.readings.temperature_degC - linear @ basis, states.T, before_pct=thin.power_before,
+        horizon_s=model.dead_time_s + model.lags_s[0], seed=_SEED,
+    )
+
+
+def _vector(model: HeaterModel) -> Array:
+    first, *second = model.lags_s
+    return np.array([math.log(first), model.dead_time_s, second[0] / first if second else 0.0])
+
+
+def _told(best: Run, fails: tuple[str, ...], least_fit_pct: float, limit: float) -> list[str]:
+    reached = f"{best.label} explains {best.fit_pct:.1f} % of the log with a bias of {best.bias_degC:+.2g} °C"
+    if not fails:
+        told = [f"The model holds: {reached}."]
+    else:
+        broken = {"fit": f"the fit (at least {least_fit_pct:g} %)", "bias": f"the bias (at most {limit:.2g} °C)"}
+        told = [f"The model does not hold, by {' and '.join(broken[name] for name in fails)}: {reached}."]
+    if best.free_fit_pct > best.fit_pct + _GAINED:
+        told.append(
+            f"With an ambient of {best.free_ambient_degC:.3g} °C instead of {best.ambient_degC:.3g} °C it would "
+            f"explain {best.free_fit_pct:.1f} %: if the room was that warm, give --ambient."
+        )
+    seen = best.input_correlation
+    if seen is not None and not seen.ok:
+        told.append(
+            f"What is left still follows the power, most after {seen.at_lag_s:.3g} s (correlation {seen.largest:+.2f}, "
+            f"by chance up to {seen.limit:.2f}): gain, lags or dead time are not quite those of this log."
+        )
+    return told
