@@ -17,7 +17,7 @@ from typing import Any
 from heatertune.documents import to_json, write_files
 from heatertune.errors import InputError
 
-__all__ = ["cached"]
+__all__ = ["cached", "folder", "source_digest"]
 
 
 def cached(
@@ -31,26 +31,27 @@ def cached(
         run: makes the document.
         progress: told when a result is read instead of computed.
     """
-    folder = _folder()
-    if folder is None:
+    place = folder()
+    if place is None:
         return run()
     told = json.dumps(inputs, sort_keys=True, default=lambda array: array.tolist())  # keeps nan apart from null
-    key = hashlib.sha256((_source() + stage + told).encode()).hexdigest()[:32]
+    key = hashlib.sha256((source_digest() + stage + told).encode()).hexdigest()[:32]
     name = f"{stage}-{key}.json"
-    kept = _read(folder / name)
+    kept = _read(place / name)
     if kept is not None:
         progress(f"{stage}: read from the cache")
         return kept
     # the text, not the value, is what a later run will see: both runs get the same
     text = to_json(run())
     try:
-        write_files(folder, {name: text})
+        write_files(place, {name: text})
     except InputError:
-        progress(f"{stage}: the cache {folder} cannot be written")
+        progress(f"{stage}: the cache {place} cannot be written")
     return dict(json.loads(text))
 
 
-def _folder() -> Path | None:
+def folder() -> Path | None:
+    """Return where results are kept; None: nowhere."""
     given = os.environ.get("HEATERTUNE_CACHE")
     if given is not None:
         return Path(given) if given else None
@@ -70,7 +71,7 @@ def _read(path: Path) -> dict[str, Any] | None:
 
 
 @remember
-def _source() -> str:
+def source_digest() -> str:
     """Return a digest of heatertune's own source, so that a changed program forgets what the old one found."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.rglob("*.py")):

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Final, NamedTuple
 
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import PidDesign
+from heatertune.plc.room import Core
 from heatertune.proof.loop import Controller, run_loop
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.trace import Trace
 
 __all__ = ["simulate_wish"]
+
+
+class _Law(NamedTuple):
+    gain: float
+    integral: float  # TA/TI
+    past: float
+    derivative: float
+
+
+class _State(NamedTuple):
+    summed: float
+    filtered: float
+    error: float
 
 
 def simulate_wish(design: PidDesign, model: HeaterModel, scenario: Scenario, actuator: Actuator) -> Trace:
@@ -25,26 +39,33 @@ def simulate_wish(design: PidDesign, model: HeaterModel, scenario: Scenario, act
         InputError, OutOfRange: as `simulate`.
     """
     controller = Controller(
-        step=_law(design, scenario.setpoint_degC), measure=lambda temperature: temperature, scan_s=design.sample_time_s
+        core=_CORE, parameters=_law_of(design), state=_State(0.0, 0.0, 0.0), sensor=0.0, setpoint=scenario.setpoint_degC,
+        scan_s=design.sample_time_s,
     )
     return run_loop(controller, model, scenario, actuator)
 
 
-def _law(design: PidDesign, setpoint: float) -> Callable[[float, bool], float]:
-    gain, integral = design.gain_pct_per_degC, design.sample_time_s / design.integral_time_s
+def _law_of(design: PidDesign) -> _Law:
     past = design.derivative_filter
-    derivative = (1.0 - past) * design.derivative_time_s / design.sample_time_s
-    summed = filtered = last = 0.0
+    return _Law(
+        design.gain_pct_per_degC, design.sample_time_s / design.integral_time_s, past,
+        (1.0 - past) * design.derivative_time_s / design.sample_time_s,
+    )
 
-    def step(reading: float, _cycle_start: bool) -> float:
-        nonlocal summed, filtered, last
-        error = setpoint - reading
-        filtered = past * filtered + derivative * (error - last)
-        last = error
-        wanted = gain * (error + summed + integral * error + filtered)
-        power = min(100.0, max(0.0, wanted))
-        if power == wanted or (wanted - power) * gain * error < 0.0:
-            summed += integral * error
-        return power
 
-    return step
+def _step(p: _Law, s: _State, setpoint: float, reading: float, _begins: bool) -> tuple[_State, float, float, int]:
+    error = setpoint - reading
+    filtered = p.past * s.filtered + p.derivative * (error - s.error)
+    wanted = p.gain * (error + s.summed + p.integral * error + filtered)
+    power = min(100.0, max(0.0, wanted))
+    summed = s.summed
+    if power == wanted or (wanted - power) * p.gain * error < 0.0:
+        summed += p.integral * error
+    return _State(summed, filtered, error), power, wanted, 0
+
+
+def _as_it_is(_sensor: float, temperature_degC: float) -> float:
+    return temperature_degC
+
+
+_CORE: Final = Core(step=_step, measure=_as_it_is, flags=())

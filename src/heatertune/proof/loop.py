@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, Final, cast
 
 import numpy as np
 
+from heatertune.compiled import compiled, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
-from heatertune.plc.room import Room, Words, settings_of
+from heatertune.plc.room import Core, Number, Room, Words, settings_of
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.kernel import JUMP, LOAD, Event, run
+from heatertune.proof.kernel import JUMP, LOAD, Clock, Events, Record, run
+from heatertune.proof.meter import Meter
+from heatertune.proof.plant import Plant
 from heatertune.proof.pwm import INSTANT_S, Actuator
-from heatertune.proof.scenario import Kick, Load, Scenario, conditions
+from heatertune.proof.scenario import Kick, Scenario, conditions
 from heatertune.proof.trace import Trace
 
-__all__ = ["Controller", "run_loop", "simulate"]
+__all__ = ["Controller", "controller_of", "events_of", "plant_of", "ring_size", "run_loop", "run_plainly", "run_with",
+           "simulate"]
 
-_PLC_RESOLUTION_S = 0.001  # pulse width register in milliseconds: S7-200 System Manual, SMW70
+_PLC_RESOLUTION_S: Final = 0.001  # pulse width register in milliseconds: S7-200 System Manual, SMW70
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,17 +32,21 @@ class Controller:
     """A controller as the loop sees it.
 
     Attributes:
-        step: (reading, whether a PWM period begins) → power asked for, 0…100 %.
-        measure: temperature [°C] → reading.
+        core: how it computes.
+        parameters, state, sensor: what the core takes.
+        setpoint: in the controller's units.
         scan_s: interval between two steps [s].
         pwm_period_s: where it makes the PWM itself [s], else None.
         unit_degC, zero_degC: a reading r means zero + unit·r [°C].
         resolution_degC: step of the input module [°C]; 0: none.
-        words, switches, flags: see `Trace`.
+        words, switches: see `Trace`.
     """
 
-    step: Callable[[float, bool], float]
-    measure: Callable[[float], float]
+    core: Core
+    parameters: Any
+    state: Any
+    sensor: Any
+    setpoint: Number
     scan_s: float
     pwm_period_s: float | None = None
     unit_degC: float = 1.0
@@ -45,7 +54,6 @@ class Controller:
     resolution_degC: float = 0.0
     words: Words | None = None
     switches: Mapping[str, str] = field(default_factory=dict)
-    flags: dict[str, int] = field(default_factory=dict)
 
 
 def simulate(
@@ -76,7 +84,8 @@ def simulate(
     settings = settings_of(room.switches, switches or {})
 
     def run_from_cold(cut_s: float) -> Trace:
-        return run_loop(_of_room(room, words, scenario.setpoint_degC, settings), model, scenario, actuator, cut_s=cut_s)
+        controller = controller_of(room, words, scenario.setpoint_degC, settings)
+        return run_loop(controller, model, scenario, actuator, cut_s=cut_s)
 
     trace = run_from_cold(math.inf)
     if interlock is None:
@@ -92,41 +101,64 @@ def run_loop(
 ) -> Trace:
     """Return the trace of any controller, the heater kept off from `cut_s` on [s]; errors as in `simulate`."""
     actuator = _actuator(controller, actuator)
-    ambient, start = conditions(scenario, model)
-    first, *rest = model.lags_s
+    plant, start = plant_of(model, scenario)
     # the last scan comes at the end or just after it
     scans = math.ceil(scenario.duration_s / controller.scan_s - INSTANT_S) + 1
     time = np.arange(scans, dtype=np.float64) * controller.scan_s
     noise = np.random.default_rng(scenario.seed).normal(0.0, scenario.noise_degC, scans)
-    samples, edges, stretches = run(
-        controller.step,
-        controller.measure,
-        (model.gain_degC_per_pct, first, rest[0] if rest else 0.0, model.dead_time_s, ambient),
-        start,
-        controller.scan_s,
-        noise.tolist(),
-        [_event(each, model.dead_time_s) for each in scenario.disturbances],
-        actuator.numbers,
-        cut_s,
+    clock = Clock(controller.scan_s, np.full(scans, controller.setpoint), noise, np.zeros(scans))
+    events = events_of(scenario, model.dead_time_s)
+    pulses = 2 * (math.ceil((time[-1] + controller.scan_s) / actuator.pwm_period_s) + 2)
+    edges = np.empty(ring_size(pulses))
+    record = Record(
+        np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
+        *(np.empty(pulses + len(events.time)) for _ in range(4)),
     )
-    temperature, reading, power = np.array(samples, dtype=np.float64).T.copy()
-    switched = np.array([edge for edge in edges if edge <= time[-1]])
+    given = (controller.parameters, controller.state, controller.sensor, clock, plant, start, events,
+             actuator.numbers, cut_s, edges, record, None)
+    switched, rows = run_with(controller.core, given, scans)
+    shown = edges[:switched][edges[:switched] <= time[-1]]
     return Trace(
         time_s=time,
-        temperature_degC=temperature,
-        reading_degC=controller.zero_degC + controller.unit_degC * reading,
-        power_asked_pct=power,
-        edge_time_s=switched,
-        edge_on=np.arange(len(switched)) % 2 == 0,
-        stretches=np.array(stretches),
+        temperature_degC=record.temperature,
+        reading_degC=controller.zero_degC + controller.unit_degC * record.reading,
+        power_asked_pct=record.power,
+        edge_time_s=shown,
+        edge_on=np.arange(len(shown)) % 2 == 0,
+        stretches=np.column_stack([each[:rows] for each in record[4:]]),
         model=model,
         scenario=scenario,
         actuator=actuator,
         resolution_degC=controller.resolution_degC,
         words=controller.words,
         switches=controller.switches,
-        flags=controller.flags,
+        flags={
+            name: int(np.count_nonzero(record.flags >> place & 1)) for place, name in enumerate(controller.core.flags)
+        },
     )
+
+
+def run_with(core: Core, given: tuple[Any, ...], scans: int) -> tuple[int, int]:
+    """Run the kernel with its arguments after the core's two functions, compiled where that pays."""
+    if core.compiles and worth_compiling(scans):
+        return cast("tuple[int, int]", compiled(run, core.step, core.measure)(*given))
+    return run_plainly(core, given)
+
+
+def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
+    """Run the kernel as plain Python; lists in place of arrays, as their numbers are Python's own."""
+    lists: list[tuple[Any, Any]] = []
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            lists.append((value, value.tolist()))
+            return lists[-1][1]
+        return type(value)(*map(plain, value)) if isinstance(value, Clock | Events | Record | Meter) else value
+
+    found = run(core.step, core.measure, *map(plain, given))
+    for array, written in lists:
+        array[:] = written
+    return found
 
 
 def _actuator(controller: Controller, given: Actuator | None) -> Actuator:
@@ -138,31 +170,42 @@ def _actuator(controller: Controller, given: Actuator | None) -> Actuator:
     return given
 
 
-def _event(disturbance: Kick | Load, dead_time_s: float) -> Event:
-    if isinstance(disturbance, Kick):
-        return disturbance.time_s, JUMP, disturbance.temperature_degC
-    return disturbance.time_s + dead_time_s, LOAD, disturbance.power_pct
+def plant_of(model: HeaterModel, scenario: Scenario) -> tuple[Plant, float]:
+    """Return the heater in a scenario, and its temperature at the start [°C]; errors as in `conditions`."""
+    ambient, start = conditions(scenario, model)
+    first, *rest = model.lags_s
+    return Plant(model.gain_degC_per_pct, first, rest[0] if rest else 0.0, model.dead_time_s, ambient), start
 
 
-def _of_room(room: Room, words: Words, setpoint_degC: float, switches: Mapping[str, str]) -> Controller:
-    state = room.start(words, switches)
-    setpoint = room.measure(words, setpoint_degC)
-    flags: dict[str, int] = {}
+def events_of(scenario: Scenario, dead_time_s: float, marks: Sequence[tuple[float, int]] = ()) -> Events:
+    """Return the disturbances as the kernel takes them, with marks (instant, kind) that divide what is measured."""
+    acting = [
+        (each.time_s, JUMP, each.temperature_degC) if isinstance(each, Kick)
+        else (each.time_s + dead_time_s, LOAD, each.power_pct)
+        for each in scenario.disturbances
+    ]
+    rows = sorted([*acting, *((time, kind, 0.0) for time, kind in marks), (math.inf, LOAD, 0.0)])
+    time, kind, value = zip(*rows, strict=True)
+    return Events(np.array(time), np.array(kind), np.array(value))
 
-    def step(reading: float, cycle_start: bool) -> float:
-        nonlocal state
-        state, scan = room.step(words, state, setpoint, reading, switches, cycle_start=cycle_start)
-        for name, is_set in scan.flags.items():
-            flags[name] = flags.get(name, 0) + is_set
-        return scan.power_pct
 
-    timing = room.timing(words)
+def ring_size(pulses: int) -> int:
+    """Return the least power of two that holds so many edges."""
+    return 1 << (pulses - 1).bit_length()
+
+
+def controller_of(room: Room, words: Words, setpoint_degC: float, switches: Mapping[str, str]) -> Controller:
+    """Return a room that runs words, its switches set."""
+    running, timing = room.start(words, switches), room.timing(words)
     low, high = words.scaling.low_degC, words.scaling.high_degC
     lowest = room.measure(words, low)
     unit = (high - low) / (room.measure(words, high) - lowest)
     return Controller(
-        step=step,
-        measure=lambda temperature: room.measure(words, temperature),
+        core=room.core,
+        parameters=running.parameters,
+        state=running.state,
+        sensor=room.sensor(words),
+        setpoint=room.measure(words, setpoint_degC),
         scan_s=timing.scan_s,
         pwm_period_s=timing.pwm_period_s,
         unit_degC=unit,
@@ -170,5 +213,4 @@ def _of_room(room: Room, words: Words, setpoint_degC: float, switches: Mapping[s
         resolution_degC=words.scaling.span_degC / room.counts,
         words=words,
         switches=switches,
-        flags=flags,
     )
