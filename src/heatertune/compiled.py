@@ -8,18 +8,18 @@ nothing is kept, and every process compiles.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import contextmanager
 from functools import cache as remember
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
 from heatertune.cache import folder, source_digest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["compiled", "runs_compiled_as", "worth_compiling"]
+__all__ = ["bound", "compiled", "runs_compiled_as", "worth_compiling"]
 
 _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 
@@ -53,30 +53,29 @@ def worth_compiling(scans: int) -> bool:
 
 
 @remember
-def compiled(function: Callable[..., Any], *first: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the function compiled, its first arguments, functions themselves, being already given.
+def bound(function: _Plain, **given: Callable[..., Any]) -> _Plain:
+    """Return a copy of a plain function in which some names of its module mean other functions.
 
-    It takes the remaining arguments by position, gives up Python's lock while it runs, and is kept on disk for each
-    combination of functions. It is compiled where it is called for the first time.
+    So a loop takes a controller's functions: Numba keeps on disk only what calls functions by global names.
     """
-    from numba import njit  # noqa: PLC0415 - half a second, which only the compiled world needs
+    assert isinstance(function, FunctionType)
+    copy = _copy(function, given)
+    names = "_".join(f"{each.__module__}.{each.__qualname__}" for each in given.values())
+    copy.__qualname__ = f"{function.__qualname__}_{names}"  # by which Numba tells what it has on disk
+    return cast(_Plain, copy)
 
-    # functions as arguments would keep Numba from caching; as globals of a copy they do not
-    given = {f"_{number}": _machine(each) for number, each in enumerate(first)}
-    source = f"def bound(*rest):\n    return function({''.join(f'{name}, ' for name in given)}*rest)\n"
-    scope: dict[str, Any] = {"function": _machine(function), "__name__": __name__, **given}
-    exec(compile(source, __file__, "exec"), scope)  # our own two lines, their names counted
-    bound = scope["bound"]
-    bound.__qualname__ = "_".join(f"{each.__module__}.{each.__qualname__}" for each in (function, *first))
+
+@remember
+def compiled(function: _Plain) -> _Plain:
+    """Return the function compiled, arguments by position only; it gives up Python's lock while it runs.
+
+    It is compiled where it is called for the first time with arguments of new types, and kept on disk.
+    """
     kept = folder()
     if kept is None:
-        return _as_callable(njit(nogil=True)(bound))
+        return cast(_Plain, _machine(function))
     with _kept_in(str(kept / f"compiled-{source_digest()[:16]}")):
-        return _as_callable(njit(nogil=True, cache=True)(bound))
-
-
-def _as_callable(dispatcher: Any) -> Callable[..., Any]:
-    return dispatcher  # type: ignore[no-any-return]
+        return cast(_Plain, _machine(function, cache=True))
 
 
 @contextmanager
@@ -92,23 +91,25 @@ def _kept_in(path: str) -> Iterator[None]:
 
 
 @remember
-def _machine(function: Callable[..., Any]) -> Any:
+def _machine(function: Callable[..., Any], *, cache: bool = False) -> Any:
     """Return a compiled copy of a plain function whose calls go to compiled copies."""
-    from numba import njit  # noqa: PLC0415
+    from numba import njit  # noqa: PLC0415 - half a second, which only the compiled world needs
 
-    if function in _TWINS:
-        return _machine(_TWINS[function])
+    function = _TWINS.get(function, function)
     assert isinstance(function, FunctionType)
     inside = {
         name: _machine(value)
         for name in function.__code__.co_names
         if isinstance(value := function.__globals__.get(name), FunctionType) and _is_ours(value)
     }
-    scope = function.__globals__ | inside
+    return njit(nogil=True, cache=cache, _nrt=False, error_model="numpy", forceinline=not cache)(_copy(function, inside))
+
+
+def _copy(function: FunctionType, names: Mapping[str, Any]) -> FunctionType:
+    scope = function.__globals__ | dict(names)
     copy = FunctionType(function.__code__, scope, function.__name__, function.__defaults__, function.__closure__)
-    copy.__kwdefaults__ = function.__kwdefaults__
-    copy.__module__ = function.__module__
-    return njit(nogil=True)(copy)
+    copy.__module__, copy.__qualname__, copy.__doc__ = function.__module__, function.__qualname__, function.__doc__
+    return copy
 
 
 def _is_ours(function: FunctionType) -> bool:

@@ -6,13 +6,15 @@ from itertools import product
 import numpy as np
 import pytest
 
+from heatertune.compiled import bound
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.model.values import Fopdt
 from heatertune.plc.bit_processor.machine import State
 from heatertune.proof import Actuator, Interlock, Kick, Scenario, judge, prove, simulate
 from heatertune.proof.criteria import Limits
 from heatertune.proof.interlock import _BITS, INTERLOCKS, _scan
-from heatertune.proof.kernel import LOAD, Clock, Events, run
+from heatertune.proof.kernel import LOAD, Clock, Events, Record, run
+from heatertune.proof.meter import no_meter
 from heatertune.proof.plant import Plant
 
 HEATER = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=6.5, ambient_degC=20.0)
@@ -137,8 +139,10 @@ def test_a_cut_ends_the_pulse_that_runs_and_switches_nothing_on_afterwards():
         ring, none = [0.0] * 16, [0.0] * 11
         never = Events([math.inf], [LOAD], [0.0])
         heater = Plant(0.5, 150.0, 0.0, 1.0, 20.0)
-        switched, _ = run(lambda *_: (None, 50.0, 50.0, 0), lambda _, y: y, None, None, None, Clock(1.0, none, none, none),
-                          heater, 20.0, never, PWM.numbers, cut, ring, None, None)
+        half = bound(run, step=lambda *_: (None, 50.0, 50.0, 0), measure=lambda _, y: y)
+        record = Record(False, *8 * [[]])
+        switched, _ = half(None, None, None, Clock(1.0, none, none, none), heater, 20.0, never, PWM.numbers, cut, ring,
+                           record, no_meter())
         return ring[:switched]
 
     assert edges(math.inf) == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0]

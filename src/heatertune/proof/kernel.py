@@ -7,7 +7,6 @@ stand in a ring. A loop may keep a trace (`Record`), be measured while it runs (
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 from heatertune.proof.meter import (
@@ -27,7 +26,7 @@ from heatertune.proof.meter import (
 from heatertune.proof.plant import Flow, Plant, factors, moved, turn
 from heatertune.proof.pwm import INSTANT_S, on_time
 
-__all__ = ["HEAT", "JUMP", "LOAD", "PHASE", "REST", "Clock", "Events", "Record", "run"]
+__all__ = ["HEAT", "JUMP", "LOAD", "PHASE", "REST", "Clock", "Events", "Record", "measure", "run", "step"]
 
 #: what an event does: all lags jump, the load grows, the heater is switched; the others only divide what is measured
 JUMP: Final = 0
@@ -55,8 +54,9 @@ class Clock(NamedTuple):
 
 
 class Record(NamedTuple):
-    """Places for a trace: four of one per scan, then four of one per stretch of constant power, the first from 0 on."""
+    """Whether a trace is kept, and places for it: one per scan, one per stretch of constant power, the first at 0."""
 
+    keeps: bool
     temperature: Places
     reading: Places
     power: Places
@@ -67,18 +67,25 @@ class Record(NamedTuple):
     target: Places
 
 
+def step(_parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_start: bool) -> tuple[Any, ...]:
+    """Stand in for a controller's own, see `heatertune.plc.room.Core` and `heatertune.compiled.bound`."""
+    raise NotImplementedError
+
+
+def measure(_sensor: Any, _temperature: float) -> Any:
+    """Stand in likewise."""
+    raise NotImplementedError
+
+
 def run(
-    step: Callable[..., Any], measure: Callable[..., Any], parameters: Any, state: Any, sensor: Any, clock: Clock,
-    plant: Plant, start: float, events: Events, pwm: tuple[float, float, float, float, bool], cut: float,
-    edges: Places, record: Record | None, meter: Meter | None,
+    parameters: Any, state: Any, sensor: Any, clock: Clock, plant: Plant, start: float, events: Events,
+    pwm: tuple[float, float, float, float, bool], cut: float, edges: Places, record: Record, meter: Meter,
 ) -> tuple[int, int]:
     """Run the loop over all scans; scans and PWM periods both begin at 0.
 
     The power asked for last when a PWM period begins holds for that period; at equal instants the scan is first.
 
     Args:
-        step: see `heatertune.plc.room.Core`.
-        measure: likewise.
         parameters: what `step` takes.
         state: what `step` begins with.
         sensor: what `measure` takes.
@@ -89,8 +96,8 @@ def run(
         pwm: `Actuator.numbers`.
         cut: instant from which on an interlock keeps the heater off [s].
         edges: ring of the instants at which the heater is switched, on and off in turn; its length is a power of two.
-        record: places for the trace; None: none is kept.
-        meter: places for what is measured; None: nothing is.
+        record: places for the trace.
+        meter: places for what is measured.
 
     Returns:
         How often the heater was switched, and how many stretches of constant power there were.
@@ -171,9 +178,9 @@ def _pulse(
     return switched
 
 
-def _stretch(record: Record | None, rows: int, flow: Flow) -> int:
+def _stretch(record: Record, rows: int, flow: Flow) -> int:
     """Keep the begin of a stretch of constant power; return how many there are."""
-    if record is not None:
+    if record.keeps:
         record.since[rows] = flow.now
         record.outer[rows] = flow.y
         record.inner[rows] = flow.x
@@ -182,15 +189,15 @@ def _stretch(record: Record | None, rows: int, flow: Flow) -> int:
 
 
 def _scanned(
-    record: Record | None, meter: Meter | None, k: int, y: float, reading: Any, power: float, flags: int
+    record: Record, meter: Meter, k: int, y: float, reading: Any, power: float, flags: int
 ) -> None:
     """Keep and count what one scan gave."""
-    if record is not None:
+    if record.keeps:
         record.temperature[k] = y
         record.reading[k] = reading
         record.power[k] = power
         record.flags[k] = flags
-    if meter is not None:
+    if meter.measures:
         if power <= 0.0 or power >= 100.0:
             meter.totals[LIMITED] += 1.0
         wrong = flags & meter.wrong
@@ -199,19 +206,16 @@ def _scanned(
             wrong &= wrong - 1
 
 
-def _begin(meter: Meter | None, start: float) -> tuple[Seen, Rest]:
+def _begin(meter: Meter, start: float) -> tuple[Seen, Rest]:
     """Return what is measured at the start."""
-    rest = Rest(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    if meter is None:
-        return begin(0, 0.0, 0.0, 0.0), rest
-    return begin(0, 0.0, start - meter.setpoint, meter.band), rest
+    return begin(0, 0.0, start - meter.setpoint, meter.band), Rest(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def _measured(
-    meter: Meter | None, seen: Seen, rest: Rest, plant: Plant, before: Flow, after: Flow, kind: int
+    meter: Meter, seen: Seen, rest: Rest, plant: Plant, before: Flow, after: Flow, kind: int
 ) -> tuple[Seen, Rest]:
     """Measure the turn between two instants, if there is one, and the second instant."""
-    if meter is None:
+    if not meter.measures:
         return seen, rest
     turned = turn(before, after, plant)
     if before.now < turned < after.now:
@@ -225,9 +229,9 @@ def _measured(
     return seen, rest_point(meter, rest, after.now, error) if rest.lasts else rest
 
 
-def _divided(meter: Meter | None, seen: Seen, rest: Rest, flow: Flow, kind: int) -> tuple[Seen, Rest]:
+def _divided(meter: Meter, seen: Seen, rest: Rest, flow: Flow, kind: int) -> tuple[Seen, Rest]:
     """End a phase and begin the next one, or begin the rest, where an event does so."""
-    if meter is None:
+    if not meter.measures:
         return seen, rest
     error = flow.y - meter.setpoint
     if kind == REST:
@@ -239,10 +243,10 @@ def _divided(meter: Meter | None, seen: Seen, rest: Rest, flow: Flow, kind: int)
 
 
 def _end(
-    meter: Meter | None, seen: Seen, rest: Rest, edges: Places, switched: int, end: float
+    meter: Meter, seen: Seen, rest: Rest, edges: Places, switched: int, end: float
 ) -> None:
     """Write down the last phase, and how often the heater was switched on until the end."""
-    if meter is None:
+    if not meter.measures:
         return
     close(meter, seen, rest)
     times = (switched + 1) // 2

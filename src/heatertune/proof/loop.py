@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import numpy as np
 
-from heatertune.compiled import compiled, worth_compiling
+from heatertune.compiled import bound, compiled, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.plc.room import Core, Number, Room, Words, settings_of
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import JUMP, LOAD, Clock, Events, Record, run
-from heatertune.proof.meter import Meter
+from heatertune.proof.meter import Meter, no_meter
 from heatertune.proof.plant import Plant
 from heatertune.proof.pwm import INSTANT_S, Actuator
 from heatertune.proof.scenario import Kick, Scenario, conditions
@@ -111,11 +111,11 @@ def run_loop(
     pulses = 2 * (math.ceil((time[-1] + controller.scan_s) / actuator.pwm_period_s) + 2)
     edges = np.empty(ring_size(pulses))
     record = Record(
-        np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
+        True, np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
         *(np.empty(pulses + len(events.time)) for _ in range(4)),
     )
     given = (controller.parameters, controller.state, controller.sensor, clock, plant, start, events,
-             actuator.numbers, cut_s, edges, record, None)
+             actuator.numbers, cut_s, edges, record, no_meter())
     switched, rows = run_with(controller.core, given, scans)
     shown = edges[:switched][edges[:switched] <= time[-1]]
     return Trace(
@@ -125,7 +125,7 @@ def run_loop(
         power_asked_pct=record.power,
         edge_time_s=shown,
         edge_on=np.arange(len(shown)) % 2 == 0,
-        stretches=np.column_stack([each[:rows] for each in record[4:]]),
+        stretches=np.column_stack([each[:rows] for each in record[-4:]]),
         model=model,
         scenario=scenario,
         actuator=actuator,
@@ -139,10 +139,14 @@ def run_loop(
 
 
 def run_with(core: Core, given: tuple[Any, ...], scans: int) -> tuple[int, int]:
-    """Run the kernel with its arguments after the core's two functions, compiled where that pays."""
+    """Run the kernel with a core, compiled where that pays; `given` are its arguments."""
     if core.compiles and worth_compiling(scans):
-        return cast("tuple[int, int]", compiled(run, core.step, core.measure)(*given))
+        return compiled(_run_of(core))(*given)
     return run_plainly(core, given)
+
+
+def _run_of(core: Core) -> Callable[..., tuple[int, int]]:
+    return bound(run, step=core.step, measure=core.measure)
 
 
 def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
@@ -155,7 +159,7 @@ def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
             return lists[-1][1]
         return type(value)(*map(plain, value)) if isinstance(value, Clock | Events | Record | Meter) else value
 
-    found = run(core.step, core.measure, *map(plain, given))
+    found = _run_of(core)(*map(plain, given))
     for array, written in lists:
         array[:] = written
     return found

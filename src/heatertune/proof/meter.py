@@ -10,9 +10,11 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple, TypeAlias
 
+import numpy as np
+
 __all__ = [
     "ABSOLUTE", "COLUMNS", "FAULTS", "HIGHEST", "LIMITED", "LOWEST", "MEAN", "REST_HIGHEST", "REST_LOWEST", "SETTLED",
-    "SWITCHINGS", "TOTALS", "Meter", "Places", "Rest", "Seen", "begin", "close", "point", "rest_begins", "rest_point",
+    "SWITCHINGS", "TOTALS", "Meter", "Places", "Rest", "Seen", "begin", "close", "no_meter", "point", "rest_begins", "rest_point",
 ]
 
 #: places for numbers: an array where the loop is compiled, a list in plain Python
@@ -40,6 +42,7 @@ class Meter(NamedTuple):
     """What is measured, and places for what is found.
 
     Attributes:
+        measures: whether anything is.
         setpoint, band: the error's origin and how far from it is still right [°C].
         period: PWM period [s].
         wrong: flags that mean a wrong result, as bits.
@@ -48,6 +51,7 @@ class Meter(NamedTuple):
         high, low: largest and smallest error in each PWM period at rest.
     """
 
+    measures: bool
     setpoint: float
     band: float
     period: float
@@ -81,6 +85,12 @@ class Rest(NamedTuple):
     integral: float
     highest: float
     lowest: float
+
+
+def no_meter() -> Meter:
+    """Return a meter that measures nothing."""
+    nothing = np.empty(0)
+    return Meter(False, 0.0, 0.0, 0.0, 0, nothing, nothing, nothing, nothing)
 
 
 def begin(phase: int, time: float, error: float, band: float) -> Seen:
