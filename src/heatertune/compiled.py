@@ -102,7 +102,9 @@ def _machine(function: Callable[..., Any], *, cache: bool = False) -> Any:
         for name in function.__code__.co_names
         if isinstance(value := function.__globals__.get(name), FunctionType) and _is_ours(value)
     }
-    return njit(nogil=True, cache=cache, _nrt=False, error_model="numpy", forceinline=not cache)(_copy(function, inside))
+    # no reference counts (nothing is allocated), no exceptions (a step is total), all calls inlined: ten times faster
+    options = {"nogil": True, "cache": cache, "_nrt": False, "error_model": "numpy", "forceinline": not cache}
+    return njit(**options)(_copy(function, inside))
 
 
 def _copy(function: FunctionType, names: Mapping[str, Any]) -> FunctionType:

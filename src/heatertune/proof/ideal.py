@@ -39,8 +39,8 @@ def simulate_wish(design: PidDesign, model: HeaterModel, scenario: Scenario, act
         InputError, OutOfRange: as `simulate`.
     """
     controller = Controller(
-        core=_CORE, parameters=_law_of(design), state=_State(0.0, 0.0, 0.0), sensor=0.0, setpoint=scenario.setpoint_degC,
-        scan_s=design.sample_time_s,
+        core=_CORE, parameters=_law_of(design), state=_State(0.0, 0.0, 0.0), sensor=0.0,
+        setpoint=scenario.setpoint_degC, scan_s=design.sample_time_s,
     )
     return run_loop(controller, model, scenario, actuator)
 

@@ -26,7 +26,9 @@ from heatertune.proof.meter import (
 from heatertune.proof.plant import Flow, Plant, factors, moved, turn
 from heatertune.proof.pwm import INSTANT_S, on_time
 
-__all__ = ["HEAT", "JUMP", "LOAD", "PHASE", "REST", "Clock", "Events", "Record", "measure", "run", "step"]
+__all__ = [
+    "HEAT", "JUMP", "LOAD", "PHASE", "REST", "Batch", "Clock", "Events", "Record", "measure", "run", "run_all", "step",
+]
 
 #: what an event does: all lags jump, the load grows, the heater is switched; the others only divide what is measured
 JUMP: Final = 0
@@ -65,6 +67,20 @@ class Record(NamedTuple):
     outer: Places
     inner: Places
     target: Places
+
+
+class Batch(NamedTuple):
+    """Many loops of one controller: what differs between them, one row for each; see `run` for the meaning.
+
+    Of a plant the numbers of `Plant` and the temperature at the start.
+    """
+
+    noise: Places
+    late: Places
+    plants: Places
+    event_time: Places
+    event_kind: Places
+    event_value: Places
 
 
 def step(_parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_start: bool) -> tuple[Any, ...]:
@@ -138,6 +154,38 @@ def run(
             begun += 1
     _end(meter, seen, rest, edges, switched, flow.now)
     return switched, rows
+
+
+def run_all(
+    parameters: Any, state: Any, sensor: Any, scan_s: float, setpoints: Places, batch: Batch,
+    pwm: tuple[float, float, float, float, bool], cut: float, edges: Places, record: Record, meter: Meter,
+) -> tuple[int, int]:
+    """Run many loops, one after the other; return what `run` returns of the last one.
+
+    Args:
+        parameters: as for `run`, like all that is not told here.
+        state: likewise.
+        sensor: likewise.
+        scan_s: [s].
+        setpoints: one per scan, the same for all loops.
+        batch: what differs.
+        pwm: `Actuator.numbers`.
+        cut: [s].
+        edges: one ring for all of them.
+        record: places of one trace: that of the last loop stays.
+        meter: its phases, totals, high and low have one row for each loop.
+    """
+    found = 0, 0
+    for i in range(len(batch.noise)):
+        row = batch.plants[i]
+        found = run(
+            parameters, state, sensor, Clock(scan_s, setpoints, batch.noise[i], batch.late[i]),
+            Plant(row[0], row[1], row[2], row[3], row[4]), row[5],
+            Events(batch.event_time[i], batch.event_kind[i], batch.event_value[i]), pwm, cut, edges, record,
+            Meter(meter.measures, meter.setpoint, meter.band, meter.period, meter.wrong, meter.phases[i],
+                  meter.totals[i], meter.high[i], meter.low[i]),
+        )
+    return found
 
 
 def _next(

@@ -5,24 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from heatertune.compiled import bound, compiled, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.plc.room import Core, Number, Room, Words, settings_of
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.kernel import JUMP, LOAD, Clock, Events, Record, run
+from heatertune.proof.kernel import JUMP, LOAD, Batch, Record, run, run_all
 from heatertune.proof.meter import Meter, no_meter
-from heatertune.proof.plant import Plant
 from heatertune.proof.pwm import INSTANT_S, Actuator
 from heatertune.proof.scenario import Kick, Scenario, conditions
 from heatertune.proof.trace import Trace
 
-__all__ = ["Controller", "controller_of", "events_of", "plant_of", "ring_size", "run_loop", "run_plainly", "run_with",
+__all__ = ["Controller", "controller_of", "events_of", "plant_row", "ring_size", "run_loop", "run_plainly", "run_with",
            "simulate"]
+
+Array = npt.NDArray[np.float64]
 
 _PLC_RESOLUTION_S: Final = 0.001  # pulse width register in milliseconds: S7-200 System Manual, SMW70
 
@@ -101,22 +103,20 @@ def run_loop(
 ) -> Trace:
     """Return the trace of any controller, the heater kept off from `cut_s` on [s]; errors as in `simulate`."""
     actuator = _actuator(controller, actuator)
-    plant, start = plant_of(model, scenario)
     # the last scan comes at the end or just after it
     scans = math.ceil(scenario.duration_s / controller.scan_s - INSTANT_S) + 1
     time = np.arange(scans, dtype=np.float64) * controller.scan_s
     noise = np.random.default_rng(scenario.seed).normal(0.0, scenario.noise_degC, scans)
-    clock = Clock(controller.scan_s, np.full(scans, controller.setpoint), noise, np.zeros(scans))
-    events = events_of(scenario, model.dead_time_s)
+    batch = Batch(noise[None], np.zeros((1, scans)), np.array([plant_row(model, scenario)]),
+                  *events_of(scenario, [model.dead_time_s]))
     pulses = 2 * (math.ceil((time[-1] + controller.scan_s) / actuator.pwm_period_s) + 2)
     edges = np.empty(ring_size(pulses))
     record = Record(
         True, np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
-        *(np.empty(pulses + len(events.time)) for _ in range(4)),
+        *(np.empty(pulses + batch.event_time.size) for _ in range(4)),
     )
-    given = (controller.parameters, controller.state, controller.sensor, clock, plant, start, events,
-             actuator.numbers, cut_s, edges, record, no_meter())
-    switched, rows = run_with(controller.core, given, scans)
+    given = (np.full(scans, controller.setpoint), batch, actuator.numbers, cut_s, edges, record, no_meter())
+    switched, rows = run_with(controller, given, scans)
     shown = edges[:switched][edges[:switched] <= time[-1]]
     return Trace(
         time_s=time,
@@ -138,15 +138,21 @@ def run_loop(
     )
 
 
-def run_with(core: Core, given: tuple[Any, ...], scans: int) -> tuple[int, int]:
-    """Run the kernel with a core, compiled where that pays; `given` are its arguments."""
+def run_with(controller: Controller, given: tuple[Any, ...], scans: int) -> tuple[int, int]:
+    """Run the kernel with a controller, compiled where that pays; `given` are `run_all`'s arguments from setpoints on.
+
+    `scans` tells how much work it is.
+    """
+    core = controller.core
+    given = (controller.parameters, controller.state, controller.sensor, controller.scan_s, *given)
     if core.compiles and worth_compiling(scans):
-        return compiled(_run_of(core))(*given)
+        return cast("tuple[int, int]", compiled(_run_of(core))(*given))
     return run_plainly(core, given)
 
 
 def _run_of(core: Core) -> Callable[..., tuple[int, int]]:
-    return bound(run, step=core.step, measure=core.measure)
+    loop = bound(run, step=core.step, measure=core.measure)
+    return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop))
 
 
 def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
@@ -157,7 +163,7 @@ def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
         if isinstance(value, np.ndarray):
             lists.append((value, value.tolist()))
             return lists[-1][1]
-        return type(value)(*map(plain, value)) if isinstance(value, Clock | Events | Record | Meter) else value
+        return type(value)(*map(plain, value)) if isinstance(value, Batch | Record | Meter) else value
 
     found = _run_of(core)(*map(plain, given))
     for array, written in lists:
@@ -174,23 +180,36 @@ def _actuator(controller: Controller, given: Actuator | None) -> Actuator:
     return given
 
 
-def plant_of(model: HeaterModel, scenario: Scenario) -> tuple[Plant, float]:
-    """Return the heater in a scenario, and its temperature at the start [°C]; errors as in `conditions`."""
+def plant_row(model: HeaterModel, scenario: Scenario) -> list[float]:
+    """Return a heater in a scenario as a row of `Batch.plants`; errors as in `conditions`."""
     ambient, start = conditions(scenario, model)
     first, *rest = model.lags_s
-    return Plant(model.gain_degC_per_pct, first, rest[0] if rest else 0.0, model.dead_time_s, ambient), start
+    return [model.gain_degC_per_pct, first, rest[0] if rest else 0.0, model.dead_time_s, ambient, start]
 
 
-def events_of(scenario: Scenario, dead_time_s: float, marks: Sequence[tuple[float, int]] = ()) -> Events:
-    """Return the disturbances as the kernel takes them, with marks (instant, kind) that divide what is measured."""
-    acting = [
-        (each.time_s, JUMP, each.temperature_degC) if isinstance(each, Kick)
-        else (each.time_s + dead_time_s, LOAD, each.power_pct)
-        for each in scenario.disturbances
-    ]
-    rows = sorted([*acting, *((time, kind, 0.0) for time, kind in marks), (math.inf, LOAD, 0.0)])
-    time, kind, value = zip(*rows, strict=True)
-    return Events(np.array(time), np.array(kind), np.array(value))
+def events_of(
+    scenario: Scenario, dead_times_s: Sequence[float], sizes: Array | None = None,
+    marks: Sequence[tuple[float, int]] = (),
+) -> tuple[Array, npt.NDArray[np.int64], Array]:
+    """Return the disturbances as three arrays of a `Batch`: instants, kinds and values, a row for each dead time.
+
+    Args:
+        scenario: whose disturbances.
+        dead_times_s: of the heaters [s].
+        sizes: by what each disturbance is multiplied, a row for each heater; None: by nothing.
+        marks: (instant, kind) of what divides what is measured.
+    """
+    rows = []
+    for number, dead in enumerate(dead_times_s):
+        factors = [1.0] * len(scenario.disturbances) if sizes is None else sizes[number].tolist()
+        acting = [
+            (each.time_s, JUMP, factor * each.temperature_degC) if isinstance(each, Kick)
+            else (each.time_s + dead, LOAD, factor * each.power_pct)
+            for each, factor in zip(scenario.disturbances, factors, strict=True)
+        ]
+        rows.append(sorted([*acting, *((time, kind, 0.0) for time, kind in marks), (math.inf, LOAD, 0.0)]))
+    table = np.array(rows)
+    return table[..., 0].copy(), table[..., 1].astype(np.int64), table[..., 2].copy()
 
 
 def ring_size(pulses: int) -> int:

@@ -14,7 +14,8 @@ import numpy as np
 
 __all__ = [
     "ABSOLUTE", "COLUMNS", "FAULTS", "HIGHEST", "LIMITED", "LOWEST", "MEAN", "REST_HIGHEST", "REST_LOWEST", "SETTLED",
-    "SWITCHINGS", "TOTALS", "Meter", "Places", "Rest", "Seen", "begin", "close", "no_meter", "point", "rest_begins", "rest_point",
+    "SWITCHINGS", "TOTALS", "Meter", "Places", "Rest", "Seen", "begin", "close", "no_meter", "point", "rest_begins",
+    "rest_point",
 ]
 
 #: places for numbers: an array where the loop is compiled, a list in plain Python
@@ -87,9 +88,9 @@ class Rest(NamedTuple):
     lowest: float
 
 
-def no_meter() -> Meter:
-    """Return a meter that measures nothing."""
-    nothing = np.empty(0)
+def no_meter(loops: int = 1) -> Meter:
+    """Return a meter that measures nothing of any number of loops."""
+    nothing = np.empty((loops, 0))
     return Meter(False, 0.0, 0.0, 0.0, 0, nothing, nothing, nothing, nothing)
 
 
