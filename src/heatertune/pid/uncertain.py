@@ -12,7 +12,7 @@ from heatertune.model.values import FittedModel, Fopdt, HeaterModel, Interval, T
 from heatertune.pid.robustness import margins
 from heatertune.pid.values import PidDesign
 
-__all__ = ["Drawn", "draw_heaters", "ms_over"]
+__all__ = ["Drawn", "draw_heaters", "ms_over", "spreads_of"]
 
 #: half width of a 95 % interval in standard deviations
 _HALF_WIDTH: Final = 1.96
@@ -43,12 +43,19 @@ def draw_heaters(fitted: FittedModel, count: int = 200, *, seed: int = 0) -> tup
     parameter alone: the draw is wider than the log, so what it shows is rather too bad than too good. An interval that
     is open or missing adds nothing; there the candidates themselves span what is possible.
     """
-    spreads = [_spread(fitted.ci95.get(name)) for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s")]
+    spreads = spreads_of(fitted)
     if not any(spreads):
         return ()
     factors = np.exp(np.random.default_rng(seed).normal(0.0, 1.0, (count, 3)) * spreads)
     plants = fitted.plants
     return tuple(_scaled(plants[i % len(plants)], *row) for i, row in enumerate(factors.tolist()))
+
+
+def spreads_of(fitted: FittedModel) -> tuple[float, float, float]:
+    """Return the standard deviations of the logarithms of gain, lags and dead time; 0 where the interval is open."""
+    names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
+    gain, lag, dead = (_spread(fitted.ci95.get(name)) for name in names)
+    return gain, lag, dead
 
 
 def ms_over(heaters: tuple[HeaterModel, ...], design: PidDesign) -> Drawn | None:

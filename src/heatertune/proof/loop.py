@@ -18,11 +18,13 @@ from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import JUMP, LOAD, Batch, Record, run, run_all
 from heatertune.proof.meter import Meter, no_meter
 from heatertune.proof.pwm import INSTANT_S, Actuator
-from heatertune.proof.scenario import Kick, Scenario, conditions
+from heatertune.proof.scenario import Kick, Scenario, conditions, temperatures
 from heatertune.proof.trace import Trace
 
-__all__ = ["Controller", "controller_of", "events_of", "plant_row", "ring_size", "run_loop", "run_plainly", "run_with",
-           "simulate"]
+__all__ = [
+    "Controller", "actuator_of", "controller_of", "events_of", "plant_row", "pulses_of", "ring_size", "run_loop",
+    "run_plainly", "run_with", "scans_of", "simulate", "traced",
+]
 
 Array = npt.NDArray[np.float64]
 
@@ -102,14 +104,27 @@ def run_loop(
     cut_s: float = math.inf,
 ) -> Trace:
     """Return the trace of any controller, the heater kept off from `cut_s` on [s]; errors as in `simulate`."""
-    actuator = _actuator(controller, actuator)
-    # the last scan comes at the end or just after it
-    scans = math.ceil(scenario.duration_s / controller.scan_s - INSTANT_S) + 1
-    time = np.arange(scans, dtype=np.float64) * controller.scan_s
+    conditions(scenario, model)
+    scans = scans_of(controller, scenario)
     noise = np.random.default_rng(scenario.seed).normal(0.0, scenario.noise_degC, scans)
-    batch = Batch(noise[None], np.zeros((1, scans)), np.array([plant_row(model, scenario)]),
+    return traced(controller, model, scenario, actuator, noise, np.zeros(scans), cut_s=cut_s)
+
+
+def scans_of(controller: Controller, scenario: Scenario) -> int:
+    """Return the number of scans; the last one comes at the end or just after it."""
+    return math.ceil(scenario.duration_s / controller.scan_s - INSTANT_S) + 1
+
+
+def traced(
+    controller: Controller, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, noise_degC: Array,
+    late_s: Array, *, cut_s: float = math.inf,
+) -> Trace:
+    """Return the trace of one run whose noise and delay at each scan are given, able to hold the setpoint or not."""
+    actuator, scans = actuator_of(controller, actuator), len(noise_degC)
+    time = np.arange(scans, dtype=np.float64) * controller.scan_s + late_s
+    batch = Batch(noise_degC[None], late_s[None], np.array([plant_row(model, scenario)]),
                   *events_of(scenario, [model.dead_time_s]))
-    pulses = 2 * (math.ceil((time[-1] + controller.scan_s) / actuator.pwm_period_s) + 2)
+    pulses = pulses_of(time[-1] + 2.0 * controller.scan_s, actuator)
     edges = np.empty(ring_size(pulses))
     record = Record(
         True, np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
@@ -171,7 +186,8 @@ def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
     return found
 
 
-def _actuator(controller: Controller, given: Actuator | None) -> Actuator:
+def actuator_of(controller: Controller, given: Actuator | None) -> Actuator:
+    """Return the switch: the controller's own PWM, else the one given; raise InputError where there is none."""
     if controller.pwm_period_s is not None:
         period = controller.pwm_period_s
         return Actuator(pwm_period_s=period, resolution_s=min(_PLC_RESOLUTION_S, period))
@@ -181,8 +197,8 @@ def _actuator(controller: Controller, given: Actuator | None) -> Actuator:
 
 
 def plant_row(model: HeaterModel, scenario: Scenario) -> list[float]:
-    """Return a heater in a scenario as a row of `Batch.plants`; errors as in `conditions`."""
-    ambient, start = conditions(scenario, model)
+    """Return a heater in a scenario as a row of `Batch.plants`."""
+    ambient, start = temperatures(scenario, model)
     first, *rest = model.lags_s
     return [model.gain_degC_per_pct, first, rest[0] if rest else 0.0, model.dead_time_s, ambient, start]
 
@@ -210,6 +226,11 @@ def events_of(
         rows.append(sorted([*acting, *((time, kind, 0.0) for time, kind in marks), (math.inf, LOAD, 0.0)]))
     table = np.array(rows)
     return table[..., 0].copy(), table[..., 1].astype(np.int64), table[..., 2].copy()
+
+
+def pulses_of(seconds: float, actuator: Actuator) -> int:
+    """Return how often the heater can be switched in so many seconds."""
+    return 2 * (math.ceil(seconds / actuator.pwm_period_s) + 2)
 
 
 def ring_size(pulses: int) -> int:
