@@ -22,6 +22,7 @@ class TenthsRoom:
     overflows_above: int = 10**9
     seen: list = field(default_factory=list)
     faults: object = None
+    direct: object = None
     name: str = "tenths"
     counts: int = 1000  # over 0…100 °C
 

@@ -279,6 +279,8 @@ class Room(ABC):
         read_image: memory of a running controller → words; None where they cannot be read back.
         oddities: what is odd about a controller's words, one sentence each; None without `read_image`.
         faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
+        direct: for a core that runs a listing, which no compiler takes: words and switches → a core that gives the same
+            power, output and flags, and its parameters and cold state; None: the core itself compiles, or none does.
     """
 
     name: str
@@ -299,6 +301,7 @@ class Room(ABC):
     read_image: ReadImage | None = None
     oddities: Callable[[Words], tuple[str, ...]] | None = None
     faults: Callable[[Words], tuple[str, ...]] | None = None
+    direct: Callable[[Words, Mapping[str, str]], tuple[Core, Running]] | None = None
 
     @abstractmethod
     def timing(self, words: Words) -> Timing:

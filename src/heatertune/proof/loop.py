@@ -238,14 +238,20 @@ def ring_size(pulses: int) -> int:
     return 1 << (pulses - 1).bit_length()
 
 
-def controller_of(room: Room, words: Words, setpoint_degC: float, switches: Mapping[str, str]) -> Controller:
-    """Return a room that runs words, its switches set."""
-    running, timing = room.start(words, switches), room.timing(words)
+def controller_of(
+    room: Room, words: Words, setpoint_degC: float, switches: Mapping[str, str], *, direct: bool = False
+) -> Controller:
+    """Return a room that runs words, its switches set; `direct`: without its listing, where that can be."""
+    timing = room.timing(words)
+    if direct and room.direct is not None:
+        core, running = room.direct(words, switches)
+    else:
+        core, running = room.core, room.start(words, switches)
     low, high = words.scaling.low_degC, words.scaling.high_degC
     lowest = room.measure(words, low)
     unit = (high - low) / (room.measure(words, high) - lowest)
     return Controller(
-        core=room.core,
+        core=core,
         parameters=running.parameters,
         state=running.state,
         sensor=room.sensor(words),

@@ -130,7 +130,8 @@ class Drawing:
     ) -> Drawing:
         """Return the drawing of a room that runs words; errors as in `simulate`."""
         room.check(words)
-        controller = controller_of(room, words, scenario.setpoint_degC, settings_of(room.switches, switches or {}))
+        settings = settings_of(room.switches, switches or {})
+        controller = controller_of(room, words, scenario.setpoint_degC, settings, direct=True)
         switch = actuator_of(controller, actuator)
         return cls(controller=controller, heaters=heaters, scenario=scenario, actuator=switch, spread=spread)
 

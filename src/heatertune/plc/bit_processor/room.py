@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from heatertune.plc.bit_processor.export import PROGRAM, export_words, from_image
 from heatertune.plc.bit_processor.machine import START, State, Wiring, scan
@@ -30,6 +30,36 @@ def _step(
     return after, 100.0 if is_on else 0.0, int(is_on), int(after.overflow) + 2 * int(after.endless)
 
 
+class _Memory(NamedTuple):
+    is_on: bool = False
+
+
+def _direct_step(
+    band: int, state: _Memory, setpoint: int, reading: int, _begins: bool
+) -> tuple[_Memory, float, int, int]:
+    """Compute the same without the program: off above SP + BAND, on below SP − BAND, all in 16 bits."""
+    w, x, b = _word(setpoint), _word(reading), _word(band)
+    above, below = w + b, w - b
+    overflow = above != _word(above)
+    is_on = state.is_on
+    if x > _word(above):
+        is_on = False
+    else:
+        overflow = overflow or below != _word(below)
+        is_on = is_on or x < _word(below)
+    return _Memory(is_on), 100.0 if is_on else 0.0, int(is_on), int(overflow)
+
+
+def _word(number: int) -> int:
+    return ((number + 0x8000) & 0xFFFF) - 0x8000
+
+
+def _direct(words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:
+    del switches
+    return _DIRECT, Running(words.whole["BAND"], _Memory())
+
+
+_DIRECT: Final = Core(step=_direct_step, measure=count, flags=("overflow", "endless"))
 _CORE: Final = Core(step=_step, measure=count, flags=("overflow", "endless"), compiles=False)
 
 
@@ -84,6 +114,7 @@ ROOM: Final = OnOff(
     check=check_words,
     export=export_words,
     core=_CORE,
+    direct=_direct,
     read_image=from_image,
     oddities=_oddities,
 )

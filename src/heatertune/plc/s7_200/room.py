@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 from heatertune.plc.room import Certificate, Core, Room, Running, Scan, Timing, Words, count
 from heatertune.plc.s7_200.listing import repaired_program
 from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
+from heatertune.plc.s7_200.program import Constants, Memory, cycle
 from heatertune.plc.s7_200.wiring import COUNTS, WIDTH_APPLIES, head, inputs_of
 from heatertune.plc.s7_200.words import FIELDS, TIMER, check_words, cycle_ms, decode, encode
 
@@ -46,6 +47,23 @@ def _step(
     return _Memory(cpu, interrupt, True), power, width, int(cpu.overflow) + 2 * int(cpu.zero_division)
 
 
+def _direct_step(
+    p: tuple[Constants, bool], state: Memory, setpoint: int, reading: int, _begins: bool
+) -> tuple[Memory, float, int, int]:
+    """Compute the same without the listing, which never overflows."""
+    c, next_cycle = p
+    after = cycle(c, state, setpoint & 0xFF, reading & 0xFF)
+    width = state.width if next_cycle else after.width
+    return after, 100.0 * min(width, c.cycle_ms) / c.cycle_ms, width, 0
+
+
+def _direct(words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:
+    v = words.whole
+    constants = Constants(v["KP"], v["KI"], v["KD"], v["SCALE"], cycle_ms(words))
+    return _DIRECT, Running((constants, switches.get("width_applies") == "next_cycle"), Memory())
+
+
+_DIRECT: Final = Core(step=_direct_step, measure=count, flags=("SM1.1", "SM1.3"))
 _CORE: Final = Core(step=_step, measure=count, flags=("SM1.1", "SM1.3"), compiles=False)
 
 
@@ -92,4 +110,5 @@ ROOM: Final = S7200(
     check=check_words,
     export=_export,
     core=_CORE,
+    direct=_direct,
 )
