@@ -10,8 +10,8 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines", "figure", "forms_lines",
-    "hypothesis_table", "model_lines", "model_rows", "pareto_table", "samples_table", "search_notes", "summary", "table",
-    "word", "words_table",
+    "hypothesis_table", "model_lines", "model_rows", "pareto_table", "samples_table", "search_notes", "summary",
+    "table", "word", "words_table",
 ]
 
 Document = Mapping[str, Any]
