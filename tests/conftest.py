@@ -6,11 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from heatertune import compiled
 from heatertune.log.values import Log
 
 ROOT = Path(__file__).parents[1]
 TABLES = ROOT / "data" / "paper_tables"
 REAL_LOGS = ROOT.parent / "shared" / "data" / "logs"
+
+
+@pytest.fixture(autouse=True)
+def plain(monkeypatch):
+    """Loops run as plain Python but where a test says otherwise: a compiler's start would cost each process seconds."""
+    monkeypatch.setattr(compiled, "_PLAIN_SCANS", 10**12)
 
 
 @pytest.fixture(scope="session")

@@ -195,7 +195,7 @@ def test_a_rest_that_single_precision_cuts_off_is_not_lost():
 
 def test_an_integral_part_that_only_the_last_derivative_lifts_over_a_limit_is_left_alone():
     # E = −50, I = 120, D = 150·1: the sum 220 is above 100; less the last D of 150 it is 70, less one of 0 it is 220
-    p = ROOM.start(_words(GAIN=1.0, TI=2**31 - 1, D_SEL=1, TD=5000, TM_LAG=2500), {}).parameters
+    p = ROOM.start(_words(GAIN=1.0, TI=2**31 - 1, D_SEL=1, TD=5000, TM_LAG=2500), {}).parameters[0]
     for sign in (1.0, -1.0):
         limits = p._replace(upper=100.0, lower=-100.0)
         state = ROOM.start(_words(), {}).state._replace(integral=120.0 * sign, feedback=-200.0 * sign, before=50.0 * sign)
@@ -352,11 +352,11 @@ reals = st.integers(0, 2**32 - 1).map(lambda pattern: struct.unpack(">f", patter
        readings=st.lists(st.tuples(reals, reals), min_size=2, max_size=5))
 def test_a_call_is_total_for_every_bit_pattern(numbers, bits, readings):
     running = ROOM.start(_words(), {})
-    p = type(running.parameters)(*numbers, *bits)
+    p = type(running.parameters[0])(*numbers, *bits)
     for setpoint, reading in readings:
         after = call(p, Assumptions(), running.state, setpoint, reading, Real())
         assert after == call(p, Assumptions(), running.state, setpoint, reading, Real())
-        running = running._replace(parameters=p, state=after)
+        running = running._replace(parameters=(p, Assumptions()), state=after)
         assert 0.0 <= ROOM.scan(running, {"SP_PER": 0, "PV_PER": 0})[1].power_pct <= 100.0
 
 

@@ -186,7 +186,7 @@ def test_the_repaired_text_is_exact_and_free_of_overflow_for_every_pair_of_bytes
         setpoint, reading = divmod((number * 40503) % 65536, 256)
         state, scan = ROOM.step(words, state, setpoint, reading, {})
         memory = repaired.cycle(c, memory, setpoint, reading)
-        assert (scan.output, state.cpu.read("VD224"), scan.flags["SM1.1"]) == (memory.width, memory.rest, False)
+        assert (scan.output, state.state.cpu.read("VD224"), scan.flags["SM1.1"]) == (memory.width, memory.rest, False)
 
 
 def test_no_words_and_no_readings_overflow_the_repaired_program():
@@ -216,7 +216,7 @@ def test_the_printed_text_is_the_printed_program_for_every_pair_of_bytes(switche
         begins = number % 5 == 0
         state, scan = PAPER.step(words, state, setpoint, reading, switches, cycle_start=begins)
         memory = printed.scan(c, memory, setpoint, reading, begins)
-        found = (state.cpu.read("VW10"), state.cpu.read("VW20"), state.cpu.read("VW100"), scan.output, *scan.flags.values())
+        found = (state.state.cpu.read("VW10"), state.state.cpu.read("VW20"), state.state.cpu.read("VW100"), scan.output, *scan.flags.values())
         assert found == (memory.error, memory.previous, memory.change, memory.applied, memory.overflow, memory.zero_division)
 
 

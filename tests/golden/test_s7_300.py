@@ -223,7 +223,7 @@ def test_every_open_point_changes_something():
         ("first_reading", "zero"): Assumptions(starts_at_zero=True),
     }
     for (name, setting), assumptions in meant.items():
-        assert ROOM.start(_words(), {name: setting}).assumptions == assumptions
+        assert ROOM.start(_words(), {name: setting}).parameters[1] == assumptions
         with pytest.raises(UnknownName, match=name):
             ROOM.start(_words(), {name: "other"})
 

@@ -6,7 +6,7 @@ import pytest
 
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.room import Scaling, Scan, Switch, Timing, Words
+from heatertune.plc.room import Core, Running, Scaling, Switch, Timing, Words
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,7 @@ class TenthsRoom:
     overflows_above: int = 10**9
     seen: list = field(default_factory=list)
     faults: object = None
+    direct: object = None
     name: str = "tenths"
     counts: int = 1000  # over 0…100 °C
 
@@ -45,13 +46,20 @@ class TenthsRoom:
         low, high = words.scaling.low_degC, words.scaling.high_degC
         return round(10.0 * min(max(temperature_degC, low), high))
 
-    def start(self, _words, _switches):
-        return 0, 0.0
+    def start(self, words, switches):
+        return Running((words, switches), (0, 0.0))
 
-    def step(self, words, state, setpoint, reading, switches, *, cycle_start=True):
+    def sensor(self, words):
+        return words
+
+    @property
+    def core(self):
+        return Core(step=self._step, measure=self.measure, flags=("overflow", "running"), compiles=False)
+
+    def _step(self, parameters, state, setpoint, reading, cycle_start):
+        words, switches = parameters
         count, summed = state
         self.seen.append((setpoint, reading, cycle_start))
-        flags = {"overflow": reading > self.overflows_above, "running": True}
         if self.program is not None:
             power = self.program(count, cycle_start)
         else:
@@ -60,7 +68,7 @@ class TenthsRoom:
             wanted = words.values["K"] / 1000.0 * (error + summed + step)
             power = min(100.0, max(0.0, wanted))
             summed += step if power == wanted or switches.get("integral") == "never off" else 0.0
-        return (count + 1, summed), Scan(power_pct=power, output=round(power), flags=flags)
+        return (count + 1, summed), power, round(power), (reading > self.overflows_above) + 2
 
 
 @pytest.fixture

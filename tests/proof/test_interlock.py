@@ -6,13 +6,16 @@ from itertools import product
 import numpy as np
 import pytest
 
+from heatertune.compiled import bound
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.model.values import Fopdt
 from heatertune.plc.bit_processor.machine import State
 from heatertune.proof import Actuator, Interlock, Kick, Scenario, judge, prove, simulate
 from heatertune.proof.criteria import Limits
 from heatertune.proof.interlock import _BITS, INTERLOCKS, _scan
-from heatertune.proof.kernel import run
+from heatertune.proof.kernel import LOAD, Clock, Events, Record, run
+from heatertune.proof.meter import no_meter
+from heatertune.proof.plant import Plant
 
 HEATER = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=6.5, ambient_degC=20.0)
 PWM = Actuator(pwm_period_s=2.0)
@@ -133,8 +136,14 @@ def test_the_program_rests_until_its_inputs_change(fan, contact, hot, turns):
 
 def test_a_cut_ends_the_pulse_that_runs_and_switches_nothing_on_afterwards():
     def edges(cut):
-        return run(lambda _w, _r, _b: 50.0, lambda y: y, (0.5, 150.0, 0.0, 1.0, 20.0), 20.0, 1.0, [50.0] * 11, [0.0] * 11,
-                   [], PWM.numbers, cut)[1]
+        ring, none = [0.0] * 16, [0.0] * 11
+        never = Events([math.inf], [LOAD], [0.0])
+        heater = Plant(0.5, 150.0, 0.0, 1.0, 20.0)
+        half = bound(run, step=lambda *_: (None, 50.0, 50.0, 0), measure=lambda _, y: y)
+        record = Record(False, *8 * [[]])
+        switched, _ = half(None, None, None, Clock(1.0, none, none, none), heater, 20.0, never, PWM.numbers, cut, ring,
+                           record, no_meter())
+        return ring[:switched]
 
     assert edges(math.inf) == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0]
     assert edges(4.25) == [0.0, 1.0, 2.0, 3.0, 4.0, 4.25]

@@ -14,7 +14,7 @@ from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Ramp
 from heatertune.proof import Actuator, Kick, Load, Scenario, simulate, simulate_wish
-from heatertune.proof.ideal import _law
+from heatertune.proof.ideal import _law_of, _State, _step
 
 FAST = Actuator(pwm_period_s=10.0)
 
@@ -141,9 +141,15 @@ def test_while_the_power_is_at_its_limit_the_wish_does_not_wind_up(heater):
 def test_the_wish_lets_the_integral_lead_back_from_a_limit():
     design = PidDesign(gain_pct_per_degC=1.0, integral_time_s=10.0, derivative_time_s=100.0, sample_time_s=1.0,
                        structure="pid", method="by hand")
-    step = _law(design)
-    assert step(50.0, 45.0, True) == 100.0  # the derivative of the first error; its I step is left out
-    powers = [step(50.0, 49.0, True) for _ in range(40)]
+    law, state = _law_of(design), _State(0.0, 0.0, 0.0)
+
+    def step(reading):
+        nonlocal state
+        state, power, *_ = _step(law, state, 50.0, reading, True)
+        return power
+
+    assert step(45.0) == 100.0  # the derivative of the first error; its I step is left out
+    powers = [step(49.0) for _ in range(40)]
     assert powers[0] == 0.0, "the derivative takes the power to the lower limit, where the error leads back"
     assert powers[-1] == pytest.approx(1.0 + 40 * 0.1)
 

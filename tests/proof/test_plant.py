@@ -6,11 +6,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from heatertune.proof.plant import advance, turning_times
+from heatertune.proof import plant
+from heatertune.proof.plant import Flow, Plant, factors, moved, turn, turning_times
 
 lags = st.floats(1.0, 1e4)
 degrees = st.floats(-50.0, 300.0)
 seconds = st.floats(0.0, 1e4)
+
+
+def advance(y, x, target, t, first, second):
+    """(y, x) after t seconds, by the kernel's own functions."""
+    heater = Plant(1.0, first, second, 0.0, 0.0)
+    after = moved(Flow(0.0, y, x, target, 0.0, 0.0), t, factors(t, heater))
+    return after.y, after.x
 
 
 def _integrated(y, x, target, t, first, second):
@@ -53,7 +61,7 @@ def test_a_second_lag_that_is_very_fast_leaves_one_lag():
 @pytest.mark.parametrize("second", [0.0, 40.0, 100.0])
 def test_arrays_and_numbers_take_the_same_formula(second):
     times = np.array([0.0, 1.0, 70.0])
-    many, _ = advance(np.full(3, 20.0), np.full(3, 50.0), 60.0, times, 100.0, second, exp=np.exp, expm1=np.expm1)
+    many = plant.advance(np.full(3, 20.0), np.full(3, 50.0), np.full(3, 60.0), times, 100.0, second)
     assert many.tolist() == pytest.approx([advance(20.0, 50.0, 60.0, t, 100.0, second)[0] for t in times], abs=1e-12)
 
 
@@ -69,3 +77,14 @@ def test_the_temperature_turns_where_both_lags_meet(second):
 
 def test_a_temperature_on_its_way_down_does_not_turn():
     assert np.isnan(turning_times(np.array([60.0]), np.array([50.0]), np.array([20.0]), 100.0, 40.0)).all()
+
+
+@pytest.mark.parametrize("second", [40.0, 100.0])
+def test_the_turn_between_two_instants_is_the_one_of_the_whole_stretch(second):
+    heater = Plant(1.0, 100.0, second, 0.0, 0.0)
+    begin = Flow(7.0, 50.0, 60.0, 20.0, 0.0, 0.0)
+    expected = 7.0 + turning_times(np.array([50.0]), np.array([60.0]), np.array([20.0]), 100.0, second)[0]
+    early, late = (moved(begin, t, factors(t - 7.0, heater)) for t in (expected - 1.0, expected + 1.0))
+    assert turn(early, late, heater) == pytest.approx(expected, abs=1e-9)
+    assert turn(begin, early, heater) == math.inf
+    assert turn(early, late, heater._replace(second=0.0)) == math.inf

@@ -23,17 +23,59 @@ def add_to(commands: Any) -> None:
     common.add_ramp_option(command)
     common.add_proof_options(command)
     common.add_model_options(command)
+    _add_sample_options(command)
     common.add_output_options(command)
     command.set_defaults(run=_run)
 
 
+def _add_sample_options(command: argparse.ArgumentParser) -> None:
+    group = command.add_argument_group("many heaters")
+    group.add_argument("--samples", type=int, metavar="N",
+                       help="also prove on N drawn heaters: FAIL where too many of them break a limit")
+    group.add_argument("--seed", type=int, default=0, metavar="SEED",
+                       help="seed of the first sample; each next one has the next number (default: 0)")
+    group.add_argument("--replay", type=int, metavar="SEED", help="run the one sample that has this seed, and judge it")
+    group.add_argument("--quantile", type=float, default=0.95, metavar="SHARE",
+                       help="share of the samples that must keep every limit (default: 0.95)")
+    group.add_argument("--mains", type=float, default=10.0, metavar="%",
+                       help="mains voltage, even within ± this; the power goes with its square (default: 10)")
+    group.add_argument("--ambient-spread", type=float, default=5.0, metavar="°C",
+                       help="ambient temperature, even within ± this [°C] (default: 5)")
+    group.add_argument("--disturbance-spread", type=float, default=50.0, metavar="%",
+                       help="size of each disturbance, even within ± this (default: 50)")
+    group.add_argument("--jitter", type=float, default=0.0, metavar="S",
+                       help="latest delay of a scan [s] (default: 0)")
+
+
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.report.text import criteria_table, ramp_note  # noqa: PLC0415
+    from heatertune.chain.samples import replay_document, sample_document  # noqa: PLC0415
+    from heatertune.report.text import criteria_table, ramp_note, samples_table  # noqa: PLC0415
 
     words, _, fitted = common.words_and_model(settings)
-    proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=common.proving(settings))
-    document = proof.to_document()
-    told = "".join(f"- {note}\n" for note in (*ramp_note(document), *notes))
-    common.output(settings, document, lambda: f"{criteria_table(document)}\n{told}VERDICT {proof.verdict}")
-    return 0 if proof.verdict == "PASS" else 1
+    proving, spread = common.proving(settings), _spread(settings)
+    if settings.replay is not None:
+        document = replay_document(words, fitted, settings.replay, spread=spread, **proving)
+        common.output(settings, document, lambda: f"{criteria_table(document)}\nVERDICT {document['verdict']}")
+        return 0 if document["verdict"] == "PASS" else 1
+    proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=proving)
+    document, verdicts = proof.to_document(), [proof.verdict]
+    if settings.samples is not None:
+        document["samples"] = sample_document(
+            proof.words, fitted, settings.samples, seed=settings.seed, quantile=settings.quantile, spread=spread,
+            **proving,
+        )
+        verdicts.append(document["samples"]["verdict"])
+    verdict = document["verdict"] = "PASS" if verdicts == ["PASS"] * len(verdicts) else "FAIL"
+    told = [f"- {note}" for note in (*ramp_note(document), *notes)]
+    common.output(settings, document, lambda: "\n".join(
+        [criteria_table(document), *told, *samples_table(document), f"VERDICT {verdict}"]
+    ))
+    return 0 if verdict == "PASS" else 1
+
+
+def _spread(settings: argparse.Namespace) -> dict[str, float]:
+    return {
+        "mains_pct": settings.mains, "ambient_degC": settings.ambient_spread,
+        "disturbance_pct": settings.disturbance_spread, "jitter_s": settings.jitter,
+    }

@@ -15,7 +15,7 @@ from heatertune.pid.continuous_optimum import margins as continuous_margins
 from heatertune.pid.robustness import margins, noise_gain
 from heatertune.pid.values import PidDesign
 
-__all__ = ["Drawn", "draw_heaters", "drawn_of", "ms_over", "peaks_on"]
+__all__ = ["Drawn", "draw_heaters", "drawn_of", "ms_over", "peaks_on", "spreads_of"]
 
 #: half width of a 95 % interval in standard deviations
 _HALF_WIDTH: Final = 1.96
@@ -74,6 +74,13 @@ def peaks_on(heater: HeaterModel, design: PidDesign) -> dict[str, float]:
         found = margins(heater, design)
         noise = noise_gain(heater, design) if found.stable else math.inf
     return {"ms": found.ms, "mt": found.mt, "mks": noise}
+
+
+def spreads_of(fitted: FittedModel) -> tuple[float, float, float]:
+    """Return the standard deviations of the logarithms of gain, lags and dead time; 0 where the interval is open."""
+    names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
+    gain, lag, dead = (_spread(fitted.ci95.get(name)) for name in names)
+    return gain, lag, dead
 
 
 def ms_over(heaters: tuple[HeaterModel, ...], design: PidDesign) -> Drawn | None:

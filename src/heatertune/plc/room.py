@@ -11,7 +11,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Protocol, cast
+from typing import Any, Final, NamedTuple, Protocol, cast
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.values import PidDesign
@@ -21,8 +21,8 @@ from heatertune.show import Shown
 from heatertune.units import check
 
 __all__ = [
-    "FORMATS", "Certificate", "Number", "Room", "Scaling", "Scan", "Switch", "Timing", "WordField",
-    "Words", "check_fields", "holds", "settings_of",
+    "FORMATS", "Certificate", "Core", "Number", "Room", "Running", "Scaling", "Scan", "Sensor", "Switch", "Timing",
+    "WordField", "Words", "check_fields", "count", "holds", "settings_of",
 ]
 
 #: format of a number in a controller → smallest and largest value; what is not REAL is whole
@@ -202,6 +202,55 @@ def settings_of(switches: Sequence[Switch], given: Mapping[str, str]) -> dict[st
     return {name: given.get(name, switch.default) for name, switch in known.items()}
 
 
+class Sensor(NamedTuple):
+    """The input module: lowest temperature and span [°C], and its highest count."""
+
+    low: float
+    span: float
+    counts: int
+
+
+def count(sensor: Sensor, temperature_degC: float) -> int:
+    """Return the count of a temperature, cut towards zero as a converter does, limited to 0…`counts`."""
+    return int(min(max((temperature_degC - sensor.low) * sensor.counts / sensor.span, 0.0), float(sensor.counts)))
+
+
+class Running(NamedTuple):
+    """A controller that runs: what its words and switches made of its core's parameters, and its memory."""
+
+    parameters: Any
+    state: Any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Core:
+    """How a controller computes, as plain functions of numbers and named tuples that a compiler takes as they are.
+
+    Attributes:
+        step: (parameters, state, setpoint, reading, whether a PWM period begins) → (state, power 0…100 %, output in
+            the controller's units, flags as bits in the order of `flags`); total for every bit pattern.
+        measure: (sensor, temperature [°C]) → reading.
+        flags: names of the flags, the lowest bit first.
+        compiles: whether a compiler takes it.
+    """
+
+    step: Callable[[Any, Any, Any, Any, bool], tuple[Any, float, Any, int]]
+    measure: Callable[[Any, float], Any]
+    flags: tuple[str, ...]
+    compiles: bool = True
+
+    def run(self, running: Running, setpoint: Any, reading: Any, *, cycle_start: bool) -> tuple[Running, Scan]:
+        """Run one scan."""
+        state, *told = self.step(running.parameters, running.state, setpoint, reading, cycle_start)
+        return Running(running.parameters, state), self.told(told)
+
+    def told(self, told: Sequence[Any]) -> Scan:
+        """Return what `step` told beside the state, the flags by name."""
+        power_pct, output, bits = told
+        flags = {name: bool(bits >> place & 1) for place, name in enumerate(self.flags)}
+        return Scan(power_pct=power_pct, output=output, flags=flags)
+
+
 class ReadImage(Protocol):
     """Memory → words."""
 
@@ -228,9 +277,12 @@ class Room(ABC):
         decode: words → the design as they realise it; None where the controller is no PID.
         check: raises OutOfRange naming the first word that is missing, unknown, of the wrong kind or out of its range.
         export: words → file name → content; the same words and certificate always give the same bytes.
+        core: what `step` and `measure` compute.
         read_image: memory of a running controller → words; None where they cannot be read back.
         oddities: what is odd about a controller's words, one sentence each; None without `read_image`.
         faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
+        direct: for a core that runs a listing, which no compiler takes: words and switches → a core that gives the same
+            power, output and flags, and its parameters and cold state; None: the core itself compiles, or none does.
         ramped: whether the export brings the program of a setpoint ramp along.
     """
 
@@ -248,9 +300,11 @@ class Room(ABC):
     decode: Callable[[Words], PidDesign | None]
     check: Callable[[Words], None]
     export: Callable[[Words, Certificate], Mapping[str, str | bytes]]
+    core: Core
     read_image: ReadImage | None = None
     oddities: Callable[[Words], tuple[str, ...]] | None = None
     faults: Callable[[Words], tuple[str, ...]] | None = None
+    direct: Callable[[Words, Mapping[str, str]], tuple[Core, Running]] | None = None
     ramped: bool = False
 
     def ramp(self, words: Words, rate_degC_per_min: float) -> Ramp:
@@ -301,23 +355,28 @@ class Room(ABC):
     def timing(self, words: Words) -> Timing:
         """Return when the room wants to be called."""
 
-    @abstractmethod
+    def sensor(self, words: Words) -> Sensor:
+        """Return the input module as the core's `measure` takes it."""
+        return Sensor(words.scaling.low_degC, words.scaling.span_degC, self.counts)
+
     def measure(self, words: Words, temperature_degC: float) -> Number:
         """Return the reading for a temperature, quantised and limited as the input module does [units]."""
+        return cast("Number", self.core.measure(self.sensor(words), temperature_degC))
 
     @abstractmethod
-    def start(self, words: Words, switches: Mapping[str, str]) -> Any:
-        """Return the cold state for these settings of the switches."""
+    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
+        """Return the controller in the cold state for these settings of the switches."""
 
-    @abstractmethod
-    def step(self, words: Words, state: Any, setpoint: Any, reading: Any, switches: Mapping[str, str],
-             *, cycle_start: bool = True) -> tuple[Any, Scan]:
-        """Run one scan; pure, total for every bit pattern.
+    def step(self, words: Words, state: Running, setpoint: Any, reading: Any, switches: Mapping[str, str],
+             *, cycle_start: bool = True) -> tuple[Running, Scan]:
+        """Run one scan; pure, total for every bit pattern. Words and switches are in the state since `start`.
 
         `setpoint` and `reading` are in the controller's units; `cycle_start` tells a room that makes
         its own PWM that a PWM period begins with this scan.
         """
+        del words, switches
+        return self.core.run(state, setpoint, reading, cycle_start=cycle_start)
 
     @abstractmethod
-    def scan(self, state: Any, inputs: Mapping[str, Any]) -> tuple[Any, Scan]:
+    def scan(self, state: Running, inputs: Mapping[str, Any]) -> tuple[Running, Scan]:
         """Run one scan on all of its inputs; those not named stay as the words have them. Pure, as `step`."""

@@ -10,9 +10,18 @@ from __future__ import annotations
 import math
 from ctypes import c_float
 
+import numpy as np
+
+from heatertune.compiled import runs_compiled_as
+
 __all__ = ["divided", "is_single", "single"]
 
 
+def _single(value: float) -> float:
+    return np.float64(np.float32(value))  # no compiler knows ctypes; as plain Python this warns of infinities
+
+
+@runs_compiled_as(_single)
 def single(value: float) -> float:
     """Return the nearest single; beyond the largest one it is infinite."""
     return c_float(value).value

@@ -7,25 +7,32 @@ from heatertune.proof.judge import judge
 from heatertune.proof.loop import simulate
 from heatertune.proof.prove import Proof, RunResult, prove
 from heatertune.proof.pwm import Actuator, pid_compact, pulsegen
+from heatertune.proof.sampled import SampleProof, prove_samples
+from heatertune.proof.samples import Drawing, Spread, replay
 from heatertune.proof.scenario import Kick, Load, Scenario, paper_scenario, scenario_for
 from heatertune.proof.trace import Trace
 
 __all__ = [
     "Actuator",
     "Criterion",
+    "Drawing",
     "Interlock",
     "Kick",
     "Limits",
     "Load",
     "Proof",
     "RunResult",
+    "SampleProof",
     "Scenario",
+    "Spread",
     "Trace",
     "judge",
     "paper_scenario",
     "pid_compact",
     "prove",
+    "prove_samples",
     "pulsegen",
+    "replay",
     "scenario_for",
     "simulate",
     "simulate_wish",

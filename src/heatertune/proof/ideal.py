@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from typing import Final, NamedTuple
 
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import PidDesign
+from heatertune.plc.room import Core
 from heatertune.proof.loop import Controller, run_loop
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.trace import Trace
 
 __all__ = ["simulate_wish"]
+
+
+class _Law(NamedTuple):
+    gain: float
+    integral: float  # TA/TI
+    past: float
+    derivative: float
+
+
+class _State(NamedTuple):
+    summed: float
+    filtered: float
+    error: float
 
 
 def simulate_wish(
@@ -31,8 +45,9 @@ def simulate_wish(
     """
     per_scan, asked = ramp_degC_per_min / 60.0 * design.sample_time_s, scenario.setpoint_degC
     controller = Controller(
-        step=_law(design), measure=lambda temperature: temperature, scan_s=design.sample_time_s,
+        core=_CORE, parameters=_law_of(design), state=_State(0.0, 0.0, 0.0), sensor=0.0,
         setpoints=lambda first, scans: [_on_the_way(first, asked, (k + 1) * per_scan) for k in range(scans)],
+        scan_s=design.sample_time_s,
     )
     return run_loop(controller, model, scenario, actuator)
 
@@ -41,21 +56,27 @@ def _on_the_way(begin: float, asked: float, distance: float) -> float:
     return min(begin + distance, asked) if begin <= asked else max(begin - distance, asked)
 
 
-def _law(design: PidDesign) -> Callable[[float, float, bool], float]:
-    gain, integral = design.gain_pct_per_degC, design.sample_time_s / design.integral_time_s
+def _law_of(design: PidDesign) -> _Law:
     past = design.derivative_filter
-    derivative = (1.0 - past) * design.derivative_time_s / design.sample_time_s
-    summed = filtered = last = 0.0
+    return _Law(
+        design.gain_pct_per_degC, design.sample_time_s / design.integral_time_s, past,
+        (1.0 - past) * design.derivative_time_s / design.sample_time_s,
+    )
 
-    def step(setpoint: float, reading: float, _cycle_start: bool) -> float:
-        nonlocal summed, filtered, last
-        error = setpoint - reading
-        filtered = past * filtered + derivative * (error - last)
-        last = error
-        wanted = gain * (error + summed + integral * error + filtered)
-        power = min(100.0, max(0.0, wanted))
-        if power == wanted or (wanted - power) * gain * error < 0.0:
-            summed += integral * error
-        return power
 
-    return step
+def _step(p: _Law, s: _State, setpoint: float, reading: float, _begins: bool) -> tuple[_State, float, float, int]:
+    error = setpoint - reading
+    filtered = p.past * s.filtered + p.derivative * (error - s.error)
+    wanted = p.gain * (error + s.summed + p.integral * error + filtered)
+    power = min(100.0, max(0.0, wanted))
+    summed = s.summed
+    if power == wanted or (wanted - power) * p.gain * error < 0.0:
+        summed += p.integral * error
+    return _State(summed, filtered, error), power, wanted, 0
+
+
+def _as_it_is(_sensor: float, temperature_degC: float) -> float:
+    return temperature_degC
+
+
+_CORE: Final = Core(step=_step, measure=_as_it_is, flags=())

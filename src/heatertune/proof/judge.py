@@ -11,10 +11,10 @@ import numpy.typing as npt
 from heatertune.pid.values import Margins
 from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.scenario import Kick, Load, conditions
+from heatertune.proof.scenario import Kick, Load, temperatures
 from heatertune.proof.trace import Trace
 
-__all__ = ["judge"]
+__all__ = ["judge", "rest_of"]
 
 Array = npt.NDArray[np.float64]
 
@@ -30,7 +30,7 @@ def judge(trace: Trace, limits: Limits, margins: Margins | None = None) -> tuple
     Criteria of disturbances, interlock and margins are there where the run has them and margins are given. All
     temperatures are the true ones, at any instant, not the sensor's.
     """
-    step = trace.setpoint_degC - conditions(trace.scenario, trace.model)[1]
+    step = trace.setpoint_degC - temperatures(trace.scenario, trace.model)[1]
     band = max(limits.tolerance_degC, limits.tolerance_resolutions * trace.resolution_degC)
     return (
         *_heat_up(trace, limits, step, band),
@@ -84,8 +84,7 @@ def _stays_within(times: Array, error: Array, band: float) -> float:
 
 def _at_rest(trace: Trace, limits: Limits, band: float) -> tuple[Criterion, ...]:
     end, period = _stops(trace)[1], trace.actuator.pwm_period_s
-    periods = max(_PERIODS_AT_REST, math.floor(limits.steady_share * end / period))
-    start = max(0.0, end - periods * period)
+    periods, start = rest_of(limits, end, period)
     times, error = _error(trace, start, end)
     number = np.minimum((times - start) / period, periods - 1).astype(int)
     firsts = np.flatnonzero(np.diff(number, prepend=-1))
@@ -106,6 +105,12 @@ def _at_rest(trace: Trace, limits: Limits, band: float) -> tuple[Criterion, ...]
             what="Peak to peak within one PWM period over the same time, median.",
         ),
     )
+
+
+def rest_of(limits: Limits, end_s: float, period_s: float) -> tuple[int, float]:
+    """Return how many PWM periods the time at rest spans, and where it begins [s]; it ends with the heat-up."""
+    periods = max(_PERIODS_AT_REST, math.floor(limits.steady_share * end_s / period_s))
+    return periods, max(0.0, end_s - periods * period_s)
 
 
 def _integral(times: Array, values: Array) -> float:

@@ -5,22 +5,31 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, Final, cast
 
 import numpy as np
+import numpy.typing as npt
 
+from heatertune.compiled import bound, compiled, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.plc.ramp import course
-from heatertune.plc.room import Room, Words, settings_of
+from heatertune.plc.room import Core, Number, Room, Words, settings_of
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.kernel import JUMP, LOAD, Event, run
+from heatertune.proof.kernel import JUMP, LOAD, Batch, Record, run, run_all
+from heatertune.proof.meter import Meter, no_meter
 from heatertune.proof.pwm import INSTANT_S, Actuator
-from heatertune.proof.scenario import Kick, Load, Scenario, conditions
+from heatertune.proof.scenario import Kick, Scenario, conditions, temperatures
 from heatertune.proof.trace import Trace
 
-__all__ = ["Controller", "run_loop", "simulate"]
+__all__ = [
+    "Controller", "actuator_of", "controller_of", "events_of", "plant_row", "pulses_of", "ring_size", "run_loop",
+    "run_plainly", "run_with", "scans_of", "setpoints_of", "simulate", "traced",
+]
 
-_PLC_RESOLUTION_S = 0.001  # pulse width register in milliseconds: S7-200 System Manual, SMW70
+Array = npt.NDArray[np.float64]
+
+_PLC_RESOLUTION_S: Final = 0.001  # pulse width register in milliseconds: S7-200 System Manual, SMW70
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,19 +37,21 @@ class Controller:
     """A controller as the loop sees it.
 
     Attributes:
-        step: (setpoint, reading, whether a PWM period begins) → power asked for, 0…100 %.
-        setpoints: (first reading, number of scans) → setpoint at each scan [units of a reading].
-        measure: temperature [°C] → reading.
+        core: how it computes.
+        parameters, state, sensor: what the core takes.
+        setpoints: (first reading, number of scans) → setpoint at each scan, all in the controller's units.
         scan_s: interval between two steps [s].
         pwm_period_s: where it makes the PWM itself [s], else None.
         unit_degC, zero_degC: a reading r means zero + unit·r [°C].
         resolution_degC: step of the input module [°C]; 0: none.
-        words, switches, flags: see `Trace`.
+        words, switches: see `Trace`.
     """
 
-    step: Callable[[float, float, bool], float]
-    setpoints: Callable[[float, int], Sequence[float]]
-    measure: Callable[[float], float]
+    core: Core
+    parameters: Any
+    state: Any
+    sensor: Any
+    setpoints: Callable[[Number, int], Sequence[Number]]
     scan_s: float
     pwm_period_s: float | None = None
     unit_degC: float = 1.0
@@ -48,7 +59,6 @@ class Controller:
     resolution_degC: float = 0.0
     words: Words | None = None
     switches: Mapping[str, str] = field(default_factory=dict)
-    flags: dict[str, int] = field(default_factory=dict)
 
 
 def simulate(
@@ -80,7 +90,8 @@ def simulate(
     settings = settings_of(room.switches, switches or {})
 
     def run_from_cold(cut_s: float) -> Trace:
-        return run_loop(_of_room(room, words, scenario.setpoint_degC, settings), model, scenario, actuator, cut_s=cut_s)
+        controller = controller_of(room, words, scenario.setpoint_degC, settings)
+        return run_loop(controller, model, scenario, actuator, cut_s=cut_s)
 
     trace = run_from_cold(math.inf)
     if interlock is None:
@@ -95,48 +106,93 @@ def run_loop(
     cut_s: float = math.inf,
 ) -> Trace:
     """Return the trace of any controller, the heater kept off from `cut_s` on [s]; errors as in `simulate`."""
-    actuator = _actuator(controller, actuator)
-    ambient, start = conditions(scenario, model)
-    first, *rest = model.lags_s
-    # the last scan comes at the end or just after it
-    scans = math.ceil(scenario.duration_s / controller.scan_s - INSTANT_S) + 1
-    time = np.arange(scans, dtype=np.float64) * controller.scan_s
+    conditions(scenario, model)
+    scans = scans_of(controller, scenario)
     noise = np.random.default_rng(scenario.seed).normal(0.0, scenario.noise_degC, scans)
-    setpoints = controller.setpoints(controller.measure(start + noise[0]), scans)
-    samples, edges, stretches = run(
-        controller.step,
-        controller.measure,
-        (model.gain_degC_per_pct, first, rest[0] if rest else 0.0, model.dead_time_s, ambient),
-        start,
-        controller.scan_s,
-        setpoints,
-        noise.tolist(),
-        [_event(each, model.dead_time_s) for each in scenario.disturbances],
-        actuator.numbers,
-        cut_s,
+    return traced(controller, model, scenario, actuator, noise, np.zeros(scans), cut_s=cut_s)
+
+
+def scans_of(controller: Controller, scenario: Scenario) -> int:
+    """Return the number of scans; the last one comes at the end or just after it."""
+    return math.ceil(scenario.duration_s / controller.scan_s - INSTANT_S) + 1
+
+
+def traced(
+    controller: Controller, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, noise_degC: Array,
+    late_s: Array, *, cut_s: float = math.inf,
+) -> Trace:
+    """Return the trace of one run whose noise and delay at each scan are given, able to hold the setpoint or not."""
+    actuator, scans = actuator_of(controller, actuator), len(noise_degC)
+    time = np.arange(scans, dtype=np.float64) * controller.scan_s + late_s
+    plant = plant_row(model, scenario)
+    setpoints = setpoints_of(controller, [plant[-1]], noise_degC[None])
+    events = events_of(scenario, [model.dead_time_s])
+    batch = Batch(setpoints, noise_degC[None], late_s[None], np.array([plant]), *events)
+    pulses = pulses_of(time[-1] + 2.0 * controller.scan_s, actuator)
+    edges = np.empty(ring_size(pulses))
+    record = Record(
+        True, np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
+        *(np.empty(pulses + batch.event_time.size) for _ in range(4)),
     )
-    temperature, reading, power = np.array(samples, dtype=np.float64).T.copy()
-    switched = np.array([edge for edge in edges if edge <= time[-1]])
+    given = (batch, actuator.numbers, cut_s, edges, record, no_meter())
+    switched, rows = run_with(controller, given, scans)
+    shown = edges[:switched][edges[:switched] <= time[-1]]
     return Trace(
         time_s=time,
-        temperature_degC=temperature,
-        reading_degC=controller.zero_degC + controller.unit_degC * reading,
-        followed_degC=controller.zero_degC + controller.unit_degC * np.array(setpoints, dtype=np.float64),
-        power_asked_pct=power,
-        edge_time_s=switched,
-        edge_on=np.arange(len(switched)) % 2 == 0,
-        stretches=np.array(stretches),
+        temperature_degC=record.temperature,
+        reading_degC=controller.zero_degC + controller.unit_degC * record.reading,
+        followed_degC=controller.zero_degC + controller.unit_degC * setpoints[0],
+        power_asked_pct=record.power,
+        edge_time_s=shown,
+        edge_on=np.arange(len(shown)) % 2 == 0,
+        stretches=np.column_stack([each[:rows] for each in record[-4:]]),
         model=model,
         scenario=scenario,
         actuator=actuator,
         resolution_degC=controller.resolution_degC,
         words=controller.words,
         switches=controller.switches,
-        flags=controller.flags,
+        flags={
+            name: int(np.count_nonzero(record.flags >> place & 1)) for place, name in enumerate(controller.core.flags)
+        },
     )
 
 
-def _actuator(controller: Controller, given: Actuator | None) -> Actuator:
+def run_with(controller: Controller, given: tuple[Any, ...], scans: int) -> tuple[int, int]:
+    """Run the kernel with a controller, compiled where that pays; `given` are `run_all`'s arguments from the batch on.
+
+    `scans` tells how much work it is.
+    """
+    core = controller.core
+    given = (controller.parameters, controller.state, controller.sensor, controller.scan_s, *given)
+    if core.compiles and worth_compiling(scans):
+        return cast("tuple[int, int]", compiled(_run_of(core))(*given))
+    return run_plainly(core, given)
+
+
+def _run_of(core: Core) -> Callable[..., tuple[int, int]]:
+    loop = bound(run, step=core.step, measure=core.measure)
+    return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop))
+
+
+def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
+    """Run the kernel as plain Python; lists in place of arrays, as their numbers are Python's own."""
+    lists: list[tuple[Any, Any]] = []
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            lists.append((value, value.tolist()))
+            return lists[-1][1]
+        return type(value)(*map(plain, value)) if isinstance(value, Batch | Record | Meter) else value
+
+    found = _run_of(core)(*map(plain, given))
+    for array, written in lists:
+        array[:] = written
+    return found
+
+
+def actuator_of(controller: Controller, given: Actuator | None) -> Actuator:
+    """Return the switch: the controller's own PWM, else the one given; raise InputError where there is none."""
     if controller.pwm_period_s is not None:
         period = controller.pwm_period_s
         return Actuator(pwm_period_s=period, resolution_s=min(_PLC_RESOLUTION_S, period))
@@ -145,32 +201,77 @@ def _actuator(controller: Controller, given: Actuator | None) -> Actuator:
     return given
 
 
-def _event(disturbance: Kick | Load, dead_time_s: float) -> Event:
-    if isinstance(disturbance, Kick):
-        return disturbance.time_s, JUMP, disturbance.temperature_degC
-    return disturbance.time_s + dead_time_s, LOAD, disturbance.power_pct
+def plant_row(model: HeaterModel, scenario: Scenario) -> list[float]:
+    """Return a heater in a scenario as a row of `Batch.plants`."""
+    ambient, start = temperatures(scenario, model)
+    first, *rest = model.lags_s
+    return [model.gain_degC_per_pct, first, rest[0] if rest else 0.0, model.dead_time_s, ambient, start]
 
 
-def _of_room(room: Room, words: Words, setpoint_degC: float, switches: Mapping[str, str]) -> Controller:
-    state = room.start(words, switches)
-    asked = room.measure(words, setpoint_degC)
-    flags: dict[str, int] = {}
+def events_of(
+    scenario: Scenario, dead_times_s: Sequence[float], sizes: Array | None = None,
+    marks: Sequence[tuple[float, int]] = (),
+) -> tuple[Array, npt.NDArray[np.int64], Array]:
+    """Return the disturbances as three arrays of a `Batch`: instants, kinds and values, a row for each dead time.
 
-    def step(setpoint: float, reading: float, cycle_start: bool) -> float:
-        nonlocal state
-        state, scan = room.step(words, state, setpoint, reading, switches, cycle_start=cycle_start)
-        for name, is_set in scan.flags.items():
-            flags[name] = flags.get(name, 0) + is_set
-        return scan.power_pct
+    Args:
+        scenario: whose disturbances.
+        dead_times_s: of the heaters [s].
+        sizes: by what each disturbance is multiplied, a row for each heater; None: by nothing.
+        marks: (instant, kind) of what divides what is measured.
+    """
+    rows = []
+    for number, dead in enumerate(dead_times_s):
+        factors = [1.0] * len(scenario.disturbances) if sizes is None else sizes[number].tolist()
+        acting = [
+            (each.time_s, JUMP, factor * each.temperature_degC) if isinstance(each, Kick)
+            else (each.time_s + dead, LOAD, factor * each.power_pct)
+            for each, factor in zip(scenario.disturbances, factors, strict=True)
+        ]
+        rows.append(sorted([*acting, *((time, kind, 0.0) for time, kind in marks), (math.inf, LOAD, 0.0)]))
+    table = np.array(rows)
+    return table[..., 0].copy(), table[..., 1].astype(np.int64), table[..., 2].copy()
 
+
+def setpoints_of(controller: Controller, starts_degC: Sequence[float], noise_degC: Array) -> npt.NDArray[Any]:
+    """Return the setpoints of runs, shape (n, scans); one row for all where no ramp begins at a run's first reading."""
+    moves = controller.words is None or controller.words.ramp is not None
+    firsts = [
+        controller.core.measure(controller.sensor, start + float(noise[0]))
+        for start, noise in zip(starts_degC, noise_degC, strict=True)
+    ]
+    return np.array([controller.setpoints(first, noise_degC.shape[1]) for first in (firsts if moves else firsts[:1])])
+
+
+def pulses_of(seconds: float, actuator: Actuator) -> int:
+    """Return how often the heater can be switched in so many seconds."""
+    return 2 * (math.ceil(seconds / actuator.pwm_period_s) + 2)
+
+
+def ring_size(pulses: int) -> int:
+    """Return the least power of two that holds so many edges."""
+    return 1 << (pulses - 1).bit_length()
+
+
+def controller_of(
+    room: Room, words: Words, setpoint_degC: float, switches: Mapping[str, str], *, direct: bool = False
+) -> Controller:
+    """Return a room that runs words, its switches set; `direct`: without its listing, where that can be."""
     timing = room.timing(words)
+    if direct and room.direct is not None:
+        core, running = room.direct(words, switches)
+    else:
+        core, running = room.core, room.start(words, switches)
+    asked = room.measure(words, setpoint_degC)
     low, high = words.scaling.low_degC, words.scaling.high_degC
     lowest = room.measure(words, low)
     unit = (high - low) / (room.measure(words, high) - lowest)
     return Controller(
-        step=step,
+        core=core,
+        parameters=running.parameters,
+        state=running.state,
+        sensor=room.sensor(words),
         setpoints=lambda first, scans: course(words.ramp, first, asked, scans),
-        measure=lambda temperature: room.measure(words, temperature),
         scan_s=timing.scan_s,
         pwm_period_s=timing.pwm_period_s,
         unit_degC=unit,
@@ -178,5 +279,4 @@ def _of_room(room: Room, words: Words, setpoint_degC: float, switches: Mapping[s
         resolution_degC=words.scaling.span_degC / room.counts,
         words=words,
         switches=switches,
-        flags=flags,
     )

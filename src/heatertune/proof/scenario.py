@@ -11,7 +11,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.units import check
 
-__all__ = ["Kick", "Load", "Scenario", "conditions", "paper_scenario", "scenario_for"]
+__all__ = ["Kick", "Load", "Scenario", "conditions", "paper_scenario", "scenario_for", "temperatures"]
 
 #: The paper's record (Tables 3 and 4): disturbance in the 27th minute, last row at 40 min [s].
 _PAPER_KICK_S: Final = 1620.0
@@ -108,9 +108,7 @@ def conditions(scenario: Scenario, model: HeaterModel) -> tuple[float, float]:
         InputError: neither scenario nor model knows the ambient temperature.
         OutOfRange: the setpoint lies outside what the heater can hold, between ambient and full power.
     """
-    ambient = model.ambient_degC if scenario.ambient_degC is None else scenario.ambient_degC
-    if ambient is None:
-        raise InputError("ambient_degC is unknown to both model and scenario: give the temperature without power")
+    ambient, start = temperatures(scenario, model)
     top = ambient + 100.0 * model.gain_degC_per_pct
     if not ambient < scenario.setpoint_degC < top:
         rule = (
@@ -118,6 +116,18 @@ def conditions(scenario: Scenario, model: HeaterModel) -> tuple[float, float]:
             "or this heater cannot hold it"
         )
         raise OutOfRange("setpoint_degC", scenario.setpoint_degC, rule)
+    return ambient, start
+
+
+def temperatures(scenario: Scenario, model: HeaterModel) -> tuple[float, float]:
+    """Return ambient and start temperature of a run [°C], whether or not the heater can hold the setpoint.
+
+    Raises:
+        InputError: neither scenario nor model knows the ambient temperature.
+    """
+    ambient = model.ambient_degC if scenario.ambient_degC is None else scenario.ambient_degC
+    if ambient is None:
+        raise InputError("ambient_degC is unknown to both model and scenario: give the temperature without power")
     return ambient, ambient if scenario.start_degC is None else scenario.start_degC
 
 

@@ -80,7 +80,7 @@ class Trace(Shown):
         times = np.asarray(time_s, dtype=np.float64)
         rows = np.searchsorted(self.stretches[:, 0], times, side="left" if before else "right") - 1
         since, y, x, target = np.moveaxis(self.stretches[np.maximum(rows, 0)], -1, 0)
-        return np.asarray(advance(y, x, target, times - since, *self._lags(), exp=np.exp, expm1=np.expm1)[0])
+        return advance(y, x, target, times - since, *self._lags())
 
     def course(self, start_s: float, end_s: float) -> tuple[Array, Array]:
         """Return instants and temperatures between which the temperature neither jumps nor turns.

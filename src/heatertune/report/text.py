@@ -11,7 +11,8 @@ from heatertune.units import NOMENCLATURE
 __all__ = [
     "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
     "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "model_lines", "model_rows", "outcome_lines",
-    "pareto_table", "ramp_note", "search_notes", "summary", "table", "validation_lines", "word", "words_table",
+    "pareto_table", "ramp_note", "samples_table", "search_notes", "summary", "table", "validation_lines", "word",
+    "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -196,6 +197,24 @@ def criteria_table(proof: Document) -> str:
         verdict = "" if found["limit"] is None else "ok" if found["ok"] else "FAIL"
         rows.append((_spaced(name), criterion_value(found), limit, found["unit"], verdict, found["where"]))
     return "\n".join([table(rows, right=(1,)), *[f"fault: {fault}" for fault in proof["faults"]]])
+
+
+def samples_table(proof: Document) -> list[str]:
+    """Return what the samples of a proof show, if there are any, as lines: quantiles and share that keeps the limit."""
+    if "samples" not in proof:
+        return []
+    found = proof["samples"]
+    rows = [("criterion", "median", "95 %", "99 %", "worst", "limit", "unit", "keep it")]
+    for name, spot in found["criteria"].items():
+        numbers = ["never" if spot[key] is None else figure(spot[key]) for key in ("median", "p95", "p99", "worst")]
+        limit = "" if spot["limit"] is None else f"<= {figure(spot['limit'])}"
+        kept = "" if spot["limit"] is None else f"{100.0 * spot['passing']:.4g} %"
+        rows.append((_spaced(name), *numbers, limit, spot["unit"], kept))
+    return [
+        f"{found['count']} samples from seed {found['seed']} on: {100.0 * found['passing']:.4g} % keep every limit, "
+        f"{100.0 * found['quantile']:.4g} % must: {found['verdict']}; the worst: --replay {found['worst_seed']}",
+        table(rows, right=(1, 2, 3, 4)),
+    ]
 
 
 def advice_table(advice: Document) -> str:

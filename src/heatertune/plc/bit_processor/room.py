@@ -10,7 +10,7 @@ from heatertune.plc.bit_processor.export import PROGRAM, export_words, from_imag
 from heatertune.plc.bit_processor.machine import START, State, Wiring, scan
 from heatertune.plc.bit_processor.programs import ON_OFF_NAMES
 from heatertune.plc.bit_processor.words import COUNTS, FIELDS, TIMER, check_words, encode
-from heatertune.plc.room import Room, Scaling, Scan, Timing, Words
+from heatertune.plc.room import Core, Room, Running, Scan, Timing, Words, count
 
 __all__ = ["ROOM", "OnOff"]
 
@@ -22,9 +22,45 @@ _INPUTS: Final = {"SP": "INT", "PV": "INT"}
 _WIDE: Final = 0.1  # of the sensor range
 
 
-class _Running(NamedTuple):
-    band: int
-    state: State
+def _step(
+    band: int, state: State, setpoint: int, reading: int, _begins: bool
+) -> tuple[State, float, int, int]:
+    after = scan(PROGRAM, _WIRING, state, registers=(setpoint, reading, band))
+    is_on = after.is_on(_OUT)
+    return after, 100.0 if is_on else 0.0, int(is_on), int(after.overflow) + 2 * int(after.endless)
+
+
+class _Memory(NamedTuple):
+    is_on: bool = False
+
+
+def _direct_step(
+    band: int, state: _Memory, setpoint: int, reading: int, _begins: bool
+) -> tuple[_Memory, float, int, int]:
+    """Compute the same without the program: off above SP + BAND, on below SP − BAND, all in 16 bits."""
+    w, x, b = _word(setpoint), _word(reading), _word(band)
+    above, below = w + b, w - b
+    overflow = above != _word(above)
+    is_on = state.is_on
+    if x > _word(above):
+        is_on = False
+    else:
+        overflow = overflow or below != _word(below)
+        is_on = is_on or x < _word(below)
+    return _Memory(is_on), 100.0 if is_on else 0.0, int(is_on), int(overflow)
+
+
+def _word(number: int) -> int:
+    return ((number + 0x8000) & 0xFFFF) - 0x8000
+
+
+def _direct(words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:
+    del switches
+    return _DIRECT, Running(words.whole["BAND"], _Memory())
+
+
+_DIRECT: Final = Core(step=_direct_step, measure=count, flags=("overflow", "endless"))
+_CORE: Final = Core(step=_step, measure=count, flags=("overflow", "endless"), compiles=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,34 +71,15 @@ class OnOff(Room):
         """Return the scan interval; the switch behind the output is an actuator, always on or off for a whole scan."""
         return Timing(scan_s=words.sample_time_s)
 
-    def measure(self, words: Words, temperature_degC: float) -> int:
-        """Return the count, cut as a converter does, limited to its range."""
-        scaled = (temperature_degC - words.scaling.low_degC) * COUNTS / words.scaling.span_degC
-        return int(min(max(scaled, 0.0), COUNTS))
-
-    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
         """Return the state after power-on: heater off."""
         del switches
-        return _Running(words.whole["BAND"], START)
+        return Running(words.whole["BAND"], START)
 
-    def step(
-        self, words: Words, state: _Running, setpoint: int, reading: int, switches: Mapping[str, str],
-        *, cycle_start: bool = True,
-    ) -> tuple[_Running, Scan]:
-        """Run one scan of the program; the word is in the state since `start`."""
-        del words, switches, cycle_start
-        after = scan(PROGRAM, _WIRING, state.state, registers=(setpoint, reading, state.band))
-        is_on = after.is_on(_OUT)
-        flags = {"overflow": after.overflow, "endless": after.endless}
-        return state._replace(state=after), Scan(power_pct=100.0 if is_on else 0.0, output=int(is_on), flags=flags)
-
-    def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
+    def scan(self, state: Running, inputs: Mapping[str, int]) -> tuple[Running, Scan]:
         """Run one scan with SP and PV."""
-        return self.step(_NO_WORDS, state, inputs["SP"], inputs["PV"], {})
+        return _CORE.run(state, inputs["SP"], inputs["PV"], cycle_start=True)
 
-
-#: the word of a running program is in its state
-_NO_WORDS: Final = Words(target="on-off", values={}, scaling=Scaling(), sample_time_s=1.0)
 
 def _decode(words: Words) -> None:
     """Return None: the controller is no PID."""
@@ -97,6 +114,8 @@ ROOM: Final = OnOff(
     decode=_decode,
     check=check_words,
     export=export_words,
+    core=_CORE,
+    direct=_direct,
     read_image=from_image,
     oddities=_oddities,
 )

@@ -75,60 +75,58 @@ def call(
     """Return the state after one call; its `output` is YA (position) or dY (velocity)."""
     if p.steu & REG_AUS:
         return COLD
-    error, change = float(w - x), float(w - x) - state.error
+    error = float(w - x)
+    change = error - state.error
     if p.steu & XZ_EIN:
-        substitute, substitute_change = float(xz), xz - state.substitute
+        substitute = float(xz)
+        substitute_change = substitute - state.substitute
         curvature = substitute_change - state.substitute_change
     else:
         substitute, substitute_change = state.substitute, state.substitute_change
         curvature = change - state.error_change
     disturbance = state.disturbance if p.steu & NO_Z else float(z)
-    seen = state._replace(
-        error=error, error_change=change, substitute=substitute, substitute_change=substitute_change,
-        disturbance=disturbance,
+    if p.steu & AUTO:
+        derivative = 0.5 * (p.td * curvature + state.derivative)
+        other = p.gain * (p.r * change + derivative) + (disturbance - state.disturbance)
+        total, output, at_limit = _automatic(p, assume, state, other, p.gain * p.ti * error)
+        approach = 0
+    else:
+        derivative, at_limit = 0.0, 0
+        output, approach = _manual(p, state)
+        total = float(output)
+    return State(
+        error, change, substitute, substitute_change, derivative, disturbance, total, output, at_limit, approach
     )
-    if not p.steu & AUTO:
-        return _manual(p, seen)
-    derivative = 0.5 * (p.td * curvature + state.derivative)
-    other = p.gain * (p.r * change + derivative) + (disturbance - state.disturbance)
-    integral = p.gain * p.ti * error
-    return _automatic(p, assume, seen._replace(derivative=derivative, approach=0), other, integral)
 
 
-def _automatic(p: Parameters, assume: Assumptions, state: State, other: float, integral: float) -> State:
-    """Add the increments, limit, and keep the integral action out while at a limit."""
-    velocity = bool(p.steu & GESCHW)
-    before = 0.0 if velocity else state.total
+def _automatic(
+    p: Parameters, assume: Assumptions, state: State, other: float, integral: float
+) -> tuple[float, int, int]:
+    """Add the increments, limit, and keep the integral action out while at a limit: Y, YA and the side."""
+    before = 0.0 if p.steu & GESCHW else state.total
     at_limit = _side(p, before + _whole(assume, other + integral)) if assume.flag_of_same_call else state.at_limit
     outward = at_limit * integral > 0.0 if assume.inward_allowed else at_limit != 0
     increment = _whole(assume, other if outward else other + integral)
     total = before + increment
-    limited = min(max(total, p.lower), p.upper)
-    return state._replace(
-        total=limited if assume.sum_is_limited else total,
-        output=int(limited),  # towards zero
-        at_limit=_side(p, total),
-    )
+    limited = min(max(total, float(p.lower)), float(p.upper))
+    return limited if assume.sum_is_limited else total, int(limited), _side(p, total)  # YA is cut towards zero
 
 
-def _manual(p: Parameters, state: State) -> State:
-    """Hold the output or approach YH; the algorithm is not computed."""
-    state = state._replace(derivative=0.0, at_limit=0)
+def _manual(p: Parameters, state: State) -> tuple[int, int]:
+    """Hold the output or approach YH, the algorithm not being computed: YA and the calls since the switch."""
+    approach = state.approach
     if p.steu & GESCHW:
         wanted = 0 if p.steu & HANDART else p.manual
     elif p.steu & HANDART:
         wanted = state.output
     else:
-        steps = state.approach + 1
-        half_way = (p.manual + state.output) / 2.0
-        wanted = p.manual if steps >= _APPROACH else int(half_way)
-        state = state._replace(approach=min(steps, _APPROACH))
-    limited = min(max(wanted, p.lower), p.upper)
-    return state._replace(output=limited, total=float(limited))
+        wanted = p.manual if approach + 1 >= _APPROACH else int((p.manual + state.output) / 2.0)
+        approach = min(approach + 1, _APPROACH)
+    return min(max(wanted, p.lower), p.upper), approach
 
 
 def _side(p: Parameters, total: float) -> int:
-    return (total >= p.upper) - (total <= p.lower)
+    return int(total >= p.upper) - int(total <= p.lower)
 
 
 def _whole(assume: Assumptions, increment: float) -> float:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
-from heatertune.plc.room import Room, Scan, Switch, Timing, Words, settings_of
+from heatertune.plc.room import Core, Room, Running, Scan, Switch, Timing, Words, count, settings_of
 from heatertune.plc.s5_ob251.export import export_words
 from heatertune.plc.s5_ob251.image import from_image, oddities
 from heatertune.plc.s5_ob251.recursion import COLD, Assumptions, Parameters, State, call
@@ -29,10 +29,19 @@ _SWITCHES: Final = (
 _INPUTS: Final = {"W": "KF", "X": "KF", "Z": "KF", "XZ": "KF", "YH": "KF", "STEU": "KM"}
 
 
-class _Running(NamedTuple):
-    parameters: Parameters
-    assumptions: Assumptions
-    state: State
+def _step(
+    parameters: tuple[Parameters, Assumptions], state: State, w: int, x: int, _begins: bool
+) -> tuple[State, float, int, int]:
+    return _told(call(parameters[0], parameters[1], state, w, x, 0, 0))
+
+
+def _told(after: State) -> tuple[State, float, int, int]:
+    """Return the state, YA in percent, YA, and the limits as bits."""
+    power = min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0)
+    return after, power, after.output, int(after.at_limit > 0) + 2 * int(after.at_limit < 0)
+
+
+_CORE: Final = Core(step=_step, measure=count, flags=("upper limit", "lower limit"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,39 +52,22 @@ class Ob251(Room):
         """Return TA; the PWM is an actuator behind YA."""
         return Timing(scan_s=words.sample_time_s)
 
-    def measure(self, words: Words, temperature_degC: float) -> int:
-        """Return X in units, cut towards zero as a converter does, limited to the range [0…2047]."""
-        scaled = (temperature_degC - words.scaling.low_degC) * FULL_SCALE / words.scaling.span_degC
-        return int(min(max(scaled, 0.0), FULL_SCALE))
-
-    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
         """Return the cold state: DW18 to DW48 cleared."""
         v = words.whole
         parameters = Parameters(
             gain=v["K"] / FACTOR, r=v["R"] / FACTOR, ti=v["TI"] / FACTOR, td=float(v["TD"]), steu=v["STEU"],
             manual=v["YH"], upper=v["BGOG"], lower=v["BGUG"],
         )
-        return _Running(parameters, _assumptions(switches), COLD)
+        return Running((parameters, _assumptions(switches)), COLD)
 
-    def step(
-        self, words: Words, state: _Running, setpoint: int, reading: int, switches: Mapping[str, str],
-        *, cycle_start: bool = True,
-    ) -> tuple[_Running, Scan]:
-        """Run OB251 once; words and switches are in the state since `start`."""
-        del words, switches, cycle_start
-        return self._told(state, call(state.parameters, state.assumptions, state.state, setpoint, reading))
-
-    def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
+    def scan(self, state: Running, inputs: Mapping[str, int]) -> tuple[Running, Scan]:
         """Run OB251 once with W, X and, where named, Z, XZ, YH and STEU."""
-        manual, steu = inputs.get("YH", state.parameters.manual), inputs.get("STEU", state.parameters.steu)
-        parameters = state.parameters._replace(manual=manual, steu=steu)
+        own, assume = state.parameters
+        own = own._replace(manual=inputs.get("YH", own.manual), steu=inputs.get("STEU", own.steu))
         z, xz = inputs.get("Z", 0), inputs.get("XZ", 0)
-        return self._told(state, call(parameters, state.assumptions, state.state, inputs["W"], inputs["X"], z, xz))
-
-    def _told(self, state: _Running, after: State) -> tuple[_Running, Scan]:
-        flags = {"upper limit": after.at_limit > 0, "lower limit": after.at_limit < 0}
-        power = min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0)
-        return state._replace(state=after), Scan(power_pct=power, output=after.output, flags=flags)
+        after, *told = _told(call(own, assume, state.state, inputs["W"], inputs["X"], z, xz))
+        return Running(state.parameters, after), _CORE.told(told)
 
 
 def _assumptions(switches: Mapping[str, str]) -> Assumptions:
@@ -108,4 +100,5 @@ ROOM: Final = Ob251(
     read_image=from_image,
     oddities=oddities,
     ramped=True,
+    core=_CORE,
 )

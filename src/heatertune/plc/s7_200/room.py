@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
-from heatertune.plc.room import Certificate, Room, Scaling, Scan, Timing, Words
+from heatertune.plc.room import Certificate, Core, Room, Running, Scan, Timing, Words, count
 from heatertune.plc.s7_200.listing import repaired_program
 from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
-from heatertune.plc.s7_200.wiring import COUNTS, WIDTH_APPLIES, count, head, inputs_of
+from heatertune.plc.s7_200.program import Constants, Memory, cycle
+from heatertune.plc.s7_200.wiring import COUNTS, WIDTH_APPLIES, head, inputs_of
 from heatertune.plc.s7_200.words import FIELDS, TIMER, check_words, cycle_ms, decode, encode
 
 __all__ = ["ROOM", "S7200"]
@@ -17,13 +18,53 @@ __all__ = ["ROOM", "S7200"]
 _INPUTS: Final = {"SP": "BYTE", "PV": "BYTE"}
 
 
-class _Running(NamedTuple):
+class _Loaded(NamedTuple):
     program: Program
-    interrupt: str | None  # attached to the timed interrupt
     cycle_ms: int
     next_cycle: bool
+
+
+class _Memory(NamedTuple):
     cpu: State = COLD
+    interrupt: str | None = None  # attached to the timed interrupt
     begun: bool = False
+
+
+def _step(
+    loaded: _Loaded, state: _Memory, setpoint: int, reading: int, _begins: bool
+) -> tuple[_Memory, float, int, int]:
+    """Run the first scan, once, and the timed interrupt in which the program computes."""
+    cpu, interrupt = state.cpu.written(inputs_of(setpoint, reading)), state.interrupt
+    if not state.begun:
+        cpu = run(loaded.program, "OB1", cpu.written({"SM0.1": 1})).written({"SM0.1": 0})
+        interrupt = dict(cpu.attached).get(10) if cpu.enabled else None
+    before = cpu.width
+    if interrupt is not None:
+        # the ticks before this one do nothing but count VW30 down; a test runs them all
+        cpu = run(loaded.program, interrupt, cpu.written({"VW30": 1}))
+    width = before if loaded.next_cycle else cpu.width
+    power = 100.0 * min(width, loaded.cycle_ms) / loaded.cycle_ms
+    return _Memory(cpu, interrupt, True), power, width, int(cpu.overflow) + 2 * int(cpu.zero_division)
+
+
+def _direct_step(
+    p: tuple[Constants, bool], state: Memory, setpoint: int, reading: int, _begins: bool
+) -> tuple[Memory, float, int, int]:
+    """Compute the same without the listing, which never overflows."""
+    c, next_cycle = p
+    after = cycle(c, state, setpoint & 0xFF, reading & 0xFF)
+    width = state.width if next_cycle else after.width
+    return after, 100.0 * min(width, c.cycle_ms) / c.cycle_ms, width, 0
+
+
+def _direct(words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:
+    v = words.whole
+    constants = Constants(v["KP"], v["KI"], v["KD"], v["SCALE"], cycle_ms(words))
+    return _DIRECT, Running((constants, switches.get("width_applies") == "next_cycle"), Memory())
+
+
+_DIRECT: Final = Core(step=_direct_step, measure=count, flags=("SM1.1", "SM1.3"))
+_CORE: Final = Core(step=_step, measure=count, flags=("SM1.1", "SM1.3"), compiles=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,42 +76,15 @@ class S7200(Room):
         cycle = cycle_ms(words) / 1000.0
         return Timing(scan_s=cycle, pwm_period_s=cycle)
 
-    def measure(self, words: Words, temperature_degC: float) -> int:
-        """Return the count of the 8-bit input, cut as a converter does, limited to its range."""
-        return count(words.scaling, temperature_degC)
-
-    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
         """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""
         program = assemble(repaired_program(replace(words, ramp=None)))
         next_cycle = switches.get("width_applies") == "next_cycle"
-        return _Running(program, None, cycle_ms(words), next_cycle)
+        return Running(_Loaded(program, cycle_ms(words), next_cycle), _Memory())
 
-    def step(
-        self, words: Words, state: _Running, setpoint: int, reading: int, switches: Mapping[str, str],
-        *, cycle_start: bool = True,
-    ) -> tuple[_Running, Scan]:
-        """Run the first scan, once, and the timed interrupt in which the program computes."""
-        del words, switches, cycle_start
-        cpu = state.cpu.written(inputs_of(setpoint, reading))
-        if not state.begun:
-            cpu = run(state.program, "OB1", cpu.written({"SM0.1": 1})).written({"SM0.1": 0})
-            state = state._replace(begun=True, interrupt=dict(cpu.attached).get(10) if cpu.enabled else None)
-        before = cpu.width
-        if state.interrupt is not None:
-            # the ticks before this one do nothing but count VW30 down; a test runs them all
-            cpu = run(state.program, state.interrupt, cpu.written({"VW30": 1}))
-        width = before if state.next_cycle else cpu.width
-        flags = {"SM1.1": cpu.overflow, "SM1.3": cpu.zero_division}
-        power = 100.0 * min(width, state.cycle_ms) / state.cycle_ms
-        return state._replace(cpu=cpu), Scan(power_pct=power, output=width, flags=flags)
-
-    def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
+    def scan(self, state: Running, inputs: Mapping[str, int]) -> tuple[Running, Scan]:
         """Run one PWM cycle's computation."""
-        return self.step(_NO_WORDS, state, inputs["SP"], inputs["PV"], {})
-
-
-#: the words of a running program are in its state
-_NO_WORDS: Final = Words(target="s7-200", values={}, scaling=Scaling(), sample_time_s=1.0)
+        return _CORE.run(state, inputs["SP"], inputs["PV"], cycle_start=True)
 
 
 def _export(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
@@ -97,4 +111,6 @@ ROOM: Final = S7200(
     check=check_words,
     export=_export,
     ramped=True,
+    core=_CORE,
+    direct=_direct,
 )

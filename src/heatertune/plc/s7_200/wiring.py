@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from heatertune.plc.room import Certificate, Scaling, Switch, Words
+from heatertune.plc.room import Certificate, Switch, Words
 
-__all__ = ["COUNTS", "WIDTH_APPLIES", "ascii_only", "count", "head", "inputs_of"]
+__all__ = ["COUNTS", "WIDTH_APPLIES", "ascii_only", "head", "inputs_of"]
 
 #: highest reading of the 8-bit temperature input and of the analog adjustment SMB28
 COUNTS: Final = 255
@@ -16,11 +16,6 @@ WIDTH_APPLIES: Final = Switch(
     name="width_applies", settings=("this_cycle", "next_cycle"), default="this_cycle",
     why="whether a width written at the start of a PWM cycle shapes that cycle or the one after",
 )
-
-
-def count(scaling: Scaling, temperature_degC: float) -> int:
-    """Return the count for a temperature, cut as a converter does, limited to its range."""
-    return int(min(max((temperature_degC - scaling.low_degC) * COUNTS / scaling.span_degC, 0.0), COUNTS))
 
 
 def inputs_of(setpoint: int, reading: int) -> dict[str, int]:

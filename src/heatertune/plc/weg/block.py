@@ -19,13 +19,17 @@ from typing import Final, NamedTuple
 
 from heatertune.plc.single import divided, single
 
-__all__ = ["COLD", "Assumptions", "Block", "Inputs", "State", "block_of", "call"]
+__all__ = ["CLAMP", "COLD", "FREEZE", "Assumptions", "Block", "Inputs", "State", "block_of", "call"]
+
+#: what becomes of the integral part while Output is at a limit; any other number: nothing
+CLAMP: Final = 0
+FREEZE: Final = 1
 
 
 class Assumptions(NamedTuple):
     """Settings of what the manual leaves open, see DIFFERENCES.md."""
 
-    anti_windup: str = "clamp"
+    anti_windup: int = CLAMP
     manual_unlimited: bool = False
     bumpless: bool = False
     exact_filter: bool = False
@@ -95,26 +99,27 @@ def call(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
     the lower limit.
     """
     if not x.enable:
-        return state._replace(enabled=False, overflow=False)
+        return State(False, state.reference, state.error, state.integral, state.output, False)
     starts = not state.enabled
     before = _begun(assume, x) if starts else state
     reference = single(before.reference + single(b.share * single(x.setpoint - before.reference)))
     error = single(x.feedback - reference) if b.reverse else single(reference - x.feedback)
+    forced = _forced(b, assume, x.manual)
     if not math.isfinite(error):
-        output = _forced(b, assume, x.manual) if x.select_manual else b.minimum
-        return state._replace(output=output, overflow=True)
+        output = forced if x.select_manual else b.minimum
+        return State(state.enabled, state.reference, state.error, state.integral, output, True)
     if starts and not assume.zero_history:
-        before = before._replace(error=error)
+        before = State(before.enabled, before.reference, error, before.integral, before.output, before.overflow)
     if starts and not assume.runs_at_once:
         return before
     if x.select_manual:
-        return _manual(b, assume, before._replace(output=_forced(b, assume, x.manual)), reference, error)
+        return _manual(b, assume, before, forced, reference, error)
     return _automatic(b, assume, before, reference, error)
 
 
 def _begun(assume: Assumptions, x: Inputs) -> State:
     """Return the memory at a positive edge of EN: Output and the integral part zero."""
-    return State(enabled=True, reference=0.0 if assume.zero_history else x.setpoint)
+    return State(True, 0.0 if assume.zero_history else x.setpoint, 0.0, 0.0, 0.0, False)
 
 
 def _forced(b: Block, assume: Assumptions, asked: float) -> float:
@@ -122,34 +127,29 @@ def _forced(b: Block, assume: Assumptions, asked: float) -> float:
     return asked if free else _limited(b, asked)
 
 
-def _manual(b: Block, assume: Assumptions, s: State, reference: float, error: float) -> State:
+def _manual(b: Block, assume: Assumptions, s: State, output: float, reference: float, error: float) -> State:
     """Leave the memory as it is, or lead it so that the return to automatic is without a bump."""
-    s = s._replace(overflow=False)
     if not assume.bumpless:
-        return s
-    integral = single(s.output - single(b.kp * error))
-    return s._replace(reference=reference, error=error, integral=_kept(s.integral, integral))
+        return State(s.enabled, s.reference, s.error, s.integral, output, False)
+    integral = single(output - single(b.kp * error))
+    return State(s.enabled, reference, error, _kept(s.integral, integral), output, False)
 
 
 def _automatic(b: Block, assume: Assumptions, s: State, reference: float, error: float) -> State:
     growth = single(b.growth * error)
-    wanted = (_by_parts if assume.by_parts else _as_printed)(b, s, error, growth)
+    wanted = _by_parts(b, s, error, growth) if assume.by_parts else _as_printed(b, s, error)
     output = _limited(b, wanted)
     integral = single(s.integral + growth)
-    if output != wanted and assume.anti_windup == "freeze":
+    if output != wanted and assume.anti_windup == FREEZE:
         integral = s.integral
-    elif assume.anti_windup == "clamp" and b.ki_ts != 0.0:  # without Ki, nothing would lead it on again
+    elif assume.anti_windup == CLAMP and b.ki_ts != 0.0:  # without Ki, nothing would lead it on again
         proportional = single(b.kp * error)
         lowest, highest = single(b.minimum - proportional), single(b.maximum - proportional)
         integral = min(max(integral, lowest), highest)
-    return s._replace(
-        reference=reference, error=error, integral=_kept(s.integral, integral), output=output,
-        overflow=not math.isfinite(wanted),
-    )
+    return State(s.enabled, reference, error, _kept(s.integral, integral), output, not math.isfinite(wanted))
 
 
-def _as_printed(b: Block, s: State, error: float, growth: float) -> float:
-    del growth  # is within the bracket
+def _as_printed(b: Block, s: State, error: float) -> float:
     bracket = single(single(b.now * error) - single(b.kd_by_ts * s.error))
     return single(s.integral + (bracket if b.parallel else single(b.kp * bracket)))
 

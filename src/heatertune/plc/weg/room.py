@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
-from heatertune.plc.room import Number, Room, Scan, Switch, Timing, Words, settings_of
+from heatertune.plc.room import Core, Number, Room, Running, Scan, Sensor, Switch, Timing, Words, count, settings_of
 from heatertune.plc.single import single
 from heatertune.plc.weg.block import COLD, Assumptions, Block, Inputs, State, block_of, call
 from heatertune.plc.weg.export import export_words
@@ -18,7 +18,7 @@ __all__ = ["ROOM", "Weg"]
 _COUNTS: Final = 4095
 
 _SWITCHES: Final = (
-    Switch(name="anti_windup", settings=("clamp", "freeze", "none"), default="clamp",
+    Switch(name="anti_windup", settings=("clamp", "freeze", "none"), default="clamp",  # numbered as in block.py
            why="what becomes of the integral part while Output is at a limit"),
     Switch(name="manual", settings=("limited", "unlimited"), default="limited",
            why="whether ManualSetPoint is limited like the controller's own output"),
@@ -39,10 +39,24 @@ _INPUTS: Final = {
 }
 
 
-class _Running(NamedTuple):
-    block: Block
-    assumptions: Assumptions
-    state: State
+def _step(
+    parameters: tuple[Block, Assumptions], state: State, setpoint: float, feedback: float, _begins: bool
+) -> tuple[State, float, float, int]:
+    automatic = Inputs(setpoint, feedback, 0.0, False, True)
+    return _told(parameters[0], call(parameters[0], parameters[1], state, automatic))
+
+
+def _told(block: Block, after: State) -> tuple[State, float, float, int]:
+    """Return the state, Output as power, Output, and the flags as bits."""
+    bits = int(after.output >= block.maximum) + 2 * int(after.output <= block.minimum) + 4 * int(after.overflow)
+    return after, min(max(after.output, 0.0), 100.0), after.output, bits
+
+
+def _measure(sensor: Sensor, temperature_degC: float) -> float:
+    return single(sensor.low + sensor.span * count(sensor, temperature_degC) / sensor.counts)
+
+
+_CORE: Final = Core(step=_step, measure=_measure, flags=("upper limit", "lower limit", "overflow"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,48 +67,26 @@ class Weg(Room):
         """Return Ts; the PWM is an actuator behind Output."""
         return Timing(scan_s=words.sample_time_s)
 
-    def measure(self, words: Words, temperature_degC: float) -> float:
-        """Return the temperature in single precision, cut to a count of the input module, limited to its range [°C]."""
-        low, span = words.scaling.low_degC, words.scaling.span_degC
-        count = int(min(max((temperature_degC - low) * _COUNTS / span, 0.0), _COUNTS))
-        return single(low + span * count / _COUNTS)
-
-    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
         """Return the state before EN has ever been TRUE."""
         assumptions = _assumptions(switches)
-        return _Running(block_of(words.values, assumptions), assumptions, COLD)
+        return Running((block_of(words.values, assumptions), assumptions), COLD)
 
-    def step(
-        self, words: Words, state: _Running, setpoint: float, reading: float, switches: Mapping[str, str],
-        *, cycle_start: bool = True,
-    ) -> tuple[_Running, Scan]:
-        """Call the block once in automatic; words and switches are in the state since `start`."""
-        del words, switches, cycle_start
-        return _told(state, call(state.block, state.assumptions, state.state, Inputs(setpoint, reading)))
-
-    def scan(self, state: _Running, inputs: Mapping[str, Number]) -> tuple[_Running, Scan]:
+    def scan(self, state: Running, inputs: Mapping[str, Number]) -> tuple[Running, Scan]:
         """Call the block once with SetPoint, Feedback and, where named, ManualSetPoint, SelectSetPoint and EN."""
         given = Inputs(
             inputs["SetPoint"], inputs["Feedback"], inputs.get("ManualSetPoint", 0.0),
             bool(inputs.get("SelectSetPoint", 0)), bool(inputs.get("EN", 1)),
         )
-        return _told(state, call(state.block, state.assumptions, state.state, given))
-
-
-def _told(state: _Running, after: State) -> tuple[_Running, Scan]:
-    block = state.block
-    flags = {
-        "upper limit": after.output >= block.maximum, "lower limit": after.output <= block.minimum,
-        "overflow": after.overflow,
-    }
-    power = min(max(after.output, 0.0), 100.0)
-    return state._replace(state=after), Scan(power_pct=power, output=after.output, flags=flags)
+        block, assume = state.parameters
+        after, *told = _told(block, call(block, assume, state.state, given))
+        return Running(state.parameters, after), _CORE.told(told)
 
 
 def _assumptions(switches: Mapping[str, str]) -> Assumptions:
     chosen = settings_of(_SWITCHES, switches)
     others = (chosen[switch.name] != switch.default for switch in _SWITCHES[1:])
-    return Assumptions(chosen["anti_windup"], *others)
+    return Assumptions(_SWITCHES[0].settings.index(chosen["anti_windup"]), *others)
 
 
 ROOM: Final = Weg(
@@ -122,4 +114,5 @@ ROOM: Final = Weg(
     check=check_words,
     export=export_words,
     ramped=True,
+    core=_CORE,
 )

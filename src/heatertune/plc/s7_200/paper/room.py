@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from heatertune.plc.room import Certificate, Room, Scaling, Scan, Switch, Timing, Words
+from heatertune.plc.room import Certificate, Core, Room, Running, Scan, Switch, Timing, Words, count
 from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
 from heatertune.plc.s7_200.paper.faults import faults
 from heatertune.plc.s7_200.paper.listing import printed_program
 from heatertune.plc.s7_200.paper.program import Constants, Memory
 from heatertune.plc.s7_200.paper.words import FIELDS, check_words, encode
-from heatertune.plc.s7_200.wiring import COUNTS, WIDTH_APPLIES, count, head, inputs_of
+from heatertune.plc.s7_200.wiring import COUNTS, WIDTH_APPLIES, head, inputs_of
 from heatertune.plc.s7_200.words import TIMER
 
 __all__ = ["ROOM", "PaperProgram", "constants"]
@@ -33,11 +33,33 @@ _SWITCHES: Final = (
 _INPUTS: Final = {"SP": "BYTE", "PV": "BYTE", "CYCLE_START": "BOOL"}
 
 
-class _Running(NamedTuple):
+class _Loaded(NamedTuple):
     program: Program
     constants: Constants
+
+
+class _Memory(NamedTuple):
     cpu: State
     memory: Memory = Memory()  # of it: the scans counted, the width of the running PWM cycle
+
+
+def _step(
+    loaded: _Loaded, state: _Memory, setpoint: int, reading: int, begins: bool
+) -> tuple[_Memory, float, int, int]:
+    """Run the interrupt, where Q0.0 has risen and it is attached, and one scan."""
+    c, memory = loaded.constants, state.memory.counted()
+    cpu, overflow, attached = state.cpu.written(inputs_of(setpoint, reading)), False, dict(state.cpu.attached)
+    if memory.rises(c, begins) and cpu.enabled and 0 in attached:
+        before = cpu.width
+        cpu = run(loaded.program, attached[0], cpu, wrap=c.wrap)
+        overflow = cpu.overflow
+        memory = memory._replace(applied=before if c.next_cycle else cpu.width)
+    cpu = run(loaded.program, "OB1", cpu, wrap=c.wrap).written({"SM0.1": 0})
+    bits = int(overflow or cpu.overflow) + 2 * int(cpu.zero_division)
+    return _Memory(cpu, memory), memory.power_pct(c), memory.applied, bits
+
+
+_CORE: Final = Core(step=_step, measure=count, flags=("SM1.1", "SM1.3"), compiles=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,42 +71,14 @@ class PaperProgram(Room):
         cycle = words.whole["CYCLE"] / 1000.0
         return Timing(scan_s=cycle / _SCANS_PER_CYCLE, pwm_period_s=cycle)
 
-    def measure(self, words: Words, temperature_degC: float) -> int:
-        """Return the count of the 8-bit input, cut as a converter does, limited to its range."""
-        return count(words.scaling, temperature_degC)
-
-    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
         """Return the state before the first scan: all words 0."""
         cpu = COLD.written({"SM0.1": 1, "SMB29": words.whole["POT1"]})
-        return _Running(assemble(printed_program(words)), constants(words, switches), cpu)
+        return Running(_Loaded(assemble(printed_program(words)), constants(words, switches)), _Memory(cpu))
 
-    def step(
-        self, words: Words, state: _Running, setpoint: int, reading: int, switches: Mapping[str, str],
-        *, cycle_start: bool = True,
-    ) -> tuple[_Running, Scan]:
-        """Run the interrupt, where Q0.0 has risen and it is attached, and one scan."""
-        del words, switches
-        c = state.constants
-        memory = state.memory.counted()
-        cpu, overflow, attached = state.cpu.written(inputs_of(setpoint, reading)), False, dict(state.cpu.attached)
-        if memory.rises(c, cycle_start) and cpu.enabled and 0 in attached:
-            before = cpu.width
-            cpu = run(state.program, attached[0], cpu, wrap=c.wrap)
-            overflow = cpu.overflow
-            memory = memory._replace(applied=before if c.next_cycle else cpu.width)
-        cpu = run(state.program, "OB1", cpu, wrap=c.wrap).written({"SM0.1": 0})
-        flags = {"SM1.1": overflow or cpu.overflow, "SM1.3": cpu.zero_division}
-        found = Scan(power_pct=memory.power_pct(c), output=memory.applied, flags=flags)
-        return state._replace(cpu=cpu, memory=memory), found
-
-    def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
+    def scan(self, state: Running, inputs: Mapping[str, int]) -> tuple[Running, Scan]:
         """Run one scan with SP, PV and, where named, whether a PWM cycle begins."""
-        begins = bool(inputs.get("CYCLE_START", 1))
-        return self.step(_NO_WORDS, state, inputs["SP"], inputs["PV"], {}, cycle_start=begins)
-
-
-#: the words of a running program are in its state
-_NO_WORDS: Final = Words(target="s7-200-paper", values={}, scaling=Scaling(), sample_time_s=1.0)
+        return _CORE.run(state, inputs["SP"], inputs["PV"], cycle_start=bool(inputs.get("CYCLE_START", 1)))
 
 
 def constants(words: Words, switches: Mapping[str, str]) -> Constants:
@@ -128,5 +122,6 @@ ROOM: Final = PaperProgram(
     decode=_decode,
     check=check_words,
     export=_export,
+    core=_CORE,
     faults=faults,
 )

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
-from heatertune.plc.room import Certificate, Room, Scaling, Scan, Switch, Timing, Words
+from heatertune.plc.room import Certificate, Core, Room, Running, Scan, Sensor, Switch, Timing, Words
 from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
 from heatertune.plc.s7_200.pid.image import from_image, oddities, to_image
 from heatertune.plc.s7_200.pid.listing import ASKED, SETPOINT, pid_program
@@ -30,13 +30,40 @@ _SWITCHES: Final = (
 _INPUTS: Final = {"SP": "INT", "PV": "INT"}
 
 
-class _Running(NamedTuple):
+class _Loaded(NamedTuple):
     program: Program
     cycle_ms: int
     next_cycle: bool
     bumpless: bool
+
+
+class _Memory(NamedTuple):
     cpu: State = COLD
     begun: bool = False
+
+
+def _step(
+    loaded: _Loaded, state: _Memory, setpoint: int, reading: int, _begins: bool
+) -> tuple[_Memory, float, int, int]:
+    """Run the first scan, once, and the timed interrupt in which the loop is called."""
+    cpu = state.cpu
+    if not state.begun:
+        cpu = run(loaded.program, "OB1", cpu.written({"SM0.1": 1})).written({"SM0.1": 0})
+    before = cpu.width
+    inputs = {"AIW0": reading, SETPOINT: _bits(divided(float(setpoint), float(_FULL)))}
+    # the ticks before this one do nothing but count down
+    cpu = run(loaded.program, "INT0", cpu.written(inputs | {"VW90": 1}), bumpless=loaded.bumpless)
+    width = before if loaded.next_cycle else cpu.width
+    power = 100.0 * min(width, loaded.cycle_ms) / loaded.cycle_ms
+    return _Memory(cpu, True), power, width, int(cpu.overflow)
+
+
+def _measure(sensor: Sensor, temperature_degC: float) -> int:
+    share = (temperature_degC - sensor.low) / sensor.span
+    return _STEP * int(min(max(share * sensor.counts, 0.0), float(sensor.counts)))
+
+
+_CORE: Final = Core(step=_step, measure=_measure, flags=("SM1.1",), compiles=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,44 +75,18 @@ class S7200Pid(Room):
         cycle = cycle_ms(words) / 1000.0
         return Timing(scan_s=cycle, pwm_period_s=cycle)
 
-    def measure(self, words: Words, temperature_degC: float) -> int:
-        """Return the analog input word of a temperature: 0…32000 in steps of 8, cut as a converter does."""
-        share = (temperature_degC - words.scaling.low_degC) / words.scaling.span_degC
-        return _STEP * int(min(max(share * self.counts, 0.0), float(self.counts)))
-
-    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
         """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""
-        return _Running(
+        loaded = _Loaded(
             program=assemble(pid_program(replace(words, ramp=None))), cycle_ms=cycle_ms(words),
             next_cycle=switches.get("width_applies") == "next_cycle",
             bumpless=switches.get("first_call") != "setpoint_kept",
         )
+        return Running(loaded, _Memory())
 
-    def step(
-        self, words: Words, state: _Running, setpoint: int, reading: int, switches: Mapping[str, str],
-        *, cycle_start: bool = True,
-    ) -> tuple[_Running, Scan]:
-        """Run the first scan, once, and the timed interrupt in which the loop is called."""
-        del words, switches, cycle_start
-        cpu = state.cpu
-        if not state.begun:
-            cpu = run(state.program, "OB1", cpu.written({"SM0.1": 1})).written({"SM0.1": 0})
-        before = cpu.width
-        inputs = {"AIW0": reading, SETPOINT: _bits(divided(float(setpoint), float(_FULL)))}
-        # the ticks before this one do nothing but count down
-        cpu = run(state.program, "INT0", cpu.written(inputs | {"VW90": 1}), bumpless=state.bumpless)
-        width = before if state.next_cycle else cpu.width
-        power = 100.0 * min(width, state.cycle_ms) / state.cycle_ms
-        flags = {"SM1.1": cpu.overflow}
-        return state._replace(cpu=cpu, begun=True), Scan(power_pct=power, output=width, flags=flags)
-
-    def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
+    def scan(self, state: Running, inputs: Mapping[str, int]) -> tuple[Running, Scan]:
         """Run one sampling interval."""
-        return self.step(_NO_WORDS, state, inputs["SP"], inputs["PV"], {})
-
-
-#: the words of a running program are in its state
-_NO_WORDS: Final = Words(target="s7-200-pid", values={}, scaling=Scaling(), sample_time_s=1.0)
+        return _CORE.run(state, inputs["SP"], inputs["PV"], cycle_start=True)
 
 
 def _bits(value: float) -> int:
@@ -126,6 +127,7 @@ ROOM: Final = S7200Pid(
     decode=decode,
     check=check_words,
     export=_export,
+    core=_CORE,
     read_image=from_image,
     oddities=oddities,
     ramped=True,

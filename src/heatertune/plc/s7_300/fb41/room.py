@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
-from heatertune.plc.room import Number, Room, Scan, Switch, Timing, Words
+from heatertune.plc.room import Core, Number, Room, Running, Scan, Switch, Timing, Words, count
 from heatertune.plc.s7_300.fb41.algorithm import Assumptions, Parameters, State, call, restart, scaled
 from heatertune.plc.s7_300.fb41.export import export_words
 from heatertune.plc.s7_300.fb41.image import from_image, oddities
 from heatertune.plc.s7_300.fb41.words import FIELDS, check_words, decode, encode
-from heatertune.plc.s7_300.module import FULL_SCALE, chosen, counts
+from heatertune.plc.s7_300.module import FULL_SCALE, chosen
 from heatertune.plc.s7_300.real import Real, clamp
 from heatertune.plc.s7_300.timer import TIMER
 
@@ -33,10 +33,27 @@ _INPUTS: Final = {
 }
 
 
-class _Running(NamedTuple):
-    parameters: Parameters
-    assumptions: Assumptions
-    state: State
+def _step(
+    parameters: tuple[Parameters, Assumptions], state: State, setpoint: int, reading: int, _begins: bool
+) -> tuple[State, float, float, int]:
+    return _called(parameters[0], parameters[1], state, scaled(Real(), parameters[0], setpoint), reading)
+
+
+def _called(
+    p: Parameters, assume: Assumptions, state: State, setpoint: float, reading: int
+) -> tuple[State, float, float, int]:
+    r = Real()
+    pv = scaled(r, p, reading)
+    return _told(call(p, assume, state, setpoint, pv, r))
+
+
+def _told(after: State) -> tuple[State, float, float, int]:
+    """Return the state, LMN as power, LMN, and the flags as bits."""
+    bits = int(after.at_upper) + 2 * int(after.at_lower) + 4 * int(after.overflow)
+    return after, clamp(after.output, 0.0, 100.0), after.output, bits
+
+
+_CORE: Final = Core(step=_step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"), compiles=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,47 +64,24 @@ class ContC(Room):
         """Return OB35's interval; the PWM is an actuator behind LMN."""
         return Timing(scan_s=words.sample_time_s)
 
-    def measure(self, words: Words, temperature_degC: float) -> int:
-        """Return PV_PER, cut as a converter does, limited to 0…27648."""
-        return counts(words, temperature_degC)
-
-    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
         """Return the state after OB100's call with COM_RST."""
         parameters = _parameters(words.values)
-        return _Running(parameters, Assumptions(*chosen(_SWITCHES, switches)), restart(parameters))
+        return Running((parameters, Assumptions(*chosen(_SWITCHES, switches))), restart(parameters))
 
-    def step(
-        self, words: Words, state: _Running, setpoint: int, reading: int, switches: Mapping[str, str],
-        *, cycle_start: bool = True,
-    ) -> tuple[_Running, Scan]:
-        """Call the block once, setpoint and reading as analog values; words and switches are in the state."""
-        del words, switches, cycle_start
-        return _called(state, state.parameters, scaled(Real(), state.parameters, setpoint), reading)
-
-    def scan(self, state: _Running, inputs: Mapping[str, Number]) -> tuple[_Running, Scan]:
+    def scan(self, state: Running, inputs: Mapping[str, Number]) -> tuple[Running, Scan]:
         """Call the block once with PV_PER and SP_PER or SP_INT; what is not named stays as the words have it."""
-        p = state.parameters
+        p, assume = state.parameters
         p = p._replace(
             man_on=bool(inputs.get("MAN_ON", p.man_on)), manual=inputs.get("MAN", p.manual),
             disturbance=inputs.get("DISV", p.disturbance), int_hold=bool(inputs.get("INT_HOLD", p.int_hold)),
         )
         if inputs.get("COM_RST", 0):
-            return _told(state, restart(p))
-        setpoint = inputs["SP_INT"] if "SP_INT" in inputs else scaled(Real(), p, int(inputs["SP_PER"]))
-        return _called(state, p, setpoint, int(inputs["PV_PER"]))
-
-
-def _called(state: _Running, parameters: Parameters, setpoint: float, reading: int) -> tuple[_Running, Scan]:
-    r = Real()
-    pv = scaled(r, parameters, reading)
-    return _told(state, call(parameters, state.assumptions, state.state, setpoint, pv, r))
-
-
-def _told(state: _Running, after: State) -> tuple[_Running, Scan]:
-    flags = {"QLMN_HLM": after.at_upper, "QLMN_LLM": after.at_lower, "overflow": after.overflow}
-    return state._replace(state=after), Scan(
-        power_pct=clamp(after.output, 0.0, 100.0), output=after.output, flags=flags
-    )
+            after, *told = _told(restart(p))
+        else:
+            setpoint = inputs["SP_INT"] if "SP_INT" in inputs else scaled(Real(), p, int(inputs["SP_PER"]))
+            after, *told = _called(p, assume, state.state, setpoint, int(inputs["PV_PER"]))
+        return Running(state.parameters, after), _CORE.told(told)
 
 
 def _parameters(v: Mapping[str, Number]) -> Parameters:
@@ -125,6 +119,7 @@ ROOM: Final = ContC(
     decode=decode,
     check=check_words,
     export=export_words,
+    core=_CORE,
     read_image=from_image,
     oddities=oddities,
     ramped=True,

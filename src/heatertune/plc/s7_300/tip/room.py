@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
-from heatertune.plc.room import Room, Scan, Switch, Timing, Words
-from heatertune.plc.s7_300.module import FULL_SCALE, chosen, counts
+from heatertune.plc.room import Core, Room, Running, Scan, Switch, Timing, Words, count
+from heatertune.plc.s7_300.module import FULL_SCALE, chosen
 from heatertune.plc.s7_300.timer import TIMER
 from heatertune.plc.s7_300.tip.algorithm import COLD, Assumptions, Parameters, State, call, manual
 from heatertune.plc.s7_300.tip.export import export_words
@@ -28,10 +28,18 @@ _SWITCHES: Final = (
 _INPUTS: Final = {"SP": "INT", "PV": "INT", "mode_req": "BOOL", "OUT": "INT"}
 
 
-class _Running(NamedTuple):
-    parameters: Parameters
-    assumptions: Assumptions
-    state: State
+def _step(
+    parameters: tuple[Parameters, Assumptions], state: State, setpoint: int, reading: int, _begins: bool
+) -> tuple[State, float, int, int]:
+    return _told(call(parameters[0], parameters[1], state, setpoint, reading))
+
+
+def _told(after: State) -> tuple[State, float, int, int]:
+    """Return the state, OUT in percent, OUT, and the flag."""
+    return after, min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0), after.output, int(after.overflow)
+
+
+_CORE: Final = Core(step=_step, measure=count, flags=("overflow",), compiles=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,35 +50,18 @@ class PidTip(Room):
         """Return OB35's interval; the PWM is an actuator behind OUT."""
         return Timing(scan_s=words.sample_time_s)
 
-    def measure(self, words: Words, temperature_degC: float) -> int:
-        """Return the analog value, cut as a converter does, limited to 0…27648."""
-        return counts(words, temperature_degC)
-
-    def start(self, words: Words, switches: Mapping[str, str]) -> _Running:
+    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
         """Return the state after OB100."""
         v = words.values
         parameters = Parameters(gain=v["GAIN"], rate=v["RATE"], reset=v["RESET"], sample=v["SAMPLE"])
-        return _Running(parameters, Assumptions(*chosen(_SWITCHES, switches)), COLD)
+        return Running((parameters, Assumptions(*chosen(_SWITCHES, switches))), COLD)
 
-    def step(
-        self, words: Words, state: _Running, setpoint: int, reading: int, switches: Mapping[str, str],
-        *, cycle_start: bool = True,
-    ) -> tuple[_Running, Scan]:
-        """Call the block once in automatic; words and switches are in the state since `start`."""
-        del words, switches, cycle_start
-        return self._told(state, call(state.parameters, state.assumptions, state.state, setpoint, reading))
-
-    def scan(self, state: _Running, inputs: Mapping[str, int]) -> tuple[_Running, Scan]:
+    def scan(self, state: Running, inputs: Mapping[str, int]) -> tuple[Running, Scan]:
         """Call the block once with SP and PV and, where named, mode_req and what the user wrote to OUT in manual."""
         if inputs.get("mode_req", 1):
-            return self._told(state, call(state.parameters, state.assumptions, state.state, inputs["SP"], inputs["PV"]))
-        return self._told(state, manual(state.state, inputs["PV"], inputs.get("OUT")))
-
-    def _told(self, state: _Running, after: State) -> tuple[_Running, Scan]:
-        power = min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0)
-        return state._replace(state=after), Scan(
-            power_pct=power, output=after.output, flags={"overflow": after.overflow}
-        )
+            return _CORE.run(state, inputs["SP"], inputs["PV"], cycle_start=True)
+        after, *told = _told(manual(state.state, inputs["PV"], inputs.get("OUT", state.state.output)))
+        return Running(state.parameters, after), _CORE.told(told)
 
 
 ROOM: Final = PidTip(
@@ -94,6 +85,7 @@ ROOM: Final = PidTip(
     decode=decode,
     check=check_words,
     export=export_words,
+    core=_CORE,
     read_image=from_image,
     oddities=oddities,
     ramped=True,

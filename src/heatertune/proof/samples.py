@@ -1,0 +1,234 @@
+"""A proof on many heaters: each sample one loop whose heater, mains, room, goods and sensor are drawn.
+
+Sample number i of a run with seed S has the seed S + i, and all that is drawn for it comes from a Philox generator of
+that key (J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC11, 2011). So a sample depends neither
+on how many there are nor on how many workers share them, and its seed alone brings it back, with its trace.
+
+What is drawn, each independently:
+
+- gain, lags and dead time: lognormal, as wide as the fit's 95 % intervals (`pid.uncertain.spreads_of`), around each
+  candidate in turn;
+- mains voltage: even within ±10 %, the tolerance of the public supply (EN 50160); the power goes with its square. One
+  value for the whole run, for a sag that lasts is the one that counts;
+- ambient temperature: even within ±5 °C, the span between a cold morning and a hot afternoon in a hall (this project's
+  choice), the heater starting from it;
+- each disturbance: its size times an even factor of 0.5…1.5 (this project's choice);
+- sensor noise: Gaussian, as the scenario says;
+- delay of each scan: even within 0 and the jitter, none by default: some milliseconds are nothing to a heater.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import InputError, OutOfRange
+from heatertune.model.values import Fopdt, HeaterModel, TwoLag
+from heatertune.plc.room import Room, Words, settings_of
+from heatertune.proof.criteria import Limits
+from heatertune.proof.judge import rest_of
+from heatertune.proof.kernel import PHASE, REST, Batch, Record
+from heatertune.proof.loop import (
+    Controller,
+    actuator_of,
+    controller_of,
+    events_of,
+    plant_row,
+    pulses_of,
+    ring_size,
+    run_with,
+    scans_of,
+    setpoints_of,
+    traced,
+)
+from heatertune.proof.meter import COLUMNS, TOTALS, Meter
+from heatertune.proof.pwm import Actuator
+from heatertune.proof.scenario import Kick, Load, Scenario
+from heatertune.proof.trace import Trace
+from heatertune.units import check
+
+__all__ = ["Drawing", "Measured", "Spread", "measure", "replay"]
+
+Array = npt.NDArray[np.float64]
+
+_CHUNK: Final = 32  # samples in one call: some hundred kilobytes of noise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """How far samples differ, see the head of this file.
+
+    Attributes:
+        heater: standard deviations of the logarithms of gain, lags and dead time.
+        mains_pct: half width of the mains voltage [%].
+        ambient_degC: half width of the ambient temperature [°C].
+        disturbance_pct: half width of each disturbance's size [%].
+        jitter_s: latest delay of a scan [s]; less than the scan interval. A controller's own PWM waits for its scan, so
+            with it there is none.
+
+    Raises:
+        OutOfRange: one that is negative or leaves no mains or no disturbance.
+    """
+
+    heater: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mains_pct: float = 10.0
+    ambient_degC: float = 5.0
+    disturbance_pct: float = 50.0
+    jitter_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("mains_pct", "disturbance_pct"):
+            check(name, getattr(self, name), least=0.0, most=99.0)
+        for name in ("ambient_degC", "jitter_s"):
+            check(name, getattr(self, name), least=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drawing:
+    """Whose samples are drawn.
+
+    Attributes:
+        controller: the words, running.
+        heaters: candidates, in turn.
+        scenario: what is drawn around.
+        actuator: the switch.
+        spread: how far they differ.
+
+    Raises:
+        InputError: no heater, or no switch where one is needed.
+        OutOfRange: an ambient that may reach the setpoint, a jitter as long as a scan.
+    """
+
+    controller: Controller
+    heaters: Sequence[HeaterModel]
+    scenario: Scenario
+    actuator: Actuator
+    spread: Spread
+    rows: tuple[tuple[float, ...], ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        if not self.heaters:
+            raise InputError("a proof needs at least one model")
+        rows = tuple(tuple(plant_row(heater, self.scenario)) for heater in self.heaters)
+        object.__setattr__(self, "rows", rows)
+        low = self.scenario.setpoint_degC - max(row[4] for row in rows)
+        if not self.spread.ambient_degC < low:
+            rule = f"< {low:g}, or it reaches the setpoint"
+            raise OutOfRange("spread of the ambient", self.spread.ambient_degC, rule)
+        if not self.spread.jitter_s < self.controller.scan_s:
+            raise OutOfRange("jitter_s", self.spread.jitter_s, f"< {self.controller.scan_s:g}, the scan interval")
+
+    @classmethod
+    def of(
+        cls, room: Room, words: Words, heaters: Sequence[HeaterModel], scenario: Scenario, spread: Spread,
+        actuator: Actuator | None = None, switches: dict[str, str] | None = None,
+    ) -> Drawing:
+        """Return the drawing of a room that runs words; errors as in `simulate`."""
+        room.check(words)
+        room.check_ramp(words)
+        settings = settings_of(room.switches, switches or {})
+        controller = controller_of(room, words, scenario.setpoint_degC, settings, direct=True)
+        switch = actuator_of(controller, actuator)
+        return cls(controller=controller, heaters=heaters, scenario=scenario, actuator=switch, spread=spread)
+
+    def sample(self, seed: int, scans: int) -> tuple[list[float], Array, Array, Array]:
+        """Return a row of `Batch.plants`, factors of the disturbances, and noise [°C] and delay [s] of each scan."""
+        generator = np.random.Generator(np.random.Philox(key=seed))
+        heater = np.exp(generator.standard_normal(3) * self.spread.heater)
+        even = generator.uniform(-1.0, 1.0, 2 + len(self.scenario.disturbances))
+        gain, first, second, dead, ambient, start = self.rows[seed % len(self.rows)]
+        power = (1.0 + self.spread.mains_pct / 100.0 * even[0]) ** 2
+        shift = self.spread.ambient_degC * even[1]
+        row = [gain * heater[0] * power, first * heater[1], second * heater[1], dead * heater[2], ambient + shift,
+               start + shift if self.scenario.start_degC is None else start]
+        noisy, shaken = self.scenario.noise_degC > 0.0, self.spread.jitter_s > 0.0 and not self.controller.pwm_period_s
+        noise = generator.normal(0.0, self.scenario.noise_degC, scans) if noisy else np.zeros(scans)
+        late = generator.uniform(0.0, self.spread.jitter_s, scans) if shaken else np.zeros(scans)
+        return row, 1.0 + self.spread.disturbance_pct / 100.0 * even[2:], noise, late
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Measured:
+    """What the kernel's meter found on each sample, a row each, see `proof.meter`.
+
+    Attributes:
+        seed: of the first sample.
+        rows: of `Batch.plants`, shape (n, 6).
+        phases: shape (n, disturbances + 1, `COLUMNS`).
+        totals: shape (n, `TOTALS`).
+        ripple: peak to peak in each PWM period at rest [°C], median, shape (n,).
+    """
+
+    seed: int
+    rows: Array
+    phases: Array
+    totals: Array
+    ripple: Array
+
+
+def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, workers: int | None = None) -> Measured:
+    """Run samples and return what was measured; without `workers` every processor takes a share.
+
+    Raises:
+        OutOfRange: no samples, a negative seed.
+    """
+    check("samples", count, least=1)
+    check("seed", seed, least=0)
+    begins = range(seed, seed + count, _CHUNK)
+    sizes = [min(_CHUNK, seed + count - begin) for begin in begins]
+    # threads, as a compiled kernel gives up Python's lock
+    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
+        parts = list(pool.map(lambda begin, size: _chunk(drawing, limits, begin, size), begins, sizes))
+    joined = [np.concatenate(each) for each in zip(*parts, strict=True)]
+    return Measured(seed=seed, rows=joined[0], phases=joined[1], totals=joined[2], ripple=joined[3])
+
+
+def _chunk(drawing: Drawing, limits: Limits, seed: int, count: int) -> tuple[Array, Array, Array, Array]:
+    controller, scenario, actuator = drawing.controller, drawing.scenario, drawing.actuator
+    scans, period = scans_of(controller, scenario), actuator.pwm_period_s
+    samples = [drawing.sample(each, scans) for each in range(seed, seed + count)]
+    rows, noise, late = (np.array([each[place] for each in samples]) for place in (0, 2, 3))
+    stops = [each.time_s for each in scenario.disturbances] or [(scans - 1) * controller.scan_s]
+    periods, begin = rest_of(limits, stops[0], period)
+    marks = [(begin, REST), *((each.time_s, PHASE) for each in scenario.disturbances if isinstance(each, Load))]
+    dead = rows[:, 3].tolist()
+    events = events_of(scenario, dead, np.array([each[1] for each in samples]), marks)
+    phases = np.zeros((count, (len(scenario.disturbances) + 1) * COLUMNS))
+    totals, high, low = np.zeros((count, TOTALS)), np.empty((count, periods)), np.empty((count, periods))
+    band = max(limits.tolerance_degC, limits.tolerance_resolutions * controller.resolution_degC)
+    wrong = sum(1 << place for place, name in enumerate(controller.core.flags) if name in limits.overflow_flags)
+    meter = Meter(True, scenario.setpoint_degC, band, period, wrong, phases, totals, high, low)
+    under_way = max(dead) + 3.0 * controller.scan_s + period
+    edges, none = np.empty(ring_size(pulses_of(under_way, actuator))), np.empty(0)
+    record = Record(False, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
+    batch = Batch(setpoints_of(controller, rows[:, 5].tolist(), noise), noise, late, rows, *events)
+    given = (batch, actuator.numbers, np.inf, edges, record, meter)
+    run_with(controller, given, count * scans)
+    ripple = np.where(high >= low, high - low, np.nan)
+    return rows, phases.reshape(count, -1, COLUMNS), totals, np.nanmedian(ripple, axis=1)
+
+
+def replay(drawing: Drawing, seed: int) -> Trace:
+    """Return the trace of the sample that has this seed: the same run, instant by instant.
+
+    Raises:
+        OutOfRange: a negative seed.
+    """
+    check("seed", seed, least=0)
+    row, factors, noise, late = drawing.sample(seed, scans_of(drawing.controller, drawing.scenario))
+    gain, first, second, dead, ambient, start = row
+    known = {"gain_degC_per_pct": gain, "time_constant_s": first, "dead_time_s": dead, "ambient_degC": ambient}
+    model = TwoLag(**known, second_time_constant_s=second) if second else Fopdt(**known)
+    disturbances = tuple(
+        replace(each, temperature_degC=factor * each.temperature_degC) if isinstance(each, Kick)
+        else replace(each, power_pct=factor * each.power_pct)
+        for each, factor in zip(drawing.scenario.disturbances, factors.tolist(), strict=True)
+    )
+    scenario = replace(drawing.scenario, ambient_degC=ambient, start_degC=start, disturbances=disturbances, seed=seed)
+    return traced(drawing.controller, model, scenario, drawing.actuator, noise, late)

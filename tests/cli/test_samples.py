@@ -1,0 +1,59 @@
+"""`verify --samples` and `--replay`: both run the same sample, so each is the other's witness."""
+
+import json
+
+HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
+PROOF = ("--target", "s5-ob251", "--setpoint", 40, "--noise", 0.05, *HAND, "--json")
+
+
+def test_the_worst_of_the_samples_comes_back_by_its_seed(run, by_hand):
+    status, out, _ = run("verify", by_hand, *PROOF, "--samples", 12, "--seed", 100)
+    document = json.loads(out)
+    found = document["samples"]
+    assert (status == 0) == (document["verdict"] == "PASS") == (found["verdict"] == "PASS")
+    assert found["count"] == 12
+    assert 100 <= found["worst_seed"] < 112
+    status, out, _ = run("verify", by_hand, *PROOF, "--replay", found["worst_seed"])
+    sample = json.loads(out)
+    assert (status == 0) == (sample["verdict"] == "PASS")
+    assert sample["seed"] == found["worst_seed"]
+    for name, criterion in sample["criteria"].items():
+        assert criterion["value"] <= found["criteria"][name]["worst"] * (1.0 + 1e-9), name
+        assert criterion["limit"] == found["criteria"][name]["limit"], name
+    # a heater given by hand has no intervals: mains and ambient alone differ
+    assert sample["heater"]["lags_s"] == [167.0]
+    assert 0.37 * 0.81 <= sample["heater"]["gain_degC_per_pct"] <= 0.37 * 1.21
+    assert 17.0 <= sample["heater"]["ambient_degC"] <= 27.0
+    assert len(sample["trace"]["time_s"]) == len(sample["trace"]["temperature_degC"]) > 100
+
+
+def test_without_spread_every_sample_is_the_nominal_run(run, by_hand):
+    calm = ("--mains", 0, "--ambient-spread", 0, "--disturbance-spread", 0)
+    quiet = tuple(0 if each == 0.05 else each for each in PROOF)
+    document = json.loads(run("verify", by_hand, *quiet, *calm, "--samples", 3)[1])
+    nominal = document["runs"][0]["criteria"]
+    for name, spot in document["samples"]["criteria"].items():
+        assert spot["median"] == spot["worst"], name
+        assert abs(spot["worst"] - nominal[name]["value"]) <= 1e-9 * max(1.0, abs(spot["worst"])), name
+
+
+def test_a_share_too_small_fails_and_the_text_tells_it(run, by_hand):
+    # at ±60 % of the voltage some heaters cannot hold 40 °C: 22 + 37 · 0.16 = 28 °C
+    given = tuple(each for each in PROOF if each != "--json")
+    status, out, _ = run("verify", by_hand, *given, "--samples", 12, "--mains", 60)
+    assert status == 1
+    assert "12 samples from seed 0 on" in out
+    assert "never" in out
+    assert out.rstrip().endswith("VERDICT FAIL")
+    assert "VERDICT FAIL" not in run("verify", by_hand, *given, "--samples", 12, "--mains", 60, "--quantile", 0.2)[1]
+
+
+def test_what_makes_no_sense_is_refused(run, by_hand):
+    for wrong, named in ((("--samples", 0), "samples"), (("--samples", 3, "--quantile", 0), "quantile"),
+                         (("--samples", 3, "--mains", 120), "mains_pct"), (("--replay", -1), "seed"),
+                         (("--samples", 3, "--ambient-spread", 30), "spread of the ambient"),
+                         (("--samples", 3, "--jitter", 1e9), "jitter_s"),
+                         (("--samples", 3, "--interlock", "heater-fan"), "without an interlock")):
+        status, _, err = run("verify", by_hand, *PROOF, *wrong)
+        assert status == 2, wrong
+        assert named in err

@@ -1,0 +1,175 @@
+"""The loop compiled against the same loop as plain Python, bit for bit, and what is measured against `judge`."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from heatertune import compiled as machine
+from heatertune.compiled import compiled, worth_compiling
+from heatertune.model.values import Fopdt, TwoLag
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Scaling, room
+from heatertune.plc.single import single
+from heatertune.proof import Actuator, Kick, Limits, Load, Scenario, judge, simulate
+from heatertune.proof.loop import controller_of, run_loop
+from heatertune.proof.sampled import criteria_of, prove_samples
+from heatertune.proof.samples import Drawing, Spread, measure, replay
+
+COMPILED = ("weg", "s5-ob251", "s7-200", "on-off")
+HEATERS = (
+    Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.3, ambient_degC=24.0),
+    TwoLag(gain_degC_per_pct=0.5, time_constant_s=120.0, second_time_constant_s=30.0, dead_time_s=6.5, ambient_degC=20.0),
+)
+SCENARIO = Scenario(
+    setpoint_degC=50.0, duration_s=1500.0, noise_degC=0.05,
+    disturbances=(Kick(time_s=700.3, temperature_degC=-8.8), Load(time_s=1100.0, power_pct=-7.0)),
+)
+PWM = Actuator(pwm_period_s=10.0)
+PI = PidDesign(gain_pct_per_degC=1.4, integral_time_s=150.0, derivative_time_s=4.0, sample_time_s=2.0, structure="pid",
+               method="")
+
+
+@pytest.fixture
+def at_once(monkeypatch):
+    monkeypatch.setattr(machine, "_PLAIN_SCANS", -1)
+
+
+def _way(monkeypatch, compile_at_once):
+    monkeypatch.setattr(machine, "_PLAIN_SCANS", -1 if compile_at_once else 10**12)
+
+
+def _same(one, other):
+    for name in ("time_s", "temperature_degC", "reading_degC", "power_asked_pct", "edge_time_s", "edge_on", "stretches"):
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    assert one.flags == other.flags
+
+
+def _values_of(room_, field):
+    if field.format == "REAL":
+        low, high = (float(np.nextafter(np.float32(end), np.float32(0))) for end in (field.low, field.high))
+        return st.floats(low, high, width=32)
+    return st.integers(int(field.low), int(field.high))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("target", COMPILED)
+def test_a_loop_is_the_same_compiled_and_plain_bit_for_bit(target, monkeypatch):
+    which = room(target)
+    legal = which.encode(PI, Scaling())
+
+    @settings(max_examples=40, deadline=None)
+    @given(data=st.data())
+    def holds_for_any_words_and_settings(data):
+        values = dict(legal.values)
+        for field in data.draw(st.lists(st.sampled_from(which.fields), max_size=4)):
+            if field.name not in ("Ts", "TICK", "TICKS"):  # the scan interval stays
+                values[field.name] = data.draw(_values_of(which, field))
+        words = replace(legal, values=values)
+        try:
+            which.check(words)
+        except ValueError:
+            words = legal
+        switches = data.draw(st.fixed_dictionaries({s.name: st.sampled_from(s.settings) for s in which.switches}))
+        scenario = replace(SCENARIO, seed=data.draw(st.integers(0, 99)))
+        heater, setpoint = data.draw(st.sampled_from(HEATERS)), data.draw(st.floats(30.0, 60.0))
+        scenario = replace(scenario, setpoint_degC=setpoint)
+        plain = simulate(which, words, heater, scenario, PWM, switches)
+        _way(monkeypatch, True)
+        controller = controller_of(which, words, setpoint, switches, direct=True)
+        _same(plain, run_loop(controller, heater, scenario, PWM))
+        _way(monkeypatch, False)
+
+    holds_for_any_words_and_settings()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("period", [10.0, 1.0])  # the last scan, at 1500 s, also asks for the period from 1501 s on
+@pytest.mark.parametrize("target", COMPILED[:2])
+def test_what_is_measured_is_what_judge_finds_on_the_trace_of_the_same_sample(target, period, at_once):
+    which, limits = room(target), Limits(tolerance_degC=0.7, pwm_ripple_degC=0.3, iae_degC_s=4000.0)
+    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(heater=(0.1, 0.1, 0.2)),
+                         Actuator(pwm_period_s=period))
+    found = criteria_of(drawing, limits, measure(drawing, limits, 70, seed=5, workers=2))
+    for seed in (5, 6, 11, 36, 37, 74):
+        judged = judge(replay(drawing, seed), limits)
+        assert [each.name for each in judged] == list(found)
+        for each in judged:
+            values, strains, _ = found[each.name]
+            assert values[seed - 5] == pytest.approx(each.value, abs=1e-9, rel=1e-9), (seed, each.name)
+            assert strains[seed - 5] == pytest.approx(each.strain, abs=1e-9, rel=1e-9), (seed, each.name)
+
+
+@pytest.mark.long
+def test_what_is_measured_is_the_same_compiled_and_plain_bit_for_bit(monkeypatch):
+    which, limits = room("weg"), Limits()
+    spread = Spread(heater=(0.1, 0.1, 0.2), jitter_s=0.05)
+    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, spread, PWM)
+    parts = []
+    for at_once in (False, True):
+        _way(monkeypatch, at_once)
+        parts.append(measure(drawing, limits, 4, workers=1))
+    for name in ("rows", "phases", "totals", "ripple"):
+        assert np.array_equal(getattr(parts[0], name), getattr(parts[1], name)), name
+
+
+def test_a_sample_depends_on_its_seed_alone():
+    which, limits = room("s5-ob251"), Limits()
+    short = replace(SCENARIO, duration_s=1200.0)
+    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], short, Spread(heater=(0.1, 0.1, 0.2)), PWM)
+    many, alone = measure(drawing, limits, 36, seed=3, workers=3), measure(drawing, limits, 1, seed=36, workers=1)
+    assert np.array_equal(many.phases[33], alone.phases[0])
+    assert np.array_equal(many.totals[33], alone.totals[0])
+    assert len({tuple(row) for row in many.rows.tolist()}) == 36, "samples differ"
+
+
+def test_the_draw_has_the_spread_that_it_tells():
+    which = room("s5-ob251")
+    spread = Spread(heater=(0.1, 0.2, 0.3))
+    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], SCENARIO, spread, PWM)
+    rows, factors = zip(*((row, sizes) for row, sizes, _, _ in (drawing.sample(seed, 1) for seed in range(4000))), strict=True)
+    gain, lag, _, dead, ambient, start = np.array(rows).T
+    assert np.std(np.log(lag)) == pytest.approx(0.2, rel=0.05)
+    assert np.std(np.log(dead)) == pytest.approx(0.3, rel=0.05)
+    # ln gain: normal 0.1, and ln (1 + v)² with v even in ±0.1, whose standard deviation is about 2·0.1/√3 = 0.1155
+    assert np.std(np.log(gain)) == pytest.approx(np.hypot(0.1, 0.1155), rel=0.05)
+    assert np.median(gain) == pytest.approx(0.41, rel=0.02)
+    assert ambient.min() == pytest.approx(19.0, abs=0.05)
+    assert ambient.max() == pytest.approx(29.0, abs=0.05)
+    assert np.array_equal(start, ambient)
+    assert [np.min(factors), np.max(factors)] == pytest.approx([0.5, 1.5], abs=0.005)
+    calm = replace(drawing, spread=Spread(mains_pct=0.0, ambient_degC=0.0, disturbance_pct=0.0))
+    assert calm.sample(7, 1)[0] == [0.41, 166.0, 0.0, 14.3, 24.0, 24.0]
+
+
+def test_the_verdict_falls_where_more_than_the_share_allowed_breaks_a_limit():
+    which = room("s5-ob251")
+    short = replace(SCENARIO, duration_s=1200.0)
+    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, short, Spread(), PWM)
+    values = criteria_of(drawing, Limits(), measure(drawing, Limits(), 40))["iae"][0]
+    limits = Limits(iae_degC_s=float(np.sort(values)[35]), overshoot_pct=None, recovery_overshoot_pct=None,
+                    tolerance_degC=30.0)
+    proof = prove_samples(drawing, limits, 40, quantile=0.9)
+    assert (proof.passing, proof.verdict) == (0.9, "PASS")
+    assert prove_samples(drawing, limits, 40, quantile=0.91).verdict == "FAIL"
+    assert proof.worst_seed == int(np.argmax(values))
+    spot = next(each for each in proof.criteria if each.name == "iae")
+    assert [spot.worst, spot.passing] == [values.max(), 0.9]
+    assert spot.median == np.sort(values)[20]
+    assert spot.p95 == np.sort(values)[38]
+
+
+@pytest.mark.long
+@settings(deadline=None)
+@given(value=st.floats())
+def test_single_precision_is_the_same_compiled(value):
+    found, expected = compiled(single)(value), single(value)
+    assert np.array_equal(found, expected, equal_nan=True)
+
+
+def test_the_compiler_is_loaded_once_a_process_has_asked_for_enough(monkeypatch):
+    monkeypatch.setattr(machine, "_scans_asked", [0])
+    monkeypatch.setattr(machine, "_PLAIN_SCANS", 50_000)
+    assert [worth_compiling(scans) for scans in (49_000, 1_000, 1, 0)] == [False, False, True, True]
