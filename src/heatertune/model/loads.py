@@ -8,10 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.open_loop import PowerFit, PowerProblem
+from heatertune.model.outliers import tamed
 from heatertune.model.projection import AMBIENT
 from heatertune.model.statistics import ar1_bic
 
-__all__ = ["bic_of", "is_sensible", "left_over", "with_loads"]
+__all__ = ["bic_of", "is_sensible", "left_over", "lowest_degC", "with_loads"]
 
 Array = npt.NDArray[np.float64]
 
@@ -41,7 +42,12 @@ def left_over(problem: PowerProblem, fit: PowerFit) -> bool:
 def is_sensible(problem: PowerProblem, fit: PowerFit) -> bool:
     """Return whether the ambient lies below the readings, but for a little: no heater is colder than its room."""
     readings = problem.readings.temperature_degC
-    return float(fit.linear[AMBIENT]) <= float(readings.min()) + _COLDER * float(np.ptp(readings))
+    return float(fit.linear[AMBIENT]) <= lowest_degC(problem) + _COLDER * float(np.ptp(readings))
+
+
+def lowest_degC(problem: PowerProblem) -> float:
+    """Return the lowest temperature of a log: of the running median, or noise would be the coldest [°C]."""
+    return float(tamed(problem.readings.temperature_degC, share=0.0).min())
 
 
 def with_loads(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:

@@ -14,7 +14,7 @@ from heatertune.model.feedback import is_feedback
 from heatertune.model.intervals import envelope
 from heatertune.model.judge import unseen
 from heatertune.model.judgement import HeldOut
-from heatertune.model.loads import bic_of, is_sensible
+from heatertune.model.loads import bic_of, is_sensible, lowest_degC
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.projection import AMBIENT
 from heatertune.model.sanity import follows_temperature
@@ -97,7 +97,7 @@ def _without_events(log: Log, problem: PowerProblem, fit: PowerFit, held_out: He
 
 def _at_rest(problem: PowerProblem, fit: PowerFit, ambient: Interval | None) -> Iterator[Rival]:
     """Return the fit with the ambient at the lowest reading, where a free one lies above it for sure."""
-    lowest = float(problem.readings.temperature_degC.min())
+    lowest = lowest_degC(problem)
     if ambient is None or ambient.low is None or ambient.low <= lowest or is_sensible(problem, fit):
         return
     held = _held(problem)
@@ -113,7 +113,7 @@ def _at_rest(problem: PowerProblem, fit: PowerFit, ambient: Interval | None) -> 
 
 
 def _held(problem: PowerProblem) -> PowerProblem:
-    return replace(problem, ambient_degC=float(problem.readings.temperature_degC.min()))
+    return replace(problem, ambient_degC=lowest_degC(problem))
 
 
 def _heater(model: object) -> str:
