@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from heatertune.cli import COMMANDS, common, terminal
+from heatertune.cli import COMMANDS, terminal
 from heatertune.plc import TARGETS
 
 
@@ -70,8 +70,8 @@ def test_json_and_a_pipe_have_no_escapes(run, by_hand):
 def _told(monkeypatch, capsys, messages, quiet=False):
     """Messages told at given instants → the lines on stderr."""
     clock = iter([0.0, *(instant for instant, _ in messages)])
-    monkeypatch.setattr(common.time, "monotonic", lambda: next(clock))
-    progress = common.Progress(argparse.Namespace(quiet=quiet))
+    monkeypatch.setattr(printing.time, "monotonic", lambda: next(clock))
+    progress = printing.Progress(argparse.Namespace(quiet=quiet))
     for _, message in messages:
         progress(message)
     return capsys.readouterr().err.splitlines()

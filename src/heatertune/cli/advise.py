@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import common
+from heatertune.cli import common, printing
 from heatertune.errors import InputError
 
 __all__ = ["add_to"]
@@ -26,7 +26,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("--pid", required=True, metavar="FILE", help="pid.json as written by tune, with its model")
     common.add_proof_options(command, target="weg")
     common.add_reading_options(command)
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -44,7 +44,7 @@ def _run(settings: argparse.Namespace) -> int:
     document = advise(
         design, model, log, target=common.target(settings), setpoint_degC=proving.pop("setpoint_degC"),
         scaling=common.scaling(settings), until_s=settings.until, tolerance_degC=proving.pop("tolerance_degC"),
-        proving=proving, progress=common.Progress(settings),
+        proving=proving, progress=printing.Progress(settings),
     )
-    common.output(settings, document, lambda: advice_table(document))
+    printing.output(settings, document, lambda: advice_table(document))
     return 0 if any(case["verdict"] == "PASS" for case in document["cases"]) else 1

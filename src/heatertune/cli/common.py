@@ -1,17 +1,12 @@
-"""What the commands share: option groups, progress, output."""
+"""What the commands share: groups of options, and what they mean to the stages."""
 
 from __future__ import annotations
 
 import argparse
 import math
-import re
-import sys
-import time
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NoReturn
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from heatertune.cli.terminal import painted
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,11 +15,11 @@ if TYPE_CHECKING:
     from heatertune.plc import Scaling, Words
 
 __all__ = [
-    "CommandParser", "Progress", "add_condition_options", "add_log_options", "add_model_options",
-    "add_objective_options", "add_output_options", "add_proof_options", "add_ramp_option", "add_reading_options",
-    "add_refine_option", "add_switch_kind_option", "add_switch_option", "add_tuning_options", "add_words_option",
-    "design_and_model", "fitting", "interval_by_words", "model_from", "output", "proof_asked", "proving", "reading",
-    "sample_time", "save", "scaling", "setpoint_ramp", "switches", "target", "tuning", "words_and_model",
+    "CommandParser", "add_condition_options", "add_log_options", "add_model_options", "add_objective_options",
+    "add_proof_options", "add_ramp_option", "add_reading_options", "add_refine_option", "add_switch_kind_option",
+    "add_switch_option", "add_tuning_options", "add_words_option", "design_and_model", "fitting",
+    "interval_by_words", "model_from", "proof_asked", "proving", "reading", "sample_time", "scaling",
+    "setpoint_ramp", "switches", "target", "tuning", "words_and_model",
 ]
 
 _TOLERANCE_DEGC = 1.0
@@ -33,8 +28,6 @@ TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41",
 INTERLOCKS = ("heater-fan",)
 PWM_RULES = ("pulsegen", "pid-compact")
 
-_COUNT: Final = re.compile(r"\((\d+) of (\d+)\)$")
-
 
 class CommandParser(argparse.ArgumentParser):
     """A parser whose complaints are one line, with exit status 2, like every other bad input."""
@@ -42,40 +35,6 @@ class CommandParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise the complaint as an input error."""
         raise InputError(f"{message} (see: {self.prog} --help)")
-
-
-class Progress:
-    """Messages on stderr for whatever takes longer than a second; silent with --quiet."""
-
-    def __init__(self, settings: argparse.Namespace) -> None:
-        self._loud = not settings.quiet
-        self._begun = time.monotonic()
-        self._counted_from = self._begun
-
-    def __call__(self, message: str) -> None:
-        """Tell what begins now; where the message ends in its count, "(3 of 9)", also the time that is left."""
-        now = time.monotonic()
-        if self._loud:
-            left = self._left(message, now)
-            print(f"[{now - self._begun:5.1f} s] {message}{left}", file=sys.stderr, flush=True)
-
-    def _left(self, message: str, now: float) -> str:
-        found = _COUNT.search(message)
-        if found is None:
-            return ""
-        number, total = int(found[1]), int(found[2])
-        if number <= 1:
-            self._counted_from = now
-            return ""
-        seconds = (now - self._counted_from) / (number - 1) * (total - number + 1)
-        return f", about {seconds:.0f} s left"
-
-
-def add_output_options(command: argparse.ArgumentParser) -> None:
-    """Add --json and --quiet."""
-    group = command.add_argument_group("output")
-    group.add_argument("--json", action="store_true", help="print one JSON document on stdout instead of the table")
-    group.add_argument("--quiet", action="store_true", help="no progress on stderr")
 
 
 def add_reading_options(command: argparse.ArgumentParser) -> None:
@@ -408,22 +367,3 @@ def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
     if settings.second_time_constant is None:
         return model_by_hand(Fopdt(**plant))
     return model_by_hand(TwoLag(**plant, second_time_constant_s=settings.second_time_constant))
-
-
-def output(settings: argparse.Namespace, document: Mapping[str, Any], summary: Callable[[], str]) -> None:
-    """Print the document (--json) or the summary on stdout."""
-    from heatertune.documents import to_json  # noqa: PLC0415
-
-    if settings.json:
-        print(to_json(document), end="")
-    else:
-        print(painted(summary(), sys.stdout))
-
-
-def save(path: str | None, document: Mapping[str, Any]) -> None:
-    """Write the document to a file, whole or not at all; nothing without a path."""
-    from heatertune.documents import to_json, write_files  # noqa: PLC0415
-
-    if path is not None:
-        target = Path(path)
-        write_files(target.parent, {target.name: to_json(document)})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import common
+from heatertune.cli import common, printing
 
 __all__ = ["add_to"]
 
@@ -23,7 +23,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("-o", "--out", metavar="DIR", help="directory for compare.json and compare.html")
     common.add_condition_options(command)
     common.add_model_options(command)
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -35,9 +35,9 @@ def _run(settings: argparse.Namespace) -> int:
     design, fitted = common.design_and_model(settings)
     document = plain(chain.compare(
         design, fitted, scaling=common.scaling(settings), proving=common.proving(settings),
-        progress=common.Progress(settings),
+        progress=printing.Progress(settings),
     ))
     if settings.out is not None:
         write_files(settings.out, {"compare.json": to_json(document), "compare.html": render_targets(document)})
-    common.output(settings, document, lambda: targets_table(document))
+    printing.output(settings, document, lambda: targets_table(document))
     return 0

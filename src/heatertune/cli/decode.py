@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from heatertune.cli import common
+from heatertune.cli import common, printing
 from heatertune.errors import InputError
 
 __all__ = ["add_to"]
@@ -26,7 +26,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("--model", metavar="FILE", help="model.json to prove the controller on")
     common.add_proof_options(command)
     common.add_model_options(command)
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -60,7 +60,7 @@ def _run(settings: argparse.Namespace) -> int:
         lines = [realised_lines, *[f"odd: {each}" for each in document["odd"]]]
         return "\n".join(lines + ([criteria_table(proof), f"VERDICT {proof['verdict']}"] if proof else []))
 
-    common.output(settings, document, told)
+    printing.output(settings, document, told)
     return 1 if proof and proof["verdict"] == "FAIL" else 0
 
 

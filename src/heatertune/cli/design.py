@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import common
+from heatertune.cli import common, printing
 
 __all__ = ["add_to"]
 
@@ -28,7 +28,7 @@ def add_to(commands: Any) -> None:
     common.add_proof_options(command)
     common.add_log_options(command)
     common.add_tuning_options(command)
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -39,9 +39,9 @@ def _run(settings: argparse.Namespace) -> int:
     documents = chain.design(
         settings.log, target=common.target(settings), out=settings.out, reading=common.reading(settings),
         fitting=common.fitting(settings), tuning=common.tuning(settings), proving=common.proving(settings),
-        scaling=common.scaling(settings), force=settings.force, progress=common.Progress(settings),
+        scaling=common.scaling(settings), force=settings.force, progress=printing.Progress(settings),
         words_by=settings.words, interval_by_words=common.interval_by_words(settings),
         refined=settings.refine, switch_kind=settings.switch_kind, setpoint_ramp=common.setpoint_ramp(settings),
     )
-    common.output(settings, documents, lambda: f"{summary(documents)}\nwritten to {settings.out}")
+    printing.output(settings, documents, lambda: f"{summary(documents)}\nwritten to {settings.out}")
     return 0 if documents["proof"]["verdict"] == "PASS" else 1

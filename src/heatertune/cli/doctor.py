@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import common
+from heatertune.cli import printing
 
 __all__ = ["add_to"]
 
@@ -19,7 +19,7 @@ def add_to(commands: Any) -> None:
         description="Look at Python, the packages, IPOPT, both caches, the extras and the paper tables, and say what "
         "to do about what is broken. Exit status 1 where something that heatertune needs is.",
     )
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -35,7 +35,7 @@ def _run(settings: argparse.Namespace) -> int:
         remedies = [f"{each['name']}: {each['remedy']}" for each in found if not each["ok"]]
         return "\n".join([table(rows), *remedies, "all that is needed works" if told["well"] else "FAIL: see above"])
 
-    common.output(settings, told, lines)
+    printing.output(settings, told, lines)
     return 0 if told["well"] else 1
 
 

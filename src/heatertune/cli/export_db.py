@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import common
+from heatertune.cli import common, printing
 
 __all__ = ["add_to"]
 
@@ -27,7 +27,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("--force", action="store_true", help="export in spite of a verdict of FAIL; the files say so")
     common.add_proof_options(command)
     common.add_model_options(command)
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -43,7 +43,7 @@ def _run(settings: argparse.Namespace) -> int:
     documents = {"words.json": to_json(document), "proof.json": to_json(found["proof"])}
     written = write_files(settings.out, {**found["files"], **documents})
     names = "\n".join(str(path) for path in written)
-    common.output(settings, document, lambda: f"{words_table(document)}\nVERDICT {document['verdict']}\n{names}")
+    printing.output(settings, document, lambda: f"{words_table(document)}\nVERDICT {document['verdict']}\n{names}")
     return 0
 
 
@@ -54,7 +54,7 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     from heatertune.chain.refine import refine  # noqa: PLC0415
     from heatertune.chain.words import Choice  # noqa: PLC0415
 
-    progress = common.Progress(settings)
+    progress = printing.Progress(settings)
     words, search, fitted = common.words_and_model(settings)
     if settings.refine and search is not None:
         choice = refine(Choice(words=words, search=search), fitted, proving=common.proving(settings))

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from heatertune.cli import common
+from heatertune.cli import common, printing
 from heatertune.cli.known import add_known_options, known_words
 from heatertune.errors import InputError
 
@@ -32,7 +32,7 @@ def add_to(commands: Any) -> None:
                          help="show the table of controller hypotheses; for one log all of them, however bad")
     common.add_log_options(command)
     add_known_options(command)
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -41,19 +41,19 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.model.document import to_document  # noqa: PLC0415
     from heatertune.report.text import hypothesis_table, model_lines  # noqa: PLC0415
 
-    progress = common.Progress(settings)
+    progress = printing.Progress(settings)
     logs = [chain.read_log(name, **common.reading(settings)) for name in settings.log]
     for told in (told for log in logs for told in (*log.repairs, *log.doubts)):
         progress(told)
     document = to_document(_fitted(settings, logs, progress))
-    common.save(settings.out, document)
+    printing.save(settings.out, document)
     shown = settings.hypotheses or settings.controller is not None
     parts = [model_lines, hypothesis_table] if shown else [model_lines]
-    common.output(settings, document, lambda: "\n\n".join(part(document) for part in parts))
+    printing.output(settings, document, lambda: "\n\n".join(part(document) for part in parts))
     return 0
 
 
-def _fitted(settings: argparse.Namespace, logs: Sequence[Log], progress: common.Progress) -> FittedModel:
+def _fitted(settings: argparse.Namespace, logs: Sequence[Log], progress: printing.Progress) -> FittedModel:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
 
     given = common.fitting(settings)

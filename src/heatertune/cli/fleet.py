@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import batch, common
+from heatertune.cli import batch, common, printing
 
 __all__ = ["add_to"]
 
@@ -26,7 +26,7 @@ def add_to(commands: Any) -> None:
     common.add_proof_options(command)
     common.add_log_options(command)
     common.add_tuning_options(command)
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -41,5 +41,5 @@ def _run(settings: argparse.Namespace) -> int:
         words_by=settings.words, interval_by_words=common.interval_by_words(settings),
         progress=batch.Bar(settings, "zones"),
     )
-    common.output(settings, document, lambda: outcome_lines(document))
+    printing.output(settings, document, lambda: outcome_lines(document))
     return 0

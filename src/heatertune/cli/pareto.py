@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from heatertune.cli import common
+from heatertune.cli import common, printing
 from heatertune.errors import InputError
 
 __all__ = ["add_to"]
@@ -32,7 +32,7 @@ def add_to(commands: Any) -> None:
     group.add_argument("--sample-time", default="0", metavar="S",
                        help="sampling interval TA [s]; 0: continuous (default); auto: TRdom/10 half way")
     common.add_objective_options(group)
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -47,14 +47,14 @@ def _run(settings: argparse.Namespace) -> int:
     document = plain(front(
         common.model_from(settings, settings.model), structure=settings.structure, ms_low=settings.ms_range[0],
         ms_high=settings.ms_range[1], points=settings.points, sample_time_s=common.sample_time(settings),
-        progress=common.Progress(settings), objective=settings.objective, weight=settings.weight, mt=settings.mt,
+        progress=printing.Progress(settings), objective=settings.objective, weight=settings.weight, mt=settings.mt,
         mks=settings.mks,
     ))
     if suffix in _PICTURES:
         _draw(document, settings.out, suffix)
     else:
-        common.save(settings.out, document)
-    common.output(settings, document, lambda: pareto_table(document))
+        printing.save(settings.out, document)
+    printing.output(settings, document, lambda: pareto_table(document))
     return 0
 
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from heatertune.cli import common
+from heatertune.cli import printing
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def add_to(commands: Any) -> None:
     group.add_argument("--correlation", type=float, metavar="R", help="of the noise between two readings, 0 to 1")
     group.add_argument("--resolution", type=float, metavar="°C", help="step of the sensor's digits [°C]")
     group.add_argument("--log-interval", type=float, metavar="S", help="interval between readings [s] (default: 1)")
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -78,12 +78,12 @@ def _run(settings: argparse.Namespace) -> int:
             sample_time_s=settings.log_interval,
         ),
         base_pct=settings.power_now, least_pct=low, most_pct=high, aim=settings.aim / 100.0,
-        progress=common.Progress(settings),
+        progress=printing.Progress(settings),
     ))
     if settings.out is not None:
         target = Path(settings.out)
         write_files(target.parent, {target.name: plan_csv(document)})
-    common.output(settings, document, lambda: plan_lines(document))
+    printing.output(settings, document, lambda: plan_lines(document))
     return 0
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import common
+from heatertune.cli import common, printing
 from heatertune.errors import InputError
 
 __all__ = ["add_to"]
@@ -24,7 +24,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(common.TARGETS)}")
     command.add_argument("--words", required=True, metavar="FILE", help="words.json as written by export-db")
     common.add_switch_option(command, "setting of an open point")
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -49,5 +49,5 @@ def _run(settings: argparse.Namespace) -> int:
         heads = list(rows[0]) if rows else ["scan", "output", "power_pct"]
         return "\n".join([",".join(heads), *(",".join(str(row[head]) for head in heads) for row in rows)])
 
-    common.output(settings, document, told)
+    printing.output(settings, document, told)
     return 0

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from heatertune.cli import common
+from heatertune.cli import printing
 
 __all__ = ["add_to"]
 
@@ -20,7 +20,7 @@ def add_to(commands: Any) -> None:
         description="Make report.html from the JSON documents that `heatertune design` wrote; nothing is computed.",
     )
     command.add_argument("directory", metavar="DIR", help="directory that `heatertune design` wrote")
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -29,5 +29,5 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.report.text import summary  # noqa: PLC0415
 
     documents = redraw(settings.directory)
-    common.output(settings, documents, lambda: f"{summary(documents)}\n{Path(settings.directory) / 'report.html'}")
+    printing.output(settings, documents, lambda: f"{summary(documents)}\n{Path(settings.directory) / 'report.html'}")
     return 0 if documents["proof"]["verdict"] == "PASS" else 1

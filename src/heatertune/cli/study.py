@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import batch, common
+from heatertune.cli import batch, printing
 
 __all__ = ["add_to"]
 
@@ -35,7 +35,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("study", metavar="STUDY.toml", help="what is swept")
     batch.add_table_options(command)
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -47,5 +47,5 @@ def _run(settings: argparse.Namespace) -> int:
         settings.study, out=settings.out, workers=batch.workers(settings), resume=settings.resume,
         progress=batch.Bar(settings, "cases"),
     )
-    common.output(settings, document, lambda: outcome_lines(document))
+    printing.output(settings, document, lambda: outcome_lines(document))
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import common
+from heatertune.cli import printing
 
 __all__ = ["add_to"]
 
@@ -18,7 +18,7 @@ def add_to(commands: Any) -> None:
         "targets", help="the controllers, what each can hold, and what its manual leaves open", epilog=_EXAMPLE,
         description="List the controllers.",
     )
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -43,7 +43,7 @@ def _run(settings: argparse.Namespace) -> int:
             for each in rooms
         ],
     }
-    common.output(settings, document, lambda: "\n\n".join(_told(each) for each in document["targets"]))
+    printing.output(settings, document, lambda: "\n\n".join(_told(each) for each in document["targets"]))
     return 0
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import common
+from heatertune.cli import common, printing
 from heatertune.errors import InputError
 
 __all__ = ["add_to"]
@@ -25,7 +25,7 @@ def add_to(commands: Any) -> None:
     common.add_switch_kind_option(command)
     common.add_model_options(command)
     common.add_tuning_options(command)
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -43,13 +43,13 @@ def _run(settings: argparse.Namespace) -> int:
     if by_words and settings.target is None:
         raise InputError("--sample-time words needs --target: the words are its own")
     find = tune_for_words if by_words else chain.tune
-    design = find(fitted, target=settings.target, progress=common.Progress(settings), **common.tuning(settings))
+    design = find(fitted, target=settings.target, progress=printing.Progress(settings), **common.tuning(settings))
     if settings.switch_kind is not None:
         design, _ = with_pwm(design, fitted, settings.switch_kind)
     others = alternatives(fitted, design)
     settled = (design.gain_pct_per_degC, design.integral_time_s, design.derivative_time_s)
     document = to_document(design, fitted) | {"forms": other_forms(*settled), "alternatives": others}
-    common.save(settings.out, document)
-    common.output(settings, document, lambda: "\n".join(
+    printing.save(settings.out, document)
+    printing.output(settings, document, lambda: "\n".join(
         (design_lines(document), forms_lines(document["forms"]), "", alternatives_table(others))))
     return 0

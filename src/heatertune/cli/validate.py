@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import common
+from heatertune.cli import common, printing
 from heatertune.cli.known import add_known_options, known_words
 
 __all__ = ["add_to"]
@@ -31,7 +31,7 @@ def add_to(commands: Any) -> None:
                        help="ambient during this log [°C] (default: the model's own)")
     group.add_argument("--power-before", type=float, metavar="%", help="power before the first reading [%%]")
     add_known_options(command)
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -41,7 +41,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.model.validate_document import to_document  # noqa: PLC0415
     from heatertune.report.text import validation_lines  # noqa: PLC0415
 
-    progress = common.Progress(settings)
+    progress = printing.Progress(settings)
     model = read_model(settings.model)
     log = chain.read_log(settings.log, **common.reading(settings))
     for told in (*log.repairs, *log.doubts):
@@ -52,6 +52,6 @@ def _run(settings: argparse.Namespace) -> int:
         until_s=settings.until, least_fit_pct=settings.least_fit,
     )
     document = to_document(verdict, settings.least_fit)
-    common.save(settings.out, document)
-    common.output(settings, document, lambda: validation_lines(document))
+    printing.save(settings.out, document)
+    printing.output(settings, document, lambda: validation_lines(document))
     return 1 if verdict.fails else 0

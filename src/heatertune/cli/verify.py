@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import common
+from heatertune.cli import common, printing
 
 __all__ = ["add_to"]
 
@@ -24,7 +24,7 @@ def add_to(commands: Any) -> None:
     common.add_proof_options(command)
     common.add_model_options(command)
     _add_sample_options(command)
-    common.add_output_options(command)
+    printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
@@ -56,7 +56,7 @@ def _run(settings: argparse.Namespace) -> int:
     proving, spread = common.proving(settings), _spread(settings)
     if settings.replay is not None:
         document = replay_document(words, fitted, settings.replay, spread=spread, **proving)
-        common.output(settings, document, lambda: f"{criteria_table(document)}\nVERDICT {document['verdict']}")
+        printing.output(settings, document, lambda: f"{criteria_table(document)}\nVERDICT {document['verdict']}")
         return 0 if document["verdict"] == "PASS" else 1
     proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=proving)
     document, verdicts = proof.to_document(), [proof.verdict]
@@ -68,7 +68,7 @@ def _run(settings: argparse.Namespace) -> int:
         verdicts.append(document["samples"]["verdict"])
     verdict = document["verdict"] = "PASS" if verdicts == ["PASS"] * len(verdicts) else "FAIL"
     told = [f"- {note}" for note in (*ramp_note(document), *notes)]
-    common.output(settings, document, lambda: "\n".join(
+    printing.output(settings, document, lambda: "\n".join(
         [criteria_table(document), *told, *samples_table(document), f"VERDICT {verdict}"]
     ))
     return 0 if verdict == "PASS" else 1
