@@ -19,6 +19,7 @@ from heatertune.cli import (
     plan,
     replay,
     report,
+    studio,
     targets,
     tune,
     verify,
@@ -28,7 +29,9 @@ from heatertune.errors import ExportRefused, HeatertuneError
 
 __all__ = ["main"]
 
-COMMANDS = (design, fit, plan, tune, pareto, export_db, verify, compare, advise, report, decode, replay, targets)
+COMMANDS = (
+    design, fit, plan, tune, pareto, export_db, verify, compare, advise, report, decode, replay, targets, studio,
+)
 
 _EPILOG = """\
 the chain: log → model → pid → plc → proof → report

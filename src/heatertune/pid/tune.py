@@ -20,7 +20,7 @@ from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign
 from heatertune.units import check
 
-__all__ = ["METHODS", "STRUCTURES", "Timer", "assessed_sampled", "tune"]
+__all__ = ["METHODS", "STRUCTURES", "Timer", "assessed_sampled", "settle", "tune"]
 
 STRUCTURES = ("p", "pi", "pid")
 METHODS = ("optimum", *RULES)
@@ -110,7 +110,7 @@ def tune(
         _rule_round(fitted, method, structure, derivative_filter, closed_loop_s) if method in RULES
         else _search_round(plants, structure, specs, derivative_filter)
     )
-    design, rounds = _settle(one_round, plants, sample_time_s, timer or Timer(), progress)
+    design, rounds = settle(one_round, plants, sample_time_s, timer or Timer(), progress)
     notes = [_told_about_ta(design, plants, rounds, sample_time_s)]
     if method in RULES:
         outside = range_note(method, model_for(method, structure, fitted), structure, design.sample_time_s)
@@ -169,7 +169,7 @@ def _explained(problem: Problem, design: PidDesign) -> list[str]:
     return explain(problem.specs, peaks, problem.cost(design), solve)
 
 
-def _settle(
+def settle(
     one_round: Callable[[float, PidDesign | None], PidDesign],
     plants: Sequence[HeaterModel],
     given_s: float | None,

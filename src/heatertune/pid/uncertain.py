@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -12,7 +12,7 @@ from heatertune.model.values import FittedModel, Fopdt, HeaterModel, Interval, T
 from heatertune.pid.robustness import margins
 from heatertune.pid.values import PidDesign
 
-__all__ = ["Drawn", "draw_heaters", "ms_over"]
+__all__ = ["Drawn", "draw_heaters", "interval_ends", "ms_over"]
 
 #: half width of a 95 % interval in standard deviations
 _HALF_WIDTH: Final = 1.96
@@ -49,6 +49,15 @@ def draw_heaters(fitted: FittedModel, count: int = 200, *, seed: int = 0) -> tup
     factors = np.exp(np.random.default_rng(seed).normal(0.0, 1.0, (count, 3)) * spreads)
     plants = fitted.plants
     return tuple(_scaled(plants[i % len(plants)], *row) for i, row in enumerate(factors.tolist()))
+
+
+def interval_ends(fitted: FittedModel) -> tuple[HeaterModel, ...]:
+    """Return the working model with one parameter at a time at each closed end of its 95 % interval."""
+    names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
+    intervals = [(name, fitted.ci95.get(name)) for name in names]
+    ends = [(name, end) for name, found in intervals if found is not None for end in (found.low, found.high)]
+    return tuple(replace(fitted.model, **{name: end}) for name, end in ends
+                 if end is not None and (end > 0.0 or (name == "dead_time_s" and end == 0.0)))
 
 
 def ms_over(heaters: tuple[HeaterModel, ...], design: PidDesign) -> Drawn | None:

@@ -68,6 +68,7 @@ class Proof:
         worst: trace of the run whose criteria strain their limits most.
         known: settings that were taken as known.
         faults: what is known to be wrong in the controller with these words, one sentence each.
+        open_points: whether every setting the manual leaves open was run, not only the defaults.
     """
 
     words: Words
@@ -79,6 +80,7 @@ class Proof:
     worst: Trace
     known: Mapping[str, str] = field(default_factory=dict)
     faults: tuple[str, ...] = ()
+    open_points: bool = True
 
     @property
     def verdict(self) -> str:
@@ -172,6 +174,7 @@ def prove(
         worst=traces[-1],
         known=dict(known or {}),
         faults=() if room.faults is None else room.faults(words),
+        open_points=open_points,
     )
 
 
