@@ -26,6 +26,8 @@ _STEP_PCT: Final = 10.0
 _LAGS: Final = 4.0  # times the slowest lag: 98 % of a step
 _PIN_LINES: Final = ("dashed", "dotted", [8, 2, 2, 2], [2, 6])
 _INK: Final = "#1a1a1a"
+#: look → darker tone of the same colour for its name: letters need more contrast than lines (WCAG 2.1, 1.4.3: 4.5:1)
+_LETTERS: Final = {"realised": "#00634a", "wish": "#8a5a00"}
 _BAND: Final = 1.96  # of a normal distribution, 95 %
 
 
@@ -98,8 +100,8 @@ def _line(name: str, time: Array, values: Array, look: str, *, kind: Any = None,
         "data": np.column_stack([np.round(time, 2), np.round(values, 3)]).tolist(),
         "lineStyle": {"color": color, "width": style["linewidth"],
                       "type": kind or ([6, 3] if "linestyle" in style else "solid")},
-        "endLabel": {"show": True, "formatter": name, "color": _INK if color == "#E69F00" else color, "distance": 4},
-        "labelLayout": {"moveOverlap": "shiftY"},
+        "endLabel": {"show": True, "formatter": name, "color": _LETTERS.get(look, color), "distance": 4,
+                     "offset": [0, 13 if look == "wish" else 0]},  # wish and words mostly end at one point
     }
 
 

@@ -24,7 +24,8 @@ class Controls:
         self._moved = moved
         self._silent = False
         self._values: dict[str, ui.label] = {}
-        self._sliders: dict[str, ui.slider] = {}
+        self._sliders: dict[str, ui.element] = {}
+        self._placed: dict[str, float] = {}
         self._autos: dict[str, ui.checkbox] = {}
         self._target = ui.select(
             list(TARGETS), label="Controller", on_change=lambda e: self._say(target=e.value)
@@ -39,25 +40,32 @@ class Controls:
                 self._add(slider)
 
     def _add(self, slider: Slider) -> None:
-        with ui.row().classes("w-full items-baseline justify-between no-wrap gap-1 slider-head"):
+        with ui.element("div").classes("slider-head"):
             ui.label(slider.label).classes("field-name").props("aria-hidden=true")
-            self._values[slider.field] = ui.label().classes("field-value")
-        with ui.row().classes("w-full items-center no-wrap gap-3"):
-            self._sliders[slider.field] = ui.slider(
-                min=slider.low, max=slider.high, step=slider.step, value=slider.low,
-                on_change=lambda e, field=slider.field: self._say(**{field: round(float(e.value), 6)}),
-            ).props(f'aria-label="{slider.label}{f", {slider.unit}" if slider.unit else ""}" data-field={slider.field}')
+            self._values[slider.field] = ui.label().classes("field-value").props("aria-hidden=true")
+        with ui.element("div").classes("slider-row"):
+            # the browser's own slider: Quasar's takes the focus in a part that has no role and no name
+            found = ui.element("input").props("type=range").props(
+                f'min={slider.low} max={slider.high} step={slider.step} aria-label="{slider.label}" '
+                f"data-field={slider.field}")
+            found.on("input", lambda e, field=slider.field: self._slid(field, float(e.args)), throttle=0.05,
+                     js_handler="(e) => emit(e.target.value)")
+            self._sliders[slider.field] = found
             if slider.auto:
                 self._autos[slider.field] = ui.checkbox(
                     "auto", on_change=lambda e, field=slider.field: self._auto(field, on=bool(e.value))
                 ).props(f'dense aria-label="{slider.label}: automatic"')
+
+    def _slid(self, field: str, value: float) -> None:
+        self._placed[field] = value
+        self._say(**{field: round(value, 6)})
 
     def _say(self, **fields: Any) -> None:
         if not self._silent:
             self._moved(**fields)
 
     def _auto(self, field: str, *, on: bool) -> None:
-        self._say(**{field: None if on else self._sliders[field].value})
+        self._say(**{field: None if on else self._placed.get(field)})
 
     def suit(self, sliders: tuple[Slider, ...]) -> None:
         """Give the sliders the ends that suit a heater."""
@@ -76,8 +84,16 @@ class Controls:
                 if slider.auto:
                     self._autos[slider.field].set_value(given is None)
                 if value is not None:
-                    self._sliders[slider.field].set_value(value)
-                unit = f" {slider.unit}" if slider.unit else ""
-                self._values[slider.field].set_text("" if value is None else f"{figure(value)}{unit}")
+                    self._place(slider, value, given=given is not None)
         finally:
             self._silent = False
+
+    def _place(self, slider: Slider, value: float, *, given: bool) -> None:
+        told = f"{figure(value)} {slider.unit}".strip()
+        self._values[slider.field].set_text(told)
+        found = self._sliders[slider.field]
+        found.props(f'aria-valuetext="{told}{"" if given else ", automatic"}"')
+        if self._placed.get(slider.field) != value:
+            self._placed[slider.field] = value
+            # not as a property: Vue would put the slider back to it with every answer, under the user's hand
+            found.client.run_javascript(f"getHtmlElement({found.id}).value = {value}")

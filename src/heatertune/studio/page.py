@@ -17,6 +17,12 @@ from heatertune.studio.work import Work
 __all__ = ["Page"]
 
 _CSS = (Path(__file__).with_name("look.css")).read_text(encoding="utf-8")
+#: Quasar's button with the plus sign has no name of its own
+_NAME_THE_UPLOAD = (
+    "document.querySelectorAll('.q-uploader .q-btn, .q-uploader input').forEach("
+    "e => e.setAttribute('aria-label', 'Choose a log file (CSV)'))"
+)
+_BLUE = "#005a9c"  # 7:1 on white
 _LARGEST_LOG = 50_000_000  # bytes; a year of readings every second is about that
 
 
@@ -27,7 +33,7 @@ class Page:
         self.session = session
         self.work = Work(session, shown=self.show, busy=self._busy)
         ui.add_css(_CSS)
-        ui.page_title("heatertune studio")
+        ui.colors(primary=_BLUE)
         with ui.element("header").classes("bar"):
             ui.html("heatertune studio", sanitize=False, tag="h1")
             self._source = ui.label("no log yet").classes("source")
@@ -42,6 +48,7 @@ class Page:
                 self._controls = Controls(self._moved)
             with ui.element("div").classes("results"):
                 self._build_results()
+        self._upload.client.run_javascript(_NAME_THE_UPLOAD)
         self._busy("")
         self.show()
         background_tasks.create(self.work.go_on())
@@ -51,8 +58,8 @@ class Page:
         self._progress = ui.label().classes("card wide").props("role=status data-field=progress")
         self._verdict = ui.label().classes("card verdict wide").props("role=status aria-live=polite data-field=verdict")
         with _card("The loop, nominal run"):
-            self._loop = _chart("Temperature of the proven loop over time, in °C over seconds", 230)
-            self._power = _chart("Power asked for over time, in percent over seconds", 130)
+            self._loop = _chart("Temperature of the proven loop over time, in °C over seconds", 290)
+            self._power = _chart("Power asked for over time, in percent over seconds", 150)
         with _card("Words for the controller", "data-field=words"):
             self._words = _html()
             ui.html("What rounding did", sanitize=False, tag="h2")
@@ -72,7 +79,7 @@ class Page:
                 self._letters = ui.element("div").classes("actions")
             self._compared = _html()
         with _card("Criteria of the proof", wide=True):
-            self._criteria = _html()
+            self._criteria = _html().classes("narrow")
 
     def _build_actions(self) -> None:
         with ui.element("div").classes("actions"):
