@@ -122,8 +122,9 @@ class Session:
 
     def known_look(self) -> bool:
         """Show the loop of the settings where it is remembered; return whether it is."""
-        found = self._looks.get(self.ticket)
+        found = self._looks.pop(self.ticket, None)
         if found is not None:
+            self._looks[self.ticket] = found  # the youngest again
             self.look, self.error = found, self._refused.get(self.ticket, "")
         return found is not None
 
@@ -147,6 +148,11 @@ class Session:
         self._refused[ticket] = str(problem)
         if ticket == self.ticket:
             self.fail(problem)
+
+    @property
+    def front(self) -> Look | None:
+        """The loop of the very settings in front; None while it is computed or where there is none."""
+        return None if self.error else self._looks.get(self.ticket)
 
     @property
     def proof(self) -> Proof | None:
@@ -176,14 +182,15 @@ class Session:
         Raises:
             InputError: there is none, it is there already, or there are four.
         """
-        if self.look is None or self.error:
+        look = self.front
+        if look is None:
             raise InputError("there is no design to keep")
         if self.ticket in [ticket for _, _, ticket in self._pins]:
             raise InputError("this design is kept already")
         if len(self._pins) == MOST_PINNED:
             raise InputError(f"{MOST_PINNED} designs are kept already: let one go first")
         name = next(letter for letter in "ABCD" if letter not in [known for known, _, _ in self._pins])
-        self._pins.append((name, self.look, self.ticket))
+        self._pins.append((name, look, self.ticket))
 
     def unpin(self, name: str) -> None:
         """Let a design go."""
@@ -191,10 +198,10 @@ class Session:
 
     def unproven(self) -> list[tuple[Ticket, Look]]:
         """Return tickets and loops that wait for their full proof: the one in front, then those set aside."""
-        front = [] if self.look is None or self.error else [(self.ticket, self.look)]
-        waiting = front + [(ticket, look) for _, look, ticket in self._pins]
+        front = {} if self.front is None else {self.ticket: self.front}
+        waiting = front | {ticket: look for _, look, ticket in self._pins}
         done = self._proofs.keys() | self._refused.keys()
-        return [(ticket, look) for ticket, look in waiting if ticket not in done]
+        return [(ticket, look) for ticket, look in waiting.items() if ticket not in done]
 
     def export(self, *, force: bool) -> dict[str, str | bytes]:
         """Return the export files of the design in front, name → content.
@@ -202,9 +209,10 @@ class Session:
         Raises:
             ExportRefused: it is not proven, or FAIL and not forced.
         """
-        if self.proof is None or self.look is None or self.error:
+        look, proof = self.front, self.proof
+        if look is None or proof is None:
             raise ExportRefused("the words are not proven yet")
-        return chain.export(self.look.gains.words, self.proof, force=force)
+        return chain.export(look.gains.words, proof, force=force)
 
 
 def _keep(memory: dict[Ticket, Any], key: Ticket, value: Any) -> None:

@@ -138,7 +138,7 @@ class Work:
 
     async def zip(self, *, force: bool) -> bytes:
         """Return the export files of the proven design as a zip; raise ExportRefused where they must not leave."""
-        look, proof, files = self.session.look, self.session.proof, self.session.export(force=force)
+        look, proof, files = self.session.front, self.session.proof, self.session.export(force=force)
         assert look is not None
         assert proof is not None
         return export_zip(files, look, proof)
@@ -146,7 +146,7 @@ class Work:
     async def report(self, *, force: bool) -> bytes:
         """Return the report of the proven design; raise ExportRefused where there is no proof."""
         session = self.session
-        log, fitted, look, proof = session.log, session.fitted, session.look, session.proof
+        log, fitted, look, proof = session.log, session.fitted, session.front, session.proof
         if log is None or fitted is None or look is None or proof is None:
             raise ExportRefused("the words are not proven yet")
         files = session.export(force=force) if force or proof.verdict == "PASS" else {}
