@@ -91,7 +91,7 @@ def verdict_text(verdict: str, proof: Proof | None) -> str:
     """Return the verdict as one sentence that can be read out."""
     if proof is None:
         return {"proving…": "Proving the words on every model under every open point of the manual…"}.get(
-            verdict, "No design yet.")
+            verdict, "No design.")
     models = len({run.model for run in proof.runs})
     if proof.verdict == "PASS":
         return f"PASS: all criteria hold in {len(proof.runs)} runs on {models} heater models."
