@@ -92,11 +92,12 @@ def verdict_text(verdict: str, proof: Proof | None) -> str:
     if proof is None:
         return {"proving…": "Proving the words on every model under every open point of the manual…"}.get(
             verdict, "No design.")
-    models = len({run.model for run in proof.runs})
+    count = len({run.model for run in proof.runs})
+    models = f"{count} heater model{'s' if count > 1 else ''}"
     if proof.verdict == "PASS":
-        return f"PASS: all criteria hold in {len(proof.runs)} runs on {models} heater models."
+        return f"PASS: all criteria hold in {len(proof.runs)} runs on {models}."
     broken = ", ".join(each.name.replace("_", " ") for each in proof.criteria if not each.ok)
-    return f"FAIL: not kept in {len(proof.runs)} runs on {models} heater models: {broken}."
+    return f"FAIL: not kept in {len(proof.runs)} runs on {models}: {broken}."
 
 
 def notes(look: Look) -> str:
