@@ -26,6 +26,7 @@ _STEP_PCT: Final = 10.0
 _LAGS: Final = 4.0  # times the slowest lag: 98 % of a step
 _PIN_LINES: Final = ("dashed", "dotted", [8, 2, 2, 2], [2, 6])
 _INK: Final = "#1a1a1a"
+_PIN: Final = "#595959"
 #: look → darker tone of the same colour for its name: letters need more contrast than lines (WCAG 2.1, 1.4.3: 4.5:1)
 _LETTERS: Final = {"realised": "#00634a", "wish": "#8a5a00"}
 _BAND: Final = 1.96  # of a normal distribution, 95 %
@@ -69,7 +70,7 @@ def loop_chart(look: Look, pinned: Sequence[Pinned]) -> Options:
     if look.wish is not None:
         lines.append(_temperature("wish", look.wish, "wish", lower=1))
     for i, (each, kind) in enumerate(zip(pinned, _PIN_LINES, strict=False)):
-        lines.append(_temperature(each.name, each.look.proof.nominal, "other", kind=kind, color="#595959", lower=-1 - i))
+        lines.append(_temperature(each.name, each.look.proof.nominal, "other", kind=kind, color=_PIN, lower=-1 - i))
     lines[0]["markLine"] = {
         "silent": True, "symbol": "none", "lineStyle": {"color": LOOK["limit"]["color"], "type": "dotted"},
         "label": {"formatter": "setpoint", "position": "insideStartTop", "color": LOOK["limit"]["color"]},
