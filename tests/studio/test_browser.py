@@ -97,7 +97,7 @@ def test_a_user_gets_from_a_dropped_file_to_downloaded_words(page, step_log):
         _move_by_keyboard(page, field)
     page.get_by_role("radio", name="PID").click()  # too much gain for OB251, whose K goes to 1500 beside a D part
     page.get_by_role("alert").filter(has_text=re.compile(r"error: word K would be \d+, allowed 1…1500")).wait_for()
-    assert page.locator("[data-field=verdict]").inner_text() == "No design."
+    assert page.locator("[data-field=verdict]").inner_text() == "No design for these settings; what is seen is the last one."
     page.get_by_role("radio", name="PI", exact=True).click()
     page.wait_for_function(PROVEN, timeout=60_000)
     _malformed_file_is_told_in_place(page)

@@ -1,10 +1,12 @@
 import json
 import math
+from dataclasses import replace
 
 import pytest
 
 from heatertune import chain
 from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOfRange
+from heatertune.model.values import Candidate
 from heatertune.studio.loop import first_look, full_proof, optimum
 from heatertune.studio.session import MOST_PINNED, Session
 from heatertune.studio.settings import Settings
@@ -37,6 +39,19 @@ def test_a_first_look_shows_what_the_chain_itself_would_prove_on_the_first_heate
     assert found.gains.words == words
     assert found.proof.nominal.temperature_degC.tolist() == whole.nominal.temperature_degC.tolist()
     assert [run.criteria for run in found.proof.runs] == [whole.runs[0].criteria]
+
+
+def test_a_first_look_runs_the_first_heater_alone_and_tells_the_margins_on_all(heater):
+    models = (heater.model, replace(heater.model, dead_time_s=30.0))
+    both = replace(heater, candidates=tuple(
+        Candidate(model=model, log="x", window_s=(0.0, 1.0), law=f"law {i}", fit_pct=90.0 - i, rmse_degC=0.1, delta_bic=0.0)
+        for i, model in enumerate(models)))
+    found = first_look(both, Settings(), first_look(heater, Settings()).gains)
+    assert len(found.proof.runs) == 1
+    assert found.proof.nominal.model == heater.model
+    # more dead time, less margin (any textbook): the worst is the second heater's
+    assert found.margins.ms > first_look(heater, Settings()).margins.ms
+    assert {run.model for run in full_proof(both, found).runs} == {candidate.label for candidate in both.candidates}
 
 
 def test_no_words_leave_on_a_first_look(session):

@@ -191,7 +191,8 @@ class Page:
     def _show_verdict(self) -> None:
         session = self.session
         verdict = session.verdict
-        self._verdict.set_text(views.verdict_text(verdict, session.proof if not session.error else None))
+        proof = None if session.error else session.proof
+        self._verdict.set_text(views.verdict_text(verdict, proof, last=session.look is not None))
         self._verdict.classes(remove="pass fail", add=verdict.lower() if verdict in ("PASS", "FAIL") else "")
         may = verdict == "PASS" or (verdict == "FAIL" and bool(self._force.value))
         self._zip.set_enabled(may)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 
-from nicegui import app, ui
+from nicegui import app, background_tasks, ui
 
 from heatertune.errors import InputError
 from heatertune.studio.gate import HOST, Gate, address, new_token
@@ -31,7 +32,7 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
         session.load(read_source(source))
     port, token = _free(port), new_token()
     app.add_middleware(Gate, token=token, port=port)
-    app.on_startup(lambda: print(f"heatertune studio: {address(port, token)}", flush=True))
+    app.on_startup(lambda: background_tasks.create(_tell(port, token)))
 
     def page() -> None:
         Page(session)
@@ -42,6 +43,19 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
         host=HOST, port=port, show=f"/?token={token}" if browser else False, reload=False, show_welcome_message=False,
         title="heatertune studio", language="en-US", favicon="♨", reconnect_timeout=30.0,
     )
+
+
+async def _tell(port: int, token: str) -> None:
+    """Print the address once somebody answers there."""
+    while True:
+        try:
+            _, writer = await asyncio.open_connection(HOST, port)
+        except OSError:
+            await asyncio.sleep(0.05)
+        else:
+            writer.close()
+            print(f"heatertune studio: {address(port, token)}", flush=True)
+            return
 
 
 def _free(port: int | None) -> int:

@@ -87,11 +87,12 @@ def criteria(proof: Proof) -> str:
     return table(["criterion", "worst" if proof.open_points else "nominal", "limit", "unit", ""], rows, numeric=(1,))
 
 
-def verdict_text(verdict: str, proof: Proof | None) -> str:
-    """Return the verdict as one sentence that can be read out."""
+def verdict_text(verdict: str, proof: Proof | None, *, last: bool = False) -> str:
+    """Return the verdict as one sentence that can be read out; `last`: an earlier design is still seen."""
     if proof is None:
-        return {"proving…": "Proving the words on every model under every open point of the manual…"}.get(
-            verdict, "No design.")
+        if verdict == "proving…":
+            return "Proving the words on every model under every open point of the manual…"
+        return "No design for these settings; what is seen is the last one." if last else "No design yet: drop a log."
     count = len({run.model for run in proof.runs})
     models = f"{count} heater model{'s' if count > 1 else ''}"
     if proof.verdict == "PASS":
