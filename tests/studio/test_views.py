@@ -15,7 +15,7 @@ from heatertune.model.fit import model_by_hand
 from heatertune.model.values import Fopdt, Interval, TwoLag
 from heatertune.report.style import LOOK
 from heatertune.studio import charts, views
-from heatertune.studio.downloads import export_zip
+from heatertune.studio.downloads import export_zip, report_page
 from heatertune.studio.loop import first_look, full_proof
 from heatertune.studio.session import Pinned
 from heatertune.studio.settings import Settings
@@ -215,3 +215,13 @@ def test_the_zip_holds_what_export_db_writes_and_is_always_the_same(heater, look
             assert archive.read(name) == (content if isinstance(content, bytes) else content.encode())
         assert json.loads(archive.read("words.json"))["words"] == dict(look.gains.words.values)
         assert json.loads(archive.read("proof.json"))["verdict"] == "PASS"
+
+
+@pytest.mark.long
+def test_the_report_names_the_words_and_the_files_that_were_downloaded(heater, look, proof, step_log):
+    files = chain.export(look.gains.words, proof)
+    page = report_page(read_dropped("step.csv", step_log), heater, look, proof, files)
+    assert '<p class="verdict pass">PASS</p>' in page
+    assert f"<td class=\"n\">{look.gains.words.values['K']}</td>" in page
+    assert all(f"<code>{name}</code>" in page for name in files)
+    assert "step.csv" in page
