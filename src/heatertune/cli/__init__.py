@@ -22,6 +22,7 @@ from heatertune.cli import (
     plan,
     replay,
     report,
+    studio,
     study,
     targets,
     tune,
@@ -36,7 +37,7 @@ __all__ = ["main"]
 
 COMMANDS = (
     design, fit, validate, plan, tune, pareto, export_db, verify, compare, advise, study, fleet, report, decode, replay,
-    targets, doctor, completion,
+    targets, studio, doctor, completion,
 )
 
 _EPILOG = """\
