@@ -66,11 +66,13 @@ def control_margins(model: HeaterModel, design: PidDesign) -> Margins | None:
 
 def second_opinion(plants: Sequence[HeaterModel], design: PidDesign) -> str:
     """Return in a sentence what python-control says of Ms on the heater where this program finds the greatest."""
+    if design.sample_time_s == 0.0:
+        return "python-control has no opinion: the loop is continuous, and it knows no exact dead time."
     own = [margins(plant, design).ms for plant in plants]
     at = max(range(len(own)), key=own.__getitem__)
-    found = None if design.sample_time_s == 0.0 else control_margins(plants[at], design)
+    found = control_margins(plants[at], design)
     if found is None:
-        return "python-control has no opinion: the loop is continuous, or its dead time spans too many samples."
+        return "python-control has no opinion: the dead time spans too many samples for its polynomials."
     return f"python-control sees Ms = {found.ms:.5g} where this program sees {own[at]:.5g}."
 
 
