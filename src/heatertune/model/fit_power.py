@@ -65,7 +65,8 @@ def fit_power(
     simulated = one.linear @ full.basis(one.vector)
     inside = intervals(found.problems[0], one, seed=seed)
     validation = judged(found.problems[0], one)
-    rivals = rivals_of(log, found.problems[0], one, inside, validation.held_out)
+    rivals = rivals_of(
+        log, found.problems[0], one, inside, validation.held_out, open_start=power_before_pct is None)
     ci95: dict[str, Interval | None] = {**widened(inside, [_values(rival.model) for rival in rivals])}
     ratio, lag = ci95.pop(RATIO), ci95["time_constant_s"]
     assert ratio is not None
