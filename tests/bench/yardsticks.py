@@ -84,13 +84,34 @@ def event_by_event(case, advance, controller):
 
 
 def plain_python(case):
-    """The exact update in plain Python."""
+    """The way of the C program in plain Python."""
+    own, spilled, decay = _tables(case)
+    steps, whole = round(CALL_S / RESOLUTION_S), math.floor(case.dead)
+    kp, ki, setpoint, y = case.kp, case.kp / case.ti, case.setpoint, case.start
+    done = [0] * (case.calls + whole)  # steps on as the heater feels them, before its `part` of a second
+    integral = total = 0.0
+    left = before = 0
+    for k in range(case.calls):
+        e = setpoint - y
+        integral = min(max(integral + ki * e, 0.0), 100.0)
+        total += abs(e)
+        if k % 10 == 0:
+            left = int(min(max(kp * e + integral, 0.0), 100.0) * 10.0 + 0.5)
+        done[k + whole] = now = left if left < steps else steps
+        left -= now
+        on = done[k]
+        y = decay * y + own[on] + spilled[before]
+        before = on
+    return total
 
-    def advance(y, power, seconds):
-        target = case.gain * power
-        return target + (y - target) * math.exp(-seconds / case.lag)
 
-    return event_by_event(case, advance, Pi(case))
+def _tables(case):
+    """Return the heating at a call's end by its own pulse of n steps and by that of the call before; the decay."""
+    part, lag, top = case.dead - math.floor(case.dead), case.lag, 100.0 * case.gain
+    ends = [part + n * RESOLUTION_S / CALL_S for n in range(round(CALL_S / RESOLUTION_S) + 1)]
+    own = [top * (math.exp(min(end - 1.0, 0.0) / lag) - math.exp((part - 1.0) / lag)) for end in ends]
+    spilled = [top * (math.exp((max(end, 1.0) - 2.0) / lag) - math.exp(-1.0 / lag)) for end in ends]
+    return [0.0, *own[1:]], spilled, math.exp(-CALL_S / lag)
 
 
 def simple_pid(case):
