@@ -10,7 +10,10 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
+import control
 import numpy as np
+from scipy.integrate import solve_ivp as solve
+from simple_pid import PID
 
 SOURCE = Path(__file__).parent / "yardstick" / "loop.c"
 PERIOD_S, RESOLUTION_S, CALL_S = 10.0, 0.01, 1.0
@@ -47,8 +50,6 @@ class SimplePid:
     """The same by the package simple-pid."""
 
     def __init__(self, case):
-        from simple_pid import PID
-
         self.pid = PID(case.kp, case.kp / case.ti, 0.0, setpoint=0.0, sample_time=None, output_limits=(0.0, 100.0))
 
     def __call__(self, e):
@@ -74,8 +75,8 @@ def event_by_event(case, advance, controller):
         while pulses and pulses[0][1] <= now:
             pulses.pop(0)
         for on_from, off_from in pulses:
-            for until, power in ((on_from, 0.0), (off_from, 100.0)):
-                until = min(until, k * CALL_S + CALL_S)
+            for edge, power in ((on_from, 0.0), (off_from, 100.0)):
+                until = min(edge, k * CALL_S + CALL_S)
                 if until > now:
                     y, now = advance(y, power, until - now), until
         if now < k * CALL_S + CALL_S:
@@ -126,8 +127,6 @@ def simple_pid(case):
 
 def solve_ivp(case):
     """SciPy's solver from instant to instant."""
-    from scipy.integrate import solve_ivp as solve
-
     def advance(y, power, seconds):
         found = solve(lambda _, x: (case.gain * power - x) / case.lag, (0.0, seconds), [y], rtol=1e-8, atol=1e-8)
         return float(found.y[0, -1])
@@ -137,8 +136,6 @@ def solve_ivp(case):
 
 def control_with_pwm(case):
     """python-control's forced_response from instant to instant."""
-    import control
-
     heater = control.ss([[-1.0 / case.lag]], [[case.gain / case.lag]], [[1.0]], [[0.0]])
 
     def advance(y, power, seconds):
@@ -153,8 +150,6 @@ def control_discrete(case):
 
     A simpler loop than the others', so the sum differs a little; it is how the package is used for sampled loops.
     """
-    import control
-
     delay = max(1, math.ceil(case.dead / CALL_S))
     decay = math.exp(-CALL_S / case.lag)
 
