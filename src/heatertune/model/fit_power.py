@@ -11,7 +11,7 @@ import numpy.typing as npt
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.diagnosis import notes_of
-from heatertune.model.intervals import identified_parts
+from heatertune.model.intervals import RATIO, identified_parts
 from heatertune.model.judge import correlation_of, judged, judgement_notes
 from heatertune.model.loads import bic_of, left_over, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
@@ -21,7 +21,7 @@ from heatertune.model.readings import Readings
 from heatertune.model.rivals import rivals_of, widened
 from heatertune.model.sanity import demand_cause
 from heatertune.model.statistics import autocorrelation, fit_pct
-from heatertune.model.uncertainty import RATIO, intervals
+from heatertune.model.uncertainty import intervals
 from heatertune.model.values import FittedModel, Fopdt, Interval, Outcome, Residuals
 
 __all__ = ["fit_power"]

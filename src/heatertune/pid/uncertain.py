@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from heatertune.model.uncertainty import RATIO
+from heatertune.model.intervals import RATIO
 from heatertune.model.values import FittedModel, Fopdt, HeaterModel, Interval, TwoLag
 from heatertune.pid.continuous_optimum import margins as continuous_margins
 from heatertune.pid.robustness import margins, noise_gain
