@@ -11,7 +11,7 @@ import pytest
 from scipy.signal import lti, step
 
 from heatertune.errors import InputError, UnknownName
-from heatertune.model.fit import model_by_hand
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.intervals import RATIO
 from heatertune.model.values import Candidate, Fopdt, Interval
 from heatertune.pid.robustness import noise_gain

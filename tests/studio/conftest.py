@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from heatertune.model.fit import model_by_hand
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 
 

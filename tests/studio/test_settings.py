@@ -3,7 +3,7 @@ import math
 import pytest
 
 from heatertune.errors import OutOfRange
-from heatertune.model.fit import model_by_hand
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import TARGETS
 from heatertune.studio.settings import SLIDERS, Settings, settings_for, sliders_for, timer_of

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from heatertune import chain
-from heatertune.model.fit import model_by_hand
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt, Interval, TwoLag
 from heatertune.report.style import LOOK
 from heatertune.studio import charts, views

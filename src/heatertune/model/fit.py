@@ -10,6 +10,7 @@ import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.closed_loop import Bounds
 from heatertune.model.feedback import feedback_notes
 from heatertune.model.fit_power import fit_power
@@ -17,7 +18,7 @@ from heatertune.model.fit_temperature import fit_temperature
 from heatertune.model.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.law import ControllerLaw
 from heatertune.model.relay_log import with_relay
-from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Outcome
+from heatertune.model.values import FittedModel, Outcome
 from heatertune.model.windows import undisturbed
 from heatertune.units import check
 
@@ -161,19 +162,6 @@ def pool_candidates(fitted: FittedModel, others: Sequence[FittedModel]) -> Fitte
     logs = ", ".join(dict.fromkeys(candidate.log for candidate in added))
     note = f"Candidates of {logs}, a log of the same heater, were added: a design has to serve them too."
     return replace(fitted, candidates=fitted.candidates + added, notes=(*fitted.notes, note))
-
-
-def model_by_hand(model: HeaterModel) -> FittedModel:
-    """Return a model that was typed in, in the form the other stages take."""
-    fopdt = model if isinstance(model, Fopdt) else model.half_rule()
-    candidate = Candidate(
-        model=model, log="by hand", window_s=(0.0, 0.0), law="no log", fit_pct=float("nan"), rmse_degC=float("nan"),
-        delta_bic=0.0,
-    )
-    return FittedModel(
-        model=fopdt, outcome=Outcome.BY_HAND, method="given by hand", candidates=(candidate,),
-        notes=("No interval is known: the proof runs on this one model only.",),
-    )
 
 
 def _bounds(ambient_degC: float | Bounds | None) -> Bounds | None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from heatertune.model.intervals import RATIO, envelope, hull, interval
 from heatertune.model.open_loop import PowerFit, PowerProblem
@@ -106,7 +106,7 @@ def _noise(problem: PowerProblem, fit: PowerFit) -> _Noise:
         deviation={name: math.sqrt(variance * spread[name]) for name in weights},
         inflation={name: spread[name] / max(float(w @ white @ w), 1e-300) for name, w in weights.items()},
         variance=variance,
-        quantile=float(student.ppf(0.975, max(freedom, _LEAST_FREEDOM))),
+        quantile=float(stdtrit(max(freedom, _LEAST_FREEDOM), 0.975)),
     )
 
 
