@@ -14,6 +14,7 @@ from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
+from heatertune.model.pool import pool_candidates
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.robustness import margins
@@ -57,8 +58,6 @@ def fit(
     Raises:
         InputError, OutOfRange: as `heatertune.model.fit.fit`.
     """
-    from heatertune.model.fit import pool_candidates  # noqa: PLC0415 - compiles; a proof needs no fit
-
     settings = {
         "ambient_degC": ambient_degC, "power_before_pct": power_before_pct, "until_s": until_s, "thorough": thorough,
     }
@@ -130,11 +129,13 @@ def fit_known(
 
 
 def _fit_one(log: Log, settings: Mapping[str, Any], progress: Told) -> FittedModel:
-    from heatertune.model.fit import fit as fit_log  # noqa: PLC0415 - compiles; a proof needs no fit
+    def run() -> FittedModel:
+        from heatertune.model.fit import fit as fit_log  # noqa: PLC0415 - compiles; what is kept needs no fit
 
-    laws = _laws() if log.power_pct is None else ()
-    return _kept(
-        "fit", _columns(log) | dict(settings), lambda: fit_log(log, laws=laws, progress=progress, **settings), progress)
+        laws = _laws() if log.power_pct is None else ()
+        return fit_log(log, laws=laws, progress=progress, **settings)
+
+    return _kept("fit", _columns(log) | dict(settings), run, progress)
 
 
 def _columns(log: Log) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from heatertune.model.values import FittedModel, Outcome
 from heatertune.model.windows import undisturbed
 from heatertune.units import check
 
-__all__ = ["fit", "fit_known", "fit_together", "model_by_hand", "pool_candidates"]
+__all__ = ["fit", "fit_known", "fit_together", "model_by_hand"]
 
 
 def fit(
@@ -152,16 +152,6 @@ def fit_together(
     progress(f"fitting one heater to {' and '.join(names)}")
     found = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
     return replace(found, notes=(*notes, *found.notes))
-
-
-def pool_candidates(fitted: FittedModel, others: Sequence[FittedModel]) -> FittedModel:
-    """Return the fit with the candidates of other logs of the same heater added."""
-    added = tuple(candidate for other in others for candidate in other.candidates)
-    if not added:
-        return fitted
-    logs = ", ".join(dict.fromkeys(candidate.log for candidate in added))
-    note = f"Candidates of {logs}, a log of the same heater, were added: a design has to serve them too."
-    return replace(fitted, candidates=fitted.candidates + added, notes=(*fitted.notes, note))
 
 
 def _bounds(ambient_degC: float | Bounds | None) -> Bounds | None:
