@@ -8,8 +8,8 @@ for (const figure of document.querySelectorAll("figure[data-live]")) {
   box.className = "live";
   figure.prepend(box);
   for (const panel of panels) {
-    // one x for all lines: uPlot.join leaves null where a line has no value, and a gap of nulls is spanned
-    const data = uPlot.join(panel.lines.map((line) => [line.x, line.y]), panel.lines.map((line) => line.y.map(() => 2)));
+    // one x for all lines; where a line has no value of its own it is drawn on
+    const data = uPlot.join(panel.lines.map((line) => [line.x, line.y]));
     const told = (u, value) => (value == null ? "—" : Number(value.toPrecision(5)));
     const series = panel.lines.map((line) => ({
       label: line.label, stroke: line.color, width: line.width, dash: line.dash, spanGaps: true, value: told,
