@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 import html
+import re
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
+from heatertune.report import live
 from heatertune.report.style import to_svg
 
-__all__ = ["bullets", "page", "picture", "table", "text_of"]
+__all__ = ["Markup", "bullets", "coded", "page", "picture", "steps", "table", "text_of", "tick"]
+
+_CODE: Final = re.compile(r"`([^`]+)`")
 
 _STYLE = """
 :root { --ink: #1a1a1a; --soft: #595959; --line: #d5d5d5; --pass: #00634a; --fail: #a33c00; }
@@ -16,36 +21,96 @@ body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: #fff
        padding: 0 1rem; }
 h1 { font-size: 1.6rem; margin-bottom: .2rem; } h2 { font-size: 1.2rem; margin-top: 2.2rem; }
 p, li { max-width: 46rem; } .soft { color: var(--soft); }
-table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums; }
+table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums; max-width: 100%; }
+caption { caption-side: bottom; text-align: left; color: var(--soft); font-size: .85em; padding-top: .2rem; }
 th, td { border-bottom: 1px solid var(--line); padding: .25rem .7rem; text-align: left; vertical-align: top; }
 td.n { text-align: right; } .pass { color: var(--pass); font-weight: 600; }
 .fail { color: var(--fail); font-weight: 700; }
 .verdict { font-size: 1.3rem; border: 2px solid currentColor; padding: .3rem .8rem; display: inline-block; }
 figure { margin: 1rem 0; } figure svg { max-width: 100%; height: auto; } figcaption { color: var(--soft); }
-code { font-family: ui-monospace, monospace; }
-@media print { h2 { break-after: avoid; } figure, table { break-inside: avoid; } body { margin: 0; max-width: none; } }
+figure.moves > svg { display: none; } code { font-family: ui-monospace, monospace; }
+.u-legend { font-size: .85em; text-align: left; } .hint { font-size: .85em; }
+ol.steps { padding-left: 0; } ol.steps li { list-style: none; } label { display: block; padding-left: 1.6rem; }
+label input { margin-left: -1.6rem; } input[type=checkbox] { width: 1rem; height: 1rem; margin-right: .6rem; }
+.sign td { min-width: 13rem; height: 1.9rem; }
+@page { size: A4; margin: 13mm 12mm; }
+@media print {
+  body { margin: 0; padding: 0; max-width: none; font-size: 8.6pt; line-height: 1.32; }
+  h1 { font-size: 14pt; } h2 { font-size: 11pt; margin: .8rem 0 .2rem; } h3 { margin: .5rem 0 .1rem; }
+  h2, h3, summary { break-after: avoid; } figure, tr, li { break-inside: avoid; }
+  p, li { max-width: none; margin: .15rem 0; } ul, ol { margin: .2rem 0; } th, td { padding: .08rem .4rem; }
+  table { margin: .25rem 0; } figure { margin: .3rem 0; } .live, .hint { display: none; }
+  figure > svg, figure.moves > svg { display: block; max-height: 78mm; margin: 0 auto; }
+  details::details-content { content-visibility: visible; display: block; }
+}
 """
 
 
-def page(title: str, body: str) -> str:
-    """Return a whole page with its style."""
+class Markup(str):
+    """Text that is HTML already."""
+
+    __slots__ = ()
+
+
+def page(title: str, body: str, *, mark: str = "") -> str:
+    """Return a whole page with its style; with pictures, also the program that moves them.
+
+    Args:
+        title: heading.
+        body: HTML.
+        mark: what the browser keeps the ticks of this page under.
+    """
+    moves = "data-live" in body
+    style = f"{live.style()}\n{_STYLE}" if moves else _STYLE
+    program = f"<script>{live.program()}</script>" if moves else ""
     return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>heatertune: {text_of(title)}</title>'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style></head>\n'
-        f"<body><main>\n<h1>{text_of(title)}</h1>\n{body}\n</main></body></html>\n"
+        f'<!DOCTYPE html>\n<html lang="en" data-words="{text_of(mark)}"><head><meta charset="utf-8">'
+        f"<title>heatertune: {text_of(title)}</title>"
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{style}</style></head>\n'
+        f"<body><main>\n<h1>{text_of(title)}</h1>\n{body}\n</main>{program}</body></html>\n"
     )
 
 
 def picture(drawn: Any, caption: str) -> str:
-    """Return a figure as inline SVG with its caption."""
-    return f"<figure>{to_svg(drawn)}<figcaption>{text_of(caption)}</figcaption></figure>"
+    """Return a figure as inline SVG with its caption and, where they can be moved, its lines as data."""
+    moved = live.panels_json(drawn)
+    if moved == "[]":
+        return f"<figure>{to_svg(drawn)}<figcaption>{text_of(caption)}</figcaption></figure>"
+    name = hashlib.sha256(moved.encode()).hexdigest()[:8]
+    return (
+        f'<figure id="f{name}" data-live>{to_svg(drawn)}<script type="application/json">{moved}</script>'
+        f'<figcaption>{text_of(caption)} <span class="hint">Drag to zoom, double-click for all.</span></figcaption>'
+        "</figure>"
+    )
 
 
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: Sequence[int] = ()) -> str:
-    """Return a table; the columns named in `numeric` are aligned to the right."""
+def table(
+    heads: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: Sequence[int] = (), source: str = ""
+) -> str:
+    """Return a table; the columns named in `numeric` are aligned to the right, its source stands below."""
+    told = f"<caption>Source: {text_of(source)}</caption>" if source else ""
     head = "".join(f"<th scope='col'>{text_of(cell)}</th>" for cell in heads)
     body = "".join("<tr>" + "".join(_cell(cell, i in numeric) for i, cell in enumerate(row)) + "</tr>" for row in rows)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return f"<table>{told}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def tick(name: str, label: str) -> Markup:
+    """Return a box that can be ticked on screen and on paper; `label` is told to those who do not see it."""
+    return Markup(f'<input type="checkbox" id="{text_of(name)}" aria-label="{text_of(label)}">')
+
+
+def steps(name: str, items: Sequence[str]) -> str:
+    """Return numbered steps, each with a box to tick."""
+    told = "".join(
+        f'<li><label><input type="checkbox" id="{text_of(name)}-{i}">{i}. {coded(item)}</label></li>'
+        for i, item in enumerate(items, 1)
+    )
+    return f'<ol class="steps">{told}</ol>'
+
+
+def coded(text: str) -> Markup:
+    """Return text in which `this` stands as code."""
+    return Markup(_CODE.sub(r"<code>\1</code>", text_of(text)))
 
 
 def _cell(cell: str, numeric: bool) -> str:
@@ -61,5 +126,5 @@ def bullets(items: Sequence[str]) -> str:
 
 
 def text_of(content: str) -> str:
-    """Return text with what HTML would understand escaped."""
-    return html.escape(str(content))
+    """Return text with what HTML would understand escaped; what is HTML already stays."""
+    return content if isinstance(content, Markup) else html.escape(str(content))

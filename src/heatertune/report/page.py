@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from heatertune.report import plots
+from heatertune.plc import room
+from heatertune.report import plots, record
 from heatertune.report.html import bullets, page, picture, table, text_of
 from heatertune.report.text import (
     NOT_IDENTIFIED,
@@ -13,9 +16,6 @@ from heatertune.report.text import (
     figure,
     hypothesis_rows,
     model_rows,
-    ramp_note,
-    search_notes,
-    word,
 )
 
 __all__ = ["render"]
@@ -23,14 +23,18 @@ __all__ = ["render"]
 Document = Mapping[str, Any]
 Documents = Mapping[str, Document]
 
+
 def render(documents: Documents) -> str:
     """Return the page.
 
     Args:
         documents: "log", "model", "pid", "words", "proof", "pictures" and "comparison".
     """
-    title = f"{documents['log']['name']} → {documents['words']['target']}"
-    return page(title, "\n".join(section(documents) for section in _SECTIONS))
+    words = documents["words"]
+    title = f"{documents['log']['name']} → {words['target']}"
+    told = [words["target"], words["words"], words["sample_time_s"]]
+    mark = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]
+    return page(title, "\n".join(section(documents) for section in _SECTIONS), mark=mark)
 
 
 def _verdict(documents: Documents) -> str:
@@ -51,16 +55,25 @@ def _log(documents: Documents) -> str:
     for name, title in (("repairs", "Changed or assumed by the reader"), ("doubts", "Odd, but left as it is")):
         if log[name]:
             lists += f"<details><summary>{title} ({len(log[name])})</summary>{bullets(log[name])}</details>"
+    rows = [["readings", str(len(log["time_s"])), "1"], _span("time", log["time_s"], "s"),
+            _span("temperature", log["temperature_degC"], "°C"), _span("heater power", log["power_pct"], "%"),
+            _span("setpoint", log["setpoint_degC"], "°C")]
     residuals = documents["model"].get("residuals")
     fit = picture(plots.plot_fit(log, residuals), "Log, model and residuals.") if residuals else ""
-    return f"<h2>Log</h2><p>{text_of(log['source'])}, {len(log['time_s'])} readings.</p>{lists}{fit}"
+    return f"<h2>Logged</h2>{table(['', 'from … to', 'unit'], rows, numeric=(1,), source=log['source'])}{lists}{fit}"
+
+
+def _span(name: str, column: Sequence[float] | None, unit: str) -> list[str]:
+    told = "not logged" if column is None else f"{figure(min(column))} … {figure(max(column))}"
+    return [name, told, unit]
 
 
 def _model(documents: Documents) -> str:
     model = documents["model"]
-    found = table(["", "value", "95 % interval", "unit"], model_rows(model), numeric=(1,))
+    found = table(["", "value", "95 % interval", "unit"], model_rows(model), numeric=(1,),
+                  source=f"{documents['log']['name']}; {model['method']}")
     return (
-        f"<h2>Heater</h2><p>{text_of(model['outcome_text'])} Method: {text_of(model['method'])}.</p>{found}"
+        f"<h2>Identified</h2><p>{text_of(model['outcome_text'])} Method: {text_of(model['method'])}.</p>{found}"
         f"{_checks(model)}{bullets(model.get('notes', ()))}{_candidates(model)}{_hypotheses(model)}{_price(documents)}"
     )
 
@@ -84,7 +97,8 @@ def _candidates(model: Document) -> str:
              "as one lag, half rule", "matched at the crossover"]
     return (
         "<h3>Models that explain the data nearly as well</h3><p>One of them may destabilise a design made for another, "
-        f"so design and proof run on all of them.</p>{table(heads, rows, numeric=range(2, 8))}"
+        "so design and proof run on all of them.</p>"
+        + table(heads, rows, numeric=range(2, 8), source=f"{model['method']}; units in the heads")
     )
 
 
@@ -100,7 +114,8 @@ def _checks(model: Document) -> str:
     if follows is not None:
         name = f"correlation of the residuals with the power {figure(follows['at_lag_s'], 3)} s before"
         rows.append([name, figure(follows["largest"], 2), f"≤ {figure(follows['limit'], 2)}", "", _mark(follows["ok"])])
-    return table(["check of the working model", "value", "by chance", "unit", ""], rows, numeric=(1, 2))
+    return table(["check of the working model", "value", "by chance", "unit", ""], rows, numeric=(1, 2),
+                 source="simulation of the model on the log")
 
 
 def _mark(ok: bool) -> str:
@@ -144,26 +159,14 @@ def _design(documents: Documents) -> str:
         "The words as realised, on every model (worst one orange): the Nyquist curve has to stay out of the circle, "
         "|S| below the limit.",
     )
+    target = room(documents["words"]["target"]).title
+    chosen = table(["", "wished", "realised by the words", "unit"], rows, numeric=(1, 2),
+                   source=f"wished: {pid['method']}; realised: the words read as {target} reads them")
     return (
-        f"<h2>Design</h2><p>{text_of(pid['structure'].upper())}, {text_of(pid['method'])}.</p>"
-        f"{table(['', 'wished', 'realised by the words', 'unit'], rows, numeric=(1, 2))}{bullets(pid.get('notes', ()))}"
-        f"<p>Worst over all models, of the wished design:</p>{table(['', 'value', 'unit'], margins, numeric=(1,))}"
+        f"<h2>Chosen and rounded</h2><p>{text_of(pid['structure'].upper())}, {text_of(pid['method'])}.</p>"
+        f"{chosen}{bullets(pid.get('notes', ()))}<p>Worst over all models, of the wished design:</p>"
+        + table(["", "value", "unit"], margins, numeric=(1,), source="sampled loop of the wished design, all models")
         + robustness
-    )
-
-
-def _words(documents: Documents) -> str:
-    words = documents["words"]
-    rows = [[f["address"], f["name"], word(words["words"][f["name"]]), f["comment"], "☐"] for f in words["fields"]]
-    files = "".join(f"<li><code>{text_of(name)}</code></li>" for name in words["files"])
-    scale = words["scaling"]
-    return (
-        f"<h2>Words for {text_of(words['target'])}</h2><p>In the order in which they are typed in. Sensor "
-        f"{figure(scale['low_degC'])}…{figure(scale['high_degC'])} °C; call every "
-        f"{figure(words['sample_time_s'])} s. The setpoint of the proof, {figure(words['setpoint_degC'])} °C, is "
-        f"{words['setpoint_units']} units.</p>"
-        f"{table(['address', 'word', 'value', 'meaning', 'typed'], rows, numeric=(2,))}"
-        f"{bullets([*ramp_note(words), *search_notes(words)])}<ul>{files}</ul>"
     )
 
 
@@ -177,7 +180,8 @@ def _proof(documents: Documents) -> str:
     heads = ["criterion", "worst", "limit", "unit", "", "in the run", "meaning"]
     nominal, kick = pictures["nominal"], pictures["kick_s"]
     return (
-        f"<h2>Proof</h2>{table(heads, rows, numeric=(1,))}"
+        "<h2>Proof</h2>"
+        + table(heads, rows, numeric=(1,), source="closed loop of the PLC's own arithmetic; each line names its run")
         + (f"<h3>Known faults of this controller</h3>{bullets(proof['faults'])}" if proof["faults"] else "")
         + picture(plots.plot_loop(nominal, pictures["worst"], pictures["others"]),
                    f"Heat-up and a disturbance at {figure(kick)} s; nominal: {pictures['nominal']['label']}, worst: "
@@ -196,7 +200,7 @@ def _comparison(documents: Documents) -> str:
     text = (
         "<h2>What other designs would have done</h2><p>The same proof, for rules applied to the best single-lag model "
         "of the log alone, and for a heater that is just switched on and off (open points at their defaults).</p>"
-        f"{table(heads, rows, numeric=(1, 2, 4))}"
+        + table(heads, rows, numeric=(1, 2, 4), source="the same proof; rules as named")
     )
     paper = comparison.get("paper")
     if paper:
@@ -205,22 +209,13 @@ def _comparison(documents: Documents) -> str:
         text += (
             f"<h3>The paper's own settings</h3><p>{text_of(paper['told'])}</p>"
             + table(["run", "overshoot °C", "offset before the disturbance °C", "mean of the last 150 s °C"], rows,
-                     numeric=(1, 2, 3))
+                     numeric=(1, 2, 3), source="the paper's settings in the S7-200's arithmetic; units in the heads")
             + picture(plots.plot_paper(paper["runs"]), "The paper's settings in the S7-200's integer arithmetic.")
         )
     return text
 
 
-def _limits(documents: Documents) -> str:
-    unproven = [
-        "Heaters outside the listed models: nothing is claimed for them.",
-        "A sensor that is wrong, a relay that sticks, mains voltage that changes, a jittering timer.",
-        "Anything but one heat-up from ambient and one disturbance at one setpoint.",
-        *documents["proof"].get("unproven", ()),
-    ]
-    return f"<h2>What was not proven</h2>{bullets(unproven)}"
-
-
 _SECTIONS: Sequence[Callable[[Documents], str]] = (
-    _verdict, _words, _proof, _design, _model, _log, _comparison, _limits,
+    _verdict, record.words, record.site, record.signature, _proof, record.limits, _design, _model, _log, record.assumed,
+    _comparison,
 )

@@ -1,0 +1,57 @@
+"""How a controller is put into service, step by step: the text lives with its room, report and manual draw from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Final
+
+from heatertune.errors import UnknownName
+from heatertune.plc import TARGETS
+
+__all__ = ["SECTIONS", "Commissioning", "commissioning"]
+
+#: what every room's COMMISSIONING.md tells, in this order
+SECTIONS: Final = (
+    "Where the words go", "The first minutes", "If it oscillates", "If it is sluggish", "If it does not heat",
+    "How to go back",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Commissioning:
+    """The steps of one controller.
+
+    Attributes:
+        facts: the documents they were taken from.
+        steps: section (see `SECTIONS`) → its steps, in order.
+    """
+
+    facts: str
+    steps: Mapping[str, tuple[str, ...]]
+
+
+def commissioning(target: str) -> Commissioning:
+    """Return the steps of a target, read from its room's COMMISSIONING.md; raise UnknownName with the known ones."""
+    if target not in TARGETS:
+        raise UnknownName("target", target, TARGETS)
+    head, *parts = files(TARGETS[target]).joinpath("COMMISSIONING.md").read_text(encoding="utf-8").split("\n## ")
+    steps = {}
+    for part in parts:
+        title, _, body = part.partition("\n")
+        steps[title.strip()] = tuple(" ".join(item.split()) for item in _items(body))
+    facts = " ".join(head.partition("\n")[2].split()).removeprefix("Facts: ")
+    return Commissioning(facts=facts, steps=steps)
+
+
+def _items(body: str) -> list[str]:
+    """Return the numbered items of a Markdown list, each with its continuation lines, without the numbers."""
+    items: list[str] = []
+    for line in body.strip().splitlines():
+        number, dot, rest = line.partition(". ")
+        if dot and number.isdigit():
+            items.append(rest)
+        else:
+            items[-1] += f" {line}"
+    return items

@@ -1,0 +1,95 @@
+"""The commissioning record: the words with their ticks, the steps on site, what was assumed, who signs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from heatertune.plc import room
+from heatertune.plc.commissioning import commissioning
+from heatertune.report.html import bullets, steps, table, text_of, tick
+from heatertune.report.text import figure, ramp_note, search_notes, word
+
+__all__ = ["assumed", "limits", "signature", "site", "words"]
+
+Documents = Mapping[str, Mapping[str, Any]]
+
+def signature(_: Documents) -> str:
+    """Return the lines for who put it into service; empty, for a report has no date of its own."""
+    lines = [["plant and heater", ""], ["commissioned by (name)", ""], ["date", ""], ["signature", ""],
+             ["remarks", ""]]
+    return f'<div class="sign"><h2>Commissioned</h2>{table(["", "filled in by hand"], lines)}</div>'
+
+
+def words(documents: Documents) -> str:
+    """Return the words, in the order in which they are typed in, each with a box to tick."""
+    found = documents["words"]
+    rows = [[tick(f"word-{f['name']}", f"{f['name']} typed in"), f["address"], f["name"],
+             word(found["words"][f["name"]]), f["format"], f["comment"]] for f in found["fields"]]
+    files = "".join(f"<li><code>{text_of(name)}</code></li>" for name in found["files"])
+    scale = found["scaling"]
+    heads = ["typed", "address", "word", "value", "format", "meaning, unit"]
+    return (
+        f"<h2>Words for {text_of(found['target'])}</h2><p>In the order in which they are typed in. Sensor "
+        f"{figure(scale['low_degC'])}…{figure(scale['high_degC'])} °C; call every "
+        f"{figure(found['sample_time_s'])} s. The setpoint of the proof, {figure(found['setpoint_degC'])} °C, is "
+        f"{found['setpoint_units']} units.</p>"
+        f"{table(heads, rows, numeric=(3,), source=room(found['target']).title)}"
+        f"{bullets([*ramp_note(found), *search_notes(found)])}<ul>{files}</ul>"
+    )
+
+
+def site(documents: Documents) -> str:
+    """Return the steps on site: where the words go, what to watch, what to do, how to go back."""
+    target = documents["words"]["target"]
+    told = commissioning(target)
+    parts = "".join(
+        f"<h3>{text_of(title)}</h3>{steps(f'step-{i}', items)}" for i, (title, items) in enumerate(told.steps.items())
+    )
+    return f'<h2>Into service</h2>{parts}<p class="soft">Source: {text_of(told.facts)}</p>'
+
+
+def assumed(documents: Documents) -> str:
+    """Return what the proof was told about the plant, each with its unit and where it came from."""
+    proof, scale = documents["proof"], documents["words"]["scaling"]
+    story, switch, limit = proof["scenario"], proof["actuator"], proof["limits"]
+    rows = [
+        ["sensor at the lowest reading", figure(scale["low_degC"]), "°C", "--range"],
+        ["sensor at the highest reading", figure(scale["high_degC"]), "°C", "--range"],
+        ["setpoint", figure(story["setpoint_degC"]), "°C", "--setpoint, else the log's last level"],
+        ["sensor noise, standard deviation", figure(story["noise_degC"]), "°C", "--noise"],
+        ["tolerance around the setpoint", figure(limit["tolerance_degC"]), "°C", "--tolerance"],
+        ["duration of the proof", figure(story["duration_s"]), "s", "from the slowest model"],
+    ]
+    rows += [[f"disturbance at {figure(each['time_s'])} s", figure(each["temperature_degC"]), "°C",
+              "as in the paper's record, in times that suit the slowest model"] for each in story["disturbances"]
+             if each.get("temperature_degC") is not None]
+    if switch is not None:
+        rows += [[name, figure(switch[key]), "s", option] for name, key, option in (
+            ("PWM period", "pwm_period_s", "--pwm-period, else from TA"),
+            ("PWM resolution", "resolution_s", "--pwm-resolution, else a half-wave of 50 Hz mains"),
+            ("shortest on time", "minimum_on_s", "--minimum-on"),
+            ("shortest off time", "minimum_off_s", "--minimum-off"))]
+    settings = [[each.name, each.default, ", ".join(each.settings), each.why]
+                for each in room(documents["words"]["target"]).switches]
+    open_points = (
+        "<h3>What the manual leaves open</h3><p>The proof ran under every setting.</p>"
+        + table(["point", "default", "settings proven", "what is open"], settings, source="DIFFERENCES.md of the room")
+        if settings else ""
+    )
+    return (
+        "<h2>Assumed</h2>"
+        + table(["", "value", "unit", "given by"], rows, numeric=(1,), source="options of the command, else defaults")
+        + open_points
+    )
+
+
+def limits(documents: Documents) -> str:
+    """Return what the proof does not say."""
+    unproven = [
+        "Heaters outside the listed models: nothing is claimed for them.",
+        "A sensor that is wrong, a relay that sticks, mains voltage that changes, a jittering timer.",
+        "Anything but one heat-up from ambient and one disturbance at one setpoint.",
+        *documents["proof"].get("unproven", ()),
+    ]
+    return f"<h2>What was not proven</h2>{bullets(unproven)}"
