@@ -71,7 +71,7 @@ def _line(line: Line2D, ax: Axes, second: bool) -> dict[str, Any]:
     x, y = _xy(line)
     if line.get_transform() != ax.transData:  # a level line spans the axes in their own units
         x = np.asarray(ax.get_xlim(), dtype=float)
-        shown = [np.asarray(other.get_xdata(), dtype=float) for other in ax.lines if len(other.get_xdata()) > 2]
+        shown = [each for other in ax.lines if (each := np.asarray(other.get_xdata(), dtype=float)).size > 2]
         if shown:
             x = np.array([min(float(each.min()) for each in shown), max(float(each.max()) for each in shown)])
     label = str(line.get_label())
