@@ -138,7 +138,7 @@ class Drawing:
         return cls(controller=controller, heaters=heaters, scenario=scenario, actuator=switch, spread=spread)
 
     def sample(self, seed: int, scans: int) -> tuple[list[float], Array, Array, Array]:
-        """Return a row of `Batch.plants`, factors of the disturbances, and noise [°C] and delay [s] of each scan."""
+        """Return a row of `Batch.plants`, factors of the disturbances, noise [°C] and delay [s], see `Clock`."""
         generator = np.random.Generator(np.random.Philox(key=seed))
         heater = np.exp(generator.standard_normal(3) * self.spread.heater)
         even = generator.uniform(-1.0, 1.0, 2 + len(self.scenario.disturbances))
@@ -148,8 +148,8 @@ class Drawing:
         row = [gain * heater[0] * power, first * heater[1], second * heater[1], dead * heater[2], ambient + shift,
                start + shift if self.scenario.start_degC is None else start]
         noisy, shaken = self.scenario.noise_degC > 0.0, self.spread.jitter_s > 0.0 and not self.controller.pwm_period_s
-        noise = generator.normal(0.0, self.scenario.noise_degC, scans) if noisy else np.zeros(scans)
-        late = generator.uniform(0.0, self.spread.jitter_s, scans) if shaken else np.zeros(scans)
+        noise = generator.normal(0.0, self.scenario.noise_degC, scans) if noisy else np.zeros(1)
+        late = generator.uniform(0.0, self.spread.jitter_s, scans) if shaken else np.zeros(1)
         return row, 1.0 + self.spread.disturbance_pct / 100.0 * even[2:], noise, late
 
 
@@ -207,7 +207,8 @@ def _chunk(drawing: Drawing, limits: Limits, seed: int, count: int) -> tuple[Arr
     under_way = max(dead) + 3.0 * controller.scan_s + period
     edges, none = np.empty(ring_size(pulses_of(under_way, actuator))), np.empty(0)
     record = Record(False, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
-    batch = Batch(setpoints_of(controller, rows[:, 5].tolist(), noise), noise, late, rows, *events)
+    setpoints = setpoints_of(controller, (rows[:, 5] + noise[:, 0]).tolist(), scans)
+    batch = Batch(setpoints, noise, late, rows, *events)
     given = (batch, actuator.numbers, np.inf, edges, record, meter)
     run_with(controller, given, count * scans)
     ripple = np.where(high >= low, high - low, np.nan)
