@@ -20,7 +20,6 @@ from heatertune.plc import Certificate, Ramp, Scaling, room
 from heatertune.plc.ramp import course
 from heatertune.plc.s7_200.machine import assemble
 from heatertune.plc.s7_300.fb41.algorithm import scaled
-from heatertune.plc.s7_300.real import Real
 
 PASS = Certificate(verdict="PASS")
 #: where the setpoint asked for goes in a run: (calls, share of the range); up, down, up before it has arrived, and to rest
@@ -109,8 +108,8 @@ def test_the_fb41_source_moves_sp_int_to_the_bits_of_the_room(awlsim, ramp):
     answer = awlsim(_stub(_export(words, "fb41_cont_c.awl")), rows, block=41, asked=20, restart=5000)
     at = answer["offsets"]["SP_INT"][0]
     found = [bytes.fromhex(row)[at:at + 4] for row in answer["rows"]]
-    parameters = room("fb41").start(words, {}).parameters
-    told = [struct.pack(">f", scaled(Real(), parameters, each)) for each in _followed(ramp, 5000, _asked(27648))]
+    parameters, _ = room("fb41").start(words, {}).parameters
+    told = [struct.pack(">f", scaled(parameters, each)[0]) for each in _followed(ramp, 5000, _asked(27648))]
     assert found == told
     # 13824 of 27648 is the middle of the range: (250.3 − 17.7)/2
     assert struct.unpack(">f", found[39])[0] == pytest.approx(116.3, abs=1e-3)
@@ -157,14 +156,14 @@ def test_the_ramped_setpoint_is_wired_to_wegs_block():
 def test_the_s7_200_program_makes_the_setpoints_that_the_room_was_told(ramp):
     words, found = _words("s7-200", ramp), room("s7-200")
     told = made = found.start(words, {})
-    made = made._replace(program=assemble(_export(words, "s7_200_program.awl")))
+    made = made._replace(parameters=made.parameters._replace(program=assemble(_export(words, "s7_200_program.awl"))))
     readings, asked = _readings(61, 255), _asked(255)
     widths = set()
     for reading, end, setpoint in zip(readings, asked, _followed(ramp, readings[0], asked), strict=True):
         told, one = found.step(words, told, setpoint, reading, {})
         made, other = found.step(words, made, end, reading, {})
         assert one == other
-        assert made.cpu.read("VW34") == setpoint
+        assert made.state.cpu.read("VW34") == setpoint
         widths.add(one.output)
     assert len(widths) > 20
 
@@ -174,16 +173,17 @@ def test_the_s7_200_program_makes_the_setpoints_that_the_room_was_told(ramp):
 def test_the_program_around_the_pid_instruction_makes_the_setpoints_that_the_room_was_told(ramp, switches):
     words, found = _words("s7-200-pid", ramp), room("s7-200-pid")
     told = made = found.start(words, switches)
-    made = made._replace(program=assemble(_export(words, "s7_200_pid.awl")))
+    made = made._replace(parameters=made.parameters._replace(program=assemble(_export(words, "s7_200_pid.awl"))))
     readings, asked = _readings(7600, 32000), _asked(32000)
     widths = set()
     for reading, end, setpoint in zip(readings, asked, _followed(ramp, readings[0], asked), strict=True):
         told, one = found.step(words, told, setpoint, reading, switches)
         # the panel writes the setpoint asked for to VW80; what `step` writes to VD104 is overwritten by the ramp
-        made = made._replace(cpu=made.cpu.written({"VW80": end, "AIW0": reading}))
+        cpu = made.state.cpu.written({"VW80": end, "AIW0": reading})
+        made = made._replace(state=made.state._replace(cpu=cpu))
         made, other = found.step(words, made, 0, reading, switches)
         assert one == other
-        assert made.cpu.read("VW82") == setpoint
+        assert made.state.cpu.read("VW82") == setpoint
         widths.add(one.output)
     assert len(widths) > 20
 

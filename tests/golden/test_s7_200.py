@@ -87,13 +87,13 @@ def test_the_printed_program_sticks_at_its_rails(width):
 def test_without_a_loaded_cycle_time_a_width_of_2_ms_is_all_on():
     # System Manual: the register defaults to 0, a cycle below 2 units is 2 units, a width of the cycle is permanently on
     c = PLAIN._replace(loads_cycle=False)
-    assert [printed.Memory(applied=w).power_pct(c) for w in (0, 1, 2, 500)] == [0.0, 50.0, 100.0, 100.0]
+    assert [printed.power_pct(c, w) for w in (0, 1, 2, 500)] == [0.0, 50.0, 100.0, 100.0]
 
 
 def test_words_and_double_words_are_signed():
     assert high_word(-1) == -1
     assert high_word(65536 * 3 + 5) == 3
-    assert added(32767, 1, 16, wrap=True) == (-32768, True)
+    assert added(32767, 1, 16, True) == (-32768, True)
 
 
 def test_the_faults_are_counted_over_all_pairs_of_bytes():
