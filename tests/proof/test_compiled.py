@@ -1,6 +1,7 @@
 """The loop compiled against the same loop as plain Python, bit for bit, and what is measured against `judge`."""
 
 import struct
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from heatertune.plc.single import single
 from heatertune.proof import Actuator, Kick, Limits, Load, Scenario, judge, simulate
 from heatertune.proof.loop import controller_of, run_loop
 from heatertune.proof.sampled import criteria_of, prove_samples
-from heatertune.proof.samples import Drawing, Spread, measure, replay
+from heatertune.proof.samples import Drawing, Spread, _medians, measure, replay
 
 LOOPS = ("weg", "s5-ob251")  # single precision and whole numbers; the other rooms differ from them in `step` alone
 HEATERS = (
@@ -206,3 +207,11 @@ def test_the_compiler_is_loaded_once_a_process_has_asked_for_enough(monkeypatch)
     monkeypatch.setattr(machine, "_scans_asked", [0])
     monkeypatch.setattr(machine, "_PLAIN_SCANS", 50_000)
     assert [worth_compiling(scans) for scans in (49_000, 1_000, 1, 0)] == [False, False, True, True]
+
+
+@given(table=st.integers(1, 9).flatmap(lambda n: st.lists(st.lists(st.one_of(st.just(np.nan), st.floats(-9, 9)), min_size=n, max_size=n), min_size=1, max_size=5)))
+def test_the_medians_of_the_ripple_are_numpys(table):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a row without any number
+        expected = np.nanmedian(np.array(table), axis=1)
+    assert np.array_equal(_medians(np.array(table)), expected, equal_nan=True)

@@ -212,7 +212,15 @@ def _chunk(drawing: Drawing, limits: Limits, seed: int, count: int) -> tuple[Arr
     given = (batch, actuator.numbers, np.inf, edges, record, meter)
     run_with(controller, given, count * scans)
     ripple = np.where(high >= low, high - low, np.nan)
-    return rows, phases.reshape(count, -1, COLUMNS), totals, np.nanmedian(ripple, axis=1)
+    return rows, phases.reshape(count, -1, COLUMNS), totals, _medians(ripple)
+
+
+def _medians(table: Array) -> Array:
+    """Return the median of each row, what is not a number left out: `nanmedian` takes longer than a third of a run."""
+    ordered, rows = np.sort(table, axis=1), np.arange(len(table))  # what is not a number comes last
+    found = np.count_nonzero(~np.isnan(table), axis=1)
+    below, above = ordered[rows, np.maximum(found - 1, 0) // 2], ordered[rows, found // 2]
+    return np.asarray((below + above) / 2.0)
 
 
 def replay(drawing: Drawing, seed: int) -> Trace:
