@@ -23,8 +23,8 @@ from heatertune.proof.scenario import Kick, Scenario, conditions, temperatures
 from heatertune.proof.trace import Trace
 
 __all__ = [
-    "Controller", "actuator_of", "controller_of", "events_of", "plant_row", "pulses_of", "ring_size", "run_loop",
-    "run_plainly", "run_with", "scans_of", "setpoints_of", "simulate", "traced",
+    "Controller", "actuator_of", "controller_of", "events_of", "plant_row", "pulses_of", "ring_size", "run_compiled",
+    "run_loop", "run_plainly", "run_with", "scans_of", "setpoints_of", "simulate", "traced",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -166,13 +166,18 @@ def run_with(controller: Controller, given: tuple[Any, ...], scans: int) -> tupl
     core = controller.core
     given = (controller.parameters, controller.state, controller.sensor, controller.scan_s, *given)
     if core.compiles and worth_compiling(scans):
-        return cast("tuple[int, int]", compiled(_run_of(core))(*given))
+        return run_compiled(core, given)
     return run_plainly(core, given)
 
 
 def _run_of(core: Core) -> Callable[..., tuple[int, int]]:
     loop = bound(run, step=core.step, measure=core.measure)
     return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop))
+
+
+def run_compiled(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
+    """Run the kernel as machine code, compiled where it is not yet; `given` are all of `run_all`'s arguments."""
+    return cast("tuple[int, int]", compiled(_run_of(core))(*given))
 
 
 def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
