@@ -159,6 +159,23 @@ def test_a_sample_depends_on_its_seed_alone():
     assert len({tuple(row) for row in many.rows.tolist()}) == 36, "samples differ"
 
 
+@pytest.mark.parametrize("seed", [0, 7, 2**64 + 5])
+def test_what_is_drawn_is_of_a_philox_generator_of_the_seeds_key_whatever_was_drawn_before(seed):
+    which = room("s5-ob251")
+    noisy = replace(SCENARIO, noise_degC=0.1, disturbances=())
+    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], noisy, Spread(heater=(0.1, 0.2, 0.3)), PWM)
+    generator = np.random.Generator(np.random.Philox(key=seed))  # drawn from in the order that samples.py tells
+    factors, even = np.exp(generator.standard_normal(3) * (0.1, 0.2, 0.3)), generator.uniform(-1.0, 1.0, 2)
+    used = np.random.Generator(np.random.Philox(key=3))
+    used.integers(2**32, dtype=np.uint32)  # leaves half a number in its buffer
+    row, sizes, noise, late = drawing.sample(seed, 9, used)
+    assert row[1] == 166.0 * factors[1]
+    assert row[4] == 24.0 + 5.0 * even[1]
+    assert np.array_equal(noise, generator.normal(0.0, 0.1, 9))
+    assert (len(sizes), late.tolist()) == (0, [0.0])
+    assert np.array_equal(drawing.sample(seed, 9)[2], noise)
+
+
 def test_the_draw_has_the_spread_that_it_tells():
     which = room("s5-ob251")
     spread = Spread(heater=(0.1, 0.2, 0.3))
