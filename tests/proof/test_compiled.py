@@ -176,6 +176,24 @@ def test_what_is_drawn_is_of_a_philox_generator_of_the_seeds_key_whatever_was_dr
     assert np.array_equal(drawing.sample(seed, 9)[2], noise)
 
 
+def test_late_scans_read_the_temperature_of_their_own_instants():
+    which = room("weg")
+    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(jitter_s=0.7), PWM)
+    for seed in (4, 5):  # the heater of one lag and that of two
+        trace = replay(drawing, seed)
+        late = trace.time_s - np.arange(len(trace.time_s)) * 2.0
+        assert [late.min(), late.max()] == pytest.approx([0.0, 0.7], abs=0.02)
+        # what the heater does between its changes of power is worked out once more from them alone, as arrays
+        assert np.allclose(trace.temperature_degC, trace.temperature_at(trace.time_s), rtol=0.0, atol=1e-9)
+
+
+def test_each_sample_has_its_own_delays():
+    which = room("weg")
+    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(jitter_s=0.7), PWM)
+    many, alone = measure(drawing, Limits(), 3, workers=1), measure(drawing, Limits(), 1, seed=2, workers=1)
+    assert np.array_equal(many.phases[2], alone.phases[0])
+
+
 def test_the_draw_has_the_spread_that_it_tells():
     which = room("s5-ob251")
     spread = Spread(heater=(0.1, 0.2, 0.3))
