@@ -187,6 +187,22 @@ def test_late_scans_read_the_temperature_of_their_own_instants():
         assert np.allclose(trace.temperature_degC, trace.temperature_at(trace.time_s), rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("target", LOOPS)
+def test_a_samples_ramp_begins_at_its_own_first_reading_noise_included(target):
+    which, limits = room(target), Limits()
+    words = which.encode(PI, Scaling())
+    words = replace(words, ramp=which.ramp(words, 2.0))
+    noisy = replace(SCENARIO, noise_degC=2.0, duration_s=1200.0)
+    drawing = Drawing.of(which, words, HEATERS[:1], noisy, Spread(), PWM)
+    found = criteria_of(drawing, limits, measure(drawing, limits, 3, workers=1))
+    for seed in range(3):
+        trace = replay(drawing, seed)
+        unit = 100.0 / which.counts  # the first scan's setpoint is what it reads
+        assert trace.followed_degC[0] == pytest.approx(trace.reading_degC[0], abs=unit)
+        iae = next(each for each in judge(trace, limits) if each.name == "iae")
+        assert found["iae"][0][seed] == pytest.approx(iae.value, rel=1e-9)
+
+
 def test_each_sample_has_its_own_delays():
     which = room("weg")
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(jitter_s=0.7), PWM)
