@@ -56,7 +56,8 @@ def _controller(name: str, package: str) -> str:
 
 def python() -> str:
     """Return the directives from which mkdocstrings draws the Python reference: chain, what is free to all, stages."""
-    names = [f"chain.{name}" for name in ("stages", "whole", "experiment", "targets", "advice")]
+    steps = ("stages", "whole", "ramp", "samples", "validation", "experiment", "targets", "advice", "fleets", "studies")
+    names = [f"chain.{name}" for name in steps]
     return "\n".join(f"::: heatertune.{name}\n    options:\n      toc_label: {name}\n"
                      for name in (*names, "units", "errors", *modules()))
 

@@ -14,7 +14,7 @@ import numpy as np
 from heatertune.chain.stages import encode
 from heatertune.chain.words import choose_words
 from heatertune.errors import HeatertuneError
-from heatertune.model.fit import model_by_hand
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.feasible import Problem, search
 from heatertune.pid.response import iae_load

@@ -9,7 +9,7 @@ from heatertune.chain.ramp import prove_ramped
 from heatertune.chain.stages import encode, export, fit_known, prove, tune
 from heatertune.errors import ExportRefused, InputError, OutOfRange
 from heatertune.log.values import Log
-from heatertune.model.fit import model_by_hand
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Ramp, room
 

@@ -5,7 +5,7 @@ import pytest
 from heatertune.chain.refine import WORTH, refine
 from heatertune.chain.stages import prove, tune
 from heatertune.chain.words import choose_words
-from heatertune.model.fit import model_by_hand
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.robustness import margins
 from heatertune.plc import room

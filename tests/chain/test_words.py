@@ -9,7 +9,7 @@ import pytest
 from heatertune.chain.stages import encode, tune
 from heatertune.chain.words import choose_words, tune_for_words
 from heatertune.errors import NotRepresentable, UnknownName
-from heatertune.model.fit import model_by_hand
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.feasible import Problem, search
 from heatertune.pid.response import iae_load

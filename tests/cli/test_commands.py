@@ -1,5 +1,6 @@
 import csv
 import json
+import re
 import struct
 
 import pytest
@@ -56,6 +57,16 @@ def test_an_open_loop_log_of_the_users_own_goes_through(run, tmp_path):
     status, _, _ = run("design", log, "--target", "s5-ob251", "--out", out, "--setpoint", 45)
     assert status == 0
     assert (out / "report.html").stat().st_size > 50_000
+
+
+def test_python_control_is_asked_for_a_second_opinion(run):
+    # its Ms is computed from poles and a frequency grid of its own; both stand in one sentence
+    _, out, _ = run("tune", *HAND, "--second-opinion", "--json", "--quiet")
+    (told,) = [note for note in json.loads(out)["notes"] if "python-control" in note]
+    theirs, ours = (float(number) for number in re.findall(r"\d+\.\d+", told))
+    assert theirs == pytest.approx(ours, rel=1e-3)
+    _, out, _ = run("tune", *HAND, "--sample-time", 0, "--second-opinion", "--quiet")
+    assert "no opinion" in out
 
 
 def test_verify_and_export_prove_the_words(run, by_hand, tmp_path):

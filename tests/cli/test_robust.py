@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from heatertune.documents import to_json
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import to_document
-from heatertune.model.fit import model_by_hand
 from heatertune.model.values import Fopdt, Interval
 
 

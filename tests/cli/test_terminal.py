@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from heatertune.cli import COMMANDS, terminal
+from heatertune.cli import COMMANDS, printing, terminal
 from heatertune.plc import TARGETS
 
 

@@ -152,11 +152,16 @@ def test_the_ramped_setpoint_is_wired_to_wegs_block():
         assert "HeaterWasOn" in content
 
 
+def _loaded(running, text):
+    """The controller with another program."""
+    return running._replace(parameters=running.parameters._replace(program=assemble(text)))
+
+
 @pytest.mark.parametrize("ramp", [Ramp(step=3), Ramp(step=7, calls=3)])
 def test_the_s7_200_program_makes_the_setpoints_that_the_room_was_told(ramp):
     words, found = _words("s7-200", ramp), room("s7-200")
     told = made = found.start(words, {})
-    made = made._replace(parameters=made.parameters._replace(program=assemble(_export(words, "s7_200_program.awl"))))
+    made = _loaded(made, _export(words, "s7_200_program.awl"))
     readings, asked = _readings(61, 255), _asked(255)
     widths = set()
     for reading, end, setpoint in zip(readings, asked, _followed(ramp, readings[0], asked), strict=True):
@@ -173,14 +178,13 @@ def test_the_s7_200_program_makes_the_setpoints_that_the_room_was_told(ramp):
 def test_the_program_around_the_pid_instruction_makes_the_setpoints_that_the_room_was_told(ramp, switches):
     words, found = _words("s7-200-pid", ramp), room("s7-200-pid")
     told = made = found.start(words, switches)
-    made = made._replace(parameters=made.parameters._replace(program=assemble(_export(words, "s7_200_pid.awl"))))
+    made = _loaded(made, _export(words, "s7_200_pid.awl"))
     readings, asked = _readings(7600, 32000), _asked(32000)
     widths = set()
     for reading, end, setpoint in zip(readings, asked, _followed(ramp, readings[0], asked), strict=True):
         told, one = found.step(words, told, setpoint, reading, switches)
         # the panel writes the setpoint asked for to VW80; what `step` writes to VD104 is overwritten by the ramp
-        cpu = made.state.cpu.written({"VW80": end, "AIW0": reading})
-        made = made._replace(state=made.state._replace(cpu=cpu))
+        made = made._replace(state=made.state._replace(cpu=made.state.cpu.written({"VW80": end, "AIW0": reading})))
         made, other = found.step(words, made, 0, reading, switches)
         assert one == other
         assert made.state.cpu.read("VW82") == setpoint

@@ -42,6 +42,14 @@ def test_what_is_free_to_all_imports_nothing_but_itself_and_nobody_imports_the_c
             assert "cli" not in set(_imports(path)), path
 
 
+def test_the_studio_is_imported_by_its_command_alone_and_its_logic_knows_no_browser():
+    for path in MODULES:
+        if "studio" in set(_imports(path)):
+            assert path.parent == SOURCE / "studio" or path == SOURCE / "cli" / "studio.py", path
+    knowing = {path.stem for path in (SOURCE / "studio").glob("*.py") if "from nicegui" in path.read_text(encoding="utf-8")}
+    assert knowing == {"controls", "page", "server"}
+
+
 def _dotted(path):
     parts = path.relative_to(SOURCE.parent).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)

@@ -33,6 +33,12 @@ def test_table_3_bounds_a_single_lag_as_the_identification_page_says(table3):
     assert fall_bound(used, 25.5).value < 440.0
 
 
+def test_noise_alone_is_no_disturbance():
+    # a sensor that never answers: its spikes are taken for odd readings, and what is left must not look like jumps
+    quiet = _log(TIME, np.full(len(TIME), AMBIENT), noise=0.05)
+    assert undisturbed(quiet) == (quiet, ())
+
+
 def test_a_free_cooling_bounds_the_time_constant_by_itself():
     found = fall_bound(_log(TIME, _one_lag(TIME, 400.0, 0.0), noise=0.0001), AMBIENT)
     assert found.value == pytest.approx(LAG, rel=1e-2)

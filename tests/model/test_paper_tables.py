@@ -8,8 +8,10 @@ import pytest
 
 from heatertune.documents import to_json
 from heatertune.errors import InputError, OutOfRange
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import from_document, to_document
-from heatertune.model.fit import fit, fit_together, model_by_hand, pool_candidates
+from heatertune.model.fit import fit, fit_together
+from heatertune.model.pool import pool_candidates
 from heatertune.model.values import Fopdt, Outcome, TwoLag
 from heatertune.model.windows import disturbance_s
 from heatertune.pid.robustness import margins

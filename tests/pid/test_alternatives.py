@@ -4,7 +4,7 @@ import math
 import pytest
 
 from heatertune.cli import main
-from heatertune.model.fit import model_by_hand
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Candidate, FittedModel, Fopdt, Outcome, TwoLag
 from heatertune.pid.alternatives import alternatives
 from heatertune.pid.rules import RULES, model_for

@@ -11,8 +11,8 @@ import pytest
 from scipy.signal import lti, step
 
 from heatertune.errors import InputError, UnknownName
-from heatertune.model.fit import model_by_hand
-from heatertune.model.uncertainty import RATIO
+from heatertune.model.by_hand import model_by_hand
+from heatertune.model.intervals import RATIO
 from heatertune.model.values import Candidate, Fopdt, Interval
 from heatertune.pid.robustness import noise_gain
 from heatertune.pid.tune import tune

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.fit import model_by_hand
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Candidate, FittedModel, Fopdt, Outcome, TwoLag
 from heatertune.pid import feasible
 from heatertune.pid.document import from_document, to_document

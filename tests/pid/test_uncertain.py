@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.model.fit import model_by_hand
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Candidate, Fopdt, Interval, TwoLag
 from heatertune.pid.robustness import margins
 from heatertune.pid.uncertain import draw_heaters, ms_over

@@ -7,7 +7,7 @@ import pytest
 from heatertune import chain
 from heatertune.chain.documents import pictures
 from heatertune.documents import plain
-from heatertune.model.fit import model_by_hand
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Ramp
 from heatertune.report import plots

@@ -8,7 +8,7 @@ from typing import Any
 
 from heatertune.chain.stages import default_pwm_period_s, encode, labelled, tune
 from heatertune.errors import NotRepresentable
-from heatertune.model.fit import model_by_hand
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import FittedModel, Fopdt
 from heatertune.pid.feasible import Problem, search
 from heatertune.pid.robustness import margins

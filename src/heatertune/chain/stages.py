@@ -14,6 +14,7 @@ from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
+from heatertune.model.pool import pool_candidates
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.robustness import margins
@@ -57,8 +58,6 @@ def fit(
     Raises:
         InputError, OutOfRange: as `heatertune.model.fit.fit`.
     """
-    from heatertune.model.fit import pool_candidates  # noqa: PLC0415 - compiles; a proof needs no fit
-
     settings = {
         "ambient_degC": ambient_degC, "power_before_pct": power_before_pct, "until_s": until_s, "thorough": thorough,
     }
@@ -130,11 +129,13 @@ def fit_known(
 
 
 def _fit_one(log: Log, settings: Mapping[str, Any], progress: Told) -> FittedModel:
-    from heatertune.model.fit import fit as fit_log  # noqa: PLC0415 - compiles; a proof needs no fit
+    def run() -> FittedModel:
+        from heatertune.model.fit import fit as fit_log  # noqa: PLC0415 - compiles; what is kept needs no fit
 
-    laws = _laws() if log.power_pct is None else ()
-    return _kept(
-        "fit", _columns(log) | dict(settings), lambda: fit_log(log, laws=laws, progress=progress, **settings), progress)
+        laws = _laws() if log.power_pct is None else ()
+        return fit_log(log, laws=laws, progress=progress, **settings)
+
+    return _kept("fit", _columns(log) | dict(settings), run, progress)
 
 
 def _columns(log: Log) -> dict[str, Any]:
@@ -201,6 +202,7 @@ def prove(
     words: Words, fitted: FittedModel, *, setpoint_degC: float | None = None, noise_degC: float = 0.0,
     actuator: Actuator | None = None, tolerance_degC: float = 1.0, interlock: str | None = None,
     limit_degC: float | None = None, fan_stops_s: float | None = None, known: Mapping[str, str] | None = None,
+    first_look: bool = False,
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
 
@@ -218,6 +220,7 @@ def prove(
         limit_degC: temperature at which it switches the heater off [°C]; None: the end of the sensor's range.
         fan_stops_s: instant at which the fan fails [s]; None: it never does.
         known: switch → setting of what is known of this very controller, its manual leaving it open.
+        first_look: only the nominal model under the default settings, in the same scenario; `export` refuses it.
 
     Raises:
         InputError, OutOfRange: as `heatertune.proof.prove`.
@@ -229,7 +232,7 @@ def prove(
         setpoint_degC=default_setpoint(fitted) if setpoint_degC is None else setpoint_degC,
     )
     return prove_words(
-        room(words.target), words, models, scenario,
+        room(words.target), words, models[:1] if first_look else models, scenario, open_points=not first_look,
         actuator=actuator or Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s)),
         limits=Limits(tolerance_degC=tolerance_degC), margins_of=margins, known=known,
         interlock=None if interlock is None else Interlock(
@@ -267,8 +270,10 @@ def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str 
     """Return the export files of proven words, name → content.
 
     Raises:
-        ExportRefused: the verdict is FAIL and `force` was not given, or the proof is of other words.
+        ExportRefused: the verdict is FAIL and `force` was not given, or the proof is of other words or a first look.
     """
     if proof.words != words:
         raise ExportRefused("the proof was made for other words; prove these first")
+    if not proof.open_points:
+        raise ExportRefused("the proof is a first look under default settings; prove what the manual leaves open, too")
     return dict(room(words.target).export(words, certificate(proof.to_document(), force=force)))

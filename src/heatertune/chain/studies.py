@@ -17,9 +17,9 @@ from heatertune.documents import read_document
 from heatertune.errors import DocumentError
 from heatertune.log import read_log
 from heatertune.log.tables import BUILT_IN
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.document import from_document
-from heatertune.model.fit import model_by_hand
 from heatertune.model.values import FittedModel, Fopdt, TwoLag
 from heatertune.plc import Scaling
 from heatertune.proof.pwm import switched_by

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from heatertune import cache
 from heatertune.chain.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.chain.documents import log_document, pictures, read_documents, words_document
 from heatertune.chain.pwm import with_pwm
@@ -107,12 +108,13 @@ def dossier(
         "words": words_document(proof.words, proof, files, search),
         "proof": proof.to_document(),
         "pictures": pictures(wished, fitted, proof),
-        "comparison": {
-            "schema": "heatertune/comparison/1",
-            "price": price_of_doubt(fitted, wished),
-            "rivals": rivals(fitted, wished, proof),
-            "paper": paper_runs(fitted) if log.same_heater else None,
-        },
+    })
+    inputs = {name: documents[name] for name in ("model", "pid", "words", "proof")} | {"same_heater": log.same_heater}
+    documents["comparison"] = cache.cached("comparison", inputs, lambda: {
+        "schema": "heatertune/comparison/1",
+        "price": price_of_doubt(fitted, wished),
+        "rivals": rivals(fitted, wished, proof),
+        "paper": paper_runs(fitted) if log.same_heater else None,
     })
     return documents
 

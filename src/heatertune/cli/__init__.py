@@ -23,6 +23,7 @@ from heatertune.cli import (
     plan,
     replay,
     report,
+    studio,
     study,
     targets,
     tune,
@@ -37,7 +38,7 @@ __all__ = ["main"]
 
 COMMANDS = (
     design, fit, validate, plan, tune, pareto, export_db, verify, compare, advise, study, fleet, report, decode, replay,
-    targets, doctor, bench, completion,
+    targets, studio, doctor, bench, completion,
 )
 
 _EPILOG = """\

@@ -347,8 +347,8 @@ def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
     Raises:
         InputError: both or neither are given, or a number of the hand-given model is missing.
     """
+    from heatertune.model.by_hand import model_by_hand  # noqa: PLC0415
     from heatertune.model.document import read_model  # noqa: PLC0415 - the help must not wait for numpy
-    from heatertune.model.fit import model_by_hand  # noqa: PLC0415
     from heatertune.model.values import Fopdt, TwoLag  # noqa: PLC0415
 
     names = ("gain", "time_constant", "dead_time")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import Any
 
 from heatertune.cli import common, printing
@@ -25,6 +26,8 @@ def add_to(commands: Any) -> None:
     common.add_switch_kind_option(command)
     common.add_model_options(command)
     common.add_tuning_options(command)
+    command.add_argument("--second-opinion", action="store_true",
+                         help="have python-control compute Ms, too (takes seconds to load)")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
@@ -46,6 +49,10 @@ def _run(settings: argparse.Namespace) -> int:
     design = find(fitted, target=settings.target, progress=printing.Progress(settings), **common.tuning(settings))
     if settings.switch_kind is not None:
         design, _ = with_pwm(design, fitted, settings.switch_kind)
+    if settings.second_opinion:
+        from heatertune.pid.linear import second_opinion  # noqa: PLC0415 - loads python-control
+
+        design = replace(design, notes=(*design.notes, second_opinion(fitted.plants, design)))
     others = alternatives(fitted, design)
     settled = (design.gain_pct_per_degC, design.integral_time_s, design.derivative_time_s)
     document = to_document(design, fitted) | {"forms": other_forms(*settled), "alternatives": others}

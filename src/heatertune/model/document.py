@@ -12,6 +12,7 @@ import numpy as np
 from heatertune.documents import number, optional_number, read_document
 from heatertune.errors import DocumentError
 from heatertune.model import judgement_document
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import (
     Candidate,
     FittedModel,
@@ -74,8 +75,6 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "model") -
     """Return the model of a document; errors as in `read_model`."""
     model = _plant(document, where)
     if not document.get("candidates"):
-        from heatertune.model.fit import model_by_hand  # noqa: PLC0415 - compiles; a proof needs no fit
-
         return model_by_hand(model)
     assert isinstance(model, Fopdt)
     try:

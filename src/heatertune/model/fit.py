@@ -10,6 +10,7 @@ import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.closed_loop import Bounds
 from heatertune.model.feedback import feedback_notes
 from heatertune.model.fit_power import fit_power
@@ -17,11 +18,11 @@ from heatertune.model.fit_temperature import fit_temperature
 from heatertune.model.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.law import ControllerLaw
 from heatertune.model.relay_log import with_relay
-from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Outcome
+from heatertune.model.values import FittedModel, Outcome
 from heatertune.model.windows import undisturbed
 from heatertune.units import check
 
-__all__ = ["fit", "fit_known", "fit_together", "model_by_hand", "pool_candidates"]
+__all__ = ["fit", "fit_known", "fit_together", "model_by_hand"]
 
 
 def fit(
@@ -151,29 +152,6 @@ def fit_together(
     progress(f"fitting one heater to {' and '.join(names)}")
     found = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
     return replace(found, notes=(*notes, *found.notes))
-
-
-def pool_candidates(fitted: FittedModel, others: Sequence[FittedModel]) -> FittedModel:
-    """Return the fit with the candidates of other logs of the same heater added."""
-    added = tuple(candidate for other in others for candidate in other.candidates)
-    if not added:
-        return fitted
-    logs = ", ".join(dict.fromkeys(candidate.log for candidate in added))
-    note = f"Candidates of {logs}, a log of the same heater, were added: a design has to serve them too."
-    return replace(fitted, candidates=fitted.candidates + added, notes=(*fitted.notes, note))
-
-
-def model_by_hand(model: HeaterModel) -> FittedModel:
-    """Return a model that was typed in, in the form the other stages take."""
-    fopdt = model if isinstance(model, Fopdt) else model.half_rule()
-    candidate = Candidate(
-        model=model, log="by hand", window_s=(0.0, 0.0), law="no log", fit_pct=float("nan"), rmse_degC=float("nan"),
-        delta_bic=0.0,
-    )
-    return FittedModel(
-        model=fopdt, outcome=Outcome.BY_HAND, method="given by hand", candidates=(candidate,),
-        notes=("No interval is known: the proof runs on this one model only.",),
-    )
 
 
 def _bounds(ambient_degC: float | Bounds | None) -> Bounds | None:

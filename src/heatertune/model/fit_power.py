@@ -11,7 +11,7 @@ import numpy.typing as npt
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.diagnosis import notes_of
-from heatertune.model.intervals import identified_parts
+from heatertune.model.intervals import RATIO, identified_parts
 from heatertune.model.judge import correlation_of, judged, judgement_notes
 from heatertune.model.loads import bic_of, left_over, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
@@ -21,7 +21,7 @@ from heatertune.model.readings import Readings
 from heatertune.model.rivals import rivals_of, widened
 from heatertune.model.sanity import demand_cause
 from heatertune.model.statistics import autocorrelation, fit_pct
-from heatertune.model.uncertainty import RATIO, intervals
+from heatertune.model.uncertainty import intervals
 from heatertune.model.values import FittedModel, Fopdt, Interval, Outcome, Residuals
 
 __all__ = ["fit_power"]
@@ -65,7 +65,8 @@ def fit_power(
     simulated = one.linear @ full.basis(one.vector)
     inside = intervals(found.problems[0], one, seed=seed)
     validation = judged(found.problems[0], one)
-    rivals = rivals_of(log, found.problems[0], one, inside, validation.held_out)
+    rivals = rivals_of(
+        log, found.problems[0], one, inside, validation.held_out, open_start=power_before_pct is None)
     ci95: dict[str, Interval | None] = {**widened(inside, [_values(rival.model) for rival in rivals])}
     ratio, lag = ci95.pop(RATIO), ci95["time_constant_s"]
     assert ratio is not None

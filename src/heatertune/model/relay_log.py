@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from heatertune.log.values import Log
 from heatertune.model.open_loop import PowerProblem
@@ -302,7 +302,7 @@ def _decay_of(logs: Callable[[float], tuple[float, float]], ratio: float) -> flo
 def _mean(values: Array, centre: float, margin: float) -> tuple[float, Interval]:
     """Return the centre and its 95 % interval from the scatter, widened by what the sampling hides."""
     n = len(values)
-    half = float(student.ppf(0.975, n - 1) * np.std(values, ddof=1) / math.sqrt(n)) + margin
+    half = float(stdtrit(n - 1, 0.975) * np.std(values, ddof=1) / math.sqrt(n)) + margin
     return centre, Interval(low=centre - half, high=centre + half)
 
 

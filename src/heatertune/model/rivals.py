@@ -24,6 +24,7 @@ from heatertune.model.values import Fopdt, Interval
 __all__ = ["Rival", "rivals_of", "widened"]
 
 _SURE = 0.4  # of the error on windows not seen, that drift and loads have to leave to be believed in an open loop
+_NEAR = 10.0  # BIC points
 _POOR = 60.0  # fit [%] below which a model is no rival
 
 
@@ -38,7 +39,8 @@ class Rival(NamedTuple):
 
 
 def rivals_of(
-    log: Log, problem: PowerProblem, fit: PowerFit, ci95: Mapping[str, Interval | None], held_out: HeldOut
+    log: Log, problem: PowerProblem, fit: PowerFit, ci95: Mapping[str, Interval | None], held_out: HeldOut, *,
+    open_start: bool,
 ) -> tuple[Rival, ...]:
     """Return the one-lag fits that the log does not rule out and that lie outside the intervals.
 
@@ -48,8 +50,12 @@ def rivals_of(
         fit: its best fit.
         ci95: its intervals.
         held_out: its error on windows not seen.
+        open_start: whether the power before the log is unknown.
     """
-    found = (*_without_events(log, problem, fit, held_out), *_at_rest(problem, fit, ci95.get("ambient_degC")))
+    found = (
+        *_without_events(log, problem, fit, held_out), *_at_rest(problem, fit, ci95.get("ambient_degC")),
+        *(_other_start(problem, fit) if open_start else ()),
+    )
     record = problem.readings.temperature_degC
     return tuple(
         rival for rival in found
@@ -109,6 +115,22 @@ def _at_rest(problem: PowerProblem, fit: PowerFit, ambient: Interval | None) -> 
         f"{lowest:.3g} °C, though no heater is colder than its room: a slow part of the heater passes for its initial "
         f"state. With the ambient at that reading {_heater(found.model)}; both are candidates, the intervals hold "
         "both, and --ambient would settle it."
+    ))
+
+
+def _other_start(problem: PowerProblem, fit: PowerFit) -> Iterator[Rival]:
+    """Return the fit with the other power before the log, none or the first one, where it is nearly as good."""
+    first = float(problem.readings.level_pct[0])
+    if first == 0.0:
+        return
+    other = replace(problem, power_before_pct=0.0 if problem.power_before_pct is None else None)
+    found = min((other.fit(), other.refined(fit.vector[None, :])), key=lambda each: bic_of(other, each))
+    if not isinstance(found.model, Fopdt) or bic_of(other, found) > bic_of(problem, fit) + _NEAR:
+        return
+    yield Rival(other, found, found.model, f"power logged, {other.power_before:g} % before it", (
+        f"With {problem.power_before:g} % power before the log, {_heater(fit.model)}; with {other.power_before:g} %, "
+        f"{_heater(found.model)}. The log does not tell which, so both are candidates and the intervals hold both; "
+        "--power-before would settle it."
     ))
 
 

@@ -13,19 +13,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
-from heatertune.model.intervals import envelope, hull, interval
+from heatertune.model.intervals import RATIO, envelope, hull, interval
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.projection import AMBIENT, GAIN
 from heatertune.model.statistics import autocorrelation, block_resamples
 from heatertune.model.values import Interval
 
-__all__ = ["RATIO", "intervals", "reaches", "sensitivities"]
+__all__ = ["intervals", "reaches", "sensitivities"]
 
 Array = npt.NDArray[np.float64]
 
-RATIO = "gain_per_time_constant_degC_per_s_pct"
 
 _NAMES = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
 _READINGS = 400  # averaged: neighbours of coloured noise say little more than their mean
@@ -107,7 +106,7 @@ def _noise(problem: PowerProblem, fit: PowerFit) -> _Noise:
         deviation={name: math.sqrt(variance * spread[name]) for name in weights},
         inflation={name: spread[name] / max(float(w @ white @ w), 1e-300) for name, w in weights.items()},
         variance=variance,
-        quantile=float(student.ppf(0.975, max(freedom, _LEAST_FREEDOM))),
+        quantile=float(stdtrit(max(freedom, _LEAST_FREEDOM), 0.975)),
     )
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from heatertune.log.values import MIN_SAMPLES, Log
 from heatertune.model.outliers import tamed
 
 __all__ = ["disturbance_s", "undisturbed"]
+
+Array = npt.NDArray[np.float64]
 
 _SHARE = 0.1  # of the log's span: a jump no heater makes between two readings
 _SPIKE = 5  # neighbours of a reading: two odd ones in a row are a spike, three a disturbance that is over soon
@@ -23,15 +26,20 @@ def disturbance_s(log: Log) -> float | None:
     too little to fit. Two odd readings that return are no jump.
     """
     readings = tamed(tamed(log.temperature_degC, share=_ABSURD), _SPIKE)
-    change = np.diff(readings)
-    padded = np.pad(change, 3, mode="edge")
-    usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, 7), axis=1)
-    departure = np.abs(change - usual)
-    typical = 1.4826 * float(np.median(departure))
+    departure = _departures(readings)
+    # of the log as it is: where all is noise, what was tamed looks quieter than it was
+    typical = 1.4826 * float(np.median(_departures(log.temperature_degC)))
     threshold = max(_SHARE * float(np.ptp(readings)), _TIMES * typical)
     found = np.flatnonzero(departure > threshold)
     found = found[found >= MIN_SAMPLES]
     return float(log.time_s[found[0]]) if len(found) else None
+
+
+def _departures(readings: Array) -> Array:
+    """Return how far each slope departs from the median of its neighbours."""
+    change = np.diff(readings)
+    padded = np.pad(change, 3, mode="edge")
+    return np.asarray(np.abs(change - np.median(np.lib.stride_tricks.sliding_window_view(padded, 7), axis=1)))
 
 
 def undisturbed(log: Log) -> tuple[Log, tuple[str, ...]]:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.values import HeaterModel
+from heatertune.pid.robustness import margins
 from heatertune.pid.sampled import sample_plant
 from heatertune.pid.values import Margins, PidDesign
 
-__all__ = ["control_margins", "loop_transfer_function", "setpoint_response"]
+__all__ = ["control_margins", "loop_transfer_function", "second_opinion", "setpoint_response"]
 
 Array = npt.NDArray[np.float64]
 
@@ -60,6 +62,18 @@ def control_margins(model: HeaterModel, design: PidDesign) -> Margins | None:
     ms = float(np.max(1.0 / np.abs(1.0 + response)))
     mt = float(np.max(np.abs(response / (1.0 + response))))
     return Margins(ms=ms, mt=mt, gain_margin=float(gain), phase_margin_deg=float(phase))
+
+
+def second_opinion(plants: Sequence[HeaterModel], design: PidDesign) -> str:
+    """Return in a sentence what python-control says of Ms on the heater where this program finds the greatest."""
+    if design.sample_time_s == 0.0:
+        return "python-control has no opinion: the loop is continuous, and it knows no exact dead time."
+    own = [margins(plant, design).ms for plant in plants]
+    at = max(range(len(own)), key=own.__getitem__)
+    found = control_margins(plants[at], design)
+    if found is None:
+        return "python-control has no opinion: the dead time spans too many samples for its polynomials."
+    return f"python-control sees Ms = {found.ms:.5g} where this program sees {own[at]:.5g}."
 
 
 def setpoint_response(model: HeaterModel, design: PidDesign, samples: int) -> Array:

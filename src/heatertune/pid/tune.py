@@ -12,7 +12,6 @@ from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.continuous_tune import tune_continuous
 from heatertune.pid.explain import explain
 from heatertune.pid.feasible import Problem, search
-from heatertune.pid.linear import control_margins
 from heatertune.pid.optimum import polish
 from heatertune.pid.response import dominant_time_s, iae_load, iae_setpoint
 from heatertune.pid.robust import ROBUST, Guarded, guarded
@@ -23,7 +22,7 @@ from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign
 from heatertune.units import check
 
-__all__ = ["METHODS", "STRUCTURES", "Timer", "assessed_sampled", "tune"]
+__all__ = ["METHODS", "STRUCTURES", "Timer", "assessed_sampled", "settle", "tune"]
 
 STRUCTURES = ("p", "pi", "pid")
 METHODS = ("optimum", *RULES)
@@ -113,7 +112,7 @@ def tune(
         _rule_round(fitted, method, structure, derivative_filter, closed_loop_s) if method in RULES
         else _search_round(plants, structure, specs, derivative_filter)
     )
-    design, rounds = _settle(one_round, plants, sample_time_s, timer or Timer(), progress)
+    design, rounds = settle(one_round, plants, sample_time_s, timer or Timer(), progress)
     notes = [_told_about_ta(design, plants, rounds, sample_time_s)]
     if method in RULES:
         outside = range_note(method, model_for(method, structure, fitted), structure, design.sample_time_s)
@@ -215,7 +214,7 @@ def _explained(problem: Problem, design: PidDesign) -> list[str]:
     return explain(problem.specs, peaks, problem.cost(design), solve)
 
 
-def _settle(
+def settle(
     one_round: Callable[[float, PidDesign | None], PidDesign],
     plants: Sequence[HeaterModel],
     given_s: float | None,
@@ -263,11 +262,7 @@ def _finished(
 ) -> PidDesign:
     plants = fitted.plants
     found = [margins(plant, design) for plant in plants]
-    at = max(range(len(plants)), key=lambda i: found[i].ms)
-    opinion = control_margins(plants[at], design)
-    if opinion is not None and math.isfinite(found[at].ms) and abs(opinion.ms / found[at].ms - 1.0) > 0.01:
-        notes.append(f"python-control sees Ms = {opinion.ms:.4g} where this program sees {found[at].ms:.4g}.")
-    if math.isinf(found[at].ms):
+    if any(math.isinf(each.ms) for each in found):
         notes.append(f"Unstable on {sum(not m.stable for m in found)} of {len(plants)} candidate models.")
     limit = f"{specs.text} on {len(plants)} models" if method == "optimum" else RULES[method].source
     return replace(assessed_sampled(plants, design), method=f"{method} ({limit})", notes=tuple(notes))

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from heatertune.model.uncertainty import RATIO
+from heatertune.model.intervals import RATIO
 from heatertune.model.values import FittedModel, Fopdt, HeaterModel, Interval, TwoLag
 from heatertune.pid.continuous_optimum import margins as continuous_margins
 from heatertune.pid.robustness import margins, noise_gain
 from heatertune.pid.values import PidDesign
 
-__all__ = ["Drawn", "draw_heaters", "drawn_of", "ms_over", "peaks_on", "spreads_of"]
+__all__ = ["Drawn", "draw_heaters", "drawn_of", "interval_ends", "ms_over", "peaks_on", "spreads_of"]
 
 #: half width of a 95 % interval in standard deviations
 _HALF_WIDTH: Final = 1.96
@@ -81,6 +81,15 @@ def spreads_of(fitted: FittedModel) -> tuple[float, float, float]:
     names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
     gain, lag, dead = (_spread(fitted.ci95.get(name)) for name in names)
     return gain, lag, dead
+
+
+def interval_ends(fitted: FittedModel) -> tuple[HeaterModel, ...]:
+    """Return the working model with one parameter at a time at each closed end of its 95 % interval."""
+    names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
+    intervals = [(name, fitted.ci95.get(name)) for name in names]
+    ends = [(name, end) for name, found in intervals if found is not None for end in (found.low, found.high)]
+    return tuple(replace(fitted.model, **{name: end}) for name, end in ends
+                 if end is not None and (end > 0.0 or (name == "dead_time_s" and end == 0.0)))
 
 
 def ms_over(heaters: tuple[HeaterModel, ...], design: PidDesign) -> Drawn | None:

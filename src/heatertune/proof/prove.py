@@ -70,6 +70,7 @@ class Proof(Shown):
         known: settings that were taken as known.
         faults: what is known to be wrong in the controller with these words, one sentence each.
         ramp_degC_per_min: how fast the words' ramp moves the setpoint [°C/min]; infinite without one.
+        open_points: whether every setting the manual leaves open was run, not only the defaults.
     """
 
     words: Words
@@ -82,6 +83,7 @@ class Proof(Shown):
     known: Mapping[str, str] = field(default_factory=dict)
     faults: tuple[str, ...] = ()
     ramp_degC_per_min: float = math.inf
+    open_points: bool = True
 
     @property
     def verdict(self) -> str:
@@ -181,6 +183,7 @@ def prove(
         known=dict(known or {}),
         faults=() if room.faults is None else room.faults(words),
         ramp_degC_per_min=math.inf if words.ramp is None else room.ramp_degC_per_min(words),
+        open_points=open_points,
     )
 
 

@@ -1,0 +1,36 @@
+"""`heatertune studio`: the whole chain on a local page."""
+
+from __future__ import annotations
+
+import argparse
+from importlib.util import find_spec
+from typing import Any
+
+from heatertune.errors import InputError
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune studio table4"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "studio", help="the whole chain on a local page, to be seen and moved", epilog=_EXAMPLE,
+        description="Serve a page on 127.0.0.1: drop a log, move the design by sliders, download proven words. Prints "
+                    "its address; Ctrl-C ends it.",
+    )
+    command.add_argument("source", metavar="LOG|DIR", nargs="?",
+                         help="a CSV file, table3 / table4 built in, or a directory that `heatertune design` wrote")
+    command.add_argument("--port", type=int, metavar="N", help="port on 127.0.0.1 (default: one that is free)")
+    command.add_argument("--no-browser", action="store_true", help="do not open the page in a browser")
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    if find_spec("nicegui") is None:
+        raise InputError('the studio needs NiceGUI: pip install "heatertune[studio]"')
+    from heatertune.studio.server import serve  # noqa: PLC0415 - only this command needs it
+
+    serve(settings.source, port=settings.port, browser=not settings.no_browser)
+    return 0

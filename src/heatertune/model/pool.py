@@ -1,0 +1,20 @@
+"""The candidates of several logs of one heater, together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from heatertune.model.values import FittedModel
+
+__all__ = ["pool_candidates"]
+
+
+def pool_candidates(fitted: FittedModel, others: Sequence[FittedModel]) -> FittedModel:
+    """Return the fit with the candidates of other logs of the same heater added."""
+    added = tuple(candidate for other in others for candidate in other.candidates)
+    if not added:
+        return fitted
+    logs = ", ".join(dict.fromkeys(candidate.log for candidate in added))
+    note = f"Candidates of {logs}, a log of the same heater, were added: a design has to serve them too."
+    return replace(fitted, candidates=fitted.candidates + added, notes=(*fitted.notes, note))

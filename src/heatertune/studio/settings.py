@@ -1,0 +1,145 @@
+"""What the user can move, with the least, the most and the step of each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final
+
+from heatertune.chain.stages import default_setpoint, labelled
+from heatertune.errors import OutOfRange
+from heatertune.model.values import FittedModel
+from heatertune.pid.tune import STRUCTURES, Timer
+from heatertune.plc import TARGETS, Scaling, room
+from heatertune.units import check
+
+__all__ = ["SLIDERS", "Settings", "Slider", "settings_for", "sliders_for", "timer_of"]
+
+_SENSOR_STEP: Final = 50.0  # sensors are sold in such ranges [°C]
+_ABOVE: Final = 1.25  # sensor range over the highest temperature that is meant
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slider:
+    """One slider.
+
+    Attributes:
+        field: of `Settings`.
+        label: as read out.
+        unit: of the value.
+        low, high, step: of the value; where a heater is known, `high` of a time follows it.
+        auto: whether the program may choose the value itself.
+    """
+
+    field: str
+    label: str
+    unit: str
+    low: float
+    high: float
+    step: float
+    auto: bool = False
+
+
+SLIDERS: Final = (
+    Slider(field="ms", label="Robustness: largest sensitivity Ms", unit="", low=1.2, high=2.0, step=0.05),
+    Slider(field="sample_time_s", label="Sampling interval TA", unit="s", low=0.1, high=60.0, step=0.1, auto=True),
+    Slider(field="pwm_period_s", label="PWM period", unit="s", low=0.1, high=60.0, step=0.1, auto=True),
+    Slider(field="setpoint_degC", label="Setpoint", unit="°C", low=0.0, high=400.0, step=0.5, auto=True),
+    Slider(field="low_degC", label="Sensor range from", unit="°C", low=-200.0, high=50.0, step=10.0),
+    Slider(field="high_degC", label="Sensor range up to", unit="°C", low=60.0, high=1600.0, step=10.0),
+    Slider(field="noise_degC", label="Sensor noise (standard deviation)", unit="°C", low=0.0, high=2.0, step=0.05),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """What a design is made and proven for; equal settings mean the same design.
+
+    Attributes:
+        target: the controller.
+        structure: "p", "pi" or "pid".
+        ms: limit of the maximum sensitivity.
+        sample_time_s: TA [s]; None: TRdom/10.
+        pwm_period_s: of the switch behind the controller [s]; None: TA in whole parts of up to 10 s.
+        setpoint_degC: of the proof [°C]; None: as the proof takes it.
+        low_degC, high_degC: sensor range [°C].
+        noise_degC: standard deviation of the sensor's noise [°C].
+
+    Raises:
+        OutOfRange: a value without meaning.
+    """
+
+    target: str = "s5-ob251"
+    structure: str = "pi"
+    ms: float = 1.6
+    sample_time_s: float | None = None
+    pwm_period_s: float | None = None
+    setpoint_degC: float | None = None
+    low_degC: float = 0.0
+    high_degC: float = 100.0
+    noise_degC: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, known in (("target", TARGETS), ("structure", STRUCTURES)):
+            if getattr(self, name) not in known:
+                raise OutOfRange(name, getattr(self, name), f"one of {', '.join(known)}")
+        check("ms", self.ms, above=1.0)
+        for name in ("sample_time_s", "pwm_period_s"):
+            if (value := getattr(self, name)) is not None:
+                check(name, value, above=0.0)
+        if self.setpoint_degC is not None:
+            check("setpoint_degC", self.setpoint_degC, least=-273.15)
+        check("noise_degC", self.noise_degC, least=0.0)
+        _ = self.scaling
+
+    @property
+    def scaling(self) -> Scaling:
+        """The sensor range."""
+        return Scaling(low_degC=self.low_degC, high_degC=self.high_degC)
+
+    @property
+    def resolution_degC(self) -> float:
+        """One step of the input module [°C]."""
+        return self.scaling.span_degC / room(self.target).counts
+
+    @property
+    def tuning(self) -> Mapping[str, Any]:
+        """What the gains depend on."""
+        return {name: getattr(self, name) for name in ("target", "structure", "ms", "sample_time_s")}
+
+
+assert {slider.field for slider in SLIDERS} <= {each.name for each in fields(Settings)}
+
+
+def settings_for(fitted: FittedModel, start: Settings) -> Settings:
+    """Return settings that suit a new heater: the sensor's range reaches beyond the setpoint and ambient."""
+    setpoint = default_setpoint(fitted)
+    ambient = min(float(model.ambient_degC or 0.0) for _, model in labelled(fitted))
+    high = max(2.0, math.ceil(_ABOVE * setpoint / _SENSOR_STEP)) * _SENSOR_STEP
+    low = min(0.0, math.floor(ambient / _SENSOR_STEP) * _SENSOR_STEP)
+    return replace(start, sample_time_s=None, pwm_period_s=None, setpoint_degC=None, low_degC=low, high_degC=high)
+
+
+def sliders_for(fitted: FittedModel) -> tuple[Slider, ...]:
+    """Return the sliders with ends that suit a heater: times up to a third of it, setpoints all its models can hold."""
+    models = [model for _, model in labelled(fitted)]
+    slowest = max(sum(model.lags_s) + model.dead_time_s for model in models)
+    coldest = max(float(model.ambient_degC or 0.0) for model in models)
+    hottest = min(float(model.ambient_degC or 0.0) + 100.0 * model.gain_degC_per_pct for model in models)
+    ends = {
+        "sample_time_s": (0.1, max(1.0, math.ceil(slowest / 3.0))),
+        "pwm_period_s": (0.1, max(10.0, math.ceil(slowest / 3.0))),
+        "setpoint_degC": (math.ceil(coldest) + 1.0, math.floor(hottest) - 1.0),
+    }
+    return tuple(
+        slider if slider.field not in ends
+        else replace(slider, low=ends[slider.field][0], high=max(ends[slider.field][1], ends[slider.field][0] + 1.0))
+        for slider in SLIDERS
+    )
+
+
+def timer_of(target: str) -> Timer:
+    """Return what a target's timer can do."""
+    shortest, longest, step = room(target).sample_times_s
+    return Timer(shortest_s=shortest, longest_s=longest, step_s=step)

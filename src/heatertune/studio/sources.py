@@ -1,0 +1,72 @@
+"""Where a log comes from: a dropped file, a path, a built-in table, or a folder that `heatertune design` wrote."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from heatertune import chain
+from heatertune.chain.documents import read_documents
+from heatertune.chain.stages import Told
+from heatertune.errors import DocumentError, HeatertuneError, InputError
+from heatertune.log.tables import BUILT_IN
+from heatertune.log.values import Log
+from heatertune.model.document import from_document
+from heatertune.model.values import FittedModel
+from heatertune.studio.settings import Settings
+
+__all__ = ["Source", "fit_log", "read_dropped", "read_source"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Source:
+    """What a path holds: a log, settings to begin with, and the heater where it is known already."""
+
+    log: Log
+    settings: Settings
+    fitted: FittedModel | None = None
+
+
+def read_dropped(name: str, content: bytes) -> Log:
+    """Return the log in a dropped file; its errors and its source name the file as the user knows it.
+
+    Raises:
+        InputError: it is no log.
+    """
+    plain = Path(name.replace("\\", "/").replace("\0", "")).name or "log.csv"
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / plain
+        try:
+            path.write_bytes(content)
+            return replace(chain.read_log(path), source=plain)
+        except HeatertuneError as problem:
+            raise InputError(str(problem).replace(f"{folder}/", "")) from problem
+        except OSError as problem:
+            raise InputError(f"{plain!r} cannot be kept: {problem.strerror}") from problem
+
+
+def read_source(source: str) -> Source:
+    """Return what a log file, a built-in table or a folder holds.
+
+    Raises:
+        InputError: a file that is no log, a folder without the documents of `heatertune design`.
+    """
+    if not Path(source).is_dir():
+        built_in = source.lower() in BUILT_IN
+        return Source(log=chain.read_log(source, errata=built_in), settings=Settings())
+    documents = read_documents(Path(source))
+    try:
+        found = documents["log"]
+        columns = {name: found[name] for name in ("name", "source", "time_s", "temperature_degC", "power_pct",
+                                                  "setpoint_degC")}
+        log = Log(**columns, repairs=tuple(found["repairs"]), doubts=tuple(found["doubts"]))
+        settings = Settings(target=documents["words"]["target"], structure=documents["pid"]["structure"])
+    except KeyError as problem:
+        raise DocumentError(f"{source}: {problem.args[0]} is missing; draw the design anew") from problem
+    return Source(log=log, settings=settings, fitted=from_document(documents["model"]))
+
+
+def fit_log(log: Log, progress: Told = str) -> FittedModel:
+    """Return the heater behind a log, as `heatertune design` finds it; errors as `heatertune.chain.fit`."""
+    return chain.fit(log, companions=True, progress=progress)

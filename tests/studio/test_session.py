@@ -1,0 +1,270 @@
+import json
+import math
+from dataclasses import replace
+
+import pytest
+
+from heatertune import chain
+from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOfRange
+from heatertune.model.values import Candidate
+from heatertune.studio.loop import first_look, full_proof, optimum
+from heatertune.studio.session import MOST_PINNED, Session
+from heatertune.studio.settings import Settings
+from heatertune.studio.sources import read_dropped, read_source
+
+
+@pytest.fixture
+def session(heater, step_log):
+    found = Session()
+    assert found.fit_done(found.begin(read_dropped("step.csv", step_log)), heater)
+    return found
+
+
+def look(session):
+    found = first_look(session.fitted, session.settings, session.gains())
+    assert session.look_done(session.ticket, found)
+    return found
+
+
+def prove(session):
+    proof = full_proof(session.fitted, session.look)
+    session.proof_done(session.ticket, proof)
+    return proof
+
+
+def test_a_first_look_shows_what_the_chain_itself_would_prove_on_the_first_heater(session):
+    found = look(session)
+    words = chain.encode(found.gains.design, "s5-ob251")
+    whole = chain.prove(words, session.fitted)
+    assert found.gains.words == words
+    assert found.proof.nominal.temperature_degC.tolist() == whole.nominal.temperature_degC.tolist()
+    assert [run.criteria for run in found.proof.runs] == [whole.runs[0].criteria]
+
+
+def test_a_first_look_runs_the_first_heater_alone_and_tells_the_margins_on_all(heater):
+    models = (heater.model, replace(heater.model, dead_time_s=30.0))
+    both = replace(heater, candidates=tuple(
+        Candidate(model=model, log="x", window_s=(0.0, 1.0), law=f"law {i}", fit_pct=90.0 - i, rmse_degC=0.1, delta_bic=0.0)
+        for i, model in enumerate(models)))
+    found = first_look(both, Settings(), first_look(heater, Settings()).gains)
+    assert len(found.proof.runs) == 1
+    assert found.proof.nominal.model == heater.model
+    # more dead time, less margin (any textbook): the worst is the second heater's
+    assert found.margins.ms > first_look(heater, Settings()).margins.ms
+    assert {run.model for run in full_proof(both, found).runs} == {candidate.label for candidate in both.candidates}
+
+
+def test_no_words_leave_on_a_first_look(session):
+    found = look(session)
+    with pytest.raises(ExportRefused, match="first look"):
+        chain.export(found.gains.words, found.proof, force=True)
+    with pytest.raises(ExportRefused, match="not proven yet"):
+        session.export(force=True)
+
+
+def test_proven_words_leave_as_the_chain_exports_them(session):
+    look(session)
+    proof = prove(session)
+    assert session.verdict == proof.verdict == "PASS"
+    assert session.export(force=False) == chain.export(proof.words, proof)
+
+
+def test_failed_words_leave_only_by_force_and_say_so(session):
+    session.change(ms=2.0, structure="p", setpoint_degC=60.0)  # a P controller keeps an offset: not within 1 °C
+    look(session)
+    prove(session)
+    assert session.verdict == "FAIL"
+    with pytest.raises(ExportRefused, match="steady_offset"):
+        session.export(force=False)
+    text = "".join(v if isinstance(v, str) else v.decode("latin-1") for v in session.export(force=True).values())
+    assert "FAIL - FORCED in spite of it" in text
+
+
+def test_what_comes_late_is_kept_but_not_shown(session):
+    first = look(session)
+    ticket = session.ticket
+    session.change(ms=1.4)
+    late = first_look(session.fitted, session.settings)
+    session.change(ms=1.8)
+    assert not session.look_done((ticket[0], Settings(ms=1.4), False), late)
+    assert session.look is first
+    assert session.verdict == "proving…"
+    assert not session.proof_done(ticket, full_proof(session.fitted, first))
+    assert session.proof is None
+    session.change(ms=1.6)
+    assert session.known_look()
+    assert session.verdict == "PASS"
+
+
+def test_nothing_is_done_with_a_loop_that_no_longer_belongs_to_the_settings(session):
+    look(session)
+    prove(session)
+    session.change(ms=1.4)  # its loop is still being computed; the one before is still seen
+    assert session.look is not None
+    assert session.unproven() == []
+    with pytest.raises(ExportRefused, match="not proven yet"):
+        session.export(force=True)
+    with pytest.raises(InputError, match="no design"):
+        session.pin()
+
+
+def test_a_late_fit_does_not_replace_a_newer_log(session, heater, step_log):
+    before = session.log
+    old, new = (session.begin(read_dropped(name, step_log)) for name in ("old.csv", "new.csv"))
+    assert not session.fit_done(old, heater)
+    assert session.log is before
+    assert session.fit_done(new, heater)
+    assert session.log.name == "new"
+
+
+def test_designs_of_the_last_heater_are_not_shown_for_the_next(session, heater, step_log):
+    look(session)
+    prove(session)
+    session.pin()
+    ticket = session.begin(read_dropped("next.csv", step_log))
+    assert session.verdict == "PASS"  # until the next heater is known, the last one stays
+    session.fit_done(ticket, heater)
+    assert (session.look, session.pinned, session.verdict) == (None, (), "no design")
+    assert not session.known_look()
+
+
+def test_a_refused_setting_changes_nothing_and_tells_why(session):
+    look(session)
+    before = session.settings
+    session.change(low_degC=150.0)
+    assert session.settings == before
+    assert "high_degC" in session.error
+    assert session.verdict == "no design"
+    assert session.known_look()
+    assert session.error == ""
+
+
+def test_a_file_that_is_refused_takes_nothing_away(session, malformed):
+    found = look(session)
+    prove(session)
+    with pytest.raises(InputError) as told:
+        read_dropped("bad.csv", malformed)
+    session.refuse_file(told.value)
+    assert session.file_error.startswith("bad.csv, line 3, column temperature_degC: no number: 'warm'; expected a number")
+    assert (session.look, session.verdict) == (found, "PASS")
+
+
+@pytest.mark.parametrize("name", ["../../etc/bad.csv", "C:\\logs\\bad.csv", "bad.csv"])
+def test_a_dropped_file_is_known_by_its_plain_name(name, malformed, step_log):
+    with pytest.raises(InputError) as told:
+        read_dropped(name, malformed)
+    assert str(told.value).startswith("bad.csv, line 3")
+    assert read_dropped(name, step_log).source == "bad.csv"
+
+
+@pytest.mark.parametrize("content", [b"", b"\x00\xff" * 400, b"time_s,temperature_degC\n", b"hello"])
+def test_whatever_is_dropped_is_a_log_or_an_error_of_one_line(content):
+    with pytest.raises(InputError) as told:
+        read_dropped("x.csv", content)
+    assert "\n" not in str(told.value)
+    assert str(told.value).startswith("x.csv")
+
+
+def test_a_name_no_disk_can_hold_is_an_input_error(step_log):
+    with pytest.raises(InputError, match="cannot be kept"):
+        read_dropped("x" * 5000, step_log)
+
+
+def test_a_design_that_no_word_can_hold_names_the_change_that_would_fit(session):
+    session.change(target="s7-200-pid", sample_time_s=1e-6)
+    with pytest.raises((NotRepresentable, OutOfRange)):
+        first_look(session.fitted, session.settings)
+
+
+def test_a_proof_that_is_refused_is_not_tried_again(session):
+    look(session)
+    assert len(session.unproven()) == 1
+    session.proof_refused(session.ticket, InputError("model b: cannot hold it"))
+    assert session.unproven() == []
+    assert session.error == "model b: cannot hold it"
+    session.known_look()
+    assert session.error == "model b: cannot hold it"
+
+
+def test_four_designs_stand_side_by_side_and_a_fifth_does_not(session):
+    with pytest.raises(InputError, match="no design"):
+        session.pin()
+    for ms in (1.3, 1.4, 1.5, 1.6):
+        session.change(ms=ms)
+        look(session)
+        session.pin()
+    with pytest.raises(InputError, match="kept already"):
+        session.pin()
+    assert [(each.name, each.look.settings.ms) for each in session.pinned] == [("A", 1.3), ("B", 1.4), ("C", 1.5), ("D", 1.6)]
+    assert {each.verdict for each in session.pinned} == {"proving…"}
+    assert len(session.unproven()) == MOST_PINNED
+    session.change(ms=1.7)
+    look(session)
+    with pytest.raises(InputError, match="let one go"):
+        session.pin()
+    session.unpin("B")
+    session.pin()
+    assert [(each.name, each.look.settings.ms) for each in session.pinned] == [("A", 1.3), ("C", 1.5), ("D", 1.6), ("B", 1.7)]
+
+
+def test_the_newest_design_is_proven_before_those_set_aside(session):
+    look(session)
+    session.pin()
+    session.change(ms=1.3)
+    newest = look(session)
+    assert session.unproven()[0][1] is newest
+
+
+@pytest.mark.long
+def test_a_searched_optimum_is_what_the_command_line_takes_and_serves_all_settings_of_the_proof(session):
+    look(session)
+    ticket = session.ticket
+    gains = optimum(session.fitted, session.settings)
+    assert session.optimum_done(ticket, gains)
+    found = look(session)
+    wished = chain.tune(session.fitted, target="s5-ob251", structure="pi", ms=1.6, sample_time_s=None)
+    assert (found.gains.design.gain_pct_per_degC, found.gains.design.integral_time_s) == (
+        wished.gain_pct_per_degC, wished.integral_time_s)
+    session.change(noise_degC=0.1)
+    assert session.gains() is gains
+    session.change(ms=1.5)
+    assert session.gains() is None
+
+
+def test_more_noise_and_a_longer_pwm_period_are_seen_in_the_loop(session):
+    quiet = look(session)
+    session.change(noise_degC=0.5)
+    noisy = look(session)
+    assert max(abs(noisy.proof.nominal.reading_degC - quiet.proof.nominal.reading_degC)) > 0.5
+    session.change(noise_degC=0.0, pwm_period_s=40.0)
+    ripple = {c.name: c.value for c in look(session).proof.criteria}["pwm_ripple"]
+    assert ripple > {c.name: c.value for c in quiet.proof.criteria}["pwm_ripple"]
+
+
+def test_a_folder_of_a_design_is_opened_with_its_heater_and_settings(tmp_path, heater, step_log):
+    from heatertune.documents import to_json, write_files  # noqa: PLC0415
+    from heatertune.model.document import to_document  # noqa: PLC0415
+    log = read_dropped("step.csv", step_log)
+    names = ("time_s", "temperature_degC", "power_pct")
+    columns = {name: getattr(log, name).tolist() for name in names}
+    documents = {name: {"schema": f"heatertune/{name}/1"} for name in ("proof", "pictures", "comparison")} | {
+        "log": {"schema": "heatertune/log/1", "name": "step", "source": "step.csv", "setpoint_degC": None, "repairs": [],
+                "doubts": ["odd"], **columns},
+        "model": to_document(heater), "pid": {"schema": "heatertune/pid/1", "structure": "pid"},
+        "words": {"schema": "heatertune/words/1", "target": "weg"},
+    }
+    write_files(tmp_path, {f"{name}.json": to_json(each) for name, each in documents.items()})
+    found = Session()
+    found.load(read_source(str(tmp_path)))
+    assert (found.log.name, found.log.doubts, found.log.time_s.tolist()) == ("step", ("odd",), columns["time_s"])
+    assert (found.settings.target, found.settings.structure) == ("weg", "pid")
+    assert found.fitted.model == heater.model
+    del documents["words"]["target"]
+    (tmp_path / "words.json").write_text(json.dumps(documents["words"]))
+    with pytest.raises(InputError, match="target is missing"):
+        read_source(str(tmp_path))
+
+
+def test_a_built_in_table_is_read_with_its_misprints_corrected():
+    assert read_source("table4").log.temperature_degC.tolist() == chain.read_log("table4", errata=True).temperature_degC.tolist()
+    assert math.isfinite(read_source("table4").settings.ms)

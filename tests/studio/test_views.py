@@ -1,0 +1,227 @@
+"""What the page says and draws, from values that were made elsewhere."""
+
+import io
+import json
+import math
+import re
+import zipfile
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from heatertune import chain
+from heatertune.model.by_hand import model_by_hand
+from heatertune.model.values import Fopdt, Interval, TwoLag
+from heatertune.report.style import LOOK
+from heatertune.studio import charts, views
+from heatertune.studio.downloads import export_zip, report_page
+from heatertune.studio.loop import first_look, full_proof
+from heatertune.studio.session import Pinned
+from heatertune.studio.settings import Settings
+from heatertune.studio.sources import read_dropped
+
+
+@pytest.fixture(scope="module")
+def look(heater):
+    return first_look(heater, Settings())
+
+
+@pytest.fixture(scope="module")
+def proof(heater, look):
+    return full_proof(heater, look)
+
+
+class Cells(HTMLParser):
+    """The text of a page's cells, and whether every tag that opens is closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.cells, self.open = [], []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):  # noqa: ARG002 - the parser's signature
+        self.open.append(tag)
+        if tag in ("td", "th", "li"):
+            self.cells.append("")
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if {"td", "th", "li"} & set(self.open):
+            self.cells[-1] += data
+
+
+def test_the_words_stand_in_the_order_in_which_they_are_typed_in(look):
+    cells = Cells(views.words(look)).cells
+    assert cells[:4] == ["address", "word", "value", "meaning"]
+    assert cells[5::4] == ["K", "R", "TI", "TD", "W", "STEU", "YH", "BGOG", "BGUG"]  # OB251's controller DB, DW1 … DW16
+    assert cells[6] == str(look.gains.words.values["K"])
+
+
+def test_rounding_is_told_as_what_became_of_each_part(look):
+    rows = Cells(views.rounding(look)).cells
+    words = look.gains.words.values
+    realised = words["K"] / 1024 * words["R"] / 1024  # %/°C: units and percent both span 0…100 °C and 0…100 %
+    change = 100.0 * (realised / look.gains.design.gain_pct_per_degC - 1.0)
+    assert rows[5:8][0] == "K"
+    assert rows[8] == f"{change:+.2g} %"
+    assert rows[rows.index("TV") + 1] == "none"
+    assert rows[rows.index("TA") + 3] == "exact"
+
+
+def test_a_controller_that_is_no_pid_has_no_gains_to_compare(heater):
+    found = first_look(heater, Settings(target="on-off"))
+    assert "no PID" in views.rounding(found)
+    assert (found.margins, found.wish) == (None, None)
+    assert [line["name"] for line in charts.loop_chart(found, ())["series"]] == ["words"]
+
+
+def test_a_first_look_bears_no_verdict(look, proof):
+    assert not {"ok", "FAIL"} & set(Cells(views.criteria(look.proof)).cells)
+    assert "ok" in Cells(views.criteria(proof)).cells
+    assert views.verdict_text("proving…", None).startswith("Proving")
+    assert views.verdict_text("no design", None).startswith("No design yet")
+    assert "the last one" in views.verdict_text("no design", None, last=True)
+    assert views.verdict_text("PASS", proof).startswith(f"PASS: all criteria hold in {len(proof.runs)} runs")
+
+
+def test_a_fail_names_what_was_not_kept(heater):
+    settings = Settings(structure="p", setpoint_degC=60.0)
+    failed = full_proof(heater, first_look(heater, settings))
+    assert "steady offset" in views.verdict_text("FAIL", failed)
+    assert "FAIL" in Cells(views.criteria(failed)).cells
+
+
+def test_what_a_file_calls_itself_is_text_and_never_a_tag(heater, step_log):
+    log = read_dropped("x.csv", step_log.replace(b"power_pct", b"power_pct", 1))
+    from dataclasses import replace  # noqa: PLC0415
+    evil = replace(log, repairs=("<script>alert(1)</script>",), doubts=("<b>",), name="<i>/..")
+    text = views.diagnosis(evil, heater)
+    assert "<script>" not in text
+    assert "&lt;script&gt;" in text
+    look = first_look(heater, Settings())
+    assert views.export_name(evil, look) == "-i-----s5-ob251"
+
+
+def test_designs_stand_side_by_side_column_by_column(heater, look):
+    other = first_look(heater, Settings(ms=1.3))
+    cells = Cells(views.compared([Pinned(name="A", look=look, verdict="PASS"), Pinned(name="B", look=other, verdict="proving…")])).cells
+    assert cells[:3] == ["", "design A", "design B"]
+    assert cells[cells.index("Ms wished"):][:3] == ["Ms wished", "1.6", "1.3"]
+    assert cells[-3:] == ["verdict", "PASS", "proving…"]
+    assert "four can stand" in views.compared([])
+
+
+def every_chart(heater, look, log):
+    return [charts.log_chart(log, heater), charts.heater_chart(heater), charts.loop_chart(look, ()), charts.power_chart(look)]
+
+
+def test_every_axis_has_its_unit_and_every_line_its_name_beside_it(heater, look, step_log):
+    for options in every_chart(heater, look, read_dropped("x.csv", step_log)):
+        assert options["xAxis"]["name"] == "time [s]"
+        assert re.search(r"\[(°C|%)\]$", options["yAxis"]["name"])
+        for line in options["series"]:
+            shown = line.get("endLabel", {}).get("formatter")
+            assert shown == line["name"] or line["name"].startswith("band")
+        json.dumps(options, allow_nan=False)  # a browser knows no NaN
+
+
+def test_the_lines_show_the_numbers_of_the_loop(look):
+    words, wish = charts.loop_chart(look, ())["series"]
+    nominal = look.proof.nominal
+    assert len(nominal.time_s) < 800  # so every scan is drawn
+    assert [time for time, _ in words["data"]] == pytest.approx(nominal.time_s, abs=6e-3)
+    assert [shown for _, shown in words["data"]] == pytest.approx(nominal.temperature_degC, abs=6e-4)
+    assert words["markLine"]["data"] == [{"yAxis": nominal.setpoint_degC}]
+    assert words["lineStyle"]["color"] == LOOK["realised"]["color"]
+    assert wish["lineStyle"]["type"] != "solid"
+    assert [point[1] for point in charts.power_chart(look)["series"][0]["data"]] == pytest.approx(nominal.power_asked_pct, abs=6e-4)
+
+
+def test_the_step_of_a_heater_is_that_of_the_textbook():
+    fitted = model_by_hand(Fopdt(gain_degC_per_pct=0.6, time_constant_s=200.0, dead_time_s=20.0))
+    line = dict(map(tuple, charts.heater_chart(fitted)["series"][-1]["data"]))
+    for time, rise in line.items():
+        assert rise == pytest.approx(6.0 * (1.0 - math.exp(-max(time - 20.0, 0.0) / 200.0)), abs=1e-3)
+
+
+@pytest.mark.parametrize("second", [200.0, 199.999, 40.0])
+def test_the_step_of_two_lags_solves_their_equation(second):
+    # 1 − (T1·e^(−t/T1) − T2·e^(−t/T2))/(T1 − T2), for equal lags 1 − (1 + t/T)·e^(−t/T)
+    model = TwoLag(gain_degC_per_pct=1.0, time_constant_s=200.0, second_time_constant_s=second, dead_time_s=0.0)
+    time = np.linspace(0.0, 900.0, 20)
+    x = y = 0.0
+    for _ in range(30_000):  # Heun by hand, 10 ms
+        dx = (10.0 - x) / 200.0
+        dy = (x - y) / second
+        x_end, y_end = x + 0.01 * dx, y + 0.01 * dy
+        x, y = x + 0.005 * (dx + (10.0 - x_end) / 200.0), y + 0.005 * (dy + (x_end - y_end) / second)
+    assert charts._rise(model, np.array([300.0]))[0] == pytest.approx(y, abs=1e-4)
+    assert np.all(np.diff(charts._rise(model, time)) > 0.0)
+
+
+def test_the_band_reaches_from_the_lowest_to_the_highest_of_what_the_log_leaves_open():
+    from dataclasses import replace  # noqa: PLC0415
+    fitted = model_by_hand(Fopdt(gain_degC_per_pct=0.6, time_constant_s=200.0, dead_time_s=0.0))
+    wide = replace(fitted, ci95={"gain_degC_per_pct": Interval(low=0.5, high=0.9), "time_constant_s": Interval(low=None, high=None),
+                                 "dead_time_s": Interval(low=0.0, high=10.0)})
+    low, width, _ = charts.heater_chart(wide)["series"]
+    end = 1.0 - math.exp(-4.0)
+    assert low["data"][-1][1] == pytest.approx(5.0 * end, abs=2e-3)
+    assert low["data"][-1][1] + width["data"][-1][1] == pytest.approx(9.0 * end, abs=2e-3)
+    assert low["stack"] == width["stack"]
+
+
+def luminance(color):
+    """Relative luminance, WCAG 2.1."""
+    parts = [int(color[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
+    linear = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one, other):
+    high, low = sorted((luminance(one), luminance(other)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_every_letter_has_the_contrast_of_wcag_aa(heater, look, step_log):
+    assert contrast("#777777", "#ffffff") == pytest.approx(4.48, abs=0.01)  # WebAIM's well-known near miss
+    pins = [Pinned(name=name, look=look, verdict="PASS") for name in "ABCD"]
+    drawn = [*every_chart(heater, look, read_dropped("x.csv", step_log)), charts.loop_chart(look, pins)]
+    for options in drawn:
+        colors = [line["endLabel"]["color"] for line in options["series"] if "endLabel" in line]
+        colors += [options[axis]["axisLabel"]["color"] for axis in ("xAxis", "yAxis")]
+        colors += [line["markLine"]["label"]["color"] for line in options["series"] if "markLine" in line]
+        assert min(contrast(color, "#ffffff") for color in colors) >= 4.5
+    css = (charts.__file__.rsplit("charts", 1)[0] + "look.css")
+    with open(css, encoding="utf-8") as file:  # noqa: PTH123 - one line
+        inks = re.findall(r"[; {]color: (#[0-9a-f]{6})", file.read())
+    assert len(inks) > 5
+    assert all(contrast(ink, "#f6f7f8") >= 4.5 for ink in inks)
+    assert contrast("#ffffff", "#12324a") >= 4.5  # the bar
+    assert contrast("#ffffff", "#23587f") >= 4.5  # the uploader on it
+
+
+def test_the_zip_holds_what_export_db_writes_and_is_always_the_same(heater, look, proof):
+    files = chain.export(look.gains.words, proof)
+    packed = export_zip(files, look, proof)
+    assert packed == export_zip(files, look, proof)
+    with zipfile.ZipFile(io.BytesIO(packed)) as archive:
+        assert set(archive.namelist()) == {*files, "words.json", "proof.json"}
+        for name, content in files.items():
+            assert archive.read(name) == (content if isinstance(content, bytes) else content.encode())
+        assert json.loads(archive.read("words.json"))["words"] == dict(look.gains.words.values)
+        assert json.loads(archive.read("proof.json"))["verdict"] == "PASS"
+
+
+@pytest.mark.long
+def test_the_report_names_the_words_and_the_files_that_were_downloaded(heater, look, proof, step_log):
+    files = chain.export(look.gains.words, proof)
+    page = report_page(read_dropped("step.csv", step_log), heater, look, proof, files)
+    assert '<p class="verdict pass">PASS</p>' in page
+    assert f"<td class=\"n\">{look.gains.words.values['K']}</td>" in page
+    assert all(f"<code>{name}</code>" in page for name in files)
+    assert "step.csv" in page
