@@ -1,5 +1,6 @@
 """What all tests share."""
 
+import os
 import random
 from pathlib import Path
 
@@ -18,6 +19,17 @@ REAL_LOGS = ROOT.parent / "shared" / "data" / "logs"
 def plain(monkeypatch):
     """Loops run as plain Python but where a test says otherwise: a compiler's start would cost each process seconds."""
     monkeypatch.setattr(compiled, "_PLAIN_SCANS", 10**12)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def machine_code(tmp_path_factory):
+    """What is compiled is kept for the whole run of the tests, shared by its processes: each loop costs seconds."""
+    own = tmp_path_factory.getbasetemp()
+    kept = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "machine_code"
+    patch = pytest.MonkeyPatch()
+    patch.setattr(compiled, "folder", lambda: kept)
+    yield
+    patch.undo()
 
 
 @pytest.fixture(scope="session")

@@ -91,19 +91,24 @@ def _kept_in(path: str) -> Iterator[None]:
 
 
 @remember
-def _machine(function: Callable[..., Any], *, cache: bool = False) -> Any:
-    """Return a compiled copy of a plain function whose calls go to compiled copies."""
+def _machine(function: Callable[..., Any], *, cache: bool = False, called: bool = False) -> Any:
+    """Return a compiled copy of a plain function whose calls go to compiled copies.
+
+    One that is only called by another needs no door to Python and no entry of its own on disk: half of the compiler's
+    work.
+    """
     from numba import njit  # noqa: PLC0415 - half a second, which only the compiled world needs
 
     function = _TWINS.get(function, function)
     assert isinstance(function, FunctionType)
     inside = {
-        name: _machine(value)
+        name: _machine(value, called=True)
         for name in function.__code__.co_names
-        if isinstance(value := function.__globals__.get(name), FunctionType) and _is_ours(value)
+        if isinstance(value := function.__globals__.get(name), FunctionType)
     }
     # no reference counts (nothing is allocated), no exceptions (a step is total), all calls inlined: ten times faster
-    options = {"nogil": True, "cache": cache, "_nrt": False, "error_model": "numpy", "forceinline": not cache}
+    options = {"nogil": True, "cache": cache, "_nrt": False, "error_model": "numpy"}
+    options |= {"forceinline": called, "no_cpython_wrapper": called, "no_cfunc_wrapper": called}
     return njit(**options)(_copy(function, inside))
 
 
@@ -112,7 +117,3 @@ def _copy(function: FunctionType, names: Mapping[str, Any]) -> FunctionType:
     copy = FunctionType(function.__code__, scope, function.__name__, function.__defaults__, function.__closure__)
     copy.__module__, copy.__qualname__, copy.__doc__ = function.__module__, function.__qualname__, function.__doc__
     return copy
-
-
-def _is_ours(function: FunctionType) -> bool:
-    return function.__module__.partition(".")[0] == __name__.partition(".")[0]

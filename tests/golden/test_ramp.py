@@ -20,7 +20,6 @@ from heatertune.plc import Certificate, Ramp, Scaling, room
 from heatertune.plc.ramp import course
 from heatertune.plc.s7_200.machine import assemble
 from heatertune.plc.s7_300.fb41.algorithm import scaled
-from heatertune.plc.s7_300.real import Real
 
 PASS = Certificate(verdict="PASS")
 #: where the setpoint asked for goes in a run: (calls, share of the range); up, down, up before it has arrived, and to rest
@@ -109,8 +108,8 @@ def test_the_fb41_source_moves_sp_int_to_the_bits_of_the_room(awlsim, ramp):
     answer = awlsim(_stub(_export(words, "fb41_cont_c.awl")), rows, block=41, asked=20, restart=5000)
     at = answer["offsets"]["SP_INT"][0]
     found = [bytes.fromhex(row)[at:at + 4] for row in answer["rows"]]
-    parameters = room("fb41").start(words, {}).parameters[0]
-    told = [struct.pack(">f", scaled(Real(), parameters, each)) for each in _followed(ramp, 5000, _asked(27648))]
+    parameters, _ = room("fb41").start(words, {}).parameters
+    told = [struct.pack(">f", scaled(parameters, each)[0]) for each in _followed(ramp, 5000, _asked(27648))]
     assert found == told
     # 13824 of 27648 is the middle of the range: (250.3 − 17.7)/2
     assert struct.unpack(">f", found[39])[0] == pytest.approx(116.3, abs=1e-3)

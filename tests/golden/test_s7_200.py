@@ -87,13 +87,23 @@ def test_the_printed_program_sticks_at_its_rails(width):
 def test_without_a_loaded_cycle_time_a_width_of_2_ms_is_all_on():
     # System Manual: the register defaults to 0, a cycle below 2 units is 2 units, a width of the cycle is permanently on
     c = PLAIN._replace(loads_cycle=False)
-    assert [printed.Memory(applied=w).power_pct(c) for w in (0, 1, 2, 500)] == [0.0, 50.0, 100.0, 100.0]
+    assert [printed.power_pct(c, w) for w in (0, 1, 2, 500)] == [0.0, 50.0, 100.0, 100.0]
+
+
+def test_the_printed_programs_last_sum_overflows_as_worked_out_by_hand():
+    # KP·E_prev = 32767·20000 = 655340000; KD·(E − E_prev) = −4·(49·256 − 20000) = 29824, DIV by 32767 leaves it in the high
+    # word: 29824·65536 = 1954545664; together above 2^31 − 1, so AC0 stays and its high word is 655340000 // 65536 = 9999
+    c = PLAIN._replace(kp=32767, kd=-4, t=32767)
+    after = printed.scan(c, printed.Memory(error=20000), 49, 0, False)
+    assert (after.change, after.overflow, after.zero_division) == (9999, True, False)
+    calm = printed.scan(c._replace(kd=-3), printed.Memory(error=20000), 49, 0, False)
+    assert (calm.change, calm.overflow) == ((655340000 + 22368 * 65536) // 65536, False)
 
 
 def test_words_and_double_words_are_signed():
     assert high_word(-1) == -1
     assert high_word(65536 * 3 + 5) == 3
-    assert added(32767, 1, 16, wrap=True) == (-32768, True)
+    assert added(32767, 1, 16, True) == (-32768, True)
 
 
 def test_the_faults_are_counted_over_all_pairs_of_bytes():

@@ -14,7 +14,7 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange, UnknownN
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, room
-from heatertune.plc.s7_300.real import Real
+from heatertune.plc.s7_300.real import real
 from heatertune.plc.s7_300.tip.algorithm import COLD, Assumptions, Parameters, State, call, manual
 from heatertune.proof import Actuator, Kick, Scenario, simulate
 
@@ -114,9 +114,9 @@ def test_results_too_small_for_a_real_set_os_as_in_awlsim_and_are_zero(awlsim):
     assert [each[:2] for each in mine] == [each[:2] for each in _awlsim_says(awlsim(_source(words), rows))] == [(0, True)] * 20
     assert {kept[:8] for _, _, kept in mine} == {"00000000"}  # awlsim keeps the small number itself: see DIFFERENCES.md
     for value, kept, overflow in ((1.17e-38, 0.0, True), (-1.17e-38, 0.0, True), (1.18e-38, 1.18e-38, False), (0.0, 0.0, False)):
-        r = Real()
-        assert r.of(value) == pytest.approx(kept, rel=1e-7, abs=0.0)
-        assert r.overflow == overflow
+        found, os = real(value)
+        assert found == pytest.approx(kept, rel=1e-7, abs=0.0)
+        assert (os, real(value, True)[1]) == (overflow, True)
 
 
 def test_the_analog_module_cuts_and_keeps_to_its_nominal_range():

@@ -1,5 +1,7 @@
 """The loop compiled against the same loop as plain Python, bit for bit, and what is measured against `judge`."""
 
+import struct
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -11,14 +13,14 @@ from heatertune import compiled as machine
 from heatertune.compiled import compiled, worth_compiling
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, room
+from heatertune.plc import TARGETS, Scaling, room
 from heatertune.plc.single import single
 from heatertune.proof import Actuator, Kick, Limits, Load, Scenario, judge, simulate
 from heatertune.proof.loop import controller_of, run_loop
 from heatertune.proof.sampled import criteria_of, prove_samples
-from heatertune.proof.samples import Drawing, Spread, measure, replay
+from heatertune.proof.samples import Drawing, Spread, _medians, measure, replay
 
-COMPILED = ("weg", "s5-ob251", "s7-200", "on-off")
+LOOPS = ("weg", "s5-ob251")  # single precision and whole numbers; the other rooms differ from them in `step` alone
 HEATERS = (
     Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.3, ambient_degC=24.0),
     TwoLag(gain_degC_per_pct=0.5, time_constant_s=120.0, second_time_constant_s=30.0, dead_time_s=6.5, ambient_degC=20.0),
@@ -47,39 +49,71 @@ def _same(one, other):
     assert one.flags == other.flags
 
 
-def _values_of(room_, field):
+def _values_of(field):
     if field.format == "REAL":
-        low, high = (float(np.nextafter(np.float32(end), np.float32(0))) for end in (field.low, field.high))
-        return st.floats(low, high, width=32)
+        usual = st.floats(max(field.low, -64.0), min(field.high, 64.0), width=32)  # few of all singles are between these
+        return st.one_of(usual, st.floats(field.low, field.high, width=32))
     return st.integers(int(field.low), int(field.high))
 
 
+def _bits_of(numbers):
+    """Return numbers of nested tuples so that equal bits are equal, those of what is not a number too."""
+    return [_bits_of(each) if isinstance(each, tuple) else struct.pack(">d", each) for each in numbers]
+
+
+@st.composite
+def _running(draw, which, legal):
+    """A room that runs any legal words, its switches set in any way, and what it is to read."""
+    values = draw(st.fixed_dictionaries({}, optional={each.name: _values_of(each) for each in which.fields}))
+    words = replace(legal, values=dict(legal.values) | values)
+    try:
+        which.check(words)
+    except ValueError:
+        words = legal
+    switches = {each.name: draw(st.sampled_from(each.settings)) for each in which.switches}
+    controller = controller_of(which, words, 50.0, switches, direct=True)
+    degrees = st.floats(-50.0, 1500.0)
+    return controller, draw(st.lists(st.tuples(degrees, degrees, st.booleans()), min_size=1, max_size=12))
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("target", COMPILED)
+@pytest.mark.parametrize("target", TARGETS)
+def test_a_step_is_the_same_compiled_and_plain_bit_for_bit(target):
+    which = room(target)
+    legal = which.encode(PI, Scaling())
+    core = which.core if which.direct is None else which.direct(legal, {})[0]
+    step, measured = compiled(core.step), compiled(core.measure)
+
+    @settings(max_examples=150, deadline=None)
+    @given(running=_running(which, legal))
+    def holds_for_any_words_settings_and_temperatures(running):
+        controller, scans = running
+        state = controller.state
+        for wished, temperature, begins in scans:
+            setpoint, reading = (core.measure(controller.sensor, each) for each in (wished, temperature))
+            assert _bits_of((measured(controller.sensor, temperature),)) == _bits_of((reading,))
+            given_ = controller.parameters, state, setpoint, reading, begins
+            expected = core.step(*given_)
+            assert _bits_of(step(*given_)) == _bits_of(expected)
+            state = expected[0]
+
+    holds_for_any_words_settings_and_temperatures()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("target", LOOPS)
 def test_a_loop_is_the_same_compiled_and_plain_bit_for_bit(target, monkeypatch):
     which = room(target)
     legal = which.encode(PI, Scaling())
 
     @settings(max_examples=40, deadline=None)
-    @given(data=st.data())
-    def holds_for_any_words_and_settings(data):
-        values = dict(legal.values)
-        for field in data.draw(st.lists(st.sampled_from(which.fields), max_size=4)):
-            if field.name not in ("Ts", "TICK", "TICKS"):  # the scan interval stays
-                values[field.name] = data.draw(_values_of(which, field))
-        words = replace(legal, values=values)
-        try:
-            which.check(words)
-        except ValueError:
-            words = legal
-        switches = data.draw(st.fixed_dictionaries({s.name: st.sampled_from(s.settings) for s in which.switches}))
-        scenario = replace(SCENARIO, seed=data.draw(st.integers(0, 99)))
-        heater, setpoint = data.draw(st.sampled_from(HEATERS)), data.draw(st.floats(30.0, 60.0))
-        scenario = replace(scenario, setpoint_degC=setpoint)
+    @given(running=_running(which, legal), heater=st.sampled_from(HEATERS), setpoint=st.floats(30.0, 60.0), seed=st.integers(0, 99))
+    def holds_for_any_words_and_settings(running, heater, setpoint, seed):
+        words = running[0].words if running[0].words.sample_time_s == PI.sample_time_s else legal
+        switches, scenario = running[0].switches, replace(SCENARIO, seed=seed, setpoint_degC=setpoint)
         plain = simulate(which, words, heater, scenario, PWM, switches)
         _way(monkeypatch, True)
-        controller = controller_of(which, words, setpoint, switches, direct=True)
-        _same(plain, run_loop(controller, heater, scenario, PWM))
+        _same(plain, run_loop(controller_of(which, words, setpoint, switches, direct=True), heater, scenario, PWM))
         _way(monkeypatch, False)
 
     holds_for_any_words_and_settings()
@@ -87,7 +121,7 @@ def test_a_loop_is_the_same_compiled_and_plain_bit_for_bit(target, monkeypatch):
 
 @pytest.mark.long
 @pytest.mark.parametrize("period", [10.0, 1.0])  # the last scan, at 1500 s, also asks for the period from 1501 s on
-@pytest.mark.parametrize("target", COMPILED[:2])
+@pytest.mark.parametrize("target", LOOPS)
 def test_what_is_measured_is_what_judge_finds_on_the_trace_of_the_same_sample(target, period, at_once):
     which, limits = room(target), Limits(tolerance_degC=0.7, pwm_ripple_degC=0.3, iae_degC_s=4000.0)
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(heater=(0.1, 0.1, 0.2)),
@@ -123,6 +157,57 @@ def test_a_sample_depends_on_its_seed_alone():
     assert np.array_equal(many.phases[33], alone.phases[0])
     assert np.array_equal(many.totals[33], alone.totals[0])
     assert len({tuple(row) for row in many.rows.tolist()}) == 36, "samples differ"
+
+
+@pytest.mark.parametrize("seed", [0, 7, 2**64 + 5])
+def test_what_is_drawn_is_of_a_philox_generator_of_the_seeds_key_whatever_was_drawn_before(seed):
+    which = room("s5-ob251")
+    noisy = replace(SCENARIO, noise_degC=0.1, disturbances=())
+    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], noisy, Spread(heater=(0.1, 0.2, 0.3)), PWM)
+    generator = np.random.Generator(np.random.Philox(key=seed))  # drawn from in the order that samples.py tells
+    factors, even = np.exp(generator.standard_normal(3) * (0.1, 0.2, 0.3)), generator.uniform(-1.0, 1.0, 2)
+    used = np.random.Generator(np.random.Philox(key=3))
+    used.integers(2**32, dtype=np.uint32)  # leaves half a number in its buffer
+    row, sizes, noise, late = drawing.sample(seed, 9, used)
+    assert row[1] == 166.0 * factors[1]
+    assert row[4] == 24.0 + 5.0 * even[1]
+    assert np.array_equal(noise, generator.normal(0.0, 0.1, 9))
+    assert (len(sizes), late.tolist()) == (0, [0.0])
+    assert np.array_equal(drawing.sample(seed, 9)[2], noise)
+
+
+def test_late_scans_read_the_temperature_of_their_own_instants():
+    which = room("weg")
+    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(jitter_s=0.7), PWM)
+    for seed in (4, 5):  # the heater of one lag and that of two
+        trace = replay(drawing, seed)
+        late = trace.time_s - np.arange(len(trace.time_s)) * 2.0
+        assert [late.min(), late.max()] == pytest.approx([0.0, 0.7], abs=0.02)
+        # what the heater does between its changes of power is worked out once more from them alone, as arrays
+        assert np.allclose(trace.temperature_degC, trace.temperature_at(trace.time_s), rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("target", LOOPS)
+def test_a_samples_ramp_begins_at_its_own_first_reading_noise_included(target):
+    which, limits = room(target), Limits()
+    words = which.encode(PI, Scaling())
+    words = replace(words, ramp=which.ramp(words, 2.0))
+    noisy = replace(SCENARIO, noise_degC=2.0, duration_s=1200.0)
+    drawing = Drawing.of(which, words, HEATERS[:1], noisy, Spread(), PWM)
+    found = criteria_of(drawing, limits, measure(drawing, limits, 3, workers=1))
+    for seed in range(3):
+        trace = replay(drawing, seed)
+        step = 100.0 / which.counts + 2.0 / 30.0  # of the converter, and of the ramp in its first call
+        assert trace.followed_degC[0] == pytest.approx(trace.reading_degC[0], abs=step)
+        iae = next(each for each in judge(trace, limits) if each.name == "iae")
+        assert found["iae"][0][seed] == pytest.approx(iae.value, rel=1e-9)
+
+
+def test_each_sample_has_its_own_delays():
+    which = room("weg")
+    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(jitter_s=0.7), PWM)
+    many, alone = measure(drawing, Limits(), 3, workers=1), measure(drawing, Limits(), 1, seed=2, workers=1)
+    assert np.array_equal(many.phases[2], alone.phases[0])
 
 
 def test_the_draw_has_the_spread_that_it_tells():
@@ -173,3 +258,11 @@ def test_the_compiler_is_loaded_once_a_process_has_asked_for_enough(monkeypatch)
     monkeypatch.setattr(machine, "_scans_asked", [0])
     monkeypatch.setattr(machine, "_PLAIN_SCANS", 50_000)
     assert [worth_compiling(scans) for scans in (49_000, 1_000, 1, 0)] == [False, False, True, True]
+
+
+@given(table=st.integers(1, 9).flatmap(lambda n: st.lists(st.lists(st.one_of(st.just(np.nan), st.floats(-9, 9)), min_size=n, max_size=n), min_size=1, max_size=5)))
+def test_the_medians_of_the_ripple_are_numpys(table):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a row without any number
+        expected = np.nanmedian(np.array(table), axis=1)
+    assert np.array_equal(_medians(np.array(table)), expected, equal_nan=True)

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from heatertune import __version__
 from heatertune.cli import (
     advise,
+    bench,
     compare,
     completion,
     decode,
@@ -37,7 +38,7 @@ __all__ = ["main"]
 
 COMMANDS = (
     design, fit, validate, plan, tune, pareto, export_db, verify, compare, advise, study, fleet, report, decode, replay,
-    targets, studio, doctor, completion,
+    targets, studio, doctor, bench, completion,
 )
 
 _EPILOG = """\

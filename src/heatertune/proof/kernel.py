@@ -47,7 +47,10 @@ class Events(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """The scans: interval [s], and for each the setpoint in the controller's units, noise [°C] and delay [s]."""
+    """The scans: interval [s], and for each the setpoint in the controller's units, noise [°C] and delay [s].
+
+    One number of noise or delay serves all scans.
+    """
 
     scan_s: float
     setpoints: Places
@@ -72,7 +75,8 @@ class Record(NamedTuple):
 class Batch(NamedTuple):
     """Many loops of one controller: what differs between them, one row for each; see `run` for the meaning.
 
-    Of a plant the numbers of `Plant` and the temperature at the start. Of the setpoints one row may serve all.
+    Of a plant the numbers of `Plant` and the temperature at the start. One row of setpoints, noise
+    or delays may serve all.
     """
 
     setpoints: Places
@@ -119,17 +123,19 @@ def run(
     Returns:
         How often the heater was switched, and how many stretches of constant power there were.
     """
-    scan_s, late = clock.scan_s, clock.late
+    scan_s, late, noise = clock.scan_s, clock.late, clock.noise
+    shaken, noisy = len(late) > 1, len(noise) > 1
     whole = factors(scan_s, plant)
     flow = Flow(0.0, start, start, plant.ambient, 0.0, 0.0)
-    carried = 0.0
+    carried = begin = tick = 0.0
     begun = ticked = switched = arrived = happened = 0
     rows = _stretch(record, 0, flow)
     seen, rest = _begin(meter, start)
-    for k in range(len(clock.noise)):
-        t = k * scan_s + late[k]
-        quiet = k > 0 and late[k] == late[k - 1]
-        due, kind = _next(plant, events, happened, edges, arrived, switched)
+    t, following = late[0], 0.0
+    due, kind = _next(plant, events, happened, edges, arrived, switched)
+    for k in range(len(clock.setpoints)):
+        # the time between two scans is a whole interval where neither is late and nothing happens between them
+        quiet = k > 0 and (not shaken or late[k] == late[k - 1])
         while due <= t:
             quiet = False
             before = moved(flow, due, factors(due - flow.now, plant))
@@ -142,17 +148,22 @@ def run(
             due, kind = _next(plant, events, happened, edges, arrived, switched)
         before, flow = flow, moved(flow, t, whole if quiet else factors(t - flow.now, plant))
         seen, rest = _measured(meter, seen, rest, plant, before, flow, HEAT)
-        reading = measure(sensor, flow.y + clock.noise[k])
-        cycle_start = ticked * pwm[0] <= t + INSTANT_S
-        while ticked * pwm[0] <= t + INSTANT_S:
+        reading = measure(sensor, flow.y + (noise[k] if noisy else noise[0]))
+        cycle_start = tick <= t + INSTANT_S
+        while tick <= t + INSTANT_S:
             ticked += 1
+            tick = ticked * pwm[0]
         state, power, _, flags = step(parameters, state, clock.setpoints[k], reading, cycle_start)
         _scanned(record, meter, k, flow.y, reading, power, flags)
-        following = (k + 1) * scan_s + late[min(k + 1, len(late) - 1)]
-        while begun * pwm[0] < following - INSTANT_S:
-            on, carried = on_time(power, carried, pwm)
-            switched = _pulse(edges, switched, begun * pwm[0], min(on, cut - begun * pwm[0]), pwm[0])
-            begun += 1
+        following = (k + 1) * scan_s + (late[min(k + 1, len(late) - 1)] if shaken else late[0])
+        if begin < following - INSTANT_S:
+            while begin < following - INSTANT_S:
+                on, carried = on_time(power, carried, pwm)
+                switched = _pulse(edges, switched, begin, min(on, cut - begin), pwm[0])
+                begun += 1
+                begin = begun * pwm[0]
+            due, kind = _next(plant, events, happened, edges, arrived, switched)
+        t = following
     _end(meter, seen, rest, edges, switched, flow.now)
     return switched, rows
 
@@ -176,11 +187,12 @@ def run_all(
         meter: its phases, totals, high and low have one row for each loop.
     """
     found = 0, 0
-    for i in range(len(batch.noise)):
+    for i in range(len(batch.plants)):
         row = batch.plants[i]
         setpoints = batch.setpoints[i % len(batch.setpoints)]
+        noise, late = batch.noise[i % len(batch.noise)], batch.late[i % len(batch.late)]
         found = run(
-            parameters, state, sensor, Clock(scan_s, setpoints, batch.noise[i], batch.late[i]),
+            parameters, state, sensor, Clock(scan_s, setpoints, noise, late),
             Plant(row[0], row[1], row[2], row[3], row[4]), row[5],
             Events(batch.event_time[i], batch.event_kind[i], batch.event_value[i]), pwm, cut, edges, record,
             Meter(meter.measures, meter.setpoint, meter.band, meter.period, meter.wrong, meter.phases[i],

@@ -23,8 +23,8 @@ from heatertune.proof.scenario import Kick, Scenario, conditions, temperatures
 from heatertune.proof.trace import Trace
 
 __all__ = [
-    "Controller", "actuator_of", "controller_of", "events_of", "plant_row", "pulses_of", "ring_size", "run_loop",
-    "run_plainly", "run_with", "scans_of", "setpoints_of", "simulate", "traced",
+    "Controller", "actuator_of", "controller_of", "events_of", "plant_row", "pulses_of", "ring_size", "run_compiled",
+    "run_loop", "run_plainly", "run_with", "scans_of", "setpoints_of", "simulate", "traced",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -109,7 +109,7 @@ def run_loop(
     conditions(scenario, model)
     scans = scans_of(controller, scenario)
     noise = np.random.default_rng(scenario.seed).normal(0.0, scenario.noise_degC, scans)
-    return traced(controller, model, scenario, actuator, noise, np.zeros(scans), cut_s=cut_s)
+    return traced(controller, model, scenario, actuator, noise, np.zeros(1), cut_s=cut_s)
 
 
 def scans_of(controller: Controller, scenario: Scenario) -> int:
@@ -121,11 +121,11 @@ def traced(
     controller: Controller, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, noise_degC: Array,
     late_s: Array, *, cut_s: float = math.inf,
 ) -> Trace:
-    """Return the trace of one run whose noise and delay at each scan are given, able to hold the setpoint or not."""
-    actuator, scans = actuator_of(controller, actuator), len(noise_degC)
+    """Return the trace of one run whose noise and delay are given, able to hold the setpoint or not; see `Clock`."""
+    actuator, scans = actuator_of(controller, actuator), scans_of(controller, scenario)
     time = np.arange(scans, dtype=np.float64) * controller.scan_s + late_s
     plant = plant_row(model, scenario)
-    setpoints = setpoints_of(controller, [plant[-1]], noise_degC[None])
+    setpoints = setpoints_of(controller, [plant[-1] + float(noise_degC[0])], scans)
     events = events_of(scenario, [model.dead_time_s])
     batch = Batch(setpoints, noise_degC[None], late_s[None], np.array([plant]), *events)
     pulses = pulses_of(time[-1] + 2.0 * controller.scan_s, actuator)
@@ -166,13 +166,18 @@ def run_with(controller: Controller, given: tuple[Any, ...], scans: int) -> tupl
     core = controller.core
     given = (controller.parameters, controller.state, controller.sensor, controller.scan_s, *given)
     if core.compiles and worth_compiling(scans):
-        return cast("tuple[int, int]", compiled(_run_of(core))(*given))
+        return run_compiled(core, given)
     return run_plainly(core, given)
 
 
 def _run_of(core: Core) -> Callable[..., tuple[int, int]]:
     loop = bound(run, step=core.step, measure=core.measure)
     return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop))
+
+
+def run_compiled(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
+    """Run the kernel as machine code, compiled where it is not yet; `given` are all of `run_all`'s arguments."""
+    return cast("tuple[int, int]", compiled(_run_of(core))(*given))
 
 
 def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
@@ -233,14 +238,11 @@ def events_of(
     return table[..., 0].copy(), table[..., 1].astype(np.int64), table[..., 2].copy()
 
 
-def setpoints_of(controller: Controller, starts_degC: Sequence[float], noise_degC: Array) -> npt.NDArray[Any]:
-    """Return the setpoints of runs, shape (n, scans); one row for all where no ramp begins at a run's first reading."""
+def setpoints_of(controller: Controller, first_degC: Sequence[float], scans: int) -> npt.NDArray[Any]:
+    """Return the setpoints of runs that first see these temperatures, shape (n, scans); without a ramp one row."""
     moves = controller.words is None or controller.words.ramp is not None
-    firsts = [
-        controller.core.measure(controller.sensor, start + float(noise[0]))
-        for start, noise in zip(starts_degC, noise_degC, strict=True)
-    ]
-    return np.array([controller.setpoints(first, noise_degC.shape[1]) for first in (firsts if moves else firsts[:1])])
+    firsts = [controller.core.measure(controller.sensor, each) for each in (first_degC if moves else first_degC[:1])]
+    return np.array([controller.setpoints(first, scans) for first in firsts])
 
 
 def pulses_of(seconds: float, actuator: Actuator) -> int:

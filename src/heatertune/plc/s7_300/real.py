@@ -12,38 +12,30 @@ from typing import Final
 
 from heatertune.plc.single import divided, single
 
-__all__ = ["Real", "clamp"]
+__all__ = ["clamp", "quotient", "real"]
 
 _LEAST_NORMAL: Final = 2.0**-126
 
 
-class Real:
-    """The accumulator of one block call: rounds every result once and remembers what overflowed.
+def real(value: float, os: bool = False) -> tuple[float, bool]:
+    """Return an exact (double precision) result as REAL, rounded once, and OS after it.
 
-    Attributes:
-        overflow: whether a result was infinite, too small or not a number (OS).
+    Args:
+        value: sum, difference or product of two REALs.
+        os: whether a result before was infinite, too small or not a number.
     """
+    if abs(value) < _LEAST_NORMAL:
+        return (value if value == 0.0 else 0.0), os or value != 0.0
+    rounded = single(value)
+    if math.isfinite(rounded):
+        return rounded, os
+    # one object for all of them, as the CPU has one bit pattern: equal states compare as equal
+    return (math.nan if math.isnan(rounded) else rounded), True
 
-    __slots__ = ("overflow",)
 
-    def __init__(self) -> None:
-        self.overflow = False
-
-    def of(self, value: float) -> float:
-        """Return an exact (double precision) result as REAL."""
-        if abs(value) < _LEAST_NORMAL:
-            self.overflow |= value != 0.0
-            return value if value == 0.0 else 0.0
-        rounded = single(value)
-        if math.isfinite(rounded):
-            return rounded
-        self.overflow = True
-        # one object for all of them, as the CPU has one bit pattern: equal states compare as equal
-        return math.nan if math.isnan(rounded) else rounded
-
-    def quotient(self, dividend: float, divisor: float) -> float:
-        """Return a quotient; by zero it is infinite or, for 0/0, not a number."""
-        return self.of(divided(dividend, divisor) if divisor == 0.0 else dividend / divisor)
+def quotient(dividend: float, divisor: float, os: bool = False) -> tuple[float, bool]:
+    """Return a quotient and OS after it, as `real`; by zero it is infinite or, for 0/0, not a number."""
+    return real(divided(dividend, divisor) if divisor == 0.0 else dividend / divisor, os)
 
 
 def clamp(value: float, low: float, high: float) -> float:

@@ -24,7 +24,7 @@ def high_word(value: int) -> int:
     return value >> 16
 
 
-def added(output: int, operand: int, bits: int, *, wrap: bool) -> tuple[int, bool]:
+def added(output: int, operand: int, bits: int, wrap: bool) -> tuple[int, bool]:
     """+I, −I, +D, −D: output plus operand (negative for a difference), and whether it overflows."""
     wrapped = signed(output + operand, bits)
     if wrapped == output + operand:

@@ -94,7 +94,7 @@ def _sum(width: int, sign: int) -> Callable[[str, str], Action]:
         read, place = _operand(operand, width), cell(output, width)
 
         def act(cpu: Cpu) -> None:
-            result, overflow = added(cpu.get(place), sign * read(cpu), 8 * width, wrap=cpu.wrap)
+            result, overflow = added(cpu.get(place), sign * read(cpu), 8 * width, cpu.wrap)
             cpu.put(place, result)
             cpu.flag(result, overflow=overflow)
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from heatertune.plc.s7_200.machine.arithmetic import added, divided, high_word, multiplied, signed
 
-__all__ = ["FIRST_EDGE", "Constants", "Memory", "scan"]
+__all__ = ["FIRST_EDGE", "Constants", "Memory", "counted", "power_pct", "rises", "scan"]
 
 #: S Q0.0,1 reaches I0.0 behind its input filter, some scans after the first
 FIRST_EDGE = 3
@@ -46,47 +46,51 @@ class Memory(NamedTuple):
     overflow: bool = False  # SM1.1
     zero_division: bool = False  # SM1.3
 
-    def counted(self) -> Memory:
-        """Return the memory at the beginning of the next scan, the flags cleared."""
-        return self._replace(overflow=False, zero_division=False, scans=min(self.scans + 1, FIRST_EDGE + 1))
 
-    def rises(self, c: Constants, cycle_start: bool) -> bool:
-        """Return whether Q0.0 rises before the next scan."""
-        if self.scans == FIRST_EDGE:
-            return True
-        if not c.loads_cycle:  # a cycle of 2 ms begins in every scan
-            return 0 < self.applied < _UNLOADED or not c.stops_at_rails
-        return cycle_start and (0 < self.applied < c.cycle_ms or not c.stops_at_rails)
+def counted(m: Memory) -> Memory:
+    """Return the memory at the beginning of the next scan, the flags cleared."""
+    return Memory(m.error, m.previous, m.change, m.width, m.applied, min(m.scans + 1, FIRST_EDGE + 1), False, False)
 
-    def power_pct(self, c: Constants) -> float:
-        """Return the share of the PWM cycle in which Q0.0 is on [%]."""
-        cycle = c.cycle_ms if c.loads_cycle else _UNLOADED
-        return 100.0 * min(self.applied, cycle) / cycle
+
+def rises(c: Constants, m: Memory, cycle_start: bool) -> bool:
+    """Return whether Q0.0 rises before the next scan."""
+    if m.scans == FIRST_EDGE:
+        return True
+    if not c.loads_cycle:  # a cycle of 2 ms begins in every scan
+        return 0 < m.applied < _UNLOADED or not c.stops_at_rails
+    return cycle_start and (0 < m.applied < c.cycle_ms or not c.stops_at_rails)
+
+
+def power_pct(c: Constants, applied: int) -> float:
+    """Return the share of the PWM cycle in which Q0.0 is on [%], its width being `applied` [ms]."""
+    cycle = c.cycle_ms if c.loads_cycle else _UNLOADED
+    return 100.0 * min(applied, cycle) / cycle
 
 
 def scan(c: Constants, m: Memory, setpoint: int, reading: int, cycle_start: bool) -> Memory:
     """Return the memory after one scan: the interrupt where Q0.0 rises, then networks 3 to 7."""
-    m = m.counted()
-    if m.rises(c, cycle_start):
+    m = counted(m)
+    if rises(c, m, cycle_start):
         m = _output_interrupt(c, m)
-    word, flag_0 = added(_in_high_byte(setpoint, c.pot1), -_in_high_byte(reading, 0), 16, wrap=c.wrap)
+    word, flag_0 = added(_in_high_byte(setpoint, c.pot1), -_in_high_byte(reading, 0), 16, c.wrap)
     previous = m.error
     ac0 = multiplied(c.kp, previous)
-    ac1, flag_1 = added(previous, word, 16, wrap=c.wrap)
+    ac1, flag_1 = added(previous, word, 16, c.wrap)
     ac1 = multiplied(c.t, multiplied(c.ki, ac1))  # the second MUL reads the low word of the first one's product
-    ac0, flag_2 = added(ac0, ac1, 32, wrap=c.wrap)
-    ac1, flag_3 = added(word, -previous, 16, wrap=c.wrap)
+    ac0, flag_2 = added(ac0, ac1, 32, c.wrap)
+    ac1, flag_3 = added(word, -previous, 16, c.wrap)
     ac1, zero = divided(multiplied(c.kd, ac1), c.t)  # the remainder stays in the high word
-    ac0, flag_4 = added(ac0, ac1, 32, wrap=c.wrap)
+    ac0, flag_4 = added(ac0, ac1, 32, c.wrap)
     overflow = m.overflow or flag_0 or flag_1 or flag_2 or flag_3 or flag_4
-    return m._replace(error=word, previous=previous, change=high_word(ac0), overflow=overflow, zero_division=zero)
+    return Memory(word, previous, high_word(ac0), m.width, m.applied, m.scans, overflow, zero)
 
 
 def _output_interrupt(c: Constants, m: Memory) -> Memory:
     """Network 12: add, limit to the cycle, limit to zero, PLS."""
-    width, overflow = added(m.width, m.change, 16, wrap=c.wrap)
+    width, overflow = added(m.width, m.change, 16, c.wrap)
     width = c.cycle_ms if width >= c.cycle_ms else max(width, 0)
-    return m._replace(width=width, applied=m.width if c.next_cycle else width, overflow=overflow)
+    applied = m.width if c.next_cycle else width
+    return Memory(m.error, m.previous, m.change, width, applied, m.scans, overflow, m.zero_division)
 
 
 def _in_high_byte(byte: int, low: int) -> int:

@@ -10,7 +10,7 @@ from heatertune.plc.room import Certificate, Core, Room, Running, Scan, Switch, 
 from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
 from heatertune.plc.s7_200.paper.faults import faults
 from heatertune.plc.s7_200.paper.listing import printed_program
-from heatertune.plc.s7_200.paper.program import Constants, Memory
+from heatertune.plc.s7_200.paper.program import Constants, Memory, counted, power_pct, rises, scan
 from heatertune.plc.s7_200.paper.words import FIELDS, check_words, encode
 from heatertune.plc.s7_200.wiring import COUNTS, WIDTH_APPLIES, head, inputs_of
 from heatertune.plc.s7_200.words import TIMER
@@ -47,18 +47,31 @@ def _step(
     loaded: _Loaded, state: _Memory, setpoint: int, reading: int, begins: bool
 ) -> tuple[_Memory, float, int, int]:
     """Run the interrupt, where Q0.0 has risen and it is attached, and one scan."""
-    c, memory = loaded.constants, state.memory.counted()
+    c, memory = loaded.constants, counted(state.memory)
     cpu, overflow, attached = state.cpu.written(inputs_of(setpoint, reading)), False, dict(state.cpu.attached)
-    if memory.rises(c, begins) and cpu.enabled and 0 in attached:
+    if rises(c, memory, begins) and cpu.enabled and 0 in attached:
         before = cpu.width
         cpu = run(loaded.program, attached[0], cpu, wrap=c.wrap)
         overflow = cpu.overflow
         memory = memory._replace(applied=before if c.next_cycle else cpu.width)
     cpu = run(loaded.program, "OB1", cpu, wrap=c.wrap).written({"SM0.1": 0})
     bits = int(overflow or cpu.overflow) + 2 * int(cpu.zero_division)
-    return _Memory(cpu, memory), memory.power_pct(c), memory.applied, bits
+    return _Memory(cpu, memory), power_pct(c, memory.applied), memory.applied, bits
 
 
+def _direct_step(
+    c: Constants, state: Memory, setpoint: int, reading: int, begins: bool
+) -> tuple[Memory, float, int, int]:
+    """Compute the same without the listing."""
+    after = scan(c, state, setpoint, reading, begins)
+    return after, power_pct(c, after.applied), after.applied, int(after.overflow) + 2 * int(after.zero_division)
+
+
+def _direct(words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:
+    return _DIRECT, Running(constants(words, switches), Memory())
+
+
+_DIRECT: Final = Core(step=_direct_step, measure=count, flags=("SM1.1", "SM1.3"))
 _CORE: Final = Core(step=_step, measure=count, flags=("SM1.1", "SM1.3"), compiles=False)
 
 
@@ -123,5 +136,6 @@ ROOM: Final = PaperProgram(
     check=check_words,
     export=_export,
     core=_CORE,
+    direct=_direct,
     faults=faults,
 )

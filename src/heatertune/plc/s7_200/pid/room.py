@@ -11,6 +11,7 @@ from heatertune.plc.room import Certificate, Core, Room, Running, Scan, Sensor, 
 from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
 from heatertune.plc.s7_200.pid.image import from_image, oddities, to_image
 from heatertune.plc.s7_200.pid.listing import ASKED, SETPOINT, pid_program
+from heatertune.plc.s7_200.pid.program import Memory, Table, cycled
 from heatertune.plc.s7_200.pid.words import FIELDS, TABLE, check_words, decode, encode
 from heatertune.plc.s7_200.wiring import WIDTH_APPLIES, ascii_only
 from heatertune.plc.s7_200.words import TIMER, cycle_ms
@@ -63,6 +64,26 @@ def _measure(sensor: Sensor, temperature_degC: float) -> int:
     return _STEP * int(min(max(share * sensor.counts, 0.0), float(sensor.counts)))
 
 
+def _direct_step(
+    p: tuple[Table, int, bool, bool], state: Memory, setpoint: int, reading: int, _begins: bool
+) -> tuple[Memory, float, int, int]:
+    """Compute the same without the listing."""
+    table, cycle, next_cycle, bumpless = p
+    after = cycled(table, cycle, state, divided(float(setpoint), float(_FULL)), _share(reading), bumpless)
+    width = state.width if next_cycle else after.width
+    return after, 100.0 * min(width, cycle) / cycle, width, int(after.overflow)
+
+
+def _share(reading: int) -> float:
+    return divided(float(reading), float(_FULL))
+
+
+def _direct(words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:
+    v, listed = words.values, _settings(words, switches)
+    return _DIRECT, Running((Table(v["KC"], v["TS"], v["TI"], v["TD"]), *listed), Memory())
+
+
+_DIRECT: Final = Core(step=_direct_step, measure=_measure, flags=("SM1.1",))
 _CORE: Final = Core(step=_step, measure=_measure, flags=("SM1.1",), compiles=False)
 
 
@@ -77,16 +98,18 @@ class S7200Pid(Room):
 
     def start(self, words: Words, switches: Mapping[str, str]) -> Running:
         """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""
-        loaded = _Loaded(
-            program=assemble(pid_program(replace(words, ramp=None))), cycle_ms=cycle_ms(words),
-            next_cycle=switches.get("width_applies") == "next_cycle",
-            bumpless=switches.get("first_call") != "setpoint_kept",
-        )
-        return Running(loaded, _Memory())
+        program = assemble(pid_program(replace(words, ramp=None)))
+        return Running(_Loaded(program, *_settings(words, switches)), _Memory())
 
     def scan(self, state: Running, inputs: Mapping[str, int]) -> tuple[Running, Scan]:
         """Run one sampling interval."""
         return _CORE.run(state, inputs["SP"], inputs["PV"], cycle_start=True)
+
+
+def _settings(words: Words, switches: Mapping[str, str]) -> tuple[int, bool, bool]:
+    """Return the PWM cycle [ms], whether a width applies one cycle later, whether the loop begins without a bump."""
+    later, kept = switches.get("width_applies") == "next_cycle", switches.get("first_call") == "setpoint_kept"
+    return cycle_ms(words), later, not kept
 
 
 def _bits(value: float) -> int:
@@ -128,6 +151,7 @@ ROOM: Final = S7200Pid(
     check=check_words,
     export=_export,
     core=_CORE,
+    direct=_direct,
     read_image=from_image,
     oddities=oddities,
     ramped=True,

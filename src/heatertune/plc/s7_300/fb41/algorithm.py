@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from heatertune.plc.s7_300.module import FULL_SCALE
-from heatertune.plc.s7_300.real import Real
+from heatertune.plc.s7_300.real import quotient, real
 
 __all__ = ["Assumptions", "Parameters", "State", "call", "restart", "scaled"]
 
@@ -77,80 +77,114 @@ def restart(p: Parameters) -> State:
     return State(integral=p.initial)
 
 
-def scaled(r: Real, p: Parameters, reading: int) -> float:
-    """Return PV of an analog value, in the unit of PV_FAC."""
-    percent = r.quotient(r.of(reading * _PERCENT), FULL_SCALE)
-    return r.of(r.of(percent * p.pv_factor) + p.pv_offset)
+def scaled(p: Parameters, reading: int, os: bool = False) -> tuple[float, bool]:
+    """Return PV of an analog value, in the unit of PV_FAC, and OS after it."""
+    value, os = real(reading * _PERCENT, os)
+    value, os = quotient(value, FULL_SCALE, os)
+    value, os = real(value * p.pv_factor, os)
+    return real(value + p.pv_offset, os)
 
 
-def call(p: Parameters, assume: Assumptions, state: State, setpoint: float, reading: float, r: Real) -> State:
-    """Return the state after one call; setpoint SP_INT and reading PV in the unit of PV_FAC."""
-    error = r.of(p.gain * _dead_band(r, p, r.of(setpoint - reading)))
+def call(
+    p: Parameters, assume: Assumptions, state: State, setpoint: float, reading: float, os: bool = False
+) -> State:
+    """Return the state after one call; setpoint SP_INT and reading PV in the unit of PV_FAC, OS as it was before."""
+    error, os = real(setpoint - reading, os)
+    error, os = _dead_band(p, error, os)
+    error, os = real(p.gain * error, os)
     proportional = error if p.p_sel else 0.0
-    integral, integral_rest = _integral(r, p, assume, state, error, proportional)
-    derivative, feedback, feedback_rest = _derivative(r, p, assume, state, error)
-    total = r.of(r.of(r.of(proportional + integral) + derivative) + p.disturbance)
+    integral, integral_rest, os = _integral(p, assume, state, error, proportional, os)
+    derivative, feedback, feedback_rest, os = _derivative(p, assume, state, error, os)
+    total, os = real(proportional + integral, os)
+    total, os = real(total + derivative, os)
+    total, os = real(total + p.disturbance, os)
     if p.man_on:
         total = p.manual
     elif p.i_sel and not p.i_itl_on and not assume.only_held:
-        integral = _taken_back(r, p, integral, total, r.of(total - state.derivative))
+        without_d, os = real(total - state.derivative, os)
+        integral, os = _taken_back(p, integral, total, without_d, os)
     at_upper = total >= p.upper
     at_lower = not at_upper and total <= p.lower
     limited = p.upper if at_upper else p.lower if at_lower else total
+    output, os = real(limited * p.lmn_factor, os)
+    output, os = real(output + p.lmn_offset, os)
     return State(
-        integral=integral, before=error, derivative=derivative, feedback=feedback, integral_rest=integral_rest,
-        feedback_rest=feedback_rest, limited=limited, at_upper=at_upper, at_lower=at_lower,
-        output=r.of(r.of(limited * p.lmn_factor) + p.lmn_offset), overflow=r.overflow,
+        integral, error, derivative, feedback, integral_rest, feedback_rest, limited, at_upper, at_lower, output, os
     )
 
 
-def _dead_band(r: Real, p: Parameters, error: float) -> float:
+def _dead_band(p: Parameters, error: float, os: bool) -> tuple[float, bool]:
     if error > p.dead_band:
-        return r.of(error - p.dead_band)
-    return r.of(error + p.dead_band) if error < -p.dead_band else 0.0
+        return real(error - p.dead_band, os)
+    return real(error + p.dead_band, os) if error < -p.dead_band else (0.0, os)
 
 
 def _integral(
-    r: Real, p: Parameters, assume: Assumptions, state: State, error: float, proportional: float
-) -> tuple[float, float]:
-    """Return the integral part and what rounding cut off."""
+    p: Parameters, assume: Assumptions, state: State, error: float, proportional: float, os: bool
+) -> tuple[float, float, bool]:
+    """Return the integral part, what rounding cut off, and OS."""
     if not p.i_sel:
-        return 0.0, 0.0
+        return 0.0, 0.0, os
     if p.i_itl_on:
-        return p.initial, 0.0
+        return p.initial, 0.0, os
     if p.man_on:  # ready for a return without a step
-        return r.of(r.of(state.limited - proportional) - p.disturbance), 0.0
-    ti = max(p.ti, r.of(p.cycle * 0.5))
-    mean = error if assume.rectangle else r.of(r.of(error + state.before) * 0.5)
-    change = r.of(r.of(r.quotient(p.cycle, ti) * mean) + state.integral_rest)
+        integral, os = real(state.limited - proportional, os)
+        integral, os = real(integral - p.disturbance, os)
+        return integral, 0.0, os
+    half, os = real(p.cycle * 0.5, os)
+    mean = error
+    if not assume.rectangle:
+        mean, os = real(error + state.before, os)
+        mean, os = real(mean * 0.5, os)
+    share, os = quotient(p.cycle, max(p.ti, half), os)
+    change, os = real(share * mean, os)
+    change, os = real(change + state.integral_rest, os)
     outward = (change > 0.0 and state.at_upper) or (change < 0.0 and state.at_lower)
     if p.int_hold or outward:
         change = 0.0
-    integral = r.of(state.integral + change)
-    return integral, r.of(r.of(state.integral - integral) + change)
+    integral, os = real(state.integral + change, os)
+    rest, os = _cut_off(state.integral, integral, change, os)
+    return integral, rest, os
 
 
 def _derivative(
-    r: Real, p: Parameters, assume: Assumptions, state: State, error: float
-) -> tuple[float, float, float]:
-    """Return the derivative part, its feedback and what rounding cut off."""
+    p: Parameters, assume: Assumptions, state: State, error: float, os: bool
+) -> tuple[float, float, float, bool]:
+    """Return the derivative part, its feedback, what rounding cut off, and OS."""
     if p.man_on or not p.d_sel:
-        return 0.0, error, 0.0
-    half = r.of(p.cycle * 0.5)
+        return 0.0, error, 0.0, os
+    half, os = real(p.cycle * 0.5, os)
     td, lag = max(p.td, p.cycle), max(p.tm_lag, half)
-    share = r.quotient(td, r.of((p.cycle if assume.whole_cycle else half) + lag))
-    derivative = r.of(r.of(error - state.feedback) * share)
-    change = r.of(r.of(r.quotient(p.cycle, td) * derivative) + state.feedback_rest)
-    feedback = r.of(change + state.feedback)
-    return derivative, feedback, r.of(r.of(state.feedback - feedback) + change)
+    both, os = real((p.cycle if assume.whole_cycle else half) + lag, os)
+    share, os = quotient(td, both, os)
+    derivative, os = real(error - state.feedback, os)
+    derivative, os = real(derivative * share, os)
+    change, os = quotient(p.cycle, td, os)
+    change, os = real(change * derivative, os)
+    change, os = real(change + state.feedback_rest, os)
+    feedback, os = real(change + state.feedback, os)
+    rest, os = _cut_off(state.feedback, feedback, change, os)
+    return derivative, feedback, rest, os
 
 
-def _taken_back(r: Real, p: Parameters, integral: float, total: float, without_d: float) -> float:
-    """Take the integral part back to the limit that it alone leaves."""
-    room = r.of(p.upper - p.disturbance)
+def _cut_off(before: float, after: float, change: float, os: bool) -> tuple[float, bool]:
+    """Return what rounding cut off a change, and OS."""
+    missed, os = real(before - after, os)
+    return real(missed + change, os)
+
+
+def _taken_back(
+    p: Parameters, integral: float, total: float, without_d: float, os: bool
+) -> tuple[float, bool]:
+    """Take the integral part back to the limit that it alone leaves; OS comes with it."""
+    room, os = real(p.upper - p.disturbance, os)
     if integral > room and total > p.upper and without_d > p.upper:
-        return r.of(integral - min(r.of(integral - room), r.of(total - p.upper)))
-    room = r.of(p.lower - p.disturbance)
+        own, os = real(integral - room, os)
+        beyond, os = real(total - p.upper, os)
+        return real(integral - min(own, beyond), os)
+    room, os = real(p.lower - p.disturbance, os)
     if integral < room and total < p.lower and without_d < p.lower:
-        return r.of(integral - max(r.of(integral - room), r.of(total - p.lower)))
-    return integral
+        own, os = real(integral - room, os)
+        beyond, os = real(total - p.lower, os)
+        return real(integral - max(own, beyond), os)
+    return integral, os

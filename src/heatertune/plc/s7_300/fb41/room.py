@@ -12,7 +12,7 @@ from heatertune.plc.s7_300.fb41.export import export_words
 from heatertune.plc.s7_300.fb41.image import from_image, oddities
 from heatertune.plc.s7_300.fb41.words import FIELDS, check_words, decode, encode
 from heatertune.plc.s7_300.module import FULL_SCALE, chosen
-from heatertune.plc.s7_300.real import Real, clamp
+from heatertune.plc.s7_300.real import clamp, quotient, real
 from heatertune.plc.s7_300.timer import TIMER
 
 __all__ = ["ROOM", "ContC"]
@@ -36,15 +36,15 @@ _INPUTS: Final = {
 def _step(
     parameters: tuple[Parameters, Assumptions], state: State, setpoint: int, reading: int, _begins: bool
 ) -> tuple[State, float, float, int]:
-    return _called(parameters[0], parameters[1], state, scaled(Real(), parameters[0], setpoint), reading)
+    asked, _ = scaled(parameters[0], setpoint)
+    return _called(parameters[0], parameters[1], state, asked, reading)
 
 
 def _called(
     p: Parameters, assume: Assumptions, state: State, setpoint: float, reading: int
 ) -> tuple[State, float, float, int]:
-    r = Real()
-    pv = scaled(r, p, reading)
-    return _told(call(p, assume, state, setpoint, pv, r))
+    pv, os = scaled(p, reading)
+    return _told(call(p, assume, state, setpoint, pv, os))
 
 
 def _told(after: State) -> tuple[State, float, float, int]:
@@ -53,7 +53,7 @@ def _told(after: State) -> tuple[State, float, float, int]:
     return after, clamp(after.output, 0.0, 100.0), after.output, bits
 
 
-_CORE: Final = Core(step=_step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"), compiles=False)
+_CORE: Final = Core(step=_step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,15 +79,14 @@ class ContC(Room):
         if inputs.get("COM_RST", 0):
             after, *told = _told(restart(p))
         else:
-            setpoint = inputs["SP_INT"] if "SP_INT" in inputs else scaled(Real(), p, int(inputs["SP_PER"]))
+            setpoint = inputs["SP_INT"] if "SP_INT" in inputs else scaled(p, int(inputs["SP_PER"]))[0]
             after, *told = _called(p, assume, state.state, setpoint, int(inputs["PV_PER"]))
         return Running(state.parameters, after), _CORE.told(told)
 
 
 def _parameters(v: Mapping[str, Number]) -> Parameters:
     """Return the words as the block computes with them: TIME in ms becomes REAL in s."""
-    r = Real()
-    seconds = {name: r.quotient(r.of(v[name]), 1000.0) for name in ("CYCLE", "TI", "TD", "TM_LAG")}
+    seconds = {name: quotient(real(v[name])[0], 1000.0)[0] for name in ("CYCLE", "TI", "TD", "TM_LAG")}
     return Parameters(
         cycle=seconds["CYCLE"], gain=v["GAIN"], ti=seconds["TI"], td=seconds["TD"], tm_lag=seconds["TM_LAG"],
         dead_band=v["DEADB_W"], upper=v["LMN_HLM"], lower=v["LMN_LLM"], pv_factor=v["PV_FAC"], pv_offset=v["PV_OFF"],

@@ -18,7 +18,7 @@ import math
 from typing import Final, NamedTuple
 
 from heatertune.plc.s7_300.module import FULL_SCALE
-from heatertune.plc.s7_300.real import Real, clamp
+from heatertune.plc.s7_300.real import clamp, quotient, real
 
 __all__ = ["COLD", "Assumptions", "Parameters", "State", "call", "manual"]
 
@@ -55,35 +55,46 @@ COLD: Final = State()
 
 def call(p: Parameters, assume: Assumptions, state: State, setpoint: int, reading: int) -> State:
     """Return the state after one call in automatic."""
-    r = Real()
-    sp, pv = r.quotient(setpoint, FULL_SCALE), r.quotient(reading, FULL_SCALE)
+    sp, os = quotient(setpoint, FULL_SCALE)
+    pv, os = quotient(reading, FULL_SCALE, os)
     before = state.reading if state.started or assume.starts_at_zero else pv
-    factor = p.gain if p.gain != 0.0 else 1.0
-    ci = r.of(r.quotient(p.sample, p.reset) * factor) if p.reset != 0.0 else 0.0
-    cd = r.of(r.quotient(p.rate, p.sample) * factor)
-    error = r.of(sp - pv)
-    mp = r.of(p.gain * error)
-    mi = r.of(r.of(ci * error) + state.bias)
-    md = r.of(cd * r.of(before - pv))
-    output = r.of(r.of(mp + mi) + md)
-    bias = _bias(r, assume, output, mi, r.of(mp + md))
-    scaled = r.of(clamp(output, 0.0, 1.0) * FULL_SCALE)
-    whole = math.trunc(scaled) if assume.truncates else round(scaled)
-    return State(bias=bias, reading=pv, started=True, output=whole, overflow=r.overflow)
+    ci, cd, os = _coefficients(p, os)
+    error, os = real(sp - pv, os)
+    mp, os = real(p.gain * error, os)
+    mi, os = real(ci * error, os)
+    mi, os = real(mi + state.bias, os)
+    md, os = real(before - pv, os)
+    md, os = real(cd * md, os)
+    output, os = real(mp + mi, os)
+    output, os = real(output + md, os)
+    other, os = real(mp + md, os)
+    bias, os = _bias(assume, output, mi, other, os)
+    scaled, os = real(clamp(output, 0.0, 1.0) * FULL_SCALE, os)
+    return State(bias, pv, True, math.trunc(scaled) if assume.truncates else round(scaled), os)
 
 
 def manual(state: State, reading: int, output: int | None = None) -> State:
     """Return the state after one call in manual: the user's OUT stays, and the bias follows it."""
-    r = Real()
     out = state.output if output is None else output
-    bias = clamp(r.quotient(out, FULL_SCALE), 0.0, 1.0)
-    return State(bias=bias, reading=r.quotient(reading, FULL_SCALE), started=True, output=out, overflow=r.overflow)
+    bias, os = quotient(out, FULL_SCALE)
+    pv, os = quotient(reading, FULL_SCALE, os)
+    return State(bias=clamp(bias, 0.0, 1.0), reading=pv, started=True, output=out, overflow=os)
 
 
-def _bias(r: Real, assume: Assumptions, output: float, mi: float, other: float) -> float:
-    """Adjust the bias so that the output ends at its limit (formulas 2.8 and 2.9)."""
-    if output > 1.0:
-        return clamp(r.of(1.0 - other), 0.0, 1.0)
-    if output >= 0.0:
-        return clamp(mi, 0.0, 1.0) if assume.bias_always_clamped else mi
-    return clamp(r.of(0.0 - other), 0.0, 1.0)
+def _coefficients(p: Parameters, os: bool) -> tuple[float, float, bool]:
+    """Return CI, CD and OS."""
+    factor, ci = p.gain if p.gain != 0.0 else 1.0, 0.0
+    if p.reset != 0.0:
+        ci, os = quotient(p.sample, p.reset, os)
+        ci, os = real(ci * factor, os)
+    cd, os = quotient(p.rate, p.sample, os)
+    cd, os = real(cd * factor, os)
+    return ci, cd, os
+
+
+def _bias(assume: Assumptions, output: float, mi: float, other: float, os: bool) -> tuple[float, bool]:
+    """Adjust the bias so that the output ends at its limit (formulas 2.8 and 2.9); OS comes with it."""
+    if 0.0 <= output <= 1.0:
+        return (clamp(mi, 0.0, 1.0) if assume.bias_always_clamped else mi), os
+    adjusted, os = real((1.0 if output > 1.0 else 0.0) - other, os)
+    return clamp(adjusted, 0.0, 1.0), os

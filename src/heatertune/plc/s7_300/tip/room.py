@@ -39,7 +39,7 @@ def _told(after: State) -> tuple[State, float, int, int]:
     return after, min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0), after.output, int(after.overflow)
 
 
-_CORE: Final = Core(step=_step, measure=count, flags=("overflow",), compiles=False)
+_CORE: Final = Core(step=_step, measure=count, flags=("overflow",))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

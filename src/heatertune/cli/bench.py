@@ -1,0 +1,51 @@
+"""`heatertune bench`: how fast this machine runs heatertune."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from heatertune.cli import common, printing
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune bench --target weg --samples 500"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "bench", help="how fast this machine runs the closed loop, a proof on samples and a fit", epilog=_EXAMPLE,
+        description="Time the closed loop of a controller, plain and compiled, a proof on samples and a fit. It takes "
+        "some ten seconds; the first time a loop is compiled, some more.",
+    )
+    command.add_argument("--target", default="s5-ob251", metavar="NAME", help=f"one of {', '.join(common.TARGETS)}")
+    command.add_argument("--samples", type=int, default=1000, metavar="N",
+                         help="how many samples of 3,000 s are run on one processor and on all (default 1000)")
+    printing.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune.chain.speed import speed_document  # noqa: PLC0415 - the help must not wait for it
+
+    told = speed_document(settings.target, settings.samples, progress=printing.Progress(settings))
+    printing.output(settings, told, lambda: _told(told))
+    return 0
+
+
+def _told(found: dict[str, Any]) -> str:
+    from heatertune.report.text import table  # noqa: PLC0415
+
+    loop, rate = found["loop"], found["samples_per_s"]
+    rows = [
+        ("", "time", ""),
+        ("closed loop, plain Python", f"{loop['plain_ns_per_scan']:,.0f} ns", "per scan"),
+        ("closed loop, compiled", f"{loop['compiled_ns_per_scan']:.1f} ns", "per scan, drawn and measured"),
+        ("samples on 1 processor", f"{rate['one']:,.0f}", "per second, 3,000 s each"),
+        (f"samples on {found['processors']} processors", f"{rate['all']:,.0f}", "per second"),
+        ("first samples", f"{loop['first_samples_s']:.2f} s", "compiled, or read from the cache"),
+    ]
+    rows += [(f"fit of {int(rows):,} rows", f"{ms:,.0f} ms", "all candidates and intervals")
+             for rows, ms in found["fit_ms"].items()]
+    return f"{found['target']}, a PI every second, PWM of 10 s\n\n{table(rows)}"
