@@ -29,7 +29,7 @@ PAGES = (
     "howto/many.md", "howto/your_room.md", "howto/terminal.md",
     "explain/sampling.md", "explain/rounding.md", "explain/proof.md", "explain/paper_program.md",
     "explain/no_power.md", "reference/commands.md", "reference/python.md", "reference/controllers.md",
-    "reference/nomenclature.md", "sources.md",
+    "reference/nomenclature.md", "notebooks.md", "sources.md",
 )
 #: installs are run by .ci/run, in a virtual environment of their own
 INSTALL = re.compile(r"pip install |python -m pip install ")
