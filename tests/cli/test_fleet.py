@@ -6,7 +6,12 @@ import pyarrow.parquet
 import pytest
 from tests.conftest import ROOT, heater_log
 
+from heatertune.chain.samples import sample_document
+from heatertune.chain.zone import zone_row
 from heatertune.errors import InputError
+from heatertune.model.by_hand import model_by_hand
+from heatertune.model.values import Fopdt
+from heatertune.plc import Scaling, Words
 
 #: a rule instead of the optimum, and one structure: what is tested is the fleet, not the search
 QUICK = ("--target", "s7-300", "--method", "simc", "--setpoint", 45)
@@ -163,6 +168,25 @@ def test_a_log_that_vanished_is_a_row(logs):
 
     row = zone_row("gone.csv", lambda: _fitted({"reading": {}, "fitting": {}}, _sent(str(logs), "gone.csv")), target="weg")
     assert row == {"name": "gone.csv", "outcome": "no log", "reason": "gone.csv: cannot be read: No such file or directory"}
+
+
+def test_a_zone_is_proven_on_drawn_heaters_too():
+    # the samples of `verify --samples` on the same words: chain.samples, whose figures tests/proof/test_compiled.py holds
+    heater = model_by_hand(Fopdt(gain_degC_per_pct=0.5, time_constant_s=120.0, dead_time_s=10.0, ambient_degC=20.0))
+    asked = {"target": "weg", "tuning": {"method": "simc"}}
+    plain, row = zone_row("zone", lambda: heater, **asked), zone_row("zone", lambda: heater, **asked, samples=20)
+    words = Words(target="weg", values=json.loads(row["words"]), scaling=Scaling(), sample_time_s=row["sample_time_s"])
+    found = sample_document(words, heater, 20)
+    assert row["samples"] == 20
+    assert row["samples_passing_pct"] == 100.0 * found["passing"]
+    assert row["samples_worst_seed"] == found["worst_seed"]
+    assert row["outcome"] == ("PASS" if {plain["outcome"], found["verdict"]} == {"PASS"} else "FAIL")
+    assert "samples" not in plain
+    # a load nobody can hold: power goes with the square of a mains voltage that is far too low on most samples
+    weak = model_by_hand(Fopdt(gain_degC_per_pct=0.26, time_constant_s=120.0, dead_time_s=10.0, ambient_degC=20.0))
+    failed = zone_row("weak", lambda: weak, **asked, samples=20, proving={"setpoint_degC": 44.0})
+    assert failed["outcome"] == "FAIL"
+    assert "of 20 samples keep every limit" in failed["reason"]
 
 
 def test_a_fault_of_the_program_is_a_row():

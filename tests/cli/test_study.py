@@ -69,6 +69,8 @@ def test_cases_are_every_combination_then_the_listed_ones(study):
     (HAND + "[grid]\ntarget = ['weg']\nms = [1.4, '1.6']\n", "[grid]: ms is '1.6'; expected a finite number"),
     (HAND + "[grid]\ntarget = ['weg']\nms = [nan]\n", "[grid]: ms is nan; expected a finite number"),
     (HAND + "[grid]\ntarget = ['weg']\nms = [true]\n", "[grid]: ms is True; expected a finite number"),
+    (HAND + "[grid]\ntarget = ['weg']\nsamples = [1.5]\n", "[grid]: samples is 1.5; expected a whole number, 0 or more"),
+    (HAND + "[grid]\ntarget = ['weg']\nsamples = [-1]\n", "[grid]: samples is -1; expected a whole number, 0 or more"),
     (HAND + "[grid]\ntarget = ['weg', 'weg']\n", "[grid]: target is ['weg', 'weg']; expected each setting once"),
     (HAND + "ms = [1.4]\n[[case]]\ntarget = 'weg'\n", "[fixed]: ms is [1.4]; expected a finite number (lists belong in [grid])"),
     (HAND + "[[case]]\ntarget = 3\n", "[[case]] 1: target is 3; expected a text"),

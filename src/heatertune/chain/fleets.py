@@ -19,6 +19,7 @@ from heatertune.errors import InputError, LogError
 from heatertune.log import read_log
 from heatertune.model.values import FittedModel
 from heatertune.plc import Scaling, room
+from heatertune.units import check
 
 __all__ = ["SCHEMA", "find_logs", "fleet"]
 
@@ -44,7 +45,7 @@ def fleet(
     logs: str | Path, *, target: str, out: str | Path, workers: Workers, resume: bool = False,
     reading: Mapping[str, Any] | None = None, fitting: Mapping[str, Any] | None = None,
     tuning: Mapping[str, Any] | None = None, proving: Mapping[str, Any] | None = None, scaling: Scaling | None = None,
-    words_by: str = "auto", interval_by_words: bool = False, progress: Progress = silent,
+    words_by: str = "auto", interval_by_words: bool = False, samples: int = 0, progress: Progress = silent,
 ) -> dict[str, Any]:
     """Take every log through the chain and write one row per log, sorted by name; return the summary.
 
@@ -64,18 +65,20 @@ def fleet(
         scaling: sensor range.
         words_by: how the words are found, see `choose_words`.
         interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
+        samples: on how many drawn heaters each zone's words are proven as well; 0: none.
         progress: told how many zones are done, and how many there are.
 
     Raises:
         UnknownName: no such target.
         InputError: no log found; as `heatertune.chain.batch.engine`.
     """
+    check("samples", samples, least=0)
     room(target)  # an unknown one is refused before the long part
     folder, names = find_logs(logs)
     options: dict[str, Any] = {
         "target": target, "reading": dict(reading or {}), "fitting": dict(fitting or {}), "tuning": dict(tuning or {}),
         "proving": dict(proving or {}), "scaling": asdict(scaling or Scaling()), "words_by": words_by,
-        "interval_by_words": interval_by_words,
+        "interval_by_words": interval_by_words, "samples": samples,
     }
     listed = hashlib.sha256("\n".join(names).encode()).hexdigest()
     batch = Batch(
@@ -135,7 +138,7 @@ def _zone(options: Mapping[str, Any], zone: Zone) -> Row:
     return zone_row(
         zone.name, partial(_fitted, options, zone), target=options["target"], scaling=Scaling(**options["scaling"]),
         tuning=options["tuning"], proving=options["proving"], words_by=options["words_by"],
-        interval_by_words=options["interval_by_words"],
+        interval_by_words=options["interval_by_words"], samples=options["samples"],
     )
 
 

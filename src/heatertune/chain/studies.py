@@ -103,7 +103,7 @@ def _files(path: Path, cases: Study) -> dict[str, Any]:
 
 
 def _columns(cases: Study) -> tuple[Column, ...]:
-    kinds = {"text": "text", "float": "float", "table": "text"}
+    kinds = {"text": "text", "float": "float", "int": "int", "table": "text"}
     return (
         Column(name="case", kind="int", what="number of the case, from 1"),
         Column(name="name", kind="text", what="what tells the case from the others"),
@@ -133,7 +133,7 @@ def _row(shared: Mapping[str, Any], case: Case) -> Row:  # noqa: ARG001 - the ca
     scaling = Scaling(**{field: settings[key] for key, field in _RANGE.items() if key in settings})
     return _labelled(case, zone_row(
         case.name, partial(_heater, case), target=settings["target"], scaling=scaling, tuning=_given(settings, _TUNING),
-        proving=_proving(settings), words_by=settings.get("words", "auto"),
+        proving=_proving(settings), words_by=settings.get("words", "auto"), samples=settings.get("samples", 0),
     ))
 
 

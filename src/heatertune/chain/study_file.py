@@ -23,7 +23,7 @@ __all__ = ["KEYS", "Key", "Study", "read_study"]
 
 
 class Key(NamedTuple):
-    """What a case may set: a text (one of `known`, where these are given), a float, or a table of texts."""
+    """What a case may set: a text (one of `known`, where these are given), a float, a count, or a table of texts."""
 
     kind: str
     what: str
@@ -70,8 +70,12 @@ KEYS: Final[Mapping[str, Key]] = {
     "interlock": Key("text", "what may open the heater's circuit", tuple(INTERLOCKS)),
     "limit_degC": _float("temperature at which it does [°C]"),
     "fan_stops_s": _float("instant at which its fan fails [s]"),
+    "samples": Key("int", "drawn heaters on which the words are proven, too"),
 }
 
+_EXPECTED: Final = {
+    "float": "a finite number", "int": "a whole number, 0 or more", "text": "a text", "table": "a table of name = text",
+}
 _PARTS: Final = ("fixed", "grid", "case")
 _SOURCES: Final = ("log", "model", "gain_degC_per_pct")
 _BY_HAND: Final = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
@@ -193,13 +197,15 @@ def _setting(where: str, key: str, value: Any) -> Any:
     kind, _, known = KEYS[key]
     if kind == "float" and isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
         return float(value)
+    if kind == "int" and isinstance(value, int) and not isinstance(value, bool) and value >= 0:
+        return value
     if kind == "text" and isinstance(value, str):
         if known:
             _demand_known(where, key, value, known)
         return value
     if kind == "table" and isinstance(value, dict) and all(isinstance(each, str) for each in value.values()):
         return value
-    expected = {"float": "a finite number", "text": "a text", "table": "a table of name = text"}[kind]
+    expected = _EXPECTED[kind]
     many = " (lists belong in [grid])" if isinstance(value, list) else ""
     raise DocumentError(f"{where}: {key} is {value!r}; expected {expected}{many}")
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from heatertune import cache
 from heatertune.chain.batch.values import Column, Row
+from heatertune.chain.samples import sample_document
 from heatertune.chain.stages import prove, tune
 from heatertune.chain.words import choose_words, tune_for_words
 from heatertune.errors import HeatertuneError, LogError
@@ -63,6 +64,9 @@ RESULT: Final = (
     Column(name="runs", kind="int", what="closed-loop runs of the proof"),
     *(Column(name=name, kind="float", what=f"{criterion.replace('_', ' ')}, the worst over all runs")
       for name, criterion in _CRITERIA.items()),
+    Column(name="samples", kind="int", what="drawn heaters on which the words were proven, too"),
+    Column(name="samples_passing_pct", kind="float", what="share of them that keep every limit [%]"),
+    Column(name="samples_worst_seed", kind="int", what="seed of the worst of them, for verify --replay"),
 )
 
 
@@ -85,7 +89,7 @@ def word_columns(targets: Iterable[str]) -> tuple[Column, ...]:
 def zone_row(
     name: str, find: Callable[[], FittedModel], *, target: str, scaling: Scaling | None = None,
     tuning: Mapping[str, Any] | None = None, proving: Mapping[str, Any] | None = None, words_by: str = "auto",
-    interval_by_words: bool = False,
+    interval_by_words: bool = False, samples: int = 0,
 ) -> Row:
     """Take a heater through the chain; what cannot be done is told in the row, never raised.
 
@@ -100,6 +104,7 @@ def zone_row(
         proving: options of `prove`.
         words_by: how the words are found, see `choose_words`.
         interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
+        samples: on how many drawn heaters the words are proven as well, see `sample_document`.
     """
     row: Row = {"name": name}
     stage = "no fit"
@@ -118,7 +123,9 @@ def zone_row(
             words = choose_words(design, target, fitted, scaling=scaling, way=words_by).words
             row |= _words(words)
             stage = "no proof"
-            return row | _proof(prove(words, fitted, **(proving or {})))
+            conditions = proving or {}
+            row |= _proof(prove(words, fitted, **conditions))
+            return row | _sampled(row, sample_document(words, fitted, samples, **conditions)) if samples else row
     except HeatertuneError as problem:
         return row | {"outcome": "no log" if isinstance(problem, LogError) else stage, "reason": str(problem)}
     except Exception as problem:  # one zone must not stop the others, whatever is wrong in the program
@@ -158,3 +165,15 @@ def _proof(proof: Proof) -> Row:
         **{column: None if name not in found or math.isnan(found[name].value) else float(found[name].value)
            for column, name in _CRITERIA.items()},
     }
+
+
+def _sampled(row: Row, found: Mapping[str, Any]) -> Row:
+    """Return what the samples say; a row is PASS where its proof and its samples are."""
+    told: Row = {
+        "samples": found["count"], "samples_passing_pct": 100.0 * found["passing"],
+        "samples_worst_seed": found["worst_seed"],
+    }
+    if found["verdict"] == "PASS":
+        return told
+    few = f"{100.0 * found['passing']:.3g} % of {found['count']} samples keep every limit"
+    return told | {"outcome": "FAIL", "reason": "; ".join(filter(None, (row["reason"], few)))}

@@ -22,6 +22,8 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("logs", metavar="LOGS", help="a folder, a pattern in quotation marks, or a list of paths")
     batch.add_table_options(command)
+    command.add_argument("--samples", type=int, default=0, metavar="N",
+                         help="prove each zone's words on N drawn heaters, too (see: verify --samples)")
     common.add_words_option(command)
     common.add_proof_options(command)
     common.add_log_options(command)
@@ -38,7 +40,7 @@ def _run(settings: argparse.Namespace) -> int:
         settings.logs, target=common.target(settings), out=settings.out, workers=batch.workers(settings),
         resume=settings.resume, reading=common.reading(settings), fitting=common.fitting(settings),
         tuning=common.tuning(settings), proving=common.proving(settings), scaling=common.scaling(settings),
-        words_by=settings.words, interval_by_words=common.interval_by_words(settings),
+        words_by=settings.words, interval_by_words=common.interval_by_words(settings), samples=settings.samples,
         progress=batch.Bar(settings, "zones"),
     )
     printing.output(settings, document, lambda: outcome_lines(document))

@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from heatertune.cli import common, printing
+from heatertune.errors import InputError
 
 __all__ = ["add_to"]
 
@@ -55,6 +56,8 @@ def _run(settings: argparse.Namespace) -> int:
     words, _, fitted = common.words_and_model(settings)
     proving, spread = common.proving(settings), _spread(settings)
     if settings.replay is not None:
+        if settings.setpoint_ramp is not None:
+            raise InputError("--replay runs the words with the ramp they have; --setpoint-ramp would be another proof")
         document = replay_document(words, fitted, settings.replay, spread=spread, **proving)
         printing.output(settings, document, lambda: f"{criteria_table(document)}\nVERDICT {document['verdict']}")
         return 0 if document["verdict"] == "PASS" else 1
