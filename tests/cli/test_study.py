@@ -170,7 +170,7 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
         "range_low_degC": 10.0, "range_high_degC": 90.0, "switches": {"a": "b"}, "setpoint_degC": 50.0,
         "noise_degC": 0.1, "tolerance_degC": 0.7, "pwm_period_s": 8.0, "pwm_resolution_s": 0.25, "minimum_on_s": 0.5,
         "minimum_off_s": 0.75, "pwm_rule": "pid-compact", "interlock": "heater-fan", "limit_degC": 80.0,
-        "fan_stops_s": 99.0,
+        "fan_stops_s": 99.0, "samples": 3,
     }
     assert {*settings, "log", "model", "power_before_pct", "until_s"} == set(KEYS), "no key is forgotten here"
     seen = {}
@@ -185,7 +185,7 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
     assert row["case_switches"] == '{"a": "b"}'
     assert (seen["heater"].gain_degC_per_pct, *seen["heater"].lags_s) == (0.5, 100.0, 9.0)
     assert (seen["heater"].dead_time_s, seen["heater"].ambient_degC) == (5.0, 21.0)
-    assert (seen["target"], seen["words_by"]) == ("fb41", "rounded")
+    assert (seen["target"], seen["words_by"], seen["samples"]) == ("fb41", "rounded", 3)
     assert (seen["scaling"].low_degC, seen["scaling"].high_degC) == (10.0, 90.0)
     assert seen["tuning"] == {name: settings[name] for name in (
         "structure", "method", "closed_loop_s", "objective", "weight", "ms", "mt", "mks", "sample_time_s")}
