@@ -73,9 +73,9 @@ def page(title: str, body: str, *, mark: str = "") -> str:
     )
 
 
-def picture(drawn: Any, caption: str) -> str:
-    """Return a figure as inline SVG with its caption and, where they can be moved, its lines as data."""
-    moved = live.panels_json(drawn)
+def picture(drawn: Any, caption: str, *, moves: bool = True) -> str:
+    """Return a figure as inline SVG with its caption and, where it may and can be moved, its lines as data."""
+    moved = live.panels_json(drawn) if moves else "[]"
     if moved == "[]":
         return f"<figure>{to_svg(drawn)}<figcaption>{text_of(caption)}</figcaption></figure>"
     name = hashlib.sha256(moved.encode()).hexdigest()[:8]
