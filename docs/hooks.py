@@ -9,11 +9,13 @@ import argparse
 import os
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from heatertune.cli import parser
 from heatertune.plc import TARGETS, room
+from heatertune.plc.commissioning import commissioning
 from heatertune.units import NOMENCLATURE
 
 SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
@@ -54,6 +56,14 @@ def _controller(name: str, package: str) -> str:
             f"| address | word | format | range | meaning |\n| --- | --- | --- | --- | --- |\n{words}\n\n{body}\n")
 
 
+def service(target: str) -> str:
+    """Return how a controller is put into service: the text of its room, as the report has it."""
+    told = commissioning(target)
+    parts = [f"**{title}**\n\n" + "\n".join(f"{i}. {step}" for i, step in enumerate(items, 1))
+             for title, items in told.steps.items()]
+    return "\n\n".join([*parts, f"Source: {told.facts}\n"])
+
+
 def python() -> str:
     """Return the directives from which mkdocstrings draws the Python reference: chain, what is free to all, stages."""
     steps = ("stages", "whole", "ramp", "samples", "validation", "experiment", "targets", "advice", "fleets", "studies")
@@ -74,7 +84,7 @@ def modules() -> list[str]:
 
 GENERATORS: dict[str, Callable[[], str]] = {
     "commands": commands, "nomenclature": nomenclature, "controllers": controllers, "python": python,
-}
+} | {f"service_{name.replace('-', '_')}": partial(service, name) for name in TARGETS}
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

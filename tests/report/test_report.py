@@ -77,15 +77,40 @@ def test_the_same_figure_is_the_same_text(shown):
     assert len({to_svg(plots.plot_pwm(series["nominal"], 1600.0, 1700.0)) for _ in range(2)}) == 1
 
 
-def test_lines_that_stand_side_by_side_differ_in_grey_too():
-    def grey(colour):
-        r, g, b = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
-        return 0.299 * r + 0.587 * g + 0.114 * b
+#: what stands side by side in some picture
+PAIRS = [("log", "model"), ("wish", "realised"), ("realised", "worst"), ("worst", "other"), ("realised", "other"),
+         ("log", "worst"), ("log", "realised")]
+#: G. M. Machado, M. M. Oliveira, L. A. F. Fernandes, IEEE Trans. Vis. Comput. Graph. 15(6), 2009, severity 1.0
+BLIND = {
+    "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+}
 
-    pairs = [("log", "model"), ("wish", "realised"), ("worst", "other"), ("log", "worst")]
-    for one, two in pairs:
-        same_grey = abs(grey(LOOK[one]["color"]) - grey(LOOK[two]["color"])) < 25
-        assert not same_grey or LOOK[one].get("linestyle") != LOOK[two].get("linestyle"), (one, two)
+
+def _lab(colour, seen_as):
+    """CIE L*a*b* (D65) of a colour as an eye sees it; IEC 61966-2-1 for sRGB, CIE 15 for L*a*b*."""
+    coded = np.array([int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    linear = np.clip(np.array(seen_as) @ linear, 0.0, 1.0)
+    xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]) @ linear
+    f = np.array([v ** (1 / 3) if v > 216 / 24389 else (24389 / 27 * v + 16) / 116
+                  for v in xyz / np.array([0.9505, 1.0, 1.089])])
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("eye", [*BLIND, "normal"])
+def test_lines_that_stand_side_by_side_are_told_apart_by_every_eye(eye):
+    seen_as = BLIND.get(eye, np.eye(3))
+    for one, two in PAIRS:
+        apart = np.linalg.norm(_lab(LOOK[one]["color"], seen_as) - _lab(LOOK[two]["color"], seen_as))
+        assert apart > 20.0, (eye, one, two, apart)  # 2.3 is just noticeable (CIE 1976)
+
+
+def test_lines_that_stand_side_by_side_differ_when_printed_grey():
+    for one, two in PAIRS:
+        lightness = [_lab(LOOK[name]["color"], np.eye(3))[0] for name in (one, two)]
+        dashes = [LOOK[name].get("linestyle") for name in (one, two)]
+        assert abs(lightness[0] - lightness[1]) > 12.0 or dashes[0] != dashes[1], (one, two, lightness)
 
 
 def test_tables_are_aligned_and_tell_what_never_happened():

@@ -21,10 +21,10 @@ body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: #fff
        padding: 0 1rem; }
 h1 { font-size: 1.6rem; margin-bottom: .2rem; } h2 { font-size: 1.2rem; margin-top: 2.2rem; }
 p, li { max-width: 46rem; } .soft { color: var(--soft); }
-table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums; max-width: 100%; }
+table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums; max-width: 100%; min-width: 24rem; }
 caption { caption-side: bottom; text-align: left; color: var(--soft); font-size: .85em; padding-top: .2rem; }
 th, td { border-bottom: 1px solid var(--line); padding: .25rem .7rem; text-align: left; vertical-align: top; }
-td.n { text-align: right; } .pass { color: var(--pass); font-weight: 600; }
+td.n { text-align: right; white-space: nowrap; } .pass { color: var(--pass); font-weight: 600; }
 .fail { color: var(--fail); font-weight: 700; }
 .verdict { font-size: 1.3rem; border: 2px solid currentColor; padding: .3rem .8rem; display: inline-block; }
 figure { margin: 1rem 0; } figure svg { max-width: 100%; height: auto; } figcaption { color: var(--soft); }
@@ -40,7 +40,9 @@ label input { margin-left: -1.6rem; } input[type=checkbox] { width: 1rem; height
   h2, h3, summary { break-after: avoid; } figure, tr, li { break-inside: avoid; }
   p, li { max-width: none; margin: .15rem 0; } ul, ol { margin: .2rem 0; } th, td { padding: .08rem .4rem; }
   table { margin: .25rem 0; } figure { margin: .3rem 0; } .live, .hint { display: none; }
-  figure > svg, figure.moves > svg { display: block; max-height: 78mm; margin: 0 auto; }
+  figure > svg, figure.moves > svg { display: block; max-height: 62mm; margin: 0 auto; }
+  input[type=checkbox] { width: .7rem; height: .7rem; margin-right: .4rem; } label { padding-left: 1.1rem; }
+  label input { margin-left: -1.1rem; } .sign td { height: 1.5rem; }
   details::details-content { content-visibility: visible; display: block; }
 }
 """
@@ -71,9 +73,9 @@ def page(title: str, body: str, *, mark: str = "") -> str:
     )
 
 
-def picture(drawn: Any, caption: str) -> str:
-    """Return a figure as inline SVG with its caption and, where they can be moved, its lines as data."""
-    moved = live.panels_json(drawn)
+def picture(drawn: Any, caption: str, *, moves: bool = True) -> str:
+    """Return a figure as inline SVG with its caption and, where it may and can be moved, its lines as data."""
+    moved = live.panels_json(drawn) if moves else "[]"
     if moved == "[]":
         return f"<figure>{to_svg(drawn)}<figcaption>{text_of(caption)}</figcaption></figure>"
     name = hashlib.sha256(moved.encode()).hexdigest()[:8]

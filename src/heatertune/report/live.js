@@ -27,7 +27,7 @@ for (const figure of document.querySelectorAll("figure[data-live]")) {
           other.setScale("x", { min: u.scales.x.min, max: u.scales.x.max });
     };
     drawn.push(new uPlot({
-      width: box.clientWidth, height: Math.max(170, 480 * panel.height), cursor, scales, axes,
+      width: box.clientWidth, height: Math.max(240, 480 * panel.height), cursor, scales, axes,
       series: [{ label: panel.x, value: told }, ...series], hooks: { setScale: [(u, key) => key === "x" && drawn.includes(u) && together(u)] },
     }, data, box));
   }

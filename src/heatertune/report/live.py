@@ -25,8 +25,9 @@ __all__ = ["panels", "panels_json", "program", "style"]
 def program() -> str:
     """Return the statements of the page: uPlot, then what ties it to the figures and keeps the ticks."""
     folder = files("heatertune.report")
-    library = folder.joinpath("uplot", "uPlot.iife.min.js").read_text(encoding="utf-8")
-    return f"{library.strip()}\n{folder.joinpath('live.js').read_text(encoding='utf-8')}"
+    library, licence = (folder.joinpath("uplot", name).read_text(encoding="utf-8").strip()
+                        for name in ("uPlot.iife.min.js", "LICENSE"))
+    return f"/*! uPlot: {licence} */\n{library}\n{folder.joinpath('live.js').read_text(encoding='utf-8')}"
 
 
 @cache
@@ -71,12 +72,13 @@ def _line(line: Line2D, ax: Axes, second: bool) -> dict[str, Any]:
     x, y = _xy(line)
     if line.get_transform() != ax.transData:  # a level line spans the axes in their own units
         x = np.asarray(ax.get_xlim(), dtype=float)
-        shown = [each for other in ax.lines if (each := np.asarray(other.get_xdata(), dtype=float)).size > 2]
+        shown = [each for each in (_xy(other)[0] for other in ax.lines) if len(each) > 2]
         if shown:
             x = np.array([min(float(each.min()) for each in shown), max(float(each.max()) for each in shown)])
-    label = str(line.get_label())
+    label = str(line.get_label())  # "_" keeps a name out of the printed legend, not from under the cursor
     return {
-        "label": "" if label.startswith("_") else label, "color": line.get_color(), "width": line.get_linewidth(),
+        "label": "" if label.startswith("_child") else label.removeprefix("_"),
+        "color": line.get_color(), "width": line.get_linewidth(),
         "dash": [float(n) for n in getattr(line, "_unscaled_dash_pattern", (0, None))[1] or ()],
         "step": line.get_drawstyle() == "steps-post", "second": second,
         "x": [round(float(v), 4) for v in x], "y": [None if not np.isfinite(v) else round(float(v), 4) for v in y],

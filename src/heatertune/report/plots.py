@@ -21,19 +21,19 @@ Part = Mapping[str, Any]
 def plot_fit(log: Part, residuals: Part) -> Figure:
     """Draw the log, the fitted model and the residuals under it."""
     figure, (top, middle) = new_figure(2, 5.2, sharex=True, height_ratios=(3, 1))
-    top.plot(log["time_s"], log["temperature_degC"], **LOOK["log"])
+    top.plot(log["time_s"], log["temperature_degC"], label="_log", **LOOK["log"])
     label_end(top, log["time_s"], log["temperature_degC"], "log", "log")
-    top.plot(residuals["time_s"], residuals["simulated_degC"], **LOOK["model"])
+    top.plot(residuals["time_s"], residuals["simulated_degC"], label="_model", **LOOK["model"])
     label_end(top, residuals["time_s"], residuals["simulated_degC"], "model", "model")
     top.set_ylabel("temperature [°C]")
     if log["power_pct"] is not None:
         power = top.twinx()
-        power.step(log["time_s"], log["power_pct"], where="post", **LOOK["other"])
+        power.step(log["time_s"], log["power_pct"], where="post", label="_power", **LOOK["other"])
         power.set_ylabel("power [%]", color=LOOK["other"]["color"])
         power.set_ylim(-2, 300)
     error = np.subtract(residuals["measured_degC"], residuals["simulated_degC"])
-    middle.plot(residuals["time_s"], error, **LOOK["model"])
-    middle.axhline(0.0, **LOOK["limit"])
+    middle.plot(residuals["time_s"], error, label="_residual", **LOOK["model"])
+    middle.axhline(0.0, label="_zero", **LOOK["limit"])
     middle.set_ylabel("residual [°C]")
     middle.set_xlabel("time [s]")
     return figure
@@ -43,12 +43,12 @@ def plot_loop(nominal: Part, worst: Part, others: Sequence[Part]) -> Figure:
     """Draw the proven loop: temperature on all models, power asked for on the nominal and the worst."""
     figure, (top, low) = new_figure(2, 5.6, sharex=True, height_ratios=(2, 1))
     for run in others:
-        top.plot(run["time_s"], run["temperature_degC"], **LOOK["other"])
+        top.plot(run["time_s"], run["temperature_degC"], label=f"_{run['label']}", **LOOK["other"])
     _temperature(top, worst, "worst", "worst")
     _temperature(top, nominal, "nominal", "realised")
     _setpoint(top, nominal)
-    for run, look in ((worst, "worst"), (nominal, "realised")):
-        low.step(run["asked_time_s"], run["asked_pct"], where="post", **LOOK[look])
+    for run, name, look in ((worst, "_worst", "worst"), (nominal, "_nominal", "realised")):
+        low.step(run["asked_time_s"], run["asked_pct"], where="post", label=name, **LOOK[look])
     low.set_ylabel("power asked for [%]")
     low.set_ylim(-4, 104)
     low.set_xlabel("time [s]")
@@ -63,7 +63,7 @@ def plot_pwm(nominal: Part, start_s: float, end_s: float) -> Figure:
     inside = (edges >= start_s) & (edges <= end_s)
     time = np.concatenate([[start_s], edges[inside], [end_s]])
     level = np.concatenate([[before], power[inside]])
-    ax.step(time, np.append(level, level[-1]), where="post", **LOOK["realised"])
+    ax.step(time, np.append(level, level[-1]), where="post", label="_heater", **LOOK["realised"])
     ax.set_ylabel("heater [%]")
     ax.set_xlabel("time [s]")
     ax.set_ylim(-8, 108)
@@ -78,7 +78,7 @@ def plot_wish(nominal: Part, wish: Part) -> Figure:
     _setpoint(top, nominal)
     instants = np.asarray(nominal["time_s"])
     wished = np.interp(instants, wish["time_s"], wish["temperature_degC"])
-    low.plot(instants, np.asarray(nominal["temperature_degC"]) - wished, **LOOK["realised"])
+    low.plot(instants, np.asarray(nominal["temperature_degC"]) - wished, label="_realised − wished", **LOOK["realised"])
     low.set_ylabel("realised − wished [°C]")
     low.set_xlabel("time [s]")
     return figure
@@ -144,6 +144,6 @@ def _temperature(ax: Axes, run: Part, name: str, look: str) -> None:
 
 def _setpoint(ax: Axes, run: Part) -> None:
     if run.get("followed_degC") is not None:
-        ax.step(run["asked_time_s"], run["followed_degC"], where="post", **LOOK["limit"])
-    ax.axhline(run["setpoint_degC"], **LOOK["limit"])
+        ax.step(run["asked_time_s"], run["followed_degC"], where="post", label="_setpoint on its ramp", **LOOK["limit"])
+    ax.axhline(run["setpoint_degC"], label="_setpoint", **LOOK["limit"])
     ax.annotate("setpoint", (0.0, run["setpoint_degC"]), va="bottom", fontsize=8, color=LOOK["limit"]["color"])

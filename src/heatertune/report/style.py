@@ -16,8 +16,8 @@ LOOK: Final[dict[str, dict[str, Any]]] = {
     "model": {"color": "#0072B2", "linewidth": 1.6},
     "wish": {"color": "#E69F00", "linewidth": 1.6, "linestyle": (0, (5, 2))},
     "realised": {"color": "#009E73", "linewidth": 1.6},
-    "worst": {"color": "#D55E00", "linewidth": 1.4},
-    "other": {"color": "#999999", "linewidth": 0.7},
+    "worst": {"color": "#D55E00", "linewidth": 1.4, "linestyle": (0, (7, 1.5, 1.5, 1.5))},  # as dark as realised
+    "other": {"color": "#C0C0C0", "linewidth": 0.7},
     "limit": {"color": "#666666", "linewidth": 0.8, "linestyle": ":"},
 }
 

@@ -38,7 +38,7 @@ def render_targets(document: Document) -> str:
         f"<p>{text_of(_legend(document))}</p>{html_table(_HEADS, _rows(document), numeric=_NUMERIC)}<ul>{reasons}</ul>"
         + picture(plot_targets(_proven(document)),
                   "Left: temperature on each controller, and of the unrounded design with the same switch (dashed). "
-                  "Right: their difference, each on its own scale.")
+                  "Right: their difference, each on its own scale.", moves=False)
     )
     return page("One design on every controller", body)
 

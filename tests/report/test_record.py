@@ -1,0 +1,249 @@
+"""The commissioning record: self-contained, well-formed, with the numbers, their units and sources, and boxes to tick."""
+
+import json
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from heatertune import chain
+from heatertune.chain.whole import dossier
+from heatertune.errors import UnknownName
+from heatertune.log.values import Log
+from heatertune.model.fit import model_by_hand
+from heatertune.model.values import Fopdt
+from heatertune.pid.values import PidDesign
+from heatertune.plc import TARGETS, room
+from heatertune.plc.commissioning import SECTIONS, commissioning
+from heatertune.report import render
+from heatertune.report.html import coded, table, text_of, tick
+from heatertune.report.live import panels, panels_json
+from heatertune.report.plots import plot_fit, plot_loop, plot_pwm, plot_robustness, plot_wish
+
+HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
+DESIGN = PidDesign(gain_pct_per_degC=9.5, integral_time_s=66.0, derivative_time_s=0.0, sample_time_s=4.0,
+                   structure="pi", method="by hand")
+VOID = {"meta", "input", "br", "path", "use", "line"}
+
+
+@pytest.fixture(scope="module")
+def documents():
+    fitted = model_by_hand(HEATER)
+    proof = chain.prove(chain.encode(DESIGN, "s5-ob251"), fitted, setpoint_degC=40.0)
+    time = np.arange(0.0, 600.0, 10.0)
+    log = Log(name="own </script> log", source="a file & its line", time_s=time,
+              temperature_degC=22.0 + 30.0 * (1 - np.exp(-time / 167.0)), power_pct=np.full_like(time, 80.0))
+    return dossier(log, fitted, DESIGN, proof, {"DB30.bin": b""})
+
+
+@pytest.fixture(scope="module")
+def page(documents):
+    return render(documents)
+
+
+class _Seen(HTMLParser):
+    """Elements in their order, cells of the tables by row, what is left open, what would be fetched."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.open, self.rows, self.fetched, self.inputs, self.captions, self.tables = [], [], [], [], [], 0
+        self._cell = self._caption = None
+        self.feed(page)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        self.fetched += [found[name] for name in ("src", "href", "xlink:href", "data") if found.get(name)]
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "input":
+            self.inputs.append(found)
+        if tag == "tr":
+            self.rows.append([])
+        if tag == "table":
+            self.tables += 1
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+        if tag == "caption":
+            self.captions.append("")
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            assert self.open.pop() == tag, tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] == "caption":
+            self.captions[-1] += data
+        elif "tr" in self.open and self.open[-1] in ("td", "th"):
+            self.rows[-1][-1] += data
+
+
+@pytest.fixture(scope="module")
+def seen(page):
+    return _Seen(page)
+
+
+def test_the_page_is_well_formed_and_fetches_nothing(page, seen):
+    assert seen.open == []
+    assert all(each.startswith("#") for each in seen.fetched), seen.fetched
+    styles = re.findall(r"<style[^>]*>(.*?)</style>", page, re.DOTALL)
+    assert not [each for each in styles if re.search(r"@import|url\((?!#)", each)]
+    for forbidden in ("fetch(", "XMLHttpRequest", "WebSocket", "sendBeacon", "import("):
+        assert forbidden not in page, forbidden
+
+
+def test_every_word_stands_in_typing_order_with_its_address_and_format_and_a_box(documents, seen):
+    fields = room("s5-ob251").fields
+    rows = [row for row in seen.rows if len(row) == 6 and row[1].startswith("DW")]
+    expected = [[f.address, f.name, str(documents["words"]["words"][f.name]), f.format, f.comment] for f in fields]
+    assert [row[1:] for row in rows] == expected
+    boxes = [each["id"] for each in seen.inputs]
+    assert boxes[: len(fields)] == [f"word-{f.name}" for f in fields]
+    steps = sum(len(items) for items in commissioning("s5-ob251").steps.values())
+    assert len(boxes) == len(set(boxes)) == len(fields) + steps
+
+
+def test_every_criterion_stands_with_value_unit_and_run(documents, seen):
+    for name, each in documents["proof"]["criteria"].items():
+        row = next(row for row in seen.rows if row and row[0] == name.replace("_", " "))
+        assert row[3] == each["unit"]
+        assert row[5] == each["where"]
+        if each["value"] is not None:
+            assert float(row[1]) == pytest.approx(each["value"], rel=1e-3)
+
+
+def test_what_was_logged_assumed_chosen_and_rounded_stands_with_its_unit(documents, seen):
+    real = documents["words"]["realised"]
+    expected = [
+        ["temperature", f"22 … {22 + 30 * (1 - np.exp(-590 / 167)):.4g}", "°C"], ["heater power", "80 … 80", "%"],
+        ["K", "9.5", f"{real['gain_pct_per_degC']:.4g}", "%/°C"], ["TN", "66", f"{real['integral_time_s']:.4g}", "s"],
+        ["sensor at the highest reading", "100", "°C", "--range"], ["setpoint", "not logged", "°C"],
+        ["PWM period", f"{documents['proof']['actuator']['pwm_period_s']:.4g}", "s", "--pwm-period, else from TA"],
+    ]
+    for row in expected:
+        assert row in seen.rows, row
+
+
+def test_every_table_but_the_one_for_the_hand_names_its_source(seen):
+    assert len(seen.captions) == seen.tables - 1
+    assert all(each.startswith("Source: ") and len(each) > 12 for each in seen.captions)
+    assert "Source: a file & its line" in seen.captions
+
+
+def test_verdict_steps_and_what_was_not_proven_stand_in_the_page(page):
+    heads = re.findall(r"<h2>(.*?)</h2>", page)
+    assert heads == ["Words for s5-ob251", "Into service", "Commissioned", "Proof", "What was not proven",
+                     "Chosen and rounded", "Identified", "Logged", "Assumed", "What other designs would have done"]
+    assert 'class="verdict pass"' in page
+    assert "a jittering timer" in page
+
+
+def test_the_same_documents_give_the_same_page_and_other_words_other_ticks(documents, page):
+    assert render(documents) == page
+    other = json.loads(json.dumps(documents))
+    other["words"]["words"]["K"] += 1
+    marks = [re.search(r'data-words="(\w{16})"', each)[1] for each in (page, render(other))]
+    assert marks[0] != marks[1]
+
+
+def test_the_data_of_a_live_picture_are_the_lines_of_the_printed_one(documents, page):
+    series = documents["pictures"]
+    found = panels(plot_loop(series["nominal"], series["worst"], series["others"]))
+    assert [panel["y"] for panel in found] == ["temperature [°C]", "power asked for [%]"]
+    assert all(panel["x"] == "time [s]" for panel in found)
+    nominal = next(line for line in found[0]["lines"] if line["label"] == "nominal")
+    assert nominal["y"] == pytest.approx(series["nominal"]["temperature_degC"], abs=1e-4)
+    assert nominal["x"] == pytest.approx(series["nominal"]["time_s"], abs=1e-4)
+    level = next(line for line in found[0]["lines"] if line["label"] == "setpoint")
+    assert level["y"] == [40.0, 40.0]
+    assert level["x"] == [nominal["x"][0], nominal["x"][-1]]
+    assert [line["step"] for line in found[1]["lines"]] == [True, True]
+    assert page.count("<figure id=") == page.count('<script type="application/json">') == 3
+    for block in re.findall(r'<script type="application/json">(.*?)</script>', page):
+        assert json.loads(block)
+
+
+def test_every_line_that_can_be_read_under_the_cursor_has_a_name(documents):
+    series = documents["pictures"]
+    log = documents["log"]
+    residuals = {"time_s": [0.0, 10.0], "measured_degC": [22.0, 24.0], "simulated_degC": [22.5, 23.0]}
+    for figure in (plot_loop(series["nominal"], series["worst"], [series["nominal"]]),
+                   plot_wish(series["nominal"], series["wish"]), plot_pwm(series["nominal"], 1600.0, 1700.0),
+                   plot_fit(log, residuals)):
+        for panel in panels(figure):
+            assert all(line["label"] and not line["label"].startswith("_") for line in panel["lines"])
+            assert re.search(r"\[.+\]$", panel["y"])
+
+
+def test_power_on_a_second_axis_stays_in_the_panel_of_the_temperature(documents):
+    residuals = {"time_s": [0.0, 10.0], "measured_degC": [22.0, 24.0], "simulated_degC": [22.5, 23.0]}
+    top, low = panels(plot_fit(documents["log"], residuals))
+    assert (top["y"], top["y2"], low["y"]) == ("temperature [°C]", "power [%]", "residual [°C]")
+    assert {line["label"]: line["second"] for line in top["lines"]} == {"log": False, "model": False, "power": True}
+    assert low["lines"][0]["y"] == [-0.5, 1.0]
+
+
+def test_a_curve_that_runs_back_stays_a_picture(documents):
+    series = documents["pictures"]
+    assert panels_json(plot_robustness(series["curves"], 2.0)) == "[]"
+
+
+def test_data_cannot_end_their_script_and_text_cannot_be_markup():
+    import matplotlib.figure  # noqa: PLC0415 - beside its only use
+
+    ax = matplotlib.figure.Figure().subplots()
+    ax.plot([0.0, 1.0], [1.0, 2.0], label="</script><b>")
+    assert "</" not in panels_json(ax.figure)
+    assert "&lt;/script&gt;" in table(["a"], [["</script>"]], source="x & y")
+    assert text_of(tick("a", "b")).startswith("<input")
+    assert coded("`<a>` & b") == "<code>&lt;a&gt;</code> &amp; b"
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_every_room_tells_how_it_is_put_into_service(target):
+    told = commissioning(target)
+    assert tuple(told.steps) == SECTIONS
+    assert all(items and all(re.fullmatch(r".{15,}[.?]", each) for each in items) for items in told.steps.values())
+    assert re.search(r"\d", told.facts), "a source with its number"
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_the_files_and_addresses_that_the_steps_name_are_those_of_the_export(target):
+    found = room(target)
+    told = " ".join(step for items in commissioning(target).steps.values() for step in items)
+    words = chain.encode(DESIGN, target)
+    from heatertune.plc import Certificate  # noqa: PLC0415 - beside its only use
+
+    files = found.export(words, Certificate(verdict="PASS"))
+    named = set(re.findall(r"`([\w]+\.(?:awl|st|txt|hex|csv))`", told))
+    assert named <= set(files), named - set(files)
+    addresses = {each.address for each in found.fields}
+    for address, name in re.findall(r"\b(?:(V[DW]\d+|DW\d+) )?\(([A-Z]{1,5})\)", told):
+        field = next((each for each in found.fields if each.name == name), None)
+        if address and field is not None:
+            assert address == field.address, (address, name)
+    assert addresses
+
+
+def test_an_unknown_controller_has_no_steps():
+    with pytest.raises(UnknownName, match="s5-ob251"):
+        commissioning("s5")
+
+
+@pytest.mark.long
+def test_a_browser_draws_the_live_pictures_without_a_network(page, tmp_path):
+    browser = shutil.which("chromium")
+    if browser is None:
+        pytest.skip("needs chromium")
+    (tmp_path / "report.html").write_text(page, encoding="utf-8")
+    ended = subprocess.run(
+        [browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'browser'}",
+         "--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=5000", "--dump-dom",
+         (tmp_path / "report.html").as_uri()], check=True, capture_output=True, text=True, timeout=60)
+    assert ended.stdout.count('class="moves"') == 3
+    assert ended.stdout.count("<canvas") == 5, "two panels of the loop, one of the switching, two of the wish"
+
+
