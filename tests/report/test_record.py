@@ -220,12 +220,13 @@ def test_the_files_and_addresses_that_the_steps_name_are_those_of_the_export(tar
     files = found.export(words, Certificate(verdict="PASS"))
     named = set(re.findall(r"`([\w]+\.(?:awl|st|txt|hex|csv))`", told))
     assert named <= set(files), named - set(files)
-    addresses = {each.address for each in found.fields}
-    for address, name in re.findall(r"\b(?:(V[DW]\d+|DW\d+) )?\(([A-Z]{1,5})\)", told):
-        field = next((each for each in found.fields if each.name == name), None)
-        if address and field is not None:
-            assert address == field.address, (address, name)
-    assert addresses
+    # "DW5 (TI)", "TI (DW5)", "W (DW9)": whichever stands first, it is the room's own address of that word
+    address = {each.name.upper(): each.address for each in found.fields}
+    pairs = re.findall(r"\b(\w+) \((\w+(?:\.\d)?)\)", told)
+    for pair in pairs + [(two, one) for one, two in pairs]:
+        name, place = (each.upper() for each in pair)
+        if name in address and re.fullmatch(r"(V[WD]|SMB|DW|DB[DWX])[\d.]+", place):
+            assert place == address[name], (name, place)
 
 
 def test_an_unknown_controller_has_no_steps():

@@ -21,8 +21,8 @@ body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: #fff
        padding: 0 1rem; }
 h1 { font-size: 1.6rem; margin-bottom: .2rem; } h2 { font-size: 1.2rem; margin-top: 2.2rem; }
 p, li { max-width: 46rem; } .soft { color: var(--soft); }
-table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums; max-width: 100%;
-  min-width: 24rem; }
+table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums;
+        max-width: 100%; min-width: 24rem; }
 caption { caption-side: bottom; text-align: left; color: var(--soft); font-size: .85em; padding-top: .2rem; }
 th, td { border-bottom: 1px solid var(--line); padding: .25rem .7rem; text-align: left; vertical-align: top; }
 td.n { text-align: right; white-space: nowrap; } .pass { color: var(--pass); font-weight: 600; }

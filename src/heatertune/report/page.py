@@ -150,7 +150,7 @@ def _design(documents: Documents) -> str:
     ]
     margins = [
         [name, figure(pid.get(field)), unit] for name, field, unit in
-        (("Ms", "ms", ""), ("Mt", "mt", ""), ("gain margin", "gain_margin", ""),
+        (("Ms", "ms", "1"), ("Mt", "mt", "1"), ("gain margin", "gain_margin", "1"),
          ("phase margin", "phase_margin_deg", "°"), ("IAE after a load step of 1 %", "iae_load", "°C·s"))
     ]
     curves = documents["pictures"]["curves"]
