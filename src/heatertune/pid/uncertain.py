@@ -94,7 +94,11 @@ def interval_ends(fitted: FittedModel) -> tuple[HeaterModel, ...]:
 
 def ms_over(heaters: tuple[HeaterModel, ...], design: PidDesign) -> Drawn | None:
     """Return the quantiles of Ms of one controller over heaters; None where there are none."""
-    return drawn_of([peaks_on(heater, design)["ms"] for heater in heaters]) if heaters else None
+    if not heaters:
+        return None
+    if design.sample_time_s == 0.0:
+        return drawn_of([peaks_on(heater, design)["ms"] for heater in heaters])
+    return drawn_of([margins(heater, design).ms for heater in heaters])  # the noise gain would take as long again
 
 
 def drawn_of(values: Sequence[float]) -> Drawn:
