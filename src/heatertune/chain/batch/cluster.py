@@ -49,7 +49,9 @@ def on_dask(address: str) -> Workers:
 def _all(
     distributed: Any, client: Any, chunks: Iterator[Chunk], do: Task
 ) -> Iterator[tuple[Chunk, list[Row] | None]]:
+    """Run all chunks; one whose workers died runs again alone, for it may only have stood beside the guilty one."""
     under_way: dict[Any, Chunk] = {}
+    suspects: list[Chunk] = []
     ready = distributed.as_completed(loop=client.loop)
 
     def submit(number: int) -> None:
@@ -61,10 +63,22 @@ def _all(
     submit(_AHEAD)
     for future in ready:
         chunk = under_way.pop(future)
-        try:
-            rows = future.result()
-        except distributed.KilledWorker:
-            rows = None
-        future.release()
-        yield chunk, rows
+        rows = _rows(distributed, future)
+        if rows is None:
+            suspects.append(chunk)
+        else:
+            yield chunk, rows
         submit(max(1, _AHEAD * sum(client.nthreads().values()) - len(under_way)))
+    for chunk in suspects:
+        yield chunk, _rows(distributed, client.submit(do, chunk.cases, pure=False))
+
+
+def _rows(distributed: Any, future: Any) -> list[Row] | None:
+    """Wait for the rows of a chunk, None where its workers died."""
+    try:
+        rows: list[Row] = future.result()
+    except distributed.KilledWorker:
+        return None
+    finally:
+        future.release()
+    return rows
