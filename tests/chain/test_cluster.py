@@ -20,7 +20,7 @@ def cluster(request, monkeypatch):
                                stderr=subprocess.DEVNULL, text=True)
     process.address = process.stdout.readline().strip()
     yield process
-    process.communicate("end\n", timeout=30.0)
+    process.communicate("end\n", timeout=120.0)
 
 
 @pytest.mark.long
