@@ -266,7 +266,7 @@ def test_killed_twenty_times_at_random_it_does_nothing_twice_and_writes_the_same
             process.communicate(timeout=chance.uniform(0.2, 0.9))
         except subprocess.TimeoutExpired:
             process.kill()
-            process.communicate(timeout=10.0)  # the end of the file: its processes have ended, too
+            process.communicate(timeout=60.0)  # the end of the file: its processes have ended, too
             kills += 1
         assert not finished & set(map(int, diary.read_text()[before:].split())), "done twice"
     assert kills >= 5, "it was too quick to be killed"

@@ -1,6 +1,8 @@
 import json
+import subprocess
 
 import pytest
+from tests.conftest import ROOT
 
 from heatertune.cli import main
 
@@ -31,3 +33,22 @@ def by_hand(tmp_path, run):
     assert status == 0
     assert json.loads(path.read_text())["schema"] == "heatertune/pid/1"
     return path
+
+
+@pytest.fixture
+def kill():
+    """Start a command and kill it as soon as so many parts of its table are there; return these."""
+
+    def kill(command, folder, parts):
+        process = subprocess.Popen(list(map(str, command)), cwd=ROOT)
+        while len(list(folder.glob("[0-9]*.jsonl"))) < parts:
+            assert process.poll() is None, "it was too quick to be killed"
+            try:
+                process.wait(timeout=0.02)
+            except subprocess.TimeoutExpired:
+                continue
+        process.kill()
+        process.wait()
+        return sorted(folder.glob("[0-9]*.jsonl"))
+
+    return kill

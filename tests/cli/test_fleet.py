@@ -99,17 +99,9 @@ def test_a_row_says_what_the_single_commands_say(table, logs, tmp_path, run):
 
 
 @pytest.mark.long
-def test_killed_and_resumed_by_one_process_the_bytes_are_the_same(table, logs, tmp_path):
+def test_killed_and_resumed_by_one_process_the_bytes_are_the_same(table, logs, tmp_path, kill):
     out = tmp_path / "fleet.parquet"
-    process = subprocess.Popen(command(logs, out, "--jobs", 1, "--quiet"), cwd=ROOT)
-    while not list(tmp_path.glob("fleet.parquet.parts/0*.jsonl")):
-        assert process.poll() is None, "it was too quick to be killed"
-        try:
-            process.wait(timeout=0.02)
-        except subprocess.TimeoutExpired:
-            continue
-    process.kill()
-    process.wait()
+    kill(command(logs, out, "--jobs", 1, "--quiet"), tmp_path / "fleet.parquet.parts", parts=1)
     assert not out.exists()
     ended = subprocess.run(command(logs, out, "--jobs", 1, "--resume"), cwd=ROOT, capture_output=True, text=True, check=True)
     assert out.read_bytes() == table[0].read_bytes()

@@ -116,22 +116,14 @@ def here(chunks, do):
 
 
 @pytest.mark.long
-def test_a_killed_study_is_resumed_to_the_same_bytes_and_its_rows_are_those_of_the_commands(study, tmp_path, run):
+def test_a_killed_study_is_resumed_to_the_same_bytes_and_its_rows_are_those_of_the_commands(study, tmp_path, run, kill):
     from heatertune.chain import studies  # noqa: PLC0415 - the slow libraries, beside their only use
 
     path, whole, out = study(STUDY), tmp_path / "whole.parquet", tmp_path / "study.parquet"
     command = [sys.executable, "-m", "heatertune", "study", str(path), "--quiet", "-o"]
     studies.study(path, out=whole, workers=here)
-    process = subprocess.Popen([*command, out, "--jobs", "1"], cwd=ROOT)
-    while len(list(tmp_path.glob("study.parquet.parts/0*.jsonl"))) < 2:
-        assert process.poll() is None, "it was too quick to be killed"
-        try:
-            process.wait(timeout=0.02)
-        except subprocess.TimeoutExpired:
-            continue
-    process.kill()
-    process.wait()
-    done = {part: part.stat().st_mtime_ns for part in tmp_path.glob("study.parquet.parts/0*.jsonl")}
+    parts = kill([*command, out, "--jobs", 1], tmp_path / "study.parquet.parts", parts=2)
+    done = {part: part.stat().st_mtime_ns for part in parts}
     assert 2 <= len(done) < 10
     path.write_text(STUDY.replace("0.1\n", "0.2\n"))
     assert "with other case; give what that run was given" in run("study", path, "-o", out, "--resume")[2]
