@@ -15,7 +15,7 @@ from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.integers import Found, Integers, Vector, best_integers
 from heatertune.pid.response import iae_load
-from heatertune.pid.robustness import margins
+from heatertune.pid.robustness import sensitivity_peaks
 from heatertune.pid.tune import Timer
 from heatertune.pid.uncertain import draw_heaters, ms_over
 from heatertune.pid.values import PidDesign
@@ -299,7 +299,7 @@ def _realised(words: Words, fitted: FittedModel) -> _Measured | None:
 def _measured(plants: tuple[HeaterModel, ...], design: PidDesign) -> _Measured:
     return _Measured(
         iae_load=float(np.mean([iae_load(plant, design) for plant in plants])),
-        ms=max(margins(plant, design).ms for plant in plants),
+        ms=max(sensitivity_peaks(plant, design)[0] for plant in plants),
     )
 
 

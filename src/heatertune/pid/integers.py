@@ -21,7 +21,7 @@ from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
 from heatertune.pid.bounds import LoopBounds, bounds_of
 from heatertune.pid.response import iae_load
-from heatertune.pid.robustness import margins
+from heatertune.pid.robustness import sensitivity_peaks
 from heatertune.pid.values import PidDesign
 
 __all__ = ["Found", "Integers", "Vector", "best_integers"]
@@ -57,7 +57,7 @@ class Integers:
     def cost(self, words: Vector) -> float:
         """Return the mean load IAE [°C·s]; infinite for words that are not allowed, break Ms or do not settle."""
         design = self.decode(words)
-        if design is None or max(margins(plant, design).ms for plant in self.plants) > self.ms:
+        if design is None or max(sensitivity_peaks(plant, design)[0] for plant in self.plants) > self.ms:
             return math.inf
         return float(np.mean([iae_load(plant, design) for plant in self.plants]))
 
