@@ -16,7 +16,7 @@ from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.integers import Found, Integers, Vector, best_integers
 from heatertune.pid.response import iae_load
 from heatertune.pid.robustness import sensitivity_peaks
-from heatertune.pid.tune import Timer
+from heatertune.pid.timer import Timer
 from heatertune.pid.uncertain import draw_heaters, ms_over
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Room, Scaling, Words, room

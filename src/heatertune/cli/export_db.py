@@ -51,12 +51,13 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     """Return the words of a design, proven: documents and files."""
     from heatertune import chain  # noqa: PLC0415 - words that are proven already need none of it
     from heatertune.chain.documents import words_document  # noqa: PLC0415
-    from heatertune.chain.refine import refine  # noqa: PLC0415
     from heatertune.chain.words import search_document  # noqa: PLC0415
 
     progress = printing.Progress(settings)
     words, choice, fitted = common.words_and_model(settings)
     if settings.refine and choice is not None:
+        from heatertune.chain.refine import refine  # noqa: PLC0415
+
         choice = refine(choice, fitted, proving=common.proving(settings))
         words = choice.words
     proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=common.proving(settings),
