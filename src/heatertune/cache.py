@@ -35,7 +35,7 @@ def cached(
         run: makes the document.
         progress: told when a result is read instead of computed.
     """
-    place = folder()
+    place = None if _unused.get() else folder()
     if place is None:
         # through the same text as a result that is kept: a switched-off cache changes no number
         return dict(json.loads(to_json(run())))
@@ -57,7 +57,7 @@ def cached(
 
 @contextmanager
 def unused() -> Iterator[None]:
-    """Keep and read nothing within the block: a million results would fill the disk."""
+    """Keep and read no result within the block: a million would fill the disk. Machine code is kept."""
     mark = _unused.set(True)
     try:
         yield
@@ -66,9 +66,7 @@ def unused() -> Iterator[None]:
 
 
 def folder() -> Path | None:
-    """Return where results are kept, None where nothing is to be kept."""
-    if _unused.get():
-        return None
+    """Return where results and machine code are kept, None where nothing is to be kept."""
     given = os.environ.get("HEATERTUNE_CACHE")
     if given is not None:
         return Path(given) if given else None

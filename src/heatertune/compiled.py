@@ -42,14 +42,16 @@ def runs_compiled_as(twin: Callable[..., Any]) -> Callable[[_Plain], _Plain]:
     return register
 
 
-def worth_compiling(scans: int) -> bool:
+def worth_compiling(scans: int, most_plain: int | None = None) -> bool:
     """Return whether a process has by now asked for so many scans that the compiler's start pays.
+
+    `most_plain` is how many plain ones take as long as this start, by default of the proof's loop.
 
     So the short runs of one command never load the compiler, and long work takes at most twice as long as if it had
     been known from the start. Both ways give the same, bit for bit.
     """
     _scans_asked[0] += scans
-    return _scans_asked[0] > _PLAIN_SCANS
+    return _scans_asked[0] > (_PLAIN_SCANS if most_plain is None else most_plain)
 
 
 @remember

@@ -6,11 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from heatertune.chain import words as chain_words
 from heatertune.chain.stages import encode, tune
-from heatertune.chain.words import choose_words, tune_for_words
+from heatertune.chain.words import choose_words, search_document, tune_for_words
+from heatertune.chain.zone import zone_row
 from heatertune.errors import NotRepresentable, UnknownName
 from heatertune.model.by_hand import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, Interval
 from heatertune.pid.feasible import Problem, search
 from heatertune.pid.response import iae_load
 from heatertune.pid.robustness import margins
@@ -97,6 +99,43 @@ def test_a_p_controller_and_an_unstable_design_are_only_rounded():
     assert found.search["way"] == "rounded"
     assert found.search["ms"] is None
     assert "does not settle" in found.search["notes"][0]
+
+
+def _open(plant):
+    """A heater by hand with an interval of its gain, so that there are heaters to draw."""
+    gain = plant.gain_degC_per_pct
+    return replace(model_by_hand(plant), ci95={"gain_degC_per_pct": Interval(low=0.8 * gain, high=1.25 * gain)})
+
+
+def test_a_document_tells_ms_on_drawn_heaters_of_the_very_words():
+    fitted = _open(HEATER)
+    choice = choose_words(_optimum(HEATER, 4.0), "weg", fitted)
+    document = search_document(choice, fitted, ["One more."])
+    # an interval of ±25 % is ln(1.25)/1.96 = 0.1138 in standard deviations: Ms at these gains, heater by heater
+    real, draws = room("weg").decode(choice.words), np.random.default_rng(0).normal(0.0, 1.0, (200, 3))[:, 0]
+    gains = HEATER.gain_degC_per_pct * np.exp(draws * math.log(1.25) / 1.96)
+    alone = sorted(margins(replace(HEATER, gain_degC_per_pct=gain), real).ms for gain in gains)
+    drawn = document["ms_drawn"]
+    assert (drawn["count"], drawn["unstable"]) == (200, 0)
+    assert drawn["worst"] == pytest.approx(alone[-1], rel=1e-9)
+    assert drawn["median"] == pytest.approx(alone[100], rel=1e-9)
+    assert alone[100] < drawn["p95"] < alone[-1]
+    assert document["notes"] == [*choice.search["notes"], "One more."]
+    assert {name: document[name] for name in choice.search if name != "notes"} == {
+        name: value for name, value in choice.search.items() if name != "notes"}
+    assert search_document(choose_words(_optimum(HEATER, 4.0), "on-off", fitted), fitted)["ms_drawn"] is None
+    assert search_document(choice, model_by_hand(HEATER))["ms_drawn"] is None
+
+
+def test_a_row_of_a_table_which_shows_no_drawn_heaters_draws_none(monkeypatch):
+    def refuse(*_):
+        raise AssertionError("drawn for nobody")
+
+    monkeypatch.setattr(chain_words, "draw_heaters", refuse)
+    row = zone_row("zone", lambda: _open(HEATER), target="weg", tuning={"method": "simc"}, proving={"setpoint_degC": 40.0})
+    assert row["runs"] > 0, "the words were proven"
+    with pytest.raises(AssertionError, match="for nobody"):
+        search_document(choose_words(_optimum(HEATER, 4.0), "weg", _open(HEATER)), _open(HEATER))
 
 
 def test_bad_names_and_words_that_do_not_fit_are_refused():

@@ -63,6 +63,15 @@ def test_a_design_is_proven_and_exported_without_casadi_and_matplotlib(proven, t
     assert not any(name in loaded for name in ("casadi", "matplotlib", "control", "pyarrow", "distributed", "scipy.stats"))
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("target", [("--target", "weg"), ("--target", "s5-ob251", "--words", "rounded")], ids=" ".join)
+def test_a_design_whose_words_are_rounded_is_proven_and_exported_by_none_of_the_slow_libraries(target, proven, tmp_path):
+    # forced: in single precision the design overshoots; the search over whole numbers alone needs machine code
+    asked = ("export-db", proven / "pid.json", *target, "--setpoint", "40", "--force", "-o", tmp_path)
+    assert slow_modules(asked).splitlines()[-1] == "0 []"
+    assert "iae_load" in (tmp_path / "words.json").read_text()
+
+
 @pytest.mark.parametrize(("change", "status", "told"), [
     (lambda proof: proof["words"].update(K=proof["words"]["K"] + 1), 1, "the proof of other words (words); prove these"),
     (lambda proof: proof.update(sample_time_s=9.0), 1, "the proof of other words (sample_time_s)"),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from heatertune.model.values import Fopdt, TwoLag
+from heatertune.pid import response
 from heatertune.pid.linear import control_margins, loop_transfer_function, setpoint_response
 from heatertune.pid.response import dominant_time_s, iae_load, iae_setpoint, respond
 from heatertune.pid.robustness import loop_response, margins
@@ -85,6 +86,16 @@ def test_without_oscillation_the_load_iae_is_tn_over_k():
 def test_a_loop_that_keeps_an_offset_or_diverges_has_no_finite_iae():
     assert iae_load(PLANTS["one lag"], DESIGNS["p"]) == math.inf
     assert iae_setpoint(PLANTS["two lags"], _design(100.0, 100.0)) == math.inf
+
+
+@pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
+@pytest.mark.parametrize("design", [*DESIGNS.values(), _design(900.0, 20.0)], ids=[*DESIGNS, "diverging"])
+def test_a_response_is_the_same_plain_and_compiled_bit_for_bit(plant, design, monkeypatch):
+    found = []
+    for most_plain in (10**12, -1):
+        monkeypatch.setattr(response, "_PLAIN_SAMPLES", most_plain)
+        found.append(respond(plant, design, 700, setpoint_degC=1.0, load_pct=2.0).tobytes())
+    assert found[0] == found[1]
 
 
 def test_trdom_of_a_first_order_closed_loop_is_its_time_constant():

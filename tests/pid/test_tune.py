@@ -14,7 +14,8 @@ from heatertune.pid.optimum import polish
 from heatertune.pid.response import dominant_time_s, iae_load
 from heatertune.pid.robustness import margins
 from heatertune.pid.rules import apply_rule
-from heatertune.pid.tune import Timer, tune
+from heatertune.pid.timer import Timer
+from heatertune.pid.tune import tune
 from heatertune.pid.values import PidDesign
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)

@@ -15,7 +15,7 @@ from heatertune.chain.stages import Told, encode, prove
 from heatertune.chain.words import Choice, realised_as
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
-from heatertune.pid.robustness import margins
+from heatertune.pid.robustness import sensitivity_peaks
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, room
 from heatertune.proof import Proof
@@ -128,7 +128,7 @@ class _Loop:
             if key in seen or real is None:
                 continue
             seen.add(key)
-            if max(margins(plant, real).ms for plant in self.fitted.plants) <= self.ms:
+            if max(sensitivity_peaks(plant, real)[0] for plant in self.fitted.plants) <= self.ms:
                 yield words, real
 
 

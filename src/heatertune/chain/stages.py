@@ -18,6 +18,7 @@ from heatertune.model.pool import pool_candidates
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.robustness import margins
+from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, room
 from heatertune.proof import Actuator, Interlock, Limits, Proof, scenario_for
@@ -161,8 +162,7 @@ def tune(fitted: FittedModel, *, target: str | None = None, progress: Told = str
     Raises:
         UnknownName, OutOfRange, InputError: as there.
     """
-    from heatertune.pid.tune import Timer  # noqa: PLC0415 - compiles; a proof needs no search
-    from heatertune.pid.tune import tune as tune_model  # noqa: PLC0415
+    from heatertune.pid.tune import tune as tune_model  # noqa: PLC0415 - compiles; a proof needs no search
 
     timer = Timer()
     if target is not None:

@@ -13,7 +13,7 @@ from heatertune.chain.pwm import with_pwm
 from heatertune.chain.ramp import prove_ramped
 from heatertune.chain.refine import refine
 from heatertune.chain.stages import Told, export, fit, tune
-from heatertune.chain.words import choose_words, tune_for_words
+from heatertune.chain.words import choose_words, search_document, tune_for_words
 from heatertune.documents import plain, to_json, write_files
 from heatertune.log import read_log
 from heatertune.log.values import Log
@@ -76,10 +76,9 @@ def design(
         choice = refine(choice, fitted, proving=conditions, progress=progress)
     progress(f"proving the words on {len(fitted.plants)} models")
     proof, notes = prove_ramped(choice.words, fitted, setpoint_ramp, proving=conditions, progress=progress)
-    search = {**choice.search, "notes": [*choice.search["notes"], *notes]}
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
     progress("comparing with other designs, drawing the report")
-    documents = dossier(log, fitted, wished, proof, files, search=search)
+    documents = dossier(log, fitted, wished, proof, files, search=search_document(choice, fitted, notes))
     _write(documents, files, out)
     return documents
 

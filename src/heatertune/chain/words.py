@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -15,13 +15,13 @@ from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.integers import Found, Integers, Vector, best_integers
 from heatertune.pid.response import iae_load
-from heatertune.pid.robustness import margins
-from heatertune.pid.tune import Timer
+from heatertune.pid.robustness import sensitivity_peaks
+from heatertune.pid.timer import Timer
 from heatertune.pid.uncertain import draw_heaters, ms_over
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Room, Scaling, Words, room
 
-__all__ = ["WAYS", "Choice", "choose_words", "realised_as", "tune_for_words"]
+__all__ = ["WAYS", "Choice", "choose_words", "realised_as", "search_document", "tune_for_words"]
 
 #: how words are found; auto: the optimum for a design that is an optimum itself, else what was asked for is kept
 WAYS: Final = ("auto", "optimum", "rounded")
@@ -43,8 +43,8 @@ class Choice:
 
     Attributes:
         words: what the PLC will hold.
-        search: JSON object: way, iae_load and ms of the words and of plain rounding, the gap to the unrounded design,
-            what is proven, and notes, one sentence each.
+        search: way, iae_load and ms of the words and of plain rounding, the gap to the unrounded design, what is
+            proven, and notes, one sentence each; `search_document` adds what only a reader asks for.
     """
 
     words: Words
@@ -210,7 +210,7 @@ def _chosen(rounded: Words, found: Found, fitted: FittedModel, design: PidDesign
         *_told_about_coarse(words, design),
     ]
     return Choice(words=words, search={
-        "way": "optimum", **realised_as(words, fitted, wished.iae_load), "ms_limit": wished.ms,
+        "way": "optimum", **_told(best, wished.iae_load), "ms_limit": wished.ms,
         "iae_load_wished": wished.iae_load, "proven": found.proven, "left_open_pct": left,
         "rounded": {"words": {name: rounded.values[name] for name in INTEGERS[words.target]},
                     "iae_load": _finite(plain.iae_load), "ms": _finite(plain.ms), "gap_pct": gap_rounded},
@@ -230,29 +230,51 @@ def _plainly(rounded: Words, fitted: FittedModel, wished: _Measured, why: str) -
         assert design is not None
         notes += _told_about_coarse(rounded, design)
     return {
-        "way": "rounded", **realised_as(rounded, fitted, wished.iae_load), "ms_limit": _finite(wished.ms),
+        "way": "rounded", **_told(plain, wished.iae_load), "ms_limit": _finite(wished.ms),
         "iae_load_wished": _finite(wished.iae_load), "notes": notes,
     }
 
 
 def realised_as(words: Words, fitted: FittedModel, wished_iae: float | None) -> dict[str, Any]:
-    """Return what words are on the heaters: mean load IAE, gap to the wished one, Ms, and Ms over drawn heaters.
+    """Return what words are on the heaters: mean load IAE, gap to the wished one, and Ms.
 
     Numbers that are not finite, and all of them for a controller that is no PID, are None.
     """
+    return _told(_realised(words, fitted), wished_iae)
+
+
+def search_document(choice: Choice, fitted: FittedModel, notes: Sequence[str] = ()) -> dict[str, Any]:
+    """Return how words were found as a JSON object for a reader: with Ms over heaters drawn from the fit.
+
+    Args:
+        choice: the words and how they were found.
+        fitted: the heater, its candidates and intervals.
+        notes: more sentences about the words.
+
+    Returns:
+        `choice.search` with ms_drawn (None: no PID, or no interval to draw from) and the notes.
+    """
+    return {
+        **choice.search, "ms_drawn": _ms_drawn(choice.words, fitted), "notes": [*choice.search["notes"], *notes],
+    }
+
+
+def _ms_drawn(words: Words, fitted: FittedModel) -> dict[str, Any] | None:
     design = room(words.target).decode(words)
-    if design is None:
-        return {"iae_load": None, "gap_pct": None, "ms": None, "ms_drawn": None}
-    found = _measured(fitted.plants, design)
-    drawn = ms_over(draw_heaters(fitted), design)
-    told = None if drawn is None else {
+    drawn = None if design is None else ms_over(draw_heaters(fitted), design)
+    return None if drawn is None else {
         "count": drawn.count, "median": _finite(drawn.median), "p95": _finite(drawn.p95), "worst": _finite(drawn.worst),
         "unstable": drawn.unstable,
         "told": f"On {drawn.count} heaters drawn from the fit's intervals Ms is {drawn.median:.3g} in the middle, "
                 f"up to {drawn.p95:.3g} on 95 % of them, {drawn.worst:.3g} at worst; unstable on {drawn.unstable}.",
     }
+
+
+def _told(found: _Measured | None, wished_iae: float | None) -> dict[str, Any]:
+    if found is None:
+        return {"iae_load": None, "gap_pct": None, "ms": None}
     gap = None if wished_iae is None else _gap(found, _Measured(iae_load=wished_iae, ms=1.0))
-    return {"iae_load": _finite(found.iae_load), "gap_pct": gap, "ms": _finite(found.ms), "ms_drawn": told}
+    return {"iae_load": _finite(found.iae_load), "gap_pct": gap, "ms": _finite(found.ms)}
 
 
 def _told_about_coarse(words: Words, design: PidDesign) -> list[str]:
@@ -277,7 +299,7 @@ def _realised(words: Words, fitted: FittedModel) -> _Measured | None:
 def _measured(plants: tuple[HeaterModel, ...], design: PidDesign) -> _Measured:
     return _Measured(
         iae_load=float(np.mean([iae_load(plant, design) for plant in plants])),
-        ms=max(margins(plant, design).ms for plant in plants),
+        ms=max(sensitivity_peaks(plant, design)[0] for plant in plants),
     )
 
 

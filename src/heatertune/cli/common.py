@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
+    from heatertune.chain.words import Choice
     from heatertune.model.values import FittedModel
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
@@ -294,7 +294,7 @@ def scaling(settings: argparse.Namespace) -> Scaling:
     return Scaling(low_degC=settings.range[0], high_degC=settings.range[1])
 
 
-def words_and_model(settings: argparse.Namespace) -> tuple[Words, Mapping[str, Any] | None, FittedModel]:
+def words_and_model(settings: argparse.Namespace) -> tuple[Words, Choice | None, FittedModel]:
     """Return the words of a design or words file, how they were found (None: given), and the model to prove them on.
 
     Raises:
@@ -309,7 +309,7 @@ def words_and_model(settings: argparse.Namespace) -> tuple[Words, Mapping[str, A
         return words, None, model_from(settings, None)
     design, model = design_and_model(settings)
     choice = choose_words(design, target(settings), model, scaling=scaling(settings), way=settings.words)
-    return choice.words, choice.search, model
+    return choice.words, choice, model
 
 
 def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedModel]:

@@ -51,20 +51,20 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     """Return the words of a design, proven: documents and files."""
     from heatertune import chain  # noqa: PLC0415 - words that are proven already need none of it
     from heatertune.chain.documents import words_document  # noqa: PLC0415
-    from heatertune.chain.refine import refine  # noqa: PLC0415
-    from heatertune.chain.words import Choice  # noqa: PLC0415
+    from heatertune.chain.words import search_document  # noqa: PLC0415
 
     progress = printing.Progress(settings)
-    words, search, fitted = common.words_and_model(settings)
-    if settings.refine and search is not None:
-        choice = refine(Choice(words=words, search=search), fitted, proving=common.proving(settings))
-        words, search = choice.words, choice.search
+    words, choice, fitted = common.words_and_model(settings)
+    if settings.refine and choice is not None:
+        from heatertune.chain.refine import refine  # noqa: PLC0415
+
+        choice = refine(choice, fitted, proving=common.proving(settings))
+        words = choice.words
     proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=common.proving(settings),
                                       progress=progress)
     for note in notes:
         progress(note)
-    if search is not None:
-        search = {**search, "notes": [*search["notes"], *notes]}
+    search = None if choice is None else search_document(choice, fitted, notes)
     files = chain.export(proof.words, proof, force=settings.force)
     document = words_document(proof.words, proof, files, search)
     return {"words": document, "proof": proof.to_document(), "files": files}

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.model.closed_loop import Hypothesis
 from heatertune.model.least_squares import minimise
 from heatertune.model.statistics import autocorrelation
+
+if TYPE_CHECKING:
+    from heatertune.model.closed_loop import Hypothesis
 
 __all__ = ["LJUNG_BOX_95", "constant_rmse", "cross_rmse", "hold_out_rmse", "ljung_box"]
 

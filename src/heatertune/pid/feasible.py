@@ -8,7 +8,6 @@ pieces are tried from the top. That leaves a search over TN (and TV) only, and n
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,8 +16,8 @@ import numpy.typing as npt
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
 from heatertune.pid.response import iae_load, iae_setpoint, itae_load
-from heatertune.pid.robustness import margins, noise_gain
-from heatertune.pid.sampled import SampledPlant, controller_response, frequencies, sample_plant
+from heatertune.pid.robustness import noise_gain, sensitivity_peaks
+from heatertune.pid.sampled import combined, parts_seen, plant_seen
 from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign, structure_of
 
@@ -27,6 +26,7 @@ __all__ = ["Problem", "largest_gain", "search"]
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
+_FREQUENCIES = 300
 _PIECES = 4  # feasible pieces tried, from the top
 _TOLERANCE = 1.002  # the check's frequencies are finer than the search's
 
@@ -100,13 +100,11 @@ class Problem:
 
 def largest_gain(problem: Problem, integral_time_s: float, derivative_time_s: float) -> list[float]:
     """Return the upper ends of the feasible pieces of K > 0, the largest first; empty where none is stable."""
-    omega = frequencies(problem.sample_time_s, problem.slowest_s, 300)
-    unit = problem.design(1.0, integral_time_s, derivative_time_s)
-    c = controller_response(unit, omega)
-    excluded: list[tuple[float, float]] = []
-    for plant in _sampled(problem):
-        excluded += _excluded(plant.frequency_response(omega) * c, c, problem.specs)
-    tops = _tops(excluded)
+    looked_at = problem.sample_time_s, problem.slowest_s, _FREQUENCIES
+    unit, specs = problem.design(1.0, integral_time_s, derivative_time_s), problem.specs
+    c = combined(unit, parts_seen(problem.derivative_filter, *looked_at))
+    excluded = [_excluded(plant_seen(plant, *looked_at) * c, c, specs) for plant in problem.limited]
+    tops = _tops(np.concatenate(excluded))
     return [top for top in tops[-_PIECES:][::-1] if _keeps(problem, top, integral_time_s, derivative_time_s)]
 
 
@@ -172,44 +170,40 @@ def _zoom(grid: Array, centre: float) -> Array:
     return np.geomspace(centre / ratio, centre * ratio, 5)
 
 
-def _sampled(problem: Problem) -> list[SampledPlant]:
-    return [sample_plant(plant, problem.sample_time_s) for plant in problem.limited]
+def _excluded(h: Complex, c: Complex, specs: Specs) -> Array:
+    """Return the intervals of K > 0 that some frequency excludes, shape (m, 2).
 
-
-def _excluded(h: Complex, c: Complex, specs: Specs) -> list[tuple[float, float]]:
-    """Return the intervals of K > 0 that some frequency excludes; each limit is α·K² + 2·β·K + γ ≥ 0 with γ > 0."""
+    Each limit is α·K² + 2·β·K + γ ≥ 0 with γ > 0.
+    """
     size, real = np.abs(h) ** 2, h.real
     quadratics = [(size, 1.0 - 1.0 / specs.ms**2)]  # |1 + K·h|² ≥ 1/Ms²
     if math.isfinite(specs.mt):
         quadratics.append(((1.0 - 1.0 / specs.mt**2) * size, 1.0))  # |1 + K·h|² ≥ |K·h|²/Mt²
     if math.isfinite(specs.mks):
         quadratics.append((size - np.abs(c) ** 2 / specs.mks**2, 1.0))  # |1 + K·h|² ≥ |K·c|²/Mks²
-    found: list[tuple[float, float]] = []
+    found = []
     for alpha, gamma in quadratics:
         square = real**2 - alpha * gamma
         root = np.sqrt(np.maximum(square, 0.0)) - real
         hit = (square > 0.0) & ((real < 0.0) | (alpha < 0.0)) & (root > 0.0)
         high = np.full(len(root), math.inf)
         np.divide(root, alpha, out=high, where=alpha > 0.0)
-        found += zip((gamma / root[hit]).tolist(), high[hit].tolist(), strict=True)
-    return found
+        found.append(np.column_stack([gamma / root[hit], high[hit]]))
+    return np.concatenate(found)
 
 
-def _tops(excluded: Sequence[tuple[float, float]]) -> list[float]:
-    """Return the upper ends of the gaps between the excluded intervals, ascending."""
-    tops, reached = [], 0.0
-    for low, high in sorted(excluded):
-        if low > reached:
-            tops.append(low)
-        reached = max(reached, high)
-    return tops
+def _tops(excluded: Array) -> list[float]:
+    """Return the upper ends of the gaps between the excluded intervals (m, 2), ascending."""
+    low, high = excluded[np.argsort(excluded[:, 0])].T
+    reached = np.maximum.accumulate(np.append(0.0, high))[:-1]
+    return [float(top) for top in low[low > reached]]
 
 
 def _keeps(problem: Problem, gain: float, tn: float, tv: float) -> bool:
     design = problem.design(gain, tn, tv)
     for plant in problem.limited:
-        found = margins(plant, design)
-        if found.ms > problem.ms * _TOLERANCE or found.mt > problem.mt * _TOLERANCE:
+        ms, mt = sensitivity_peaks(plant, design)
+        if ms > problem.ms * _TOLERANCE or mt > problem.mt * _TOLERANCE:
             return False
         if math.isfinite(problem.mks) and noise_gain(plant, design) > problem.mks * _TOLERANCE:
             return False

@@ -13,16 +13,19 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
-from heatertune.pid.bounds import LoopBounds, bounds_of
 from heatertune.pid.response import iae_load
-from heatertune.pid.robustness import margins
+from heatertune.pid.robustness import sensitivity_peaks
 from heatertune.pid.values import PidDesign
+
+if TYPE_CHECKING:
+    from heatertune.pid.bounds import LoopBounds
 
 __all__ = ["Found", "Integers", "Vector", "best_integers"]
 
@@ -57,13 +60,15 @@ class Integers:
     def cost(self, words: Vector) -> float:
         """Return the mean load IAE [°C·s]; infinite for words that are not allowed, break Ms or do not settle."""
         design = self.decode(words)
-        if design is None or max(margins(plant, design).ms for plant in self.plants) > self.ms:
+        if design is None or max(sensitivity_peaks(plant, design)[0] for plant in self.plants) > self.ms:
             return math.inf
         return float(np.mean([iae_load(plant, design) for plant in self.plants]))
 
     @cached_property
     def bounds(self) -> LoopBounds:
         """The bounds for boxes of gains."""
+        from heatertune.pid.bounds import bounds_of  # noqa: PLC0415 - compiles; words that are rounded need no search
+
         design = self.decode(self.start)
         if design is None:
             raise InputError(f"words {self.start} to begin with are not allowed")

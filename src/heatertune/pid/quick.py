@@ -18,7 +18,8 @@ import numpy.typing as npt
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.values import HeaterModel
 from heatertune.pid.sampled import frequencies, part_responses, sample_plant
-from heatertune.pid.tune import STRUCTURES, Timer, settle
+from heatertune.pid.timer import Timer
+from heatertune.pid.tune import STRUCTURES, settle
 from heatertune.pid.values import PidDesign
 from heatertune.units import check
 

@@ -1,13 +1,17 @@
-"""The linear sampled loop in time: load and setpoint responses, their integrals, and TRdom."""
+"""The linear sampled loop in time: load and setpoint responses, their integrals, and TRdom.
+
+Few responses run as plain Python, which loads no compiler; a search's run as machine code, with the same numbers.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from heatertune.compiled import compiled, worth_compiling
 from heatertune.model.values import HeaterModel
 from heatertune.pid.sampled import sample_plant
 from heatertune.pid.values import PidDesign
@@ -17,40 +21,51 @@ __all__ = ["dominant_time_s", "horizon", "iae_load", "iae_setpoint", "itae_load"
 Array = npt.NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True)
-def _respond(poles, now, before, delay, gain, integral, derivative, past, setpoint, load, samples):  # type: ignore[no-untyped-def]
-    """Return the temperature deviation at each sample, shape (samples,)."""
-    x = np.zeros(len(poles))
-    inputs = np.zeros(samples)
-    out = np.empty(samples)
+_PLAIN_SAMPLES = 30_000  # take as long as the compiler's start
+
+
+def _respond(poles, now, before, delay, controller, setpoint, load, x, inputs, out):  # type: ignore[no-untyped-def]
+    """Write the temperature deviation at each sample to `out`; `x` and `inputs` are zero and of the loop's size.
+
+    `controller` holds K, TA/TN, TV/TA and the weight of the past in the D part.
+    """
+    gain, integral, derivative, past = controller
     summed = filtered = last = 0.0
-    for k in range(samples):
-        out[k] = x.sum()
-        error = setpoint - out[k]
+    for k in range(len(out)):
+        y = 0.0
+        for i in range(len(x)):
+            y += x[i]
+        out[k] = y
+        error = setpoint - y
         summed += integral * error
         filtered = past * filtered + (1.0 - past) * derivative * (error - last)
         last = error
         inputs[k] = gain * (error + summed + filtered) + load
         u_now = inputs[k - delay] if k >= delay else 0.0
         u_before = inputs[k - delay - 1] if k > delay else 0.0
-        for i in range(len(poles)):
+        for i in range(len(x)):
             x[i] = poles[i] * x[i] + now[i] * u_now + before[i] * u_before
-    return out
 
 
 def respond(
     model: HeaterModel, design: PidDesign, samples: int, *, setpoint_degC: float = 0.0, load_pct: float = 0.0
 ) -> Array:
     """Return the deviation at each sample [°C] after a step of setpoint and load at t = 0, shape (samples,)."""
-    plant = sample_plant(model, design.sample_time_s)
-    ta = design.sample_time_s
-    return np.asarray(
-        _respond(
-            plant.poles, plant.now, plant.before, plant.delay, design.gain_pct_per_degC,
-            ta / design.integral_time_s, design.derivative_time_s / ta, design.derivative_filter, setpoint_degC,
-            load_pct, samples,
-        )
+    plant, ta = sample_plant(model, design.sample_time_s), design.sample_time_s
+    controller = (
+        float(design.gain_pct_per_degC), float(ta / design.integral_time_s), float(design.derivative_time_s / ta),
+        float(design.derivative_filter),
     )
+    modes = (plant.poles, plant.now, plant.before)
+    space = (np.zeros(len(plant.poles)), np.zeros(samples), np.zeros(samples))
+    steps = (plant.delay, controller, float(setpoint_degC), float(load_pct))
+    run: Callable[..., None] = _respond
+    if worth_compiling(samples, _PLAIN_SAMPLES):
+        compiled(run)(*modes, *steps, *space)
+        return space[-1]
+    plain = [each.tolist() for each in space]
+    run(*(each.tolist() for each in modes), *steps, *plain)
+    return np.array(plain[-1])
 
 
 def horizon(model: HeaterModel, design: PidDesign) -> int:

@@ -8,12 +8,17 @@ OB251 and 0 in controllers without a filter:
 Plant: each lag as a first-order mode behind a hold; a dead time of d samples and a fraction splits each input
 between two samples (the modified z-transform; K. J. Åström and B. Wittenmark, "Computer-Controlled Systems",
 3rd ed., section 2.3).
+
+A search asks for the same plant at the same frequencies again and again: plants, frequencies and responses are kept,
+and read-only.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -21,11 +26,16 @@ import numpy.typing as npt
 from heatertune.model.values import HeaterModel, TwoLag
 from heatertune.pid.values import PidDesign
 
-__all__ = ["SampledPlant", "controller_response", "frequencies", "part_responses", "sample_plant"]
+__all__ = [
+    "SampledPlant", "combined", "controller_response", "frequencies", "part_responses", "parts_seen", "plant_seen",
+    "sample_plant",
+]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
+_Numbers = TypeVar("_Numbers", Array, Complex)
 
+_KEPT = 64  # of each; a response takes up to 72 kB
 _NEARLY_EQUAL = 1e-4  # relative distance below which two lags are moved apart; the answer changes by 1e-9
 
 
@@ -52,6 +62,7 @@ class SampledPlant:
         return np.asarray(modes.sum(axis=0) * z ** (-self.delay))
 
 
+@lru_cache(maxsize=_KEPT)
 def sample_plant(model: HeaterModel, sample_time_s: float, *, computing_delay_s: float = 0.0) -> SampledPlant:
     """Return the plant seen by a controller that acts every `sample_time_s` and a hold [s]."""
     dead = model.dead_time_s + computing_delay_s
@@ -62,13 +73,19 @@ def sample_plant(model: HeaterModel, sample_time_s: float, *, computing_delay_s:
     rest = np.exp(-(sample_time_s - late) / lags)
     gains = model.gain_degC_per_pct * shares
     return SampledPlant(
-        poles=whole, now=gains * (1.0 - rest), before=gains * (rest - whole), delay=delay, sample_time_s=sample_time_s
+        poles=_kept(whole), now=_kept(gains * (1.0 - rest)), before=_kept(gains * (rest - whole)), delay=delay,
+        sample_time_s=sample_time_s,
     )
 
 
 def controller_response(design: PidDesign, omega: Array) -> Complex:
     """Return C(e^(jω·TA)) [%/°C], shape (n,)."""
-    proportional, summed, difference = part_responses(omega, design.sample_time_s, design.derivative_filter)
+    return combined(design, part_responses(omega, design.sample_time_s, design.derivative_filter))
+
+
+def combined(design: PidDesign, parts: Complex) -> Complex:
+    """Return C [%/°C], shape (n,), from the responses of its parts, shape (3, n)."""
+    proportional, summed, difference = parts
     integral = design.sample_time_s / design.integral_time_s
     derivative = design.derivative_time_s / design.sample_time_s
     return np.asarray(design.gain_pct_per_degC * (proportional + integral * summed + derivative * difference))
@@ -85,9 +102,27 @@ def part_responses(omega: Array, sample_time_s: float, derivative_filter: float)
     return np.stack([np.ones_like(backward), 1.0 / (1.0 - backward), difference])
 
 
+@lru_cache(maxsize=_KEPT)
+def plant_seen(model: HeaterModel, sample_time_s: float, slowest_s: float, n: int = 1500) -> Complex:
+    """Return the plant's pulse transfer function [°C/%] at `frequencies`, shape (n,)."""
+    return _kept(sample_plant(model, sample_time_s).frequency_response(frequencies(sample_time_s, slowest_s, n)))
+
+
+@lru_cache(maxsize=_KEPT)
+def parts_seen(derivative_filter: float, sample_time_s: float, slowest_s: float, n: int = 1500) -> Complex:
+    """Return `part_responses` at `frequencies`, shape (3, n)."""
+    return _kept(part_responses(frequencies(sample_time_s, slowest_s, n), sample_time_s, derivative_filter))
+
+
+@lru_cache(maxsize=_KEPT)
 def frequencies(sample_time_s: float, slowest_s: float, n: int = 1500) -> Array:
     """Return n frequencies from far below 1/`slowest_s` up to half the sampling frequency [rad/s]."""
-    return np.geomspace(min(1e-3 / slowest_s, 1e-2 * math.pi / sample_time_s), math.pi / sample_time_s, n)
+    return _kept(np.geomspace(min(1e-3 / slowest_s, 1e-2 * math.pi / sample_time_s), math.pi / sample_time_s, n))
+
+
+def _kept(array: _Numbers) -> _Numbers:
+    array.flags.writeable = False
+    return array
 
 
 def _modes(model: HeaterModel) -> tuple[Array, Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 from heatertune.errors import InputError, UnknownName
@@ -19,10 +19,11 @@ from heatertune.pid.robustness import margins, noise_gain, worst
 from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.scheduling import told_about_faces
 from heatertune.pid.specs import Specs
+from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
 from heatertune.units import check
 
-__all__ = ["METHODS", "STRUCTURES", "Timer", "assessed_sampled", "settle", "tune"]
+__all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "tune"]
 
 STRUCTURES = ("p", "pi", "pid")
 METHODS = ("optimum", *RULES)
@@ -31,23 +32,6 @@ _SAMPLES_PER_TRDOM = 10.0  # S5-115U manual, section 11.2.3: TA ≈ TRdom/10
 _ROUNDS = 8
 _SETTLED = 0.02
 _UNSETTLED = 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Timer:
-    """What the target's timer can do: shortest, longest and step of the sampling interval [s]."""
-
-    shortest_s: float = 0.01
-    longest_s: float = 600.0
-    step_s: float = 0.01
-
-    def round(self, wanted_s: float) -> float:
-        """Return a plain interval near the wanted one: whole seconds above 10 s, tenths above 1 s, else steps."""
-        plain = 1.0 if wanted_s > 10.0 else 0.1 if wanted_s > 1.0 else self.step_s
-        plain = max(plain, self.step_s)
-        rounded = round(wanted_s / plain) * plain
-        rounded = min(max(rounded, self.shortest_s), self.longest_s)
-        return round(round(rounded / self.step_s) * self.step_s, 6)
 
 
 def tune(

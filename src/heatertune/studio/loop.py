@@ -7,7 +7,7 @@ from typing import Any
 
 from heatertune import chain
 from heatertune.chain.stages import Told, default_pwm_period_s, labelled
-from heatertune.chain.words import choose_words
+from heatertune.chain.words import choose_words, search_document
 from heatertune.model.values import FittedModel
 from heatertune.pid.quick import quick_tune
 from heatertune.pid.robustness import margins, worst
@@ -26,7 +26,7 @@ class Gains:
     Attributes:
         design: as wished.
         words: what the controller will hold.
-        search: how the words were found, see `heatertune.chain.words.Choice`; None: each rounded on its own.
+        search: how the words were found, see `heatertune.chain.words.search_document`; None: each rounded on its own.
     """
 
     design: PidDesign
@@ -87,7 +87,7 @@ def optimum(fitted: FittedModel, settings: Settings, progress: Told = str) -> Ga
     """
     design = chain.tune(fitted, progress=progress, **settings.tuning)
     choice = choose_words(design, settings.target, fitted, scaling=settings.scaling, progress=progress)
-    return Gains(design=design, words=choice.words, search=choice.search)
+    return Gains(design=design, words=choice.words, search=search_document(choice, fitted))
 
 
 def _quick(fitted: FittedModel, settings: Settings) -> Gains:

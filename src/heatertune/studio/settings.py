@@ -10,7 +10,8 @@ from typing import Any, Final
 from heatertune.chain.stages import default_setpoint, labelled
 from heatertune.errors import OutOfRange
 from heatertune.model.values import FittedModel
-from heatertune.pid.tune import STRUCTURES, Timer
+from heatertune.pid.timer import Timer
+from heatertune.pid.tune import STRUCTURES
 from heatertune.plc import TARGETS, Scaling, room
 from heatertune.units import check
 
