@@ -178,11 +178,12 @@ def test_every_line_that_can_be_read_under_the_cursor_has_a_name(documents):
             assert re.search(r"\[.+\]$", panel["y"])
 
 
-def test_power_on_a_second_axis_stays_in_the_panel_of_the_temperature(documents):
+def test_power_is_a_panel_of_its_own(documents):
     residuals = {"time_s": [0.0, 10.0], "measured_degC": [22.0, 24.0], "simulated_degC": [22.5, 23.0]}
-    top, low = panels(plot_fit(documents["log"], residuals))
-    assert (top["y"], top["y2"], low["y"]) == ("temperature [°C]", "power [%]", "residual [°C]")
-    assert {line["label"]: line["second"] for line in top["lines"]} == {"log": False, "model": False, "power": True}
+    top, power, low = panels(plot_fit(documents["log"], residuals))
+    assert [panel["y"] for panel in (top, power, low)] == ["temperature [°C]", "power [%]", "residual [°C]"]
+    assert [line["label"] for line in top["lines"] + power["lines"]] == ["log", "model", "power"]
+    assert power["lines"][0]["y"] == [80.0] * 60
     assert low["lines"][0]["y"] == [-0.5, 1.0]
 
 

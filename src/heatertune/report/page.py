@@ -155,9 +155,9 @@ def _design(documents: Documents) -> str:
     ]
     curves = documents["pictures"]["curves"]
     robustness = "" if not curves else picture(
-        plots.plot_robustness(curves, documents["pictures"]["ms_limit"]),
-        "The words as realised, on every model (worst one orange): the Nyquist curve has to stay out of the circle, "
-        "|S| below the limit.",
+        plots.plot_robustness(curves, documents["pictures"]["ms_limit"], pid.get("ms")),
+        "The words as realised, on every model: the Nyquist curve has to stay out of the inner circle, |S| below the "
+        "limit; dashed: Ms as designed, before rounding.",
     )
     target = room(documents["words"]["target"]).title
     chosen = table(["", "wished", "realised by the words", "unit"], rows, numeric=(1, 2),
@@ -185,7 +185,7 @@ def _proof(documents: Documents) -> str:
         + (f"<h3>Known faults of this controller</h3>{bullets(proof['faults'])}" if proof["faults"] else "")
         + picture(plots.plot_loop(nominal, pictures["worst"], pictures["others"]),
                    f"Heat-up and a disturbance at {figure(kick)} s; nominal: {pictures['nominal']['label']}, worst: "
-                   f"{pictures['worst']['label']}, grey: all other models.")
+                   f"{pictures['worst']['label']}.")
         + picture(plots.plot_pwm(nominal, kick - 60.0, kick + 180.0), "The heater's switching around the disturbance.")
         + picture(plots.plot_wish(nominal, pictures["wish"]),
                    "What the design meant, in floating point, against the words.")
