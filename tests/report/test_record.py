@@ -2,20 +2,14 @@
 
 import json
 import re
-import shutil
-import subprocess
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from tests.report.conftest import DESIGN
 
 from heatertune import chain
-from heatertune.chain.whole import dossier
 from heatertune.errors import UnknownName
-from heatertune.log.values import Log
-from heatertune.model.fit import model_by_hand
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, room
 from heatertune.plc.commissioning import SECTIONS, commissioning
 from heatertune.report import render
@@ -23,25 +17,7 @@ from heatertune.report.html import coded, table, text_of, tick
 from heatertune.report.live import panels, panels_json
 from heatertune.report.plots import plot_fit, plot_loop, plot_pwm, plot_robustness, plot_wish
 
-HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
-DESIGN = PidDesign(gain_pct_per_degC=9.5, integral_time_s=66.0, derivative_time_s=0.0, sample_time_s=4.0,
-                   structure="pi", method="by hand")
 VOID = {"meta", "input", "br", "path", "use", "line"}
-
-
-@pytest.fixture(scope="module")
-def documents():
-    fitted = model_by_hand(HEATER)
-    proof = chain.prove(chain.encode(DESIGN, "s5-ob251"), fitted, setpoint_degC=40.0)
-    time = np.arange(0.0, 600.0, 10.0)
-    log = Log(name="own </script> log", source="a file & its line", time_s=time,
-              temperature_degC=22.0 + 30.0 * (1 - np.exp(-time / 167.0)), power_pct=np.full_like(time, 80.0))
-    return dossier(log, fitted, DESIGN, proof, {"DB30.bin": b""})
-
-
-@pytest.fixture(scope="module")
-def page(documents):
-    return render(documents)
 
 
 class _Seen(HTMLParser):
@@ -187,6 +163,15 @@ def test_power_is_a_panel_of_its_own(documents):
     assert low["lines"][0]["y"] == [-0.5, 1.0]
 
 
+def test_the_ms_of_the_design_stands_in_the_picture_beside_the_limit(documents, page):
+    assert ">design 1.37<" not in page, "a design by hand promised none"
+    promised = documents | {"pid": documents["pid"] | {"ms": 1.37}}
+    told = render(promised)
+    assert ">design 1.37<" in told
+    assert ">Ms, design 1.37<" in told
+    assert told.count(f">limit {documents['pictures']['ms_limit']:g}<") == 1
+
+
 def test_a_curve_that_runs_back_stays_a_picture(documents):
     series = documents["pictures"]
     assert panels_json(plot_robustness(series["curves"], 2.0)) == "[]"
@@ -233,19 +218,3 @@ def test_the_files_and_addresses_that_the_steps_name_are_those_of_the_export(tar
 def test_an_unknown_controller_has_no_steps():
     with pytest.raises(UnknownName, match="s5-ob251"):
         commissioning("s5")
-
-
-@pytest.mark.long
-def test_a_browser_draws_the_live_pictures_without_a_network(page, tmp_path):
-    browser = shutil.which("chromium")
-    if browser is None:
-        pytest.skip("needs chromium")
-    (tmp_path / "report.html").write_text(page, encoding="utf-8")
-    ended = subprocess.run(
-        [browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'browser'}",
-         "--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=5000", "--dump-dom",
-         (tmp_path / "report.html").as_uri()], check=True, capture_output=True, text=True, timeout=60)
-    assert ended.stdout.count('class="moves"') == 3
-    assert ended.stdout.count("<canvas") == 5, "two panels of the loop, one of the switching, two of the wish"
-
-

@@ -132,7 +132,7 @@ def _hypotheses(model: Document) -> str:
     return (
         f"<h3>Hypotheses about the controller</h3><p>{text_of(told)} BIC with AR(1) errors on the same readings; RMS "
         "in °C on the readings used, on the later ones foretold from the earlier, and on blocks left out.</p>"
-        f"<details open><summary>{len(rows)} compared</summary>{table(heads, rows, numeric=(1, 3, 4, 6, 7, 8, 9))}"
+        f"<details open><summary>{len(rows)} compared</summary>{table(heads, rows, numeric=(1, 2, 3, 4, 6, 7, 8, 9))}"
         "</details>"
     )
 

@@ -24,7 +24,7 @@ def plot_fit(log: Part, residuals: Part) -> Figure:
     """Draw the log and the fitted model, the power where it was logged, and the residuals."""
     powered = log["power_pct"] is not None
     ratios = (3, 1, 1) if powered else (3, 1)
-    figure, (top, *middle, low) = new_figure(len(ratios), 5.2 + powered, sharex=True, height_ratios=ratios)
+    figure, (top, *middle, low) = new_figure(len(ratios), 3.8 + 0.8 * powered, sharex=True, height_ratios=ratios)
     top.plot(log["time_s"], log["temperature_degC"], label="log", **LOOK["log"])
     top.plot(residuals["time_s"], residuals["simulated_degC"], label="model", **LOOK["model"])
     top.set_ylabel("temperature [°C]")
@@ -41,7 +41,7 @@ def plot_fit(log: Part, residuals: Part) -> Figure:
 
 def plot_loop(nominal: Part, worst: Part, others: Sequence[Part]) -> Figure:
     """Draw the proven loop: temperature on all models, power asked for on the nominal and the worst."""
-    figure, (top, low) = new_figure(2, 5.6, sharex=True, height_ratios=(2, 1))
+    figure, (top, low) = new_figure(2, 4.2, sharex=True, height_ratios=(2, 1))
     for run in others:
         top.plot(run["time_s"], run["temperature_degC"], label=run["label"], **LOOK["other"])
     _temperature(top, worst, "worst", "worst")
@@ -72,7 +72,7 @@ def plot_pwm(nominal: Part, start_s: float, end_s: float) -> Figure:
 
 def plot_wish(nominal: Part, wish: Part) -> Figure:
     """Draw what the design meant against what the words do."""
-    figure, (top, low) = new_figure(2, 5.0, sharex=True, height_ratios=(2, 1))
+    figure, (top, low) = new_figure(2, 3.8, sharex=True, height_ratios=(2, 1))
     _temperature(top, nominal, "realised", "realised")
     _temperature(top, wish, "wished", "wish")  # dashed, on top: where they agree both can be seen
     _setpoint(top, nominal)
@@ -120,7 +120,7 @@ def plot_robustness(curves: Sequence[Part], limit: float, designed: float | None
         limit: the largest Ms [1] that the proof lets pass.
         designed: Ms [1] of the unrounded design, worst over the models; None where it was not computed.
     """
-    figure, (left, right) = new_figure(1, 4.2, columns=2)
+    figure, (left, right) = new_figure(1, 3.6, columns=2)
     names = [("nominal", "realised"), ("worst", "worst"), ("other models", "other")]
     looks = ["worst" if curve["worst"] and i else "other" if i else "realised" for i, curve in enumerate(curves)]
     for curve, look in zip(curves, looks, strict=True):
