@@ -12,6 +12,11 @@ CHROMIUM = Path("/usr/bin/chromium")
 #: A4 without the margins of the print style, 13 mm above and below, 12 mm beside, in CSS pixels of 1/96 inch
 A4 = {"width": int((210 - 2 * 12) / 25.4 * 96), "height": int((297 - 2 * 13) / 25.4 * 96)}
 
+#: what is written on any canvas, which no element of the page tells
+WRITTEN = """window.written = new Set(); const write = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, ...where) {
+    window.written.add(text); write.call(this, text, ...where); };"""
+
 pytestmark = pytest.mark.long
 
 
@@ -20,7 +25,9 @@ def report(documents, tmp_path_factory):
     """The page of a log with a fit, and with every picture."""
     log = documents["log"]
     measured = np.asarray(log["temperature_degC"])
-    residuals = {"time_s": list(log["time_s"]), "measured_degC": measured.tolist(), "simulated_degC": (measured + 0.5).tolist()}
+    half = len(measured) // 2  # as where the rest was left out of the fit
+    residuals = {"time_s": list(log["time_s"])[:half], "measured_degC": measured[:half].tolist(),
+                 "simulated_degC": (measured[:half] + 0.5).tolist()}
     told = documents | {"model": documents["model"] | {"residuals": residuals}, "pid": documents["pid"] | {"ms": 1.4}}
     found = tmp_path_factory.mktemp("report") / "report.html"
     found.write_text(render(told), encoding="utf-8")
@@ -47,6 +54,7 @@ def shown(browser, report):
         found.on("console", lambda said: complaints.append(said.text))
         found.on("pageerror", lambda problem: complaints.append(str(problem)))
         found.on("request", lambda asked: None if asked.url == report.as_uri() else complaints.append(asked.url))
+        found.add_init_script(WRITTEN)
         found.goto(report.as_uri())
         yield found
     assert complaints == []
@@ -66,6 +74,9 @@ def at(panel, share):
 
 def test_the_pictures_tell_what_is_under_the_mouse_zoom_and_come_back(shown, documents):
     assert shown.locator("figure.moves").count() == 4, "loop, switching, wish, fit"
+    written = set(shown.evaluate("[...window.written]"))
+    assert {"time [s]", "temperature [°C]", "power asked for [%]", "heater [%]", "difference [°C]", "power [%]", "residual [°C]",
+            "0", "200", "1,000"} <= written
     loop = shown.locator("figure.moves").first
     loop.scroll_into_view_if_needed()
     top, low = loop.locator(".uplot").all()
@@ -99,6 +110,14 @@ def _drag_zooms_both_panels_and_double_click_brings_all_back(shown, top, low, en
         assert float(under_cursor(panel)["time [s]"]) == pytest.approx(0.98 * end, rel=0.01)
 
 
+def test_panels_of_one_figure_show_the_same_stretch_though_one_line_ends_early(shown):
+    log, _, residual = shown.locator("figure.moves").last.locator(".uplot").all()
+    for panel in (log, residual):
+        panel.scroll_into_view_if_needed()
+        shown.mouse.move(*at(panel, 0.25))
+        assert float(under_cursor(panel)["time [s]"]) == pytest.approx(0.25 * 590.0, abs=6.0), "readings are 10 s apart"
+
+
 def test_ticks_are_kept_when_the_page_is_opened_again(shown):
     boxes = shown.get_by_role("checkbox")
     assert boxes.count() > 9
@@ -110,7 +129,7 @@ def test_ticks_are_kept_when_the_page_is_opened_again(shown):
 
 
 def test_it_prints_on_eight_pages_of_a4_with_nothing_cut(shown):
-    for width in (1280, 768):
+    for width in (1280, 768, 480):
         shown.set_viewport_size({"width": width, "height": 900})
         assert shown.evaluate("document.documentElement.scrollWidth") <= width
     printed = shown.pdf(prefer_css_page_size=True)
