@@ -109,6 +109,12 @@ def test_every_table_but_the_one_for_the_hand_names_its_source(seen):
     assert "Source: a file & its line" in seen.captions
 
 
+def test_a_head_stands_over_its_numbers():
+    told = table(["name", "value"], [["K", "1"]], numeric=(1,))
+    assert '<th scope="col">name</th><th scope="col" class="n">value</th>' in told
+    assert '<td>K</td><td class="n">1</td>' in told
+
+
 def test_verdict_steps_and_what_was_not_proven_stand_in_the_page(page):
     heads = re.findall(r"<h2>(.*?)</h2>", page)
     assert heads == ["Words for s5-ob251", "Into service", "Commissioned", "Proof", "What was not proven",

@@ -30,7 +30,7 @@ _STYLE: Final = """\
 .heatertune { background: #fff; color: #1a1a1a; font: 14px/1.4 system-ui, sans-serif; max-width: 46rem;
   padding: .6rem .8rem; border: 1px solid #d5d5d5; overflow-x: auto; }
 .heatertune th, .heatertune td { padding: .1rem .7rem .1rem 0; text-align: left; }
-.heatertune td.n { text-align: right; font-variant-numeric: tabular-nums; }
+.heatertune td.n, .heatertune th.n { text-align: right; font-variant-numeric: tabular-nums; }
 .heatertune td.fail { color: #a33c00; font-weight: 700; }"""
 
 

@@ -25,7 +25,7 @@ table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabula
         max-width: 100%; min-width: 24rem; }
 caption { caption-side: bottom; text-align: left; color: var(--soft); font-size: .85em; padding-top: .2rem; }
 th, td { border-bottom: 1px solid var(--line); padding: .25rem .7rem; text-align: left; vertical-align: top; }
-td.n { text-align: right; white-space: nowrap; } .pass { color: var(--pass); font-weight: 600; }
+td.n, th.n { text-align: right; } td.n { white-space: nowrap; } .pass { color: var(--pass); font-weight: 600; }
 .fail { color: var(--fail); font-weight: 700; }
 .verdict { font-size: 1.3rem; border: 2px solid currentColor; padding: .3rem .8rem; display: inline-block; }
 figure { margin: 1rem 0; } figure svg { max-width: 100%; height: auto; } figcaption { color: var(--soft); }
@@ -94,7 +94,8 @@ def table(
 ) -> str:
     """Return a table; the columns named in `numeric` are aligned to the right, its source stands below."""
     told = f"<caption>Source: {text_of(source)}</caption>" if source else ""
-    head = "".join(f"<th scope='col'>{text_of(cell)}</th>" for cell in heads)
+    kinds = [' class="n"' if i in numeric else "" for i in range(len(heads))]
+    head = "".join(f'<th scope="col"{kind}>{text_of(cell)}</th>' for kind, cell in zip(kinds, heads, strict=True))
     body = "".join("<tr>" + "".join(_cell(cell, i in numeric) for i, cell in enumerate(row)) + "</tr>" for row in rows)
     return f"<table>{told}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
