@@ -19,7 +19,7 @@ from heatertune.cache import folder, source_digest
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["bound", "compiled", "runs_compiled_as", "worth_compiling"]
+__all__ = ["bound", "compiled", "decide", "runs_compiled_as", "worth_compiling"]
 
 _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 
@@ -27,6 +27,9 @@ _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 _PLAIN_SCANS: Final = 50_000
 
 _scans_asked = [0]
+
+#: what a process decided for all its loops; None: whatever pays
+_decided: Final[list[bool | None]] = [None]
 
 #: functions that no compiler takes → what is compiled in their place
 _TWINS: Final[dict[Any, Any]] = {}
@@ -42,14 +45,21 @@ def runs_compiled_as(twin: Callable[..., Any]) -> Callable[[_Plain], _Plain]:
     return register
 
 
+def decide(compile_all: bool | None) -> None:
+    """Let this process run all its loops compiled (True) or plainly (False); None, as at the start: whatever pays."""
+    _decided[0] = compile_all
+
+
 def worth_compiling(scans: int, most_plain: int | None = None) -> bool:
-    """Return whether a process has by now asked for so many scans that the compiler's start pays.
+    """Return whether a process has by now asked for so many scans that the compiler's start pays, or decided so.
 
     `most_plain` is how many plain ones take as long as this start, by default of the proof's loop.
 
     So the short runs of one command never load the compiler, and long work takes at most twice as long as if it had
     been known from the start. Both ways give the same, bit for bit.
     """
+    if _decided[0] is not None:
+        return _decided[0]
     _scans_asked[0] += scans
     return _scans_asked[0] > (_PLAIN_SCANS if most_plain is None else most_plain)
 

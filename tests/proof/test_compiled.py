@@ -266,3 +266,15 @@ def test_the_medians_of_the_ripple_are_numpys(table):
         warnings.simplefilter("ignore")  # of a row without any number
         expected = np.nanmedian(np.array(table), axis=1)
     assert np.array_equal(_medians(np.array(table)), expected, equal_nan=True)
+
+
+def test_a_process_may_decide_for_all_its_loops(monkeypatch):
+    monkeypatch.setattr(machine, "_scans_asked", [0])
+    monkeypatch.setattr(machine, "_decided", [None])
+    machine.decide(True)
+    assert worth_compiling(0)
+    machine.decide(False)
+    assert not worth_compiling(10**15)
+    machine.decide(None)
+    assert machine._scans_asked == [0], "what was decided is no reason for the compiler later"
+    assert not worth_compiling(1)

@@ -2,20 +2,14 @@
 
 import json
 import re
-import shutil
-import subprocess
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from tests.report.conftest import DESIGN
 
 from heatertune import chain
-from heatertune.chain.whole import dossier
 from heatertune.errors import UnknownName
-from heatertune.log.values import Log
-from heatertune.model.fit import model_by_hand
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, room
 from heatertune.plc.commissioning import SECTIONS, commissioning
 from heatertune.report import render
@@ -23,25 +17,7 @@ from heatertune.report.html import coded, table, text_of, tick
 from heatertune.report.live import panels, panels_json
 from heatertune.report.plots import plot_fit, plot_loop, plot_pwm, plot_robustness, plot_wish
 
-HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
-DESIGN = PidDesign(gain_pct_per_degC=9.5, integral_time_s=66.0, derivative_time_s=0.0, sample_time_s=4.0,
-                   structure="pi", method="by hand")
 VOID = {"meta", "input", "br", "path", "use", "line"}
-
-
-@pytest.fixture(scope="module")
-def documents():
-    fitted = model_by_hand(HEATER)
-    proof = chain.prove(chain.encode(DESIGN, "s5-ob251"), fitted, setpoint_degC=40.0)
-    time = np.arange(0.0, 600.0, 10.0)
-    log = Log(name="own </script> log", source="a file & its line", time_s=time,
-              temperature_degC=22.0 + 30.0 * (1 - np.exp(-time / 167.0)), power_pct=np.full_like(time, 80.0))
-    return dossier(log, fitted, DESIGN, proof, {"DB30.bin": b""})
-
-
-@pytest.fixture(scope="module")
-def page(documents):
-    return render(documents)
 
 
 class _Seen(HTMLParser):
@@ -133,6 +109,12 @@ def test_every_table_but_the_one_for_the_hand_names_its_source(seen):
     assert "Source: a file & its line" in seen.captions
 
 
+def test_a_head_stands_over_its_numbers():
+    told = table(["name", "value"], [["K", "1"]], numeric=(1,))
+    assert '<th scope="col">name</th><th scope="col" class="n">value</th>' in told
+    assert '<td>K</td><td class="n">1</td>' in told
+
+
 def test_verdict_steps_and_what_was_not_proven_stand_in_the_page(page):
     heads = re.findall(r"<h2>(.*?)</h2>", page)
     assert heads == ["Words for s5-ob251", "Into service", "Commissioned", "Proof", "What was not proven",
@@ -178,12 +160,22 @@ def test_every_line_that_can_be_read_under_the_cursor_has_a_name(documents):
             assert re.search(r"\[.+\]$", panel["y"])
 
 
-def test_power_on_a_second_axis_stays_in_the_panel_of_the_temperature(documents):
+def test_power_is_a_panel_of_its_own(documents):
     residuals = {"time_s": [0.0, 10.0], "measured_degC": [22.0, 24.0], "simulated_degC": [22.5, 23.0]}
-    top, low = panels(plot_fit(documents["log"], residuals))
-    assert (top["y"], top["y2"], low["y"]) == ("temperature [°C]", "power [%]", "residual [°C]")
-    assert {line["label"]: line["second"] for line in top["lines"]} == {"log": False, "model": False, "power": True}
+    top, power, low = panels(plot_fit(documents["log"], residuals))
+    assert [panel["y"] for panel in (top, power, low)] == ["temperature [°C]", "power [%]", "residual [°C]"]
+    assert [line["label"] for line in top["lines"] + power["lines"]] == ["log", "model", "power"]
+    assert power["lines"][0]["y"] == [80.0] * 60
     assert low["lines"][0]["y"] == [-0.5, 1.0]
+
+
+def test_the_ms_of_the_design_stands_in_the_picture_beside_the_limit(documents, page):
+    assert ">design 1.37<" not in page, "a design by hand promised none"
+    promised = documents | {"pid": documents["pid"] | {"ms": 1.37}}
+    told = render(promised)
+    assert ">design 1.37<" in told
+    assert ">Ms, design 1.37<" in told
+    assert told.count(f">limit {documents['pictures']['ms_limit']:g}<") == 1
 
 
 def test_a_curve_that_runs_back_stays_a_picture(documents):
@@ -232,19 +224,3 @@ def test_the_files_and_addresses_that_the_steps_name_are_those_of_the_export(tar
 def test_an_unknown_controller_has_no_steps():
     with pytest.raises(UnknownName, match="s5-ob251"):
         commissioning("s5")
-
-
-@pytest.mark.long
-def test_a_browser_draws_the_live_pictures_without_a_network(page, tmp_path):
-    browser = shutil.which("chromium")
-    if browser is None:
-        pytest.skip("needs chromium")
-    (tmp_path / "report.html").write_text(page, encoding="utf-8")
-    ended = subprocess.run(
-        [browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'browser'}",
-         "--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=5000", "--dump-dom",
-         (tmp_path / "report.html").as_uri()], check=True, capture_output=True, text=True, timeout=60)
-    assert ended.stdout.count('class="moves"') == 3
-    assert ended.stdout.count("<canvas") == 5, "two panels of the loop, one of the switching, two of the wish"
-
-

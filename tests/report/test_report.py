@@ -14,7 +14,7 @@ from heatertune.report import plots
 from heatertune.report.style import LOOK, to_svg
 from heatertune.report.text import criteria_table, criterion_value, design_lines, ramp_note, table
 
-LABELS = {"temperature [°C]", "residual [°C]", "power asked for [%]", "realised − wished [°C]", "heater [%]", "Re L [1]",
+LABELS = {"temperature [°C]", "residual [°C]", "power asked for [%]", "difference [°C]", "heater [%]", "Re L [1]",
           "|S| [1]"}
 
 

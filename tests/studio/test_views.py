@@ -5,6 +5,7 @@ import json
 import math
 import re
 import zipfile
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -225,3 +226,17 @@ def test_the_report_names_the_words_and_the_files_that_were_downloaded(heater, l
     assert f"<td class=\"n\">{look.gains.words.values['K']}</td>" in page
     assert all(f"<code>{name}</code>" in page for name in files)
     assert "step.csv" in page
+
+
+def settled_at(look, end_degC):
+    """A look whose nominal run ends at a temperature."""
+    nominal = look.proof.nominal
+    late = np.where(nominal.time_s > 0.5 * nominal.time_s[-1], end_degC, nominal.temperature_degC)
+    return replace(look, proof=replace(look.proof, nominal=replace(nominal, temperature_degC=late)))
+
+
+def test_the_setpoints_name_keeps_to_the_side_of_the_line_that_the_settled_run_leaves_free(look):
+    setpoint = look.proof.nominal.setpoint_degC
+    for end_degC, side in ((setpoint + 0.5, "insideEndBottom"), (setpoint - 0.5, "insideEndTop")):
+        words = charts.loop_chart(settled_at(look, end_degC), [])["series"][0]
+        assert words["markLine"]["label"]["position"] == side

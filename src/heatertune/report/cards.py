@@ -18,7 +18,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, room
 from heatertune.proof import Proof, Trace
 from heatertune.report.html import bullets, table, text_of
-from heatertune.report.style import LOOK, label_end, new_figure, to_svg
+from heatertune.report.style import LOOK, key, label_levels, new_figure, to_svg
 from heatertune.report.text import criterion_value, figure, model_rows, word
 
 __all__ = ["card"]
@@ -30,7 +30,7 @@ _STYLE: Final = """\
 .heatertune { background: #fff; color: #1a1a1a; font: 14px/1.4 system-ui, sans-serif; max-width: 46rem;
   padding: .6rem .8rem; border: 1px solid #d5d5d5; overflow-x: auto; }
 .heatertune th, .heatertune td { padding: .1rem .7rem .1rem 0; text-align: left; }
-.heatertune td.n { text-align: right; font-variant-numeric: tabular-nums; }
+.heatertune td.n, .heatertune th.n { text-align: right; font-variant-numeric: tabular-nums; }
 .heatertune td.fail { color: #a33c00; font-weight: 700; }"""
 
 
@@ -62,14 +62,15 @@ def _log(value: Log) -> str:
     rows = [("readings", str(len(value.time_s)), ""), ("duration", figure(float(np.ptp(value.time_s))), "s"),
             _span("temperature", value.temperature_degC, "°C"), _span("heater power", value.power_pct, "%"),
             _span("setpoint", value.setpoint_degC, "°C")]
-    drawn, (ax,) = new_figure(1, 2.4)
+    ratios = (3,) if value.power_pct is None else (3, 1)
+    drawn, (ax, *below) = new_figure(len(ratios), 1.4 + len(ratios), sharex=True, height_ratios=ratios)
     time, temperature = _thinned(value.time_s, value.temperature_degC)
     ax.plot(time, temperature, **LOOK["log"])
-    ax.set(xlabel="time [s]", ylabel="temperature [°C]")
-    if value.power_pct is not None:
-        power = ax.twinx()
-        power.step(*_thinned(value.time_s, value.power_pct), where="post", **LOOK["other"])
-        power.set_ylabel("power [%]")
+    ax.set_ylabel("temperature [°C]")
+    for power in below:
+        power.step(*_thinned(value.time_s, value.power_pct), where="post", **LOOK["log"])
+        power.set(ylabel="power [%]", ylim=(-4, 104))
+    drawn.axes[-1].set_xlabel("time [s]")
     told = [*value.repairs, *value.doubts]
     notes = f"<details><summary>{len(told)} notes of the reader</summary>{bullets(told)}</details>" if told else ""
     return _card(f"log {value.name}", table(["", "", "unit"], rows, numeric=(1,)), _picture(drawn), notes)
@@ -96,7 +97,7 @@ def _model(value: FittedModel) -> str:
         time, measured, simulated = _thinned(found.time_s, found.measured_degC, found.simulated_degC)
         for line, name in ((measured, "log"), (simulated, "model")):
             ax.plot(time, line, **LOOK[name])
-        label_end(ax, time, simulated, "model", "model")
+        key(ax, ("log", "log"), ("model", "model"))
         ax.set(xlabel="time [s]", ylabel="temperature [°C]")
         parts.append(_picture(drawn))
     return _card("heater", *parts)
@@ -176,12 +177,13 @@ def _trace(value: Trace) -> str:
 
 def _loop(runs: Sequence[tuple[str, Trace, str]]) -> str:
     drawn, (top, low) = new_figure(2, 3.4, sharex=True, height_ratios=(2, 1))
-    for name, trace, look in runs:
+    for _, trace, look in runs:
         time, temperature, power = _thinned(trace.time_s, trace.temperature_degC, trace.power_asked_pct)
-        top.plot(time, temperature, label=name, **LOOK[look])
+        top.plot(time, temperature, **LOOK[look])
         low.step(time, power, where="post", **LOOK[look])
-    top.axhline(runs[0][1].setpoint_degC, label="setpoint", **LOOK["limit"])
-    top.legend(frameon=False, fontsize=8, loc="lower right")
+    top.axhline(runs[0][1].setpoint_degC, **LOOK["limit"])
+    label_levels(top, (runs[0][1].setpoint_degC, "setpoint"))
+    key(top, *((name, look) for name, _, look in runs))
     top.set_ylabel("temperature [°C]")
     low.set(xlabel="time [s]", ylabel="power [%]", ylim=(-4, 104))
     return _picture(drawn)

@@ -25,15 +25,17 @@ table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabula
         max-width: 100%; min-width: 24rem; }
 caption { caption-side: bottom; text-align: left; color: var(--soft); font-size: .85em; padding-top: .2rem; }
 th, td { border-bottom: 1px solid var(--line); padding: .25rem .7rem; text-align: left; vertical-align: top; }
-td.n { text-align: right; white-space: nowrap; } .pass { color: var(--pass); font-weight: 600; }
+td.n, th.n { text-align: right; } td.n { white-space: nowrap; } .pass { color: var(--pass); font-weight: 600; }
 .fail { color: var(--fail); font-weight: 700; }
 .verdict { font-size: 1.3rem; border: 2px solid currentColor; padding: .3rem .8rem; display: inline-block; }
 figure { margin: 1rem 0; } figure svg { max-width: 100%; height: auto; } figcaption { color: var(--soft); }
 figure.moves > svg { display: none; } code { font-family: ui-monospace, monospace; }
-.u-legend { font-size: .85em; text-align: left; } .hint { font-size: .85em; }
+.u-legend { font-size: .85em; text-align: left; min-width: 0; } .hint { font-size: .85em; }
+.u-legend th, .u-legend td { border: 0; padding: 0 .3rem 0 0; } .u-inline.u-live th { font-weight: 400; }
 ol.steps { padding-left: 0; } ol.steps li { list-style: none; } label { display: block; padding-left: 1.6rem; }
 label input { margin-left: -1.6rem; } input[type=checkbox] { width: 1rem; height: 1rem; margin-right: .6rem; }
 .sign td { min-width: 13rem; height: 1.9rem; }
+@media screen and (max-width: 60rem) { table:not(.u-legend) { display: block; overflow-x: auto; min-width: 0; } }
 @page { size: A4; margin: 13mm 12mm; }
 @media print {
   body { margin: 0; padding: 0; max-width: none; font-size: 8.6pt; line-height: 1.32; }
@@ -41,7 +43,7 @@ label input { margin-left: -1.6rem; } input[type=checkbox] { width: 1rem; height
   h2, h3, summary { break-after: avoid; } figure, tr, li { break-inside: avoid; }
   p, li { max-width: none; margin: .15rem 0; } ul, ol { margin: .2rem 0; } th, td { padding: .08rem .4rem; }
   table { margin: .25rem 0; } figure { margin: .3rem 0; } .live, .hint { display: none; }
-  figure > svg, figure.moves > svg { display: block; max-height: 62mm; margin: 0 auto; }
+  figure > svg, figure.moves > svg { display: block; max-height: 72mm; margin: 0 auto; }
   input[type=checkbox] { width: .7rem; height: .7rem; margin-right: .4rem; } label { padding-left: 1.1rem; }
   label input { margin-left: -1.1rem; } .sign td { height: 1.5rem; }
   details::details-content { content-visibility: visible; display: block; }
@@ -92,7 +94,8 @@ def table(
 ) -> str:
     """Return a table; the columns named in `numeric` are aligned to the right, its source stands below."""
     told = f"<caption>Source: {text_of(source)}</caption>" if source else ""
-    head = "".join(f"<th scope='col'>{text_of(cell)}</th>" for cell in heads)
+    kinds = [' class="n"' if i in numeric else "" for i in range(len(heads))]
+    head = "".join(f'<th scope="col"{kind}>{text_of(cell)}</th>' for kind, cell in zip(kinds, heads, strict=True))
     body = "".join("<tr>" + "".join(_cell(cell, i in numeric) for i, cell in enumerate(row)) + "</tr>" for row in rows)
     return f"<table>{told}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 

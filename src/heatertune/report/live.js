@@ -13,13 +13,13 @@ for (const figure of document.querySelectorAll("figure[data-live]")) {
     const told = (u, value) => (value == null ? "—" : Number(value.toPrecision(5)));
     const series = panel.lines.map((line) => ({
       label: line.label, stroke: line.color, width: line.width, dash: line.dash, spanGaps: true, value: told,
-      scale: line.second ? "y2" : "y", points: { show: false },
+      points: { show: false },
       paths: line.step ? uPlot.paths.stepped({ align: 1 }) : undefined,
     }));
-    const axes = [{ label: panel.x }, { label: panel.y, scale: "y", size: 60 }];
-    if (panel.y2) axes.push({ label: panel.y2, scale: "y2", side: 1, size: 60, grid: { show: false } });
-    const scales = { x: { time: false, distr: panel.log ? 3 : 1 }, y: {} };
-    if (panel.y2) scales.y2 = { range: panel.range2 };
+    const last = panel === panels[panels.length - 1]; // the others read its axis of time
+    const named = { labelFont: "12px system-ui, sans-serif" };
+    const axes = [last ? { ...named, label: panel.x } : {}, { ...named, label: panel.y, size: 60 }];
+    const scales = { x: { time: false, distr: panel.log ? 3 : 1 } };
     // the ends of x are kept: zoomed or not, panels of one figure show the same stretch
     const together = (u) => {
       for (const other of drawn)
@@ -27,7 +27,7 @@ for (const figure of document.querySelectorAll("figure[data-live]")) {
           other.setScale("x", { min: u.scales.x.min, max: u.scales.x.max });
     };
     drawn.push(new uPlot({
-      width: box.clientWidth, height: Math.max(240, 480 * panel.height), cursor, scales, axes,
+      width: box.clientWidth, height: Math.max(190, 620 * panel.height) + (last ? 30 : 0), pxAlign: 0, cursor, scales, axes,
       series: [{ label: panel.x, value: told }, ...series], hooks: { setScale: [(u, key) => key === "x" && drawn.includes(u) && together(u)] },
     }, data, box));
   }

@@ -42,45 +42,32 @@ def panels_json(figure: Figure) -> str:
 
 
 def panels(figure: Figure) -> list[dict[str, Any]]:
-    """Return one panel per pair of axes, what stands on a twin included; none where x runs back and forth.
+    """Return one panel per pair of axes; none where x runs back and forth.
 
     A panel has its height as a share, the labels of its axes with their units, and its lines: label, x, y, look.
     """
-    found: list[dict[str, Any]] = []
-    for ax in figure.axes:
-        if not all(np.all(np.diff(_xy(line)[0]) >= 0.0) for line in ax.lines):
-            return []  # a Nyquist curve: no function of x
-        twin = next((p for p, of in zip(found, figure.axes, strict=False) if ax in _twins(of)), None)
-        lines = [_line(line, ax, twin is not None) for line in ax.lines]
-        if twin is not None:
-            twin["lines"] += lines
-            twin["y2"] = ax.get_ylabel()
-            twin["range2"] = [round(float(end), 6) for end in ax.get_ylim()]
-            continue
-        height = ax.get_position().height
-        found.append({"x": ax.get_xlabel() or "time [s]", "y": ax.get_ylabel(), "height": round(float(height), 3),
-                      "log": ax.get_xscale() == "log", "lines": lines})
-    return found
+    if any(np.any(np.diff(_xy(line)[0]) < 0.0) for ax in figure.axes for line in ax.lines):
+        return []  # a Nyquist curve: no function of x
+    return [
+        {"x": ax.get_xlabel() or "time [s]", "y": ax.get_ylabel(), "height": round(float(ax.get_position().height), 3),
+         "log": ax.get_xscale() == "log", "lines": [_line(line, ax) for line in ax.lines]}
+        for ax in figure.axes
+    ]
 
 
-def _twins(ax: Axes) -> list[Axes]:
-    return [other for other in ax.get_shared_x_axes().get_siblings(ax)
-            if other is not ax and other.get_position().bounds == ax.get_position().bounds]
-
-
-def _line(line: Line2D, ax: Axes, second: bool) -> dict[str, Any]:
+def _line(line: Line2D, ax: Axes) -> dict[str, Any]:
     x, y = _xy(line)
     if line.get_transform() != ax.transData:  # a level line spans the axes in their own units
         x = np.asarray(ax.get_xlim(), dtype=float)
         shown = [each for each in (_xy(other)[0] for other in ax.lines) if len(each) > 2]
         if shown:
             x = np.array([min(float(each.min()) for each in shown), max(float(each.max()) for each in shown)])
-    label = str(line.get_label())  # "_" keeps a name out of the printed legend, not from under the cursor
+    label = str(line.get_label())
     return {
-        "label": "" if label.startswith("_child") else label.removeprefix("_"),
+        "label": "" if label.startswith("_child") else label,
         "color": line.get_color(), "width": line.get_linewidth(),
         "dash": [float(n) for n in getattr(line, "_unscaled_dash_pattern", (0, None))[1] or ()],
-        "step": line.get_drawstyle() == "steps-post", "second": second,
+        "step": line.get_drawstyle() == "steps-post",
         "x": [round(float(v), 4) for v in x], "y": [None if not np.isfinite(v) else round(float(v), 4) for v in y],
     }
 

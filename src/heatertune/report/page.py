@@ -132,7 +132,7 @@ def _hypotheses(model: Document) -> str:
     return (
         f"<h3>Hypotheses about the controller</h3><p>{text_of(told)} BIC with AR(1) errors on the same readings; RMS "
         "in °C on the readings used, on the later ones foretold from the earlier, and on blocks left out.</p>"
-        f"<details open><summary>{len(rows)} compared</summary>{table(heads, rows, numeric=(1, 3, 4, 6, 7, 8, 9))}"
+        f"<details open><summary>{len(rows)} compared</summary>{table(heads, rows, numeric=(1, 2, 3, 4, 6, 7, 8, 9))}"
         "</details>"
     )
 
@@ -155,9 +155,9 @@ def _design(documents: Documents) -> str:
     ]
     curves = documents["pictures"]["curves"]
     robustness = "" if not curves else picture(
-        plots.plot_robustness(curves, documents["pictures"]["ms_limit"]),
-        "The words as realised, on every model (worst one orange): the Nyquist curve has to stay out of the circle, "
-        "|S| below the limit.",
+        plots.plot_robustness(curves, documents["pictures"]["ms_limit"], pid.get("ms")),
+        "The words as realised, on every model: the Nyquist curve has to stay out of the inner circle, |S| below the "
+        "limit; dashed: Ms as designed, before rounding.",
     )
     target = room(documents["words"]["target"]).title
     chosen = table(["", "wished", "realised by the words", "unit"], rows, numeric=(1, 2),
@@ -185,7 +185,7 @@ def _proof(documents: Documents) -> str:
         + (f"<h3>Known faults of this controller</h3>{bullets(proof['faults'])}" if proof["faults"] else "")
         + picture(plots.plot_loop(nominal, pictures["worst"], pictures["others"]),
                    f"Heat-up and a disturbance at {figure(kick)} s; nominal: {pictures['nominal']['label']}, worst: "
-                   f"{pictures['worst']['label']}, grey: all other models.")
+                   f"{pictures['worst']['label']}.")
         + picture(plots.plot_pwm(nominal, kick - 60.0, kick + 180.0), "The heater's switching around the disturbance.")
         + picture(plots.plot_wish(nominal, pictures["wish"]),
                    "What the design meant, in floating point, against the words.")

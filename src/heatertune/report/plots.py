@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from heatertune.report.style import LOOK, label_end, new_figure
+from heatertune.report.style import LOOK, key, label_levels, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,41 +17,41 @@ __all__ = ["plot_fit", "plot_loop", "plot_paper", "plot_pareto", "plot_pwm", "pl
 
 Part = Mapping[str, Any]
 
+_SEEN: Final = 0.02  # |S| that can be told from 0 in the picture
+
 
 def plot_fit(log: Part, residuals: Part) -> Figure:
-    """Draw the log, the fitted model and the residuals under it."""
-    figure, (top, middle) = new_figure(2, 5.2, sharex=True, height_ratios=(3, 1))
-    top.plot(log["time_s"], log["temperature_degC"], label="_log", **LOOK["log"])
-    label_end(top, log["time_s"], log["temperature_degC"], "log", "log")
-    top.plot(residuals["time_s"], residuals["simulated_degC"], label="_model", **LOOK["model"])
-    label_end(top, residuals["time_s"], residuals["simulated_degC"], "model", "model")
+    """Draw the log and the fitted model, the power where it was logged, and the residuals."""
+    powered = log["power_pct"] is not None
+    ratios = (3, 1, 1) if powered else (3, 1)
+    figure, (top, *middle, low) = new_figure(len(ratios), 3.8 + 0.8 * powered, sharex=True, height_ratios=ratios)
+    top.plot(log["time_s"], log["temperature_degC"], label="log", **LOOK["log"])
+    top.plot(residuals["time_s"], residuals["simulated_degC"], label="model", **LOOK["model"])
     top.set_ylabel("temperature [°C]")
-    if log["power_pct"] is not None:
-        power = top.twinx()
-        power.step(log["time_s"], log["power_pct"], where="post", label="_power", **LOOK["other"])
-        power.set_ylabel("power [%]", color=LOOK["other"]["color"])
-        power.set_ylim(-2, 300)
+    key(top, ("log", "log"), ("model", "model"))
+    for ax in middle:
+        ax.step(log["time_s"], log["power_pct"], where="post", label="power", **LOOK["log"])
+        ax.set(ylabel="power [%]", ylim=(-4, 104))
     error = np.subtract(residuals["measured_degC"], residuals["simulated_degC"])
-    middle.plot(residuals["time_s"], error, label="_residual", **LOOK["model"])
-    middle.axhline(0.0, label="_zero", **LOOK["limit"])
-    middle.set_ylabel("residual [°C]")
-    middle.set_xlabel("time [s]")
+    low.plot(residuals["time_s"], error, label="residual", **LOOK["model"])
+    low.axhline(0.0, label="zero", **LOOK["limit"])
+    low.set(ylabel="residual [°C]", xlabel="time [s]")
     return figure
 
 
 def plot_loop(nominal: Part, worst: Part, others: Sequence[Part]) -> Figure:
     """Draw the proven loop: temperature on all models, power asked for on the nominal and the worst."""
-    figure, (top, low) = new_figure(2, 5.6, sharex=True, height_ratios=(2, 1))
+    figure, (top, low) = new_figure(2, 4.2, sharex=True, height_ratios=(2, 1))
     for run in others:
-        top.plot(run["time_s"], run["temperature_degC"], label=f"_{run['label']}", **LOOK["other"])
+        top.plot(run["time_s"], run["temperature_degC"], label=run["label"], **LOOK["other"])
     _temperature(top, worst, "worst", "worst")
     _temperature(top, nominal, "nominal", "realised")
     _setpoint(top, nominal)
-    for run, name, look in ((worst, "_worst", "worst"), (nominal, "_nominal", "realised")):
+    names = [("nominal", "realised"), ("worst", "worst"), ("other models", "other")]
+    key(top, *names[: 3 if others else 2])
+    for run, name, look in ((worst, "worst", "worst"), (nominal, "nominal", "realised")):
         low.step(run["asked_time_s"], run["asked_pct"], where="post", label=name, **LOOK[look])
-    low.set_ylabel("power asked for [%]")
-    low.set_ylim(-4, 104)
-    low.set_xlabel("time [s]")
+    low.set(ylabel="power asked for [%]", ylim=(-4, 104), xlabel="time [s]")
     return figure
 
 
@@ -63,7 +63,7 @@ def plot_pwm(nominal: Part, start_s: float, end_s: float) -> Figure:
     inside = (edges >= start_s) & (edges <= end_s)
     time = np.concatenate([[start_s], edges[inside], [end_s]])
     level = np.concatenate([[before], power[inside]])
-    ax.step(time, np.append(level, level[-1]), where="post", label="_heater", **LOOK["realised"])
+    ax.step(time, np.append(level, level[-1]), where="post", label="heater", **LOOK["realised"])
     ax.set_ylabel("heater [%]")
     ax.set_xlabel("time [s]")
     ax.set_ylim(-8, 108)
@@ -72,27 +72,27 @@ def plot_pwm(nominal: Part, start_s: float, end_s: float) -> Figure:
 
 def plot_wish(nominal: Part, wish: Part) -> Figure:
     """Draw what the design meant against what the words do."""
-    figure, (top, low) = new_figure(2, 5.0, sharex=True, height_ratios=(2, 1))
+    figure, (top, low) = new_figure(2, 3.8, sharex=True, height_ratios=(2, 1))
     _temperature(top, nominal, "realised", "realised")
     _temperature(top, wish, "wished", "wish")  # dashed, on top: where they agree both can be seen
     _setpoint(top, nominal)
     instants = np.asarray(nominal["time_s"])
     wished = np.interp(instants, wish["time_s"], wish["temperature_degC"])
-    low.plot(instants, np.asarray(nominal["temperature_degC"]) - wished, label="_realised − wished", **LOOK["realised"])
-    low.set_ylabel("realised − wished [°C]")
-    low.set_xlabel("time [s]")
+    key(top, ("realised", "realised"), ("wished", "wish"))
+    low.plot(instants, np.asarray(nominal["temperature_degC"]) - wished, label="realised − wished", **LOOK["realised"])
+    low.set(ylabel="difference [°C]", xlabel="time [s]")
     return figure
 
 
 def plot_paper(runs: Sequence[Part]) -> Figure:
     """Draw the temperature of the paper's own runs."""
     figure, (ax,) = new_figure(1, 3.0)
-    for run, look in zip(runs, ("log", "worst", "realised"), strict=False):
-        series = run["series"]
-        ax.plot(series["time_s"], series["temperature_degC"], label=run["label"], **LOOK[look])
+    looks = ("log", "worst", "realised")
+    for run, look in zip(runs, looks, strict=False):
+        _temperature(ax, run["series"], run["label"], look)
     _setpoint(ax, runs[0]["series"])
-    ax.set(xlabel="time [s]", ylabel="temperature [°C]")
-    ax.legend(frameon=False, fontsize=8, loc="lower right")
+    key(ax, *((run["label"], look) for run, look in zip(runs, looks, strict=False)))
+    ax.set_xlabel("time [s]")
     return figure
 
 
@@ -112,38 +112,52 @@ def plot_pareto(front: Part) -> Figure:
     return figure
 
 
-def plot_robustness(curves: Sequence[Part], limit: float) -> Figure:
-    """Draw the Nyquist curves of all models with the Ms circle, and the sensitivities."""
-    from matplotlib.figure import Figure  # noqa: PLC0415
+def plot_robustness(curves: Sequence[Part], limit: float, designed: float | None = None) -> Figure:
+    """Draw the Nyquist curves and the sensitivities of all models, with what Ms may be and was designed to be.
+
+    Args:
+        curves: of the words as realised; the first is the nominal model's.
+        limit: the largest Ms [1] that the proof lets pass.
+        designed: Ms [1] of the unrounded design, worst over the models; None where it was not computed.
+    """
+    figure, (left, right) = new_figure(1, 3.6, columns=2)
+    names = [("nominal", "realised"), ("worst", "worst"), ("other models", "other")]
+    looks = ["worst" if curve["worst"] and i else "other" if i else "realised" for i, curve in enumerate(curves)]
+    for curve, look in zip(curves, looks, strict=True):
+        left.plot(curve["real"], curve["imaginary"], label=curve["label"], **LOOK[look])
+        right.semilogx(curve["omega"], curve["sensitivity"], label=curve["label"], **LOOK[look])
+    key(left, *(each for each in names if each[1] in looks))
+    top = max(2.2, 1.2 * limit)
+    levels = [(limit, f"limit {limit:g}", "limit")]
+    if designed is not None and designed < top:
+        levels.append((designed, f"design {designed:.3g}", "wish"))
+    for inner, (level, text, look) in enumerate(sorted(levels)):
+        _circle(left, level, text, look, inner=bool(inner))
+        right.axhline(level, label=text, **LOOK[look])
+    left.plot([-1.0], [0.0], "k+")
+    left.set(xlim=(-2.2, 0.6), ylim=(-1.9, 0.9), xlabel="Re L [1]", ylabel="Im L [1]", aspect="equal")
+    label_levels(right, *((level, text) for level, text, _ in levels))
+    slow = min(w for curve in curves for w, s in zip(curve["omega"], curve["sensitivity"], strict=True) if s > _SEEN)
+    right.set(xlabel="frequency [rad/s]", ylabel="|S| [1]", xlim=(slow, None), ylim=(0, top))
+    return figure
+
+
+def _circle(ax: Axes, ms: float, text: str, look: str, *, inner: bool) -> None:
+    """Draw the circle that a loop with this Ms touches, its name above it or, of an inner one, inside."""
     from matplotlib.patches import Circle  # noqa: PLC0415
 
-    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    for i, curve in enumerate(curves):
-        look = LOOK["worst"] if curve["worst"] else LOOK["realised"] if i == 0 else LOOK["other"]
-        left.plot(curve["real"], curve["imaginary"], **look)
-        right.semilogx(curve["omega"], curve["sensitivity"], **look)
-    left.add_patch(Circle((-1.0, 0.0), 1.0 / limit, fill=False, **LOOK["limit"]))
-    left.plot([-1.0], [0.0], "k+")
-    left.annotate(f"Ms = {limit:g}", (-1.0, 1.0 / limit), ha="center", va="bottom", fontsize=8)
-    left.set(xlim=(-2.2, 0.6), ylim=(-1.9, 0.9), xlabel="Re L [1]", ylabel="Im L [1]", aspect="equal")
-    right.axhline(limit, **LOOK["limit"])
-    right.annotate(f"limit {limit:g}", (right.get_xlim()[0], limit), va="bottom", fontsize=8)
-    right.set(xlabel="frequency [rad/s]", ylabel="|S| [1]", ylim=(0, max(2.2, 1.2 * limit)))
-    for ax in (left, right):
-        ax.grid(color="#dddddd", linewidth=0.5)
-        ax.spines[["top", "right"]].set_visible(False)
-    return figure
+    ax.add_patch(Circle((-1.0, 0.0), 1.0 / ms, fill=False, **LOOK[look]))
+    ax.annotate(f"Ms, {text}", (-1.0, 0.0 if inner else 1.0 / ms), xytext=(0, -6 if inner else 3), ha="center",
+                textcoords="offset points", va="top" if inner else "bottom", fontsize=8)
 
 
 def _temperature(ax: Axes, run: Part, name: str, look: str) -> None:
     ax.plot(run["time_s"], run["temperature_degC"], label=name, **LOOK[look])
-    ax.legend(frameon=False, fontsize=8, loc="lower right")
     ax.set_ylabel("temperature [°C]")
 
 
 def _setpoint(ax: Axes, run: Part) -> None:
     if run.get("followed_degC") is not None:
-        ax.step(run["asked_time_s"], run["followed_degC"], where="post", label="_setpoint on its ramp", **LOOK["limit"])
-    ax.axhline(run["setpoint_degC"], label="_setpoint", **LOOK["limit"])
-    ax.annotate("setpoint", (0.0, run["setpoint_degC"]), va="bottom", fontsize=8, color=LOOK["limit"]["color"])
+        ax.step(run["asked_time_s"], run["followed_degC"], where="post", label="setpoint on its ramp", **LOOK["limit"])
+    ax.axhline(run["setpoint_degC"], label="setpoint", **LOOK["limit"])
+    label_levels(ax, (run["setpoint_degC"], "setpoint"))

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["LOOK", "label_end", "new_figure", "to_png", "to_svg"]
+__all__ = ["LOOK", "key", "label_levels", "new_figure", "to_png", "to_svg"]
 
 # M. Okabe and K. Ito, "Color universal design" (2008): told apart by colour-blind eyes; darkness differs too
 LOOK: Final[dict[str, dict[str, Any]]] = {
@@ -34,12 +34,26 @@ def new_figure(rows: int, height: float, columns: int = 1, **settings: Any) -> t
     return figure, list(axes)
 
 
-def label_end(ax: Axes, x: Any, y: Any, text: str, look: str) -> None:
-    """Write the name of a line beside its end."""
-    ax.annotate(
-        text, (x[-1], y[-1]), xytext=(4, 0), textcoords="offset points", color=LOOK[look]["color"], fontsize=8,
-        va="center", annotation_clip=False,
-    )
+def key(ax: Axes, *names: tuple[str, str]) -> None:
+    """Name lines in a row above the axes, each beside a piece of it: no curve is covered, and grey print suffices.
+
+    Args:
+        ax: where.
+        names: name and look of each line.
+    """
+    from matplotlib.lines import Line2D  # noqa: PLC0415 - with the rest of matplotlib, only where pictures are drawn
+
+    ax.legend(handles=[Line2D([], [], label=name, **LOOK[look]) for name, look in names], loc="lower left",
+              bbox_to_anchor=(0.0, 1.0), ncols=len(names), frameon=False, fontsize=8, handlelength=3.5,
+              borderaxespad=0.1)
+
+
+def label_levels(ax: Axes, *levels: tuple[float, str]) -> None:
+    """Write the names of at most two level lines to the right of them, outside the axes, the higher one higher."""
+    places = ("center",) if len(levels) == 1 else ("top", "bottom")
+    for (value, text), place in zip(sorted(levels), places, strict=True):
+        ax.annotate(text, (1.0, value), xycoords=("axes fraction", "data"), xytext=(3, 0), textcoords="offset points",
+                    color=LOOK["limit"]["color"], fontsize=8, va=place, annotation_clip=False)
 
 
 def to_png(figure: Figure) -> bytes:

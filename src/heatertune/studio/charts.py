@@ -22,6 +22,7 @@ Array = npt.NDArray[np.float64]
 Options = dict[str, Any]
 
 _POINTS: Final = 800
+_NAME: Final = 0.12  # of the chart's width that the name of a level takes
 _STEP_PCT: Final = 10.0
 _LAGS: Final = 4.0  # times the slowest lag: 98 % of a step
 _PIN_LINES: Final = ("dashed", "dotted", [8, 2, 2, 2], [2, 6])
@@ -71,9 +72,12 @@ def loop_chart(look: Look, pinned: Sequence[Pinned]) -> Options:
         lines.append(_temperature("wish", look.wish, "wish", lower=1))
     for i, (each, kind) in enumerate(zip(pinned, _PIN_LINES, strict=False)):
         lines.append(_temperature(each.name, each.look.proof.nominal, "other", kind=kind, color=_PIN, lower=-1 - i))
+    # the name stands where the run has settled, on the side of the line that it has left
+    late = nominal.temperature_degC[nominal.time_s > (1.0 - _NAME) * nominal.time_s[-1]]
+    side = "Bottom" if late.mean() >= nominal.setpoint_degC else "Top"
     lines[0]["markLine"] = {
         "silent": True, "symbol": "none", "lineStyle": {"color": LOOK["limit"]["color"], "type": "dotted"},
-        "label": {"formatter": "setpoint", "position": "insideStartTop", "color": LOOK["limit"]["color"]},
+        "label": {"formatter": "setpoint", "position": f"insideEnd{side}", "color": LOOK["limit"]["color"]},
         "data": [{"yAxis": nominal.setpoint_degC}],
     }
     return _chart("time [s]", "temperature [°C]", lines)
@@ -126,7 +130,8 @@ def _chart(x: str, y: str, lines: Sequence[dict[str, Any]]) -> Options:
     return {
         "animation": False,
         "grid": {"left": 52, "right": 58, "top": 30, "bottom": 42},
-        "xAxis": axis | {"name": x, "nameLocation": "middle", "nameGap": 26, "min": "dataMin", "max": "dataMax"},
+        "xAxis": axis | {"name": x, "nameLocation": "middle", "nameGap": 26, "min": "dataMin", "max": "dataMax",
+                         "axisLabel": text | {"showMaxLabel": False}},
         "yAxis": axis | {"name": y, "nameLocation": "end", "scale": True,
                          "nameTextStyle": text | {"align": "left", "padding": [0, 0, 0, -40]}},
         "series": list(lines),

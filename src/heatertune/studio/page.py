@@ -58,7 +58,7 @@ class Page:
         self._progress = ui.label().classes("card wide").props("role=status data-field=progress")
         self._verdict = ui.label().classes("card verdict wide").props("role=status aria-live=polite data-field=verdict")
         with _card("The loop, nominal run"):
-            self._loop = _chart("Temperature of the proven loop over time, in °C over seconds", 290)
+            self._loop = _chart("Temperature of the proven loop over time, in °C over seconds", 350)
             self._power = _chart("Power asked for over time, in percent over seconds", 150)
         with _card("Words for the controller", "data-field=words"):
             self._words = _html()

@@ -12,6 +12,7 @@ from heatertune.studio.gate import HOST, Gate, address, new_token
 from heatertune.studio.page import Page
 from heatertune.studio.session import Session
 from heatertune.studio.sources import read_source
+from heatertune.studio.warm import warm
 
 __all__ = ["serve"]
 
@@ -33,6 +34,7 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
     port, token = _free(port), new_token()
     app.add_middleware(Gate, token=token, port=port)
     app.on_startup(lambda: background_tasks.create(_tell(port, token)))
+    app.on_startup(lambda: background_tasks.create(warm()))
 
     def page() -> None:
         Page(session)

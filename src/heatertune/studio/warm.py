@@ -1,0 +1,67 @@
+"""Machine code before it is asked for: no move of a slider waits for a compiler.
+
+A compiler needs seconds for each controller, and Python's lock while it works. So it works in a process of its own,
+behind everything else, and leaves the machine code on disk, once for each version of heatertune. Until it is done the
+page's loops run plainly; from then on compiled, which gives the same, bit for bit.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from heatertune.cache import folder
+from heatertune.compiled import decide
+from heatertune.errors import HeatertuneError
+from heatertune.model.by_hand import model_by_hand
+from heatertune.model.values import Fopdt
+from heatertune.plc import TARGETS
+from heatertune.studio.loop import first_look
+from heatertune.studio.settings import Settings
+
+__all__ = ["compile_all", "warm"]
+
+
+async def warm(targets: Sequence[str] = tuple(TARGETS)) -> None:
+    """Compile the loops of controllers beside the page, then let the page run them compiled.
+
+    Where nothing can be kept on disk, or the compiler fails, each loop is compiled where it pays, as anywhere else.
+
+    Args:
+        targets: the controllers.
+    """
+    if folder() is None:
+        return
+    decide(False)
+    try:
+        beside = await asyncio.create_subprocess_exec(sys.executable, "-m", __name__, *targets)
+        try:
+            done = await beside.wait() == 0
+        finally:
+            if beside.returncode is None:
+                beside.terminate()
+        if done:
+            await asyncio.to_thread(import_module, "numba")  # half a second that no answer shall wait for
+    except OSError:
+        done = False
+    decide(True if done else None)
+
+
+def compile_all(targets: Sequence[str]) -> None:
+    """Compile the loops that a first look at each controller runs; one that cannot hold an ordinary PI is left out."""
+    decide(True)
+    heater = model_by_hand(Fopdt(gain_degC_per_pct=0.4, time_constant_s=170.0, dead_time_s=15.0, ambient_degC=20.0))
+    for target in targets:
+        try:
+            first_look(heater, Settings(target=target))
+        except HeatertuneError:
+            continue
+
+
+if __name__ == "__main__":
+    if hasattr(os, "nice"):
+        os.nice(19)
+    compile_all(sys.argv[1:])

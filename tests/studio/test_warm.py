@@ -1,0 +1,124 @@
+"""The compiler beside the page: it leaves machine code on disk, and decides how the page's loops run."""
+
+import asyncio
+import sys
+
+import pytest
+
+from heatertune import compiled
+from heatertune.compiled import decide, worth_compiling
+from heatertune.errors import InputError
+from heatertune.proof import loop
+from heatertune.studio import warm
+from heatertune.studio.loop import first_look, full_proof
+from heatertune.studio.settings import Settings
+
+MOST = 10**15
+
+
+@pytest.fixture(autouse=True)
+def undecided(monkeypatch):
+    monkeypatch.setattr(compiled, "_decided", [None])
+
+
+def beside(monkeypatch, program):
+    """Let another program stand for the compiler's; return how loops ran while it ran, and what it was asked for."""
+    seen, started = [], asyncio.create_subprocess_exec
+
+    async def start(*asked):
+        seen.append((worth_compiling(MOST), asked))
+        return await started(sys.executable, "-c", program)
+
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", start)
+    return seen
+
+
+def test_loops_run_plainly_while_the_compiler_works_and_compiled_when_it_is_done(monkeypatch):
+    seen = beside(monkeypatch, "")
+    asyncio.run(warm.warm(("weg", "on-off")))
+    assert seen == [(False, (sys.executable, "-m", "heatertune.studio.warm", "weg", "on-off"))]
+    assert worth_compiling(0)
+
+
+def test_where_the_compiler_fails_each_loop_is_compiled_where_it_pays(monkeypatch):
+    beside(monkeypatch, "raise SystemExit(3)")
+    asyncio.run(warm.warm())
+    monkeypatch.setattr(compiled, "_scans_asked", [0])
+    monkeypatch.setattr(compiled, "_PLAIN_SCANS", 50_000)
+    assert [worth_compiling(scans) for scans in (49_000, 1_001)] == [False, True]
+
+
+def test_where_no_program_can_be_started_nothing_is_decided(monkeypatch):
+    async def refuse(*_):
+        raise OSError("no more processes")
+
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", refuse)
+    asyncio.run(warm.warm())
+    assert compiled._decided == [None]
+
+
+def test_without_a_folder_to_keep_it_in_no_compiler_is_started(monkeypatch):
+    seen = beside(monkeypatch, "")
+    monkeypatch.setattr(warm, "folder", lambda: None)
+    asyncio.run(warm.warm())
+    assert seen == []
+    assert compiled._decided == [None]
+
+
+def test_a_studio_that_ends_ends_the_compiler(monkeypatch):
+    running = []
+
+    async def end_early():
+        started = asyncio.create_subprocess_exec
+
+        async def start(*_):
+            running.append(await started(sys.executable, "-c", "import time; time.sleep(60)"))
+            return running[0]
+
+        monkeypatch.setattr(asyncio, "create_subprocess_exec", start)
+        task = asyncio.create_task(warm.warm())
+        while not running:
+            await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.wait([task])
+        return await running[0].wait()
+
+    assert asyncio.run(end_early()) == -15  # ended by SIGTERM, signal 15 of POSIX
+
+
+@pytest.mark.long
+def test_what_it_compiles_is_all_that_a_look_and_a_proof_run_and_it_gives_the_same(monkeypatch, heater):
+    cores, run = [], loop.run_compiled
+
+    def spied(core, given):
+        cores.append(core)
+        return run(core, given)
+
+    monkeypatch.setattr(loop, "run_compiled", spied)
+    warm.compile_all(["s5-ob251", "s7-200-paper"])
+    machine_code = {core: loop.compiled(loop._run_of(core)) for core in cores}
+    before = {core: list(made.signatures) for core, made in machine_code.items()}
+    assert len(cores) == len(before) == 2, "the words' loop and the wish's; the paper's program takes no compiler"
+    looked = []
+    for way in (True, False):
+        decide(way)
+        looked.append(first_look(heater, Settings(noise_degC=0.2)))
+    machine, plain = looked
+    full_proof(heater, machine)
+    assert {core: list(made.signatures) for core, made in machine_code.items()} == before, "nothing compiles later"
+    for one, two in ((machine.proof.nominal, plain.proof.nominal), (machine.wish, plain.wish)):
+        assert one.temperature_degC.tobytes() == two.temperature_degC.tobytes()
+
+
+def test_a_controller_that_cannot_hold_an_ordinary_heater_keeps_no_other_from_being_compiled(monkeypatch):
+    looked = []
+
+    def look(_, settings):
+        looked.append(settings.target)
+        if settings.target == "weg":
+            raise InputError("too slow")
+
+    monkeypatch.setattr(warm, "first_look", look)
+    warm.compile_all(["weg", "fb41"])
+    assert looked == ["weg", "fb41"]
