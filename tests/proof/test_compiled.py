@@ -126,6 +126,22 @@ def test_a_loop_is_the_same_compiled_and_plain_bit_for_bit(target, monkeypatch):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("target", ["fb41", "s7-200-pid"])  # most state; own PWM. Each compiler's run costs seconds
+def test_a_short_loop_of_other_kinds_of_room_is_the_same_compiled_and_plain_bit_for_bit(target, monkeypatch):
+    which = room(target)
+    words = which.encode(PI, Scaling())
+    scenario = replace(SCENARIO, start_degC=47.0, duration_s=120.0, disturbances=(Kick(time_s=60.3, temperature_degC=-8.8),))
+    for heater, seed in zip(HEATERS, (3, 4), strict=True):
+        plain = simulate(which, words, heater, replace(scenario, seed=seed), PWM)  # runs its listing, where it has one
+        assert len(plain.edge_time_s) >= 3, "the heater is switched"
+        _way(monkeypatch, True)
+        settings_ = {each.name: each.default for each in which.switches}
+        controller = controller_of(which, words, scenario.setpoint_degC, settings_, direct=True)
+        _same(plain, run_loop(controller, heater, replace(scenario, seed=seed), PWM))
+        _way(monkeypatch, False)
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("period", [10.0, 1.0])  # the last scan, at 1500 s, also asks for the period from 1501 s on
 @pytest.mark.parametrize("target", LOOPS)
 def test_what_is_measured_is_what_judge_finds_on_the_trace_of_the_same_sample(target, period, at_once):
