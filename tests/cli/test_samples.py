@@ -57,3 +57,16 @@ def test_what_makes_no_sense_is_refused(run, by_hand):
         status, _, err = run("verify", by_hand, *PROOF, *wrong)
         assert status == 2, wrong
         assert named in err
+
+
+def test_a_sample_runs_under_the_switches_that_are_named(run, by_hand):
+    given = tuple("weg" if each == "s5-ob251" else each for each in PROOF)
+    named = (*given, "--switch", "anti_windup=none")
+    found = []
+    for each in (given, named):
+        sampled = json.loads(run("verify", by_hand, *each, "--samples", 1, "--seed", 7)[1])["samples"]["criteria"]
+        replayed = json.loads(run("verify", by_hand, *each, "--replay", 7)[1])["criteria"]
+        assert abs(sampled["iae"]["worst"] - replayed["iae"]["value"]) <= 1e-9 * replayed["iae"]["value"]
+        found.append(sampled["overshoot"]["worst"])
+    # what the integral part gathers while the heater is at full power is what the temperature overshoots by
+    assert found[1] > 2.0 * found[0] > 0.0

@@ -14,7 +14,7 @@ from heatertune.compiled import compiled, worth_compiling
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, room
-from heatertune.plc.single import single
+from heatertune.plc.single import narrowed, single
 from heatertune.proof import Actuator, Kick, Limits, Load, Scenario, judge, simulate
 from heatertune.proof.loop import controller_of, run_loop
 from heatertune.proof.sampled import criteria_of, prove_samples
@@ -94,10 +94,16 @@ def test_a_step_is_the_same_compiled_and_plain_bit_for_bit(target):
             assert _bits_of((measured(controller.sensor, temperature),)) == _bits_of((reading,))
             given_ = controller.parameters, state, setpoint, reading, begins
             expected = core.step(*given_)
-            assert _bits_of(step(*given_)) == _bits_of(expected)
+            found = step(*(narrowed(given_) if core.singles else given_))
+            assert _bits_of(found) == _bits_of(expected)
             state = expected[0]
 
     holds_for_any_words_settings_and_temperatures()
+    if core.singles:  # else the loop would widen them, at a third of its speed
+        assert {signature.return_type[0] for signature in step.nopython_signatures} == {
+            signature.args[1] for signature in step.nopython_signatures
+        }
+        assert "float64" not in str(step.nopython_signatures[0].args[1])
 
 
 @pytest.mark.long
@@ -117,6 +123,22 @@ def test_a_loop_is_the_same_compiled_and_plain_bit_for_bit(target, monkeypatch):
         _way(monkeypatch, False)
 
     holds_for_any_words_and_settings()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("target", ["fb41", "s7-200-pid"])  # most state; own PWM. Each compiler's run costs seconds
+def test_a_short_loop_of_other_kinds_of_room_is_the_same_compiled_and_plain_bit_for_bit(target, monkeypatch):
+    which = room(target)
+    words = which.encode(PI, Scaling())
+    scenario = replace(SCENARIO, start_degC=47.0, duration_s=120.0, disturbances=(Kick(time_s=60.3, temperature_degC=-8.8),))
+    for heater, seed in zip(HEATERS, (3, 4), strict=True):
+        plain = simulate(which, words, heater, replace(scenario, seed=seed), PWM)  # runs its listing, where it has one
+        assert len(plain.edge_time_s) >= 3, "the heater is switched"
+        _way(monkeypatch, True)
+        settings_ = {each.name: each.default for each in which.switches}
+        controller = controller_of(which, words, scenario.setpoint_degC, settings_, direct=True)
+        _same(plain, run_loop(controller, heater, replace(scenario, seed=seed), PWM))
+        _way(monkeypatch, False)
 
 
 @pytest.mark.long

@@ -232,12 +232,15 @@ class Core:
         measure: (sensor, temperature [°C]) → reading.
         flags: names of the flags, the lowest bit first.
         compiles: whether a compiler takes it.
+        singles: whether all floats of parameters, state and setpoint are REALs: a compiled step may then be given them
+            in single precision.
     """
 
     step: Callable[[Any, Any, Any, Any, bool], tuple[Any, float, Any, int]]
     measure: Callable[[Any, float], Any]
     flags: tuple[str, ...]
     compiles: bool = True
+    singles: bool = False
 
     def run(self, running: Running, setpoint: Any, reading: Any, *, cycle_start: bool) -> tuple[Running, Scan]:
         """Run one scan."""

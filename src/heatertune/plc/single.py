@@ -9,22 +9,32 @@ from __future__ import annotations
 
 import math
 from ctypes import c_float
+from typing import Any
 
 import numpy as np
 
 from heatertune.compiled import runs_compiled_as
 
-__all__ = ["divided", "is_single", "single"]
+__all__ = ["divided", "is_single", "narrowed", "single"]
 
 
 def _single(value: float) -> float:
-    return np.float64(np.float32(value))  # no compiler knows ctypes; as plain Python this warns of infinities
+    # no compiler knows ctypes; as plain Python this warns of infinities. Operations of two of these stay in single
+    # precision, so that rounding once more is nothing
+    return np.float32(value)  # type: ignore[return-value]  # a float to all that the callers do with it
 
 
 @runs_compiled_as(_single)
 def single(value: float) -> float:
     """Return the nearest single; beyond the largest one it is infinite."""
     return c_float(value).value
+
+
+def narrowed(value: Any) -> Any:
+    """Return nested tuples whose floats, all singles, are what a compiler holds in single precision."""
+    if isinstance(value, tuple):
+        return type(value)(*map(narrowed, value)) if hasattr(value, "_fields") else tuple(map(narrowed, value))
+    return np.float32(value) if isinstance(value, float) else value
 
 
 def is_single(value: float) -> bool:

@@ -15,6 +15,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.plc.ramp import course
 from heatertune.plc.room import Core, Number, Room, Words, settings_of
+from heatertune.plc.single import narrowed
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import JUMP, LOAD, Batch, Record, run, run_all
 from heatertune.proof.meter import Meter, no_meter
@@ -177,6 +178,10 @@ def _run_of(core: Core) -> Callable[..., tuple[int, int]]:
 
 def run_compiled(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
     """Run the kernel as machine code, compiled where it is not yet; `given` are all of `run_all`'s arguments."""
+    if core.singles:
+        parameters, state, sensor, scan_s, batch, *others = given
+        batch = batch._replace(setpoints=batch.setpoints.astype(np.float32))
+        given = narrowed(parameters), narrowed(state), sensor, scan_s, batch, *others
     return cast("tuple[int, int]", compiled(_run_of(core))(*given))
 
 

@@ -119,7 +119,8 @@ def call(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
 
 def _begun(assume: Assumptions, x: Inputs) -> State:
     """Return the memory at a positive edge of EN: Output and the integral part zero."""
-    return State(True, 0.0 if assume.zero_history else x.setpoint, 0.0, 0.0, 0.0, False)
+    zero = single(0.0)  # as a number this would be in double precision where it is compiled
+    return State(True, zero if assume.zero_history else x.setpoint, zero, zero, zero, False)
 
 
 def _forced(b: Block, assume: Assumptions, asked: float) -> float:

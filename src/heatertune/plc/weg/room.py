@@ -42,7 +42,7 @@ _INPUTS: Final = {
 def _step(
     parameters: tuple[Block, Assumptions], state: State, setpoint: float, feedback: float, _begins: bool
 ) -> tuple[State, float, float, int]:
-    automatic = Inputs(setpoint, feedback, 0.0, False, True)
+    automatic = Inputs(setpoint, feedback, setpoint, False, True)  # by hand: nothing, but a REAL like the others
     return _told(parameters[0], call(parameters[0], parameters[1], state, automatic))
 
 
@@ -56,7 +56,8 @@ def _measure(sensor: Sensor, temperature_degC: float) -> float:
     return single(sensor.low + sensor.span * count(sensor, temperature_degC) / sensor.counts)
 
 
-_CORE: Final = Core(step=_step, measure=_measure, flags=("upper limit", "lower limit", "overflow"))
+_CORE: Final = Core(step=_step, measure=_measure, flags=("upper limit", "lower limit", "overflow"),
+                    singles=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
