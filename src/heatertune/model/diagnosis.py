@@ -119,6 +119,12 @@ def limit_notes(
             else "what the model leaves over is slow, and passes for gain or ambient"
         )
         told.append(f"Gain and time constant are known only as a ratio, {full:.2g} °C/s at full power: {reason}.")
+    if model.dead_time_s > model.lags_s[0]:
+        told.append(
+            f"The dead time of {model.dead_time_s:.3g} s is longer than the time constant of {model.lags_s[0]:.3g} s, "
+            "which no heater of fewer than six equal lags in series has: it may as well be a clock of the power that "
+            "runs ahead of the temperature's, which looks the same; compare the two at one switching of the heater."
+        )
     if on_bound:
         told.append(f"On a bound of the search: {', '.join(on_bound)}.")
     return tuple(told)

@@ -166,14 +166,13 @@ def fit_together(
 
 
 def _together(parts: Sequence[Log], bounds: Bounds | None, power_before_pct: float | None, seed: int) -> FittedModel:
-    explanations, weights, notes = [], [], []
+    explanations, notes = [], []
     for log in parts:
         found, told = _explained(log, bounds, power_before_pct)
         explanations.append(found)
-        weights.append(weighed(found, open_start=power_before_pct is None, seed=seed))
         notes += [f"{log.name}: {note}" for note in told]
         notes += feedback_notes(log)
-    fitted = fit_logs(explanations, weights, seed=seed)
+    fitted = fit_logs(explanations, open_start=power_before_pct is None, seed=seed)
     return replace(fitted, notes=(*notes, *fitted.notes))
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from heatertune.model.agreement import agreement_notes, disagreements
 from heatertune.model.diagnosis import limit_notes, log_notes, longest_hold_s, rival_notes
-from heatertune.model.fit_power import Explained, Weighed, outcome_of, values_of
+from heatertune.model.fit_power import Explained, Weighed, outcome_of, values_of, weighed
 from heatertune.model.intervals import RATIO, identified_parts
 from heatertune.model.joint import JointFit, JointProblem
 from heatertune.model.joint_intervals import joint_intervals
@@ -41,7 +41,7 @@ class _Joint(NamedTuple):
     told: str = ""
 
 
-def fit_logs(logs: Sequence[Explained], weights: Sequence[Weighed], *, seed: int) -> FittedModel:
+def fit_logs(logs: Sequence[Explained], *, open_start: bool, seed: int) -> FittedModel:
     """Return the one FOPDT behind several logs with power.
 
     Shared: gain, time constant, dead time. Each log has its own ambient, initial state, drift, loads and noise.
@@ -50,16 +50,19 @@ def fit_logs(logs: Sequence[Explained], weights: Sequence[Weighed], *, seed: int
 
     Args:
         logs: what explains each alone.
-        weights: the intervals and rivals of each alone.
+        open_start: nobody knows the power before the logs.
         seed: of the bootstrap.
     """
-    best = _joint([log.problems[0] for log in logs], logs, 0, _LAW)
+    logs, best = _drifting(logs)
+    weights = [weighed(log, open_start=open_start, seed=seed) for log in logs]
     inside = joint_intervals(best.problem, best.fit, seed=seed)
     rivals = [rival for rival in _rivals(best, logs, weights) if not lies_inside(_fopdt(rival), inside)]
     alone = [_alone(log, weight, best, i) for i, (log, weight) in enumerate(zip(logs, weights, strict=True))]
     apart = disagreements(alone)
-    models = [_fopdt(rival) for rival in rivals] + [log.model for log in logs] * bool(apart)
-    ci95: dict[str, Interval | None] = {**widened(inside, [values_of(each) for each in models])}
+    others = [values_of(_fopdt(rival)) for rival in rivals]
+    # the ambient told is the first log's, whatever another's was
+    others += [values_of(log.model) | {"ambient_degC": math.nan} for log in logs if apart]
+    ci95: dict[str, Interval | None] = {**widened(inside, others)}
     ratio, lag = ci95.pop(RATIO), ci95["time_constant_s"]
     assert ratio is not None
     assert lag is not None
@@ -78,7 +81,7 @@ def fit_logs(logs: Sequence[Explained], weights: Sequence[Weighed], *, seed: int
         combinations={} if known else {RATIO: (values_of(model)[RATIO], ratio)},
         candidates=candidates,
         fit_pct=fit,
-        notes=(*agreement_notes(alone, apart), *_log_notes(logs),
+        notes=(*agreement_notes(alone, apart), *_log_notes(best, logs),
                *limit_notes(model, best.problem.on_bound(best.fit), ci95,
                             max(longest_hold_s(log.log, log.problems[0]) for log in logs)),
                *rival_notes("the logs", candidates), *(rival.told for rival in rivals)),
@@ -96,6 +99,17 @@ def _joint(problems: Sequence[PowerProblem], logs: Sequence[Explained], order: i
     problem = JointProblem.of(problems, fits)
     starts = [np.array([math.log(fit.linear[GAIN]), *fit.vector]) for fit in fits]
     return _Joint(problem, problem.refined(np.array([*starts, np.mean(starts, axis=0)])), law, told)
+
+
+def _drifting(logs: Sequence[Explained]) -> tuple[Sequence[Explained], _Joint]:
+    """Return logs and heater with a drift in each log that asks for it once the heater is that of all logs."""
+    found = _joint([log.problems[0] for log in logs], logs, 0, _LAW)
+    for place, log in enumerate(logs):
+        changed = [*logs[:place], log.drifting(), *logs[place + 1 :]]
+        trial = _joint([each.problems[0] for each in changed], changed, 0, _LAW)
+        if trial.problem.bic(trial.fit) < found.problem.bic(found.fit) - _NEAR:
+            logs, found = changed, trial
+    return logs, found
 
 
 def _rivals(best: _Joint, logs: Sequence[Explained], weights: Sequence[Weighed]) -> Iterator[_Joint]:
@@ -186,7 +200,7 @@ def _fopdt(found: _Joint) -> Fopdt:
     return model
 
 
-def _log_notes(logs: Sequence[Explained]) -> Iterator[str]:
-    for log in logs:
-        for note in log_notes(log.log, log.problems[0], log.fits[0], log.outliers):
+def _log_notes(best: _Joint, logs: Sequence[Explained]) -> Iterator[str]:
+    for log, part, fit in zip(logs, best.problem.parts, best.fit.parts, strict=True):
+        for note in log_notes(log.log, part, fit, log.outliers):
             yield f"{log.log.name}: {note}"

@@ -71,6 +71,12 @@ class Explained:
         return fit.linear @ replace(problem, readings=Readings.of(self.log)).basis(fit.vector)
 
 
+    def drifting(self) -> Explained:
+        """Return the log with a drift of the ambient fitted, whether it asks for one alone or not."""
+        problems = [replace(problem, drift=True) for problem in self.problems]
+        return replace(self, problems=problems, fits=_refitted(problems, self.fits))
+
+
 class Weighed(NamedTuple):
     """Of one lag: intervals, checks, and other fits that the log does not rule out."""
 

@@ -15,16 +15,18 @@ import numpy.typing as npt
 
 from heatertune.model.least_squares import Residuals, minimise
 from heatertune.model.open_loop import Known, PowerFit, PowerProblem, touching
-from heatertune.model.projection import GAIN
+from heatertune.model.projection import AMBIENT, GAIN
 from heatertune.model.statistics import ar1_bic, autocorrelation
 
-__all__ = ["DEAD", "LAG", "POWER", "JointFit", "JointProblem"]
+__all__ = ["DEAD", "FIRST_AMBIENT", "LAG", "POWER", "JointFit", "JointProblem"]
 
 Array = npt.NDArray[np.float64]
 
-#: places in a shared vector: ln gain (or ln gain per lag), ln first lag, dead time; then the ratio of a second lag
-POWER, LAG, DEAD = 0, 1, 2
+#: places in a vector: ln gain (or ln gain per lag), ln first lag, dead time, ratio of the second lag; then, where it is
+#: sought beside what is shared, the first log's ambient
+POWER, LAG, DEAD, SECOND, FIRST_AMBIENT = 0, 1, 2, 3, 4
 
+_FAR_AMBIENT = 10.0  # spans of the first log, about its best ambient
 _FAR = 1e3  # times the largest gain of a log alone, and its inverse of the least, the search goes no further
 _MOST_CORRELATION = 0.99
 _LEAST_NOISE = 1e-6  # of the span: a log made without noise does not outweigh all others without limit
@@ -99,16 +101,32 @@ class JointProblem:
         def answer(z: Array, rows: npt.NDArray[np.intp]) -> Array:
             gain = np.exp(z[:, POWER] + (z[:, LAG] if per_lag else 0.0))
             found = []
-            for part, weight, record in zip(self.parts, self.weights, split, strict=True):
+            for i, (part, weight, record) in enumerate(zip(self.parts, self.weights, split, strict=True)):
                 known = part.nothing_more(len(z)).values
                 known[:, GAIN] = gain
-                found.append(weight * part.solve(z[:, LAG:], record[rows], Known(values=known))[0])
+                if i == 0 and z.shape[1] > FIRST_AMBIENT:
+                    known[:, AMBIENT] = z[:, FIRST_AMBIENT]
+                own = np.ascontiguousarray(z[:, LAG : SECOND + 1])
+                found.append(weight * part.solve(own, record[rows], Known(values=known))[0])
             return np.concatenate(found, axis=1)
 
         return answer
 
+    def with_ambient(self, fit: JointFit) -> tuple[JointProblem, Array]:
+        """Return the problem that seeks the first log's ambient beside what is shared, and the vector of a fit in it.
+
+        The problem itself, where that ambient is known.
+        """
+        first = self.parts[0]
+        if not math.isnan(first.known[AMBIENT]):
+            return self, fit.vector
+        best = float(fit.parts[0].linear[AMBIENT])
+        reach = _FAR_AMBIENT * float(np.ptp(first.readings.temperature_degC))
+        wider = replace(self, low=np.append(self.low, best - reach), high=np.append(self.high, best + reach))
+        return wider, np.append(fit.vector, best)
+
     def refined(self, starts: Array) -> JointFit:
-        """Return the best fit that the starts (n, 4) lead to."""
+        """Return the best fit that the starts, vectors of what is shared, lead to."""
         records = np.tile(self.records, (len(starts), 1))
         found = minimise(self.residuals(records), starts, self.low, self.high, tolerance=1e-9)
         return self.at(found.parameters[int(np.argmin(found.cost))])
@@ -117,7 +135,7 @@ class JointProblem:
         """Return the best fit whose time constant is the longest searched: the heater as an integrator."""
         longer = self.high[LAG] - fit.vector[LAG]
         start = fit.vector + np.array([longer, longer, 0.0, 0.0])
-        high = np.where(np.arange(4) == LAG, self.low, np.maximum(self.high, start))
+        high = np.where(np.arange(len(start)) == LAG, self.low, np.maximum(self.high, start))
         records = self.records[None, :]
         return self.at(minimise(self.residuals(records), start[None, :], self.low, high).parameters[0])
 
