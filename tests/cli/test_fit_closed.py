@@ -87,7 +87,7 @@ def test_two_logs_give_one_heater_and_the_fit_of_each(run):
     (("table3", "table4", "--controller", "fb41", "--words", "words.json"), "takes one log"),
     (("table3", "--controller", "weg", "--words", "words.json", "--setpoint", 50), "words of target 'fb41'"),
     (("table3", "--controller", "fb41", "--words", "words.json"), "give --setpoint"),
-    (("table3", "table4", "--power-before", 10), "--power-before"),
+    (("table3", "table4", "--power-before", 10), "power_before_pct means nothing"),
     (("table3", "--ambient", 1, 2, 3), "3 values"),
     (("table3", "table3"), "twice"),
 ])

@@ -5,7 +5,7 @@ from tests.bench.identification import answer, noise
 from heatertune.log.values import Log
 from heatertune.model.open_loop import PowerProblem
 from heatertune.model.readings import Readings
-from heatertune.model.uncertainty import _crossing, _noise, _profile
+from heatertune.model.uncertainty import _noise, _profile, crossing
 from heatertune.model.values import Fopdt
 
 PLANT = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=20.0)
@@ -28,6 +28,6 @@ def test_the_profile_alone_widens_with_the_noise_s_colour():
 
 def test_a_profile_that_never_rises_to_the_limit_leaves_the_end_open():
     values = np.array([1.0, 2.0, 3.0, 3.0])
-    assert _crossing(values, np.array([0.0, 0.5, 0.9, 0.9]), 1.0) is None
+    assert crossing(values, np.array([0.0, 0.5, 0.9, 0.9]), 1.0) is None
     # a parabola rise = (x - 1)² meets 2.25 at 2.5, and its root is a straight line: exact
-    assert _crossing(values, (values - 1.0) ** 2, 2.25) == pytest.approx(2.5, rel=1e-12)
+    assert crossing(values, (values - 1.0) ** 2, 2.25) == pytest.approx(2.5, rel=1e-12)

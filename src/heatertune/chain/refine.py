@@ -11,11 +11,14 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Final
 
+from heatertune.chain.promise import broken_by
 from heatertune.chain.stages import Told, encode, prove
 from heatertune.chain.words import Choice, realised_as
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
+from heatertune.pid.document import read_promise
 from heatertune.pid.robustness import sensitivity_peaks
+from heatertune.pid.uncertain import draw_heaters
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, room
 from heatertune.proof import Proof
@@ -128,8 +131,15 @@ class _Loop:
             if key in seen or real is None:
                 continue
             seen.add(key)
-            if max(sensitivity_peaks(plant, real)[0] for plant in self.fitted.plants) <= self.ms:
+            worst = max(sensitivity_peaks(plant, real)[0] for plant in self.fitted.plants)
+            if worst <= self.ms and self.keeps(words):
                 yield words, real
+
+
+    def keeps(self, words: Words) -> bool:
+        """Return whether words keep what the choice to begin with promises on drawn heaters."""
+        promise = read_promise(self.choice.search.get("robust"))
+        return promise is None or broken_by(words, draw_heaters(self.fitted), promise) is None
 
 
 def _factor(best: _Tried, first: _Tried, what: str) -> str:

@@ -35,7 +35,7 @@ __all__ = [
 Told = Callable[[str], object]
 
 #: of a model's document, what is told and no design depends on
-_TOLD = ("residuals", "notes", "hypotheses", "whiteness", "input_crosscorrelation", "held_out", "halves")
+_TOLD = ("residuals", "notes", "hypotheses", "whiteness", "input_crosscorrelation", "held_out", "halves", "logs")
 
 #: ambient assumed where neither the log nor the user tells it [°C]
 ROOM_DEGC = 20.0
@@ -70,20 +70,23 @@ def fit(
 
 
 def fit_together(
-    logs: Sequence[Log], *, ambient_degC: float | Bounds | None = None, until_s: float | None = None,
-    progress: Told = str,
+    logs: Sequence[Log], *, ambient_degC: float | Bounds | None = None, power_before_pct: float | None = None,
+    until_s: float | None = None, progress: Told = str,
 ) -> FittedModel:
-    """Identify the one heater behind several logs without power; arguments as in `fit`.
+    """Identify the one heater behind several logs, all with power or all without; arguments as in `fit`.
 
     Raises:
         InputError, OutOfRange: as `heatertune.model.fit.fit_together`.
     """
     from heatertune.model.fit import fit_together as fit_logs  # noqa: PLC0415 - compiles; a proof needs no fit
 
-    settings: dict[str, Any] = {"ambient_degC": ambient_degC, "until_s": until_s}
+    settings: dict[str, Any] = {
+        "ambient_degC": ambient_degC, "power_before_pct": power_before_pct, "until_s": until_s,
+    }
+    laws = () if any(log.power_pct is not None for log in logs) else _laws()
     return _kept(
         "fit-together", {"logs": [_columns(log) for log in logs], **settings},
-        lambda: fit_logs(logs, laws=_laws(), progress=progress, **settings), progress,
+        lambda: fit_logs(logs, laws=laws, progress=progress, **settings), progress,
     )
 
 

@@ -10,15 +10,18 @@ from typing import Any, Final
 import numpy as np
 
 from heatertune import cache
+from heatertune.chain.promise import broken_by, demand_kept
 from heatertune.chain.stages import Told, encode, tune
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.pid.document import promise_document
 from heatertune.pid.integers import Found, Integers, Vector, best_integers
 from heatertune.pid.response import iae_load
+from heatertune.pid.robust import TOLERANCE
 from heatertune.pid.robustness import sensitivity_peaks
 from heatertune.pid.timer import Timer
 from heatertune.pid.uncertain import draw_heaters, ms_over
-from heatertune.pid.values import PidDesign
+from heatertune.pid.values import PidDesign, Promise
 from heatertune.plc import Room, Scaling, Words, room
 
 __all__ = ["WAYS", "Choice", "choose_words", "realised_as", "search_document", "tune_for_words"]
@@ -78,10 +81,21 @@ def choose_words(
 
     Raises:
         UnknownName: no such target or way.
-        NotRepresentable: as `encode`.
+        NotRepresentable: as `encode`; no words keep what the design promises on the heaters drawn from the fit.
     """
     if way not in WAYS:
         raise UnknownName("way to find words", way, WAYS)
+    choice, promise = _choice(design, target, fitted, scaling, way, progress), design.promise
+    if promise is None or room(target).decode(choice.words) is None:
+        return choice
+    told = demand_kept(choice.words, promise, fitted, told_only=way == "rounded")
+    return replace(choice, search={
+        **choice.search, "robust": promise_document(promise), "notes": [*choice.search["notes"], told]})
+
+
+def _choice(
+    design: PidDesign, target: str, fitted: FittedModel, scaling: Scaling | None, way: str, progress: Told
+) -> Choice:
     rounded = encode(design, target, scaling=scaling)
     wished = _measured(fitted.plants, design)
     why = _why_rounded(design, rounded, way, wished)
@@ -90,16 +104,18 @@ def choose_words(
     inputs = {
         "words": dict(rounded.values), "target": target, "range": [rounded.scaling.low_degC, rounded.scaling.high_degC],
         "sample_time_s": rounded.sample_time_s, "ms": wished.ms, "plants": [repr(plant) for plant in fitted.plants],
+        "promise": repr(design.promise), "drawn": repr(draw_heaters(fitted)) if design.promise else "",
     }
 
     def run() -> dict[str, Any]:
-        found = _search(rounded, fitted.plants, wished.ms)
+        found = _search(rounded, fitted, wished.ms, design.promise)
         return {"words": found.words, "cost": found.cost, "least": found.least, "boxes": found.boxes}
 
     progress(f"searching the whole numbers of {target}")
     kept = cache.cached("words", inputs, run, progress=progress)
     if kept["words"] is None:
-        why = f"no words keep Ms <= {wished.ms:.5g} at TA = {rounded.sample_time_s:g} s"
+        also = "" if design.promise is None else " and the limits on the drawn heaters"
+        why = f"no words keep Ms <= {wished.ms:.5g}{also} at TA = {rounded.sample_time_s:g} s"
         return Choice(words=rounded, search=_plainly(rounded, fitted, wished, why))
     found = Found(words=tuple(kept["words"]), cost=kept["cost"], least=kept["least"], boxes=kept["boxes"])
     return _chosen(rounded, found, fitted, design, wished)
@@ -155,8 +171,24 @@ def _why_rounded(design: PidDesign, rounded: Words, way: str, wished: _Measured)
     return next((why for applies, why in reasons if applies), None)
 
 
-def _search(rounded: Words, plants: tuple[HeaterModel, ...], ms: float) -> Found:
-    """Return the best whole numbers; parts that the rounded words leave out stay out.
+def _search(rounded: Words, fitted: FittedModel, ms: float, promise: Promise | None) -> Found:
+    """Return the best whole numbers; a drawn heater on which they break the promise becomes a guard, and again."""
+    problem, guards = _problem(rounded, fitted.plants, ms), list[HeaterModel]()
+    heaters = () if promise is None else draw_heaters(fitted)
+    while True:
+        found = best_integers(problem)
+        if promise is None or found.words is None:
+            return found
+        broken = broken_by(_with(rounded, found.words), heaters, promise)
+        if broken is None or heaters[broken.place] in guards:
+            return found
+        guards.append(heaters[broken.place])
+        limits = {name: TOLERANCE * limit for name, limit in promise.limits.items()}
+        problem = replace(problem, guards=tuple(guards), limits=limits)
+
+
+def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float) -> Integers:
+    """Return the search for the best whole numbers; parts that the rounded words leave out stay out.
 
     The D part at most doubles: load disturbances alone would ask for ever more of it, and noise would pay.
     """
@@ -172,7 +204,7 @@ def _search(rounded: Words, plants: tuple[HeaterModel, ...], ms: float) -> Found
         except OutOfRange:
             return None
 
-    return best_integers(Integers(decode=decode, ranges=ranges, plants=plants, ms=ms, start=start))
+    return Integers(decode=decode, ranges=ranges, plants=plants, ms=ms, start=start)
 
 
 def _largest(words: Words, name: str) -> int:

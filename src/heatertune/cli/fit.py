@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune.cli import common, printing
 from heatertune.cli.known import add_known_options, known_words
-from heatertune.errors import InputError
 
 if TYPE_CHECKING:
     from heatertune.log.values import Log
@@ -64,6 +63,4 @@ def _fitted(settings: argparse.Namespace, logs: Sequence[Log], progress: printin
             logs[0], words, setpoint_degC=settings.setpoint, known=known, progress=progress, **given)
     if len(logs) == 1:
         return chain.fit(logs[0], thorough=settings.hypotheses, progress=progress, **given)
-    if given.pop("power_before_pct") is not None:
-        raise InputError("--power-before means nothing for logs without power, and only those are fitted together")
     return chain.fit_together(logs, progress=progress, **given)

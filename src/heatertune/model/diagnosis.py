@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +13,9 @@ from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.outliers import sensor_step
 from heatertune.model.projection import COLUMNS, DRIFT
 from heatertune.model.sanity import follows_temperature
-from heatertune.model.values import Candidate, Interval
+from heatertune.model.values import Candidate, HeaterModel, Interval
 
-__all__ = ["notes_of"]
+__all__ = ["limit_notes", "log_notes", "longest_hold_s", "notes_of", "rival_notes"]
 
 Array = npt.NDArray[np.float64]
 
@@ -29,13 +29,24 @@ def notes_of(
     candidates: tuple[Candidate, ...], outliers: npt.NDArray[np.intp],
 ) -> tuple[str, ...]:
     """Return what was found, assumed and cannot be known, one sentence each."""
+    assert fit.model is not None
     return (
-        *_readings(log, problem, outliers),
-        *_power_before(log, problem),
-        *_disturbed(log, problem, fit),
-        *_limits(log, problem.readings.edge_s, fit, ci95),
-        *_rivals(log, candidates),
+        *log_notes(log, problem, fit, outliers),
+        *limit_notes(fit.model, fit.on_bound, ci95, longest_hold_s(log, problem)),
+        *rival_notes(log.name, candidates),
     )
+
+
+def log_notes(
+    log: Log, problem: PowerProblem, fit: PowerFit, outliers: npt.NDArray[np.intp]
+) -> tuple[str, ...]:
+    """Return what was done to the readings, and what was assumed and found beside the heater."""
+    return (*_readings(log, problem, outliers), *_power_before(log, problem), *_disturbed(log, problem, fit))
+
+
+def longest_hold_s(log: Log, problem: PowerProblem) -> float:
+    """Return the longest time for which the power stays the same [s]."""
+    return float(np.max(np.diff([*problem.readings.edge_s, log.time_s[-1]])))
 
 
 def _readings(log: Log, problem: PowerProblem, outliers: npt.NDArray[np.intp]) -> list[str]:
@@ -95,38 +106,46 @@ def _disturbed(log: Log, problem: PowerProblem, fit: PowerFit) -> list[str]:
     return told
 
 
-def _limits(log: Log, edges: Array, fit: PowerFit, ci95: Mapping[str, Interval | None]) -> list[str]:
+def limit_notes(
+    model: HeaterModel, on_bound: tuple[str, ...], ci95: Mapping[str, Interval | None], longest_s: float
+) -> tuple[str, ...]:
+    """Return what is known only in part; `longest_s`: see `longest_hold_s`, of all logs."""
     told = []
-    assert fit.model is not None
     if not all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s")):
-        full = 100.0 * fit.model.gain_degC_per_pct / fit.model.lags_s[0]
-        longest = float(np.max(np.diff([*edges, log.time_s[-1]])))
+        full = 100.0 * model.gain_degC_per_pct / model.lags_s[0]
         reason = (
             "the log never reaches steady state (pulses and truncated tests fix no more)"
-            if longest < _SETTLED * fit.model.lags_s[0]
+            if longest_s < _SETTLED * model.lags_s[0]
             else "what the model leaves over is slow, and passes for gain or ambient"
         )
         told.append(f"Gain and time constant are known only as a ratio, {full:.2g} °C/s at full power: {reason}.")
-    if fit.on_bound:
-        told.append(f"On a bound of the search: {', '.join(fit.on_bound)}.")
-    return told
+    if model.dead_time_s > model.lags_s[0]:
+        told.append(
+            f"The dead time of {model.dead_time_s:.3g} s is longer than the time constant of {model.lags_s[0]:.3g} s, "
+            "which no heater of fewer than six equal lags in series has: it may as well be a clock of the power that "
+            "runs ahead of the temperature's, which looks the same; compare the two at one switching of the heater."
+        )
+    if on_bound:
+        told.append(f"On a bound of the search: {', '.join(on_bound)}.")
+    return tuple(told)
 
 
-def _rivals(log: Log, candidates: tuple[Candidate, ...]) -> list[str]:
+def rival_notes(name: str, candidates: Sequence[Candidate]) -> tuple[str, ...]:
+    """Return which other models explain the log, or logs, of this name; the first candidate is of one lag."""
     told = []
     better = candidates[0].delta_bic
     two = next((c.model for c in candidates if len(c.model.lags_s) > 1), None)
     if two is not None and better > _NEAR:
         told.append(
             f"Two lags ({two.lags_s[0]:.3g} s, {two.lags_s[1]:.3g} s, dead time {two.dead_time_s:.3g} s) explain "
-            f"{log.name} better than one (BIC {better:.0f} points): tuning and proof run on both."
+            f"{name} better than one (BIC {better:.0f} points): tuning and proof run on both."
         )
     faces = [c for c in candidates if c.law.endswith(("heating", "cooling"))]
     if faces and better > _NEAR:
         told.append(
-            f"{log.name} warms with a time constant of {faces[0].model.time_constant_s:.3g} s and cools with "
+            f"{name} warms with a time constant of {faces[0].model.time_constant_s:.3g} s and cools with "
             f"{faces[1].model.time_constant_s:.3g} s: tuning and proof run on both."
         )
     if any(c.law.endswith("integrator") for c in candidates):
         told.append("No curvature is seen: an integrator explains the log as well and is one of the candidates.")
-    return told
+    return tuple(told)

@@ -49,6 +49,8 @@ def to_document(fitted: FittedModel) -> dict[str, Any]:
         "hypotheses": [_candidate_document(candidate) for candidate in fitted.hypotheses],
         "notes": list(fitted.notes),
     }
+    if fitted.logs:
+        document["logs"] = [judgement_document.log_document(each) for each in fitted.logs]
     if fitted.validation is not None:
         document |= judgement_document.to_document(fitted.validation)
     if fitted.residuals is not None:
@@ -93,6 +95,7 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "model") -
             notes=tuple(str(note) for note in document.get("notes", ())),
             residuals=_residuals(document.get("residuals")),
             validation=judgement_document.from_document(document),
+            logs=tuple(judgement_document.one_log(each) for each in document.get("logs", ())),
         )
     except (KeyError, TypeError, AttributeError) as problem:
         raise DocumentError(f"{where}: {problem} is missing or of the wrong kind") from problem

@@ -13,7 +13,8 @@ from heatertune.log.values import Log
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.closed_loop import Bounds
 from heatertune.model.feedback import feedback_notes
-from heatertune.model.fit_power import fit_power
+from heatertune.model.fit_logs import fit_logs
+from heatertune.model.fit_power import Explained, explained, fit_power, weighed
 from heatertune.model.fit_temperature import fit_temperature
 from heatertune.model.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.law import ControllerLaw
@@ -122,27 +123,32 @@ def fit_known(
 def fit_together(
     logs: Sequence[Log],
     *,
-    laws: Sequence[ControllerLaw],
+    laws: Sequence[ControllerLaw] = (),
     ambient_degC: float | Bounds | None = None,
+    power_before_pct: float | None = None,
     until_s: float | None = None,
     seed: int = 1,
     progress: Callable[[str], object] = str,
 ) -> FittedModel:
-    """Identify the one heater behind several logs without power; arguments as in `fit`.
+    """Identify the one heater behind several logs, all with power or all without; arguments as in `fit`.
 
-    Each log has its own controller, setpoint, ambient and initial state; the heater is one.
+    Each log has its own ambient and initial state, and without power its own controller and setpoint; the heater is
+    one.
 
     Raises:
-        InputError: a log with power, two logs of one name, no laws.
+        InputError: some logs with power and some without, two logs of one name; without power: no laws, or
+            power_before; with power: as `fit`.
         OutOfRange: as `fit`.
     """
     bounds = _bounds(ambient_degC)
+    powered = [log for log in logs if log.power_pct is not None]
+    if powered and len(powered) < len(logs):
+        other = next(log for log in logs if log.power_pct is None)
+        raise InputError(f"{powered[0].name} holds the power and {other.name} does not: fit them apart, only logs "
+                         "that all hold it, or none, are fitted together")
     parts, notes = [], []
     for log in logs:
-        if log.power_pct is not None:
-            raise InputError(f"{log.name} holds the power: fit it alone, only logs without power are fitted together")
-        _demand_laws(log, laws)
-        _check_given(log, bounds, None)
+        _check_given(log, bounds, power_before_pct)
         used, told = _used(log, until_s)
         parts.append(used)
         notes += [f"{log.name}: {note}" for note in told]
@@ -150,8 +156,24 @@ def fit_together(
     if len(set(names)) < len(names):
         raise InputError(f"{', '.join(names)}: one log given twice says nothing new; give different ones")
     progress(f"fitting one heater to {' and '.join(names)}")
-    found = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
+    if powered:
+        found = _together(parts, bounds, power_before_pct, seed)
+    else:
+        for log in logs:
+            _demand_laws(log, laws)
+        found = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
     return replace(found, notes=(*notes, *found.notes))
+
+
+def _together(parts: Sequence[Log], bounds: Bounds | None, power_before_pct: float | None, seed: int) -> FittedModel:
+    explanations, notes = [], []
+    for log in parts:
+        found, told = _explained(log, bounds, power_before_pct)
+        explanations.append(found)
+        notes += [f"{log.name}: {note}" for note in told]
+        notes += feedback_notes(log)
+    fitted = fit_logs(explanations, open_start=power_before_pct is None, seed=seed)
+    return replace(fitted, notes=(*notes, *fitted.notes))
 
 
 def _bounds(ambient_degC: float | Bounds | None) -> Bounds | None:
@@ -197,19 +219,27 @@ def _single(bounds: Bounds | None) -> float | None:
 def _fit_logged(
     log: Log, bounds: Bounds | None, power_before_pct: float | None, seed: int, *, believed: bool = False
 ) -> FittedModel:
-    """Return the fit of a log with power; a free ambient that leaves its interval is taken at the nearest end."""
+    """Return the fit of a log with power."""
+    found, told = _explained(log, bounds, power_before_pct, believed=believed)
+    fitted = fit_power(found, weighed(found, open_start=power_before_pct is None, seed=seed))
+    return replace(fitted, notes=told + fitted.notes)
+
+
+def _explained(
+    log: Log, bounds: Bounds | None, power_before_pct: float | None, *, believed: bool = False
+) -> tuple[Explained, tuple[str, ...]]:
+    """Return what explains a log with power; a free ambient that leaves its interval is taken at the nearest end."""
     known = _single(bounds)
     _demand_excitation(log, known)
-    found = fit_power(log, ambient_degC=known, power_before_pct=power_before_pct, seed=seed, believed=believed)
+    found = explained(log, ambient_degC=known, power_before_pct=power_before_pct, believed=believed)
     end = None if bounds is None else _nearest_end(found, bounds)
     if end is None:
-        return found
-    held = fit_power(log, ambient_degC=end, power_before_pct=power_before_pct, seed=seed, believed=believed)
-    note = f"Left free, the ambient leaves the given interval; its end of {end:g} °C was taken."
-    return replace(held, notes=(note, *held.notes))
+        return found, ()
+    held = explained(log, ambient_degC=end, power_before_pct=power_before_pct, believed=believed)
+    return held, (f"Left free, the ambient leaves the given interval; its end of {end:g} °C was taken.",)
 
 
-def _nearest_end(found: FittedModel, ambient_degC: Bounds) -> float | None:
+def _nearest_end(found: Explained, ambient_degC: Bounds) -> float | None:
     """Return the end of the interval that a free ambient lies beyond, None where it lies inside."""
     free = found.model.ambient_degC
     assert free is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,18 +14,19 @@ from heatertune.log.values import Log
 from heatertune.model.diagnosis import notes_of
 from heatertune.model.intervals import RATIO, identified_parts
 from heatertune.model.judge import correlation_of, judged, judgement_notes
+from heatertune.model.judgement import Validation
 from heatertune.model.loads import bic_of, left_over, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.outliers import tamed, without_outliers
 from heatertune.model.power_candidates import candidates_of, second_is_seen
 from heatertune.model.readings import Readings
-from heatertune.model.rivals import rivals_of, widened
+from heatertune.model.rivals import Rival, rivals_of, widened
 from heatertune.model.sanity import demand_cause
 from heatertune.model.statistics import autocorrelation, fit_pct
 from heatertune.model.uncertainty import intervals
 from heatertune.model.values import FittedModel, Fopdt, Interval, Outcome, Residuals
 
-__all__ = ["fit_power"]
+__all__ = ["Explained", "explained", "fit_power", "outcome_of", "values_of", "weighed"]
 
 Array = npt.NDArray[np.float64]
 
@@ -35,54 +37,102 @@ _PASSES = 4  # of finding outliers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Found:
-    """The problems and fits of one lag and two, and the readings they were made on."""
+class Explained:
+    """A log with power, the problems and fits of one lag and two, and what became of its readings.
 
+    Attributes:
+        log: as given.
+        problems: of one lag and of two, with the start, the drift and the loads the log asks for.
+        fits: their best fits.
+        cleaned: readings with outliers put where their neighbours are, shape (n,) [°C].
+        outliers: their places.
+    """
+
+    log: Log
     problems: list[PowerProblem]
     fits: list[PowerFit]
     cleaned: Array
     outliers: npt.NDArray[np.intp]
 
+    @property
+    def model(self) -> Fopdt:
+        """One lag."""
+        model = self.fits[0].model
+        assert isinstance(model, Fopdt)
+        return model
 
-def fit_power(
-    log: Log, *, ambient_degC: float | None, power_before_pct: float | None, seed: int, believed: bool = False
-) -> FittedModel:
-    """Return the FOPDT of a log with power, its intervals, and the candidates.
+    @property
+    def simulated_degC(self) -> Array:
+        """Answer of one lag at every reading of the log, shape (n,)."""
+        return self.at_readings(self.problems[0], self.fits[0])
 
-    Beside one lag: two lags, a time constant for heating and one for cooling, an integrator; a drift of the ambient
-    and load steps where the log asks for them.
+    def at_readings(self, problem: PowerProblem, fit: PowerFit) -> Array:
+        """Return what a fit makes of every reading of the log, shape (n,) [°C]."""
+        return fit.linear @ replace(problem, readings=Readings.of(self.log)).basis(fit.vector)
+
+
+    def drifting(self) -> Explained:
+        """Return the log with a drift of the ambient fitted, whether it asks for one alone or not."""
+        problems = [replace(problem, drift=True) for problem in self.problems]
+        return replace(self, problems=problems, fits=_refitted(problems, self.fits))
+
+
+class Weighed(NamedTuple):
+    """Of one lag: intervals, checks, and other fits that the log does not rule out."""
+
+    inside: dict[str, Interval]
+    validation: Validation
+    rivals: tuple[Rival, ...]
+
+
+def explained(
+    log: Log, *, ambient_degC: float | None, power_before_pct: float | None, believed: bool = False
+) -> Explained:
+    """Return one lag and two, each with the start, drift and loads that a log with power asks for.
+
     `believed`: the power is known to be the heater's, so its cause is not asked for.
 
     Raises:
         InputError: the power cannot have made the temperature (sign, clock, no answer at all).
     """
-    problem = PowerProblem(
-        readings=Readings.of(log), ambient_degC=ambient_degC, power_before_pct=power_before_pct
-    )
-    found = _search(log, problem, believed=believed)
-    one, full = found.fits[0], replace(found.problems[0], readings=Readings.of(log))
-    assert isinstance(one.model, Fopdt)
-    simulated = one.linear @ full.basis(one.vector)
-    inside = intervals(found.problems[0], one, seed=seed)
-    validation = judged(found.problems[0], one)
-    rivals = rivals_of(
-        log, found.problems[0], one, inside, validation.held_out, open_start=power_before_pct is None)
-    ci95: dict[str, Interval | None] = {**widened(inside, [_values(rival.model) for rival in rivals])}
+    readings = Readings.of(log)
+    problem = PowerProblem(readings=readings, ambient_degC=ambient_degC, power_before_pct=power_before_pct)
+    return _search(log, problem, believed=believed)
+
+
+def weighed(found: Explained, *, open_start: bool, seed: int) -> Weighed:
+    """Return what one lag is worth; `open_start`: nobody knows the power before the log."""
+    problem, one = found.problems[0], found.fits[0]
+    inside, validation = intervals(problem, one, seed=seed), judged(problem, one)
+    rivals = rivals_of(found.log, problem, one, inside, validation.held_out, open_start=open_start)
+    return Weighed(inside, validation, rivals)
+
+
+def fit_power(found: Explained, weight: Weighed) -> FittedModel:
+    """Return the FOPDT of a log with power, its intervals, and the candidates.
+
+    Beside one lag: two lags, a time constant for heating and one for cooling, an integrator; a drift of the ambient
+    and load steps where the log asks for them.
+    """
+    log, one = found.log, found.fits[0]
+    inside, validation, rivals = weight
+    ci95: dict[str, Interval | None] = {**widened(inside, [values_of(rival.model) for rival in rivals])}
     ratio, lag = ci95.pop(RATIO), ci95["time_constant_s"]
     assert ratio is not None
     assert lag is not None
     candidates = candidates_of(
         log, found.problems, found.fits, left_out=validation.held_out, open_lag=lag.high is None, rivals=rivals)
     known = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
+    simulated = found.simulated_degC
     fit = fit_pct(found.cleaned, simulated)
     second = correlation_of(found.problems[1], found.fits[1]) if second_is_seen(found.fits[1]) else None
     return FittedModel(
-        model=one.model,
-        outcome=Outcome.POOR_FIT if fit < _POOR else Outcome.IDENTIFIED if known else Outcome.COMBINATIONS_ONLY,
+        model=found.model,
+        outcome=outcome_of(fit, known=known),
         method="exact simulation with the logged power, free initial state; "
         "intervals: profile likelihood or block bootstrap, whichever reaches further",
         ci95=ci95,
-        combinations={} if known else {RATIO: (one.model.gain_degC_per_pct / one.model.time_constant_s, ratio)},
+        combinations={} if known else {RATIO: (values_of(found.model)[RATIO], ratio)},
         candidates=candidates,
         fit_pct=fit,
         notes=(*notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
@@ -95,7 +145,13 @@ def fit_power(
     )
 
 
-def _values(model: Fopdt) -> dict[str, float]:
+def outcome_of(fit: float, *, known: bool) -> Outcome:
+    """Return how a fit ended: by its fit [%] and by whether gain and time constant are known."""
+    return Outcome.POOR_FIT if fit < _POOR else Outcome.IDENTIFIED if known else Outcome.COMBINATIONS_ONLY
+
+
+def values_of(model: Fopdt) -> dict[str, float]:
+    """Return gain, time constant, dead time, ambient (nan: unknown) and gain per time constant."""
     named = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
     return {name: float(getattr(model, name)) for name in named} | {
         "ambient_degC": math.nan if model.ambient_degC is None else model.ambient_degC,
@@ -103,7 +159,7 @@ def _values(model: Fopdt) -> dict[str, float]:
     }
 
 
-def _search(log: Log, problem: PowerProblem, *, believed: bool) -> _Found:
+def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
     whole, measured = problem.readings, log.temperature_degC
     cleaned, outliers = tamed(measured), np.empty(0, dtype=np.intp)
@@ -124,7 +180,7 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> _Found:
     problems, fits = min(ways, key=lambda way: min(map(bic_of, *way)))
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
-    return _Found(problems=problems, fits=fits, cleaned=cleaned, outliers=outliers)
+    return Explained(log=log, problems=problems, fits=fits, cleaned=cleaned, outliers=outliers)
 
 
 def _second(problem: PowerProblem, one: PowerFit) -> PowerFit:

@@ -1,4 +1,4 @@
-"""Validation ↔ its part of the JSON document that `heatertune fit` writes."""
+"""Validation, and what each of several logs says, ↔ their part of the JSON document that `heatertune fit` writes."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ from typing import Any
 
 from heatertune.model.judgement import Half, HeldOut, InputCorrelation, Validation, disagreeing
 from heatertune.model.validation import LJUNG_BOX_95
-from heatertune.model.values import Interval
+from heatertune.model.values import Interval, OneLog
 
-__all__ = ["correlation_document", "from_document", "to_document", "whiteness_document"]
+__all__ = [
+    "correlation_document", "from_document", "log_document", "one_log", "to_document", "whiteness_document",
+]
+
+_OF_LOG = ("name", "fit_pct", "alone_fit_pct", "ambient_degC", "drift_degC_per_s", "noise_degC")
 
 
 def to_document(found: Validation) -> dict[str, Any]:
@@ -40,11 +44,7 @@ def correlation_document(found: InputCorrelation | None) -> dict[str, Any] | Non
 
 
 def _half_document(half: Half) -> dict[str, Any]:
-    parameters = {
-        key: value for name, found in half.ci95.items()
-        for key, value in ((name, half.values[name]), (f"{name}_ci95", [found.low, found.high]))
-    }
-    return {"window_s": list(half.window_s), **parameters}
+    return {"window_s": list(half.window_s), **_parameters(half.values, half.ci95)}
 
 
 def from_document(document: Mapping[str, Any]) -> Validation | None:
@@ -69,10 +69,33 @@ def from_document(document: Mapping[str, Any]) -> Validation | None:
     )
 
 
+def log_document(found: OneLog) -> dict[str, Any]:
+    """Return what one of several logs says; `alone` holds its own values and intervals."""
+    return {name: getattr(found, name) for name in _OF_LOG} | {"alone": _parameters(found.values, found.ci95)}
+
+
+def one_log(document: Mapping[str, Any]) -> OneLog:
+    """Return one of several logs; errors as `from_document`."""
+    values, ci95 = _values(document["alone"])
+    return OneLog(name=str(document["name"]), values=values, ci95=ci95,
+                  **{name: float(document[name]) for name in _OF_LOG[1:]})
+
+
 def _half(part: Mapping[str, Any]) -> Half:
-    names = [key for key in part if key != "window_s" and not key.endswith("_ci95")]
     start, end = part["window_s"]
-    return Half(
-        window_s=(float(start), float(end)), values={name: float(part[name]) for name in names},
-        ci95={name: Interval(low=part[f"{name}_ci95"][0], high=part[f"{name}_ci95"][1]) for name in names},
-    )
+    values, ci95 = _values({key: value for key, value in part.items() if key != "window_s"})
+    return Half(window_s=(float(start), float(end)), values=values, ci95=ci95)
+
+
+def _parameters(values: Mapping[str, float], ci95: Mapping[str, Interval]) -> dict[str, Any]:
+    return {
+        key: value for name, found in ci95.items()
+        for key, value in ((name, values[name]), (f"{name}_ci95", [found.low, found.high]))
+    }
+
+
+def _values(parameters: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Interval]]:
+    names = [key for key in parameters if not key.endswith("_ci95")]
+    ends = {name: parameters[f"{name}_ci95"] for name in names}
+    return ({name: float(parameters[name]) for name in names},
+            {name: Interval(low=low, high=high) for name, (low, high) in ends.items()})

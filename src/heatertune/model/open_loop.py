@@ -18,7 +18,7 @@ from heatertune.model.projection import AMBIENT, COLUMNS, DRIFT, GAIN, SECOND_ST
 from heatertune.model.readings import Readings
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["Known", "PowerFit", "PowerProblem"]
+__all__ = ["Known", "PowerFit", "PowerProblem", "touching"]
 
 Array = npt.NDArray[np.float64]
 
@@ -194,6 +194,12 @@ class PowerProblem:
         z = self.minimum(starts, records, held=0, iterations=30)
         return self._result(z[np.argmin(self.cost(z, records))])
 
+    def held(self, vector: Array, gain: float) -> PowerFit:
+        """Return the fit with lags, dead time and gain given [°C/%], whatever the bounds of this log's own search."""
+        known = self.nothing_more(1)
+        known.values[0, GAIN] = gain
+        return self._result(vector, known)
+
     def thinned(self, most: int) -> PowerProblem:
         """Return the problem with its readings averaged to about `most`."""
         return replace(self, readings=self.readings.thinned(most))
@@ -210,19 +216,24 @@ class PowerProblem:
         ratios = np.array([0.05, 0.2, 0.5, 0.9]) if self.two_lags else np.zeros(1)
         return np.array(np.meshgrid(lags, dead, ratios)).reshape(3, -1).T.copy()
 
-    def _result(self, z: Array) -> PowerFit:
+    def _result(self, z: Array, known: Known | None = None) -> PowerFit:
         record = self.readings.temperature_degC
-        residuals, linear = self.solve(z[None, :], record[None, :])
-        margin = 1e-3 * (self.high - self.low)
-        touching = (self.high > self.low) & ((z <= self.low + margin) | (z >= self.high - margin))
-        names = ("time_constant_s", "dead_time_s", "second_time_constant_s")
+        residuals, linear = self.solve(z[None, :], record[None, :], known)
         return PowerFit(
             model=_plant(z, linear[0], two_lags=self.two_lags), vector=z, linear=linear[0],
             simulated_degC=record + residuals[0],
             # lag and dead time, the initial state, and an instant for each load
             unknowns=2 + self.two_lags + int(np.isnan(self.known).sum()) + len(self.loads_s),
-            on_bound=tuple(n for n, t in zip(names, touching, strict=True) if t),
+            on_bound=touching(z, self.low, self.high),
         )
+
+
+def touching(vector: Array, low: Array, high: Array) -> tuple[str, ...]:
+    """Return the names of what ended on a bound of the search: first lag, dead time, second lag."""
+    margin = 1e-3 * (high - low)
+    touched = (high > low) & ((vector <= low + margin) | (vector >= high - margin))
+    names = ("time_constant_s", "dead_time_s", "second_time_constant_s")
+    return tuple(name for name, touches in zip(names, touched, strict=True) if touches)
 
 
 def _writable(array: Array) -> Array:

@@ -21,7 +21,7 @@ from heatertune.model.sanity import follows_temperature
 from heatertune.model.statistics import fit_pct
 from heatertune.model.values import Fopdt, Interval
 
-__all__ = ["Rival", "rivals_of", "widened"]
+__all__ = ["Rival", "lies_inside", "rivals_of", "widened"]
 
 _SURE = 0.4  # of the error on windows not seen, that drift and loads have to leave to be believed in an open loop
 _NEAR = 10.0  # BIC points
@@ -59,7 +59,7 @@ def rivals_of(
     record = problem.readings.temperature_degC
     return tuple(
         rival for rival in found
-        if fit_pct(record, rival.fit.simulated_degC) > _POOR and not _inside(rival.model, ci95)
+        if fit_pct(record, rival.fit.simulated_degC) > _POOR and not lies_inside(rival.model, ci95)
     )
 
 
@@ -69,7 +69,8 @@ def widened(ci95: Mapping[str, Interval], values: Sequence[Mapping[str, float]])
     return {name: envelope(found, others[name]) if others[name] else found for name, found in ci95.items()}
 
 
-def _inside(model: Fopdt, ci95: Mapping[str, Interval | None]) -> bool:
+def lies_inside(model: Fopdt, ci95: Mapping[str, Interval | None]) -> bool:
+    """Return whether gain and time constant of a model lie in the intervals."""
     for name in ("gain_degC_per_pct", "time_constant_s"):
         found, value = ci95[name], float(getattr(model, name))
         assert found is not None

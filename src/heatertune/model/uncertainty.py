@@ -21,7 +21,7 @@ from heatertune.model.projection import AMBIENT, GAIN
 from heatertune.model.statistics import autocorrelation, block_resamples
 from heatertune.model.values import Interval
 
-__all__ = ["intervals", "reaches", "sensitivities"]
+__all__ = ["LEAST_FREEDOM", "STEPS", "colour", "crossing", "intervals", "reaches", "sensitivities"]
 
 Array = npt.NDArray[np.float64]
 
@@ -29,8 +29,10 @@ Array = npt.NDArray[np.float64]
 _NAMES = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
 _READINGS = 400  # averaged: neighbours of coloured noise say little more than their mean
 _RESAMPLES = 200
-_LEAST_FREEDOM = 4.0
-_STEPS = np.array([0.6, 1.2, 1.7, 2.2, 3.0, 4.5, 8.0, 25.0])  # standard deviations from the best
+#: of the noise, however coloured
+LEAST_FREEDOM = 4.0
+#: of a profile: standard deviations from the best
+STEPS = np.array([0.6, 1.2, 1.7, 2.2, 3.0, 4.5, 8.0, 25.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +95,7 @@ def _noise(problem: PowerProblem, fit: PowerFit) -> _Noise:
     jacobian, names = sensitivities(problem, fit)
     residuals = problem.readings.temperature_degC - fit.simulated_degC
     base, triangle = np.linalg.qr(jacobian)
-    rho, variance = _colour(residuals, base)
+    rho, variance = colour(residuals, base)
     inverse = np.linalg.pinv(triangle)
     lags = np.abs(np.subtract.outer(np.arange(len(residuals)), np.arange(len(residuals))))
     white, coloured = inverse @ inverse.T, inverse @ (base.T @ rho**lags @ base) @ inverse.T
@@ -106,7 +108,7 @@ def _noise(problem: PowerProblem, fit: PowerFit) -> _Noise:
         deviation={name: math.sqrt(variance * spread[name]) for name in weights},
         inflation={name: spread[name] / max(float(w @ white @ w), 1e-300) for name, w in weights.items()},
         variance=variance,
-        quantile=float(stdtrit(max(freedom, _LEAST_FREEDOM), 0.975)),
+        quantile=float(stdtrit(max(freedom, LEAST_FREEDOM), 0.975)),
     )
 
 
@@ -128,7 +130,7 @@ def sensitivities(problem: PowerProblem, fit: PowerFit) -> tuple[Array, list[str
     return np.array(basis).T, names
 
 
-def _colour(residuals: Array, base: Array) -> tuple[float, float]:
+def colour(residuals: Array, base: Array) -> tuple[float, float]:
     """Return lag-one correlation and variance of the noise whose fit residuals would look like these on average.
 
     A fit swallows slow noise, so that residuals look whiter and smaller than the noise was: what is expected of
@@ -157,13 +159,13 @@ def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: _Noise) -> 
     least = float(np.sum((problem.readings.temperature_degC - fit.simulated_degC) ** 2))
     found = []
     for side in (-1.0, 1.0):
-        values = np.clip(best + side * noise.deviation[name] * _STEPS, low, high)
+        values = np.clip(best + side * noise.deviation[name] * STEPS, low, high)
         rise = np.array([0.0, *np.maximum(_held(problem, fit, name, values) - least, 0.0)])
-        found.append(_crossing(np.array([best, *values]), rise, limit))
+        found.append(crossing(np.array([best, *values]), rise, limit))
     return Interval(low=found[0], high=found[1])
 
 
-def _crossing(values: Array, rise: Array, limit: float) -> float | None:
+def crossing(values: Array, rise: Array, limit: float) -> float | None:
     """Return where the rise first passes the limit, None where it never does before the end of the search."""
     over = np.flatnonzero(~(rise < limit))
     if not len(over):

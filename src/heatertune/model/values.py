@@ -17,7 +17,7 @@ from heatertune.units import check
 if TYPE_CHECKING:
     from heatertune.model.judgement import Validation
 
-__all__ = ["Candidate", "FittedModel", "Fopdt", "HeaterModel", "Interval", "Outcome", "Residuals", "TwoLag"]
+__all__ = ["Candidate", "FittedModel", "Fopdt", "HeaterModel", "Interval", "OneLog", "Outcome", "Residuals", "TwoLag"]
 
 Array = npt.NDArray[np.float64]
 
@@ -205,6 +205,31 @@ class Residuals:
     autocorrelation: Array
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneLog:
+    """One of several logs with power that were fitted together.
+
+    Attributes:
+        name: of the log.
+        fit_pct: of the one heater for all logs on this one [%].
+        alone_fit_pct: of this log's own heater [%].
+        ambient_degC: its own, with the one heater [°C].
+        drift_degC_per_s: of that ambient; 0 where none was fitted [°C/s].
+        noise_degC: standard deviation of what the one heater leaves over [°C].
+        values: parameter → its value by this log alone, unit in the name.
+        ci95: parameter → 95 % interval of this log alone.
+    """
+
+    name: str
+    fit_pct: float
+    alone_fit_pct: float
+    ambient_degC: float
+    drift_degC_per_s: float
+    noise_degC: float
+    values: Mapping[str, float]
+    ci95: Mapping[str, Interval]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FittedModel(Shown):
     """What a log says about its heater.
@@ -220,7 +245,8 @@ class FittedModel(Shown):
         method: how it was found, one sentence.
         notes: what the log cannot tell and what that means, one sentence each.
         residuals: of the working model, None for a model given by hand.
-        validation: checks of the working model, None where no power was logged.
+        validation: checks of the working model, None where no power was logged or several logs were fitted together.
+        logs: what each of several logs with power says; empty for one log.
     """
 
     model: Fopdt
@@ -234,6 +260,7 @@ class FittedModel(Shown):
     notes: tuple[str, ...] = ()
     residuals: Residuals | None = None
     validation: Validation | None = None
+    logs: tuple[OneLog, ...] = ()
 
     @property
     def plants(self) -> tuple[HeaterModel, ...]:

@@ -97,12 +97,13 @@ def _norms(poles, now, before, delay, gains, past, samples):  # type: ignore[no-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Seen:
-    """One heater as the bounds see it: its sampled modes, and the frequency response of each part, shape (3, n)."""
+    """One heater as the bounds see it: its sampled modes, the frequency response of each part, shape (3, n), its Ms."""
 
     modes: tuple[Array, Array, Array, int]
     parts: Complex
     slowest_s: float
     gain: float
+    ms: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -111,8 +112,8 @@ class LoopBounds:
 
     sample_time_s: float
     derivative_filter: float
-    ms: float
     heaters: tuple[_Seen, ...]
+    guards: tuple[_Seen, ...]
 
     def least_cost(self, corners: Array, enough: float) -> float:
         """Return what the mean load IAE of the box is not below [°C·s]; infinite where nothing in it keeps Ms.
@@ -127,12 +128,12 @@ class LoopBounds:
         least = self.sample_time_s / float(high[1])
         if least >= enough:
             return least
-        least_distance = (1.0 - _BESIDE) / self.ms
-        found = [int(_distances(heater.parts, corners, least_distance)) for heater in self.heaters]
+        limited = (*self.heaters, *self.guards)
+        found = [int(_distances(heater.parts, corners, (1.0 - _BESIDE) / heater.ms)) for heater in limited]
         if 1 in found:
             return math.inf
         middle, half = (low + high) / 2.0, (high - low) / 2.0
-        stable = [encloses_nothing(middle @ heater.parts, integrating=True) for heater in self.heaters]
+        stable = [encloses_nothing(middle @ heater.parts, integrating=True) for heater in limited]
         if any(seen == 2 and not calm for seen, calm in zip(found, stable, strict=True)):
             return math.inf
         if not all(stable) or middle[0] <= 0.0:  # the reference tells nothing
@@ -150,7 +151,8 @@ class LoopBounds:
 
 
 def bounds_of(
-    plants: Sequence[HeaterModel], *, ms: float, sample_time_s: float, derivative_filter: float
+    plants: Sequence[HeaterModel], *, ms: float, sample_time_s: float, derivative_filter: float,
+    guards: Sequence[HeaterModel] = (), guard_ms: float = math.inf,
 ) -> LoopBounds:
     """Return the bounds for these heaters.
 
@@ -159,10 +161,12 @@ def bounds_of(
         ms: largest sensitivity on each.
         sample_time_s: TA [s].
         derivative_filter: weight of its past in the derivative part, see `PidDesign`.
+        guards: heaters that count for no cost, on which `guard_ms` holds.
+        guard_ms: largest sensitivity on each of them.
     """
-    slowest = max(sum(plant.lags_s) + plant.dead_time_s for plant in plants)
+    slowest = max(sum(plant.lags_s) + plant.dead_time_s for plant in (*plants, *guards))
     heaters = []
-    for plant in plants:
+    for place, plant in enumerate((*plants, *guards)):
         sampled = sample_plant(plant, sample_time_s)
         omega = frequencies(sample_time_s, slowest, max(_FREQUENCIES, _PER_DELAY * sampled.delay))
         heaters.append(_Seen(
@@ -170,5 +174,9 @@ def bounds_of(
             parts=sampled.frequency_response(omega) * part_responses(omega, sample_time_s, derivative_filter),
             slowest_s=sum(plant.lags_s) + plant.dead_time_s,
             gain=plant.gain_degC_per_pct,
+            ms=ms if place < len(plants) else guard_ms,
         ))
-    return LoopBounds(sample_time_s=sample_time_s, derivative_filter=derivative_filter, ms=ms, heaters=tuple(heaters))
+    return LoopBounds(
+        sample_time_s=sample_time_s, derivative_filter=derivative_filter,
+        heaters=tuple(heaters[: len(plants)]), guards=tuple(heaters[len(plants) :]),
+    )

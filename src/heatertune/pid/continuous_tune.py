@@ -16,7 +16,7 @@ from heatertune.pid.robust import guarded
 from heatertune.pid.rules import RULES, apply_rule, model_for
 from heatertune.pid.scheduling import told_about_faces
 from heatertune.pid.specs import Specs
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.values import PidDesign, Promise, structure_of
 
 __all__ = ["assessed", "tune_continuous"]
 
@@ -53,7 +53,7 @@ def tune_continuous(
         kept = guarded(fitted, specs, robust, lambda guards: optimum(replace(problem, guards=guards)), found)
         problem = replace(problem, guards=kept.guards)
         notes = [_TOLD, kept.told(problem.cost(found), problem.cost(kept.design))]
-        found = kept.design
+        found = replace(kept.design, promise=Promise(way=robust, limits=specs.limits))
     design = assessed(fitted, found)
     notes += [*_explained(problem, design), *_plainer(problem, design)]
     notes += told_about_faces(fitted, design, partial(_alone, problem))

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from heatertune.documents import number, optional_number, read_document
+from heatertune.errors import DocumentError
 from heatertune.model.document import from_document as model_from_document
 from heatertune.model.document import to_document as model_to_document
 from heatertune.model.values import FittedModel
-from heatertune.pid.values import Margins, PidDesign, structure_of
+from heatertune.pid.values import Margins, PidDesign, Promise, structure_of
 
-__all__ = ["SCHEMA", "from_document", "read_design", "to_document"]
+__all__ = ["SCHEMA", "from_document", "promise_document", "read_design", "read_promise", "to_document"]
 
 SCHEMA = "heatertune/pid/1"
 
@@ -34,6 +35,7 @@ def to_document(design: PidDesign, model: FittedModel | None = None) -> dict[str
         "iae_setpoint": design.iae_setpoint,
         "mks": design.mks,
         "notes": list(design.notes),
+        "robust": promise_document(design.promise),
     }
     if design.margins is not None:
         document |= {name: getattr(design.margins, name) for name in ("ms", "mt", "gain_margin", "phase_margin_deg")}
@@ -76,4 +78,27 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "design") 
         mks=optional_number(document, "mks", where),
         notes=tuple(str(note) for note in document.get("notes", ())),
         derivative_filter=0.5 if past is None else past,
+        promise=read_promise(document.get("robust"), where),
     )
+
+
+def promise_document(promise: Promise | None) -> dict[str, Any] | None:
+    """Return the promise as JSON holds it."""
+    return None if promise is None else {"way": promise.way, "limits": dict(promise.limits)}
+
+
+def read_promise(document: Any, where: str | Path = "design") -> Promise | None:
+    """Return the promise of a document.
+
+    Raises:
+        DocumentError: no such way to be robust, or no limits.
+    """
+    if document is None:
+        return None
+    try:
+        way, limits = document["way"], {str(name): float(limit) for name, limit in document["limits"].items()}
+    except (KeyError, TypeError, ValueError, AttributeError) as problem:
+        raise DocumentError(f"{where}: robust holds no way and limits") from problem
+    if way not in ("p95", "worst") or not set(limits) <= {"ms", "mt", "mks"}:
+        raise DocumentError(f"{where}: robust is {way!r} on {', '.join(limits)}; known: p95, worst on ms, mt, mks")
+    return Promise(way=way, limits=limits)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING
@@ -22,6 +22,7 @@ from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
 from heatertune.pid.response import iae_load
 from heatertune.pid.robustness import sensitivity_peaks
+from heatertune.pid.uncertain import peaks_on
 from heatertune.pid.values import PidDesign
 
 if TYPE_CHECKING:
@@ -48,6 +49,8 @@ class Integers:
         ranges: smallest and largest value of each word, at least 1 where it may vary.
         plants: the heaters to serve.
         ms: limit of the maximum sensitivity.
+        guards: heaters that count for no cost, on which `limits` hold.
+        limits: "ms", "mt", "mks" [%/°C] → largest value on each guard.
         start: words to begin with, near the best; their sampling interval and filter are those of all.
     """
 
@@ -56,12 +59,18 @@ class Integers:
     plants: tuple[HeaterModel, ...]
     ms: float
     start: Vector
+    guards: tuple[HeaterModel, ...] = ()
+    limits: Mapping[str, float] = field(default_factory=dict)
 
     def cost(self, words: Vector) -> float:
         """Return the mean load IAE [°C·s]; infinite for words that are not allowed, break Ms or do not settle."""
         design = self.decode(words)
         if design is None or max(sensitivity_peaks(plant, design)[0] for plant in self.plants) > self.ms:
             return math.inf
+        for guard in self.guards:
+            peaks = peaks_on(guard, design)
+            if any(peaks[name] > limit for name, limit in self.limits.items()):
+                return math.inf
         return float(np.mean([iae_load(plant, design) for plant in self.plants]))
 
     @cached_property
@@ -73,7 +82,8 @@ class Integers:
         if design is None:
             raise InputError(f"words {self.start} to begin with are not allowed")
         return bounds_of(
-            self.plants, ms=self.ms, sample_time_s=design.sample_time_s, derivative_filter=design.derivative_filter
+            self.plants, ms=self.ms, sample_time_s=design.sample_time_s, derivative_filter=design.derivative_filter,
+            guards=self.guards, guard_ms=self.limits.get("ms", math.inf),
         )
 
     @cached_property

@@ -7,24 +7,33 @@ The cost stays that of the candidates: the drawn heaters only guard.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.specs import Specs
 from heatertune.pid.uncertain import Drawn, draw_heaters, drawn_of, peaks_on
-from heatertune.pid.values import PidDesign
+from heatertune.pid.values import PidDesign, Promise
 
-__all__ = ["ROBUST", "Guarded", "guarded"]
+__all__ = ["ROBUST", "TOLERANCE", "Broken", "Guarded", "guarded", "most_broken"]
 
 #: way → over which of the drawn heaters the limits hold
 ROBUST: Final = {"none": "none: quantiles are told only", "p95": "95 % of them", "worst": "all of them"}
 
-_TOLERANCE = 1.003  # the search itself keeps its limits to 0.2 %
+#: of a limit on a drawn heater; the search itself keeps its limits to 0.2 %
+TOLERANCE: Final = 1.003
 
 Solve = Callable[[tuple[HeaterModel, ...]], PidDesign]
+
+
+class Broken(NamedTuple):
+    """A limit that a controller does not keep: on which of the heaters, which one, and its value there."""
+
+    place: int
+    name: str
+    value: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +72,7 @@ class Guarded:
     def improved(self, fitted: FittedModel, specs: Specs, design: PidDesign) -> Guarded | None:
         """Return the same with another design, None where that breaks a limit on the drawn heaters."""
         peaks = [peaks_on(heater, design) for heater in draw_heaters(fitted)]
-        if _most_broken(specs, self.way, peaks) is not None:
+        if most_broken(Promise(way=self.way, limits=specs.limits), peaks) is not None:
             return None
         return replace(self, design=design, after=drawn_of([found["ms"] for found in peaks]))
 
@@ -91,21 +100,26 @@ def guarded(fitted: FittedModel, specs: Specs, way: str, solve: Solve, first: Pi
         peaks = [peaks_on(heater, design) for heater in heaters]
         spread = drawn_of([found["ms"] for found in peaks])
         before = before or spread
-        broken = _most_broken(specs, way, peaks)
+        broken = most_broken(Promise(way=way, limits=specs.limits), peaks)
         if broken is None:
             return Guarded(design=design, guards=tuple(guards), before=before, after=spread, way=way)
-        if heaters[broken] in guards:  # the search's frequencies missed what the margins' own see
+        guard = heaters[broken.place]
+        if guard in guards:  # the search's frequencies missed what the margins' own see
             raise InputError(f"no design found that keeps {specs.text} on the heaters drawn from the fit; loosen it")
-        guards.append(heaters[broken])
+        guards.append(guard)
         design = solve(tuple(guards))
 
 
-def _most_broken(specs: Specs, way: str, peaks: Sequence[dict[str, float]]) -> int | None:
-    """Return which heater has to be guarded, None where enough keep the limits."""
-    strain = [max(found[name] / limit for name, limit in specs.limits.items()) for found in peaks]
-    order = sorted(range(len(strain)), key=strain.__getitem__)
-    at = order[-1 if way == "worst" else round(0.95 * (len(order) - 1))]
-    return at if strain[at] > _TOLERANCE else None
+def most_broken(promise: Promise, peaks: Sequence[Mapping[str, float]]) -> Broken | None:
+    """Return the heater that has to be guarded, None where enough keep the limits.
+
+    `peaks`: of each heater, as `peaks_on` returns them.
+    """
+    strains = [max((found[name] / limit, name) for name, limit in promise.limits.items()) for found in peaks]
+    order = sorted(range(len(strains)), key=strains.__getitem__)
+    place = order[-1 if promise.way == "worst" else round(0.95 * (len(order) - 1))]
+    strain, name = strains[place]
+    return None if strain <= TOLERANCE else Broken(place, name, peaks[place][name])
 
 
 def _quantiles(drawn: Drawn) -> str:

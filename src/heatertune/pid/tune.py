@@ -20,7 +20,7 @@ from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.scheduling import told_about_faces
 from heatertune.pid.specs import Specs
 from heatertune.pid.timer import Timer
-from heatertune.pid.values import PidDesign
+from heatertune.pid.values import PidDesign, Promise
 from heatertune.units import check
 
 __all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "tune"]
@@ -149,6 +149,7 @@ def _improved(
         notes = [told, *_explained(problem, design)]
     if kept is not None:
         notes.insert(0, kept.told(problem.cost(plain), problem.cost(design)))
+        design = replace(design, promise=Promise(way=robust, limits=problem.specs.limits))
     return design, notes
 
 

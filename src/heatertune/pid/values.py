@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from heatertune.errors import OutOfRange
 from heatertune.show import Shown
 from heatertune.units import check
 
-__all__ = ["Margins", "PidDesign"]
+__all__ = ["Margins", "PidDesign", "Promise"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +36,19 @@ class Margins:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Promise:
+    """What was asked for on the heaters drawn from a fit, and what its words have to keep too.
+
+    Attributes:
+        way: "p95" or "worst", see `heatertune.pid.robust.ROBUST`.
+        limits: "ms", "mt", "mks" [%/°C] → largest value; those that are set.
+    """
+
+    way: str
+    limits: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PidDesign(Shown):
     """u = K·(e + 1/TN·∫e dt + TV·de/dt), sampled every TA.
 
@@ -51,6 +65,7 @@ class PidDesign(Shown):
         mks: max |C·S|, the noise gain from reading to power, worst over the models [%/°C], None where not computed.
         notes: what the reader should know, one sentence each.
         derivative_filter: f in D_k = f·D_{k−1} + (1 − f)·TV/TA·(e_k − e_{k−1}); 0: not filtered.
+        promise: what it keeps on the heaters drawn from the fit, None where that was not asked for.
 
     Raises:
         OutOfRange: a gain that is zero or not finite, a time that is not positive, a structure that contradicts
@@ -69,6 +84,7 @@ class PidDesign(Shown):
     mks: float | None = None
     notes: tuple[str, ...] = field(default=())
     derivative_filter: float = 0.5
+    promise: Promise | None = None
 
     def __post_init__(self) -> None:
         check("gain_pct_per_degC", self.gain_pct_per_degC)
