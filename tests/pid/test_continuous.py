@@ -170,6 +170,8 @@ def test_without_dead_time_the_costs_are_those_of_the_linear_system():
     for i, value in enumerate(expected):
         weights = np.eye(4)[i : i + 1]
         assert continuous.price(heaters, weights, gain, tn, 0.0, 4.0, NONE) == pytest.approx(value, rel=1e-4)
+        # and with the long steps of the search, in which the power acts within the step that it answers
+        assert continuous.price(heaters, weights, gain, tn, 0.0, 0.5, NONE) == pytest.approx(value, rel=2e-4)
 
 
 @pytest.mark.parametrize("settings", [(1.4, 0.6, 0.0), (2.3, 0.5, 0.12)])
