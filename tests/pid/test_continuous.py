@@ -9,7 +9,7 @@ import pytest
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid import continuous
+from heatertune.pid import continuous, continuous_optimum
 from heatertune.pid.continuous_optimum import (
     ContinuousProblem,
     global_check,
@@ -170,6 +170,8 @@ def test_without_dead_time_the_costs_are_those_of_the_linear_system():
     for i, value in enumerate(expected):
         weights = np.eye(4)[i : i + 1]
         assert continuous.price(heaters, weights, gain, tn, 0.0, 4.0, NONE) == pytest.approx(value, rel=1e-4)
+        # and with the long steps of the search, in which the power acts within the step that it answers
+        assert continuous.price(heaters, weights, gain, tn, 0.0, 0.5, NONE) == pytest.approx(value, rel=2e-4)
 
 
 @pytest.mark.parametrize("settings", [(1.4, 0.6, 0.0), (2.3, 0.5, 0.12)])
@@ -233,6 +235,12 @@ def test_no_feasible_neighbour_is_better_under_any_objective(structure, objectiv
             continue
         if all(p <= limit for p, limit in zip(_dense_peaks(plant, other, 6_000), (1.7, 1.25, 60.0), strict=True)):
             assert problem.cost(other) > cost * 0.999
+
+
+def test_a_grid_is_searched_from_its_middle_and_holds_numpys_points():
+    found = continuous_optimum._outwards(1.0, 1e4, 5)
+    assert found == pytest.approx([100.0, 10.0, 1000.0, 1.0, 1e4])
+    assert np.sort(continuous_optimum._outwards(0.3, 70.0, 14)) == pytest.approx(np.geomspace(0.3, 70.0, 14))
 
 
 def test_a_larger_share_of_the_setpoint_costs_load_and_gains_setpoint():

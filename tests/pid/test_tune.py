@@ -89,8 +89,14 @@ def test_ipopt_finds_the_same_optimum_as_the_feasible_set():
 
 
 def test_feasible_gains_may_come_in_pieces():
-    assert feasible._tops([(2.0, 3.0), (2.5, 4.0), (5.0, 9.0)]) == [2.0, 5.0]
-    assert feasible._tops([(0.0, 1.0), (4.0, 9.0)]) == [4.0]
+    def tops(*excluded):
+        return feasible._tops(np.array(excluded).reshape(-1, 2))
+
+    assert tops((2.0, 3.0), (2.5, 4.0), (5.0, 9.0)) == [2.0, 5.0]
+    assert tops((0.0, 1.0), (4.0, 9.0)) == [4.0]
+    assert tops((5.0, 10.0), (1.0, 9.0), (2.0, 3.0)) == [1.0], "an interval inside another ends nothing"
+    assert tops((1.0, np.inf), (3.0, 4.0)) == [1.0]
+    assert tops() == []
 
 
 def test_just_above_the_largest_gain_the_limit_breaks():

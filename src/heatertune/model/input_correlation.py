@@ -108,7 +108,10 @@ def _whitening(residuals: Array) -> Array:
 
 def _filtered(whitening: Array, rows: Array) -> Array:
     """Return the rows through the filter, without its run-in and without their mean."""
-    white = lfilter(whitening, [1.0], rows)[:, len(whitening) - 1 :]
+    n = rows.shape[1] - len(whitening) + 1
+    white = whitening[-1] * rows[:, :n]
+    for k in range(1, len(whitening)):  # lfilter would convolve row by row
+        white += whitening[-1 - k] * rows[:, k : k + n]
     return np.asarray(white - white.mean(axis=1, keepdims=True))
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -89,9 +90,7 @@ class PowerProblem:
     high: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        time = self.readings.time_s
-        sample = float(np.median(np.diff(time))) / self.readings.averaged
-        length = float(np.ptp(time))
+        sample, length = _sample_and_length(self.readings)
         ratio = _RATIO if self.two_lags else (0.0, 0.0)
         object.__setattr__(self, "low", np.array([math.log(0.5 * sample), self.least_dead_time_s, ratio[0]]))
         object.__setattr__(self, "high", np.array([math.log(_FAR * length), length / 4.0, ratio[1]]))
@@ -133,9 +132,7 @@ class PowerProblem:
 
     @property
     def _log(self) -> tuple[Any, ...]:
-        r = self.readings
-        arrays = (_writable(each) for each in (r.time_s, r.half_s, r.edge_s, r.level_pct))
-        return *arrays, self.power_before, np.array(self.loads_s)
+        return *_arrays(self.readings), self.power_before, np.array(self.loads_s)
 
     def basis(self, z: Array) -> Array:
         """Return the columns whose sum, weighted by the linear part, is the temperature, shape (5 + loads, m)."""
@@ -234,6 +231,19 @@ def touching(vector: Array, low: Array, high: Array) -> tuple[str, ...]:
     touched = (high > low) & ((vector <= low + margin) | (vector >= high - margin))
     names = ("time_constant_s", "dead_time_s", "second_time_constant_s")
     return tuple(name for name, touches in zip(names, touched, strict=True) if touches)
+
+
+@lru_cache(maxsize=8)
+def _sample_and_length(readings: Readings) -> tuple[float, float]:
+    """Return sampling interval and length of the log [s]; kept: a search for loads makes a thousand problems of it."""
+    time = readings.time_s
+    return float(np.median(np.diff(time))) / readings.averaged, float(np.ptp(time))
+
+
+@lru_cache(maxsize=8)
+def _arrays(readings: Readings) -> tuple[Array, ...]:
+    """Return times, half widths, edges and levels as the compiled code takes them; kept as above."""
+    return tuple(_writable(each) for each in (readings.time_s, readings.half_s, readings.edge_s, readings.level_pct))
 
 
 def _writable(array: Array) -> Array:
