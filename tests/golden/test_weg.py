@@ -259,6 +259,14 @@ def test_what_does_not_fit_is_refused_with_what_would(design, word, remedy):
         ROOM.encode(design, Scaling())
 
 
+def test_a_real_given_as_a_whole_number_is_the_same_real():
+    whole = _words(Kp=3, Ki=0, Kd=2, TauSetPoint=1, MinimumOutput=0, MaximumOutput=90)
+    same = {name: value if name in ("Type", "Action", "Ts") else float(value) for name, value in whole.values.items()}
+    ROOM.check(whole)
+    # as text, as 0 == 0.0; a compiler tells them apart as well
+    assert repr(block_of(whole.values, Assumptions())) == repr(block_of(same, Assumptions()))
+
+
 @pytest.mark.parametrize(("words", "named"), [
     (_words(MinimumOutput=60.0, MaximumOutput=50.0), "word MinimumOutput"), (_words(Kp=0.0), "word Kp"),
     (Words(target="weg", values=_words().values, scaling=Scaling(), sample_time_s=2.0), "sample_time_s"),

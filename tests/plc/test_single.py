@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heatertune.plc.room import holds
-from heatertune.plc.single import divided, is_single, single
+from heatertune.plc.room import Sensor, holds
+from heatertune.plc.single import divided, is_single, narrowed, single
 
 singles = st.floats(width=32, allow_nan=False)
 
@@ -38,3 +38,16 @@ def test_a_format_holds_whole_numbers_of_its_range_or_singles():
         True, False, True, False, False, False, False,
     ]
     assert [holds("REAL", value) for value in (0.5, 0.1, 3, math.inf, math.nan)] == [True, False, True, False, False]
+
+
+def test_narrowed_leaves_every_number_and_makes_single_precision_of_the_floats_alone():
+    given_ = (Sensor(0.5, single(-1e38), 4095), (True, 2.0**-149), 16777217)
+    found = narrowed(given_)
+    assert found == given_
+    assert isinstance(found[0], Sensor)
+    assert [type(each) for each in (*found[0], *found[1], found[2])] == [
+        np.float32, np.float32, int, bool, np.float32, int,
+    ]
+    whole = np.array([16777217])  # 2^24 + 1, which single precision does not hold
+    assert narrowed(whole).tolist() == whole.tolist()
+    assert narrowed(np.array([0.1])).dtype == np.float32

@@ -31,7 +31,9 @@ def single(value: float) -> float:
 
 
 def narrowed(value: Any) -> Any:
-    """Return nested tuples whose floats, all singles, are what a compiler holds in single precision."""
+    """Return an array or nested tuples whose floats, all of them singles, a compiler holds in single precision."""
+    if isinstance(value, np.ndarray):
+        return value.astype(np.float32) if value.dtype == np.float64 else value
     if isinstance(value, tuple):
         return type(value)(*map(narrowed, value)) if hasattr(value, "_fields") else tuple(map(narrowed, value))
     return np.float32(value) if isinstance(value, float) else value

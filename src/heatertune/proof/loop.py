@@ -180,7 +180,7 @@ def run_compiled(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
     """Run the kernel as machine code, compiled where it is not yet; `given` are all of `run_all`'s arguments."""
     if core.singles:
         parameters, state, sensor, scan_s, batch, *others = given
-        batch = batch._replace(setpoints=batch.setpoints.astype(np.float32))
+        batch = batch._replace(setpoints=narrowed(batch.setpoints))
         given = narrowed(parameters), narrowed(state), sensor, scan_s, batch, *others
     return cast("tuple[int, int]", compiled(_run_of(core))(*given))
 

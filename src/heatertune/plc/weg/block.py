@@ -79,11 +79,11 @@ COLD: Final = State()
 
 def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
     """Return the block for its words; total for any of them."""
-    kp, parallel = values["Kp"], values["Type"] != 0
+    kp, parallel = float(values["Kp"]), values["Type"] != 0  # a REAL may be given as a whole number
     ts, tau = divided(values["Ts"], 1000.0), values["TauSetPoint"]
     ki_ts, kd_by_ts = single(values["Ki"] * ts), divided(values["Kd"], ts)
     return Block(
-        kp=kp, minimum=values["MinimumOutput"], maximum=values["MaximumOutput"], parallel=parallel,
+        kp=kp, minimum=float(values["MinimumOutput"]), maximum=float(values["MaximumOutput"]), parallel=parallel,
         reverse=values["Action"] != 0,
         share=_exact_share(ts, tau) if assume.exact_filter else divided(ts, single(tau + ts)),
         ki_ts=ki_ts, kd_by_ts=kd_by_ts,
