@@ -16,11 +16,11 @@ __all__ = ["NOMENCLATURE", "check", "degF_to_degC", "kelvin_to_degC"]
 #: field name → (symbol, name, unit)
 NOMENCLATURE: Final[dict[str, tuple[str, str, str]]] = {
     "gain_degC_per_pct": ("k", "process gain", "°C/%"),
-    "time_constant_s": ("T", "time constant", "s"),
+    "time_constant_s": ("T1", "time constant", "s"),
     "second_time_constant_s": ("T2", "second time constant", "s"),
     "dead_time_s": ("L", "dead time", "s"),
     "ambient_degC": ("Ta", "ambient temperature", "°C"),
-    "gain_per_time_constant_degC_per_s_pct": ("k/T", "gain per time constant", "°C/(s·%)"),
+    "gain_per_time_constant_degC_per_s_pct": ("k/T1", "gain per time constant", "°C/(s·%)"),
     "effective_dead_time_s": ("Le", "effective dead time", "s"),
     "ultimate_gain_pct_per_degC": ("Ku", "ultimate gain", "%/°C"),
     "ultimate_period_s": ("Tu", "ultimate period", "s"),

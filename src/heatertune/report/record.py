@@ -88,7 +88,8 @@ def limits(documents: Documents) -> str:
     """Return what the proof does not say."""
     unproven = [
         "Heaters outside the listed models: nothing is claimed for them.",
-        "A sensor that is wrong, a relay that sticks, mains voltage that changes, a jittering timer.",
+        "A sensor that is wrong, a relay that sticks, mains voltage that changes, a jittering timer "
+        "(`heatertune verify --samples` draws the last two).",
         "Anything but one heat-up from ambient and one disturbance at one setpoint.",
         *documents["proof"].get("unproven", ()),
     ]
