@@ -106,6 +106,8 @@ def _drifting(logs: Sequence[Explained]) -> tuple[Sequence[Explained], _Joint]:
     found = _joint([log.problems[0] for log in logs], logs, 0, _LAW)
     for place, log in enumerate(logs):
         changed = [*logs[:place], log.drifting(), *logs[place + 1 :]]
+        if any(fit.model is None for fit in changed[place].fits):
+            continue
         trial = _joint([each.problems[0] for each in changed], changed, 0, _LAW)
         if trial.problem.bic(trial.fit) < found.problem.bic(found.fit) - _NEAR:
             logs, found = changed, trial
