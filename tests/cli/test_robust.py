@@ -30,6 +30,7 @@ def test_the_wider_the_promise_the_smaller_the_gain(model, run):
         gains.append(document["gain_pct_per_degC"])
         told = [note for note in document["notes"] if note.startswith("Robust over 200 heaters")]
         assert bool(told) == (way != "none")
+        assert document["robust"] == (None if way == "none" else {"way": way, "limits": {"ms": 1.6}})
     # only the heater's gain is open, lognormal, so K has to fall about as its 95 % quantile rises: e^(1.645·σ)
     assert gains[0] > gains[1] > gains[2]
     sigma = math.log(0.53 / 0.3) / (2.0 * 1.96)

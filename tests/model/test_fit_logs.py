@@ -11,7 +11,10 @@ from heatertune.errors import InputError
 from heatertune.model.agreement import disagreements
 from heatertune.model.document import from_document, to_document
 from heatertune.model.fit import fit_together
+from heatertune.model.fit_logs import _joint, _rivals
+from heatertune.model.fit_power import Weighed, explained
 from heatertune.model.intervals import RATIO
+from heatertune.model.rivals import Rival
 from heatertune.model.values import Interval, OneLog, Outcome
 
 TRUTH = {"gain_degC_per_pct": GAIN, "time_constant_s": LAG, "dead_time_s": DEAD}
@@ -168,6 +171,27 @@ def test_pulses_in_every_log_leave_gain_and_time_constant_a_ratio():
     assert ends.low < GAIN / LAG < ends.high
     assert value == pytest.approx(GAIN / LAG, rel=0.15)
     assert any("known only as a ratio" in note for note in found.notes)
+
+
+@pytest.mark.long
+def test_another_way_to_read_the_logs_stays_unless_another_log_speaks_against_it():
+    logs = [explained(log, ambient_degC=None, power_before_pct=None) for log in (quiet(), noisy(drift=0.0))]
+    best = _joint([log.problems[0] for log in logs], logs, 0, "power logged")
+
+    def read(log, law, ambient):
+        problem = replace(log.problems[0], ambient_degC=ambient)
+        fit = problem.refined(log.fits[0].vector[None, :])
+        return Rival(problem, fit, fit.model, law, f"told with {ambient:g}")
+
+    first, second = logs
+    weights = [Weighed({}, None, (read(first, "true ambient", 20.0), read(first, "cold room", 14.0))),
+               Weighed({}, None, (read(second, "true ambient", 25.0),))]
+    # 14 °C would ask for a gain a quarter too high, which the other log rules out
+    (found,) = _rivals(best, logs, weights)
+    assert found.law == "true ambient (quiet, noisy)"
+    assert found.told == "quiet: told with 20 noisy: told with 25"
+    assert [part.linear[1] for part in found.fit.parts] == [20.0, 25.0]
+    assert found.fit.parts[0].model.gain_degC_per_pct == pytest.approx(GAIN, rel=0.02)
 
 
 def test_logs_with_and_without_power_are_not_mixed(pair):

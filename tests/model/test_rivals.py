@@ -120,3 +120,15 @@ def test_a_clock_that_runs_behind_is_found_to_the_sample():
     with pytest.raises(InputError, match="different clocks") as problem:
         fit(_bad(power=lambda p: np.roll(p, 20)))
     assert float(str(problem.value).split(" moves ")[1].split(" s ")[0]) == pytest.approx(68.0, abs=4.0)
+
+
+@pytest.mark.parametrize(("late", "told"), [(0, False), (40, True)])
+def test_a_dead_time_longer_than_the_time_constant_may_be_a_clock_of_the_power_that_runs_ahead(late, told):
+    # the power's column 160 s early looks like 160 s more of dead time: 172 s against a time constant of 150 s.
+    # SciPy's FOPDT fits to the step responses of 2…10 equal lags have L/T = 0.31, 0.56, 0.79, 0.98, 1.16 … 1.75
+    fitted = fit(_bad(power=lambda p: np.roll(p, -late)))
+    assert fitted.model.dead_time_s == pytest.approx(12.0 + 4.0 * late, abs=3.0)
+    notes = _told(fitted, "runs ahead of the temperature's")
+    assert bool(notes) == told
+    if told:
+        assert notes[0].startswith(f"The dead time of {fitted.model.dead_time_s:.3g} s is longer than the time const")

@@ -25,7 +25,8 @@ def add_to(commands: Any) -> None:
         description="Identify the heater behind a temperature log, or behind several logs of one heater.",
     )
     command.add_argument("log", metavar="LOG", nargs="+",
-                         help="a CSV file, or table3 / table4 built in; several of one heater are fitted together")
+                         help="a CSV file, or table3 / table4 built in; several of one heater, all with power or "
+                              "all without, are fitted together")
     command.add_argument("-o", "--out", metavar="FILE", help="write the model to this JSON file")
     command.add_argument("--hypotheses", action="store_true",
                          help="show the table of controller hypotheses; for one log all of them, however bad")

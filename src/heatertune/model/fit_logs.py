@@ -106,6 +106,8 @@ def _drifting(logs: Sequence[Explained]) -> tuple[Sequence[Explained], _Joint]:
     found = _joint([log.problems[0] for log in logs], logs, 0, _LAW)
     for place, log in enumerate(logs):
         changed = [*logs[:place], log.drifting(), *logs[place + 1 :]]
+        if any(fit.model is None for fit in changed[place].fits):
+            continue
         trial = _joint([each.problems[0] for each in changed], changed, 0, _LAW)
         if trial.problem.bic(trial.fit) < found.problem.bic(found.fit) - _NEAR:
             logs, found = changed, trial
@@ -113,15 +115,20 @@ def _drifting(logs: Sequence[Explained]) -> tuple[Sequence[Explained], _Joint]:
 
 
 def _rivals(best: _Joint, logs: Sequence[Explained], weights: Sequence[Weighed]) -> Iterator[_Joint]:
-    """Return one heater for all logs, one log read otherwise, where the other logs do not speak against it."""
+    """Return one heater for all logs, those that allow it read in another way; none that other logs speak against."""
     at_best = best.problem.bic(best.fit)
-    for i, (log, weight) in enumerate(zip(logs, weights, strict=True)):
-        for rival in weight.rivals:
-            problems = [*best.problem.parts[:i], rival.problem, *best.problem.parts[i + 1 :]]
-            found = _joint(problems, logs, 0, f"{rival.law} ({log.log.name})", f"{log.log.name}: {rival.told}")
-            dearer_alone = bic_of(rival.problem, rival.fit) - bic_of(log.problems[0], log.fits[0])
-            if found.problem.bic(found.fit) - at_best < max(dearer_alone, 0.0) + _NEAR:
-                yield found
+    for law in dict.fromkeys(rival.law for weight in weights for rival in weight.rivals):
+        found = [next((rival for rival in weight.rivals if rival.law == law), None) for weight in weights]
+        parts, names, told, dearer_alone = list(best.problem.parts), [], [], 0.0
+        for place, (log, rival) in enumerate(zip(logs, found, strict=True)):
+            if rival is not None:
+                parts[place] = rival.problem
+                names.append(log.log.name)
+                told.append(f"{log.log.name}: {rival.told}")
+                dearer_alone += max(bic_of(rival.problem, rival.fit) - bic_of(log.problems[0], log.fits[0]), 0.0)
+        other = _joint(parts, logs, 0, f"{law} ({', '.join(names)})", " ".join(told))
+        if other.problem.bic(other.fit) - at_best < dearer_alone + _NEAR:
+            yield other
 
 
 def _others(best: _Joint, logs: Sequence[Explained], *, open_lag: bool) -> Iterator[_Joint]:
