@@ -88,6 +88,17 @@ def test_ipopt_finds_the_same_optimum_as_the_feasible_set():
     assert problem.cost(found) == pytest.approx(problem.cost(start), rel=0.01)
 
 
+@pytest.mark.parametrize(("objective", "weight"), [("setpoint", None), ("itae", None), ("load", 0.5)])
+def test_ipopt_serves_the_objective_that_is_asked_for(objective, weight):
+    # the feasible-set search knows nothing of IPOPT's formulation, nor of its simulation
+    problem = Problem(plants=(HEATER,), structure="pi", ms=1.6, sample_time_s=10.0, objective=objective, weight=weight)
+    start = search(problem)
+    shifted = problem.design(0.8 * start.gain_pct_per_degC, 1.3 * start.integral_time_s, 0.0)
+    found, _ = polish(problem, shifted)
+    assert problem.cost(found) == pytest.approx(problem.cost(start), rel=0.01)
+    assert problem.cost(shifted) > 1.03 * problem.cost(start)
+
+
 def test_feasible_gains_may_come_in_pieces():
     def tops(*excluded):
         return feasible._tops(np.array(excluded).reshape(-1, 2))
