@@ -25,9 +25,9 @@ def beside(monkeypatch, program):
     """Let another program stand for the compiler's; return how loops ran while it ran, and what it was asked for."""
     seen, started = [], asyncio.create_subprocess_exec
 
-    async def start(*asked):
+    async def start(*asked, **kept):
         seen.append((worth_compiling(MOST), asked))
-        return await started(sys.executable, "-c", program)
+        return await started(sys.executable, "-c", program, **kept)
 
     monkeypatch.setattr(asyncio, "create_subprocess_exec", start)
     return seen
@@ -40,16 +40,17 @@ def test_loops_run_plainly_while_the_compiler_works_and_compiled_when_it_is_done
     assert worth_compiling(0)
 
 
-def test_where_the_compiler_fails_each_loop_is_compiled_where_it_pays(monkeypatch):
-    beside(monkeypatch, "raise SystemExit(3)")
+def test_where_the_compiler_fails_each_loop_is_compiled_where_it_pays(monkeypatch, capfd):
+    beside(monkeypatch, "print('told'); raise KeyboardInterrupt")
     asyncio.run(warm.warm())
+    assert capfd.readouterr() == ("", ""), "what it says is no news to the user"
     monkeypatch.setattr(compiled, "_scans_asked", [0])
     monkeypatch.setattr(compiled, "_PLAIN_SCANS", 50_000)
     assert [worth_compiling(scans) for scans in (49_000, 1_001)] == [False, True]
 
 
 def test_where_no_program_can_be_started_nothing_is_decided(monkeypatch):
-    async def refuse(*_):
+    async def refuse(*_, **__):
         raise OSError("no more processes")
 
     monkeypatch.setattr(asyncio, "create_subprocess_exec", refuse)
@@ -71,7 +72,7 @@ def test_a_studio_that_ends_ends_the_compiler(monkeypatch):
     async def end_early():
         started = asyncio.create_subprocess_exec
 
-        async def start(*_):
+        async def start(*_, **__):
             running.append(await started(sys.executable, "-c", "import time; time.sleep(60)"))
             return running[0]
 

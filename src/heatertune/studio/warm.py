@@ -37,7 +37,9 @@ async def warm(targets: Sequence[str] = tuple(TARGETS)) -> None:
         return
     decide(False)
     try:
-        beside = await asyncio.create_subprocess_exec(sys.executable, "-m", __name__, *targets)
+        quiet = asyncio.subprocess.DEVNULL  # Ctrl-C reaches it too, and its traceback would be no news
+        beside = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", __name__, *targets, stdout=quiet, stderr=quiet)
         try:
             done = await beside.wait() == 0
         finally:
