@@ -8,6 +8,7 @@ nothing is kept, and every process compiles.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import contextmanager
 from functools import cache as remember
@@ -26,7 +27,7 @@ _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 #: scans after which a process that ran them plainly has spent as long as the compiler's start takes
 _PLAIN_SCANS: Final = 50_000
 
-_scans_asked = [0]
+_scans_asked: Final[Counter[str]] = Counter()
 
 #: functions that no compiler takes → what is compiled in their place
 _TWINS: Final[dict[Any, Any]] = {}
@@ -42,16 +43,17 @@ def runs_compiled_as(twin: Callable[..., Any]) -> Callable[[_Plain], _Plain]:
     return register
 
 
-def worth_compiling(scans: int, most_plain: int | None = None) -> bool:
+def worth_compiling(scans: int, work: str = "loop", most_plain: int | None = None) -> bool:
     """Return whether a process has by now asked for so many scans that the compiler's start pays.
 
-    `most_plain` is how many plain ones take as long as this start, by default of the proof's loop.
+    Each work counts its own: what is compiled for one does not help another. `most_plain` is how many plain scans take
+    as long as this start, by default of the proof's loop.
 
     So the short runs of one command never load the compiler, and long work takes at most twice as long as if it had
     been known from the start. Both ways give the same, bit for bit.
     """
-    _scans_asked[0] += scans
-    return _scans_asked[0] > (_PLAIN_SCANS if most_plain is None else most_plain)
+    _scans_asked[work] += scans
+    return _scans_asked[work] > (_PLAIN_SCANS if most_plain is None else most_plain)
 
 
 @remember

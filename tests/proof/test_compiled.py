@@ -2,6 +2,7 @@
 
 import struct
 import warnings
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -255,8 +256,9 @@ def test_single_precision_is_the_same_compiled(value):
 
 
 def test_the_compiler_is_loaded_once_a_process_has_asked_for_enough(monkeypatch):
-    monkeypatch.setattr(machine, "_scans_asked", [0])
+    monkeypatch.setattr(machine, "_scans_asked", Counter())
     monkeypatch.setattr(machine, "_PLAIN_SCANS", 50_000)
+    assert worth_compiling(60_000, "other", 50_000), "which counts apart"
     assert [worth_compiling(scans) for scans in (49_000, 1_000, 1, 0)] == [False, False, True, True]
 
 
