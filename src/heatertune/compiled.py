@@ -8,6 +8,7 @@ nothing is kept, and every process compiles.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import contextmanager
 from functools import cache as remember
@@ -26,9 +27,9 @@ _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 #: scans after which a process that ran them plainly has spent as long as the compiler's start takes
 _PLAIN_SCANS: Final = 50_000
 
-_scans_asked = [0]
+_scans_asked: Final[Counter[str]] = Counter()
 
-#: what a process decided for all its loops; None: whatever pays
+#: what a process decided for all its work; None: whatever pays
 _decided: Final[list[bool | None]] = [None]
 
 #: functions that no compiler takes → what is compiled in their place
@@ -46,22 +47,23 @@ def runs_compiled_as(twin: Callable[..., Any]) -> Callable[[_Plain], _Plain]:
 
 
 def decide(compile_all: bool | None) -> None:
-    """Let this process run all its loops compiled (True) or plainly (False); None, as at the start: whatever pays."""
+    """Let this process run all its work compiled (True) or plainly (False); None, as at the start: whatever pays."""
     _decided[0] = compile_all
 
 
-def worth_compiling(scans: int, most_plain: int | None = None) -> bool:
+def worth_compiling(scans: int, work: str = "loop", most_plain: int | None = None) -> bool:
     """Return whether a process has by now asked for so many scans that the compiler's start pays, or decided so.
 
-    `most_plain` is how many plain ones take as long as this start, by default of the proof's loop.
+    Each work counts its own: what is compiled for one does not help another. `most_plain` is how many plain scans take
+    as long as this start, by default of the proof's loop.
 
     So the short runs of one command never load the compiler, and long work takes at most twice as long as if it had
     been known from the start. Both ways give the same, bit for bit.
     """
     if _decided[0] is not None:
         return _decided[0]
-    _scans_asked[0] += scans
-    return _scans_asked[0] > (_PLAIN_SCANS if most_plain is None else most_plain)
+    _scans_asked[work] += scans
+    return _scans_asked[work] > (_PLAIN_SCANS if most_plain is None else most_plain)
 
 
 @remember

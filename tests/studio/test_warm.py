@@ -2,6 +2,7 @@
 
 import asyncio
 import sys
+from collections import Counter
 
 import pytest
 
@@ -44,7 +45,7 @@ def test_where_the_compiler_fails_each_loop_is_compiled_where_it_pays(monkeypatc
     beside(monkeypatch, "print('told'); raise KeyboardInterrupt")
     asyncio.run(warm.warm())
     assert capfd.readouterr() == ("", ""), "what it says is no news to the user"
-    monkeypatch.setattr(compiled, "_scans_asked", [0])
+    monkeypatch.setattr(compiled, "_scans_asked", Counter())
     monkeypatch.setattr(compiled, "_PLAIN_SCANS", 50_000)
     assert [worth_compiling(scans) for scans in (49_000, 1_001)] == [False, True]
 

@@ -60,7 +60,7 @@ def respond(
     space = (np.zeros(len(plant.poles)), np.zeros(samples), np.zeros(samples))
     steps = (plant.delay, controller, float(setpoint_degC), float(load_pct))
     run: Callable[..., None] = _respond
-    if worth_compiling(samples, _PLAIN_SAMPLES):
+    if worth_compiling(samples, "response", _PLAIN_SAMPLES):
         compiled(run)(*modes, *steps, *space)
         return space[-1]
     plain = [each.tolist() for each in space]
