@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from tests.model.twins import DEAD, GAIN, LAG, coloured, doublet, logged
 
 from heatertune.model.fit import fit
-from heatertune.model.input_correlation import input_correlation
+from heatertune.model.input_correlation import _filtered, input_correlation
 from heatertune.model.judge import correlation_of
 from heatertune.model.open_loop import PowerProblem
 from heatertune.model.readings import Readings
@@ -63,6 +64,13 @@ def test_the_correlation_is_that_of_a_program_that_does_nothing_clever(lag):
     # of 30 independent lags the largest stays below 3.1 deviations of 1/√n in 95 of 100 (normal distribution)
     assert found.limit == pytest.approx(3.1 / np.sqrt(400), rel=0.1)
     assert not found.ok
+
+
+@pytest.mark.parametrize("whitening", [[1.0], [1.0, -0.7], [1.0, -0.5, 0.2, -0.1]])
+def test_rows_are_filtered_as_scipy_filters_them(whitening):
+    rows = np.random.default_rng(1).normal(size=(3, 40))
+    theirs = lfilter(whitening, [1.0], rows)[:, len(whitening) - 1 :]
+    assert _filtered(np.array(whitening), rows) == pytest.approx(theirs - theirs.mean(axis=1)[:, None], abs=1e-12)
 
 
 def test_averaged_readings_are_compared_with_the_average_power():
