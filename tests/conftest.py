@@ -2,6 +2,7 @@
 
 import os
 import random
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ ROOT = Path(__file__).parents[1]
 TABLES = ROOT / "data" / "paper_tables"
 REAL_LOGS = ROOT.parent / "shared" / "data" / "logs"
 
+_PLAIN_SCANS = compiled._PLAIN_SCANS
+
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch):
@@ -21,15 +24,33 @@ def plain(monkeypatch):
     monkeypatch.setattr(compiled, "_PLAIN_SCANS", 10**12)
 
 
-@pytest.fixture(scope="session", autouse=True)
-def machine_code(tmp_path_factory):
-    """What is compiled is kept for the whole run of the tests, shared by its processes: each loop costs seconds."""
+@pytest.fixture
+def whatever_pays(plain, monkeypatch):
+    """Loops run as in a fresh process of a user: compiled once that pays."""
+    monkeypatch.setattr(compiled, "_PLAIN_SCANS", _PLAIN_SCANS)
+    monkeypatch.setattr(compiled, "_scans_asked", Counter())
+
+
+@pytest.fixture(scope="session")
+def run_folder(tmp_path_factory):
+    """The folder of this run of the tests, shared by its processes."""
     own = tmp_path_factory.getbasetemp()
-    kept = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "machine_code"
+    return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+
+
+@pytest.fixture(scope="session", autouse=True)
+def machine_code(run_folder):
+    """What is compiled is kept for the whole run of the tests: each loop costs seconds."""
     patch = pytest.MonkeyPatch()
-    patch.setattr(compiled, "folder", lambda: kept)
+    patch.setattr(compiled, "folder", lambda: run_folder / "machine_code")
     yield
     patch.undo()
+
+
+@pytest.fixture
+def kept(run_folder, monkeypatch):
+    """Fits are kept for the whole run: the commands share them, other tests and the user's cache do not."""
+    monkeypatch.setenv("HEATERTUNE_CACHE", str(run_folder / "cache"))
 
 
 @pytest.fixture(scope="session")

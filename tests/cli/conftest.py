@@ -8,9 +8,8 @@ from heatertune.cli import main
 
 
 @pytest.fixture(autouse=True)
-def own_cache(tmp_path_factory, monkeypatch):
-    """Fits are kept for the session: the commands share them, other tests and the user's cache do not."""
-    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+def own_cache(kept):
+    """Every command keeps its fits."""
 
 
 @pytest.fixture

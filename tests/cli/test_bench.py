@@ -1,16 +1,13 @@
 import json
-from collections import Counter
 
 import pytest
 
-from heatertune import compiled
 from heatertune.cli.bench import _told
 
 
 @pytest.mark.long
-def test_bench_tells_times_that_agree_with_each_other(run, monkeypatch):
-    monkeypatch.setattr(compiled, "_PLAIN_SCANS", 50_000)
-    monkeypatch.setattr(compiled, "_scans_asked", Counter())
+@pytest.mark.usefixtures("whatever_pays")
+def test_bench_tells_times_that_agree_with_each_other(run):
     status, said, progress = run("bench", "--samples", 100, "--json", "--target", "weg")
     told = json.loads(said)
     assert (status, told["schema"], told["samples"]) == (0, "heatertune/bench/1", 100)

@@ -19,8 +19,7 @@ PAPER = ("tutorial.md", "explain/no_power.md")
 
 
 @pytest.fixture
-def folder(tmp_path, tmp_path_factory, monkeypatch):
-    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+def folder(tmp_path, kept, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -29,8 +29,8 @@ def _write_files(folder):
 
 
 @pytest.mark.long
-def test_the_readmes_commands_run_in_the_order_they_stand(tmp_path, tmp_path_factory, monkeypatch, capsys):
-    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+@pytest.mark.usefixtures("kept", "whatever_pays")
+def test_the_readmes_commands_run_in_the_order_they_stand(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     _write_files(tmp_path)
     for line in [line for line in COMMAND_LINES if line.split()[1] not in SERVES]:
@@ -45,8 +45,8 @@ def test_every_command_stands_in_the_readme():
 
 
 @pytest.mark.long
-def test_the_example_in_every_commands_help_runs(tmp_path, tmp_path_factory, monkeypatch, capsys):
-    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+@pytest.mark.usefixtures("kept", "whatever_pays")
+def test_the_example_in_every_commands_help_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     examples = {command._EXAMPLE.split()[2]: command._EXAMPLE.removeprefix("example: ").splitlines()[0] for command in COMMANDS}
     _write_files(tmp_path)
@@ -60,8 +60,8 @@ def test_the_example_in_every_commands_help_runs(tmp_path, tmp_path_factory, mon
 
 
 @pytest.mark.long
-def test_the_readmes_python_runs(tmp_path, tmp_path_factory, monkeypatch, capsys):
-    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+@pytest.mark.usefixtures("kept")
+def test_the_readmes_python_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (code,) = [block for kind, block in BLOCKS if kind == "python"]
     exec(compile(code, "README.md", "exec"), {})
