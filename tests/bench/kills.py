@@ -14,6 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+LONGEST_S = 8.0  # until a kill; the first seconds are start-up
 FLEET = ("--target", "s7-300", "--method", "simc", "--setpoint", "45")
 STUDY = """\
 [fixed]
@@ -30,20 +31,21 @@ closed_loop_s = [12, 20, 30, 40, 60]
 """
 
 
-def run_through(command, kills, chance):
-    """Start a command until it ends by itself; return how often it was killed before."""
-    longest = 8.0  # s; the first seconds are start-up
-    for done in itertools.count():
-        process = subprocess.Popen([*command, "--quiet", "--resume"], stdout=subprocess.DEVNULL)
+def run_through(command, table, kills, chance):
+    """Start a command, killed so many times at the most, until it ends; return how often it was killed, and its bytes."""
+    for killed in itertools.count():
+        process = subprocess.Popen([*command, "-o", str(table), "--quiet", "--resume"], stdout=subprocess.DEVNULL)
         try:
-            process.wait(timeout=chance.uniform(0.0, longest) if done < kills else None)
+            process.wait(timeout=chance.uniform(0.0, LONGEST_S) if killed < kills else None)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
             continue
         if process.returncode:
             sys.exit(f"{' '.join(command)}: exit status {process.returncode}")
-        return done
+        found = table.read_bytes()
+        table.unlink()
+        return killed, found
     raise AssertionError
 
 
@@ -56,14 +58,16 @@ def main():
     settings = parser.parse_args()
     chance, same = random.Random(settings.seed), True
     with tempfile.TemporaryDirectory() as folder:
-        study = Path(folder, "study.toml")
+        study, table = Path(folder, "study.toml"), Path(folder, "table.parquet")
         study.write_text(STUDY)
         for name, given in (("fleet", (settings.logs, *FLEET)), ("study", (str(study),))):
-            tables = {kills: Path(folder, f"{name}{kills}.parquet") for kills in (0, settings.kills)}
-            killed = [run_through([sys.executable, "-m", "heatertune", name, *given, "-o", str(table)], kills, chance)
-                      for kills, table in tables.items()]
-            equal = len({table.read_bytes() for table in tables.values()}) == 1
-            print(f"{name}: killed {killed[1]} times, {'the same bytes' if equal else 'OTHER bytes'}")
+            command = [sys.executable, "-m", "heatertune", name, *given]
+            _, whole = run_through(command, table, 0, chance)
+            killed, runs, equal = 0, 0, True
+            while killed < settings.kills:
+                times, found = run_through(command, table, settings.kills - killed, chance)
+                killed, runs, equal = killed + times, runs + 1, equal and found == whole
+            print(f"{name}: killed {killed} times in {runs} runs, {'the same bytes' if equal else 'OTHER bytes'}", flush=True)
             same &= equal
     return 0 if same else 1
 

@@ -120,7 +120,7 @@ def test_verdict_steps_and_what_was_not_proven_stand_in_the_page(page):
     assert heads == ["Words for s5-ob251", "Into service", "Commissioned", "Proof", "What was not proven",
                      "Chosen and rounded", "Identified", "Logged", "Assumed", "What other designs would have done"]
     assert 'class="verdict pass"' in page
-    assert "a jittering timer" in page
+    assert "a jittering timer (<code>heatertune verify --samples</code>" in page
 
 
 def test_the_same_documents_give_the_same_page_and_other_words_other_ticks(documents, page):

@@ -127,8 +127,8 @@ def _cell(cell: str, numeric: bool) -> str:
 
 
 def bullets(items: Sequence[str]) -> str:
-    """Return a list, nothing without items."""
-    return "<ul>" + "".join(f"<li>{text_of(item)}</li>" for item in items) + "</ul>" if items else ""
+    """Return a list in which `this` stands as code, nothing without items."""
+    return "<ul>" + "".join(f"<li>{coded(item)}</li>" for item in items) + "</ul>" if items else ""
 
 
 def text_of(content: str) -> str:
