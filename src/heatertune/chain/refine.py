@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, Final
 
@@ -15,11 +15,11 @@ from heatertune.chain.promise import broken_by
 from heatertune.chain.stages import Told, encode, prove
 from heatertune.chain.words import Choice, realised_as
 from heatertune.errors import NotRepresentable
-from heatertune.model.values import FittedModel
+from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.document import read_promise
 from heatertune.pid.robustness import sensitivity_peaks
 from heatertune.pid.uncertain import draw_heaters
-from heatertune.pid.values import PidDesign
+from heatertune.pid.values import PidDesign, Promise
 from heatertune.plc import Words, room
 from heatertune.proof import Proof
 
@@ -106,6 +106,13 @@ class _Loop:
     fitted: FittedModel
     proving: dict[str, Any]
     ms: float
+    promise: Promise | None = field(init=False)
+    drawn: tuple[HeaterModel, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        promise = read_promise(self.choice.search.get("robust"))
+        object.__setattr__(self, "promise", promise)
+        object.__setattr__(self, "drawn", () if promise is None else draw_heaters(self.fitted))
 
     def run(self, words: Words, design: PidDesign) -> _Tried:
         proof: Proof = prove(words, self.fitted, **self.proving)
@@ -135,11 +142,9 @@ class _Loop:
             if worst <= self.ms and self.keeps(words):
                 yield words, real
 
-
     def keeps(self, words: Words) -> bool:
         """Return whether words keep what the choice to begin with promises on drawn heaters."""
-        promise = read_promise(self.choice.search.get("robust"))
-        return promise is None or broken_by(words, draw_heaters(self.fitted), promise) is None
+        return self.promise is None or broken_by(words, self.drawn, self.promise) is None
 
 
 def _factor(best: _Tried, first: _Tried, what: str) -> str:
