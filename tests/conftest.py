@@ -15,6 +15,8 @@ ROOT = Path(__file__).parents[1]
 TABLES = ROOT / "data" / "paper_tables"
 REAL_LOGS = ROOT.parent / "shared" / "data" / "logs"
 
+CHROMIUM = Path("/usr/bin/chromium")
+
 _PLAIN_SCANS = compiled._PLAIN_SCANS
 
 
@@ -59,6 +61,18 @@ def real_logs():
     if not REAL_LOGS.is_dir():
         pytest.skip("the real heater logs are not on this machine")
     return REAL_LOGS
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Debian's Chromium, driven by Playwright."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+    if not CHROMIUM.exists():
+        pytest.skip("Debian's Chromium is not installed: apt-get install chromium")
+    with playwright.sync_playwright() as driver:
+        found = driver.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox", "--disable-gpu"])
+        yield found
+        found.close()
 
 
 def load_csv(path, name):

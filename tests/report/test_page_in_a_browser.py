@@ -1,14 +1,12 @@
 """The report as a commissioning engineer meets it: a file opened from disk in Debian's Chromium, without a network."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from heatertune.report import render
 
-CHROMIUM = Path("/usr/bin/chromium")
 #: A4 without the margins of the print style, 13 mm above and below, 12 mm beside, in CSS pixels of 1/96 inch
 A4 = {"width": int((210 - 2 * 12) / 25.4 * 96), "height": int((297 - 2 * 13) / 25.4 * 96)}
 
@@ -32,17 +30,6 @@ def report(documents, tmp_path_factory):
     found = tmp_path_factory.mktemp("report") / "report.html"
     found.write_text(render(told), encoding="utf-8")
     return found
-
-
-@pytest.fixture(scope="module")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-    if not CHROMIUM.exists():
-        pytest.skip("Debian's Chromium is not installed: apt-get install chromium")
-    with playwright.sync_playwright() as driver:
-        found = driver.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox", "--disable-gpu"])
-        yield found
-        found.close()
 
 
 @pytest.fixture

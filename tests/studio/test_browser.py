@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 from tests.studio.conftest import MALFORMED
 
-CHROMIUM = Path("/usr/bin/chromium")
 SLIDERS = ("ms", "sample_time_s", "pwm_period_s", "setpoint_degC", "low_degC", "high_degC", "noise_degC")
 PROVEN = "document.querySelector('[data-field=verdict]')?.textContent.match(/^(PASS|FAIL)/)"
 
@@ -53,17 +52,6 @@ def test_the_real_server_answers_403_without_the_token(address):
     assert status(f"{bare}docs") == 403
     assert status(address, Host="evil.example") == 403
     assert status(address, Origin="http://evil.example") == 403
-
-
-@pytest.fixture(scope="module")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-    if not CHROMIUM.exists():
-        pytest.skip("Debian's Chromium is not installed: apt-get install chromium")
-    with playwright.sync_playwright() as driver:
-        found = driver.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox", "--disable-gpu"])
-        yield found
-        found.close()
 
 
 @pytest.fixture
