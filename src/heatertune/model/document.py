@@ -13,6 +13,7 @@ from heatertune.documents import number, optional_number, read_document
 from heatertune.errors import DocumentError
 from heatertune.model import judgement_document
 from heatertune.model.by_hand import model_by_hand
+from heatertune.model.findings import Finding
 from heatertune.model.values import (
     Candidate,
     FittedModel,
@@ -28,6 +29,8 @@ __all__ = ["SCHEMA", "from_document", "read_model", "to_document"]
 
 SCHEMA = "heatertune/model/1"
 
+#: what is known of the log a model was fitted to
+_LOGGED = ("setpoint_degC", "log_interval_s", "least_dead_time_s", "reading_step_degC")
 _FIELDS = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
 
 
@@ -48,6 +51,8 @@ def to_document(fitted: FittedModel) -> dict[str, Any]:
         "candidates": [_candidate_document(candidate) for candidate in fitted.candidates],
         "hypotheses": [_candidate_document(candidate) for candidate in fitted.hypotheses],
         "notes": list(fitted.notes),
+        "findings": [{"name": each.name, "effect": each.kind.effect, "told": each.told} for each in fitted.findings],
+        **{name: getattr(fitted, name) for name in _LOGGED},
     }
     if fitted.logs:
         document["logs"] = [judgement_document.log_document(each) for each in fitted.logs]
@@ -96,6 +101,10 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "model") -
             residuals=_residuals(document.get("residuals")),
             validation=judgement_document.from_document(document),
             logs=tuple(judgement_document.one_log(each) for each in document.get("logs", ())),
+            findings=tuple(Finding(name=str(each["name"]), told=str(each["told"]))
+                           for each in document.get("findings", ())),
+            setpoint_degC=optional_number(document, "setpoint_degC", where),
+            **{name: optional_number(document, name, where) or 0.0 for name in _LOGGED if name != "setpoint_degC"},
         )
     except (KeyError, TypeError, AttributeError) as problem:
         raise DocumentError(f"{where}: {problem} is missing or of the wrong kind") from problem
@@ -122,6 +131,7 @@ def _candidate_document(candidate: Candidate) -> dict[str, Any]:
         "hold_out_rmse_degC": candidate.hold_out_rmse_degC,
         "cross_rmse_degC": candidate.cross_rmse_degC,
         "on_bound": list(candidate.on_bound),
+        "part": candidate.part,
     }
 
 
@@ -140,6 +150,7 @@ def _candidate(document: Mapping[str, Any], where: str | Path) -> Candidate:
         hold_out_rmse_degC=optional_number(document, "hold_out_rmse_degC", where),
         cross_rmse_degC=optional_number(document, "cross_rmse_degC", where),
         on_bound=tuple(str(name) for name in document.get("on_bound", ())),
+        part=str(document.get("part", "")),
         fit_pct=known("fit_pct"),
         rmse_degC=known("rmse_degC"),
         delta_bic=known("delta_bic"),

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import OutOfRange
+from heatertune.model.findings import Finding
 from heatertune.show import Shown
 from heatertune.units import check
 
@@ -168,6 +169,8 @@ class Candidate:
         hold_out_rmse_degC: error on the later readings, fitted to the earlier ones alone [°C], None where not tried.
         cross_rmse_degC: error on blocks of readings left out of the fit [°C], None where not tried.
         on_bound: names of what ended on a bound of the search.
+        part: what it stands for where it is no hypothesis of its own but the end of what a log leaves open
+            ("dead time at its high end"); empty otherwise. Heaters are drawn around the others alone.
     """
 
     model: HeaterModel
@@ -182,12 +185,13 @@ class Candidate:
     hold_out_rmse_degC: float | None = None
     cross_rmse_degC: float | None = None
     on_bound: tuple[str, ...] = ()
+    part: str = ""
 
     @property
     def label(self) -> str:
         """Short name for tables and pictures."""
         order = "one lag" if isinstance(self.model, Fopdt) else "two lags"
-        return f"{self.log}, {order}, {self.law}"
+        return ", ".join(filter(None, (self.log, order, self.law, self.part)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -247,6 +251,11 @@ class FittedModel(Shown):
         residuals: of the working model, None for a model given by hand.
         validation: checks of the working model, None where no power was logged or several logs were fitted together.
         logs: what each of several logs with power says; empty for one log.
+        findings: what a verdict has to hear.
+        setpoint_degC: where the heater was used, None where no log tells [°C].
+        log_interval_s: between two readings, 0 for a model given by hand [s].
+        least_dead_time_s: no dead time below this is believed: half the log's interval, and the sensor's delay [s].
+        reading_step_degC: sensor step, or the noise of one reading where that is more, 0 where unknown [°C].
     """
 
     model: Fopdt
@@ -261,6 +270,11 @@ class FittedModel(Shown):
     residuals: Residuals | None = None
     validation: Validation | None = None
     logs: tuple[OneLog, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    setpoint_degC: float | None = None
+    log_interval_s: float = 0.0
+    least_dead_time_s: float = 0.0
+    reading_step_degC: float = 0.0
 
     @property
     def plants(self) -> tuple[HeaterModel, ...]:
