@@ -110,7 +110,8 @@ def _log(
     try:
         return Log(
             name=table.name if table else Path(source).stem, source=table.source if table else str(source),
-            repairs=tuple(repairs), doubts=tuple(doubts), same_heater=table.same_heater if table else (), **found,
+            repairs=tuple(repairs), doubts=tuple(doubts), same_heater=table.same_heater if table else (),
+            rests_at_degC=table.rests_at_degC if table else None, **found,
         )
     except OutOfRange as problem:
         raise LogError(str(problem), file=sheet.file) from problem

@@ -34,6 +34,7 @@ class Log(Shown):
         repairs: what the reader changed or assumed, one sentence each.
         doubts: readings that look odd but were left as they are, one sentence each.
         same_heater: names of built-in logs taken on the same heater.
+        rests_at_degC: where the source says that the record rests, None where it says nothing [°C].
 
     Raises:
         OutOfRange: shapes differ, fewer than 20 readings, times not increasing, values not finite,
@@ -49,6 +50,7 @@ class Log(Shown):
     repairs: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     same_heater: tuple[str, ...] = field(default=())
+    rests_at_degC: float | None = None
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
@@ -76,7 +78,7 @@ class Log(Shown):
             name=self.name, source=self.source, time_s=self.time_s[keep],
             temperature_degC=self.temperature_degC[keep], power_pct=cut(self.power_pct),
             setpoint_degC=cut(self.setpoint_degC), repairs=self.repairs, doubts=self.doubts,
-            same_heater=self.same_heater,
+            same_heater=self.same_heater, rests_at_degC=self.rests_at_degC,
         )
 
 
