@@ -64,7 +64,7 @@ def design(
     asked = dict(tuning or {})
     wished = (
         tune_for_words(fitted, target=target, scaling=scaling, progress=progress, **asked) if interval_by_words
-        else tune(fitted, target=target, progress=progress, **asked)
+        else tune(fitted, target=target, scaling=scaling, progress=progress, **asked)
     )
     choice = choose_words(wished, target, fitted, scaling=scaling, way=words_by, progress=progress)
     conditions = dict(proving or {})

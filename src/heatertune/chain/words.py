@@ -132,14 +132,14 @@ def tune_for_words(
         NotRepresentable: the words fit at none of the intervals.
     """
     settings = {name: value for name, value in settings.items() if name != "sample_time_s"}
-    usual = tune(fitted, target=target, progress=progress, **settings)
+    usual = tune(fitted, target=target, scaling=scaling, progress=progress, **settings)
     timer = _timer(room(target))
     intervals = sorted({timer.round(share * usual.sample_time_s) for share in _INTERVALS} | {usual.sample_time_s})
     tried: list[tuple[float, float, PidDesign]] = []
     refused: NotRepresentable | None = None
     for ta in intervals:
         design = usual if ta == usual.sample_time_s else tune(
-            fitted, target=target, progress=progress, sample_time_s=ta, **settings)
+            fitted, target=target, scaling=scaling, progress=progress, sample_time_s=ta, **settings)
         try:
             choice = choose_words(design, target, fitted, scaling=scaling, progress=progress)
         except NotRepresentable as problem:

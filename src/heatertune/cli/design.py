@@ -24,7 +24,7 @@ def add_to(commands: Any) -> None:
     common.add_refine_option(command)
     common.add_ramp_option(command)
     common.add_switch_kind_option(command)
-    command.add_argument("--force", action="store_true", help="export in spite of a verdict of FAIL")
+    command.add_argument("--force", action="store_true", help="export whatever the verdict")
     common.add_proof_options(command)
     common.add_log_options(command)
     common.add_tuning_options(command)
