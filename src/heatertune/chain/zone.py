@@ -10,9 +10,8 @@ from typing import Any, Final
 
 from heatertune import cache
 from heatertune.chain.batch.values import Column, Row
+from heatertune.chain.closing import Asked, closed
 from heatertune.chain.samples import sample_document
-from heatertune.chain.stages import prove, tune
-from heatertune.chain.words import choose_words, tune_for_words
 from heatertune.errors import HeatertuneError, LogError
 from heatertune.model.values import FittedModel, Fopdt
 from heatertune.pid.values import PidDesign
@@ -113,19 +112,15 @@ def zone_row(
         fitted = find()
         row |= _model(fitted)
         with cache.unused():
-            stage = "no design"
-            asked = dict(tuning or {})
-            design = (
-                tune_for_words(fitted, target=target, scaling=scaling, **asked) if interval_by_words
-                else tune(fitted, target=target, scaling=scaling, **asked)
-            )
-            row |= _design(design)
-            stage = "no words"
-            words = choose_words(design, target, fitted, scaling=scaling, way=words_by).words
-            row |= _words(words)
-            stage = "no proof"
-            conditions = proving or {}
-            row |= _proof(prove(words, fitted, **conditions))
+            conditions, begun = proving or {}, list[str]()
+            try:
+                found = closed(fitted, Asked(
+                    target=target, scaling=scaling, tuning=tuning or {}, proving=conditions, words_by=words_by,
+                    interval_by_words=interval_by_words, setpoint_ramp="none"), stage=begun.append)
+            finally:
+                stage = f"no {begun[-1]}"
+            words = found.proof.words
+            row |= _design(found.wished) | _words(words) | _proof(found.proof)
             return row | _sampled(row, sample_document(words, fitted, samples, **conditions)) if samples else row
     except HeatertuneError as problem:
         return row | {"outcome": "no log" if isinstance(problem, LogError) else stage, "reason": str(problem)}
