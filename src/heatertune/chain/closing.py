@@ -5,23 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from heatertune.chain.pwm import with_pwm
 from heatertune.chain.ramp import prove_ramped
 from heatertune.chain.refine import refine
-from heatertune.chain.stages import Told, tune
+from heatertune.chain.stages import Told, default_pwm_period_s, tune
 from heatertune.chain.words import Choice, choose_words, tune_for_words
 from heatertune.errors import InputError, NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, room
-from heatertune.proof import Proof
+from heatertune.proof import Actuator, Proof
 
 __all__ = ["Asked", "Closed", "closed", "plainly"]
 
 #: tried in turn, each below what was asked for: the more robust loop overshoots less and is slower
 _TIGHTER_MS: Final = (1.5, 1.4, 1.3)
+#: PWM period that a solid-state relay takes well and a contactor does not [s]
+_FAST_S: Final = 2.5
+_NOTHING_PCT: Final = 0.05  # more IAE than this is told
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,10 +93,10 @@ def plainly(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: T
 
 
 def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: Told = str) -> Closed:
-    """Return the first design that keeps every limit: as asked for, more robust, then with a setpoint ramp.
+    """Return the first design that keeps every limit: as asked for, or changed by as little as will do.
 
-    The limits are never moved, and Ms is only lowered. Where nothing helps, or the design is none of the optimum, it is
-    the plain one. Arguments as `plainly`.
+    A more robust loop first, then a faster PWM, then a setpoint ramp. The limits are never moved, Ms is only lowered,
+    and what the user gave stays. Where nothing helps it is the plain design. Arguments as `plainly`.
 
     Raises:
         HeatertuneError: as the stages on the plain design.
@@ -101,34 +104,62 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
     first = plainly(fitted, replace(asked, setpoint_ramp=asked.setpoint_ramp or "none"), progress=progress, stage=stage)
     if first.proof.verdict != "FAIL":
         return first
-    for found in _more_robust(fitted, asked, first, progress):
-        if found.proof.verdict != "FAIL":
-            return replace(found, notes=(_told(first, found), *found.notes))
-    if asked.setpoint_ramp is not None or not room(asked.target).ramped:
-        return first
-    ramp = replace(asked, setpoint_ramp="auto", tuning={**asked.tuning, "sample_time_s": first.wished.sample_time_s})
-    return plainly(fitted, ramp, progress=progress)
-
-
-def _more_robust(fitted: FittedModel, asked: Asked, first: Closed, progress: Told) -> Iterator[Closed]:
-    if not first.wished.method.startswith("optimum") or math.isinf(first.wished.integral_time_s):
-        return
-    ms = float(asked.tuning.get("ms", 1.6))
-    for tighter in (each for each in _TIGHTER_MS if each < ms):
-        progress(f"{_broken(first)} fails: trying Ms <= {tighter:g}")
-        trial = replace(asked, tuning={**asked.tuning, "ms": tighter}, setpoint_ramp=asked.setpoint_ramp or "none")
+    for changed in _changes(asked, first):
+        progress(f"{_broken(first)} fails: trying {changed.what}")
         try:
-            yield plainly(fitted, trial, progress=progress)
+            found = plainly(fitted, changed.asked, progress=progress)
         except (InputError, NotRepresentable):
-            return
+            continue
+        if found.proof.verdict != "FAIL":
+            heard = found.proof.heard
+            proof = replace(found.proof, heard=replace(heard, remarks=(*heard.remarks, f"with {changed.what}")))
+            return replace(found, proof=proof, notes=(_told(first, found, changed.what), *found.notes))
+    return first
 
 
-def _told(first: Closed, found: Closed) -> str:
+class _Change(NamedTuple):
+    asked: Asked
+    what: str
+
+
+def _changes(asked: Asked, first: Closed) -> Iterator[_Change]:
+    """Return what is tried, the least first."""
+    still = replace(asked, setpoint_ramp=asked.setpoint_ramp or "none")
+    by_optimum = first.wished.method.startswith("optimum") and math.isfinite(first.wished.integral_time_s)
+    ms = float(asked.tuning.get("ms", 1.6))
+    robust = [_Change(replace(still, tuning={**asked.tuning, "ms": tighter}), f"Ms <= {tighter:g}")
+              for tighter in _TIGHTER_MS if by_optimum and tighter < ms]
+    yield from robust
+    fast = _faster(asked, first)
+    if fast is not None:
+        proving = {**asked.proving, "actuator": fast}
+        told = f"a PWM period of {fast.pwm_period_s:.3g} s (a solid-state relay)"
+        for each, what in [_Change(still, ""), *robust]:
+            yield _Change(replace(each, proving=proving), " and ".join(filter(None, (what, told))))
+    broken = {each.name for each in first.proof.criteria if not each.ok}
+    if asked.setpoint_ramp is None and room(asked.target).ramped and "overshoot" in broken:
+        ramped = replace(asked, setpoint_ramp="auto")
+        yield _Change(ramped, "a setpoint ramp")
+        if fast is not None:
+            yield _Change(replace(ramped, proving=proving), f"a setpoint ramp and {told}")
+
+
+def _faster(asked: Asked, first: Closed) -> Actuator | None:
+    """Return a switch with a shorter period; None where the user chose one, or the controller makes the PWM itself."""
+    chosen = asked.switch_kind is not None or asked.proving.get("actuator") is not None
+    words = first.proof.words
+    if chosen or room(words.target).timing(words).pwm_period_s is not None:
+        return None
+    period = default_pwm_period_s(words.sample_time_s, most_s=_FAST_S)
+    return Actuator(pwm_period_s=period) if period < default_pwm_period_s(words.sample_time_s) else None
+
+
+def _told(first: Closed, found: Closed, what: str) -> str:
     costs = [each.choice.search["iae_load"] for each in (first, found)]
-    price = "" if None in costs else f"; a load disturbance costs {100.0 * (costs[1] / costs[0] - 1.0):.2g} % more IAE"
-    limits = [f"Ms {each.choice.search['ms']:.3g}" for each in (first, found) if each.choice.search["ms"] is not None]
-    way = " instead of ".join(reversed(limits))
-    return f"The optimum as asked for fails ({_broken(first)}); a more robust one keeps every limit: {way}{price}."
+    more = None if None in costs else 100.0 * (costs[1] / costs[0] - 1.0)
+    dearer = more is not None and more > _NOTHING_PCT
+    price = "" if more is None else f"; a load disturbance costs {more:.2g} % more IAE" if dearer else "; IAE stays"
+    return f"The optimum as asked for fails ({_broken(first)}); with {what} every limit is kept{price}."
 
 
 def _broken(found: Closed) -> str:

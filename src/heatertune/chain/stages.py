@@ -291,9 +291,9 @@ def default_setpoint(fitted: FittedModel) -> float:
     return min(float(m.ambient_degC or 0.0) + 50.0 * m.gain_degC_per_pct for _, m in labelled(fitted))
 
 
-def default_pwm_period_s(sample_time_s: float) -> float:
-    """Return TA, or the largest whole part of it up to 10 s: each sample then holds whole PWM periods [s]."""
-    return sample_time_s / max(1, math.ceil(sample_time_s / 10.0))
+def default_pwm_period_s(sample_time_s: float, *, most_s: float = 10.0) -> float:
+    """Return TA, or the largest whole part of it up to the most: each sample then holds whole PWM periods [s]."""
+    return sample_time_s / max(1, math.ceil(sample_time_s / most_s))
 
 
 def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str | bytes]:
