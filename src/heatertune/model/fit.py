@@ -125,7 +125,7 @@ def fit_known(
     candidates, hypotheses = compare(rated)
     found = _fit_logged(rated[0].log, bounds, power_before_pct, seed, delays, believed=True)
     told = replay_notes(used, controllers, hypotheses, offset)
-    family = (*candidates, *(each for each in found.candidates if each.part))
+    family = (*candidates, *(replace(each, law=hypotheses[0].law) for each in found.candidates if each.part))
     return delays.applied(replace(
         found, candidates=family, hypotheses=tuple(hypotheses),
         method=f"power by {hypotheses[0].law} on the logged readings; {found.method}",

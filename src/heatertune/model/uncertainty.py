@@ -185,7 +185,9 @@ def crossing(values: Array, rise: Array, limit: float) -> float | None:
     over = np.flatnonzero(~(rise < limit))
     if not len(over):
         return None
-    i = int(over[0])  # at least 1: the rise at the best value is 0
+    i = int(over[0])
+    if i == 0:  # no noise at all: the rise at the best value is 0, and so is the limit
+        return float(values[0])
     if not math.isfinite(rise[i]):
         return float(values[i - 1])
     a, b, c = math.sqrt(rise[i - 1]), math.sqrt(rise[i]), math.sqrt(limit)
