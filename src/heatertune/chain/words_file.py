@@ -9,7 +9,7 @@ from typing import Any, Final
 from heatertune.documents import number, peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused
 from heatertune.plc import Certificate, Ramp, Scaling, Words, room
-from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, told_of, verdict_line
+from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, extent, told_of, verdict_line
 
 __all__ = ["WORDS_SCHEMA", "certificate", "export_again", "read_words"]
 
@@ -62,8 +62,7 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
     open_ = blocking(proof)
     if (failed or open_) and not force:
         raise ExportRefused(f"{verdict_line(proof)}; --force exports these words all the same")
-    models, setpoint = len({run["model"] for run in proof["runs"]}), proof["scenario"]["setpoint_degC"]
-    lines = [f"proven at {setpoint:g} °C in {len(proof['runs'])} closed-loop runs on {models} possible heaters"]
+    lines = [f"proven {extent(proof)}"]
     if proof["setpoint_ramp"] is not None:
         ramp = proof["setpoint_ramp"]
         rate = f"{Ramp(step=ramp['step'], calls=ramp['calls'])}, {ramp['degC_per_min']:.3g} °C/min"

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from heatertune.errors import UnknownName
+from heatertune.log.cells import count
 from heatertune.model.findings import KINDS, Finding
 
-__all__ = ["ASSUMED", "NOT_PROVEN", "Heard", "blocking", "combined", "told_of", "verdict_line"]
+__all__ = ["ASSUMED", "NOT_PROVEN", "Heard", "blocking", "combined", "extent", "told_of", "verdict_line"]
 
 NOT_PROVEN: Final = "NOT PROVEN"
 
@@ -65,14 +66,18 @@ def blocking(proof: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 def verdict_line(proof: Mapping[str, Any]) -> str:
     """Return the verdict of a proof's document as one line: where, on how many heaters, why not, and what is told."""
-    count = len({run["model"] for run in proof["runs"]})
-    heaters = f"{count} possible heater{'s' if count > 1 else ''}"
-    setpoint, runs = proof["scenario"]["setpoint_degC"], len(proof["runs"])
-    parts = [f"{proof['verdict']} at {setpoint:g} °C in {runs} runs on {heaters}"]
+    parts = [f"{proof['verdict']} {extent(proof)}"]
     parts += [f"not kept: {', '.join(broken)}"] if (broken := _broken(proof)) else []
     parts += [f"{KINDS[each['name']].short} ({each['name']}): {KINDS[each['name']].remedy}, or --accept {each['name']}"
               for each in blocking(proof)]
     return "; ".join([*parts, *told_of(proof)])
+
+
+def extent(proof: Mapping[str, Any]) -> str:
+    """Return where and on what a proof's document was made: "at 50 °C in 45 runs on 9 possible heaters"."""
+    heaters = {run["model"] for run in proof["runs"]}
+    return (f"at {proof['scenario']['setpoint_degC']:g} °C in {count(len(proof['runs']), 'run')} on "
+            f"{count(len(heaters), 'possible heater')}")
 
 
 def _broken(proof: Mapping[str, Any]) -> Sequence[str]:
