@@ -151,5 +151,5 @@ def test_the_setpoint_is_the_column_s_last_value_or_the_middle_of_the_upper_half
 def test_a_heater_stands_once_in_the_family_and_ends_are_not_drawn_around():
     fitted = fit(_noisy())
     assert len(set(fitted.plants)) == len(fitted.plants)
-    assert {model for model in fitted.hypothetical} < set(fitted.plants)
+    assert set(fitted.hypothetical) < set(fitted.plants)
     assert all(isinstance(model, Fopdt) or len(model.lags_s) == 2 for model in fitted.plants)
