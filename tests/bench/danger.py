@@ -4,7 +4,8 @@
     python tests/bench/danger.py --kinds boiling --seed 7 --targets weg --keep logs/
 
 A PASS whose loop is unstable on the true heater, or has Ms > 2.5 there, is a dangerous one: exit status 1. The truth is
-judged by truth.py, which shares nothing with heatertune; heaters and logs are those of heaters.py.
+judged by truth.py, which shares nothing with heatertune; heaters and logs are those of heaters.py. Of the logs inside the
+model class at least 80 % should PASS.
 """
 
 import argparse
@@ -24,7 +25,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
 
 from heatertune import cache
-from heatertune.chain.stages import fit, prove, tune
+from heatertune.chain.pwm import with_pwm
+from heatertune.chain.ramp import prove_ramped
+from heatertune.chain.stages import fit, tune
 from heatertune.chain.words import choose_words
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
@@ -32,7 +35,6 @@ from heatertune.plc import Scaling
 from tests.bench import heaters, truth
 
 TARGETS = ("s5-ob251", "s7-300", "fb41", "weg", "s7-200")
-DANGER = "dangerous PASS"
 _SWINGS_OVER = 25.0  # times all lags and the dead time
 _MOST_CALLS = 20_000  # of a simulated loop
 
@@ -65,11 +67,6 @@ class Ending:
     def danger(self):
         """Whether it is a PASS that the true heater breaks."""
         return self.end == "PASS" and self.held and (not self.stable or (self.ms or 0.0) > 2.5)
-
-    @property
-    def reached(self):
-        """Whether it is a PASS, or a setpoint was named at all."""
-        return self.end == "PASS"
 
 
 @dataclass
@@ -118,14 +115,27 @@ def take(stage, work, seconds=None):
     return found, None
 
 
-def on_target(case, fitted, target, structure, swing):
+def proven(case, fitted, design, words, plain):
+    """Return the proof as a user gets it.
+
+    Who reads its messages asks for a switch that is fast enough, for the ramp that mends an overshoot, and for no
+    tighter band than a hundredth of the sensor's range; `plain`: for nothing.
+    """
+    if plain:
+        return prove_ramped(words, fitted)[0]
+    tolerance = {"tolerance_degC": max(1.0, 0.01 * (case.range[1] - case.range[0]))}
+    _, actuator = with_pwm(design, fitted, "ssr", words=words, **tolerance)
+    return prove_ramped(words, fitted, "auto", proving=tolerance | {"actuator": actuator})[0]
+
+
+def on_target(case, fitted, target, structure, plain):
     """Return how a fitted heater ends on a target."""
     scaling, spent = Scaling(low_degC=case.range[0], high_degC=case.range[1]), {}
     design, lost = take("no design", lambda: tune(fitted, target=target, structure=structure), spent)
     if lost is None:
         words, lost = take("no words", lambda: choose_words(design, target, fitted, scaling=scaling).words, spent)
     if lost is None:
-        proof, lost = take("no proof", lambda: prove(words, fitted), spent)
+        proof, lost = take("no proof", lambda: proven(case, fitted, design, words, plain), spent)
     if lost is not None:
         return lost
     broken = [f"{each.name} {each.value:.4g} of {each.limit:.4g}" for each in proof.criteria if not each.ok]
@@ -134,7 +144,7 @@ def on_target(case, fitted, target, structure, swing):
     judged = truth.judge(case.heater, law, setpoint)
     told = dict(words.values) | {"interval_s": words.sample_time_s, "range": list(case.range)}
     ending = Ending(proof.verdict, "; ".join(broken), setpoint, told, judged.held, judged.stable, judged.ms, None, spent)
-    if ending.end == "PASS" and judged.held and (ending.danger or swing):
+    if ending.end == "PASS" and judged.held and (ending.danger or case.seed % 5 == 0):
         ending.swings = _swings(case, law, setpoint)
     return ending
 
@@ -146,8 +156,8 @@ def _swings(case, law, setpoint):
 
 
 def run(asked):
-    """Return the outcome of one case; `asked`: kind, seed, targets, structure, folder to keep the log in or None."""
-    kind, seed, targets, structure, keep = asked
+    """Return the outcome of one case; `asked`: kind, seed, targets, structure, plain, folder to keep the log in or None."""
+    kind, seed, targets, structure, plain, keep = asked
     case = heaters.make(kind, seed)
     outcome = Outcome(kind, seed, repr(case.heater))
     with tempfile.TemporaryDirectory() as place, cache.unused():
@@ -162,7 +172,7 @@ def run(asked):
             outcome.ends = dict.fromkeys(targets, lost)
             return outcome
         outcome.fitted = fitted_document(fitted)
-        outcome.ends = {target: on_target(case, fitted, target, structure, seed % 5 == 0) for target in targets}
+        outcome.ends = {target: on_target(case, fitted, target, structure, plain) for target in targets}
     return outcome
 
 
@@ -258,7 +268,7 @@ def cases(settings):
     """Return what is asked of `run`, one for each log."""
     seeds = range(settings.count) if settings.seed is None else [settings.seed]
     return [
-        (kind, seed, settings.targets, settings.structure, settings.keep) for kind in settings.kinds for seed in seeds
+        (kind, seed, settings.targets, settings.structure, settings.plain, settings.keep) for kind in settings.kinds for seed in seeds
         if settings.seed is not None or seed < (heaters.KINDS[kind].most or settings.count)
     ]
 
@@ -270,6 +280,8 @@ def _arguments(arguments):
                         help=f"some of: {', '.join(heaters.KINDS)}")
     parser.add_argument("--targets", "--target", nargs="+", default=list(TARGETS), choices=TARGETS, metavar="TARGET")
     parser.add_argument("--structure", default="pi", choices=("p", "pi", "pid"))
+    parser.add_argument("--plain", action="store_true",
+                        help="ask for no fast switch, no ramp and no tolerance that goes with the sensor's range")
     parser.add_argument("--seed", type=int, help="this seed alone")
     parser.add_argument("--keep", help="folder for the logs")
     parser.add_argument("--workers", type=int, default=1, help="processes (default: 1)")
@@ -290,7 +302,8 @@ def main(arguments=None):
             outcomes = list(pool.map(run, asked, chunksize=2))
     if settings.json:
         Path(settings.json).write_text(json.dumps([asdict(o) for o in outcomes], indent=1), encoding="utf-8")
-    found = sum(end.danger for o in outcomes for end in o.ends.values())
+    counted = [o for o in outcomes if heaters.KINDS[o.kind].place != "blind"]
+    found = sum(end.danger for o in counted for end in o.ends.values())
     crashed = sorted({f"crashed: {o.kind} {o.seed}: {e.why}" for o in outcomes for e in o.ends.values() if e.end == "crashed"})
     print("\n".join([*table(outcomes, settings.targets), "", *dangers(outcomes), "", *crashed,
                      *shares(outcomes, settings.targets), *times(outcomes, settings.targets),
