@@ -266,10 +266,10 @@ def times(outcomes, targets):
 
 def cases(settings):
     """Return what is asked of `run`, one for each log."""
-    seeds = range(settings.count) if settings.seed is None else [settings.seed]
+    seeds = range(settings.first, settings.first + settings.count) if settings.seed is None else [settings.seed]
     return [
         (kind, seed, settings.targets, settings.structure, settings.plain, settings.keep) for kind in settings.kinds for seed in seeds
-        if settings.seed is not None or seed < (heaters.KINDS[kind].most or settings.count)
+        if settings.seed is not None or heaters.KINDS[kind].most is None or seed < heaters.KINDS[kind].most
     ]
 
 
@@ -280,6 +280,7 @@ def _arguments(arguments):
                         help=f"some of: {', '.join(heaters.KINDS)}")
     parser.add_argument("--targets", "--target", nargs="+", default=list(TARGETS), choices=TARGETS, metavar="TARGET")
     parser.add_argument("--structure", default="pi", choices=("p", "pi", "pid"))
+    parser.add_argument("--first", type=int, default=0, help="first seed of each kind (default: 0)")
     parser.add_argument("--plain", action="store_true",
                         help="ask for no fast switch, no ramp and no tolerance that goes with the sensor's range")
     parser.add_argument("--seed", type=int, help="this seed alone")
@@ -295,11 +296,12 @@ def main(arguments=None):
     if settings.keep:
         Path(settings.keep).mkdir(parents=True, exist_ok=True)
     asked, begun = cases(settings), time.perf_counter()
-    if settings.workers == 1:
-        outcomes = [run(each) for each in asked]
-    else:
-        with ProcessPoolExecutor(settings.workers) as pool:
-            outcomes = list(pool.map(run, asked, chunksize=2))
+    outcomes = []
+    with ProcessPoolExecutor(settings.workers) as pool:
+        for outcome in map(run, asked) if settings.workers == 1 else pool.map(run, asked):
+            outcomes.append(outcome)
+            if paragraph := dangers([outcome]):  # a long run tells at once what it finds
+                print(f"{len(outcomes)} of {len(asked)}: {paragraph[0]}", file=sys.stderr, flush=True)
     if settings.json:
         Path(settings.json).write_text(json.dumps([asdict(o) for o in outcomes], indent=1), encoding="utf-8")
     counted = [o for o in outcomes if heaters.KINDS[o.kind].place != "blind"]

@@ -202,7 +202,7 @@ def _not_encircled(plant, law):
     around = 1.0 + _loop(plant, law, omega)
     turned = np.unwrap(np.angle(around))
     wanted = -math.pi / 2.0 if len(law.polynomials()[1]) > 1 and law.i_now else 0.0
-    return abs((turned[-1] - turned[0]) + wanted) < 0.5 * math.pi
+    return bool(abs(turned[-1] - turned[0] + wanted) < 0.5 * math.pi)
 
 
 def peak(plant, law, slowest):
