@@ -301,6 +301,6 @@ class FittedModel(Shown):
     def _believed(self, given: Sequence[tuple[str, HeaterModel]]) -> tuple[tuple[str, HeaterModel], ...]:
         found: dict[HeaterModel, str] = {}
         for label, model in given:
-            dead = max(model.dead_time_s, self.least_dead_time_s)
-            found.setdefault(replace(model, dead_time_s=dead), label)
+            least = self.least_dead_time_s
+            found.setdefault(model if model.dead_time_s >= least else replace(model, dead_time_s=least), label)
         return tuple((label, model) for model, label in found.items())
