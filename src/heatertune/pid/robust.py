@@ -4,8 +4,8 @@ Cutting planes: solve for the candidates; find the drawn heater on which a limit
 limits on this heater too, and solve again, until none of the heaters (or no more than few enough) breaks a limit.
 The cost stays that of the candidates: the drawn heaters only guard.
 
-What holds on the heaters it was tuned on need not hold on others: to keep the limits on 95 % of all, a second set, drawn
-apart, has to keep them too, and so few of it may break one that chance in drawing does not undo the promise.
+What holds on the heaters it was tuned on need not hold on others: to keep the limits on 95 % of all, a second set,
+drawn apart, has to keep them too, and so few of it may break one that chance in drawing does not undo the promise.
 """
 
 from __future__ import annotations
