@@ -92,7 +92,7 @@ def _disturbed(log: Log, problem: PowerProblem, fit: PowerFit) -> list[str]:
     told = []
     if problem.drift:
         told.append(f"The ambient drifts by {3600.0 * fit.linear[DRIFT]:.2g} °C/h; the drift was fitted.")
-    for instant, size in zip(problem.loads_s, fit.linear[COLUMNS:], strict=True):
+    for instant, size in zip(problem.loads_s, fit.linear[COLUMNS:], strict=False):
         told.append(
             f"At {instant:.4g} s an unlogged load, or a change of the heater itself, begins that "
             f"{'warms' if size > 0 else 'cools'} {log.name} by {abs(size):.2g} °C in the long run; it was fitted "

@@ -44,7 +44,7 @@ def fit(
         laws: hypotheses about the controller, needed where the power was not logged.
         ambient_degC: ambient temperature where it is known, or its lowest and highest value [°C].
         power_before_pct: power before the first reading [%], where it differs from the first logged one.
-        until_s: last instant to use [s]; by default the log is used up to its first disturbance.
+        until_s: last instant to use [s]; by default all, or without power all up to the first disturbance.
         thorough: carry every controller hypothesis to the end, however far behind it is.
         seed: of the random starts and the bootstrap.
         progress: called with a short message when a stage begins.
@@ -202,7 +202,7 @@ def _check_given(log: Log, ambient_degC: Bounds | None, power_before_pct: float 
 def _used(log: Log, until_s: float | None) -> tuple[Log, tuple[str, ...]]:
     """Return the part of a log to explain, and a sentence about what was left out, if anything was."""
     if until_s is None:
-        return undisturbed(log)
+        return undisturbed(log) if log.power_pct is None else (log, ())  # with power it is fitted in segments
     return log.window(float(log.time_s[0]), until_s), (f"Readings after {until_s:g} s were not used.",)
 
 

@@ -209,5 +209,5 @@ def _fopdt(found: _Joint) -> Fopdt:
 
 def _log_notes(best: _Joint, logs: Sequence[Explained]) -> Iterator[str]:
     for log, part, fit in zip(logs, best.problem.parts, best.fit.parts, strict=True):
-        for note in log_notes(log.log, part, fit, log.outliers):
+        for note in (*log.told, *log_notes(log.log, part, fit, log.outliers)):
             yield f"{log.log.name}: {note}"

@@ -19,6 +19,7 @@ Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.bool_]
 
 _WINDOWS = 6  # the first stays in every fit: without it nothing tells where the heater began
+_BEGUN = 5  # readings of a later segment
 _FEWEST = 20  # readings of a half
 _READINGS = 250  # averaged, of a half
 _SHOWN = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
@@ -27,7 +28,8 @@ _SHOWN = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
 def held_out(problem: PowerProblem, fit: PowerFit) -> HeldOut:
     """Return how well each window is foretold by a fit to all other readings; drift and load instants stay as found."""
     time, record = problem.readings.time_s, problem.readings.temperature_degC
-    places = np.array_split(np.arange(len(time)), _WINDOWS)[1:]
+    places = [place for window in np.array_split(np.arange(len(time)), _WINDOWS)[1:]
+              if len(place := np.setdiff1d(window, _begun(problem)))]
     foretold = np.empty_like(record)
     for place in places:
         kept = np.ones(len(time), dtype=np.bool_)
@@ -40,6 +42,12 @@ def held_out(problem: PowerProblem, fit: PowerFit) -> HeldOut:
         windows_s=tuple((float(time[place[0]]), float(time[place[-1]])) for place in places),
         rmses_degC=tuple(_rms(error[place]) for place in places),
     )
+
+
+def _begun(problem: PowerProblem) -> npt.NDArray[np.intp]:
+    """Return the first readings of the segments, which stay in every fit: only they tell where each began."""
+    first = np.searchsorted(problem.readings.time_s, problem.readings.restart_s)
+    return np.asarray((first[:, None] + np.arange(_BEGUN)).ravel())
 
 
 def halves(problem: PowerProblem, fit: PowerFit) -> tuple[Half, Half] | None:
@@ -58,6 +66,8 @@ def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
     start, end = float(part.readings.time_s[0]), float(part.readings.time_s[-1])
     # a load that began before is ambient, but for its start, which the free initial state takes
     part = replace(part, loads_s=tuple(t for t in problem.loads_s if start < t < end))
+    inner = part.readings.restart_s
+    part = replace(part, readings=replace(part.readings, restart_s=inner[(inner > start) & (inner <= end)]))
     found = part.refined(np.array([fit.vector]))
     if found.model is None:
         return None
