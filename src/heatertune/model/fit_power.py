@@ -11,10 +11,12 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
+from heatertune.model.alias import alias_of, alias_told
 from heatertune.model.cleaning import cleaned
 from heatertune.model.diagnosis import notes_of
+from heatertune.model.hearing import fast_told, findings_of, poor_told
 from heatertune.model.intervals import RATIO, identified_parts
-from heatertune.model.judge import correlation_of, judged, judgement_notes
+from heatertune.model.judge import correlation_of, judged, judgement_told
 from heatertune.model.judgement import Validation
 from heatertune.model.loads import bic_of, left_over, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
@@ -46,6 +48,7 @@ class Explained:
         cleaned: readings with outliers put where their neighbours are, shape (n,) [°C].
         outliers: their places.
         told: about the log's disturbances, one sentence each.
+        alias: about power that switches faster than it was logged; empty where it does not.
     """
 
     log: Log
@@ -55,6 +58,7 @@ class Explained:
     cleaned: Array
     outliers: npt.NDArray[np.intp]
     told: tuple[str, ...]
+    alias: str
 
     @property
     def model(self) -> Fopdt:
@@ -128,9 +132,13 @@ def fit_power(found: Explained, weight: Weighed) -> FittedModel:
     simulated = found.simulated_degC
     fit = fit_pct(found.cleaned, simulated)
     second = correlation_of(found.problems[1], found.fits[1]) if second_is_seen(found.fits[1]) else None
+    outcome = outcome_of(fit, known=known)
+    least_s = math.exp(found.problems[0].low[0])
+    checks = [*judgement_told(log, validation, fit, second), *alias_told(found.alias),
+              *fast_told(least_s, found.model.time_constant_s, log.name)]
     return FittedModel(
         model=found.model,
-        outcome=outcome_of(fit, known=known),
+        outcome=outcome,
         method="exact simulation with the logged power, free initial state; "
         "intervals: profile likelihood or block bootstrap, whichever reaches further",
         ci95=ci95,
@@ -138,7 +146,8 @@ def fit_power(found: Explained, weight: Weighed) -> FittedModel:
         candidates=candidates,
         fit_pct=fit,
         notes=(*found.told, *notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
-               *(rival.told for rival in rivals), *judgement_notes(log, validation, fit, second)),
+               *(rival.told for rival in rivals), *(each.sentence for each in checks)),
+        findings=findings_of([*poor_told(outcome, fit, log.name), *checks]),
         residuals=Residuals(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
             autocorrelation=autocorrelation(found.cleaned - simulated),
@@ -165,8 +174,9 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
     log, found, told = cleaned(log, problem)
     thin, fit = found.problem, found.fit
+    alias = "" if believed else alias_of(log, thin, fit)
     if not believed:
-        demand_cause(log, thin, None if fit.model is None else fit)
+        _demand_cause(log, thin, fit, alias)
     problems = [thin, replace(thin, two_lags=True)]
     fits = [fit, _second(problems[1], fit)]
     problems, fits = _started(problems, fits)
@@ -177,8 +187,18 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
     return Explained(
         log=log, readings=found.whole.readings, problems=problems, fits=fits, cleaned=found.readings_degC,
-        outliers=found.outliers, told=told,
+        outliers=found.outliers, told=told, alias=alias,
     )
+
+
+def _demand_cause(log: Log, problem: PowerProblem, fit: PowerFit, alias: str) -> None:
+    """Refuse a log in which the power cannot be the temperature's cause, by its aliasing where it has one."""
+    try:
+        demand_cause(log, problem, None if fit.model is None else fit)
+    except InputError as refused:
+        if alias:
+            raise InputError(f"{log.name}: {alias}") from refused
+        raise
 
 
 def _second(problem: PowerProblem, one: PowerFit) -> PowerFit:

@@ -66,8 +66,6 @@ def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
     start, end = float(part.readings.time_s[0]), float(part.readings.time_s[-1])
     # a load that began before is ambient, but for its start, which the free initial state takes
     part = replace(part, loads_s=tuple(t for t in problem.loads_s if start < t < end))
-    inner = part.readings.restart_s
-    part = replace(part, readings=replace(part.readings, restart_s=inner[(inner > start) & (inner <= end)]))
     found = part.refined(np.array([fit.vector]))
     if found.model is None:
         return None
@@ -94,8 +92,11 @@ def _foretold(problem: PowerProblem, fit: PowerFit, kept: Rows) -> Array:
 def _part(problem: PowerProblem, rows: Rows) -> PowerProblem:
     """Return the problem on some of its readings; the power is known all the time."""
     r = problem.readings
+    time = r.time_s[rows]
     return replace(problem, readings=replace(
-        r, time_s=r.time_s[rows], half_s=r.half_s[rows], temperature_degC=r.temperature_degC[rows]))
+        r, time_s=time, half_s=r.half_s[rows], temperature_degC=r.temperature_degC[rows],
+        restart_s=r.restart_s[(r.restart_s > time[0]) & (r.restart_s <= time[-1])],
+    ))
 
 
 def _rms(error: Array) -> float:
