@@ -29,13 +29,19 @@ _LONGEST_SPIKE: Final = 3  # readings
 _SPIKE_SHARE: Final = 0.1  # of the log's span
 _SPIKE_TIMES: Final = 12.0  # the usual departure of a reading from its neighbours
 _GAP_TIMES: Final = 5.0  # the usual interval
+_PAUSE_TIMES: Final = 3.0  # the usual interval: a jump after a longer pause may be the heater's
+_STARTS: Final = (0.0, 85.0, 32.0, 185.0)  # °C and °F
+_STARTS_TIMES: Final = 2.0  # the largest other step
+_ALONE_TIMES: Final = 4.0
 _SHOWN: Final = 5
 
 
 def one_run(
     sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]
-) -> tuple[Sheet, Array]:
-    """Return the rows of one run and their times: the one asked for (1 = first), else the longest.
+) -> tuple[Sheet, Array, int | None]:
+    """Return the rows of one run, their times, and which run it is, None where there is one alone.
+
+    It is the one asked for (1 = first), else the longest.
 
     A run begins where the clock starts again as it began; a time that merely goes backwards is not one.
 
@@ -46,7 +52,7 @@ def one_run(
     if wanted is not None and not 1 <= wanted <= len(starts):
         raise LogError(f"run {wanted}", file=sheet.file, expected=f"1…{len(starts)}, as many runs as the file holds")
     if len(starts) == 1:
-        return sheet, time
+        return sheet, time, wanted
     ends = [*starts[1:], len(time)]
     lengths = [end - start for start, end in zip(starts, ends, strict=True)]
     chosen = int(np.argmax(lengths)) if wanted is None else wanted - 1
@@ -56,7 +62,7 @@ def one_run(
         f"The file holds {len(starts)} runs (from lines {', '.join(str(sheet.lines[k]) for k in starts)}); run "
         f"{chosen + 1} was read, {why}: --run reads another."
     )
-    return replace(sheet, rows=sheet.rows[begin:end], lines=sheet.lines[begin:end]), time[begin:end]
+    return replace(sheet, rows=sheet.rows[begin:end], lines=sheet.lines[begin:end]), time[begin:end], chosen + 1
 
 
 def _restarts(time: Array) -> list[int]:
@@ -71,13 +77,14 @@ def _restarts(time: Array) -> list[int]:
     return starts
 
 
-def no_readings(sheet: Sheet, columns: Columns, raw: Array, repairs: list[str]) -> Mask:
+def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str]) -> Mask:
     """Return which rows hold no reading of the temperature, and tell them.
 
     Args:
         sheet: for line numbers.
         columns: for names.
         raw: the temperature as it stands in the file, NaN where the cell is empty or no number of the sensor.
+        time: of each row [s].
         repairs: what was left out is added here.
 
     Raises:
@@ -93,12 +100,16 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, repairs: list[str]) 
     spikes = np.zeros_like(lost)
     kept = np.flatnonzero(~lost)
     spikes[kept[_spikes(raw[kept])]] = True
-    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"), (spikes, "with a spike"))
+    ends = np.zeros_like(lost)
+    kept = np.flatnonzero(~(lost | spikes))
+    ends[kept[_wild_ends(raw[kept], time[kept])]] = True
+    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"), (spikes, "with a spike"),
+             (ends, "at an end of the log, far from all others,"))
     for mask, what in kinds:
         if np.any(mask):
             rows = count(int(np.count_nonzero(mask)), "row")
             repairs.append(f"{rows} {what} left out ({_places(sheet, raw, mask)}).")
-    return np.asarray(lost | spikes)
+    return np.asarray(lost | spikes | ends)
 
 
 def _spikes(values: Array) -> npt.NDArray[np.intp]:
@@ -125,6 +136,32 @@ def _spikes(values: Array) -> npt.NDArray[np.intp]:
             if not np.any(found[k : k + width + 2]):
                 found[k + 1 : k + 1 + width] = True
     return np.flatnonzero(found)
+
+
+def _wild_ends(values: Array, time: Array) -> list[int]:
+    """Return the first and last readings from which the log jumps as it does nowhere else: a sensor that starts.
+
+    A jump is one from reading to reading, without a pause, beyond what the log does and several times its largest other
+    step: a heater that is logged slowly makes large steps, but not one alone. 0 and 85 are what a DS18B20 and many
+    converters give before their first conversion; less is asked of them.
+    """
+    n = len(values)
+    found: list[int] = []
+    if n < MIN_SAMPLES + 2 * _LONGEST_SPIKE:
+        return found
+    for order in (np.arange(n), np.arange(n)[::-1]):
+        y, t = values[order], time[order]
+        steps, pauses = np.abs(np.diff(y)), np.abs(np.diff(t))
+        core = y[_LONGEST_SPIKE:]
+        usual = 1.4826 * float(np.median(np.abs(core[1:-1] - (core[:-2] + core[2:]) / 2.0)))
+        least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * float(np.ptp(core)))
+        width = int(np.argmax(steps[:_LONGEST_SPIKE])) + 1
+        others = float(np.max(steps[width:-_LONGEST_SPIKE]))
+        times = _STARTS_TIMES if np.all(np.isin(y[:width], _STARTS)) else _ALONE_TIMES if n > 2 * MIN_SAMPLES else np.inf
+        jump = steps[width - 1]
+        if jump > max(least, times * others) and others > 0.0 and pauses[width - 1] <= _PAUSE_TIMES * np.median(pauses):
+            found += order[:width].tolist()
+    return found
 
 
 def tell_gaps(time: Array, lines: Sequence[int], powered: bool, doubts: list[str]) -> None:

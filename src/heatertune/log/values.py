@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import OutOfRange
+from heatertune.log.taken import Taken
 from heatertune.show import Shown
 
 __all__ = ["ABSOLUTE_ZERO_DEGC", "MIN_SAMPLES", "Log"]
@@ -34,6 +35,7 @@ class Log(Shown):
         repairs: what the reader changed or assumed, one sentence each.
         doubts: readings that look odd but were left as they are, one sentence each.
         same_heater: names of built-in logs taken on the same heater.
+        taken: what was taken of a file as what, None for a log that was not read from one.
 
     Raises:
         OutOfRange: shapes differ, fewer than 20 readings, times not increasing, values not finite,
@@ -49,6 +51,7 @@ class Log(Shown):
     repairs: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     same_heater: tuple[str, ...] = field(default=())
+    taken: Taken | None = None
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
@@ -76,7 +79,7 @@ class Log(Shown):
             name=self.name, source=self.source, time_s=self.time_s[keep],
             temperature_degC=self.temperature_degC[keep], power_pct=cut(self.power_pct),
             setpoint_degC=cut(self.setpoint_degC), repairs=self.repairs, doubts=self.doubts,
-            same_heater=self.same_heater,
+            same_heater=self.same_heater, taken=self.taken,
         )
 
 
