@@ -28,7 +28,7 @@ __all__ = ["design", "dossier", "redraw", "write_report"]
 
 
 def design(
-    source: str | Path, *, target: str, out: str | Path, reading: Mapping[str, Any] | None = None,
+    source: str | Path | Log, *, target: str, out: str | Path, reading: Mapping[str, Any] | None = None,
     fitting: Mapping[str, Any] | None = None, tuning: Mapping[str, Any] | None = None,
     proving: Mapping[str, Any] | None = None, scaling: Scaling | None = None, force: bool = False, progress: Told = str,
     words_by: str = "auto", interval_by_words: bool = False, refined: bool = False,
@@ -39,7 +39,7 @@ def design(
     A verdict of FAIL writes documents and report but no export files, unless `force` is given.
 
     Args:
-        source: a log, or "table3" / "table4".
+        source: a log's file, "table3" / "table4", or what `read_log` returned.
         target: the controller.
         out: directory for the results.
         reading: options of `read_log`; misprints of a built-in table are corrected.
@@ -59,7 +59,7 @@ def design(
         HeatertuneError: as the stages; nothing is written then.
     """
     room(target)  # an unknown target is refused before the long part
-    log = read_log(source, **({"errata": True} | dict(reading or {})))
+    log = source if isinstance(source, Log) else read_log(source, **({"errata": True} | dict(reading or {})))
     fitted = fit(log, companions=True, progress=progress, **(fitting or {}))
     asked = dict(tuning or {})
     wished = (

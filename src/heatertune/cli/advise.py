@@ -39,12 +39,14 @@ def _run(settings: argparse.Namespace) -> int:
     design, model = read_design(settings.pid)
     if model is None:
         raise InputError(f"{settings.pid} holds no model to prove on; expected pid.json as written by tune")
+    progress = printing.Progress(settings)
     log = None if settings.log == "proof" else read_log(settings.log, **common.reading(settings))
+    printing.tell_taken(settings, [] if log is None else [log], progress)
     proving = common.proving(settings)
     document = advise(
         design, model, log, target=common.target(settings), setpoint_degC=proving.pop("setpoint_degC"),
         scaling=common.scaling(settings), until_s=settings.until, tolerance_degC=proving.pop("tolerance_degC"),
-        proving=proving, progress=printing.Progress(settings),
+        proving=proving, progress=progress,
     )
     printing.output(settings, document, lambda: advice_table(document))
     return 0 if any(case["verdict"] == "PASS" for case in document["cases"]) else 1

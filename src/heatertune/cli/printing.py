@@ -6,13 +6,16 @@ import argparse
 import re
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli.terminal import painted
 
-__all__ = ["Progress", "add_output_options", "output", "save"]
+if TYPE_CHECKING:
+    from heatertune.log.values import Log
+
+__all__ = ["Progress", "add_output_options", "output", "save", "tell_taken"]
 
 _COUNT: Final = re.compile(r"\((\d+) of (\d+)\)$")
 
@@ -49,6 +52,18 @@ def add_output_options(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("output")
     group.add_argument("--json", action="store_true", help="print one JSON document on stdout instead of the table")
     group.add_argument("--quiet", action="store_true", help="no progress on stderr")
+
+
+def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Progress) -> None:
+    """Tell on stderr what was taken of each log as what, and as progress what was repaired or is doubtful.
+
+    The line is no progress: --quiet alone does not silence it, only --quiet with --json, whose document holds it.
+    """
+    for log in logs:
+        if log.taken is not None and not (settings.quiet and settings.json):
+            print(f"[log] {log.taken.line}", file=sys.stderr, flush=True)
+        for told in (*log.repairs, *log.doubts):
+            progress(told)
 
 
 def output(settings: argparse.Namespace, document: Mapping[str, Any], summary: Callable[[], str]) -> None:

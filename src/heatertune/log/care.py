@@ -157,9 +157,11 @@ def _wild_ends(values: Array, time: Array) -> list[int]:
         least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * float(np.ptp(core)))
         width = int(np.argmax(steps[:_LONGEST_SPIKE])) + 1
         others = float(np.max(steps[width:-_LONGEST_SPIKE]))
-        times = _STARTS_TIMES if np.all(np.isin(y[:width], _STARTS)) else _ALONE_TIMES if n > 2 * MIN_SAMPLES else np.inf
-        jump = steps[width - 1]
-        if jump > max(least, times * others) and others > 0.0 and pauses[width - 1] <= _PAUSE_TIMES * np.median(pauses):
+        times = _ALONE_TIMES if n > 2 * MIN_SAMPLES else np.inf
+        if np.all(np.isin(y[:width], _STARTS)):
+            times = _STARTS_TIMES
+        together = pauses[width - 1] <= _PAUSE_TIMES * np.median(pauses)
+        if together and others > 0.0 and steps[width - 1] > max(least, times * others):
             found += order[:width].tolist()
     return found
 

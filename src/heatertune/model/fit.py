@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
+from heatertune.log.taken import MOST_REPAIRED
 from heatertune.log.values import Log
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.closed_loop import Bounds
 from heatertune.model.feedback import feedback_notes
+from heatertune.model.findings import Finding
 from heatertune.model.fit_logs import fit_logs
 from heatertune.model.fit_power import Explained, explained, fit_power, weighed
 from heatertune.model.fit_temperature import fit_temperature
@@ -65,7 +67,7 @@ def fit(
         found = _fit_logged(used, bounds, power_before_pct, seed)
         found = with_relay(used, found, ambient_degC=_single(bounds))
         notes += feedback_notes(used)
-    return replace(found, notes=notes + found.notes)
+    return _of_files(replace(found, notes=notes + found.notes), [log])
 
 
 def fit_known(
@@ -113,11 +115,11 @@ def fit_known(
     candidates, hypotheses = compare(rated)
     found = _fit_logged(rated[0].log, bounds, power_before_pct, seed, believed=True)
     told = replay_notes(used, controllers, hypotheses, offset)
-    return replace(
+    return _of_files(replace(
         found, candidates=tuple(candidates), hypotheses=tuple(hypotheses),
         method=f"power by {hypotheses[0].law} on the logged readings; {found.method}",
         notes=(*notes, *told, *feedback_notes(rated[0].log), *found.notes),
-    )
+    ), [log])
 
 
 def fit_together(
@@ -162,7 +164,18 @@ def fit_together(
         for log in logs:
             _demand_laws(log, laws)
         found = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
-    return replace(found, notes=(*notes, *found.notes))
+    return _of_files(replace(found, notes=(*notes, *found.notes)), logs)
+
+
+def _of_files(found: FittedModel, logs: Sequence[Log]) -> FittedModel:
+    """Return the fit with what was taken of each file, and a finding for each that was much repaired."""
+    taken = [log.taken for log in logs if log.taken is not None]
+    told = [f"{each.file}: {each.repaired_share:.2%} of {each.rows_read} rows were left out or repaired"
+            for each in taken if each.repaired_share > MOST_REPAIRED]
+    return replace(
+        found, log_told=tuple(each.line for each in taken),
+        findings=(*found.findings, *(Finding(name="repaired", told=sentence) for sentence in told)),
+    )
 
 
 def _together(parts: Sequence[Log], bounds: Bounds | None, power_before_pct: float | None, seed: int) -> FittedModel:
