@@ -28,6 +28,7 @@ _MOST_LOST: Final = 0.1  # share of the rows: a log with more holes is not repai
 _LONGEST_SPIKE: Final = 3  # readings
 _SPIKE_SHARE: Final = 0.1  # of the log's span
 _SPIKE_TIMES: Final = 12.0  # the usual departure of a reading from its neighbours
+_EDGE_TIMES: Final = 2.0  # what 95 % of the log's steps stay below
 _GAP_TIMES: Final = 5.0  # the usual interval
 _PAUSE_TIMES: Final = 3.0  # the usual interval: a jump after a longer pause may be the heater's
 _STARTS: Final = (0.0, 85.0, 32.0, 185.0)  # °C and °F
@@ -115,7 +116,7 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs
 def _spikes(values: Array) -> npt.NDArray[np.intp]:
     """Return the readings that leave the line of their neighbours, far beyond what the log does, and come back.
 
-    A jump that stays, such as cold goods, is none.
+    A jump that stays, such as cold goods, is none; nor is a heater that is logged so slowly that it often moves so far.
     """
     n = len(values)
     found = np.zeros(n, dtype=np.bool_)
@@ -124,6 +125,8 @@ def _spikes(values: Array) -> npt.NDArray[np.intp]:
     usual = 1.4826 * float(np.median(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2.0)))
     span = float(np.subtract(*np.percentile(values, [98.0, 2.0])))
     least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * span)
+    steps = np.abs(np.diff(values))
+    steep = _EDGE_TIMES * float(np.percentile(steps, 95.0))
     for width in range(1, _LONGEST_SPIKE + 1):
         before, after = values[: n - width - 1], values[width + 1 :]
         shares = np.arange(1, width + 1)[:, None] / (width + 1)
@@ -132,7 +135,8 @@ def _spikes(values: Array) -> npt.NDArray[np.intp]:
         away = np.min(np.abs(off), axis=0)
         together = np.abs(np.sum(np.sign(off), axis=0)) == width
         back = np.abs(after - before) < 0.3 * away
-        for k in np.flatnonzero((away > least) & together & back).tolist():
+        abrupt = np.minimum(steps[: n - width - 1], steps[width:]) > steep
+        for k in np.flatnonzero((away > least) & together & back & abrupt).tolist():
             if not np.any(found[k : k + width + 2]):
                 found[k + 1 : k + 1 + width] = True
     return np.flatnonzero(found)

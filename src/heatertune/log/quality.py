@@ -33,7 +33,8 @@ def is_quality(name: str) -> bool:
 def good_rows(sheet: Sheet, i: int) -> npt.NDArray[np.bool_]:
     """Return which rows a column flags as good.
 
-    Good are 192 to 255 of OPC DA (0xC0), 0 of an OPC UA status code, 1 of a validity, and words such as Good.
+    Good are 192 to 255 of OPC DA (0xC0), 0 of an OPC UA status code, 1 of a validity (a WinCC panel writes 0 for a lost
+    connection and 2 where it stops), and words such as Good.
 
     Raises:
         LogError: flags whose meaning is not known.
@@ -63,7 +64,7 @@ def _by_numbers(kinds: set[str], name: str) -> dict[str, bool] | None:
     numbers = set(codes.values())
     if _STATUS_CODE.fullmatch(plain_name(name)) and 0 in numbers:
         return {cell: code == 0 for cell, code in codes.items()}
-    if numbers <= {0, 1} and _VALID.fullmatch(plain_name(name)):
+    if numbers <= {0, 1, 2} and _VALID.fullmatch(plain_name(name)):
         return {cell: code == 1 for cell, code in codes.items()}
     if all(0 <= code <= 255 for code in numbers) and max(numbers) >= _OPC_GOOD:
         return {cell: code >= _OPC_GOOD for cell, code in codes.items()}
