@@ -336,6 +336,198 @@ def logger_restarted(chance: random.Random) -> Messy:
     return Messy("header again", "\n".join(lines) + "\n", truth)
 
 
+def extras(chance: random.Random) -> Messy:
+    truth = heater(chance, 90, 2.0)
+    n = len(truth.time_s)
+    columns = {
+        "Zeit [s]": truth.time_s, "Temperatur [°C]": truth.degC, "Stellgrad [%]": truth.power,
+        "Solltemperatur [°C]": truth.setpoint,
+    }
+    more = {
+        "Raumtemperatur [°C]": [round(20 + chance.gauss(0, 0.1), 1) for _ in range(n)], "Status": ["ok"] * n,
+        "amps": [round(u / 50, 2) for u in truth.power], "control": [round(u / 9, 3) for u in truth.power],
+        "Druck [bar]": [round(1 + chance.random(), 2) for _ in range(n)], "Bemerkung": ["" if chance.random() < 0.9 else "Tür" for _ in range(n)],
+        "Umgebungstemperatur [°C]": [19.5] * n, "Drehzahl": [1450] * n, "Leistung [W]": [u * 5 for u in truth.power],
+    }
+    names = [*columns, *chance.sample(list(more), chance.randint(1, 5))]
+    chance.shuffle(names)
+    return Messy("other columns", table(names, [(columns | more)[name] for name in names], ";", ","), truth)
+
+
+def grid_of_titles(chance: random.Random) -> Messy:
+    truth = heater(chance, 90, 2.0)
+    truth.setpoint = None
+    titles = chance.sample(["Plant;Zone;Oven", "Interval;2;s", "Started;01.03.2026 10:00:00;", "Recorder;;", ";Channel 1;Channel 2"],
+                           chance.randint(1, 3))
+    body = table(["Time [s]", "Temperature [°C]", "Power [%]"], [truth.time_s, truth.degC, truth.power], ";", ",")
+    return Messy("grid of titles", "\n".join(titles) + "\n" + body, truth)
+
+
+def quoted(chance: random.Random) -> Messy:
+    truth = heater(chance, 90, 2.0)
+    truth.setpoint = None
+    end = chance.choice(["\n", "\r\n", "\r"])
+    rows = [("time [s]", "T [°C]", "power [%]"), *zip(truth.time_s, truth.degC, truth.power, strict=True)]
+    lines = [",".join(f'"{cell}"'.replace(".", ",") if k else f'"{cell}"' for cell in row) for k, row in enumerate(rows)]
+    lines = [line + chance.choice(["", ""]) for line in lines]
+    return Messy("all quoted", end.join(lines) + end, truth)
+
+
+def trailing(chance: random.Random) -> Messy:
+    truth = heater(chance, 90, 2.0)
+    truth.setpoint = None
+    lines = table(["time [s]", "T [°C]", "power [%]"], [truth.time_s, truth.degC, truth.power], ";").splitlines()
+    return Messy("separators at the end", "\n".join(f"{line};" for line in lines) + "\n;;;\n", truth)
+
+
+def spaced(chance: random.Random) -> Messy:
+    truth = heater(chance, 90, 2.0)
+    truth.setpoint = None
+    mark = chance.choice([".", ","])
+    head = chance.choice(["# t_s T_C duty_%", "time_s temp_C duty_pct", "% time_s"])
+    names = chance.choice(["time_s  temp_C  duty_pct", "# time_s temp_C duty_pct"])
+    del head
+    lines = [f"{t:8.1f}  {y:7.1f}  {u:5.0f}".replace(".", mark) for t, y, u in zip(truth.time_s, truth.degC, truth.power, strict=True)]
+    return Messy("spaces", "\n".join([names, *lines]) + "\n", truth)
+
+
+def jitter(chance: random.Random) -> Messy:
+    truth = heater(chance, 120, 1.0)
+    truth.setpoint = None
+    twice = sorted(chance.sample(range(10, 110, 5), 3))
+    rows, kept = [], []
+    for k, t in enumerate(truth.time_s):
+        rows.append((t - (1.0 if k in twice else 0.0), truth.degC[k], truth.power[k]))
+        if k not in twice:
+            kept.append(k)
+    clock = [(START + timedelta(seconds=row[0])).strftime("%Y-%m-%d %H:%M:%S") for row in rows]
+    text = table(["Time", "T [°C]", "power [%]"], [clock, [row[1] for row in rows], [row[2] for row in rows]])
+    return Messy("jitter", text, Truth([truth.time_s[k] for k in kept], [truth.degC[k] for k in kept], [truth.power[k] for k in kept]))
+
+
+def influx(chance: random.Random) -> Messy:
+    truth = heater(chance, 90, 10.0)
+    truth.setpoint = None
+    lines = ["#group,false,false,true,true,false,false,true,true", "#datatype,string,long,dateTime:RFC3339,dateTime:RFC3339,dateTime:RFC3339,double,string,string",
+             "#default,_result,,,,,,,", ",result,table,_start,_stop,_time,_value,_field,_measurement"]
+    for number, (name, values) in enumerate((("temperature", truth.degC), ("heater_duty", truth.power))):
+        for t, value in zip(truth.time_s, values, strict=True):
+            clock = (START + timedelta(seconds=t)).strftime("%Y-%m-%dT%H:%M:%SZ")
+            lines.append(f",,{number},2026-03-01T00:00:00Z,2026-03-02T12:00:00Z,{clock},{value},{name},oven")
+    return Messy("influx", "\n".join(lines) + "\n", truth)
+
+
+def flagged(chance: random.Random) -> Messy:
+    truth = heater(chance, 100, 2.0)
+    truth.setpoint = None
+    bad = {k for k in range(10, 90) if chance.random() < 0.04}
+    flags = [chance.choice(["Bad", "Uncertain"]) if k in bad else "Good" for k in range(100)]
+    degC = [0.0 if k in bad else y for k, y in enumerate(truth.degC)]
+    kept = [k for k in range(100) if k not in bad]
+    return Messy("flags beside columns", table(["time [s]", "T [°C]", "power [%]", "Quality"], [truth.time_s, degC, truth.power, flags]),
+                 Truth([truth.time_s[k] for k in kept], [truth.degC[k] for k in kept], [truth.power[k] for k in kept]))
+
+
+def before_trigger(chance: random.Random) -> Messy:
+    truth = heater(chance, 100, 0.1)
+    truth.setpoint = None
+    time = [f"{(t - 3.0) * 1000:.0f}" for t in truth.time_s]
+    return Messy("before the trigger", table(["Zeit [ms]", "Temperatur [°C]", "Stellwert [%]"], [time, truth.degC, truth.power], ";", ","), truth)
+
+
+def mixed_long(chance: random.Random) -> Messy:
+    truth = heater(chance, 90, 10.0)
+    truth.setpoint = None
+    mark = chance.choice([".", ","])
+    rows = []
+    for k, t in enumerate(truth.time_s):
+        rows += [("Ofen/Temperatur", t, f"{truth.degC[k]:.1f} °C".replace(".", mark)), ("Ofen/Leistung", t, f"{truth.power[k]:.0f} %")]
+    clock = [(START + timedelta(seconds=row[1])).strftime("%d.%m.%Y %H:%M:%S") for row in rows]
+    return Messy("long with units", "Historian export\n\n" + table(["Messstelle", "Zeitstempel", "Wert"], [[r[0] for r in rows], clock, [r[2] for r in rows]], ";"), truth)
+
+
+def relay_between(chance: random.Random) -> Messy:
+    """A relay that switches twice between two readings: its mean is the share of time that it was on."""
+    truth = heater(chance, 90, 20.0, levels=(0, 20, 40, 60, 100))
+    truth.setpoint = None
+    rows = []
+    for k, t in enumerate(truth.time_s):
+        rows.append(("kiln.temperature", t, f"{truth.degC[k]:.1f}"))
+        on = truth.power[k] / 100.0 * 20.0
+        if on > 0:
+            rows.append(("kiln.heater", t, "on"))
+        if on < 20.0:
+            rows.append(("kiln.heater", t + on, "off"))
+    if truth.power[-1] not in (0.0, 100.0):
+        rows.append(("kiln.heater", truth.time_s[-1] + 20.0, "off"))
+    rows.sort(key=lambda row: row[1])
+    clock = [f"{1_772_000_000 + row[1]:.1f}" for row in rows]
+    return Messy("relay between readings", table(["tag", "time", "value"], [[r[0] for r in rows], clock, [r[2] for r in rows]]), truth)
+
+
+def blanks(chance: random.Random) -> Messy:
+    truth = heater(chance, 100, 2.0)
+    truth.setpoint = None
+    lost = set(chance.sample(range(5, 95), 4))
+    word = chance.choice(["", "NaN", "unavailable", "null", "---", "#N/A"])
+    degC = [word if k in lost else f"{y:.1f}" for k, y in enumerate(truth.degC)]
+    text = table(["time [s]", "T [°C]", "power [%]"], [truth.time_s, degC, truth.power])
+    if chance.random() < 0.4:
+        return Messy("blanks not asked for", text, None, named="--skip-empty")
+    kept = [k for k in range(100) if k not in lost]
+    return Messy("blanks left out", text, Truth([truth.time_s[k] for k in kept], [truth.degC[k] for k in kept],
+                                                [truth.power[k] for k in kept]), {"skip_empty": True})
+
+
+def two_ovens(chance: random.Random) -> Messy:
+    truth = heater(chance, 60, 2.0)
+    rows = [row for k in range(60) for row in (("Ofen1.Temperatur", truth.time_s[k], truth.degC[k]), ("Ofen2.Temperatur", truth.time_s[k], 30.0 + k),
+                                               ("Ofen1.Leistung", truth.time_s[k], truth.power[k]), ("Ofen2.Leistung", truth.time_s[k], 7.0))]
+    text = table(["tag", "time [s]", "value"], list(zip(*rows, strict=True)))
+    truth.setpoint = None
+    asked, named = chance.choice([({}, "--tag"), ({"tag": "Ofen1.Temperatur"}, "--power-tag"), ({"tag": "Ofen1.Temperatur", "power_tag": "Ofen1.Leistung"}, "")])
+    return Messy("two ovens", text, None if named else truth, asked, named=named)
+
+
+def odd_lines(chance: random.Random) -> Messy:
+    truth = heater(chance, 60, 2.0)
+    lines = table(["time [s]", "T [°C]", "power [%]"], [truth.time_s, truth.degC, truth.power], ";").splitlines()
+    lines.insert(chance.choice([30, len(lines)]), chance.choice(["EOF", "End of export", "Summary;3", "Stopped;;", "1.234,5;20;30", "12;20;30;40;50"]))
+    return Messy("odd line", "\n".join(lines) + "\n", None, named="line ")
+
+
+def summer_time(chance: random.Random) -> Messy:
+    truth = heater(chance, 60, 60.0)
+    times = [t if k < 30 else t - 3600.0 for k, t in enumerate(truth.time_s)]
+    clock = [(START + timedelta(seconds=t)).strftime("%d.%m.%Y %H:%M:%S") for t in times]
+    return Messy("summer time ends", table(["Zeit", "T [°C]", "power [%]"], [clock, truth.degC, truth.power], ";"), None, named="backwards")
+
+
+def american(chance: random.Random) -> Messy:
+    truth = heater(chance, 60, 2.0)
+    truth.setpoint, truth.time_s = None, [10800.0 * t for t in truth.time_s]
+    clock = stamps(truth, "%m/%d/%Y %I:%M:%S %p")
+    return Messy("month first", table(["Date/Time", "Temp (°F)", "Heater (%)"], [clock, [y * 1.8 + 32 for y in truth.degC], truth.power]), truth)
+
+
+def minutes(chance: random.Random) -> Messy:
+    truth = heater(chance, 90, 3.0)
+    truth.setpoint = None
+    name, size, asked = chance.choice([("Time (min)", 60.0, {}), ("t [h]", 3600.0, {}), ("Zeit", 60.0, {"time_unit": "min"}), ("Tage", 86400.0, {"time_unit": "d"})])
+    time = [repr(t / size) for t in truth.time_s]
+    return Messy("minutes and hours", table([name, "T [°C]", "power [%]"], [time, truth.degC, truth.power]), truth, asked)
+
+
+def tagged_two(chance: random.Random) -> Messy:
+    """Every tag's readings at instants of its own: the power is what it last was."""
+    one = heater(chance, 60, 4.0)
+    rows = [row for k in range(60) for row in (
+        (one.time_s[k] + 1.5, "TT101", one.degC[k]), (one.time_s[k], "TY101", one.power[k]))]
+    text = table(["timestamp", "tag", "value"], [[repr(r[0]) for r in rows], [r[1] for r in rows], [r[2] for r in rows]])
+    truth = Truth([t + 1.5 for t in one.time_s], one.degC, one.power)
+    return Messy("instants of their own", text, truth, {"tag": "TT101", "power_tag": "TY101"})
+
+
 # ---- files that must be refused
 
 def two_zones(chance: random.Random) -> Messy:
@@ -409,7 +601,8 @@ def days(chance: random.Random) -> Messy:
 WRITERS: tuple[Callable[[random.Random], Messy], ...] = (
     plain, titled, with_units, fahrenheit_cells, switched, clocks, two_columns, epochs, grafana, trace, long_table,
     home_assistant, wincc, started, held_setpoint, counts, logger_restarted, two_zones, foreign_power, no_unit,
-    unnamed_tags, odd_flags, broken, coarse_clock, days,
+    unnamed_tags, odd_flags, broken, coarse_clock, days, extras, grid_of_titles, quoted, trailing, spaced, jitter, influx, flagged,
+    before_trigger, mixed_long, relay_between, blanks, two_ovens, odd_lines, summer_time, american, minutes, tagged_two,
 )
 
 

@@ -118,11 +118,16 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], told: list[s
     for role, candidates in found.items():
         if role in index or not candidates:
             continue
-        best, *others = sorted(candidates, key=lambda i: is_second_choice(sheet.header[i]))
+        best, *others = sorted(candidates, key=lambda i: _is_second(role, sheet.header[i]))
         index[role] = best
         if others:
             unused = ", ".join(sheet.header[i] for i in others)
             told.append(f"{sheet.header[best]!r} was taken as the {role}; {unused} not used.")
+
+
+def _is_second(role: str, name: str) -> bool:
+    """Return whether a column has its role only where no other has: a room's temperature, a power in watts."""
+    return is_second_choice(name) or (role in ("temperature", "power") and is_foreign(role, name))
 
 
 def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], told: list[str]) -> None:

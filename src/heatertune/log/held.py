@@ -18,11 +18,12 @@ _SWITCHED: Final = 0.01  # share of the intervals in which a power changes more 
 
 
 class Held(NamedTuple):
-    """Cells at the instants asked for; how many of these come before the first known one; what was done."""
+    """Cells at the instants asked for; how many of these come before the first known one; what was done; a new unit."""
 
     cells: list[str]
     late: int
     told: list[str]
+    unit: str = ""
 
 
 def held(at: Array, time: Array, cells: Sequence[str], *, is_power: bool) -> Held:
@@ -43,15 +44,16 @@ def held(at: Array, time: Array, cells: Sequence[str], *, is_power: bool) -> Hel
     if not is_power:
         return Held(found, 0, [f"The setpoint of the first {count(late, 'row')} is taken from after."] if late else [])
     told = [f"{count(late, 'row')} before the first power left out."] if late else []
-    means = _means(at, time, on_or_off(cells) or cells)
+    switched = on_or_off(cells)
+    means = _means(at, time, switched or cells)
     if means is not None:
         told.append("The power changes more than once between readings; its mean over each interval was taken.")
-        found = [repr(float(mean)) for mean in means]
+        found = [repr(float(mean) * (100.0 if switched else 1.0)) for mean in means]
     else:
         moved = _latest(at, time, cells)
         if moved > 0.0:
             told.append(f"The power is held to the next reading, up to {moved:.3g} s after it changed.")
-    return Held(found, late, told)
+    return Held(found, late, told, "%" if switched and means is not None else "")
 
 
 def _changes(time: Array, cells: Sequence[str]) -> Array:
@@ -75,7 +77,7 @@ def _means(at: Array, time: Array, cells: Sequence[str]) -> Array | None:
         values = np.array([float(cell) for cell in cells])
     except ValueError:
         return None
-    ends = np.append(at, max(at[-1], time[-1]) + float(np.median(np.diff(at))))
+    ends = np.append(at, at[-1] + float(np.median(np.diff(at))))
     grown = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(time))])
     k = np.clip(np.searchsorted(time, ends, side="right") - 1, 0, None)
     energy = grown[k] + values[k] * (ends - time[k])

@@ -12,7 +12,7 @@ ROLES: Final = ("time", "temperature", "power", "setpoint")
 #: looked for in this order: "set point (degC)" is no temperature, "heater temperature" no power; t is a time, T is not
 _NAMES: Final[dict[str, re.Pattern[str]]] = {
     "setpoint": re.compile(r"(?i:set.?(point|temp|value)|temp\w* ?set\b|\bt?sp\d*\b|soll|target)"),
-    "time": re.compile(r"(?i:time|zeit|\bdate|datum|elapsed|^milli|^sec|^minutes?$|^hours?$|^m?s$"
+    "time": re.compile(r"(?i:time|zeit|\bdate|datum|elapsed|^milli|^sec|^minutes?$|^hours?$|^m?s$|^tage$|^days?$"
                        r"|last.?(chang|updat)ed)|^t$|^[tT] ?[\[(/ ] ?(s|sec|ms|min|h)\b"),
     "temperature": re.compile(r"(?i:temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|duty|%))|°[cf]"
                               r"|deg ?[cf]|kelvin|thermocouple)|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b|\bT\d*$"),
@@ -36,7 +36,7 @@ _UNITS: Final[dict[str, tuple[tuple[str, re.Pattern[str]], ...]]] = {
         ("ms", re.compile(r"(^|[\[(/ ])m(illi)?s(ec(onds?)?)?\.?[\])]?$|^millis")),
         ("min", re.compile(r"(^|[\[(/ ])min(ute[ns]?|s)?\.?[\])]?$")),
         ("h", re.compile(r"(^|[\[(/ ])(h(ours?|rs?)?|std|stunden)\.?[\])]?$")),
-        ("d", re.compile(r"(^|[\[(/ ])(d|days?|tage?)\.?[\])]?$")),
+        ("d", re.compile(r"(^|[\[(/ ])(d|days?|tage)\.?[\])]?$")),
         ("s", re.compile(r"(^|[\[(/ ])s(e[ck](onds?|unden)?)?\.?[\])]?$")),
     ),
     "power": (
@@ -79,4 +79,4 @@ def is_foreign(role: str, name: str) -> bool:
 
 def plain_name(name: str) -> str:
     """Return a name with spaces for underscores and one way to write degrees."""
-    return name.strip().replace("_", " ").replace("º", "°").replace("℃", "°C").replace("℉", "°F")
+    return name.replace("_", " ").strip().replace("º", "°").replace("℃", "°C").replace("℉", "°F")

@@ -176,14 +176,17 @@ def _pivoted(
             raise LogError(f"no good reading of the tag {roles[role]!r}", file=sheet.file,
                            expected=f"{_OPTIONS[role]}, another tag")
     rows = series["temperature"]
-    columns, told, late = {}, [], 0
+    columns: dict[str, list[str]] = {}
+    units: dict[str, str] = {}
+    told: list[str] = []
+    late = 0
     for role in [role for role in _ROLES[1:] if role in series]:
         cells = [sheet.rows[k][value] for k in series[role]]
         found = held(time[rows], time[series[role]], cells, is_power=role == "power")
-        columns[role], late = found.cells, max(late, found.late)
+        columns[role], units[role], late = found.cells, found.unit, max(late, found.late)
         told += found.told
     taken = rows[late:]
-    names = [sheet.header[place], *(_with_unit(sheet, tag, roles[role]) for role in series)]
+    names = [sheet.header[place], *(_with_unit(sheet, tag, roles[role], units.get(role, "")) for role in series)]
     cells = [[sheet.rows[k][place], sheet.rows[k][value], *(columns[role][late + n] for role in columns)]
              for n, k in enumerate(taken)]
     parts = ", ".join(f"{roles[role]!r} as the {role}" for role in series)
@@ -211,11 +214,12 @@ def _series(of_tag: npt.NDArray[np.bool_], good: npt.NDArray[np.bool_], time: Ar
     return rows[::-1] if len(rows) > 1 and np.all(steps <= 0) and np.any(steps < 0) else rows
 
 
-def _with_unit(sheet: Sheet, tag: int, name: str) -> str:
+def _with_unit(sheet: Sheet, tag: int, name: str, unit: str) -> str:
     """Return a tag as the name of a column: with the unit of a column of units, and never like a column's number."""
     plain = f"tag {name}" if name.isdecimal() else name
     place = next((i for i, head in enumerate(sheet.header) if _UNIT.fullmatch(plain_name(head))), None)
-    unit = "" if place is None else next((row[place] for row in sheet.rows if row[tag] == name and row[place]), "")
+    if not unit and place is not None:
+        unit = next((row[place] for row in sheet.rows if row[tag] == name and row[place]), "")
     return f"{plain} [{unit}]" if unit else plain
 
 
