@@ -65,7 +65,7 @@ def test_the_line_is_printed_by_every_command_that_reads_a_log_also_when_quiet(r
     assert run("fit", path, "-o", model, "--quiet")[2] == line + "\n"
     assert json.loads(model.read_text())["log_told"] == [line.removeprefix("[log] ")]
     assert run("validate", model, path, "--quiet")[2] == line + "\n"
-    status, out, err = run("design", path, "--target", "s5-ob251", "--setpoint", 40, "--out", tmp_path / "out", "--quiet")
+    _, _, err = run("design", path, "--target", "s5-ob251", "--setpoint", 40, "--out", tmp_path / "out", "--quiet")
     assert err == line + "\n"
     assert json.loads((tmp_path / "out" / "log.json").read_text())["taken"]["line"] == line.removeprefix("[log] ")
     assert "log.csv: 240 rows every 5 s" in (tmp_path / "out" / "report.html").read_text()

@@ -28,7 +28,7 @@ _MOST_LOST: Final = 0.1  # share of the rows: a log with more holes is not repai
 _LONGEST_SPIKE: Final = 3  # readings
 _SPIKE_SHARE: Final = 0.1  # of the log's span
 _SPIKE_TIMES: Final = 12.0  # the usual departure of a reading from its neighbours
-_EDGE_TIMES: Final = 2.0  # what 95 % of the log's steps stay below
+_EDGE_TIMES: Final = 2.0  # what 90 % of the log's steps stay below: one reading in twenty may be a spike
 _GAP_TIMES: Final = 5.0  # the usual interval
 _PAUSE_TIMES: Final = 3.0  # the usual interval: a jump after a longer pause may be the heater's
 _STARTS: Final = (0.0, 85.0, 32.0, 185.0)  # °C and °F
@@ -126,7 +126,7 @@ def _spikes(values: Array) -> npt.NDArray[np.intp]:
     span = float(np.subtract(*np.percentile(values, [98.0, 2.0])))
     least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * span)
     steps = np.abs(np.diff(values))
-    steep = _EDGE_TIMES * float(np.percentile(steps, 95.0))
+    steep = _EDGE_TIMES * float(np.percentile(steps, 90.0))
     for width in range(1, _LONGEST_SPIKE + 1):
         before, after = values[: n - width - 1], values[width + 1 :]
         shares = np.arange(1, width + 1)[:, None] / (width + 1)

@@ -72,7 +72,7 @@ def seconds(
         expected = "--log-interval with the seconds between two rows, or --time-column"
         raise LogError("the file has no time column", file=sheet.file, expected=expected)
     cells = [row[columns.index["time"]] for row in sheet.rows]
-    if stamp(cells[0]) is not None and not is_number(cells[0]):
+    if not is_number(cells[0]) and (stamp(cells[0]) is not None or month_first(cells)):
         repairs.append("Time stamps were turned into seconds from the first row.")
         return _from_stamps(sheet, columns, cells, repairs), "stamps"
     return _from_numbers(sheet, columns, unit, repairs)

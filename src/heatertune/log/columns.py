@@ -11,6 +11,7 @@ import numpy as np
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet, is_number
 from heatertune.log.names import ROLES, is_foreign, is_second_choice, role_of, unit_in_name
+from heatertune.log.quantities import on_or_off, says_nothing
 from heatertune.log.stamps import stamp
 
 __all__ = ["NO_COLUMN", "Columns", "chosen", "find_columns", "with_names"]
@@ -113,7 +114,7 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], told: list[s
     found: dict[str, list[int]] = {role: [] for role in ROLES if role not in absent}
     for i, name in enumerate(sheet.header):
         role = role_of(name)
-        if role in found and i not in taken:
+        if role in found and i not in taken and not _is_text(sheet, role, i):
             found[role].append(i)
     for role, candidates in found.items():
         if role in index or not candidates:
@@ -123,6 +124,13 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], told: list[s
         if others:
             unused = ", ".join(sheet.header[i] for i in others)
             told.append(f"{sheet.header[best]!r} was taken as the {role}; {unused} not used.")
+
+
+def _is_text(sheet: Sheet, role: str, i: int) -> bool:
+    """Return whether a column that may be the power at best holds words: "control mode" with auto and manual."""
+    cell = sheet.rows[0][i]
+    return role == "power" and is_second_choice(sheet.header[i]) and not (
+        is_number(cell) or says_nothing(cell) or on_or_off([cell]))
 
 
 def _is_second(role: str, name: str) -> bool:

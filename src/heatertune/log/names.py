@@ -17,14 +17,15 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
     "temperature": re.compile(r"(?i:temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|duty|%))|°[cf]"
                               r"|deg ?[cf]|kelvin|thermocouple)|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b|\bT\d*$"),
     "power": re.compile(r"(?i:power|duty|heat(er|ing)|pwm|output|\bc[vo]\d*\b|\bop\d*\b|^[uq]\d*($|[ \[(/])|leistung"
-                        r"|stell|heiz|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b|\bcontrol|manipulat|ausgang"
-                        r"|relais|relay|\bssr\b)|\bMV\d*\b"),
+                        r"|stell|heiz|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
+                        r"|^control( signal| value)?$|manipulat|ausgang"
+                        r"|relais|relay|\bssr\b|^heat$|\bout\d*\b)|\bMV\d*\b"),
 }
 
 #: taken only where nothing else has the role: a room's temperature, a date beside the time of day, an electric current
 _SECOND_CHOICE: Final = re.compile(
     r"(?i:ambient|room|\bext|outside|umgebung|raum|junction|board|cpu|^dat(e|um)$|volt|watt|spannung|strom|\bcurrent"
-    r"|\bamp(s|ere)?\b|\bcontrol|last.?updated)")
+    r"|\bamp(s|ere)?\b|^control|last.?updated)")
 
 _UNITS: Final[dict[str, tuple[tuple[str, re.Pattern[str]], ...]]] = {
     "temperature": (
@@ -50,8 +51,8 @@ _UNITS: Final[dict[str, tuple[tuple[str, re.Pattern[str]], ...]]] = {
 _FOREIGN: Final[dict[str, re.Pattern[str]]] = {
     "temperature": re.compile(r"%|pct|percent|counts?\b|\badc\b|[\[(/ ]m?[va][\])]?$|ohm|ω|\bbar\b"),
     "time": re.compile(r"[\[(/ ][uµμn]s[\])]?$"),
-    "power": re.compile(r"[\[(/ 0-9][mk]?[wva][\])]?$|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b|\bcontrol"
-                        r"|counts?\b|\braw\b|\b[da][da]c\b|°|deg ?[cf]\b"),
+    "power": re.compile(r"[\[(/ 0-9][mk]?[wva][\])]?$|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
+                        r"|^control( signal| value)?$|counts?\b|\braw\b|\b[da][da]c\b|°|deg ?[cf]\b"),
 }
 
 

@@ -50,7 +50,8 @@ def power_of(
     if switched is not None:
         repairs.append("The power is on or off; taken as 100 % and 0 %.")
         return Power(np.array(switched, dtype=np.float64) * 100.0, 1.0, "on/off")
-    values = numbers(sheet, columns, "power", "a number (a power that is on or off has a word in every row)")
+    expected = "a number, or on and off in every row (--power-column none: there is no power)"
+    values = numbers(sheet, columns, "power", expected)
     named = columns.unit("power")
     full_scale = given or (float(named) if named else _assumed(sheet, columns, values, repairs, doubts))
     written = f"0…{full_scale:g} %" if full_scale == 100.0 else f"0…{full_scale:g}"

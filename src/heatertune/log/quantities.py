@@ -21,8 +21,10 @@ NOTHING: Final = frozenset((
     "", "nan", "null", "none", "n/a", "na", "-", "--", "---", "unavailable", "unknown", "#n/a", "#nv", "no data",
     "undefined", "bad", "bad input", "i/o timeout", "comm fail",
 ))
-_ON: Final = frozenset(("true", "on", "yes", "ja", "ein", "an", "wahr", "heating", "high", "active", "aktiv"))
-_OFF: Final = frozenset(("false", "off", "no", "nein", "aus", "falsch", "idle", "low", "inactive", "inaktiv"))
+_ON: Final = frozenset((
+    "true", "on", "yes", "ja", "ein", "an", "wahr", "heating", "high", "active", "aktiv", "run", "running"))
+_OFF: Final = frozenset(("false", "off", "no", "nein", "aus", "falsch", "idle", "low", "inactive", "inaktiv", "stop",
+    "stopped", "standby"))
 
 
 def is_number(cell: str) -> bool:

@@ -98,7 +98,7 @@ def read_log(
     given = (time_column, temperature_column, power_column, setpoint_column)
     wanted = {role: column for role, column in zip(ROLES, given, strict=True) if column is not None}
     asked = Tags(temperature=tag, power=power_tag, setpoint=setpoint_tag, column=tag_column, quality=quality_column,
-                 value=temperature_column, time=time_column)
+                 value=temperature_column, time=time_column, date=date_column)
     tagged = by_tags(sheet, asked, time_unit)
     sheet = plain_cells(tagged.sheet) if tagged.is_long else tagged.sheet
     columns = find_columns(sheet, tagged.wanted or wanted, counted=sample_time_s is not None)
@@ -212,7 +212,8 @@ def _temperature(
                              ((values < least) | (values > most), "a temperature that no heater has:")):
         rows = np.flatnonzero(kept & outside)
         if len(rows):
-            expected = f"{least:g}…{most:g} °C, here in {unit.name} (else: --temperature-unit)"
+            other = "--setpoint-column none" if role == "setpoint" else "--temperature-unit"
+            expected = f"{least:g}…{most:g} °C, here in {unit.name} (else: {other})"
             raise refused(sheet, columns, role, int(rows[0]), problem, expected)
     return values
 

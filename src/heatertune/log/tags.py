@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet, count
-from heatertune.log.clock import seconds
+from heatertune.log.clock import seconds, with_dates
 from heatertune.log.columns import NO_COLUMN, Columns, chosen
 from heatertune.log.held import held
 from heatertune.log.names import is_second_choice, plain_name, role_of
@@ -24,8 +24,8 @@ from heatertune.log.quantities import says_nothing
 __all__ = ["Tagged", "Tags", "by_tags"]
 
 _TAG: Final = re.compile(
-    r"(tag|tag ?name|name|var(iable)? ?(name)?|point( ?(name|id))?|signal( ?name)?|entity ?id|sensor|channel|kanal"
-    r"|series|metric|measurement|field|item|symbol|topic|messstelle|bezeichnung|parameter|node ?id|id|zone)",
+    r"(tag( ?(name|index|id))?|name|var(iable)? ?(name)?|point( ?(name|id))?|signal( ?name)?|entity ?id|sensor|channel"
+    r"|kanal|series|metric|measurement|field|item|symbol|topic|messstelle|bezeichnung|parameter|node ?id|id|zone)",
     re.IGNORECASE)
 _VALUE: Final = re.compile(r"(var ?)?(value|wert|messwert|state|reading|val)( ?[\[(].*)?", re.IGNORECASE)
 _UNIT: Final = re.compile(r"(unit|units|einheit|unit of measurement|eu)", re.IGNORECASE)
@@ -42,7 +42,7 @@ class Tags:
 
     Attributes:
         temperature: tag of the temperature; likewise `power` and `setpoint`.
-        column: name or number of the column of the tags; likewise `quality`, `value` and `time`.
+        column: name or number of the column of the tags; likewise `quality`, `value`, `time` and `date`.
     """
 
     temperature: str | None = None
@@ -52,6 +52,7 @@ class Tags:
     quality: str | int | None = None
     value: str | int | None = None
     time: str | int | None = None
+    date: str | int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,14 +115,14 @@ def _places(sheet: Sheet, asked: Tags) -> tuple[int | None, int | None]:
     named = [i for i, name in enumerate(sheet.header) if _TAG.fullmatch(plain_name(name))]
     tag = next((i for i in named if _repeats(sheet, i)), None) if asked.column is None else (
         chosen(sheet, "tag", asked.column))
-    if asked.value is not None:
-        value = chosen(sheet, "temperature", asked.value)
-        is_long = _VALUE.fullmatch(plain_name(_name(sheet, value))) or asked.power or asked.setpoint
-        return tag, value if is_long else None
-    if any(role_of(name) == "temperature" for name in sheet.header):
-        return tag, None
     values = [i for i, name in enumerate(sheet.header) if i != tag and _VALUE.fullmatch(plain_name(name))]
-    return tag, values[0] if values else None
+    others = [name for i, name in enumerate(sheet.header) if i not in (tag, *values)]
+    is_wide = {"temperature", "power"} & set(map(role_of, others))
+    if asked.value is not None and (asked.power is not None or asked.setpoint is not None):
+        return tag, chosen(sheet, "temperature", asked.value)
+    if is_wide or not values or (asked.value is not None and chosen(sheet, "temperature", asked.value) not in values):
+        return tag, None
+    return tag, values[0] if asked.value is None else chosen(sheet, "temperature", asked.value)
 
 
 def _repeats(sheet: Sheet, i: int) -> bool:
@@ -162,49 +163,55 @@ def _bad(sheet: Sheet, bad: npt.NDArray[np.bool_]) -> str:
 
 def _pivoted(
     sheet: Sheet, asked: Tags, tag: int, value: int, good: npt.NDArray[np.bool_], time_unit: str | None,
-    options: dict[str, str],
+    options: Mapping[str, str],
 ) -> Tagged:
+    """Return the long table with a row for each reading of the temperature."""
     tags = list(dict.fromkeys(row[tag] for row in sheet.rows))
     roles = _roles(sheet, tags, tag, asked)
-    place, time = _time(sheet, asked, time_unit)
+    clock, time = _time(sheet, asked, time_unit)
+    good = good & np.array([not says_nothing(row[value]) for row in sheet.rows], dtype=np.bool_)
     of_tag = np.array([row[tag] for row in sheet.rows], dtype=object)
-    filled = np.array([not says_nothing(row[value]) for row in sheet.rows], dtype=np.bool_)
-    bad = np.isin(of_tag, list(roles.values())) & ~(good & filled)
-    series = {role: _series(of_tag == name, good & filled, time) for role, name in roles.items()}
-    for role, rows in series.items():
-        if not len(rows):
+    bad = np.isin(of_tag, list(roles.values())) & ~good
+    series = {role: _series(of_tag == name, good, time) for role, name in roles.items()}
+    for role, places in series.items():
+        if not len(places):
             raise LogError(f"no good reading of the tag {roles[role]!r}", file=sheet.file,
                            expected=f"{_OPTIONS[role]}, another tag")
     rows = series["temperature"]
-    columns: dict[str, list[str]] = {}
-    units: dict[str, str] = {}
-    told: list[str] = []
-    late = 0
-    for role in [role for role in _ROLES[1:] if role in series]:
-        cells = [sheet.rows[k][value] for k in series[role]]
-        found = held(time[rows], time[series[role]], cells, is_power=role == "power")
-        columns[role], units[role], late = found.cells, found.unit, max(late, found.late)
-        told += found.told
-    taken = rows[late:]
-    names = [sheet.header[place], *(_with_unit(sheet, tag, roles[role], units.get(role, "")) for role in series)]
-    cells = [[sheet.rows[k][place], sheet.rows[k][value], *(columns[role][late + n] for role in columns)]
-             for n, k in enumerate(taken)]
-    parts = ", ".join(f"{roles[role]!r} as the {role}" for role in series)
-    repairs = [*sheet.repairs, f"The table is long: of its column {_name(sheet, tag)!r}, {parts}, was read."]
+    others = {role: held(time[rows], time[places], [sheet.rows[k][value] for k in places], is_power=role == "power")
+              for role, places in series.items() if role != "temperature"}
+    late = max((each.late for each in others.values()), default=0)
+    parts = ", ".join(f"{name!r} as the {role}" for role, name in roles.items())
+    repairs = [f"The table is long: of its column {_name(sheet, tag)!r}, {parts}, was read."]
     repairs += [_bad(sheet, bad)] if np.any(bad) else []
-    options = options | {
-        "tag": roles["temperature"], "power_tag": roles.get("power", NO_COLUMN),
-        "setpoint_tag": roles.get("setpoint", NO_COLUMN), "tag_column": _name(sheet, tag),
-        "temperature_column": _name(sheet, value), "time_column": sheet.header[place],
-    }
+    units = {role: others[role].unit if role in others else "" for role in series}
     return Tagged(
-        sheet=replace(sheet, header=tuple(names), rows=cells, lines=[sheet.lines[k] for k in taken], comment=(),
-                      units=(), repairs=(*repairs, *told)),
-        lost=int(np.count_nonzero(bad)) + late, unused=tuple(name for name in tags if name not in roles.values()),
-        options=options,
+        sheet=replace(
+            sheet, comment=(), units=(), lines=[sheet.lines[k] for k in rows[late:]],
+            header=(sheet.header[clock[0]], *(_with_unit(sheet, tag, roles[role], units[role]) for role in series)),
+            rows=[[sheet.rows[k][clock[0]], sheet.rows[k][value], *(each.cells[n] for each in others.values())]
+                  for n, k in enumerate(rows) if n >= late],
+            repairs=(*sheet.repairs, *repairs, *(told for each in others.values() for told in each.told)),
+        ),
+        lost=int(np.count_nonzero(bad)) + late,
+        unused=_unused(sheet, tags, roles, (tag, value, *clock), options.get("quality_column")),
+        options={
+            **options, "tag": roles["temperature"], "power_tag": roles.get("power", NO_COLUMN),
+            "setpoint_tag": roles.get("setpoint", NO_COLUMN), "tag_column": _name(sheet, tag),
+            "temperature_column": _name(sheet, value), "time_column": sheet.header[clock[0]],
+        },
         wanted={role: n + 1 for n, role in enumerate(["time", *series])}
         | {role: NO_COLUMN for role in _ROLES if role not in series},
     )
+
+
+def _unused(
+    sheet: Sheet, tags: Sequence[str], roles: Mapping[str, str], places: Sequence[int], flag: str | None
+) -> tuple[str, ...]:
+    """Return the tags and the columns that were not used; a column of units is."""
+    columns = (name for i, name in enumerate(sheet.header) if i not in places and name != flag)
+    return (*(name for name in tags if name not in roles.values()),
+            *(name for name in columns if not _UNIT.fullmatch(plain_name(name))))
 
 
 def _series(of_tag: npt.NDArray[np.bool_], good: npt.NDArray[np.bool_], time: Array) -> npt.NDArray[np.intp]:
@@ -236,7 +243,7 @@ def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: Tags) -> dict[str
     for role, name in wanted.items():
         told = [each for each in free if _role_of_tag(each) == role]
         told = [each for each in told if not is_second_choice(each)] or told
-        if name is None and len(tags) == 1 and role == "temperature":
+        if len(tags) == 1 and role == "temperature" and _role_of_tag(tags[0]) in (None, "time"):
             told = list(tags)
         if name is None and (len(told) > 1 or (role == "temperature" and not told)):
             several = f"{len(told)} tags may be the {role} ({', '.join(told[:_SHOWN])})" if told else (
@@ -257,8 +264,11 @@ def _role_of_tag(name: str) -> str | None:
     return "power" if told in (None, "time") and before[:1] == ["switch"] else told
 
 
-def _time(sheet: Sheet, asked: Tags, unit: str | None) -> tuple[int, Array]:
-    """Return the column of the time and the time of each row [s]; of a WinCC panel the finer of its two times."""
+def _time(sheet: Sheet, asked: Tags, unit: str | None) -> tuple[tuple[int, ...], Array]:
+    """Return the column of the time, then that of the date where it has one of its own, and the time of each row [s].
+
+    A WinCC panel writes two times; the finer one is taken.
+    """
     names = tuple(plain_name(name).lower() for name in sheet.header)
     if asked.time is not None:
         place = chosen(sheet, "time", asked.time)
@@ -270,7 +280,8 @@ def _time(sheet: Sheet, asked: Tags, unit: str | None) -> tuple[int, Array]:
     if names == _WINCC and names[place] == "timestring":
         _refine(sheet, place)
     columns = Columns(index={"time": place}, names={"time": _name(sheet, place)})
-    return place, seconds(sheet, columns, unit, None, [])[0]
+    sheet, columns = with_dates(sheet, columns, asked.date)
+    return tuple(columns.index.values()), seconds(sheet, columns, unit, None, [])[0]
 
 
 def _refine(sheet: Sheet, place: int) -> None:
