@@ -173,8 +173,7 @@ def _wild_ends(values: Array, time: Array) -> list[int]:
 def tell_gaps(time: Array, lines: Sequence[int], powered: bool, doubts: list[str]) -> None:
     """Add to the doubts where the log pauses."""
     steps = np.diff(time)
-    usual = float(np.median(steps))
-    gaps = np.flatnonzero(steps > _GAP_TIMES * usual)
+    gaps = np.flatnonzero(steps > _GAP_TIMES * np.median(steps)) if len(steps) else np.zeros(0, dtype=np.intp)
     if not len(gaps):
         return
     places = ", ".join(f"{steps[k]:g} s after line {lines[k]}" for k in gaps[:_SHOWN])

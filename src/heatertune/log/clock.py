@@ -13,7 +13,7 @@ from heatertune.log.cells import Sheet, is_number
 from heatertune.log.columns import NO_COLUMN, Columns
 from heatertune.log.names import role_of
 from heatertune.log.numbers import Array, numbers, refused
-from heatertune.log.stamps import STAMPS, is_clock, is_date, is_day_or_month, month_first, stamp
+from heatertune.log.stamps import STAMPS, is_clock, is_date, is_day_or_month, is_hours_or_minutes, month_first, stamp
 
 __all__ = ["TIME_UNITS", "forwards", "seconds", "with_dates"]
 
@@ -73,6 +73,9 @@ def seconds(
         raise LogError("the file has no time column", file=sheet.file, expected=expected)
     cells = [row[columns.index["time"]] for row in sheet.rows]
     if not is_number(cells[0]) and (stamp(cells[0]) is not None or month_first(cells)):
+        if "date" not in columns.index and is_hours_or_minutes(cells[0]):
+            raise refused(sheet, columns, "time", 0, "a time that may be hours and minutes or minutes and seconds:",
+                          f"{STAMPS}, or --log-interval with the seconds between two rows")
         repairs.append("Time stamps were turned into seconds from the first row.")
         return _from_stamps(sheet, columns, cells, repairs), "stamps"
     return _from_numbers(sheet, columns, unit, repairs)

@@ -39,10 +39,10 @@ def take_header(
     first = _first_reading(rows, width)
     words = [k for k in range(first) if len(rows[k]) == width and _is_words(rows[k])]
     chosen = _names_row(rows, words)
-    begin = first if chosen is None and first else 0
     if chosen is not None:
         begin = next((k for k in range(chosen + 1, first) if k not in words), first)
-    _refuse_lost_rows(file, lines, rows, range(begin if chosen is None else chosen), chosen, width)
+    else:
+        begin = next((k for k in range(first) if not _is_title(rows[k], width)), first)
     names = () if chosen is None else _named(lines, rows, chosen, [k for k in words if k > chosen], repairs)
     titles = begin if chosen is None else chosen
     above = lines[titles - 1] if titles else 0
@@ -88,16 +88,10 @@ def _is_units(row: Sequence[str]) -> bool:
     return all(map(_UNIT.fullmatch, row))
 
 
-def _refuse_lost_rows(
-    file: Path, lines: Sequence[int], rows: Sequence[list[str]], above: range, chosen: int | None, width: int
-) -> None:
-    """Refuse what would be passed over as a title and is none: names of too few columns, a reading cut short."""
-    if chosen is not None:
-        return
-    for k in above:
-        named = len(rows[k]) > 1 and not any(map(is_number, rows[k])) and any(map(role_of, rows[k]))
-        if len(rows[k]) == width or named or (len(rows[k]) > 1 and _is_value(rows[k][0])):
-            raise _other_width(file, lines[k], rows[k], width, lines[above.stop])
+def _is_title(row: Sequence[str], width: int) -> bool:
+    """Return whether a row above readings without names is none of them: not one cut short, nor too few names."""
+    is_reading = len(row) == width or (len(row) > 1 and _is_value(row[0]))
+    return not is_reading and not (len(row) > 1 and any(map(role_of, row)))
 
 
 def _other_width(file: Path, line: int, row: Sequence[str], width: int, like: int) -> LogError:

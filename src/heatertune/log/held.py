@@ -81,4 +81,5 @@ def _means(at: Array, time: Array, cells: Sequence[str]) -> Array | None:
     grown = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(time))])
     k = np.clip(np.searchsorted(time, ends, side="right") - 1, 0, None)
     energy = grown[k] + values[k] * (ends - time[k])
-    return np.asarray(np.diff(energy) / np.diff(ends))
+    lasted = np.diff(ends)
+    return np.where(lasted > 0.0, np.diff(energy) / np.where(lasted > 0.0, lasted, 1.0), values[k[:-1]])

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from datetime import datetime
 from typing import Final
 
-__all__ = ["STAMPS", "is_clock", "is_date", "is_day_or_month", "month_first", "stamp"]
+__all__ = ["STAMPS", "is_clock", "is_date", "is_day_or_month", "is_hours_or_minutes", "month_first", "stamp"]
 
 #: what `stamp` understands, as told to people
 STAMPS: Final = "2026-03-01 10:00:00 (ISO 8601), 01.03.2026 10:00:00 or 10:00:00"
@@ -67,6 +67,11 @@ def _clock(text: str) -> str:
 def is_clock(cell: str) -> bool:
     """Return whether a cell is a time of day without a date."""
     return _CLOCK.fullmatch(cell) is not None
+
+
+def is_hours_or_minutes(cell: str) -> bool:
+    """Return whether a cell, the first of its column, may be 0 h 05 min or 0 min 05 s."""
+    return re.fullmatch(r"0?0:\d\d", cell) is not None
 
 
 def is_date(cell: str) -> bool:

@@ -174,13 +174,14 @@ def _pivoted(
     bad = np.isin(of_tag, list(roles.values())) & ~good
     series = {role: _series(of_tag == name, good, time) for role, name in roles.items()}
     for role, places in series.items():
-        if not len(places):
-            raise LogError(f"no good reading of the tag {roles[role]!r}", file=sheet.file,
-                           expected=f"{_OPTIONS[role]}, another tag")
+        _demand_order(sheet, role, roles[role], time[places], places)
     rows = series["temperature"]
     others = {role: held(time[rows], time[places], [sheet.rows[k][value] for k in places], is_power=role == "power")
               for role, places in series.items() if role != "temperature"}
     late = max((each.late for each in others.values()), default=0)
+    if late == len(rows):
+        raise LogError(f"no reading of the tag {roles['temperature']!r} after the first of the power", file=sheet.file,
+                       expected=f"another {_OPTIONS['power']}, or {_OPTIONS['power']} none")
     parts = ", ".join(f"{name!r} as the {role}" for role, name in roles.items())
     repairs = [f"The table is long: of its column {_name(sheet, tag)!r}, {parts}, was read."]
     repairs += [_bad(sheet, bad)] if np.any(bad) else []
@@ -221,6 +222,16 @@ def _series(of_tag: npt.NDArray[np.bool_], good: npt.NDArray[np.bool_], time: Ar
     return rows[::-1] if len(rows) > 1 and np.all(steps <= 0) and np.any(steps < 0) else rows
 
 
+def _demand_order(sheet: Sheet, role: str, name: str, time: Array, places: npt.NDArray[np.intp]) -> None:
+    """Refuse a tag without readings, or whose time goes backwards."""
+    if not len(places):
+        raise LogError(f"no good reading of the tag {name!r}", file=sheet.file, expected=f"{_OPTIONS[role]}, another")
+    back = np.flatnonzero(np.diff(time) < 0)
+    if len(back):
+        raise LogError(f"the time of the tag {name!r} goes backwards", file=sheet.file,
+                       line=sheet.lines[places[back[0] + 1]])
+
+
 def _with_unit(sheet: Sheet, tag: int, name: str, unit: str) -> str:
     """Return a tag as the name of a column: with the unit of a column of units, and never like a column's number."""
     plain = f"tag {name}" if name.isdecimal() else name
@@ -235,7 +246,7 @@ def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: Tags) -> dict[str
     listed = f"{', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''}"
     wanted = {role: getattr(asked, role) for role in _ROLES}
     for role, name in wanted.items():
-        if name not in (None, NO_COLUMN, *tags):
+        if name is not None and name not in tags and (name != NO_COLUMN or role == "temperature"):
             raise LogError(f"column {_name(sheet, tag)!r} holds no tag", file=sheet.file, value=name,
                            expected=f"{_OPTIONS[role]}, one of {listed}")
     free = [name for name in tags if name not in wanted.values()]
@@ -287,8 +298,8 @@ def _time(sheet: Sheet, asked: Tags, unit: str | None) -> tuple[tuple[int, ...],
 def _refine(sheet: Sheet, place: int) -> None:
     """Put the time of WinCC's Time_ms, millionths of days, in place of the stamp in whole seconds."""
     try:
-        days = [float(row[-1]) / 1e6 for row in sheet.rows]
-    except ValueError:
+        moments = [_FIRST_DAY + timedelta(days=float(row[-1]) / 1e6) for row in sheet.rows]
+    except (ValueError, OverflowError):
         return
-    for row, day in zip(sheet.rows, days, strict=True):
-        row[place] = (_FIRST_DAY + timedelta(days=day)).isoformat(" ", "milliseconds")
+    for row, moment in zip(sheet.rows, moments, strict=True):
+        row[place] = moment.isoformat(" ", "milliseconds")
