@@ -104,7 +104,7 @@ def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: lis
 def _are_days(values: Array, named: str | None) -> bool:
     """Return whether these are a spreadsheet's dates: days since 1900, a small part of a day from row to row."""
     low, high = _SHEET_DAYS
-    within = low < values[0] < high and values[-1] < high
+    within = len(values) > 1 and low < values[0] < high and values[-1] < high
     return named is None and within and 0.0 < float(np.median(np.abs(np.diff(values)))) < 0.05
 
 

@@ -166,4 +166,4 @@ def _grows(sheet: Sheet, i: int) -> bool:
         steps = np.diff(np.array(cells, dtype=np.float64))
     except ValueError:
         return False
-    return bool(np.all(steps >= 0.0) and np.mean(steps > 0.0) > 0.9)
+    return bool(np.all(steps >= 0.0) and np.count_nonzero(steps > 0.0) > 0.9 * len(steps))

@@ -23,7 +23,7 @@ from heatertune.log.tables import BUILT_IN, BuiltIn, built_in
 from heatertune.log.tags import Tags, by_tags
 from heatertune.log.taken import Taken
 from heatertune.log.told import Unit, taken_of
-from heatertune.log.values import ABSOLUTE_ZERO_DEGC, MIN_SAMPLES, Log
+from heatertune.log.values import ABSOLUTE_ZERO_DEGC, Log
 from heatertune.units import check, degF_to_degC, kelvin_to_degC
 
 __all__ = ["read_log"]
@@ -101,7 +101,6 @@ def read_log(
                  value=temperature_column, time=time_column, date=date_column)
     tagged = by_tags(sheet, asked, time_unit)
     sheet = plain_cells(tagged.sheet) if tagged.is_long else tagged.sheet
-    _demand_rows(sheet)
     columns = find_columns(sheet, tagged.wanted or wanted, counted=sample_time_s is not None)
     sheet, columns = with_dates(sheet, columns, date_column)
     repairs = [*sheet.repairs, *columns.told]
@@ -148,17 +147,12 @@ def _opened(
 ) -> tuple[Sheet, list[str]]:
     """Return the cells of a file, numbers plain, and what is doubtful of a built-in table."""
     sheet = with_names(read_sheet(table.path if table else source, content, skip_rows))
-    _demand_rows(sheet)
+    if not sheet.rows:
+        raise LogError("the file holds a header and no readings", file=sheet.file, expected="at least 20 rows")
     doubts = list(table.doubts if table else ())
     if table:
         sheet = _errata(table, sheet, errata, doubts)
     return plain_cells(sheet), doubts
-
-
-def _demand_rows(sheet: Sheet) -> None:
-    if len(sheet.rows) < 2:  # what two rows tell can be looked at, and refused with its number
-        found = "a header and no readings" if not sheet.rows else "one row of readings"
-        raise LogError(f"the file holds {found}", file=sheet.file, expected=f"at least {MIN_SAMPLES} rows")
 
 
 def _log(
