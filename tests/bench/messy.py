@@ -528,6 +528,91 @@ def tagged_two(chance: random.Random) -> Messy:
     return Messy("instants of their own", text, truth, {"tag": "TT101", "power_tag": "TY101"})
 
 
+Column = tuple[str, str, list[Any]]  # name, unit, cells
+
+
+def coin(chance: random.Random, share: float = 0.5) -> bool:
+    """Return whether the toss says so."""
+    return chance.random() < share
+
+
+def clock_columns(chance: random.Random, truth: Truth) -> tuple[str, list[Column]]:
+    """Return how the time is written, and its columns."""
+    form = chance.choice(["number", "%Y-%m-%d %H:%M:%S", "%d.%m.%Y %H:%M:%S", "two", "epoch", "%Y-%m-%dT%H:%M:%SZ"])
+    if form == "number":
+        size, unit = chance.choice([(1.0, "s"), (1.0, "s"), (0.001, "ms")])
+        return form, [(chance.choice(["Zeit", "Time", "t"]), unit, [t / size for t in truth.time_s])]
+    if form == "two":
+        return form, [("Datum", "", stamps(truth, "%d.%m.%Y")), ("Uhrzeit", "", stamps(truth, "%H:%M:%S"))]
+    if form == "epoch":
+        return form, [("Timestamp", "", [f"{1_772_000_000_000 + t * 1000:.0f}" for t in truth.time_s])]
+    return form, [(chance.choice(["Zeitstempel", "Time", "DateTime"]), "", stamps(truth, form))]
+
+
+def heat_columns(chance: random.Random, truth: Truth, mark: str, on_off: bool) -> list[Column]:
+    """Return temperature, power and setpoint, with their units in the cells or in the names."""
+    def cells(values: Sequence[float], unit: str, borne: bool) -> list[Any]:
+        return [f"{value:.1f} {unit}".replace(".", mark) for value in values] if borne else list(values)
+
+    borne = coin(chance, 0.3)
+    found: list[Column] = [(chance.choice(["PV", "Istwert", "Temperatur", "T1", "Oven temp", "Kessel.Istwert"]),
+                            "" if borne and coin(chance) else "°C", cells(truth.degC, "°C", borne))]
+    name = chance.choice(["OP", "Stellgrad", "Heizung", "Heater", "Output", "Kessel.Stellwert"])
+    borne = coin(chance, 0.3)
+    if on_off:
+        on, off = chance.choice([("ON", "OFF"), ("TRUE", "FALSE"), ("ein", "aus"), ("100 %", "0 %")])
+        found.append((name, "", [on if u else off for u in truth.power]))
+    else:
+        found.append((name, "" if borne else "%", cells(truth.power, "%", borne)))
+    if coin(chance):
+        truth.setpoint = None
+        return found
+    blank = coin(chance, 0.3)
+    setpoints = ["" if blank and k and w == truth.setpoint[k - 1] else w for k, w in enumerate(truth.setpoint)]
+    return [*found, (chance.choice(["SP", "Sollwert", "Setpoint"]), "°C", setpoints)]
+
+
+def dressed(chance: random.Random, text: str, separator: str, units: Sequence[str]) -> str:
+    """Return a table with a row of units, titles, separators at the ends of its lines."""
+    if any(units):
+        head, rest = text.split("\n", 1)
+        text = "\n".join([head, separator.join(units), rest])
+    if coin(chance, 0.3):
+        titles = ["Export", f"Anlage{separator}3", "", f"Stand{separator}01.03.2026 10:00:00", "Charge 12/7"]
+        text = "\n".join(chance.sample(titles, chance.randint(1, 4))) + "\n" + text
+    if coin(chance, 0.2):
+        text = f"sep={separator}\n" + text
+    if coin(chance, 0.2):
+        text = "\n".join(line + separator if line else line for line in text.split("\n"))
+    return text.replace("\n", chance.choice(["\n", "\r\n"]))
+
+
+def composed(chance: random.Random) -> Messy:
+    """Everything that may meet in one file, each by the toss of a coin."""
+    on_off = coin(chance, 0.2)
+    truth = heater(chance, chance.randint(60, 150), chance.choice([1.0, 5.0, 10.0, 60.0]),
+                   levels=(0, 100) if on_off else (0, 20, 60, 100))
+    separator, mark = chance.choice([(",", "."), (";", ","), (";", "."), ("\t", ","), ("\t", "."), ("|", ",")])
+    form, columns = clock_columns(chance, truth)
+    columns += heat_columns(chance, truth, mark, on_off)
+    n = len(truth.time_s)
+    more = [("Druck", "bar", [round(1.0 + chance.random(), 2) for _ in range(n)]), ("Bemerkung", "", ["Charge 7"] * n),
+            ("Raumtemperatur", "°C", [20.5] * n), ("Nr", "", [str(k + 1) for k in range(n)])]
+    for column in chance.sample(more, chance.randint(0, 4)):
+        columns.insert(0 if column[0] == "Nr" else len(columns), column)
+    rows = list(zip(*(cells for _, _, cells in columns), strict=True))
+    if coin(chance, 0.2):  # the logger writes a row twice
+        again = chance.randrange(5, n - 5)
+        rows.insert(again, rows[again])
+    if coin(chance, 0.15) and form not in ("number", "two") and truth.setpoint is None:
+        rows.reverse()
+    below = coin(chance, 0.3)
+    names = [name if below or not unit else f"{name} {chance.choice(['[{}]', '({})']).format(unit)}" for name, unit, _ in columns]
+    text = table(names, list(zip(*rows, strict=True)), separator, mark)
+    text = dressed(chance, text, separator, [unit for _, unit, _ in columns] if below else [])
+    return Messy("composed", text, truth, encoding=chance.choice(["utf-8", "utf-8-sig", "utf-16", "latin-1"]))
+
+
 # ---- files that must be refused
 
 def two_zones(chance: random.Random) -> Messy:
@@ -599,7 +684,7 @@ def days(chance: random.Random) -> Messy:
 
 
 WRITERS: tuple[Callable[[random.Random], Messy], ...] = (
-    plain, titled, with_units, fahrenheit_cells, switched, clocks, two_columns, epochs, grafana, trace, long_table,
+    composed,     plain, titled, with_units, fahrenheit_cells, switched, clocks, two_columns, epochs, grafana, trace, long_table,
     home_assistant, wincc, started, held_setpoint, counts, logger_restarted, two_zones, foreign_power, no_unit,
     unnamed_tags, odd_flags, broken, coarse_clock, days, extras, grid_of_titles, quoted, trailing, spaced, jitter, influx, flagged,
     before_trigger, mixed_long, relay_between, blanks, two_ovens, odd_lines, summer_time, american, minutes, tagged_two,

@@ -108,7 +108,7 @@ def test_a_clock_that_goes_back_is_no_new_run(tmp_path):
         _read(tmp_path, rows)
 
 
-@pytest.mark.parametrize("readings", [["85"], ["0"], ["85", "85"], ["150.5"], ["180", "170", "160"], ["-40"]])
+@pytest.mark.parametrize("readings", [["85"], ["0"], ["85", "85"], ["85"] * 9, ["0"] * 6, ["150.5"], ["180", "170", "160"], ["-40"]])
 @pytest.mark.parametrize("at_end", [False, True])
 def test_a_sensor_that_starts_or_stops_is_left_out_at_either_end(tmp_path, readings, at_end):
     # 85 °C is what a DS18B20 gives before its first conversion (its data sheet, "power-on reset value")

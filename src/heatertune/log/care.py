@@ -156,14 +156,14 @@ def _wild_ends(values: Array, time: Array) -> list[int]:
     for order in (np.arange(n), np.arange(n)[::-1]):
         y, t = values[order], time[order]
         steps, pauses = np.abs(np.diff(y)), np.abs(np.diff(t))
-        core = y[_LONGEST_SPIKE:]
+        held = int(np.argmax(y != y[0]))
+        starts = bool(y[0] in _STARTS and 0 < held <= max(_LONGEST_SPIKE, _MOST_LOST * n))
+        width = held if starts else int(np.argmax(steps[:_LONGEST_SPIKE])) + 1
+        core = y[max(width, _LONGEST_SPIKE):]
         usual = 1.4826 * float(np.median(np.abs(core[1:-1] - (core[:-2] + core[2:]) / 2.0)))
         least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * float(np.ptp(core)))
-        width = int(np.argmax(steps[:_LONGEST_SPIKE])) + 1
         others = float(np.max(steps[width:-_LONGEST_SPIKE]))
-        times = _ALONE_TIMES if n > 2 * MIN_SAMPLES else np.inf
-        if np.all(np.isin(y[:width], _STARTS)):
-            times = _STARTS_TIMES
+        times = _STARTS_TIMES if starts else _ALONE_TIMES if n > 2 * MIN_SAMPLES else np.inf
         together = pauses[width - 1] <= _PAUSE_TIMES * np.median(pauses)
         if together and others > 0.0 and steps[width - 1] > max(least, times * others):
             found += order[:width].tolist()

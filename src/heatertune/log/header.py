@@ -71,16 +71,15 @@ def _is_value(cell: str) -> bool:
 
 
 def _is_words(row: Sequence[str]) -> bool:
-    """Return whether a row may hold names: no number, and half of its cells filled."""
-    filled = sum(bool(cell) for cell in row)
-    return filled >= max(1, len(row) / 2) and not any(map(_is_value, row))
+    return not any(map(_is_value, row))
 
 
 def _names_row(rows: Sequence[list[str]], words: Sequence[int]) -> int | None:
     """Return which of the rows of words names the columns: the one that tells most roles, of equals the last."""
     if not words:
         return None
-    named = [k for k in words if not _is_units(rows[k])] or list(words[:1])
+    named = [k for k in words if not _is_units(rows[k]) and sum(map(bool, rows[k])) >= len(rows[k]) / 2]
+    named = named or list(words[:1])
     return max(named, key=lambda k: (len({role_of(cell) for cell in rows[k]} - {None}), k))
 
 
