@@ -203,6 +203,6 @@ def test_bad_input_gets_one_line_and_status_2(run, response, by_hand, tmp_path, 
     places = {"LOG": response(setpoint=False), "PID": by_hand, "BARE": tmp_path / "bare.json"}
     status, out, err = run("advise", *(places.get(each, each) for each in arguments), "--quiet")
     assert (status, out) == (2, "")
-    (complaint,) = [line for line in err.splitlines() if not line.startswith("[log] ")]
-    assert complaint.startswith("error: ")
-    assert named in complaint
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert named in err

@@ -57,13 +57,22 @@ def add_output_options(command: argparse.ArgumentParser) -> None:
 def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Progress) -> None:
     """Tell on stderr what was taken of each log as what, and as progress what was repaired or is doubtful.
 
-    The line is no progress: --quiet alone does not silence it, only --quiet with --json, whose document holds it.
+    The line is no progress: with --quiet it waits for the result, so that an error stays the only line; with --quiet
+    and --json it is in the document alone.
     """
     for log in logs:
-        if log.taken is not None and not (settings.quiet and settings.json):
-            print(f"[log] {log.taken.line}", file=sys.stderr, flush=True)
+        line = [] if log.taken is None else [f"[log] {log.taken.line}"]
+        if settings.quiet:
+            settings.taken = [*getattr(settings, "taken", ()), *line]
+        else:
+            _print_lines(line)
         for told in (*log.repairs, *log.doubts):
             progress(told)
+
+
+def _print_lines(lines: Iterable[str]) -> None:
+    for line in lines:
+        print(line, file=sys.stderr, flush=True)
 
 
 def output(settings: argparse.Namespace, document: Mapping[str, Any], summary: Callable[[], str]) -> None:
@@ -73,6 +82,7 @@ def output(settings: argparse.Namespace, document: Mapping[str, Any], summary: C
     if settings.json:
         print(to_json(document), end="")
     else:
+        _print_lines(getattr(settings, "taken", ()))
         print(painted(summary(), sys.stdout))
 
 

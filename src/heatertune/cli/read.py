@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["add_to", "command_of"]
 
-_EXAMPLE = "example: heatertune read log.csv"
+_EXAMPLE = "example: heatertune read table4"
 _ROWS: Final = 5  # shown
 _NO_FLAG: Final = {"sample_time_s": "log-interval"}
 _COLUMNS: Final = (("time_s", "time [s]"), ("temperature_degC", "temperature [°C]"), ("power_pct", "power [%]"),
