@@ -183,3 +183,13 @@ def test_a_reading_is_repeated_by_its_own_options_on_real_logs(real_logs):
         assert again.taken.reading == log.taken.reading
         for name in ("time_s", "temperature_degC", "power_pct", "setpoint_degC"):
             assert np.array_equal(getattr(log, name), getattr(again, name)), (path.stem, name)
+
+
+@pytest.mark.parametrize(("asked", "named"), [
+    ({"power_tag": "Q1"}, "--power-tag means nothing"), ({"setpoint_tag": "none"}, "--setpoint-tag means nothing"),
+    ({"tag_column": "time_s"}, "--tag-column without --tag"), ({"tag": "A"}, "no cell holds the tag 'A'"),
+    ({"date_column": "time_s"}, "no time of day"), ({"tag": "20", "tag_column": "duty_pct"}, "no cell holds the tag '20'"),
+])
+def test_what_is_asked_for_and_cannot_be_heard_is_refused(tmp_path, asked, named):
+    with pytest.raises(LogError, match=named):
+        _read(tmp_path, _table("time_s,temp_C,duty_pct"), **asked)

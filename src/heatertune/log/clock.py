@@ -37,8 +37,10 @@ def with_dates(sheet: Sheet, columns: Columns, wanted: str | int | None) -> tupl
         LogError: no such column.
     """
     place = columns.index.get("time")
-    if place is None or wanted == NO_COLUMN or not is_clock(sheet.rows[0][place]):
+    if wanted == NO_COLUMN or (wanted is None and (place is None or not is_clock(sheet.rows[0][place]))):
         return sheet, columns
+    if place is None or not is_clock(sheet.rows[0][place]):
+        raise LogError("no time of day beside the date", file=sheet.file, expected="--time-column with a time of day")
     free = [i for i in range(len(sheet.rows[0])) if i not in columns.index.values() and is_date(sheet.rows[0][i])]
     if wanted is not None:
         free = [i for i in free if str(wanted) == str(i + 1) or (sheet.header and sheet.header[i] == wanted)]

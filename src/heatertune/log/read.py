@@ -102,7 +102,7 @@ def read_log(
     tagged = by_tags(sheet, asked, time_unit)
     sheet = plain_cells(tagged.sheet) if tagged.is_long else tagged.sheet
     columns = find_columns(sheet, tagged.wanted or wanted, counted=sample_time_s is not None)
-    sheet, columns = with_dates(sheet, columns, date_column)
+    sheet, columns = with_dates(sheet, columns, None if tagged.is_long else date_column)
     repairs = [*sheet.repairs, *columns.told]
     time, clock = seconds(sheet, columns, time_unit, sample_time_s, repairs)
     sheet, time = forwards(sheet, time, repairs)

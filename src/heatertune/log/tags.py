@@ -94,12 +94,23 @@ def by_tags(sheet: Sheet, asked: Tags, time_unit: str | None) -> Tagged:
     tag, value = _places(sheet, asked)
     if tag is not None and value is not None:
         return _pivoted(sheet, asked, tag, value, good, time_unit, options)
+    _demand_long(sheet, asked)
     if asked.temperature is not None:
-        sheet, good, told = _one_tag(sheet, asked.temperature, tag, good)
+        sheet, good, told = _one_tag(sheet, asked.temperature, None if asked.column is None else tag, good)
         options |= told
     if not np.all(good):
         sheet = _without_bad(sheet, good)
     return Tagged(sheet=sheet, lost=int(np.count_nonzero(~good)), options=options)
+
+
+def _demand_long(sheet: Sheet, asked: Tags) -> None:
+    """Refuse what is said of a long table and would not be heard."""
+    unheard = [_OPTIONS[role] for role in _ROLES[1:] if getattr(asked, role) is not None]
+    if asked.column is not None and asked.temperature is None:
+        unheard.append("--tag-column without --tag")
+    if unheard:
+        raise LogError(f"no long table (tag, time, value), so {unheard[0]} means nothing", file=sheet.file,
+                       expected="--temperature-column with its column of values, or no such option")
 
 
 def _quality_place(sheet: Sheet, asked: Tags) -> int | None:
@@ -138,9 +149,9 @@ def _one_tag(
     sheet: Sheet, wanted: str, tag: int | None, good: npt.NDArray[np.bool_]
 ) -> tuple[Sheet, npt.NDArray[np.bool_], dict[str, str]]:
     """Return the rows of one tag of a wide table."""
-    if tag is None or all(row[tag] != wanted for row in sheet.rows):
-        tag = next((i for i in range(len(sheet.rows[0])) if any(row[i] == wanted for row in sheet.rows)), None)
     if tag is None:
+        tag = next((i for i in range(len(sheet.rows[0])) if any(row[i] == wanted for row in sheet.rows)), None)
+    if tag is None or all(row[tag] != wanted for row in sheet.rows):
         raise LogError("no cell holds the tag", file=sheet.file, value=wanted, expected="--tag-column, and a tag of it")
     places = [k for k, row in enumerate(sheet.rows) if row[tag] == wanted]
     told = f"Of {len(sheet.rows)} rows the {len(places)} whose {_name(sheet, tag)!r} is {wanted!r} were read."
