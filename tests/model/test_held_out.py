@@ -77,7 +77,7 @@ def test_a_heater_that_changes_half_way_is_told_by_name():
 
 
 def _half(value, reach):
-    return Half(window_s=(0.0, 1.0), values={"gain_degC_per_pct": value},
+    return Half(window_s=(0.0, 1.0), values={"gain_degC_per_pct": value}, ambient_degC=None, fit_pct=90.0, rmse_degC=0.1,
                 ci95={"gain_degC_per_pct": Interval(low=value - reach, high=value + reach)})
 
 

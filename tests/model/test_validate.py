@@ -61,7 +61,7 @@ def test_a_heater_that_was_warm_at_the_start_is_no_fault_of_the_model():
     assert _judged(log).runs[0].rmse_degC < 0.02
 
 
-def test_the_best_of_the_candidates_is_judged():
+def test_every_heater_that_designs_are_made_for_is_judged_and_the_working_model_only_shown():
     time, power = doublet()
     log = logged(time, power, second=60.0, dead=5.0)
     two = TwoLag(gain_degC_per_pct=GAIN, time_constant_s=LAG, second_time_constant_s=60.0, dead_time_s=5.0,
@@ -69,9 +69,15 @@ def test_the_best_of_the_candidates_is_judged():
     fitted = model_by_hand(two)
     found = validate(fitted, log)
     assert [run.model for run in found.runs] == [two.half_rule(), two]
-    assert found.best == 1
+    assert (found.worst, found.fails) == (1, ())
     assert found.runs[1].fit_pct > 99.5 > found.runs[0].fit_pct
     assert not found.runs[0].input_correlation.ok
+    # one heater that this log rules out, among those that designs are made for, is enough
+    wrong = replace(fitted.candidates[0], model=replace(two, gain_degC_per_pct=10.0 * GAIN))
+    other = validate(replace(fitted, candidates=(*fitted.candidates, wrong)), log)
+    assert (other.worst, other.fails) == (2, ("fit", "bias"))
+    assert other.runs[2].fit_pct < 0.0
+    assert "does not hold" in other.notes[-1]
 
 
 def test_power_on_at_the_first_reading_is_taken_as_begun_there_or_before_whichever_fits():

@@ -14,11 +14,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __all__ = [
-    "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "fleet", "plan", "prove",
-    "prove_ramped", "read_log", "study", "tune", "validate", "write_report",
+    "Asked", "closed", "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "fleet", "plan",
+    "prove", "prove_ramped", "read_log", "study", "tune", "validate", "write_report",
 ]
 
 if TYPE_CHECKING:
+    from heatertune.chain.closing import Asked, closed
     from heatertune.chain.experiment import plan
     from heatertune.chain.fleets import fleet
     from heatertune.chain.ramp import prove_ramped
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
 _STAGES = "stages"
 _HOMES = {
+    "Asked": "closing", "closed": "closing",
     "compare": "targets", "design": "whole", "fleet": "fleets", "plan": "experiment", "prove_ramped": "ramp",
     "study": "studies", "validate": "validation", "write_report": "whole",
 }

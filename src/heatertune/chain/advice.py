@@ -19,6 +19,7 @@ from heatertune.plc import Scaling
 from heatertune.plc.weg.advice import ADVICE, Change, Gains, Symptom, changed
 from heatertune.proof import Proof
 from heatertune.proof.symptoms import Response, observe
+from heatertune.proof.verdict import NOT_PROVEN
 
 __all__ = ["SCHEMA", "advise"]
 
@@ -147,13 +148,13 @@ def _case(label: str, gains: Gains, proof: Proof | None) -> dict[str, Any]:
 
 def _effect(before: Mapping[str, Any], after: Mapping[str, Any], aim: str) -> str:
     """Return what a step does to the criterion it is meant for, and to the verdict."""
-    if after["verdict"] not in ("PASS", "FAIL"):
+    if after["verdict"] not in ("PASS", "FAIL", NOT_PROVEN):
         return "none"
     old, new = before[aim], after[aim]
-    if before["verdict"] == "PASS" and after["verdict"] == "FAIL":
+    if before["verdict"] != "FAIL" and after["verdict"] == "FAIL":
         return "worse: no longer PASS"
     if new == old or abs(new - old) <= _SAME * max(abs(old), abs(new)):
-        return "no difference" if before["verdict"] == after["verdict"] else "better: now PASS"
+        return "no difference" if before["verdict"] == after["verdict"] else f"better: now {after['verdict']}"
     return "better" if new < old else "worse"
 
 

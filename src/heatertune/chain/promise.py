@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from heatertune.errors import NotRepresentable
-from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.pid.robust import ROBUST, Broken, most_broken
-from heatertune.pid.uncertain import draw_heaters, peaks_on
+from heatertune.model.values import FittedModel
+from heatertune.pid.robust import ROBUST, Broken, Open
 from heatertune.pid.values import Promise
 from heatertune.plc import Words, room
 
 __all__ = ["broken_by", "demand_kept"]
 
 
-def broken_by(words: Words, heaters: Sequence[HeaterModel], promise: Promise) -> Broken | None:
+def broken_by(words: Words, heaters: Open, promise: Promise) -> Broken | None:
     """Return where words break a promise, None where they keep it, are no PID controller, or have no heaters."""
     design = room(words.target).decode(words)
-    if design is None or not heaters:
-        return None
-    return most_broken(promise, [peaks_on(heater, design) for heater in heaters])
+    return None if design is None else heaters.broken(promise, design)
 
 
 def demand_kept(words: Words, promise: Promise, fitted: FittedModel, *, told_only: bool = False) -> str:
@@ -34,8 +29,8 @@ def demand_kept(words: Words, promise: Promise, fitted: FittedModel, *, told_onl
     Raises:
         NotRepresentable: the words break it.
     """
-    heaters, where = draw_heaters(fitted), ROBUST[promise.way]
-    if not heaters:
+    heaters, where = Open.of(fitted, promise.way), ROBUST[promise.way]
+    if not len(heaters):
         return "Whether the words keep the limits on drawn heaters cannot be told: this model has no intervals."
     broken = broken_by(words, heaters, promise)
     if broken is None:

@@ -15,10 +15,10 @@ from heatertune.chain.promise import broken_by
 from heatertune.chain.stages import Told, encode, prove
 from heatertune.chain.words import Choice, realised_as
 from heatertune.errors import NotRepresentable
-from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.model.values import FittedModel
 from heatertune.pid.document import read_promise
+from heatertune.pid.robust import Open
 from heatertune.pid.robustness import sensitivity_peaks
-from heatertune.pid.uncertain import draw_heaters
 from heatertune.pid.values import PidDesign, Promise
 from heatertune.plc import Words, room
 from heatertune.proof import Proof
@@ -107,12 +107,12 @@ class _Loop:
     proving: dict[str, Any]
     ms: float
     promise: Promise | None = field(init=False)
-    drawn: tuple[HeaterModel, ...] = field(init=False)
+    drawn: Open | None = field(init=False)
 
     def __post_init__(self) -> None:
         promise = read_promise(self.choice.search.get("robust"))
         object.__setattr__(self, "promise", promise)
-        object.__setattr__(self, "drawn", () if promise is None else draw_heaters(self.fitted))
+        object.__setattr__(self, "drawn", None if promise is None else Open.of(self.fitted, promise.way))
 
     def run(self, words: Words, design: PidDesign) -> _Tried:
         proof: Proof = prove(words, self.fitted, **self.proving)
@@ -144,7 +144,7 @@ class _Loop:
 
     def keeps(self, words: Words) -> bool:
         """Return whether words keep what the choice to begin with promises on drawn heaters."""
-        return self.promise is None or broken_by(words, self.drawn, self.promise) is None
+        return self.promise is None or self.drawn is None or broken_by(words, self.drawn, self.promise) is None
 
 
 def _factor(best: _Tried, first: _Tried, what: str) -> str:

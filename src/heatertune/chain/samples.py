@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 from heatertune.chain.stages import default_pwm_period_s, default_setpoint, labelled
@@ -71,16 +72,21 @@ def _drawing(
     words: Words, fitted: FittedModel, spread: Mapping[str, float], *, setpoint_degC: float | None = None,
     noise_degC: float = 0.0, actuator: Actuator | None = None, known: Mapping[str, str] | None = None,
     interlock: str | None = None, limit_degC: float | None = None, fan_stops_s: float | None = None,
+    step_power_pct: float = 10.0, accept: Sequence[str] = (),
 ) -> Drawing:
     del limit_degC, fan_stops_s  # the interlock's
+    del step_power_pct, accept  # the same for every sample: the proof judges them
     if interlock is not None:
         raise InputError("samples are run without an interlock: leave out --interlock, or --samples and --replay")
-    heaters = [model for _, model in labelled(fitted)]
+    family = [model for _, model in labelled(fitted)]
+    heaters = [model for _, model in labelled(replace(
+        fitted, candidates=tuple(each for each in fitted.candidates if not each.part)))]
     scenario = scenario_for(
-        heaters, noise_degC=noise_degC,
+        family, noise_degC=noise_degC,
         setpoint_degC=default_setpoint(fitted) if setpoint_degC is None else setpoint_degC,
     )
     return Drawing.of(
-        room(words.target), words, heaters, scenario, Spread(heater=spreads_of(fitted), **spread),
+        room(words.target), words, heaters, scenario,
+        Spread(heater=spreads_of(fitted), least_dead_time_s=fitted.least_dead_time_s, **spread),
         actuator or Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s)), dict(known or {}),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.pool import pool_candidates
-from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.model.values import FittedModel, HeaterModel, Outcome
 from heatertune.pid import document as pid_document
 from heatertune.pid.robustness import margins
 from heatertune.pid.timer import Timer
@@ -23,6 +23,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, room
 from heatertune.proof import Actuator, Interlock, Limits, Proof, scenario_for
 from heatertune.proof import prove as prove_words
+from heatertune.proof.verdict import Heard
 
 if TYPE_CHECKING:
     from heatertune.model.closed_loop import Bounds
@@ -43,7 +44,8 @@ ROOM_DEGC = 20.0
 
 def fit(
     log: Log, *, ambient_degC: float | Bounds | None = None, power_before_pct: float | None = None,
-    until_s: float | None = None, thorough: bool = False, companions: bool = False, progress: Told = str,
+    until_s: float | None = None, dead_time_at_most_s: float | None = None, sensor_delay_s: float = 0.0,
+    thorough: bool = False, companions: bool = False, progress: Told = str,
 ) -> FittedModel:
     """Identify the heater behind a log; the paper's controller laws run inside the fit where no power was logged.
 
@@ -52,6 +54,8 @@ def fit(
         ambient_degC: ambient temperature where it is known, or its lowest and highest value [°C].
         power_before_pct: power before the first reading [%].
         until_s: last instant to use [s].
+        dead_time_at_most_s: no dead time is longer, as the user knows [s].
+        sensor_delay_s: by which the sensor is known to lag behind [s].
         thorough: carry every controller hypothesis to the end, however far behind it is.
         companions: whether the candidates of other built-in logs of the same heater are added.
         progress: told what begins.
@@ -61,6 +65,7 @@ def fit(
     """
     settings = {
         "ambient_degC": ambient_degC, "power_before_pct": power_before_pct, "until_s": until_s, "thorough": thorough,
+        "dead_time_at_most_s": dead_time_at_most_s, "sensor_delay_s": sensor_delay_s,
     }
     fitted = _fit_one(log, settings, progress)
     if not companions:
@@ -71,7 +76,8 @@ def fit(
 
 def fit_together(
     logs: Sequence[Log], *, ambient_degC: float | Bounds | None = None, power_before_pct: float | None = None,
-    until_s: float | None = None, progress: Told = str,
+    until_s: float | None = None, dead_time_at_most_s: float | None = None, sensor_delay_s: float = 0.0,
+    progress: Told = str,
 ) -> FittedModel:
     """Identify the one heater behind several logs, all with power or all without; arguments as in `fit`.
 
@@ -82,6 +88,7 @@ def fit_together(
 
     settings: dict[str, Any] = {
         "ambient_degC": ambient_degC, "power_before_pct": power_before_pct, "until_s": until_s,
+        "dead_time_at_most_s": dead_time_at_most_s, "sensor_delay_s": sensor_delay_s,
     }
     laws = () if any(log.power_pct is not None for log in logs) else _laws()
     return _kept(
@@ -93,7 +100,7 @@ def fit_together(
 def fit_known(
     log: Log, words: Words, *, setpoint_degC: float | None = None, known: Mapping[str, str] | None = None,
     ambient_degC: float | Bounds | None = None, power_before_pct: float | None = None, until_s: float | None = None,
-    progress: Told = str,
+    dead_time_at_most_s: float | None = None, sensor_delay_s: float = 0.0, progress: Told = str,
 ) -> FittedModel:
     """Identify the heater behind a log without power whose controller is known.
 
@@ -105,6 +112,8 @@ def fit_known(
         ambient_degC: as in `fit`.
         power_before_pct: power before the first reading [%]; None: none.
         until_s: as in `fit`.
+        dead_time_at_most_s: as in `fit`.
+        sensor_delay_s: as in `fit`.
         progress: told what begins.
 
     Raises:
@@ -118,7 +127,7 @@ def fit_known(
     tried = controllers(words, known)
     settings: dict[str, Any] = {
         "setpoint_degC": setpoint_degC, "ambient_degC": ambient_degC, "power_before_pct": power_before_pct or 0.0,
-        "until_s": until_s,
+        "until_s": until_s, "dead_time_at_most_s": dead_time_at_most_s, "sensor_delay_s": sensor_delay_s,
     }
     inputs = _columns(log) | settings | {
         "target": words.target, "words": dict(words.values), "sample_time_s": words.sample_time_s,
@@ -143,7 +152,7 @@ def _fit_one(log: Log, settings: Mapping[str, Any], progress: Told) -> FittedMod
 
 
 def _columns(log: Log) -> dict[str, Any]:
-    names = ("name", "time_s", "temperature_degC", "power_pct", "setpoint_degC")
+    names = ("name", "time_s", "temperature_degC", "power_pct", "setpoint_degC", "rests_at_degC")
     taken = None if log.taken is None else (log.taken.line, log.taken.repaired_share)
     return {name: getattr(log, name) for name in names} | {"taken": taken}
 
@@ -160,8 +169,13 @@ def _laws() -> Sequence[Any]:
     return LAWS
 
 
-def tune(fitted: FittedModel, *, target: str | None = None, progress: Told = str, **settings: Any) -> PidDesign:
-    """Find K, TN, TV and TA; with a target, TA is what its timer can do. Settings: see `heatertune.pid.tune.tune`.
+def tune(
+    fitted: FittedModel, *, target: str | None = None, scaling: Scaling | None = None, progress: Told = str,
+    **settings: Any,
+) -> PidDesign:
+    """Find K, TN, TV and TA; with a target, TA is what its timer can do, and a reading as fine as its input's.
+
+    Settings: see `heatertune.pid.tune.tune`.
 
     Raises:
         UnknownName, OutOfRange, InputError: as there.
@@ -173,7 +187,8 @@ def tune(fitted: FittedModel, *, target: str | None = None, progress: Told = str
         found = room(target)
         shortest, longest, step = found.sample_times_s
         timer = Timer(shortest_s=shortest, longest_s=longest, step_s=step)
-        settings = {"derivative_filter": found.derivative_filter} | settings
+        settings = {"derivative_filter": found.derivative_filter,
+                    "resolution_degC": (scaling or Scaling()).span_degC / found.counts} | settings
     inputs = {
         "model": _essence(fitted),
         "timer": [timer.shortest_s, timer.longest_s, timer.step_s],
@@ -206,12 +221,12 @@ def prove(
     words: Words, fitted: FittedModel, *, setpoint_degC: float | None = None, noise_degC: float = 0.0,
     actuator: Actuator | None = None, tolerance_degC: float = 1.0, interlock: str | None = None,
     limit_degC: float | None = None, fan_stops_s: float | None = None, known: Mapping[str, str] | None = None,
-    first_look: bool = False,
+    step_power_pct: float = 10.0, accept: Sequence[str] = (), first_look: bool = False,
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
 
-    Without a setpoint, the loop is proven half way between ambient and full power on the weakest model, or, where the
-    model was fitted to a log, where that log rested.
+    Without a setpoint, the loop is proven where the log says that the heater was used, or, without a log, half way
+    between ambient and full power on the weakest model.
 
     Args:
         words: what the PLC will hold.
@@ -224,11 +239,13 @@ def prove(
         limit_degC: temperature at which it switches the heater off [°C]; None: the end of the sensor's range.
         fan_stops_s: instant at which the fan fails [s]; None: it never does.
         known: switch → setting of what is known of this very controller, its manual leaving it open.
+        step_power_pct: most power that one step of the reading may move at once [%].
+        accept: names of findings that the user accepts, see `heatertune.model.findings`.
         first_look: only the nominal model under the default settings, in the same scenario; `export` refuses it.
 
     Raises:
         InputError, OutOfRange: as `heatertune.proof.prove`.
-        UnknownName: no such interlock, switch or setting.
+        UnknownName: no such interlock, switch or setting, or no finding to accept.
     """
     models = labelled(fitted)
     scenario = scenario_for(
@@ -238,7 +255,10 @@ def prove(
     return prove_words(
         room(words.target), words, models[:1] if first_look else models, scenario, open_points=not first_look,
         actuator=actuator or Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s)),
-        limits=Limits(tolerance_degC=tolerance_degC), margins_of=margins, known=known,
+        limits=Limits(tolerance_degC=tolerance_degC, step_power_pct=step_power_pct), margins_of=margins, known=known,
+        heard=Heard(findings=fitted.findings, accepted=tuple(accept), assumed=fitted.assumed,
+                    remarks=tuple(_remarks(words, fitted))),
+        reading_step_degC=fitted.reading_step_degC,
         interlock=None if interlock is None else Interlock(
             name=interlock, limit_degC=words.scaling.high_degC if limit_degC is None else limit_degC,
             fan_stops_s=fan_stops_s,
@@ -248,9 +268,17 @@ def prove(
 
 def labelled(fitted: FittedModel) -> list[tuple[str, HeaterModel]]:
     """Return every candidate with its label, the one that fits best first; an unknown ambient is taken as 20 °C."""
-    known = sorted(fitted.candidates, key=lambda c: (c.log != fitted.candidates[0].log, -c.fit_pct))
-    found = [(candidate.label, candidate.model) for candidate in known] or [("by hand", fitted.model)]
+    known = sorted(fitted.candidates, key=lambda c: (c.part != "", c.log != fitted.candidates[0].log, -c.fit_pct))
+    found = replace(fitted, candidates=tuple(known)).heaters
     return [(label, _with_ambient(model)) for label, model in found]
+
+
+def _remarks(words: Words, fitted: FittedModel) -> Iterator[str]:
+    """Return what stands on the verdict's line beside the findings of the fit."""
+    if fitted.outcome is Outcome.BY_HAND:
+        yield "the model was given by hand"
+    if words.sample_time_s < fitted.log_interval_s:
+        yield f"TA {words.sample_time_s:g} s is below the log's interval of {fitted.log_interval_s:g} s"
 
 
 def _with_ambient(model: HeaterModel) -> HeaterModel:
@@ -258,23 +286,23 @@ def _with_ambient(model: HeaterModel) -> HeaterModel:
 
 
 def default_setpoint(fitted: FittedModel) -> float:
-    """Return where the log rested before it was disturbed, else half way up on the weakest model [°C]."""
-    if fitted.residuals is not None:
-        rest = fitted.residuals.measured_degC
-        return round(float(sum(rest[-10:]) / 10), 1)
+    """Return where the log says that the heater was used, else half way up on the weakest model [°C]."""
+    if fitted.setpoint_degC is not None:
+        return fitted.setpoint_degC
     return min(float(m.ambient_degC or 0.0) + 50.0 * m.gain_degC_per_pct for _, m in labelled(fitted))
 
 
-def default_pwm_period_s(sample_time_s: float) -> float:
-    """Return TA, or the largest whole part of it up to 10 s: each sample then holds whole PWM periods [s]."""
-    return sample_time_s / max(1, math.ceil(sample_time_s / 10.0))
+def default_pwm_period_s(sample_time_s: float, *, most_s: float = 10.0) -> float:
+    """Return TA, or the largest whole part of it up to the most: each sample then holds whole PWM periods [s]."""
+    return sample_time_s / max(1, math.ceil(sample_time_s / most_s))
 
 
 def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str | bytes]:
     """Return the export files of proven words, name → content.
 
     Raises:
-        ExportRefused: the verdict is FAIL and `force` was not given, or the proof is of other words or a first look.
+        ExportRefused: the verdict is not PASS and `force` was not given, or the proof is of other words or a first
+            look.
     """
     if proof.words != words:
         raise ExportRefused("the proof was made for other words; prove these first")

@@ -33,7 +33,7 @@ def validate(
         ambient_degC: ambient during this log [°C].
         power_before_pct: power before the first reading [%].
         until_s: last instant to use [s].
-        least_fit_pct: fit that the best model has to reach [%].
+        least_fit_pct: fit that every model has to reach [%].
 
     Raises:
         InputError: words for a log with power, or no setpoint.

@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from heatertune import cache
+from heatertune.chain.closing import Asked, closed, plainly
 from heatertune.chain.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.chain.documents import log_document, pictures, read_documents, words_document
-from heatertune.chain.pwm import with_pwm
-from heatertune.chain.ramp import prove_ramped
-from heatertune.chain.refine import refine
-from heatertune.chain.stages import Told, export, fit, tune
-from heatertune.chain.words import choose_words, search_document, tune_for_words
+from heatertune.chain.stages import Told, export, fit
+from heatertune.chain.words import search_document
 from heatertune.documents import plain, to_json, write_files
 from heatertune.log import read_log
 from heatertune.log.values import Log
@@ -21,64 +19,42 @@ from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, room
+from heatertune.plc import room
 from heatertune.proof import Proof
 
 __all__ = ["design", "dossier", "redraw", "write_report"]
 
 
 def design(
-    source: str | Path | Log, *, target: str, out: str | Path, reading: Mapping[str, Any] | None = None,
-    fitting: Mapping[str, Any] | None = None, tuning: Mapping[str, Any] | None = None,
-    proving: Mapping[str, Any] | None = None, scaling: Scaling | None = None, force: bool = False, progress: Told = str,
-    words_by: str = "auto", interval_by_words: bool = False, refined: bool = False,
-    switch_kind: str | None = None, setpoint_ramp: float | str | None = None,
+    source: str | Path | Log, asked: Asked, *, out: str | Path, reading: Mapping[str, Any] | None = None,
+    fitting: Mapping[str, Any] | None = None, as_is: bool = False, force: bool = False, progress: Told = str,
 ) -> dict[str, dict[str, Any]]:
     """Run the whole chain, write every stage's document, the export files and the report; return the documents.
 
-    A verdict of FAIL writes documents and report but no export files, unless `force` is given.
+    A verdict that is not PASS writes documents and report but no export files, unless `force` is given.
 
     Args:
         source: a log's file, "table3" / "table4", or what `read_log` returned.
-        target: the controller.
+        asked: what the design is asked for.
         out: directory for the results.
         reading: options of `read_log`; misprints of a built-in table are corrected.
         fitting: options of `fit`.
-        tuning: options of `tune`.
-        proving: options of `prove`.
-        scaling: sensor range.
-        force: export in spite of FAIL.
+        as_is: the plain design, even where another one would pass, see `closed`.
+        force: export whatever the verdict.
         progress: told what begins.
-        words_by: how the words are found, see `choose_words`.
-        interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
-        switch_kind: "relay" or "ssr": the PWM period is proposed for it, see `with_pwm`; a given actuator stays.
-        refined: whether the gains are refined in the loop of the proof, see `refine`.
-        setpoint_ramp: [°C/min], "auto" or "none", see `prove_ramped`.
 
     Raises:
         HeatertuneError: as the stages; nothing is written then.
     """
-    room(target)  # an unknown target is refused before the long part
+    room(asked.target)  # an unknown target is refused before the long part
     log = source if isinstance(source, Log) else read_log(source, **({"errata": True} | dict(reading or {})))
     fitted = fit(log, companions=True, progress=progress, **(fitting or {}))
-    asked = dict(tuning or {})
-    wished = (
-        tune_for_words(fitted, target=target, scaling=scaling, progress=progress, **asked) if interval_by_words
-        else tune(fitted, target=target, progress=progress, **asked)
-    )
-    choice = choose_words(wished, target, fitted, scaling=scaling, way=words_by, progress=progress)
-    conditions = dict(proving or {})
-    if switch_kind is not None:
-        shared = {name: conditions[name] for name in ("setpoint_degC", "tolerance_degC") if name in conditions}
-        wished, actuator = with_pwm(wished, fitted, switch_kind, words=choice.words, **shared)
-        conditions = {"actuator": actuator} | conditions
-    if refined:
-        choice = refine(choice, fitted, proving=conditions, progress=progress)
-    progress(f"proving the words on {len(fitted.plants)} models")
-    proof, notes = prove_ramped(choice.words, fitted, setpoint_ramp, proving=conditions, progress=progress)
+    found = (plainly if as_is else closed)(fitted, asked, progress=progress)
+    proof = found.proof
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
     progress("comparing with other designs, drawing the report")
-    documents = dossier(log, fitted, wished, proof, files, search=search_document(choice, fitted, notes))
+    documents = dossier(log, fitted, found.wished, proof, files,
+                        search=search_document(found.choice, fitted, found.notes))
     _write(documents, files, out)
     return documents
 

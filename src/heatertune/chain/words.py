@@ -17,11 +17,11 @@ from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.document import promise_document
 from heatertune.pid.integers import Found, Integers, Vector, best_integers
 from heatertune.pid.response import iae_load
-from heatertune.pid.robust import TOLERANCE
+from heatertune.pid.robust import TOLERANCE, Open
 from heatertune.pid.robustness import sensitivity_peaks
 from heatertune.pid.timer import Timer
 from heatertune.pid.uncertain import draw_heaters, ms_over
-from heatertune.pid.values import PidDesign, Promise
+from heatertune.pid.values import PidDesign
 from heatertune.plc import Room, Scaling, Words, room
 
 __all__ = ["WAYS", "Choice", "choose_words", "realised_as", "search_document", "tune_for_words"]
@@ -105,10 +105,11 @@ def _choice(
         "words": dict(rounded.values), "target": target, "range": [rounded.scaling.low_degC, rounded.scaling.high_degC],
         "sample_time_s": rounded.sample_time_s, "ms": wished.ms, "plants": [repr(plant) for plant in fitted.plants],
         "promise": repr(design.promise), "drawn": repr(draw_heaters(fitted)) if design.promise else "",
+        "step_power": design.step_power_limit_pct_per_degC,
     }
 
     def run() -> dict[str, Any]:
-        found = _search(rounded, fitted, wished.ms, design.promise)
+        found = _search(rounded, fitted, wished.ms, design)
         return {"words": found.words, "cost": found.cost, "least": found.least, "boxes": found.boxes}
 
     progress(f"searching the whole numbers of {target}")
@@ -131,14 +132,14 @@ def tune_for_words(
         NotRepresentable: the words fit at none of the intervals.
     """
     settings = {name: value for name, value in settings.items() if name != "sample_time_s"}
-    usual = tune(fitted, target=target, progress=progress, **settings)
+    usual = tune(fitted, target=target, scaling=scaling, progress=progress, **settings)
     timer = _timer(room(target))
     intervals = sorted({timer.round(share * usual.sample_time_s) for share in _INTERVALS} | {usual.sample_time_s})
     tried: list[tuple[float, float, PidDesign]] = []
     refused: NotRepresentable | None = None
     for ta in intervals:
         design = usual if ta == usual.sample_time_s else tune(
-            fitted, target=target, progress=progress, sample_time_s=ta, **settings)
+            fitted, target=target, scaling=scaling, progress=progress, sample_time_s=ta, **settings)
         try:
             choice = choose_words(design, target, fitted, scaling=scaling, progress=progress)
         except NotRepresentable as problem:
@@ -171,23 +172,24 @@ def _why_rounded(design: PidDesign, rounded: Words, way: str, wished: _Measured)
     return next((why for applies, why in reasons if applies), None)
 
 
-def _search(rounded: Words, fitted: FittedModel, ms: float, promise: Promise | None) -> Found:
+def _search(rounded: Words, fitted: FittedModel, ms: float, design: PidDesign) -> Found:
     """Return the best whole numbers; a drawn heater on which they break the promise becomes a guard, and again."""
-    problem, guards = _problem(rounded, fitted.plants, ms), list[HeaterModel]()
-    heaters = () if promise is None else draw_heaters(fitted)
+    problem, guards = _problem(rounded, fitted.plants, ms, design.step_power_limit_pct_per_degC), list[HeaterModel]()
+    promise = design.promise
+    heaters = None if promise is None else Open.of(fitted, promise.way)
     while True:
         found = best_integers(problem)
-        if promise is None or found.words is None:
+        if promise is None or heaters is None or found.words is None:
             return found
         broken = broken_by(_with(rounded, found.words), heaters, promise)
-        if broken is None or heaters[broken.place] in guards:
+        if broken is None or broken.heater in guards:
             return found
-        guards.append(heaters[broken.place])
+        guards.append(broken.heater)
         limits = {name: TOLERANCE * limit for name, limit in promise.limits.items()}
         problem = replace(problem, guards=tuple(guards), limits=limits)
 
 
-def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float) -> Integers:
+def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float, step_power: float) -> Integers:
     """Return the search for the best whole numbers; parts that the rounded words leave out stay out.
 
     The D part at most doubles: load disturbances alone would ask for ever more of it, and noise would pay.
@@ -204,7 +206,7 @@ def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float) -> Inte
         except OutOfRange:
             return None
 
-    return Integers(decode=decode, ranges=ranges, plants=plants, ms=ms, start=start)
+    return Integers(decode=decode, ranges=ranges, plants=plants, ms=ms, start=start, step_power=step_power)
 
 
 def _largest(words: Words, name: str) -> int:

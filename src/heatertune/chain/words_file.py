@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from heatertune.documents import number, peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused
 from heatertune.plc import Certificate, Ramp, Scaling, Words, room
+from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, extent, told_of, verdict_line
 
 __all__ = ["WORDS_SCHEMA", "certificate", "export_again", "read_words"]
 
@@ -55,14 +56,13 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
     """Return what an export says about a proof, which is given as its document.
 
     Raises:
-        ExportRefused: the verdict is FAIL and `force` was not given.
+        ExportRefused: the verdict is not PASS and `force` was not given.
     """
     failed = [name for name, criterion in proof["criteria"].items() if not criterion["ok"]]
-    if failed and not force:
-        broken = ", ".join(failed)
-        raise ExportRefused(f"the proof of these words is FAIL ({broken}); --force exports them all the same")
-    models = len({run["model"] for run in proof["runs"]})
-    lines = [f"proven in {len(proof['runs'])} closed-loop runs on {models} heater models"]
+    open_ = blocking(proof)
+    if (failed or open_) and not force:
+        raise ExportRefused(f"{verdict_line(proof)}; --force exports these words all the same")
+    lines = [f"proven {extent(proof)}"]
     if proof["setpoint_ramp"] is not None:
         ramp = proof["setpoint_ramp"]
         rate = f"{Ramp(step=ramp['step'], calls=ramp['calls'])}, {ramp['degC_per_min']:.3g} °C/min"
@@ -71,13 +71,33 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
     lines += [] if watch is None else [f"behind the interlock {watch['name']}, limit {watch['limit_degC']:g} °C"]
     lines += [f"taken as known: {name} = {setting}" for name, setting in proof["known"].items()]
     lines += [f"not kept: {name}" for name in failed]
-    return Certificate(verdict=proof["verdict"], lines=tuple(lines), forced=bool(failed))
+    lines += [f"not proven: {each['told']}" for each in open_]
+    lines += told_of(proof)
+    return Certificate(verdict=_verdict(proof), lines=tuple(lines), forced=bool(failed or open_))
 
 
-def export_again(path: str | Path, target: str, *, force: bool = False) -> dict[str, Any] | None:
+def _verdict(proof: Mapping[str, Any]) -> str:
+    """Return the verdict that follows from a proof's values; what the document calls it is not asked."""
+    broken = any(not criterion["ok"] for criterion in proof["criteria"].values())
+    return "FAIL" if broken else NOT_PROVEN if blocking(proof) else "PASS"
+
+
+def _accepting(proof: Mapping[str, Any], accept: Sequence[str]) -> dict[str, Any]:
+    """Return a proof's document with findings accepted that the user names; errors as `Heard`."""
+    Heard(accepted=tuple(accept))
+    found = [{**each, "accepted": each["accepted"] or each["name"] in accept} for each in proof["findings"]]
+    accepted = {**proof, "findings": found}
+    return accepted | {"verdict": _verdict(accepted)}
+
+
+def export_again(
+    path: str | Path, target: str, *, force: bool = False, accept: Sequence[str] = ()
+) -> dict[str, Any] | None:
     """Return the files of words that were proven before, with their two documents; None where the file holds no words.
 
     The proof is the `proof.json` beside the words, and must be of exactly these.
+
+    `accept` names findings of the fit that the user accepts beside those the proof was made with.
 
     Returns:
         words (document), proof (document), files (name → content).
@@ -99,6 +119,7 @@ def export_again(path: str | Path, target: str, *, force: bool = False) -> dict[
     if other:
         raise ExportRefused(f"{beside}: the proof of other words ({', '.join(other)}); prove these first")
     try:
+        proof = _accepting(proof, accept)
         found = certificate(proof, force=force)
     except (KeyError, TypeError, AttributeError) as problem:
         raise DocumentError(f"{beside}: no whole proof; prove the words again") from problem

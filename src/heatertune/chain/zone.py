@@ -10,14 +10,14 @@ from typing import Any, Final
 
 from heatertune import cache
 from heatertune.chain.batch.values import Column, Row
+from heatertune.chain.closing import Asked, closed
 from heatertune.chain.samples import sample_document
-from heatertune.chain.stages import prove, tune
-from heatertune.chain.words import choose_words, tune_for_words
 from heatertune.errors import HeatertuneError, LogError
 from heatertune.model.values import FittedModel, Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, room
 from heatertune.proof import Proof
+from heatertune.proof.verdict import blocking, combined
 
 __all__ = ["HEAD", "RESULT", "lost_row", "word_columns", "zone_row"]
 
@@ -43,7 +43,7 @@ _DESIGN: Final = {
 
 #: the columns every row begins with
 HEAD: Final = (
-    Column(name="outcome", kind="text", what="PASS or FAIL of the proof; else the stage that refused: no log, no fit, "
+    Column(name="outcome", kind="text", what="PASS, FAIL or NOT PROVEN; else the stage that refused: no log, no fit, "
                                              "no design, no words, no proof; crashed: a fault of the program"),
     Column(name="reason", kind="text", what="what a proof did not keep, or why a stage refused"),
 )
@@ -113,19 +113,15 @@ def zone_row(
         fitted = find()
         row |= _model(fitted)
         with cache.unused():
-            stage = "no design"
-            asked = dict(tuning or {})
-            design = (
-                tune_for_words(fitted, target=target, scaling=scaling, **asked) if interval_by_words
-                else tune(fitted, target=target, **asked)
-            )
-            row |= _design(design)
-            stage = "no words"
-            words = choose_words(design, target, fitted, scaling=scaling, way=words_by).words
-            row |= _words(words)
-            stage = "no proof"
-            conditions = proving or {}
-            row |= _proof(prove(words, fitted, **conditions))
+            conditions, begun = proving or {}, list[str]()
+            try:
+                found = closed(fitted, Asked(
+                    target=target, scaling=scaling, tuning=tuning or {}, proving=conditions, words_by=words_by,
+                    interval_by_words=interval_by_words, setpoint_ramp="none"), stage=begun.append)
+            finally:
+                stage = f"no {begun[-1]}"
+            words = found.proof.words
+            row |= _design(found.wished) | _words(words) | _proof(found.proof)
             return row | _sampled(row, sample_document(words, fitted, samples, **conditions)) if samples else row
     except HeatertuneError as problem:
         return row | {"outcome": "no log" if isinstance(problem, LogError) else stage, "reason": str(problem)}
@@ -161,8 +157,10 @@ def _words(words: Words) -> Row:
 def _proof(proof: Proof) -> Row:
     found = {each.name: each for each in proof.criteria}
     broken = [each.name for each in proof.criteria if not each.ok]
+    reasons = [f"not kept: {', '.join(broken)}"] if broken else []
+    reasons += [f"not proven: {each['name']}" for each in blocking(proof.heard.to_document())]
     return {
-        "outcome": proof.verdict, "reason": f"not kept: {', '.join(broken)}" if broken else None,
+        "outcome": proof.verdict, "reason": "; ".join(reasons) or None,
         "setpoint_degC": proof.nominal.setpoint_degC, "runs": len(proof.runs),
         **{column: None if name not in found or math.isnan(found[name].value) else float(found[name].value)
            for column, name in _CRITERIA.items()},
@@ -178,4 +176,5 @@ def _sampled(row: Row, found: Mapping[str, Any]) -> Row:
     if found["verdict"] == "PASS":
         return told
     few = f"{100.0 * found['passing']:.3g} % of {found['count']} samples keep every limit"
-    return told | {"outcome": "FAIL", "reason": "; ".join(filter(None, (row["reason"], few)))}
+    reason = "; ".join(filter(None, (row["reason"], few)))
+    return told | {"outcome": combined([row["outcome"], found["verdict"]]), "reason": reason}

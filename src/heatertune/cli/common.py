@@ -16,13 +16,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CommandParser", "add_condition_options", "add_log_options", "add_model_options", "add_objective_options",
-    "add_proof_options", "add_ramp_option", "add_reading_options", "add_refine_option", "add_switch_kind_option",
+    "add_proof_options", "add_ramp_option", "add_reading_options", "add_refine_option", "add_step_power_option",
+    "add_switch_kind_option",
     "add_switch_option", "add_tuning_options", "add_words_option", "design_and_model", "fitting",
     "interval_by_words", "model_from", "proof_asked", "proving", "reading", "sample_time", "scaling",
     "setpoint_ramp", "switches", "target", "tuning", "words_and_model",
 ]
 
 _TOLERANCE_DEGC = 1.0
+_STEP_POWER_PCT = 10.0
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
 INTERLOCKS = ("heater-fan",)
@@ -69,6 +71,10 @@ def add_log_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--ambient", type=float, nargs="+", metavar="°C", help=(
         "temperature without power [°C]: the value, or the lowest and the highest it may have; after LOG"))
     group.add_argument("--power-before", type=float, metavar="%", help="power before the first reading [%%]")
+    group.add_argument("--dead-time-at-most", type=float, metavar="S",
+                       help="no dead time is longer, as you know of this heater [s]; the certificate says so")
+    group.add_argument("--sensor-delay", type=float, default=0.0, metavar="S",
+                       help="by which the sensor is known to lag behind [s] (default: 0)")
 
 
 def add_model_options(command: argparse.ArgumentParser) -> None:
@@ -166,6 +172,12 @@ def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = 
     add_condition_options(command)
 
 
+def add_step_power_option(group: Any) -> None:
+    """Add --step-power."""
+    group.add_argument("--step-power", type=float, default=_STEP_POWER_PCT, metavar="%",
+                       help="most power that one step of the reading, or its noise, may move [%%] (default: 10)")
+
+
 def add_switch_option(group: Any, text: str) -> None:
     """Add --switch."""
     group.add_argument("--switch", action="append", default=[], metavar="NAME=SETTING",
@@ -201,6 +213,10 @@ def add_condition_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--tolerance", type=float, default=_TOLERANCE_DEGC, metavar="°C",
                        help="how far from the setpoint is still right: band, offset and swing [°C] (default: 1)")
     group.add_argument("--noise", type=float, default=0.0, metavar="°C", help="sensor noise, standard deviation [°C]")
+    add_step_power_option(group)
+    group.add_argument("--accept", action="append", default=[], metavar="NAME",
+                       help="accept a finding of the fit that leaves words not proven; the certificate says so; may "
+                            "be repeated")
     group.add_argument("--interlock", choices=INTERLOCKS,
                        help="program of the bit processor that may open the heater's circuit")
     group.add_argument("--limit-temperature", type=float, metavar="°C",
@@ -229,12 +245,14 @@ def fitting(settings: argparse.Namespace) -> dict[str, Any]:
     if ambient is not None and len(ambient) > 2:
         raise InputError(f"--ambient has {len(ambient)} values; expected one, or LOW HIGH")
     known = ambient if ambient is None else ambient[0] if len(ambient) == 1 else tuple(ambient)
-    return {"ambient_degC": known, "power_before_pct": settings.power_before, "until_s": settings.until}
+    return {"ambient_degC": known, "power_before_pct": settings.power_before, "until_s": settings.until,
+            "dead_time_at_most_s": settings.dead_time_at_most, "sensor_delay_s": settings.sensor_delay}
 
 
 def tuning(settings: argparse.Namespace) -> dict[str, Any]:
     """Return the options of `chain.tune`; errors as `sample_time`."""
-    return {"sample_time_s": sample_time(settings), "closed_loop_s": settings.closed_loop} | {
+    return {"sample_time_s": sample_time(settings), "closed_loop_s": settings.closed_loop,
+            "step_power_pct": settings.step_power} | {
         name: getattr(settings, name)
         for name in ("structure", "method", "objective", "ms", "mt", "mks", "weight", "robust")
     }
@@ -266,6 +284,7 @@ def proving(settings: argparse.Namespace) -> dict[str, Any]:
         "setpoint_degC": settings.setpoint, "noise_degC": settings.noise, "tolerance_degC": settings.tolerance,
         "known": switches(settings) if "switch" in settings else None,
         "interlock": settings.interlock, "limit_degC": settings.limit_temperature, "fan_stops_s": settings.fan_stops,
+        "step_power_pct": settings.step_power, "accept": tuple(settings.accept),
     }
     if settings.interlock is None and (settings.limit_temperature is not None or settings.fan_stops is not None):
         raise InputError("--limit-temperature and --fan-stops need --interlock: they are told to it")
@@ -338,7 +357,8 @@ def proof_asked(settings: argparse.Namespace) -> bool:
     given = _given(settings, "setpoint", "pwm_period", "pwm_rule", "pwm_resolution", "interlock", "limit_temperature",
                    "fan_stops", "setpoint_ramp")
     other = settings.noise or settings.minimum_on or settings.minimum_off or settings.switch or settings.refine
-    return bool(given or other) or settings.tolerance != _TOLERANCE_DEGC or _by_hand(settings)
+    changed = settings.tolerance != _TOLERANCE_DEGC or settings.step_power != _STEP_POWER_PCT
+    return bool(given or other) or changed or _by_hand(settings)
 
 
 def _by_hand(settings: argparse.Namespace) -> bool:

@@ -24,7 +24,9 @@ def add_to(commands: Any) -> None:
     common.add_refine_option(command)
     common.add_ramp_option(command)
     common.add_switch_kind_option(command)
-    command.add_argument("--force", action="store_true", help="export in spite of a verdict of FAIL")
+    command.add_argument("--as-is", action="store_true",
+                         help="keep the plain design where a more robust one, or a setpoint ramp, would pass")
+    command.add_argument("--force", action="store_true", help="export whatever the verdict")
     common.add_proof_options(command)
     common.add_log_options(command)
     common.add_tuning_options(command)
@@ -42,11 +44,14 @@ def _run(settings: argparse.Namespace) -> int:
     log = chain.read_log(settings.log, **{"errata": True} | common.reading(settings))
     printing.tell_taken(settings, [log], progress)
     documents = chain.design(
-        log, target=target, out=settings.out,
-        fitting=common.fitting(settings), tuning=common.tuning(settings), proving=common.proving(settings),
-        scaling=common.scaling(settings), force=settings.force, progress=progress,
-        words_by=settings.words, interval_by_words=common.interval_by_words(settings),
-        refined=settings.refine, switch_kind=settings.switch_kind, setpoint_ramp=common.setpoint_ramp(settings),
+        log, out=settings.out, fitting=common.fitting(settings), as_is=settings.as_is, force=settings.force,
+        progress=progress,
+        asked=chain.Asked(
+            target=target, scaling=common.scaling(settings), tuning=common.tuning(settings),
+            proving=common.proving(settings), words_by=settings.words,
+            interval_by_words=common.interval_by_words(settings), refined=settings.refine,
+            switch_kind=settings.switch_kind, setpoint_ramp=common.setpoint_ramp(settings),
+        ),
     )
     printing.output(settings, documents, lambda: f"{summary(documents)}\nwritten to {settings.out}")
     return 0 if documents["proof"]["verdict"] == "PASS" else 1

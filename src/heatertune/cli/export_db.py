@@ -16,7 +16,8 @@ def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "export-db", help="pid → words, proven, as text for the PLC", epilog=_EXAMPLE,
-        description="Round a design to words, prove them, and write what is typed into the PLC. Refuses on FAIL.",
+        description="Round a design to words, prove them, and write what is typed into the PLC. Refuses what is "
+                    "not PASS.",
     )
     command.add_argument("pid", metavar="PID|WORDS", help=(
         "pid.json as written by tune; or words.json, exported again as the proof.json beside it says"))
@@ -24,7 +25,7 @@ def add_to(commands: Any) -> None:
     common.add_words_option(command)
     common.add_refine_option(command)
     common.add_ramp_option(command)
-    command.add_argument("--force", action="store_true", help="export in spite of a verdict of FAIL; the files say so")
+    command.add_argument("--force", action="store_true", help="export whatever the verdict; the files say so")
     common.add_proof_options(command)
     common.add_model_options(command)
     printing.add_output_options(command)
@@ -34,16 +35,18 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.chain.words_file import export_again  # noqa: PLC0415 - the help must not wait for it
     from heatertune.documents import to_json, write_files  # noqa: PLC0415
+    from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
     from heatertune.report.text import words_table  # noqa: PLC0415
 
     again = None if common.proof_asked(settings) else export_again(
-        settings.pid, common.target(settings), force=settings.force)
+        settings.pid, common.target(settings), force=settings.force, accept=settings.accept)
     found = again or _proven(settings)
     document = found["words"]
     documents = {"words.json": to_json(document), "proof.json": to_json(found["proof"])}
     written = write_files(settings.out, {**found["files"], **documents})
     names = "\n".join(str(path) for path in written)
-    printing.output(settings, document, lambda: f"{words_table(document)}\nVERDICT {document['verdict']}\n{names}")
+    told = verdict_line(found["proof"])
+    printing.output(settings, document, lambda: f"{told}\n{words_table(document)}\nVERDICT {told}\n{names}")
     return 0
 
 

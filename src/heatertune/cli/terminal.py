@@ -1,4 +1,4 @@
-"""Colour, for eyes only: a verdict is red or green on a terminal and plain text everywhere else."""
+"""Colour, for eyes only: a verdict is red, yellow or green on a terminal and plain text everywhere else."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Final, TextIO
 __all__ = ["has_colour", "painted"]
 
 #: what is painted → its attributes: bold, and one of the eight colours that every terminal has
-_PAINT: Final = {"PASS": "1;32", "FAIL": "1;31", "error:": "1;31"}
-_PAINTED: Final = re.compile(r"\b(?:PASS|FAIL)\b|\Aerror:")
+_PAINT: Final = {"PASS": "1;32", "FAIL": "1;31", "NOT PROVEN": "1;33", "error:": "1;31"}
+_PAINTED: Final = re.compile(r"\b(?:PASS|FAIL|NOT PROVEN)\b|\Aerror:")
 
 
 def has_colour(stream: TextIO) -> bool:

@@ -26,6 +26,7 @@ def add_to(commands: Any) -> None:
     common.add_switch_kind_option(command)
     common.add_model_options(command)
     common.add_tuning_options(command)
+    common.add_step_power_option(command)
     command.add_argument("--second-opinion", action="store_true",
                          help="have python-control compute Ms, too (takes seconds to load)")
     printing.add_output_options(command)

@@ -24,7 +24,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("log", metavar="LOG", help="a CSV file with power, or without where the controller is known")
     command.add_argument("-o", "--out", metavar="FILE", help="write the result to this JSON file")
     command.add_argument("--least-fit", type=float, default=80.0, metavar="%",
-                         help="fit the best of the models has to reach [%%] (default: 80)")
+                         help="fit that every model has to reach [%%] (default: 80)")
     common.add_reading_options(command)
     group = command.add_argument_group("this log")
     group.add_argument("--ambient", type=float, metavar="°C",

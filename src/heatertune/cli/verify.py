@@ -16,7 +16,7 @@ _EXAMPLE = "example: heatertune verify pid.json --target s5-ob251"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "verify", help="prove a design or words: exit status 1 where the verdict is FAIL", epilog=_EXAMPLE,
+        "verify", help="prove a design or words: exit status 1 where the verdict is not PASS", epilog=_EXAMPLE,
         description="Run the closed loop in the PLC's own arithmetic on every candidate model and judge it.",
     )
     command.add_argument("pid", metavar="PID|WORDS", help="pid.json as written by tune, or words.json by export-db")
@@ -51,6 +51,7 @@ def _add_sample_options(command: argparse.ArgumentParser) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.chain.samples import replay_document, sample_document  # noqa: PLC0415
+    from heatertune.proof.verdict import combined, verdict_line  # noqa: PLC0415
     from heatertune.report.text import criteria_table, ramp_note, samples_table  # noqa: PLC0415
 
     words, _, fitted = common.words_and_model(settings)
@@ -69,10 +70,10 @@ def _run(settings: argparse.Namespace) -> int:
             **proving,
         )
         verdicts.append(document["samples"]["verdict"])
-    verdict = document["verdict"] = "PASS" if verdicts == ["PASS"] * len(verdicts) else "FAIL"
-    told = [f"- {note}" for note in (*ramp_note(document), *notes)]
+    verdict = document["verdict"] = combined(verdicts)
+    told, line = [f"- {note}" for note in (*ramp_note(document), *notes)], verdict_line(document)
     printing.output(settings, document, lambda: "\n".join(
-        [criteria_table(document), *told, *samples_table(document), f"VERDICT {verdict}"]
+        [line, criteria_table(document), *told, *samples_table(document), f"VERDICT {line}"]
     ))
     return 0 if verdict == "PASS" else 1
 

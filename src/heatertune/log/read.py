@@ -162,7 +162,8 @@ def _log(
     try:
         return Log(
             name=table.name if table else Path(source).stem, source=table.source if table else str(source),
-            repairs=repairs, doubts=doubts, same_heater=table.same_heater if table else (), taken=taken, **found,
+            repairs=repairs, doubts=doubts, same_heater=table.same_heater if table else (), taken=taken,
+            rests_at_degC=table.rests_at_degC if table else None, **found,
         )
     except OutOfRange as problem:
         raise LogError(str(problem), file=file) from problem

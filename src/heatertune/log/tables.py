@@ -26,6 +26,7 @@ class BuiltIn:
         errata: misprints: line, column, printed, corrected, reason.
         doubts: suspicious readings that are left as they are, one sentence each.
         same_heater: other tables of the same heater.
+        rests_at_degC: where the record rests before it is disturbed [°C].
     """
 
     name: str
@@ -34,6 +35,7 @@ class BuiltIn:
     errata: tuple[Mapping[str, Any], ...]
     doubts: tuple[str, ...]
     same_heater: tuple[str, ...]
+    rests_at_degC: float
 
 
 def built_in(name: str) -> BuiltIn:
@@ -51,6 +53,7 @@ def built_in(name: str) -> BuiltIn:
         errata=tuple(described.get("errata", ())),
         doubts=tuple(f"t = {odd['time_s']} s, {odd['reading']} °C: {odd['why']}" for odd in described["suspicious"]),
         same_heater=tuple(described["same_heater"]),
+        rests_at_degC=float(described["rests_at_degC"]),
     )
 
 

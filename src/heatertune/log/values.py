@@ -36,6 +36,7 @@ class Log(Shown):
         doubts: readings that look odd but were left as they are, one sentence each.
         same_heater: names of built-in logs taken on the same heater.
         taken: what was taken of a file as what, None for a log that was not read from one.
+        rests_at_degC: where the source says that the record rests, None where it says nothing [°C].
 
     Raises:
         OutOfRange: shapes differ, fewer than 20 readings, times not increasing, values not finite,
@@ -52,6 +53,7 @@ class Log(Shown):
     doubts: tuple[str, ...] = ()
     same_heater: tuple[str, ...] = field(default=())
     taken: Taken | None = None
+    rests_at_degC: float | None = None
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
@@ -79,7 +81,7 @@ class Log(Shown):
             name=self.name, source=self.source, time_s=self.time_s[keep],
             temperature_degC=self.temperature_degC[keep], power_pct=cut(self.power_pct),
             setpoint_degC=cut(self.setpoint_degC), repairs=self.repairs, doubts=self.doubts,
-            same_heater=self.same_heater, taken=self.taken,
+            same_heater=self.same_heater, taken=self.taken, rests_at_degC=self.rests_at_degC,
         )
 
 

@@ -54,6 +54,7 @@ def to_document(fitted: FittedModel) -> dict[str, Any]:
         "log_told": list(fitted.log_told),
         "findings": [{"name": each.name, "effect": each.kind.effect, "told": each.told} for each in fitted.findings],
         **{name: getattr(fitted, name) for name in _LOGGED},
+        "assumed": dict(fitted.assumed),
     }
     if fitted.logs:
         document["logs"] = [judgement_document.log_document(each) for each in fitted.logs]
@@ -106,6 +107,7 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "model") -
             findings=tuple(Finding(name=str(each["name"]), told=str(each["told"]))
                            for each in document.get("findings", ())),
             setpoint_degC=optional_number(document, "setpoint_degC", where),
+            assumed={str(name): float(value) for name, value in document.get("assumed", {}).items()},
             **{name: optional_number(document, name, where) or 0.0 for name in _LOGGED if name != "setpoint_degC"},
         )
     except (KeyError, TypeError, AttributeError) as problem:

@@ -12,6 +12,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.log.taken import MOST_REPAIRED
 from heatertune.log.values import Log
 from heatertune.model.by_hand import model_by_hand
+from heatertune.model.circumstances import DelaysKnown
 from heatertune.model.closed_loop import Bounds
 from heatertune.model.feedback import feedback_notes
 from heatertune.model.findings import Finding
@@ -35,6 +36,8 @@ def fit(
     ambient_degC: float | Bounds | None = None,
     power_before_pct: float | None = None,
     until_s: float | None = None,
+    dead_time_at_most_s: float | None = None,
+    sensor_delay_s: float = 0.0,
     thorough: bool = False,
     seed: int = 1,
     progress: Callable[[str], object] = str,
@@ -47,6 +50,8 @@ def fit(
         ambient_degC: ambient temperature where it is known, or its lowest and highest value [°C].
         power_before_pct: power before the first reading [%], where it differs from the first logged one.
         until_s: last instant to use [s]; by default the log is used up to its first disturbance.
+        dead_time_at_most_s: no dead time is longer, as the user knows; only with power [s].
+        sensor_delay_s: by which the sensor is known to lag behind; no dead time below it is believed [s].
         thorough: carry every controller hypothesis to the end, however far behind it is.
         seed: of the random starts and the bootstrap.
         progress: called with a short message when a stage begins.
@@ -57,17 +62,19 @@ def fit(
     """
     bounds = _bounds(ambient_degC)
     _check_given(log, bounds, power_before_pct)
+    delays = DelaysKnown(dead_time_at_most_s=dead_time_at_most_s, sensor_delay_s=sensor_delay_s)
     used, notes = _used(log, until_s)
     if used.power_pct is None:
         _demand_laws(log, laws)
+        _refuse_bound(log, delays)
         progress(f"{log.name}: fitting {len(laws)} controller laws inside the loop")
         found = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
     else:
         progress(f"{log.name}: fitting one and two lags to the logged power")
-        found = _fit_logged(used, bounds, power_before_pct, seed)
+        found = _fit_logged(used, bounds, power_before_pct, seed, delays)
         found = with_relay(used, found, ambient_degC=_single(bounds))
         notes += feedback_notes(used)
-    return _of_files(replace(found, notes=notes + found.notes), [log])
+    return _of_files(delays.applied(replace(found, notes=notes + found.notes), [used]), [log])
 
 
 def fit_known(
@@ -78,6 +85,8 @@ def fit_known(
     ambient_degC: float | Bounds | None = None,
     power_before_pct: float = 0.0,
     until_s: float | None = None,
+    dead_time_at_most_s: float | None = None,
+    sensor_delay_s: float = 0.0,
     seed: int = 1,
     progress: Callable[[str], object] = str,
 ) -> FittedModel:
@@ -90,6 +99,8 @@ def fit_known(
         ambient_degC: as in `fit`.
         power_before_pct: power before the first reading [%]; the controller starts cold.
         until_s: as in `fit`.
+        dead_time_at_most_s: as in `fit`.
+        sensor_delay_s: as in `fit`.
         seed: as in `fit`.
         progress: as in `fit`.
 
@@ -100,6 +111,7 @@ def fit_known(
     bounds = _bounds(ambient_degC)
     _check_given(log, bounds, None)
     check("power_before_pct", power_before_pct, least=0.0, most=100.0)
+    delays = DelaysKnown(dead_time_at_most_s=dead_time_at_most_s, sensor_delay_s=sensor_delay_s)
     used, notes = _used(log, until_s)
     progress(f"{log.name}: running {controllers[0].name.partition(',')[0]} on the logged readings")
     known = _single(bounds)
@@ -113,13 +125,14 @@ def fit_known(
     if offset != 0.0:
         rated = rate(records(used, controllers, setpoint_degC, offset), **given)
     candidates, hypotheses = compare(rated)
-    found = _fit_logged(rated[0].log, bounds, power_before_pct, seed, believed=True)
+    found = _fit_logged(rated[0].log, bounds, power_before_pct, seed, delays, believed=True)
     told = replay_notes(used, controllers, hypotheses, offset)
-    return _of_files(replace(
-        found, candidates=tuple(candidates), hypotheses=tuple(hypotheses),
+    family = (*candidates, *(replace(each, law=hypotheses[0].law) for each in found.candidates if each.part))
+    return _of_files(delays.applied(replace(
+        found, candidates=family, hypotheses=tuple(hypotheses),
         method=f"power by {hypotheses[0].law} on the logged readings; {found.method}",
         notes=(*notes, *told, *feedback_notes(rated[0].log), *found.notes),
-    ), [log])
+    ), [used]), [log])
 
 
 def fit_together(
@@ -129,6 +142,8 @@ def fit_together(
     ambient_degC: float | Bounds | None = None,
     power_before_pct: float | None = None,
     until_s: float | None = None,
+    dead_time_at_most_s: float | None = None,
+    sensor_delay_s: float = 0.0,
     seed: int = 1,
     progress: Callable[[str], object] = str,
 ) -> FittedModel:
@@ -143,6 +158,7 @@ def fit_together(
         OutOfRange: as `fit`.
     """
     bounds = _bounds(ambient_degC)
+    delays = DelaysKnown(dead_time_at_most_s=dead_time_at_most_s, sensor_delay_s=sensor_delay_s)
     powered = [log for log in logs if log.power_pct is not None]
     if powered and len(powered) < len(logs):
         other = next(log for log in logs if log.power_pct is None)
@@ -159,12 +175,13 @@ def fit_together(
         raise InputError(f"{', '.join(names)}: one log given twice says nothing new; give different ones")
     progress(f"fitting one heater to {' and '.join(names)}")
     if powered:
-        found = _together(parts, bounds, power_before_pct, seed)
+        found = _together(parts, bounds, power_before_pct, seed, delays)
     else:
         for log in logs:
             _demand_laws(log, laws)
+            _refuse_bound(log, delays)
         found = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
-    return _of_files(replace(found, notes=(*notes, *found.notes)), logs)
+    return _of_files(delays.applied(replace(found, notes=(*notes, *found.notes)), parts), logs)
 
 
 def _of_files(found: FittedModel, logs: Sequence[Log]) -> FittedModel:
@@ -178,14 +195,17 @@ def _of_files(found: FittedModel, logs: Sequence[Log]) -> FittedModel:
     )
 
 
-def _together(parts: Sequence[Log], bounds: Bounds | None, power_before_pct: float | None, seed: int) -> FittedModel:
+def _together(
+    parts: Sequence[Log], bounds: Bounds | None, power_before_pct: float | None, seed: int, delays: DelaysKnown
+) -> FittedModel:
     explanations, notes = [], []
     for log in parts:
-        found, told = _explained(log, bounds, power_before_pct)
+        found, told = _explained(log, bounds, power_before_pct, delays)
         explanations.append(found)
         notes += [f"{log.name}: {note}" for note in told]
         notes += feedback_notes(log)
-    fitted = fit_logs(explanations, open_start=power_before_pct is None, seed=seed)
+    fitted = fit_logs(explanations, open_start=power_before_pct is None, seed=seed,
+                      least_dead_time_s=delays.least_dead_time_s(parts))
     return replace(fitted, notes=(*notes, *fitted.notes))
 
 
@@ -224,31 +244,41 @@ def _demand_laws(log: Log, laws: Sequence[ControllerLaw]) -> None:
         raise InputError(f"{log.name}: the power was not logged and no controller law was given to run in the fit")
 
 
+def _refuse_bound(log: Log, delays: DelaysKnown) -> None:
+    if delays.dead_time_at_most_s is not None:
+        raise InputError(f"{log.name}: the power was not logged, so dead_time_at_most_s bounds nothing here: the "
+                         "possible heaters span the dead time")
+
+
 def _single(bounds: Bounds | None) -> float | None:
     """Return the ambient where it is one value."""
     return None if bounds is None or bounds[0] < bounds[1] else bounds[0]
 
 
 def _fit_logged(
-    log: Log, bounds: Bounds | None, power_before_pct: float | None, seed: int, *, believed: bool = False
+    log: Log, bounds: Bounds | None, power_before_pct: float | None, seed: int, delays: DelaysKnown, *,
+    believed: bool = False,
 ) -> FittedModel:
     """Return the fit of a log with power."""
-    found, told = _explained(log, bounds, power_before_pct, believed=believed)
-    fitted = fit_power(found, weighed(found, open_start=power_before_pct is None, seed=seed))
+    found, told = _explained(log, bounds, power_before_pct, delays, believed=believed)
+    fitted = fit_power(found, weighed(found, open_start=power_before_pct is None, seed=seed),
+                       least_dead_time_s=delays.least_dead_time_s([log]), seed=seed)
     return replace(fitted, notes=told + fitted.notes)
 
 
 def _explained(
-    log: Log, bounds: Bounds | None, power_before_pct: float | None, *, believed: bool = False
+    log: Log, bounds: Bounds | None, power_before_pct: float | None, delays: DelaysKnown, *, believed: bool = False
 ) -> tuple[Explained, tuple[str, ...]]:
     """Return what explains a log with power; a free ambient that leaves its interval is taken at the nearest end."""
     known = _single(bounds)
     _demand_excitation(log, known)
-    found = explained(log, ambient_degC=known, power_before_pct=power_before_pct, believed=believed)
+    given: dict[str, Any] = {"power_before_pct": power_before_pct, "believed": believed,
+                             "most_dead_time_s": delays.dead_time_at_most_s}
+    found = explained(log, ambient_degC=known, **given)
     end = None if bounds is None else _nearest_end(found, bounds)
     if end is None:
         return found, ()
-    held = explained(log, ambient_degC=end, power_before_pct=power_before_pct, believed=believed)
+    held = explained(log, ambient_degC=end, **given)
     return held, (f"Left free, the ambient leaves the given interval; its end of {end:g} °C was taken.",)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,17 +11,19 @@ import numpy.typing as npt
 
 from heatertune.model.agreement import agreement_notes, disagreements
 from heatertune.model.diagnosis import limit_notes, log_notes, longest_hold_s, rival_notes
+from heatertune.model.ends import joint_ends, told_apart
+from heatertune.model.family import open_ends
 from heatertune.model.fit_power import Explained, Weighed, outcome_of, values_of, weighed
 from heatertune.model.intervals import RATIO, identified_parts
 from heatertune.model.joint import JointFit, JointProblem
-from heatertune.model.joint_intervals import joint_intervals
+from heatertune.model.joint_intervals import joint_held_at, joint_intervals
 from heatertune.model.loads import bic_of
 from heatertune.model.open_loop import PowerProblem
 from heatertune.model.power_candidates import second_is_seen
 from heatertune.model.projection import AMBIENT, DRIFT, GAIN
 from heatertune.model.rivals import lies_inside, widened
 from heatertune.model.statistics import autocorrelation, fit_pct
-from heatertune.model.values import Candidate, FittedModel, Fopdt, Interval, OneLog, Residuals
+from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Interval, OneLog, Residuals
 
 __all__ = ["fit_logs"]
 
@@ -41,7 +43,9 @@ class _Joint(NamedTuple):
     told: str = ""
 
 
-def fit_logs(logs: Sequence[Explained], *, open_start: bool, seed: int) -> FittedModel:
+def fit_logs(
+    logs: Sequence[Explained], *, open_start: bool, seed: int, least_dead_time_s: float
+) -> FittedModel:
     """Return the one FOPDT behind several logs with power.
 
     Shared: gain, time constant, dead time. Each log has its own ambient, initial state, drift, loads and noise.
@@ -52,6 +56,7 @@ def fit_logs(logs: Sequence[Explained], *, open_start: bool, seed: int) -> Fitte
         logs: what explains each alone.
         open_start: nobody knows the power before the logs.
         seed: of the bootstrap.
+        least_dead_time_s: no dead time below this is believed.
     """
     logs, best = _drifting(logs)
     weights = [weighed(log, open_start=open_start, seed=seed) for log in logs]
@@ -63,11 +68,14 @@ def fit_logs(logs: Sequence[Explained], *, open_start: bool, seed: int) -> Fitte
     # the ambient told is the first log's, whatever another's was
     others += [values_of(log.model) | {"ambient_degC": math.nan} for log in logs if apart]
     ci95: dict[str, Interval | None] = {**widened(inside, others)}
-    ratio, lag = ci95.pop(RATIO), ci95["time_constant_s"]
-    assert ratio is not None
+    lag = ci95["time_constant_s"]
     assert lag is not None
     candidates = (*_candidates(best, rivals, _others(best, logs, open_lag=lag.high is None), logs),
                   *(_own(log) for log in logs if apart))
+    family = told_apart([*candidates, *_ends(best, logs, candidates[0], ci95, least_dead_time_s)], least_dead_time_s)
+    findings = tuple(open_ends([("one lag", ci95)]))
+    ratio = ci95.pop(RATIO)
+    assert ratio is not None
     known = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
     model, first = _fopdt(best), logs[0]
     simulated = first.at_readings(best.problem.parts[0], best.fit.parts[0])
@@ -79,7 +87,8 @@ def fit_logs(logs: Sequence[Explained], *, open_start: bool, seed: int) -> Fitte
         "or block bootstrap, whichever reaches further",
         ci95=ci95,
         combinations={} if known else {RATIO: (values_of(model)[RATIO], ratio)},
-        candidates=candidates,
+        candidates=family,
+        findings=findings,
         fit_pct=fit,
         notes=(*agreement_notes(alone, apart), *_log_notes(best, logs),
                *limit_notes(model, best.problem.on_bound(best.fit), ci95,
@@ -187,6 +196,21 @@ def _alone(log: Explained, weight: Weighed, best: _Joint, place: int) -> OneLog:
         values={name: value for name, value in values_of(model).items() if name in ends and name != "ambient_degC"},
         ci95={name: found for name, found in ends.items() if name != "ambient_degC"},
     )
+
+
+def _ends(
+    best: _Joint, logs: Sequence[Explained], first: Candidate, ci95: Mapping[str, Interval | None],
+    least_dead_time_s: float,
+) -> Iterator[Candidate]:
+    cleaned = [log.cleaned for log in logs]
+
+    def held(name: str, value: float) -> tuple[HeaterModel | None, float, float]:
+        found = best._replace(fit=joint_held_at(best.problem, best.fit, name, value))
+        simulated = _simulated(found, logs)
+        left = np.concatenate(cleaned) - np.concatenate(simulated)
+        return found.fit.parts[0].model, _fit_pct(cleaned, simulated), float(np.sqrt(np.mean(left**2)))
+
+    return joint_ends(first.log, first.window_s, ci95, held, law=first.law, least_dead_time_s=least_dead_time_s)
 
 
 def _simulated(found: _Joint, logs: Sequence[Explained]) -> list[Array]:

@@ -12,10 +12,12 @@ import numpy.typing as npt
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.diagnosis import notes_of
-from heatertune.model.intervals import RATIO, identified_parts
+from heatertune.model.family import family_of
+from heatertune.model.intervals import PERIOD, RATIO, identified_parts
 from heatertune.model.judge import correlation_of, judged, judgement_notes
 from heatertune.model.judgement import Validation
 from heatertune.model.loads import bic_of, left_over, with_loads
+from heatertune.model.measures import ultimate_period_s
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.outliers import tamed, without_outliers
 from heatertune.model.power_candidates import candidates_of, second_is_seen
@@ -86,17 +88,20 @@ class Weighed(NamedTuple):
 
 
 def explained(
-    log: Log, *, ambient_degC: float | None, power_before_pct: float | None, believed: bool = False
+    log: Log, *, ambient_degC: float | None, power_before_pct: float | None, believed: bool = False,
+    most_dead_time_s: float | None = None,
 ) -> Explained:
     """Return one lag and two, each with the start, drift and loads that a log with power asks for.
 
-    `believed`: the power is known to be the heater's, so its cause is not asked for.
+    `believed`: the power is known to be the heater's, so its cause is not asked for. `most_dead_time_s`: no dead time
+    is longer, as the user knows.
 
     Raises:
         InputError: the power cannot have made the temperature (sign, clock, no answer at all).
     """
     readings = Readings.of(log)
-    problem = PowerProblem(readings=readings, ambient_degC=ambient_degC, power_before_pct=power_before_pct)
+    problem = PowerProblem(readings=readings, ambient_degC=ambient_degC, power_before_pct=power_before_pct,
+                           most_dead_time_s=most_dead_time_s)
     return _search(log, problem, believed=believed)
 
 
@@ -108,20 +113,28 @@ def weighed(found: Explained, *, open_start: bool, seed: int) -> Weighed:
     return Weighed(inside, validation, rivals)
 
 
-def fit_power(found: Explained, weight: Weighed) -> FittedModel:
+def fit_power(found: Explained, weight: Weighed, *, least_dead_time_s: float, seed: int) -> FittedModel:
     """Return the FOPDT of a log with power, its intervals, and the candidates.
 
     Beside one lag: two lags, a time constant for heating and one for cooling, an integrator; a drift of the ambient
-    and load steps where the log asks for them.
+    and load steps where the log asks for them; the ends of the intervals, and the halves where they disagree.
+
+    Args:
+        found: what explains the log.
+        weight: what one lag is worth.
+        least_dead_time_s: no dead time below this is believed.
+        seed: of the bootstrap.
     """
     log, one = found.log, found.fits[0]
     inside, validation, rivals = weight
     ci95: dict[str, Interval | None] = {**widened(inside, [values_of(rival.model) for rival in rivals])}
-    ratio, lag = ci95.pop(RATIO), ci95["time_constant_s"]
-    assert ratio is not None
+    lag = ci95["time_constant_s"]
     assert lag is not None
     candidates = candidates_of(
         log, found.problems, found.fits, left_out=validation.held_out, open_lag=lag.high is None, rivals=rivals)
+    family, findings = family_of(found, candidates, ci95, validation.halves, least_dead_time_s, seed)
+    ratio, _ = ci95.pop(RATIO), ci95.pop(PERIOD)
+    assert ratio is not None
     known = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
     simulated = found.simulated_degC
     fit = fit_pct(found.cleaned, simulated)
@@ -133,7 +146,8 @@ def fit_power(found: Explained, weight: Weighed) -> FittedModel:
         "intervals: profile likelihood or block bootstrap, whichever reaches further",
         ci95=ci95,
         combinations={} if known else {RATIO: (values_of(found.model)[RATIO], ratio)},
-        candidates=candidates,
+        candidates=family,
+        findings=findings,
         fit_pct=fit,
         notes=(*notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
                *(rival.told for rival in rivals), *judgement_notes(log, validation, fit, second)),
@@ -156,6 +170,7 @@ def values_of(model: Fopdt) -> dict[str, float]:
     return {name: float(getattr(model, name)) for name in named} | {
         "ambient_degC": math.nan if model.ambient_degC is None else model.ambient_degC,
         RATIO: model.gain_degC_per_pct / model.time_constant_s,
+        PERIOD: ultimate_period_s(model),
     }
 
 

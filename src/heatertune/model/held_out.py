@@ -65,7 +65,9 @@ def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
     reach = reaches(part, found)
     ends = {"dead_time_s": float(part.low[1])}
     return Half(
-        window_s=(start, end), values=values,
+        window_s=(start, end), values=values, ambient_degC=found.model.ambient_degC,
+        fit_pct=fit_pct(part.readings.temperature_degC, found.simulated_degC),
+        rmse_degC=_rms(part.readings.temperature_degC - found.simulated_degC),
         ci95={name: _around(values[name], reach[name], ends.get(name, 0.0)) for name in _SHOWN},
     )
 

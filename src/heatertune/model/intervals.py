@@ -8,12 +8,15 @@ import numpy.typing as npt
 from heatertune.model.statistics import percentile_interval
 from heatertune.model.values import Interval
 
-__all__ = ["RATIO", "envelope", "hull", "identified", "identified_parts", "interval"]
+__all__ = ["PERIOD", "RATIO", "envelope", "hull", "identified", "identified_parts", "interval"]
 
 Array = npt.NDArray[np.float64]
 
 #: name of what is known where gain and time constant are not
 RATIO = "gain_per_time_constant_degC_per_s_pct"
+
+#: name of the period at which the heater lags by half a turn
+PERIOD = "ultimate_period_s"
 
 _WIDE = 0.3  # an interval wider than ±30 % of its centre identifies nothing
 

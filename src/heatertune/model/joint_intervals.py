@@ -15,17 +15,16 @@ from scipy.special import stdtrit
 from heatertune.model.intervals import RATIO as PER_LAG
 from heatertune.model.intervals import envelope, hull, interval
 from heatertune.model.joint import DEAD, FIRST_AMBIENT, LAG, POWER, JointFit, JointProblem
-from heatertune.model.least_squares import minimise
+from heatertune.model.least_squares import Minima, minimise
 from heatertune.model.projection import AMBIENT, GAIN
 from heatertune.model.statistics import block_resamples
-from heatertune.model.uncertainty import LEAST_FREEDOM, STEPS, colour, crossing
+from heatertune.model.uncertainty import LEAST_FREEDOM, READINGS, STEPS, colour, crossing
 from heatertune.model.values import Interval
 
-__all__ = ["joint_intervals"]
+__all__ = ["joint_held_at", "joint_intervals"]
 
 Array = npt.NDArray[np.float64]
 
-_READINGS = 400  # averaged, of each log
 _RESAMPLES = 200
 
 #: of vectors, shape (n, 4) or (n, 5)
@@ -45,7 +44,7 @@ def joint_intervals(problem: JointProblem, fit: JointFit, *, seed: int) -> dict[
 
     An end on a bound of the search is open.
     """
-    thin, told = problem.thinned(_READINGS), problem.with_ambient(fit)[1]
+    thin, told = problem.thinned(READINGS), problem.with_ambient(fit)[1]
     fit = thin.refined(fit.vector[None, :])
     wider, best = thin.with_ambient(fit)
     measures = {name: each for name, each in _MEASURES.items() if name != "ambient_degC" or len(best) > FIRST_AMBIENT}
@@ -142,13 +141,22 @@ def _profile(problem: JointProblem, best: Array, name: str, noise: Mapping[str, 
     found = []
     for side in (-1.0, 1.0):
         values = np.clip(value + side * deviation * STEPS, *_ends(problem)[name])
-        rise = np.array([0.0, *np.maximum(_held(problem, best, name, values) - least, 0.0)])
+        rise = np.array([0.0, *np.maximum(_held(problem, best, name, values).cost - least, 0.0)])
         found.append(crossing(np.array([value, *values]), rise, limit))
     return Interval(low=found[0], high=found[1])
 
 
-def _held(problem: JointProblem, best: Array, name: str, values: Array) -> Array:
-    """Return the least weighted sum of squares with the named number held at each value."""
+def joint_held_at(problem: JointProblem, fit: JointFit, name: str, value: float) -> JointFit:
+    """Return one heater for all logs with one number held: dead time [s], or gain per time constant."""
+    thin = problem.thinned(READINGS)
+    vector = _held(thin, thin.refined(fit.vector[None, :]).vector, name, np.array([value])).parameters[0].copy()
+    if name == PER_LAG:
+        vector[POWER] += vector[LAG]
+    return problem.at(vector)
+
+
+def _held(problem: JointProblem, best: Array, name: str, values: Array) -> Minima:
+    """Return the fits and least weighted sums of squares with the named number held at each value."""
     per_lag = name == PER_LAG
     place = {"time_constant_s": LAG, "dead_time_s": DEAD, "ambient_degC": FIRST_AMBIENT}.get(name, POWER)
     starts = np.tile(best, (len(values), 1))
@@ -157,4 +165,4 @@ def _held(problem: JointProblem, best: Array, name: str, values: Array) -> Array
     high[place] = problem.low[place]  # held
     records = np.tile(problem.records, (len(values), 1))
     residuals = problem.residuals(records, per_lag=per_lag)
-    return minimise(residuals, starts, problem.low, high, iterations=12).cost
+    return minimise(residuals, starts, problem.low, high, iterations=12)

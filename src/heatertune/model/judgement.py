@@ -58,11 +58,16 @@ class Half:
         window_s: first and last instant [s].
         values: parameter → its value, unit in the name.
         ci95: parameter → 95 % interval, symmetrical; an end that no heater can have is open.
+        ambient_degC: of this half, None where no temperature there is [°C].
+        fit_pct, rmse_degC: on this half [%, °C].
     """
 
     window_s: Bounds
     values: Mapping[str, float]
     ci95: Mapping[str, Interval]
+    ambient_degC: float | None
+    fit_pct: float
+    rmse_degC: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ __all__ = [
 ]
 
 _OF_LOG = ("name", "fit_pct", "alone_fit_pct", "ambient_degC", "drift_degC_per_s", "noise_degC")
+_OF_HALF = ("ambient_degC", "fit_pct", "rmse_degC")
 
 
 def to_document(found: Validation) -> dict[str, Any]:
@@ -44,7 +45,8 @@ def correlation_document(found: InputCorrelation | None) -> dict[str, Any] | Non
 
 
 def _half_document(half: Half) -> dict[str, Any]:
-    return {"window_s": list(half.window_s), **_parameters(half.values, half.ci95)}
+    beside = {name: getattr(half, name) for name in _OF_HALF}
+    return {"window_s": list(half.window_s), **beside, **_parameters(half.values, half.ci95)}
 
 
 def from_document(document: Mapping[str, Any]) -> Validation | None:
@@ -83,8 +85,11 @@ def one_log(document: Mapping[str, Any]) -> OneLog:
 
 def _half(part: Mapping[str, Any]) -> Half:
     start, end = part["window_s"]
-    values, ci95 = _values({key: value for key, value in part.items() if key != "window_s"})
-    return Half(window_s=(float(start), float(end)), values=values, ci95=ci95)
+    values, ci95 = _values({key: value for key, value in part.items() if key not in ("window_s", *_OF_HALF)})
+    ambient, *fits = (part[name] for name in _OF_HALF)
+    return Half(window_s=(float(start), float(end)), values=values, ci95=ci95,
+                ambient_degC=None if ambient is None else float(ambient),
+                **{name: float(value) for name, value in zip(_OF_HALF[1:], fits, strict=True)})
 
 
 def _parameters(values: Mapping[str, float], ci95: Mapping[str, Interval]) -> dict[str, Any]:

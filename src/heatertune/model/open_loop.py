@@ -76,6 +76,7 @@ class PowerProblem:
         loads_s: instants at which an unknown load begins to act, for good.
         sign: of the gain: 1 a heater, -1 the opposite, 0 either.
         least_dead_time_s: lower bound of the dead time; below 0 the temperature runs ahead of the power.
+        most_dead_time_s: upper bound of the dead time that the user knows, None: a quarter of the log.
     """
 
     readings: Readings
@@ -86,14 +87,16 @@ class PowerProblem:
     loads_s: tuple[float, ...] = ()
     sign: float = 1.0
     least_dead_time_s: float = 0.0
+    most_dead_time_s: float | None = None
     low: Array = field(init=False)
     high: Array = field(init=False)
 
     def __post_init__(self) -> None:
         sample, length = _sample_and_length(self.readings)
         ratio = _RATIO if self.two_lags else (0.0, 0.0)
+        longest = min(length / 4.0, math.inf if self.most_dead_time_s is None else self.most_dead_time_s)
         object.__setattr__(self, "low", np.array([math.log(0.5 * sample), self.least_dead_time_s, ratio[0]]))
-        object.__setattr__(self, "high", np.array([math.log(_FAR * length), length / 4.0, ratio[1]]))
+        object.__setattr__(self, "high", np.array([math.log(_FAR * length), longest, ratio[1]]))
 
     @property
     def known(self) -> Array:
@@ -182,20 +185,20 @@ class PowerProblem:
         """Return the best fit that the starts (n, 3) lead to."""
         records = np.tile(self.readings.temperature_degC, (len(starts), 1))
         z = self.minimum(starts, records, iterations=60, tolerance=1e-9)
-        return self._result(z[np.argmin(self.cost(z, records))])
+        return self.at(z[np.argmin(self.cost(z, records))])
 
     def far(self) -> PowerFit:
         """Return the best fit whose time constant is the longest searched: the heater as an integrator."""
         starts = np.column_stack([np.full(9, self.high[0]), np.linspace(self.low[1], self.high[1], 9), np.zeros(9)])
         records = np.tile(self.readings.temperature_degC, (9, 1))
         z = self.minimum(starts, records, held=0, iterations=30)
-        return self._result(z[np.argmin(self.cost(z, records))])
+        return self.at(z[np.argmin(self.cost(z, records))])
 
     def held(self, vector: Array, gain: float) -> PowerFit:
         """Return the fit with lags, dead time and gain given [°C/%], whatever the bounds of this log's own search."""
         known = self.nothing_more(1)
         known.values[0, GAIN] = gain
-        return self._result(vector, known)
+        return self.at(vector, known)
 
     def thinned(self, most: int) -> PowerProblem:
         """Return the problem with its readings averaged to about `most`."""
@@ -213,7 +216,8 @@ class PowerProblem:
         ratios = np.array([0.05, 0.2, 0.5, 0.9]) if self.two_lags else np.zeros(1)
         return np.array(np.meshgrid(lags, dead, ratios)).reshape(3, -1).T.copy()
 
-    def _result(self, z: Array, known: Known | None = None) -> PowerFit:
+    def at(self, z: Array, known: Known | None = None) -> PowerFit:
+        """Return the fit with lags and dead time given, and of the linear unknowns what is known (one row)."""
         record = self.readings.temperature_degC
         residuals, linear = self.solve(z[None, :], record[None, :], known)
         return PowerFit(

@@ -15,19 +15,23 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import stdtrit
 
-from heatertune.model.intervals import RATIO, envelope, hull, interval
-from heatertune.model.open_loop import PowerFit, PowerProblem
+from heatertune.model.intervals import PERIOD, RATIO, envelope, hull, interval
+from heatertune.model.open_loop import Known, PowerFit, PowerProblem
 from heatertune.model.projection import AMBIENT, GAIN
 from heatertune.model.statistics import autocorrelation, block_resamples
+from heatertune.model.ultimate import fits_of_period, periods_of
 from heatertune.model.values import Interval
 
-__all__ = ["LEAST_FREEDOM", "STEPS", "colour", "crossing", "intervals", "reaches", "sensitivities"]
+__all__ = [
+    "LEAST_FREEDOM", "READINGS", "STEPS", "colour", "crossing", "held_at", "intervals", "reaches", "sensitivities",
+]
 
 Array = npt.NDArray[np.float64]
 
 
 _NAMES = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
-_READINGS = 400  # averaged: neighbours of coloured noise say little more than their mean
+#: of a log, in what is said of its intervals
+READINGS = 400  # averaged: neighbours of coloured noise say little more than their mean
 _RESAMPLES = 200
 #: of the noise, however coloured
 LEAST_FREEDOM = 4.0
@@ -46,16 +50,23 @@ class _Noise:
 
 
 def intervals(problem: PowerProblem, fit: PowerFit, *, seed: int) -> dict[str, Interval]:
-    """Return the 95 % interval of each parameter and of gain per time constant; an end on a bound is open."""
-    problem, told = problem.thinned(_READINGS), fit
+    """Return the 95 % interval of each parameter, of gain per time constant and of the ultimate period.
+
+    An end on a bound of the search is open, but for a bound of the dead time that the user knows.
+    """
+    problem, told = problem.thinned(READINGS), fit
     fit = problem.refined(fit.vector[None, :])
     noise = _noise(problem, fit)
     ends = _ends(problem)
-    return {
+    found = {
         name: envelope(hull(interval(values, *ends[name]), _profile(problem, fit, name, noise)), [_value(told, name)])
         for name, values in _bootstrap(problem, fit, seed).items()
         if name in noise.deviation
     }
+    dead, most = found["dead_time_s"], problem.most_dead_time_s
+    if dead.high is None and most is not None:
+        found["dead_time_s"] = replace(dead, high=most)
+    return found
 
 
 def reaches(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
@@ -75,6 +86,7 @@ def _ends(problem: PowerProblem) -> dict[str, tuple[float, float]]:
         "dead_time_s": (float(low[1]), float(high[1])),
         "ambient_degC": (-math.inf, math.inf),
         RATIO: (0.0, math.inf),
+        PERIOD: (0.0, math.inf),
     }
 
 
@@ -86,8 +98,8 @@ def _bootstrap(problem: PowerProblem, fit: PowerFit, seed: int) -> dict[str, Arr
     z = problem.minimum(np.tile(fit.vector, (len(records), 1)), records)
     _, linear = problem.solve(z, records)
     lag = np.exp(z[:, 0])
-    values = (linear[:, GAIN], lag, z[:, 1], linear[:, AMBIENT], linear[:, GAIN] / lag)
-    return dict(zip((*_NAMES, RATIO), values, strict=True))
+    values = (linear[:, GAIN], lag, z[:, 1], linear[:, AMBIENT], linear[:, GAIN] / lag, periods_of(z))
+    return dict(zip((*_NAMES, RATIO, PERIOD), values, strict=True))
 
 
 def _noise(problem: PowerProblem, fit: PowerFit) -> _Noise:
@@ -103,6 +115,9 @@ def _noise(problem: PowerProblem, fit: PowerFit) -> _Noise:
     weights = {name: np.eye(len(names))[names.index(name)] for name in _NAMES if name in names}
     gain, lag = _value(fit, "gain_degC_per_pct"), _value(fit, "time_constant_s")
     weights[RATIO] = weights["gain_degC_per_pct"] / lag - weights["time_constant_s"] * gain / lag**2
+    weights[PERIOD] = sum(
+        (np.eye(len(names))[names.index(name)] * slope for name, slope in _slopes_of_period(fit.vector).items()
+         if name in names), start=np.zeros(len(names)))
     spread = {name: float(w @ coloured @ w) for name, w in weights.items()}
     return _Noise(
         deviation={name: math.sqrt(variance * spread[name]) for name in weights},
@@ -160,7 +175,7 @@ def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: _Noise) -> 
     found = []
     for side in (-1.0, 1.0):
         values = np.clip(best + side * noise.deviation[name] * STEPS, low, high)
-        rise = np.array([0.0, *np.maximum(_held(problem, fit, name, values) - least, 0.0)])
+        rise = np.array([0.0, *np.maximum(_held(problem, fit, name, values)[-1] - least, 0.0)])
         found.append(crossing(np.array([best, *values]), rise, limit))
     return Interval(low=found[0], high=found[1])
 
@@ -170,15 +185,39 @@ def crossing(values: Array, rise: Array, limit: float) -> float | None:
     over = np.flatnonzero(~(rise < limit))
     if not len(over):
         return None
-    i = int(over[0])  # at least 1: the rise at the best value is 0
+    i = int(over[0])
+    if i == 0:  # no noise at all: the rise at the best value is 0, and so is the limit
+        return float(values[0])
     if not math.isfinite(rise[i]):
         return float(values[i - 1])
     a, b, c = math.sqrt(rise[i - 1]), math.sqrt(rise[i]), math.sqrt(limit)
     return float(values[i - 1] + (values[i] - values[i - 1]) * (c - a) / (b - a))
 
 
-def _held(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Array:
-    """Return the least sum of squares with the named parameter held at each value."""
+def _slopes_of_period(vector: Array) -> dict[str, float]:
+    """Return the derivative of the ultimate period by first lag, dead time and lag ratio."""
+    lag, dead, ratio = math.exp(vector[0]), float(vector[1]), float(vector[2])
+    steps = {"time_constant_s": (1e-4, 0.0, 0.0), "dead_time_s": (0.0, 1e-4 * (dead + 1e-3 * lag), 0.0),
+             "lag_ratio": (0.0, 0.0, 1e-4)}
+    moved = np.array([(vector[0] + a, dead + b, ratio + c) for a, b, c in ((0.0, 0.0, 0.0), *steps.values())])
+    base, *others = periods_of(moved).tolist()
+    lengths = (lag * 1e-4, 1e-4 * (dead + 1e-3 * lag), 1e-4)
+    return {name: (other - base) / length for name, other, length in zip(steps, others, lengths, strict=True)}
+
+
+def held_at(problem: PowerProblem, fit: PowerFit, name: str, value: float) -> PowerFit:
+    """Return the fit with one number held: "dead_time_s" [s], gain per time constant or the ultimate period."""
+    vectors, known, _ = _held(problem, fit, name, np.array([value]))
+    return problem.at(vectors[0], known)
+
+
+def _held(
+    problem: PowerProblem, fit: PowerFit, name: str, values: Array
+) -> tuple[Array, Known | None, Array]:
+    """Return the vectors, what is known with them, and the least sums of squares with the number held at each value."""
+    if name == PERIOD:
+        vectors, cost = fits_of_period(problem, values)
+        return vectors, None, cost
     z = np.tile(fit.vector, (len(values), 1))
     records = np.tile(problem.readings.temperature_degC, (len(values), 1))
     held = {"time_constant_s": 0, "dead_time_s": 1}.get(name)
@@ -189,12 +228,13 @@ def _held(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Arr
     if held is None:
         given.values[:, AMBIENT if name == "ambient_degC" else GAIN] = values
     known = replace(given, gain_per_lag=name == RATIO)
-    return problem.cost(problem.minimum(z, records, known, held=held, iterations=12), records, known)
+    z = problem.minimum(z, records, known, held=held, iterations=12)
+    return z, known, problem.cost(z, records, known)
 
 
 def _value(fit: PowerFit, name: str) -> float:
     gain, lag = float(fit.linear[GAIN]), math.exp(fit.vector[0])
     return {
         "gain_degC_per_pct": gain, "ambient_degC": float(fit.linear[AMBIENT]), "time_constant_s": lag,
-        "dead_time_s": float(fit.vector[1]), RATIO: gain / lag,
+        "dead_time_s": float(fit.vector[1]), RATIO: gain / lag, PERIOD: float(periods_of(fit.vector[None, :])[0]),
     }[name]

@@ -14,16 +14,16 @@ SCHEMA = "heatertune/validation/1"
 
 def to_document(verdict: Verdict, least_fit_pct: float) -> dict[str, Any]:
     """Return the document: the verdict, its criteria with their limits, and every model's run."""
-    best = verdict.runs[verdict.best]
+    worst, bias = verdict.runs[verdict.worst], max((run.bias_degC for run in verdict.runs), key=abs)
     return {
         "schema": SCHEMA,
         "log": verdict.log,
         "verdict": "FAIL" if verdict.fails else "PASS",
         "fails": list(verdict.fails),
-        "best": best.label,
+        "worst": worst.label,
         "criteria": {
-            "fit": {"value": best.fit_pct, "limit": least_fit_pct, "unit": "%", "ok": "fit" not in verdict.fails},
-            "bias": {"value": best.bias_degC, "limit": verdict.most_bias_degC, "unit": "°C",
+            "fit": {"value": worst.fit_pct, "limit": least_fit_pct, "unit": "%", "ok": "fit" not in verdict.fails},
+            "bias": {"value": bias, "limit": verdict.most_bias_degC, "unit": "°C",
                      "ok": "bias" not in verdict.fails},
         },
         "runs": [_run_document(run) for run in verdict.runs],

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
@@ -257,6 +257,7 @@ class FittedModel(Shown):
         log_interval_s: between two readings, 0 for a model given by hand [s].
         least_dead_time_s: no dead time below this is believed: half the log's interval, and the sensor's delay [s].
         reading_step_degC: sensor step, or the noise of one reading where that is more, 0 where unknown [°C].
+        assumed: what the user knows beside the log, name with unit → value.
     """
 
     model: Fopdt
@@ -277,8 +278,31 @@ class FittedModel(Shown):
     log_interval_s: float = 0.0
     least_dead_time_s: float = 0.0
     reading_step_degC: float = 0.0
+    assumed: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def heaters(self) -> tuple[tuple[str, HeaterModel], ...]:
+        """Every possible heater with its label: no dead time below what is believed, each heater once.
+
+        The working model alone where there are no candidates.
+        """
+        given = [(c.label, c.model) for c in self.candidates] or [("by hand", self.model)]
+        return self._believed(given)
 
     @property
     def plants(self) -> tuple[HeaterModel, ...]:
-        """Every heater a design has to serve; the working model alone where there are no candidates."""
-        return tuple(c.model for c in self.candidates) or (self.model,)
+        """Every heater a design has to serve."""
+        return tuple(model for _, model in self.heaters)
+
+    @property
+    def hypothetical(self) -> tuple[HeaterModel, ...]:
+        """The possible heaters that are no ends of an interval: what is drawn is drawn around these."""
+        given = [(c.label, c.model) for c in self.candidates if not c.part] or [("by hand", self.model)]
+        return tuple(model for _, model in self._believed(given))
+
+    def _believed(self, given: Sequence[tuple[str, HeaterModel]]) -> tuple[tuple[str, HeaterModel], ...]:
+        found: dict[HeaterModel, str] = {}
+        for label, model in given:
+            least = self.least_dead_time_s
+            found.setdefault(model if model.dead_time_s >= least else replace(model, dead_time_s=least), label)
+        return tuple((label, model) for model, label in found.items())

@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import InputError
-from heatertune.model.values import HeaterModel, TwoLag
+from heatertune.model.values import HeaterModel
 from heatertune.pid import continuous
 from heatertune.pid.robustness import crossings
-from heatertune.pid.specs import Specs
+from heatertune.pid.specs import Specs, is_boundless, refuse_boundless
 from heatertune.pid.values import Margins, PidDesign, structure_of
 
 __all__ = ["ContinuousProblem", "global_check", "iae", "margins", "optimum", "peaks", "response_grid", "unrivalled"]
@@ -64,9 +64,7 @@ class ContinuousProblem:
         self.specs.refuse_contradictions(self.limited, self.structure)
         if self.specs.objective == "ise":
             raise InputError("the objective ise is for sampled loops; with --sample-time 0: load, setpoint, itae or ki")
-        if math.isinf(self.specs.mks) and all(_boundless(plant, self.structure) for plant in self.limited):
-            raise InputError("without dead time this heater keeps every Ms at any gain, so there is no best one; "
-                             "limit the noise gain with --mks, or give the dead time: no heater is without")
+        refuse_boundless(self.limited, self.structure, self.specs.mks)
 
     @property
     def heaters(self) -> Array:
@@ -219,15 +217,10 @@ def margins(plants: tuple[HeaterModel, ...], design: PidDesign) -> tuple[Margins
     return Margins(ms=ms, mt=mt, gain_margin=gain, phase_margin_deg=phase), mks
 
 
-def _boundless(plant: HeaterModel, structure: str) -> bool:
-    """Return whether Ms leaves the gain without bound: the phase never reaches −180°."""
-    return plant.dead_time_s == 0.0 and (structure == "pid" or not isinstance(plant, TwoLag))
-
-
 def _pace(plant: HeaterModel, structure: str, mks: float) -> float:
     """Return dead time and second lag together; where these leave the gain without bound, the time Mks leaves [s]."""
     known = plant.dead_time_s + sum(plant.lags_s[1:])
-    if not _boundless(plant, structure):
+    if not is_boundless(plant, structure):
         return known
     alone = plant.lags_s[0] / (plant.gain_degC_per_pct * mks)  # k·Mks/(T·s), the loop where C is largest, is 1 there
     return alone if alone >= known else math.sqrt(alone * known)

@@ -12,7 +12,7 @@ from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.continuous import DERIVATIVE_FILTER_N
 from heatertune.pid.continuous_optimum import ContinuousProblem, iae, margins, optimum, unrivalled
 from heatertune.pid.explain import explain
-from heatertune.pid.robust import guarded
+from heatertune.pid.robust import Open, guarded
 from heatertune.pid.rules import RULES, apply_rule, model_for
 from heatertune.pid.scheduling import told_about_faces
 from heatertune.pid.specs import Specs
@@ -50,7 +50,8 @@ def tune_continuous(
     found, checked = unrivalled(problem)
     notes = [_TOLD, checked]
     if robust != "none":
-        kept = guarded(fitted, specs, robust, lambda guards: optimum(replace(problem, guards=guards)), found)
+        kept = guarded(
+            Open.of(fitted, robust), specs, robust, lambda guards: optimum(replace(problem, guards=guards)), found)
         problem = replace(problem, guards=kept.guards)
         notes = [_TOLD, kept.told(problem.cost(found), problem.cost(kept.design))]
         found = replace(kept.design, promise=Promise(way=robust, limits=specs.limits))

@@ -36,6 +36,7 @@ def to_document(design: PidDesign, model: FittedModel | None = None) -> dict[str
         "mks": design.mks,
         "notes": list(design.notes),
         "robust": promise_document(design.promise),
+        "step_power_limit_pct_per_degC": _finite(design.step_power_limit_pct_per_degC),
     }
     if design.margins is not None:
         document |= {name: getattr(design.margins, name) for name in ("ms", "mt", "gain_margin", "phase_margin_deg")}
@@ -64,6 +65,7 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "design") 
     found = [optional_number(document, n, where) for n in ("ms", "mt", "gain_margin", "phase_margin_deg")]
     known = found[3] is not None
     past = optional_number(document, "derivative_filter", where)
+    limit = optional_number(document, "step_power_limit_pct_per_degC", where)
     return PidDesign(
         gain_pct_per_degC=number(document, "gain_pct_per_degC", where),
         integral_time_s=tn,
@@ -79,7 +81,12 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "design") 
         notes=tuple(str(note) for note in document.get("notes", ())),
         derivative_filter=0.5 if past is None else past,
         promise=read_promise(document.get("robust"), where),
+        step_power_limit_pct_per_degC=math.inf if limit is None else limit,
     )
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def promise_document(promise: Promise | None) -> dict[str, Any] | None:

@@ -19,7 +19,7 @@ from heatertune.pid.response import iae_load, iae_setpoint, itae_load
 from heatertune.pid.robustness import noise_gain, sensitivity_peaks
 from heatertune.pid.sampled import combined, parts_seen, plant_seen
 from heatertune.pid.specs import Specs
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.values import PidDesign, step_parts, structure_of
 
 __all__ = ["Problem", "largest_gain", "search"]
 
@@ -44,6 +44,7 @@ class Problem:
         mt, mks: limits of the maximum complementary sensitivity and of the noise gain.
         objective, weight: what is minimised; for ise the feasible-set search takes the load IAE, and IPOPT the rest.
         guards: heaters on which the limits hold too, but which cost nothing.
+        step_power: largest power that one scan may move per °C of a reading [%/°C].
     """
 
     plants: tuple[HeaterModel, ...]
@@ -56,6 +57,7 @@ class Problem:
     objective: str = "load"
     weight: float | None = None
     guards: tuple[HeaterModel, ...] = ()
+    step_power: float = math.inf
 
     @property
     def limited(self) -> tuple[HeaterModel, ...]:
@@ -77,7 +79,7 @@ class Problem:
         return PidDesign(
             gain_pct_per_degC=gain, integral_time_s=integral_time_s, derivative_time_s=derivative_time_s,
             sample_time_s=self.sample_time_s, structure=structure_of(integral_time_s, derivative_time_s),
-            method="optimum", derivative_filter=self.derivative_filter,
+            method="optimum", derivative_filter=self.derivative_filter, step_power_limit_pct_per_degC=self.step_power,
         )
 
     def cost(self, design: PidDesign) -> float:
@@ -104,7 +106,9 @@ def largest_gain(problem: Problem, integral_time_s: float, derivative_time_s: fl
     unit, specs = problem.design(1.0, integral_time_s, derivative_time_s), problem.specs
     c = combined(unit, parts_seen(problem.derivative_filter, *looked_at))
     excluded = [_excluded(plant_seen(plant, *looked_at) * c, c, specs) for plant in problem.limited]
-    tops = _tops(np.concatenate(excluded))
+    most = problem.step_power / step_parts(
+        integral_time_s, derivative_time_s, problem.sample_time_s, problem.derivative_filter)
+    tops = _tops(np.concatenate([*excluded, [[most, math.inf]]]))
     return [top for top in tops[-_PIECES:][::-1] if _keeps(problem, top, integral_time_s, derivative_time_s)]
 
 
@@ -196,7 +200,7 @@ def _tops(excluded: Array) -> list[float]:
     """Return the upper ends of the gaps between the excluded intervals (m, 2), ascending."""
     low, high = excluded[np.argsort(excluded[:, 0])].T
     reached = np.maximum.accumulate(np.append(0.0, high))[:-1]
-    return [float(top) for top in low[low > reached]]
+    return [float(top) for top in low[(low > reached) & np.isfinite(low)]]
 
 
 def _keeps(problem: Problem, gain: float, tn: float, tv: float) -> bool:

@@ -51,6 +51,7 @@ class Integers:
         ms: limit of the maximum sensitivity.
         guards: heaters that count for no cost, on which `limits` hold.
         limits: "ms", "mt", "mks" [%/°C] → largest value on each guard.
+        step_power: largest power that one scan may move per °C of a reading [%/°C].
         start: words to begin with, near the best; their sampling interval and filter are those of all.
     """
 
@@ -61,11 +62,14 @@ class Integers:
     start: Vector
     guards: tuple[HeaterModel, ...] = ()
     limits: Mapping[str, float] = field(default_factory=dict)
+    step_power: float = math.inf
 
     def cost(self, words: Vector) -> float:
         """Return the mean load IAE [°C·s]; infinite for words that are not allowed, break Ms or do not settle."""
         design = self.decode(words)
-        if design is None or max(sensitivity_peaks(plant, design)[0] for plant in self.plants) > self.ms:
+        if design is None or design.step_power_pct_per_degC > self.step_power:
+            return math.inf
+        if max(sensitivity_peaks(plant, design)[0] for plant in self.plants) > self.ms:
             return math.inf
         for guard in self.guards:
             peaks = peaks_on(guard, design)

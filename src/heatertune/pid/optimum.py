@@ -50,6 +50,9 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     samples = _samples(problem, start)
     costs = [_cost(ca, plant, samples, problem, settings) for plant in plants[: len(problem.plants)]]
     limits = [_distances(ca, plant, settings, omega, problem) for plant in plants]
+    if math.isfinite(problem.step_power):
+        parts = 1.0 + settings[1] + (1.0 - problem.derivative_filter) * settings[2]
+        limits.append(1.0 - gain * parts / problem.step_power)
     cost = problem.sample_time_s * sum(costs) / len(costs)
     nlp = {"x": unknowns, "f": ca.log(cost), "g": ca.vertcat(*limits)}
     solver = ca.nlpsol(

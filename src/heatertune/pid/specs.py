@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.values import HeaterModel
+from heatertune.model.values import HeaterModel, TwoLag
 from heatertune.units import check
 
-__all__ = ["OBJECTIVES", "Specs"]
+__all__ = ["OBJECTIVES", "Specs", "is_boundless", "refuse_boundless"]
 
 #: name → what is minimised
 OBJECTIVES: Final[dict[str, str]] = {
@@ -88,3 +88,19 @@ class Specs:
         if self.mks * weakest < 1.0:
             raise OutOfRange("mks", self.mks, f">= {1.0 / weakest:.4g} %/°C: integral action makes C·S the inverse of "
                              "the process gain at frequency 0")
+
+
+def is_boundless(plant: HeaterModel, structure: str) -> bool:
+    """Return whether Ms leaves the gain without bound: the phase never reaches −180°."""
+    return plant.dead_time_s == 0.0 and (structure == "pid" or not isinstance(plant, TwoLag))
+
+
+def refuse_boundless(plants: Sequence[HeaterModel], structure: str, mks: float) -> None:
+    """Refuse heaters on which no limit bounds the gain.
+
+    Raises:
+        InputError: none of them has a dead time, and the noise gain is not limited.
+    """
+    if math.isinf(mks) and all(is_boundless(plant, structure) for plant in plants):
+        raise InputError("without dead time this heater keeps every Ms at any gain, so there is no best one; "
+                         "limit the noise gain with --mks, or give the dead time: no heater is without")

@@ -14,16 +14,16 @@ from heatertune.pid.explain import explain
 from heatertune.pid.feasible import Problem, search
 from heatertune.pid.optimum import polish
 from heatertune.pid.response import dominant_time_s, iae_load, iae_setpoint
-from heatertune.pid.robust import ROBUST, Guarded, guarded
+from heatertune.pid.robust import ROBUST, Guarded, Open, guarded
 from heatertune.pid.robustness import margins, noise_gain, worst
 from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.scheduling import told_about_faces
-from heatertune.pid.specs import Specs
+from heatertune.pid.specs import Specs, refuse_boundless
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign, Promise
 from heatertune.units import check
 
-__all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "tune"]
+__all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "told_below_log", "tune"]
 
 STRUCTURES = ("p", "pi", "pid")
 METHODS = ("optimum", *RULES)
@@ -49,6 +49,8 @@ def tune(
     timer: Timer | None = None,
     derivative_filter: float = 0.5,
     robust: str = "none",
+    step_power_pct: float = 10.0,
+    resolution_degC: float = 0.0,
     progress: Callable[[str], object] = str,
 ) -> PidDesign:
     """Find K, TN, TV and TA for a heater and all its candidate models.
@@ -73,6 +75,9 @@ def tune(
         derivative_filter: weight of its past in the target's derivative part, see `PidDesign`.
         robust: over which heaters drawn from the fit the optimum keeps its limits besides the candidates, one of
             `heatertune.pid.robust.ROBUST`; TA is that of the design without them.
+        step_power_pct: most power that one step of the reading may move [%]; the step is that of the log (or its noise)
+            or the controller's own.
+        resolution_degC: of the controller's reading [°C]; 0 where it is not known.
         progress: called with a short message when a round begins.
 
     Raises:
@@ -85,6 +90,9 @@ def tune(
     plants = fitted.plants
     specs = Specs(ms=ms, mt=mt, mks=mks, objective=objective, weight=weight)
     specs.refuse_contradictions(plants, structure)
+    check("step_power_pct", step_power_pct, above=0.0, infinite=True)
+    step = max(fitted.reading_step_degC, resolution_degC)
+    step_power = step_power_pct / step if step > 0.0 else math.inf
     if sample_time_s is not None:
         check("sample_time_s", sample_time_s, least=0.0)
     if sample_time_s == 0.0:
@@ -92,17 +100,19 @@ def tune(
             fitted, method=method, structure=structure, specs=specs, closed_loop_s=closed_loop_s, robust=robust
         )
     check("derivative_filter", derivative_filter, least=0.0, most=0.99)
+    if method == "optimum":
+        refuse_boundless(plants, structure, mks)
     one_round = (
         _rule_round(fitted, method, structure, derivative_filter, closed_loop_s) if method in RULES
-        else _search_round(plants, structure, specs, derivative_filter)
+        else _search_round(plants, structure, specs, derivative_filter, step_power)
     )
     design, rounds = settle(one_round, plants, sample_time_s, timer or Timer(), progress)
-    notes = [_told_about_ta(design, plants, rounds, sample_time_s)]
+    notes = [_told_about_ta(design, plants, rounds, sample_time_s), *told_below_log(design, fitted)]
     if method in RULES:
         outside = range_note(method, model_for(method, structure, fitted), structure, design.sample_time_s)
         notes += [f"The rule claims: {RULES[method].claim}.", *([] if outside is None else [outside])]
     if method == "optimum":
-        problem = _problem(plants, structure, specs, design.sample_time_s, derivative_filter)
+        problem = _problem(plants, structure, specs, design.sample_time_s, derivative_filter, step_power)
         design, told = _improved(problem, fitted, design, robust, progress)
         notes += [*told, *told_about_faces(fitted, design, partial(_alone, problem))]
     return _finished(design, fitted, method, specs, notes)
@@ -130,18 +140,20 @@ def _improved(
 ) -> tuple[PidDesign, list[str]]:
     """Return the design of the search after the guards' word and IPOPT's, and what is to be told."""
     kept: Guarded | None = None
+    heaters: Open | None = None
     plain, plainly = design, problem
     if robust != "none":
         progress("keeping the limits on heaters drawn from the fit")
+        heaters = Open.of(fitted, robust)
         kept = guarded(
-            fitted, problem.specs, robust, lambda guards: search(replace(plainly, guards=guards), around=plain), plain
+            heaters, problem.specs, robust, lambda guards: search(replace(plainly, guards=guards), around=plain), plain
         )
         problem, design = replace(problem, guards=kept.guards), kept.design
     notes = []
     if problem.structure != "p":
         progress("polishing the optimum with CasADi and IPOPT")
         polished, told = polish(problem, design)
-        better = None if kept is None else kept.improved(fitted, problem.specs, polished)
+        better = None if kept is None or heaters is None else kept.improved(heaters, problem.specs, polished)
         if kept is not None and better is None:
             told = "IPOPT's optimum would break a limit on the drawn heaters; the feasible-set search stands."
         else:
@@ -169,20 +181,22 @@ def _rule_round(
 
 
 def _search_round(
-    plants: tuple[HeaterModel, ...], structure: str, specs: Specs, derivative_filter: float
+    plants: tuple[HeaterModel, ...], structure: str, specs: Specs, derivative_filter: float, step_power: float
 ) -> Callable[[float, PidDesign | None], PidDesign]:
     def one_round(ta: float, before: PidDesign | None) -> PidDesign:
-        return search(_problem(plants, structure, specs, ta, derivative_filter), around=before)
+        return search(_problem(plants, structure, specs, ta, derivative_filter, step_power), around=before)
 
     return one_round
 
 
 def _problem(
-    plants: tuple[HeaterModel, ...], structure: str, specs: Specs, sample_time_s: float, derivative_filter: float
+    plants: tuple[HeaterModel, ...], structure: str, specs: Specs, sample_time_s: float, derivative_filter: float,
+    step_power: float,
 ) -> Problem:
     return Problem(
         plants=plants, structure=structure, sample_time_s=sample_time_s, derivative_filter=derivative_filter,
         ms=specs.ms, mt=specs.mt, mks=specs.mks, objective=specs.objective, weight=specs.weight,
+        step_power=step_power,
     )
 
 
@@ -240,6 +254,14 @@ def _told_about_ta(
     if rounds == _UNSETTLED:
         return f"{share}; the two kept answering each other, so TA is the last of {_ROUNDS} rounds, not TRdom/10."
     return f"{share}; found together in {rounds} rounds."
+
+
+def told_below_log(design: PidDesign, fitted: FittedModel) -> list[str]:
+    """Return a sentence where a controller acts faster than the log shows, else none."""
+    if not 0.0 < design.sample_time_s < fitted.log_interval_s:
+        return []
+    return [f"TA = {design.sample_time_s:g} s is below the log's own interval of {fitted.log_interval_s:g} s: what the "
+            "heater does in between was never seen."]
 
 
 def _finished(

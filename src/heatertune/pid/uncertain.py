@@ -41,14 +41,14 @@ class Drawn:
 def draw_heaters(fitted: FittedModel, count: int = 200, *, seed: int = 0) -> tuple[HeaterModel, ...]:
     """Return heaters that the log does not rule out; none where the fit gives no interval.
 
-    Each candidate in turn, its gain, lags and dead time multiplied by lognormal factors as wide as their 95 %
-    intervals. The fit's document holds no bootstrap samples; of what they would tell, the interval of gain per time
-    constant is known: it gives the correlation of the two, and where they are open it alone is drawn, as a factor of
-    the gain. Otherwise the factors are independent, which is wider than the log: what it shows is rather too bad than
-    too good. An interval that is open or missing adds nothing; there the candidates span what is possible.
+    Each candidate in turn but for the ends of intervals, its gain and lags multiplied by lognormal factors and its dead
+    time moved by a normal distance, each as wide as its 95 % interval; no dead time lies below what is believed. The
+    fit's document holds no bootstrap samples; of what they would tell, the interval of gain per time constant is known:
+    it gives the correlation of the two, and where they are open it alone is drawn, as a factor of the gain. Otherwise
+    the numbers are independent, which is wider than the log: what it shows is rather too bad than too good. An
+    interval that is open or missing adds nothing; there the candidates span what is possible.
     """
-    names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
-    gain, lag, dead = (_spread(fitted.ci95.get(name)) for name in names)
+    gain, lag, dead = spreads_of(fitted)
     ratio = _spread(fitted.combinations[RATIO][1]) if RATIO in fitted.combinations else 0.0
     together = 0.0
     if ratio and not (gain and lag):
@@ -60,9 +60,11 @@ def draw_heaters(fitted: FittedModel, count: int = 200, *, seed: int = 0) -> tup
         return ()
     normal = np.random.default_rng(seed).normal(0.0, 1.0, (count, 3))
     normal[:, 1] = together * normal[:, 0] + math.sqrt(1.0 - together**2) * normal[:, 1]
-    factors = np.exp(normal * (gain, lag, dead))
-    plants = fitted.plants
-    return tuple(_scaled(plants[i % len(plants)], *row) for i, row in enumerate(factors.tolist()))
+    factors, moved = np.exp(normal[:, :2] * (gain, lag)).tolist(), (dead * normal[:, 2]).tolist()
+    plants, least = fitted.hypothetical, fitted.least_dead_time_s
+    turns = (plants[i % len(plants)] for i in range(count))
+    return tuple(_scaled(plant, gain, lag, max(plant.dead_time_s + shift, least, 0.0))
+                 for plant, (gain, lag), shift in zip(turns, factors, moved, strict=True))
 
 
 def peaks_on(heater: HeaterModel, design: PidDesign) -> dict[str, float]:
@@ -77,10 +79,19 @@ def peaks_on(heater: HeaterModel, design: PidDesign) -> dict[str, float]:
 
 
 def spreads_of(fitted: FittedModel) -> tuple[float, float, float]:
-    """Return the standard deviations of the logarithms of gain, lags and dead time; 0 where the interval is open."""
-    names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
-    gain, lag, dead = (_spread(fitted.ci95.get(name)) for name in names)
-    return gain, lag, dead
+    """Return the standard deviations of the logarithms of gain and lags, and of the dead time itself [s].
+
+    0 where the interval of gain or lag is open. A dead time whose lower end is open reaches down to the least that is
+    believed; one whose upper end is open is as wide above the working model's as below.
+    """
+    gain, lag = (_spread(fitted.ci95.get(name)) for name in ("gain_degC_per_pct", "time_constant_s"))
+    found = fitted.ci95.get("dead_time_s")
+    if found is None:
+        return gain, lag, 0.0
+    low = fitted.least_dead_time_s if found.low is None else max(found.low, fitted.least_dead_time_s)
+    middle = max(fitted.model.dead_time_s, low)
+    high = 2.0 * middle - low if found.high is None else max(found.high, low)
+    return gain, lag, (high - low) / (2.0 * _HALF_WIDTH)
 
 
 def interval_ends(fitted: FittedModel) -> tuple[HeaterModel, ...]:
@@ -118,9 +129,9 @@ def _spread(interval: Interval | None) -> float:
     return math.log(interval.high / interval.low) / (2.0 * _HALF_WIDTH)
 
 
-def _scaled(plant: HeaterModel, gain: float, lag: float, dead: float) -> HeaterModel:
+def _scaled(plant: HeaterModel, gain: float, lag: float, dead_s: float) -> HeaterModel:
     known = {"gain_degC_per_pct": gain * plant.gain_degC_per_pct, "time_constant_s": lag * plant.time_constant_s,
-             "dead_time_s": dead * plant.dead_time_s}
+             "dead_time_s": dead_s}
     if isinstance(plant, TwoLag):
         return TwoLag(**known, second_time_constant_s=lag * plant.second_time_constant_s)
     return Fopdt(**known)

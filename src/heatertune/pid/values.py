@@ -10,7 +10,7 @@ from heatertune.errors import OutOfRange
 from heatertune.show import Shown
 from heatertune.units import check
 
-__all__ = ["Margins", "PidDesign", "Promise"]
+__all__ = ["Margins", "PidDesign", "Promise", "step_parts", "structure_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +66,8 @@ class PidDesign(Shown):
         notes: what the reader should know, one sentence each.
         derivative_filter: f in D_k = f·D_{k−1} + (1 − f)·TV/TA·(e_k − e_{k−1}); 0: not filtered.
         promise: what it keeps on the heaters drawn from the fit, None where that was not asked for.
+        step_power_limit_pct_per_degC: what it keeps `step_power_pct_per_degC` below, so that one step of the sensor
+            moves no more power than was asked for; infinite without a limit [%/°C].
 
     Raises:
         OutOfRange: a gain that is zero or not finite, a time that is not positive, a structure that contradicts
@@ -85,6 +87,7 @@ class PidDesign(Shown):
     notes: tuple[str, ...] = field(default=())
     derivative_filter: float = 0.5
     promise: Promise | None = None
+    step_power_limit_pct_per_degC: float = math.inf
 
     def __post_init__(self) -> None:
         check("gain_pct_per_degC", self.gain_pct_per_degC)
@@ -96,6 +99,20 @@ class PidDesign(Shown):
         check("derivative_filter", self.derivative_filter, least=0.0, most=1.0 - 1e-9)
         if self.structure != structure_of(self.integral_time_s, self.derivative_time_s):
             raise OutOfRange("structure", self.structure, "the one that TN and TV make")
+
+
+    @property
+    def step_power_pct_per_degC(self) -> float:
+        """Power that a scan moves at once per °C by which its reading differs from the one before [%/°C]."""
+        if self.sample_time_s == 0.0:
+            return math.inf if self.derivative_time_s else self.gain_pct_per_degC
+        return self.gain_pct_per_degC * step_parts(
+            self.integral_time_s, self.derivative_time_s, self.sample_time_s, self.derivative_filter)
+
+
+def step_parts(integral_time_s: float, derivative_time_s: float, sample_time_s: float, past: float) -> float:
+    """Return what P, I and D part together make of a step of the reading within one scan, as a multiple of K."""
+    return 1.0 + sample_time_s / integral_time_s + (1.0 - past) * derivative_time_s / sample_time_s
 
 
 def structure_of(integral_time_s: float, derivative_time_s: float) -> str:

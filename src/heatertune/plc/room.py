@@ -151,9 +151,9 @@ class Certificate:
     """What an export says about its proof.
 
     Attributes:
-        verdict: "PASS" or "FAIL".
+        verdict: "PASS", "FAIL" or "NOT PROVEN".
         lines: one line per fact (models proven on, worst criterion, …); no date, no locale.
-        forced: whether the words left in spite of a FAIL.
+        forced: whether the words left although the verdict is not PASS.
     """
 
     verdict: str

@@ -98,6 +98,7 @@ class Limits:
         overflows: how often such a flag was set.
         overflow_flags: names of the flags that mean a wrong result; SM1.1 overflow, SM1.3 division by zero (S7-200).
         ms, gain_margin, phase_margin_deg: margins of the words as realised.
+        step_power_pct: power that one step of the reading, or its noise, moves within one scan [%].
 
     Raises:
         OutOfRange: a limit that is negative or not finite, a share outside (0, 1].
@@ -120,6 +121,7 @@ class Limits:
     ms: float | None = 2.0
     gain_margin: float | None = 1.7
     phase_margin_deg: float | None = 30.0
+    step_power_pct: float | None = 10.0
 
     def __post_init__(self) -> None:
         for each in fields(self):

@@ -21,13 +21,16 @@ Array = npt.NDArray[np.float64]
 _PERIODS_AT_REST = 3  # PWM periods that the time at rest spans at least
 
 
-def judge(trace: Trace, limits: Limits, margins: Margins | None = None) -> tuple[Criterion, ...]:
+def judge(
+    trace: Trace, limits: Limits, margins: Margins | None = None, step_power_pct: float | None = None
+) -> tuple[Criterion, ...]:
     """Return what the run and the margins of its controller amount to, in a fixed order.
 
     The setpoint is always the one asked for, also while a ramp is on its way to it: overshoot is what goes beyond it,
     and settling time and IAE count the time that a ramp takes.
 
-    Criteria of disturbances, interlock and margins are there where the run has them and margins are given. All
+    Criteria of disturbances, interlock, margins and the power that one step of the reading moves at once [%] are there
+    where the run has them and they are given. All
     temperatures are the true ones, at any instant, not the sensor's.
     """
     step = trace.setpoint_degC - temperatures(trace.scenario, trace.model)[1]
@@ -40,6 +43,7 @@ def judge(trace: Trace, limits: Limits, margins: Margins | None = None) -> tuple
         *_switching(trace, limits),
         *(_trips(trace, trace.interlock) if trace.interlock is not None else ()),
         *(_robustness(margins, limits) if margins is not None else ()),
+        *(_step_power(step_power_pct, limits) if step_power_pct is not None else ()),
     )
 
 
@@ -185,6 +189,15 @@ def _trips(trace: Trace, interlock: Interlock) -> tuple[Criterion, ...]:
             name="interlock_trips", value=float(math.isfinite(trace.cut_s)), limit=0.0, unit="1",
             what=f"1 where the interlock {interlock.name}, limit {interlock.limit_degC:g} °C, "
             "switched the heater off for good, else 0.",
+        ),
+    )
+
+
+def _step_power(value: float, limits: Limits) -> tuple[Criterion, ...]:
+    return (
+        Criterion(
+            name="step_power", value=value, limit=limits.step_power_pct, unit="%",
+            what="Power that one step of the reading, or its noise where that is more, moves within one scan.",
         ),
     )
 

@@ -19,6 +19,7 @@ from heatertune.proof.loop import simulate
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.trace import Trace
+from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, combined
 from heatertune.show import Shown
 
 __all__ = ["SCHEMA", "Proof", "RunResult", "prove", "settings_to_prove"]
@@ -71,6 +72,7 @@ class Proof(Shown):
         faults: what is known to be wrong in the controller with these words, one sentence each.
         ramp_degC_per_min: how fast the words' ramp moves the setpoint [°C/min]; infinite without one.
         open_points: whether every setting the manual leaves open was run, not only the defaults.
+        heard: what the fit found and the user knows, which no run shows.
     """
 
     words: Words
@@ -84,11 +86,13 @@ class Proof(Shown):
     faults: tuple[str, ...] = ()
     ramp_degC_per_min: float = math.inf
     open_points: bool = True
+    heard: Heard = field(default_factory=Heard)
 
     @property
     def verdict(self) -> str:
-        """"PASS" where every run passed, else "FAIL"."""
-        return "PASS" if all(each.verdict == "PASS" for each in self.runs) else "FAIL"
+        """"FAIL" where a run failed, else "NOT PROVEN" where the fit leaves open what no run shows, else "PASS"."""
+        heard = [NOT_PROVEN] if blocking(self.heard.to_document()) else []
+        return combined([*(each.verdict for each in self.runs), *heard])
 
     def to_document(self) -> dict[str, Any]:
         """Return the JSON document; traces are not part of it, numbers that are not finite are null."""
@@ -119,6 +123,7 @@ class Proof(Shown):
             "known": dict(self.known),
             "faults": list(self.faults),
             "interlock": None if self.nominal.interlock is None else asdict(self.nominal.interlock),
+            **self.heard.to_document(),
         }
 
     def ramp_document(self) -> dict[str, float] | None:
@@ -138,6 +143,8 @@ def prove(
     open_points: bool = True,
     known: Mapping[str, str] | None = None,
     interlock: Interlock | None = None,
+    heard: Heard | None = None,
+    reading_step_degC: float = 0.0,
 ) -> Proof:
     """Run the words on every model under every setting the manual leaves open, and judge the worst.
 
@@ -152,6 +159,8 @@ def prove(
         known: switch → setting of what is known of this very controller, the manual leaving it open.
         open_points: False: only the default settings of the room's switches, for a quick comparison.
         interlock: what watches the heater in every run; None: nothing.
+        heard: what the fit found and the user knows; None: nothing.
+        reading_step_degC: step or noise of a reading on the heater, where that is more than the controller's own [°C].
 
     Raises:
         InputError: no model, or as in `simulate`, with the model's label.
@@ -168,7 +177,9 @@ def prove(
         for switches in settings:
             trace = _simulate(name, room, words, model, scenario, actuator, switches, interlock)
             label = _label(name, room.switches, switches)
-            criteria = tuple(replace(each, where=label) for each in judge(trace, limits, margins))
+            step = None if design is None else design.step_power_pct_per_degC * max(
+                reading_step_degC, trace.resolution_degC, scenario.noise_degC)
+            criteria = tuple(replace(each, where=label) for each in judge(trace, limits, margins, step))
             results.append(RunResult(model=name, switches=switches, label=label, criteria=criteria))
             if len(results) == 1 or results[-1].strains > max(each.strains for each in results[:-1]):
                 traces = [*traces[:1], trace]  # the nominal one and the worst so far
@@ -184,6 +195,7 @@ def prove(
         faults=() if room.faults is None else room.faults(words),
         ramp_degC_per_min=math.inf if words.ramp is None else room.ramp_degC_per_min(words),
         open_points=open_points,
+        heard=heard or Heard(),
     )
 
 

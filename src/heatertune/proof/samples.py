@@ -6,8 +6,8 @@ on how many there are nor on how many workers share them, and its seed alone bri
 
 What is drawn, each independently:
 
-- gain, lags and dead time: lognormal, as wide as the fit's 95 % intervals (`pid.uncertain.spreads_of`), around each
-  candidate in turn;
+- gain and lags: lognormal, the dead time normal, as wide as the fit's 95 % intervals (`pid.uncertain.spreads_of`),
+  around each candidate in turn; no dead time below what is believed;
 - mains voltage: even within ±10 %, the tolerance of the public supply (EN 50160); the power goes with its square. One
   value for the whole run, for a sag that lasts is the one that counts;
 - ambient temperature: even within ±5 °C, the span between a cold morning and a hot afternoon in a hall (this project's
@@ -68,7 +68,8 @@ class Spread:
     """How far samples differ, see the head of this file.
 
     Attributes:
-        heater: standard deviations of the logarithms of gain, lags and dead time.
+        heater: standard deviations of the logarithms of gain and lags, and of the dead time [s].
+        least_dead_time_s: no dead time is drawn below it [s].
         mains_pct: half width of the mains voltage [%].
         ambient_degC: half width of the ambient temperature [°C].
         disturbance_pct: half width of each disturbance's size [%].
@@ -80,6 +81,7 @@ class Spread:
     """
 
     heater: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    least_dead_time_s: float = 0.0
     mains_pct: float = 10.0
     ambient_degC: float = 5.0
     disturbance_pct: float = 50.0
@@ -88,7 +90,7 @@ class Spread:
     def __post_init__(self) -> None:
         for name in ("mains_pct", "disturbance_pct"):
             check(name, getattr(self, name), least=0.0, most=99.0)
-        for name in ("ambient_degC", "jitter_s"):
+        for name in ("ambient_degC", "jitter_s", "least_dead_time_s"):
             check(name, getattr(self, name), least=0.0)
 
 
@@ -152,12 +154,14 @@ class Drawing:
         """
         generator = generator or np.random.Generator(np.random.Philox(key=0))
         generator.bit_generator.state = _begun(seed)
-        heater = np.exp(generator.standard_normal(3) * self.spread.heater)
+        normal = generator.standard_normal(3) * self.spread.heater
+        heater, moved = np.exp(normal[:2]), float(normal[2])
         even = generator.uniform(-1.0, 1.0, 2 + len(self.scenario.disturbances))
         gain, first, second, dead, ambient, start = self.rows[seed % len(self.rows)]
         power = (1.0 + self.spread.mains_pct / 100.0 * even[0]) ** 2
         shift = self.spread.ambient_degC * even[1]
-        row = [gain * heater[0] * power, first * heater[1], second * heater[1], dead * heater[2], ambient + shift,
+        row = [gain * heater[0] * power, first * heater[1], second * heater[1],
+               max(dead + moved, self.spread.least_dead_time_s), ambient + shift,
                start + shift if self.scenario.start_degC is None else start]
         noisy, shaken = self.scenario.noise_degC > 0.0, self.spread.jitter_s > 0.0 and not self.controller.pwm_period_s
         noise = generator.normal(0.0, self.scenario.noise_degC, scans) if noisy else np.zeros(1)

@@ -26,7 +26,7 @@ table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabula
 caption { caption-side: bottom; text-align: left; color: var(--soft); font-size: .85em; padding-top: .2rem; }
 th, td { border-bottom: 1px solid var(--line); padding: .25rem .7rem; text-align: left; vertical-align: top; }
 td.n, th.n { text-align: right; } td.n { white-space: nowrap; } .pass { color: var(--pass); font-weight: 600; }
-.fail { color: var(--fail); font-weight: 700; }
+.fail, .not-proven { color: var(--fail); font-weight: 700; }
 .verdict { font-size: 1.3rem; border: 2px solid currentColor; padding: .3rem .8rem; display: inline-block; }
 figure { margin: 1rem 0; } figure svg { max-width: 100%; height: auto; } figcaption { color: var(--soft); }
 figure.moves > svg { display: none; } code { font-family: ui-monospace, monospace; }
@@ -120,7 +120,7 @@ def coded(text: str) -> Markup:
 
 
 def _cell(cell: str, numeric: bool) -> str:
-    kinds = (("n", numeric), ("pass", cell in ("ok", "PASS")), ("fail", cell == "FAIL"))
+    kinds = (("n", numeric), ("pass", cell in ("ok", "PASS")), ("fail", cell in ("FAIL", "NOT PROVEN")))
     marks = [name for name, found in kinds if found]
     kind = f' class="{" ".join(marks)}"' if marks else ""
     return f"<td{kind}>{text_of(cell)}</td>"

@@ -7,7 +7,9 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from heatertune.model.findings import KINDS
 from heatertune.plc import room
+from heatertune.proof.verdict import blocking, told_of
 from heatertune.report import plots, record
 from heatertune.report.html import bullets, page, picture, table, text_of
 from heatertune.report.text import (
@@ -40,12 +42,13 @@ def render(documents: Documents) -> str:
 def _verdict(documents: Documents) -> str:
     proof = documents["proof"]
     models = len({run["model"] for run in proof["runs"]})
+    told = [*(f"Not proven: {each['told']} {KINDS[each['name']].remedy}" for each in blocking(proof)), *told_of(proof)]
     forced = " The words were exported in spite of it (--force)." if documents["words"].get("forced") else ""
     return (
-        f'<p class="verdict {proof["verdict"].lower()}">{proof["verdict"]}</p>'
-        f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {models} heater models, each under "
-        "every setting of what the manual leaves open. Setpoint "
-        f"{figure(documents['pictures']['nominal']['setpoint_degC'])} °C.{forced}</p>"
+        f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{proof["verdict"]} at '
+        f"{figure(documents['pictures']['nominal']['setpoint_degC'])} °C</p>"
+        f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {models} possible heaters, each under "
+        f"every setting of what the manual leaves open.{forced}</p>{bullets(told)}"
     )
 
 

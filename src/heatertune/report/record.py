@@ -56,7 +56,7 @@ def assumed(documents: Documents) -> str:
     rows = [
         ["sensor at the lowest reading", figure(scale["low_degC"]), "°C", "--range"],
         ["sensor at the highest reading", figure(scale["high_degC"]), "°C", "--range"],
-        ["setpoint", figure(story["setpoint_degC"]), "°C", "--setpoint, else the log's last level"],
+        ["setpoint", figure(story["setpoint_degC"]), "°C", "--setpoint, else where the log was used"],
         ["sensor noise, standard deviation", figure(story["noise_degC"]), "°C", "--noise"],
         ["tolerance around the setpoint", figure(limit["tolerance_degC"]), "°C", "--tolerance"],
         ["duration of the proof", figure(story["duration_s"]), "s", "from the slowest model"],

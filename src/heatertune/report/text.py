@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from heatertune.proof.verdict import verdict_line
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
@@ -59,7 +60,8 @@ def model_lines(model: Document) -> str:
     lines = [table(rows, right=(1,)), fit, model["outcome_text"]]
     others = len(model.get("candidates", ()))
     if others > 1:
-        lines.append(f"{others} candidate models; design and proof run on all of them.")
+        lines.append(f"{others} possible heaters; design and proof run on all of them.")
+    lines += [f"! {each['effect']}: {each['told']}" for each in model.get("findings", ())]
     return "\n".join(lines + [f"- {note}" for note in model.get("notes", ())])
 
 
@@ -262,9 +264,8 @@ def summary(documents: Mapping[str, Document]) -> str:
     rows = [("design", "verdict", "worst Ms", "fails by")]
     rows += [(r["label"], r["verdict"], figure(r["ms"]), ", ".join(r["fails"])) for r in comparison["rivals"]]
     parts.append(("the same proof for other designs", table(rows)))
-    text = "\n\n".join(f"== {title}\n{body}" for title, body in parts)
-    runs = len(proof["runs"])
-    return f"{text}\n\nVERDICT {proof['verdict']} ({runs} runs: every candidate model, every open point of the manual)"
+    text, line = "\n\n".join(f"== {title}\n{body}" for title, body in parts), verdict_line(proof)
+    return f"{line}\n\n{text}\n\nVERDICT {line}"
 
 
 def outcome_lines(summary: Document) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 from nicegui import background_tasks, events, ui
 
 from heatertune.errors import HeatertuneError, InputError
+from heatertune.proof.verdict import NOT_PROVEN
 from heatertune.studio import charts, views
 from heatertune.studio.controls import Controls
 from heatertune.studio.session import Session
@@ -86,7 +87,7 @@ class Page:
             self._optimum = ui.button("Search the optimum", on_click=self._search).props("outline dense")
             self._zip = ui.button("Download words (zip)", on_click=self._download_zip).props("dense")
             self._report = ui.button("Download report", on_click=self._download_report).props("outline dense")
-            self._force = ui.checkbox("export in spite of FAIL", on_change=self.show).props("dense")
+            self._force = ui.checkbox("export whatever the verdict", on_change=self.show).props("dense")
 
     def _busy(self, message: str) -> None:
         """Tell what takes long; "" where nothing does."""
@@ -193,11 +194,11 @@ class Page:
         verdict = session.verdict
         proof = None if session.error else session.proof
         self._verdict.set_text(views.verdict_text(verdict, proof, last=session.look is not None))
-        self._verdict.classes(remove="pass fail", add=verdict.lower() if verdict in ("PASS", "FAIL") else "")
-        may = verdict == "PASS" or (verdict == "FAIL" and bool(self._force.value))
-        self._zip.set_enabled(may)
-        self._report.set_enabled(verdict in ("PASS", "FAIL"))
-        self._force.set_visibility(verdict == "FAIL")
+        known = verdict in ("PASS", "FAIL", NOT_PROVEN)
+        self._verdict.classes(remove="pass fail not-proven", add=verdict.lower().replace(" ", "-") if known else "")
+        self._zip.set_enabled(verdict == "PASS" or (known and bool(self._force.value)))
+        self._report.set_enabled(known)
+        self._force.set_visibility(known and verdict != "PASS")
 
     def _show_pinned(self) -> None:
         pinned = self.session.pinned

@@ -11,6 +11,7 @@ from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import room
 from heatertune.proof import Proof
+from heatertune.proof.verdict import verdict_line
 from heatertune.report.html import bullets, table, text_of
 from heatertune.report.text import criterion_value, figure, model_rows, word
 from heatertune.studio.loop import Look
@@ -94,12 +95,7 @@ def verdict_text(verdict: str, proof: Proof | None, *, last: bool = False) -> st
         if verdict == "proving…":
             return "Proving the words on every model under every open point of the manual…"
         return "No design for these settings; what is seen is the last one." if last else "No design yet: drop a log."
-    count = len({run.model for run in proof.runs})
-    models = f"{count} heater model{'s' if count > 1 else ''}"
-    if proof.verdict == "PASS":
-        return f"PASS: all criteria hold in {len(proof.runs)} runs on {models}."
-    broken = ", ".join(each.name.replace("_", " ") for each in proof.criteria if not each.ok)
-    return f"FAIL: not kept in {len(proof.runs)} runs on {models}: {broken}."
+    return f"{verdict_line(proof.to_document())}."
 
 
 def notes(look: Look) -> str:

@@ -1,0 +1,95 @@
+"""PASS, FAIL or NOT PROVEN: what the runs show, and what the fit found that no run can show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from heatertune.errors import UnknownName
+from heatertune.log.cells import count
+from heatertune.model.findings import KINDS, Finding
+
+__all__ = ["ASSUMED", "NOT_PROVEN", "Heard", "blocking", "combined", "extent", "told_of", "verdict_line"]
+
+NOT_PROVEN: Final = "NOT PROVEN"
+
+#: what a user may know beside the log → how a certificate says it
+ASSUMED: Final = {"dead_time_at_most_s": "dead time at most {:g} s", "sensor_delay_s": "sensor delay of {:g} s"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heard:
+    """What a verdict hears beside its runs.
+
+    Attributes:
+        findings: of the fit.
+        accepted: names of findings that the user accepts; they block nothing.
+        assumed: what the user knows beside the log, name with unit → value.
+        remarks: what else stands on the verdict's line.
+
+    Raises:
+        UnknownName: no finding of this name blocks a verdict.
+    """
+
+    findings: tuple[Finding, ...] = ()
+    accepted: tuple[str, ...] = ()
+    assumed: Mapping[str, float] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        blocks = [name for name, kind in KINDS.items() if kind.effect == "blocks"]
+        for name in self.accepted:
+            if name not in blocks:
+                raise UnknownName("finding to accept", name, blocks)
+
+    def to_document(self) -> dict[str, Any]:
+        """Return "findings", "assumed" and "remarks" of a proof's document."""
+        return {
+            "findings": [{"name": each.name, "effect": each.kind.effect, "told": each.told,
+                          "accepted": each.name in self.accepted} for each in self.findings],
+            "assumed": dict(self.assumed),
+            "remarks": list(self.remarks),
+        }
+
+
+def combined(verdicts: Iterable[str]) -> str:
+    """Return the one verdict of several: the worst."""
+    found = set(verdicts)
+    return "FAIL" if "FAIL" in found else NOT_PROVEN if NOT_PROVEN in found else "PASS"
+
+
+def blocking(proof: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the findings in a proof's document that leave it unproven."""
+    return [each for each in proof["findings"] if each["effect"] == "blocks" and not each["accepted"]]
+
+
+def verdict_line(proof: Mapping[str, Any]) -> str:
+    """Return the verdict of a proof's document as one line: where, on how many heaters, why not, and what is told."""
+    parts = [f"{proof['verdict']} {extent(proof)}"]
+    parts += [f"not kept: {', '.join(broken)}"] if (broken := _broken(proof)) else []
+    if (drawn := proof.get("samples")) is not None:
+        parts.append(f"{100.0 * drawn['passing']:.3g} % of {drawn['count']} samples keep every limit")
+    parts += [f"{KINDS[each['name']].short} ({each['name']}): {KINDS[each['name']].remedy}, or --accept {each['name']}"
+              for each in blocking(proof)]
+    return "; ".join([*parts, *told_of(proof)])
+
+
+def extent(proof: Mapping[str, Any]) -> str:
+    """Return where and on what a proof's document was made: "at 50 °C in 45 runs on 9 possible heaters"."""
+    heaters = {run["model"] for run in proof["runs"]}
+    return (f"at {proof['scenario']['setpoint_degC']:g} °C in {count(len(proof['runs']), 'run')} on "
+            f"{count(len(heaters), 'possible heater')}")
+
+
+def _broken(proof: Mapping[str, Any]) -> Sequence[str]:
+    return [name.replace("_", " ") for name, each in proof["criteria"].items() if not each["ok"]]
+
+
+def told_of(proof: Mapping[str, Any]) -> list[str]:
+    """Return what is told, widened, accepted and assumed in a proof's document, a few words each."""
+    told = [KINDS[each["name"]].short for each in proof["findings"] if each["effect"] != "blocks"]
+    accepted = [f"accepted: {KINDS[each['name']].short}" for each in proof["findings"] if each["accepted"]]
+    assumed = [f"taken as known: {ASSUMED[name].format(value)}" for name, value in proof["assumed"].items()]
+    return [*assumed, *accepted, *dict.fromkeys(told), *proof["remarks"]]
+

@@ -1,0 +1,318 @@
+"""Does a PASS hold on the heater? Logs of heaters whose truth is known, taken the whole way to proven words.
+
+    python tests/bench/danger.py --count 25 --workers 2
+    python tests/bench/danger.py --kinds boiling --seed 7 --targets weg --keep logs/
+
+A PASS whose loop is unstable on the true heater, or has Ms > 2.5 there, is a dangerous one: exit status 1. The truth is
+judged by truth.py, which shares nothing with heatertune; heaters and logs are those of heaters.py. Of the logs inside the
+model class at least 80 % should PASS.
+"""
+
+import argparse
+import json
+import os
+import statistics
+import sys
+import tempfile
+import time
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
+
+from heatertune import cache
+from heatertune.chain.pwm import with_pwm
+from heatertune.chain.ramp import prove_ramped
+from heatertune.chain.stages import fit, tune
+from heatertune.chain.words import choose_words
+from heatertune.errors import HeatertuneError
+from heatertune.log import read_log
+from heatertune.plc import Scaling
+from tests.bench import heaters, truth
+
+TARGETS = ("s5-ob251", "s7-300", "fb41", "weg", "s7-200")
+_SWINGS_OVER = 25.0  # times all lags and the dead time
+_MOST_CALLS = 20_000  # of a simulated loop
+
+
+@dataclass
+class Ending:
+    """How one heater ended on one target.
+
+    Attributes:
+        end: "refused", "no design", "no words", "no proof", "crashed", or the verdict.
+        why: of what is no PASS.
+        setpoint: of the proof [°C].
+        words: what the controller holds, with its interval [s] and the sensor's range [°C].
+        held, stable, ms: what the words are on the true heater, see `truth.Judgement`.
+        swings: whether the true, limited loop went on swinging; None where it was not run.
+        seconds: processor time of tune, words and proof.
+    """
+
+    end: str
+    why: str = ""
+    setpoint: float | None = None
+    words: dict = field(default_factory=dict)
+    held: bool = True
+    stable: bool = True
+    ms: float | None = None
+    swings: bool | None = None
+    seconds: dict = field(default_factory=dict)
+
+    @property
+    def danger(self):
+        """Whether it is a PASS that the true heater breaks."""
+        return self.end == "PASS" and self.held and (not self.stable or (self.ms or 0.0) > 2.5)
+
+
+@dataclass
+class Outcome:
+    """How one log ended on all targets.
+
+    Attributes:
+        kind, seed: of the case.
+        truth: the heater in words.
+        fitted: what the fit said: outcome, findings, notes, model.
+        seconds: processor time of the fit.
+        ends: target → ending.
+    """
+
+    kind: str
+    seed: int
+    truth: str
+    fitted: dict = field(default_factory=dict)
+    seconds: float = 0.0
+    ends: dict = field(default_factory=dict)
+
+
+def fitted_document(fitted):
+    """Return what a fit said of itself, in whatever version."""
+    outcome = getattr(fitted.outcome, "name", str(fitted.outcome))
+    return {
+        "outcome": outcome, "model": repr(fitted.model), "fit_pct": fitted.fit_pct,
+        "models": [repr(getattr(each, "model", each)) for each in getattr(fitted, "candidates", ())],
+        "ci95": {name: None if each is None else [each.low, each.high] for name, each in fitted.ci95.items()},
+        "findings": [finding.name for finding in getattr(fitted, "findings", ())],
+        "notes": list(getattr(fitted, "notes", ())),
+    }
+
+
+def take(stage, work, seconds=None):
+    """Return what a stage makes and None, or None and how it ended without."""
+    begun = time.process_time()
+    try:
+        found = work()
+    except HeatertuneError as problem:
+        return None, Ending(stage, str(problem))
+    except Exception as problem:  # a fault of the program is what this looks for, too
+        return None, Ending("crashed", f"{stage}: {type(problem).__name__}: {problem}")
+    if seconds is not None:
+        seconds[stage] = time.process_time() - begun
+    return found, None
+
+
+def proven(case, fitted, design, words, plain):
+    """Return the proof as a user gets it.
+
+    Who reads its messages asks for a switch that is fast enough, for the ramp that mends an overshoot, and for no
+    tighter band than a hundredth of the sensor's range; `plain`: for nothing.
+    """
+    if plain:
+        return prove_ramped(words, fitted)[0]
+    tolerance = {"tolerance_degC": max(1.0, 0.01 * (case.range[1] - case.range[0]))}
+    _, actuator = with_pwm(design, fitted, "ssr", words=words, **tolerance)
+    return prove_ramped(words, fitted, "auto", proving=tolerance | {"actuator": actuator})[0]
+
+
+def on_target(case, fitted, target, structure, plain):
+    """Return how a fitted heater ends on a target."""
+    scaling, spent = Scaling(low_degC=case.range[0], high_degC=case.range[1]), {}
+    design, lost = take("no design", lambda: tune(fitted, target=target, structure=structure), spent)
+    if lost is None:
+        words, lost = take("no words", lambda: choose_words(design, target, fitted, scaling=scaling).words, spent)
+    if lost is None:
+        proof, lost = take("no proof", lambda: proven(case, fitted, design, words, plain), spent)
+    if lost is not None:
+        return lost
+    broken = [f"{each.name} {each.value:.4g} of {each.limit:.4g}" for each in proof.criteria if not each.ok]
+    setpoint = proof.nominal.setpoint_degC
+    law = truth.law_of(target, words.values, *case.range, words.sample_time_s)
+    judged = truth.judge(case.heater, law, setpoint)
+    told = dict(words.values) | {"interval_s": words.sample_time_s, "range": list(case.range)}
+    ending = Ending(proof.verdict, "; ".join(broken), setpoint, told, judged.held, judged.stable, judged.ms, None, spent)
+    if ending.end == "PASS" and judged.held and (ending.danger or case.seed % 5 == 0):
+        ending.swings = _swings(case, law, setpoint)
+    return ending
+
+
+def _swings(case, law, setpoint):
+    heater = case.heater
+    seconds = min(_SWINGS_OVER * (sum(heater.lags) + heater.dead), _MOST_CALLS * law.interval)
+    return truth.swings(heaters.Rig(heater, heater.ambient), law, setpoint, max(seconds, 200.0 * law.interval))
+
+
+def run(asked):
+    """Return the outcome of one case; `asked`: kind, seed, targets, structure, plain, folder to keep the log in or None."""
+    kind, seed, targets, structure, plain, keep = asked
+    case = heaters.make(kind, seed)
+    outcome = Outcome(kind, seed, repr(case.heater))
+    with tempfile.TemporaryDirectory() as place, cache.unused():
+        path = Path(keep or place) / f"{kind.replace(' ', '_').replace(',', '')}_{seed}.csv"
+        path.write_text(case.text(), encoding="utf-8")
+        log, lost = take("refused", lambda: read_log(path))
+        begun = time.process_time()
+        if lost is None:
+            fitted, lost = take("refused", lambda: fit(log))
+        outcome.seconds = time.process_time() - begun
+        if lost is not None:
+            outcome.ends = dict.fromkeys(targets, lost)
+            return outcome
+        outcome.fitted = fitted_document(fitted)
+        outcome.ends = {target: on_target(case, fitted, target, structure, plain) for target in targets}
+    return outcome
+
+
+def table(outcomes, targets):
+    """Return the lines of the table: how often each kind ended how, and each dangerous PASS."""
+    ends = ("refused", "no design", "no words", "no proof", "crashed", "NOT PROVEN", "FAIL", "PASS")
+    lines = [f"| kind | class | n | {' | '.join(ends)} | swinging | not held | dangerous PASS: {', '.join(targets)} |",
+             "| --- " * (len(ends) + 6) + "|"]
+    for kind in [kind for kind in heaters.KINDS if any(o.kind == kind for o in outcomes)]:
+        lines.append(_row(kind, heaters.KINDS[kind].place, [o for o in outcomes if o.kind == kind], ends, targets))
+    lines.append(_row("all", "", outcomes, ends, targets))
+    return lines
+
+
+def _row(name, place, outcomes, ends, targets):
+    found = [end for o in outcomes for end in o.ends.values()]
+    counted = Counter(end.end for end in found)
+    strange = {end: n for end, n in counted.items() if end not in ends}
+    cells = [str(counted[end] or "") for end in ends]
+    cells += [str(sum(bool(end.swings) for end in found) or ""), str(sum(_unheld(end) for end in found) or "")]
+    cells.append(", ".join(str(sum(_at(o, t).danger for o in outcomes) or "-") for t in targets))
+    return f"| {name} | {place} | {len(outcomes)} | {' | '.join(cells)} |{f' {strange}' if strange else ''}"
+
+
+def _at(outcome, target):
+    return outcome.ends[target]
+
+
+def _unheld(end):
+    return end.end == "PASS" and not end.held
+
+
+def dangers(outcomes):
+    """Return a paragraph for each log with a dangerous PASS: how to repeat it, and what the fit said."""
+    lines = []
+    for o in outcomes:
+        bad = {target: end for target, end in o.ends.items() if end.danger}
+        if bad:
+            told = ", ".join(f"{t} Ms {end.ms:.3g}{' swings' if end.swings else ''}" for t, end in bad.items())
+            lines += [f"{o.kind} {o.seed}: {told} (of {sum(e.end == 'PASS' for e in o.ends.values())} PASS) at "
+                      f"{next(iter(bad.values())).setpoint:g} °C",
+                      f"  truth  {o.truth}", f"  fitted {o.fitted['model']}",
+                      f"  {o.fitted['outcome']}, fit {o.fitted['fit_pct']:.1f} %, {len(o.fitted['models'])} models, "
+                      f"findings: {', '.join(o.fitted['findings']) or 'none'}",
+                      *(f"  - {note}" for note in o.fitted["notes"])]
+    return lines
+
+
+def shares(outcomes, targets):
+    """Return the lines on how many of the logs inside the model class PASS, and what the others lack."""
+    inside = [o for o in outcomes if heaters.KINDS[o.kind].place == "in"]
+    if not inside:
+        return []
+    lines = []
+    for target in targets:
+        found = [o.ends[target] for o in inside]
+        lacks = Counter(_lack(end) for end in found if end.end != "PASS")
+        told = ", ".join(f"{n} {lack}" for lack, n in lacks.most_common(5))
+        lines.append(f"inside the class, {target}: {100.0 * _share(found):.0f} % of {len(found)} PASS; else {told}")
+    every = [end for o in inside for end in o.ends.values()]
+    any_ = [any(end.end == "PASS" for end in o.ends.values()) for o in inside]
+    lines.append(f"inside the class, all targets: {100.0 * _share(every):.0f} % of {len(every)} PASS; "
+                 f"{100.0 * np.mean(any_):.0f} % of {len(inside)} logs PASS on one target at least")
+    return lines
+
+
+def _share(found):
+    return sum(end.end == "PASS" for end in found) / len(found)
+
+
+def _lack(end):
+    if end.end in ("FAIL", "NOT PROVEN"):
+        names = ",".join(part.split(" ")[0] for part in end.why.split("; ") if part)
+        return f"{end.end}({names})"
+    return f"{end.end}({end.why[:60]})"
+
+
+def times(outcomes, targets):
+    """Return the lines of the median processor times."""
+    fits = [o.seconds for o in outcomes if o.fitted and heaters.KINDS[o.kind].most is None]
+    if not fits:
+        return []
+    lines = [f"fit: median {statistics.median(fits):.3f} CPU s, 95 % {np.quantile(fits, 0.95):.3f}, worst {max(fits):.2f}"]
+    for target in targets:
+        spent = [o.ends[target].seconds for o in outcomes if len(o.ends[target].seconds) == 3]
+        if spent:
+            told = (f"{stage.removeprefix('no ')} {statistics.median(s[stage] for s in spent):.3f}" for stage in spent[0])
+            lines.append(f"{target}: median CPU s: {', '.join(told)}")
+    return lines
+
+
+def cases(settings):
+    """Return what is asked of `run`, one for each log."""
+    seeds = range(settings.first, settings.first + settings.count) if settings.seed is None else [settings.seed]
+    return [
+        (kind, seed, settings.targets, settings.structure, settings.plain, settings.keep) for kind in settings.kinds for seed in seeds
+        if settings.seed is not None or heaters.KINDS[kind].most is None or seed < heaters.KINDS[kind].most
+    ]
+
+
+def _arguments(arguments):
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=25, help="seeds of each kind (default: 25)")
+    parser.add_argument("--kinds", "--kind", nargs="+", default=list(heaters.KINDS), choices=heaters.KINDS, metavar="KIND",
+                        help=f"some of: {', '.join(heaters.KINDS)}")
+    parser.add_argument("--targets", "--target", nargs="+", default=list(TARGETS), choices=TARGETS, metavar="TARGET")
+    parser.add_argument("--structure", default="pi", choices=("p", "pi", "pid"))
+    parser.add_argument("--first", type=int, default=0, help="first seed of each kind (default: 0)")
+    parser.add_argument("--plain", action="store_true",
+                        help="ask for no fast switch, no ramp and no tolerance that goes with the sensor's range")
+    parser.add_argument("--seed", type=int, help="this seed alone")
+    parser.add_argument("--keep", help="folder for the logs")
+    parser.add_argument("--workers", type=int, default=1, help="processes (default: 1)")
+    parser.add_argument("--json", help="file for all that was found")
+    return parser.parse_args(arguments)
+
+
+def main(arguments=None):
+    """Print the tables; return 1 where a dangerous PASS was found."""
+    settings = _arguments(arguments)
+    if settings.keep:
+        Path(settings.keep).mkdir(parents=True, exist_ok=True)
+    asked, begun = cases(settings), time.perf_counter()
+    outcomes = []
+    with ProcessPoolExecutor(settings.workers) as pool:
+        for outcome in map(run, asked) if settings.workers == 1 else pool.map(run, asked):
+            outcomes.append(outcome)
+            if paragraph := dangers([outcome]):  # a long run tells at once what it finds
+                print(f"{len(outcomes)} of {len(asked)}: {paragraph[0]}", file=sys.stderr, flush=True)
+    if settings.json:
+        Path(settings.json).write_text(json.dumps([asdict(o) for o in outcomes], indent=1), encoding="utf-8")
+    counted = [o for o in outcomes if heaters.KINDS[o.kind].place != "blind"]
+    found = sum(end.danger for o in counted for end in o.ends.values())
+    crashed = sorted({f"crashed: {o.kind} {o.seed}: {e.why}" for o in outcomes for e in o.ends.values() if e.end == "crashed"})
+    print("\n".join([*table(outcomes, settings.targets), "", *dangers(outcomes), "", *crashed,
+                     *shares(outcomes, settings.targets), *times(outcomes, settings.targets),
+                     f"{len(outcomes)} logs in {time.perf_counter() - begun:.0f} s; load of the machine "
+                     f"{os.getloadavg()[0]:.1f}; {found} dangerous PASS"]))
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

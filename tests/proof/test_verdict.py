@@ -1,0 +1,92 @@
+"""PASS, FAIL, NOT PROVEN: every finding that blocks, and every way on; the cases are worked out by hand."""
+
+import pytest
+
+from heatertune.chain.words_file import certificate
+from heatertune.errors import ExportRefused, UnknownName
+from heatertune.model.findings import KINDS, Finding
+from heatertune.pid.robustness import margins
+from heatertune.proof import Actuator, paper_scenario, prove
+from heatertune.proof.verdict import Heard, combined, told_of, verdict_line
+
+PWM = Actuator(pwm_period_s=10.0)
+PAPER = paper_scenario(duration_s=3000.0)
+BLOCKING = [name for name, kind in KINDS.items() if kind.effect == "blocks"]
+OTHERS = [name for name, kind in KINDS.items() if kind.effect != "blocks"]
+
+
+@pytest.fixture
+def proven(tenths, words, heater):
+    def proven(*, gain=4.0, **heard):
+        return prove(tenths, words(gain=gain), [("best", heater)], PAPER, PWM, margins_of=margins, heard=Heard(**heard))
+
+    return proven
+
+
+def _finding(name):
+    return Finding(name=name, told=f"what was found: {name}.")
+
+
+@pytest.mark.parametrize("name", BLOCKING)
+def test_a_finding_that_blocks_leaves_words_that_pass_every_run_not_proven_until_it_is_accepted(proven, name):
+    proof = proven(findings=(_finding(name),))
+    document = proof.to_document()
+    assert {run.verdict for run in proof.runs} == {"PASS"}
+    assert (proof.verdict, document["verdict"]) == ("NOT PROVEN", "NOT PROVEN")
+    line = verdict_line(document)
+    assert line.startswith("NOT PROVEN at 53.3 °C in 1 run on 1 possible heater; ")
+    assert KINDS[name].remedy in line
+    assert f"--accept {name}" in line
+    with pytest.raises(ExportRefused, match="NOT PROVEN"):
+        certificate(document)
+    forced = certificate(document, force=True)
+    assert (forced.verdict, forced.forced) == ("NOT PROVEN", True)
+    assert f"not proven: what was found: {name}." in forced.lines
+    accepted = proven(findings=(_finding(name),), accepted=(name,)).to_document()
+    assert accepted["verdict"] == "PASS"
+    found = certificate(accepted)
+    assert (found.verdict, found.forced) == ("PASS", False)
+    assert f"accepted: {KINDS[name].short}" in found.lines
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_finding_that_does_not_block_is_told_on_the_line_and_in_the_certificate(proven, name):
+    proof = proven(findings=(_finding(name),))
+    assert proof.verdict == "PASS"
+    assert KINDS[name].short in verdict_line(proof.to_document())
+    assert KINDS[name].short in certificate(proof.to_document()).lines
+    with pytest.raises(UnknownName, match=name):
+        Heard(accepted=(name,))
+
+
+def test_words_that_fail_fail_whatever_else_is_open(proven):
+    proof = proven(gain=60.0, findings=(_finding("alias"),))
+    assert proof.verdict == "FAIL"
+    assert "not kept: " in verdict_line(proof.to_document())
+    with pytest.raises(ExportRefused, match="FAIL"):
+        certificate(proof.to_document())
+
+
+def test_what_the_user_knows_stands_in_the_certificate(proven):
+    document = proven(assumed={"dead_time_at_most_s": 8.0, "sensor_delay_s": 0.5}, remarks=("by hand",)).to_document()
+    assert told_of(document) == ["taken as known: dead time at most 8 s", "taken as known: sensor delay of 0.5 s", "by hand"]
+    head = certificate(document).head
+    assert head[:2] == ("verdict of the proof: PASS", "proven at 53.3 °C in 1 run on 1 possible heater")
+    assert "taken as known: dead time at most 8 s" in head
+
+
+def test_the_worst_of_several_verdicts_is_theirs():
+    assert combined(["PASS", "PASS"]) == "PASS"
+    assert combined(["PASS", "NOT PROVEN"]) == "NOT PROVEN"
+    assert combined(["NOT PROVEN", "FAIL", "PASS"]) == "FAIL"
+
+
+def test_a_step_of_the_reading_may_move_a_tenth_of_the_power(tenths, words, heater):
+    # readings come in tenths of a degree, TA = 4 s, TN = 200 s: one step moves K·(1 + 4/200)·step
+    design = tenths.decode(words(gain=4.0))
+    parts = 1.0 + design.sample_time_s / design.integral_time_s
+    for step, expected in ((0.0, 0.1 * 4.0 * parts), (2.0, 2.0 * 4.0 * parts), (4.0, 4.0 * 4.0 * parts)):
+        proof = prove(tenths, words(gain=4.0), [("best", heater)], PAPER, PWM, reading_step_degC=step)
+        found = {each.name: each for each in proof.criteria}["step_power"]
+        assert found.value == pytest.approx(expected, rel=1e-12)
+        assert found.ok is (expected <= 10.0)
