@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
+from heatertune.log.taken import MOST_REPAIRED
 from heatertune.log.values import Log
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.circumstances import DelaysKnown
 from heatertune.model.closed_loop import Bounds
 from heatertune.model.feedback import loop_told
+from heatertune.model.findings import Finding
 from heatertune.model.fit_logs import fit_logs
 from heatertune.model.fit_power import Explained, explained, fit_power, weighed
 from heatertune.model.fit_temperature import fit_temperature
@@ -75,7 +77,7 @@ def fit(
         loop = loop_told(used)
         notes += tuple(each.sentence for each in loop)
         found = replace(found, findings=(*found.findings, *findings_of(loop)))
-    return delays.applied(replace(found, notes=notes + found.notes), [used])
+    return _of_files(delays.applied(replace(found, notes=notes + found.notes), [used]), [log])
 
 
 def fit_known(
@@ -130,12 +132,12 @@ def fit_known(
     loop = loop_told(rated[0].log)
     told = replay_notes(used, controllers, hypotheses, offset)
     family = (*candidates, *(replace(each, law=hypotheses[0].law) for each in found.candidates if each.part))
-    return delays.applied(replace(
+    return _of_files(delays.applied(replace(
         found, candidates=family, hypotheses=tuple(hypotheses),
         method=f"power by {hypotheses[0].law} on the logged readings; {found.method}",
         notes=(*notes, *told, *(each.sentence for each in loop), *found.notes),
         findings=(*found.findings, *findings_of(loop)),
-    ), [used])
+    ), [used]), [log])
 
 
 def fit_together(
@@ -184,7 +186,18 @@ def fit_together(
             _demand_laws(log, laws)
             _refuse_bound(log, delays)
         found = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
-    return delays.applied(replace(found, notes=(*notes, *found.notes)), parts)
+    return _of_files(delays.applied(replace(found, notes=(*notes, *found.notes)), parts), logs)
+
+
+def _of_files(found: FittedModel, logs: Sequence[Log]) -> FittedModel:
+    """Return the fit with what was taken of each file, and a finding for each that was much repaired."""
+    taken = [log.taken for log in logs if log.taken is not None]
+    told = [f"{each.file}: {each.repaired_share:.2%} of {each.rows_read} rows were left out or repaired"
+            for each in taken if each.repaired_share > MOST_REPAIRED]
+    return replace(
+        found, log_told=tuple(each.line for each in taken),
+        findings=(*found.findings, *(Finding(name="repaired", told=sentence) for sentence in told)),
+    )
 
 
 def _together(
