@@ -18,12 +18,13 @@ from heatertune.model.judgement import Validation
 from heatertune.model.loads import bic_of, left_over, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.outliers import tamed, without_outliers
+from heatertune.model.parts import widening, widening_notes
 from heatertune.model.power_candidates import candidates_of, second_is_seen
 from heatertune.model.readings import Readings
 from heatertune.model.rivals import Rival, rivals_of, widened
 from heatertune.model.sanity import demand_cause
 from heatertune.model.statistics import autocorrelation, fit_pct
-from heatertune.model.uncertainty import intervals
+from heatertune.model.uncertainty import intervals_by
 from heatertune.model.values import FittedModel, Fopdt, Interval, Outcome, Residuals
 
 __all__ = ["Explained", "explained", "fit_power", "outcome_of", "values_of", "weighed"]
@@ -78,11 +79,12 @@ class Explained:
 
 
 class Weighed(NamedTuple):
-    """Of one lag: intervals, checks, and other fits that the log does not rule out."""
+    """Of one lag: intervals, checks, other fits that the log does not rule out, and how far intervals were widened."""
 
     inside: dict[str, Interval]
     validation: Validation
     rivals: tuple[Rival, ...]
+    wider: dict[str, float]
 
 
 def explained(
@@ -103,9 +105,11 @@ def explained(
 def weighed(found: Explained, *, open_start: bool, seed: int) -> Weighed:
     """Return what one lag is worth; `open_start`: nobody knows the power before the log."""
     problem, one = found.problems[0], found.fits[0]
-    inside, validation = intervals(problem, one, seed=seed), judged(problem, one)
-    rivals = rivals_of(found.log, problem, one, inside, validation.held_out, open_start=open_start)
-    return Weighed(inside, validation, rivals)
+    wider = widening(problem, one)
+    narrow, inside = intervals_by(problem, one, [{}, wider], seed=seed)
+    validation = judged(problem, one)
+    rivals = rivals_of(found.log, problem, one, narrow, validation.held_out, open_start=open_start)
+    return Weighed(inside, validation, rivals, wider)
 
 
 def fit_power(found: Explained, weight: Weighed) -> FittedModel:
@@ -115,7 +119,7 @@ def fit_power(found: Explained, weight: Weighed) -> FittedModel:
     and load steps where the log asks for them.
     """
     log, one = found.log, found.fits[0]
-    inside, validation, rivals = weight
+    inside, validation, rivals, wider = weight
     ci95: dict[str, Interval | None] = {**widened(inside, [values_of(rival.model) for rival in rivals])}
     ratio, lag = ci95.pop(RATIO), ci95["time_constant_s"]
     assert ratio is not None
@@ -135,7 +139,7 @@ def fit_power(found: Explained, weight: Weighed) -> FittedModel:
         combinations={} if known else {RATIO: (values_of(found.model)[RATIO], ratio)},
         candidates=candidates,
         fit_pct=fit,
-        notes=(*notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
+        notes=(*notes_of(log, found.problems[0], one, ci95, candidates, found.outliers), *widening_notes(wider),
                *(rival.told for rival in rivals), *judgement_notes(log, validation, fit, second)),
         residuals=Residuals(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,

@@ -9,6 +9,7 @@ sees what is skewed or open; the bootstrap sees colour of any other shape.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,13 +22,17 @@ from heatertune.model.projection import AMBIENT, GAIN
 from heatertune.model.statistics import autocorrelation, block_resamples
 from heatertune.model.values import Interval
 
-__all__ = ["LEAST_FREEDOM", "STEPS", "colour", "crossing", "intervals", "reaches", "sensitivities"]
+__all__ = [
+    "LEAST_FREEDOM", "READINGS", "STEPS", "Noise", "colour", "crossing", "held_squares", "intervals",
+    "intervals_by", "noise_of", "reaches", "sensitivities", "value_of",
+]
 
 Array = npt.NDArray[np.float64]
 
-
 _NAMES = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
-_READINGS = 400  # averaged: neighbours of coloured noise say little more than their mean
+#: averaged: neighbours of coloured noise say little more than their mean
+READINGS = 400
+_POSITIVE = ("gain_degC_per_pct", "time_constant_s", RATIO)
 _RESAMPLES = 200
 #: of the noise, however coloured
 LEAST_FREEDOM = 4.0
@@ -36,7 +41,7 @@ STEPS = np.array([0.6, 1.2, 1.7, 2.2, 3.0, 4.5, 8.0, 25.0])
 
 
 @dataclass(frozen=True, slots=True)
-class _Noise:
+class Noise:
     """Standard deviations of the parameters, their inflation by colour, and Student's 97.5 % point."""
 
     deviation: dict[str, float]
@@ -47,15 +52,31 @@ class _Noise:
 
 def intervals(problem: PowerProblem, fit: PowerFit, *, seed: int) -> dict[str, Interval]:
     """Return the 95 % interval of each parameter and of gain per time constant; an end on a bound is open."""
-    problem, told = problem.thinned(_READINGS), fit
+    return intervals_by(problem, fit, [{}], seed=seed)[0]
+
+
+def intervals_by(
+    problem: PowerProblem, fit: PowerFit, factors: Sequence[Mapping[str, float]], *, seed: int
+) -> list[dict[str, Interval]]:
+    """Return the intervals for each set of factors by which deviations are larger than the residuals say."""
+    problem, told = problem.thinned(READINGS), fit
     fit = problem.refined(fit.vector[None, :])
-    noise = _noise(problem, fit)
-    ends = _ends(problem)
-    return {
-        name: envelope(hull(interval(values, *ends[name]), _profile(problem, fit, name, noise)), [_value(told, name)])
-        for name, values in _bootstrap(problem, fit, seed).items()
-        if name in noise.deviation
-    }
+    noise, ends = noise_of(problem, fit), _ends(problem)
+    drawn = {name: values for name, values in _bootstrap(problem, fit, seed).items() if name in noise.deviation}
+
+    def found(name: str, times: float) -> Interval:
+        by_draws = interval(_spread(name, drawn[name], value_of(fit, name), times), *ends[name])
+        by_profile = _profile(problem, fit, name, noise, times)
+        return envelope(hull(by_draws, by_profile), [value_of(told, name)])
+
+    return [{name: found(name, times.get(name, 1.0)) for name in drawn} for times in factors]
+
+
+def _spread(name: str, values: Array, best: float, times: float) -> Array:
+    """Return drawn values that lie so many times as far from the best; those of positive kind in the logarithm."""
+    if name in _POSITIVE:
+        return np.asarray(best * (values / best) ** times)
+    return best + times * (values - best)
 
 
 def reaches(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
@@ -63,7 +84,7 @@ def reaches(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
 
     For comparisons; what is told of a fit alone is `intervals`, which sees what is skewed or open.
     """
-    noise = _noise(problem, fit)
+    noise = noise_of(problem, fit)
     return {name: noise.quantile * deviation for name, deviation in noise.deviation.items()}
 
 
@@ -90,7 +111,7 @@ def _bootstrap(problem: PowerProblem, fit: PowerFit, seed: int) -> dict[str, Arr
     return dict(zip((*_NAMES, RATIO), values, strict=True))
 
 
-def _noise(problem: PowerProblem, fit: PowerFit) -> _Noise:
+def noise_of(problem: PowerProblem, fit: PowerFit) -> Noise:
     """Return what first-order autoregressive noise of the residuals' colour does to the parameters."""
     jacobian, names = sensitivities(problem, fit)
     residuals = problem.readings.temperature_degC - fit.simulated_degC
@@ -101,10 +122,10 @@ def _noise(problem: PowerProblem, fit: PowerFit) -> _Noise:
     white, coloured = inverse @ inverse.T, inverse @ (base.T @ rho**lags @ base) @ inverse.T
     freedom = len(residuals) * (1.0 - rho) / (1.0 + rho) - jacobian.shape[1]
     weights = {name: np.eye(len(names))[names.index(name)] for name in _NAMES if name in names}
-    gain, lag = _value(fit, "gain_degC_per_pct"), _value(fit, "time_constant_s")
+    gain, lag = value_of(fit, "gain_degC_per_pct"), value_of(fit, "time_constant_s")
     weights[RATIO] = weights["gain_degC_per_pct"] / lag - weights["time_constant_s"] * gain / lag**2
     spread = {name: float(w @ coloured @ w) for name, w in weights.items()}
-    return _Noise(
+    return Noise(
         deviation={name: math.sqrt(variance * spread[name]) for name in weights},
         inflation={name: spread[name] / max(float(w @ white @ w), 1e-300) for name, w in weights.items()},
         variance=variance,
@@ -151,16 +172,16 @@ def colour(residuals: Array, base: Array) -> tuple[float, float]:
     return rho, float(residuals @ residuals) / float(np.interp(rho, tried, left))
 
 
-def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: _Noise) -> Interval:
-    """Return where the sum of squares, all other unknowns fitted anew, has risen by the 95 % share."""
+def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: Noise, times: float = 1.0) -> Interval:
+    """Return where the sum of squares, all other unknowns fitted anew, has risen by the 95 % share, times squared."""
     low, high = _ends(problem)[name]
-    best = _value(fit, name)
-    limit = noise.quantile**2 * noise.inflation[name] * noise.variance
+    best = value_of(fit, name)
+    limit = (times * noise.quantile) ** 2 * noise.inflation[name] * noise.variance
     least = float(np.sum((problem.readings.temperature_degC - fit.simulated_degC) ** 2))
     found = []
     for side in (-1.0, 1.0):
-        values = np.clip(best + side * noise.deviation[name] * STEPS, low, high)
-        rise = np.array([0.0, *np.maximum(_held(problem, fit, name, values) - least, 0.0)])
+        values = np.clip(best + side * times * noise.deviation[name] * STEPS, low, high)
+        rise = np.array([0.0, *np.maximum(held_squares(problem, fit, name, values) - least, 0.0)])
         found.append(crossing(np.array([best, *values]), rise, limit))
     return Interval(low=found[0], high=found[1])
 
@@ -177,7 +198,7 @@ def crossing(values: Array, rise: Array, limit: float) -> float | None:
     return float(values[i - 1] + (values[i] - values[i - 1]) * (c - a) / (b - a))
 
 
-def _held(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Array:
+def held_squares(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Array:
     """Return the least sum of squares with the named parameter held at each value."""
     z = np.tile(fit.vector, (len(values), 1))
     records = np.tile(problem.readings.temperature_degC, (len(values), 1))
@@ -192,7 +213,8 @@ def _held(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Arr
     return problem.cost(problem.minimum(z, records, known, held=held, iterations=12), records, known)
 
 
-def _value(fit: PowerFit, name: str) -> float:
+def value_of(fit: PowerFit, name: str) -> float:
+    """Return a parameter of a fit, or its gain per time constant."""
     gain, lag = float(fit.linear[GAIN]), math.exp(fit.vector[0])
     return {
         "gain_degC_per_pct": gain, "ambient_degC": float(fit.linear[AMBIENT]), "time_constant_s": lag,
