@@ -7,7 +7,6 @@ from tests.model.twins import doublet, logged
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.fit_power import explained
 from heatertune.model.intervals import RATIO
 from heatertune.model.open_loop import PowerProblem
 from heatertune.model.parts import widening, widening_notes
