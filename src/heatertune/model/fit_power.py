@@ -165,15 +165,7 @@ def values_of(model: Fopdt) -> dict[str, float]:
 
 def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
-    whole, measured = problem.readings, log.temperature_degC
-    cleaned, outliers = tamed(measured), np.empty(0, dtype=np.intp)
-    for _ in range(_PASSES):
-        thin = replace(problem, readings=replace(whole, temperature_degC=cleaned).thinned(_READINGS))
-        fit = thin.fit()
-        last = outliers
-        cleaned, outliers = without_outliers(measured, fit.linear @ problem.basis(fit.vector))
-        if np.array_equal(last, outliers):
-            break
+    cleaned, outliers, thin, fit = _without_outliers(log.temperature_degC, problem)
     if not believed:
         demand_cause(log, thin, None if fit.model is None else fit)
     problems = [thin, replace(thin, two_lags=True)]
@@ -185,6 +177,48 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
     return Explained(log=log, problems=problems, fits=fits, cleaned=cleaned, outliers=outliers)
+
+
+class _Cleaned(NamedTuple):
+    """Readings with nothing but these outliers replaced, and one lag fitted to just them."""
+
+    readings_degC: Array
+    outliers: npt.NDArray[np.intp]
+    problem: PowerProblem
+    fit: PowerFit
+
+    @property
+    def bic(self) -> float:
+        """Criterion of the fit; a reading set aside is one more unknown."""
+        return bic_of(self.problem, self.fit) + len(self.outliers) * math.log(len(self.readings_degC))
+
+
+def _without_outliers(measured: Array, problem: PowerProblem) -> _Cleaned:
+    """Return one lag without the outliers, found from the readings as they are and with the wild ones tamed.
+
+    Wild readings would hide the others; but the pulses of a fast heater look wild too, and may not stay tamed.
+    """
+    smooth = tamed(measured)
+    starts = [measured] if np.array_equal(smooth, measured) else [measured, smooth]
+    return min((_settled(measured, problem, start) for start in starts), key=lambda each: each.bic)
+
+
+def _settled(measured: Array, problem: PowerProblem, start: Array) -> _Cleaned:
+    found = _cleaned(problem, start, np.empty(0, dtype=np.intp))
+    for _ in range(_PASSES):
+        last = found
+        cleaned, outliers = without_outliers(measured, last.fit.linear @ problem.basis(last.fit.vector))
+        if np.array_equal(cleaned, last.readings_degC):
+            break
+        found = _cleaned(problem, cleaned, outliers)
+        if len(outliers) and np.array_equal(outliers, last.outliers):
+            break
+    return found
+
+
+def _cleaned(problem: PowerProblem, readings_degC: Array, outliers: npt.NDArray[np.intp]) -> _Cleaned:
+    thin = replace(problem, readings=replace(problem.readings, temperature_degC=readings_degC)).thinned(_READINGS)
+    return _Cleaned(readings_degC, outliers, thin, thin.fit())
 
 
 def _second(problem: PowerProblem, one: PowerFit) -> PowerFit:

@@ -35,7 +35,7 @@ class _Tried(NamedTuple):
 
 
 def second_is_seen(two: PowerFit) -> bool:
-    """Return whether the second lag is one: on a bound it is none, or none other than the first."""
+    """Return whether the second lag is one: on its lower bound it is none."""
     return "second_time_constant_s" not in two.on_bound
 
 

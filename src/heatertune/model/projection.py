@@ -18,6 +18,7 @@ GAIN, AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE, COLUMNS = 0, 1, 2, 3, 4, 5
 
 DIFFERENCE = 1e-4  # finite-difference step as a share of the parameter's range
 REST = 3  # poor steps in a row, then a row rests
+ROUNDING = 1e-13  # share of a column's square that rounding may leave of it
 
 
 @njit(cache=True, nogil=True)
@@ -92,8 +93,18 @@ def columns(time, half, edges, levels, before, loads, first, second, dead, basis
 
 @njit(cache=True, nogil=True)
 def _solve(matrix, right, size):  # type: ignore[no-untyped-def]
-    """Solve a small symmetric positive system in place by elimination."""
+    """Solve a small symmetric system in place by elimination.
+
+    An unknown whose column the ones before it make up, but for rounding, is 0: they explain as much without it.
+    """
+    left = np.empty(size)
     for c in range(size):
+        left[c] = ROUNDING * matrix[c, c]
+    for c in range(size):
+        if not matrix[c, c] > left[c]:
+            right[c] = 0.0
+            for k in range(size):
+                matrix[c, k] = matrix[k, c] = 1.0 if k == c else 0.0
         for r in range(c + 1, size):
             factor = matrix[r, c] / matrix[c, c]
             for k in range(c, size):
