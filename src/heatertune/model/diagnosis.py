@@ -75,7 +75,12 @@ def _power_before(log: Log, problem: PowerProblem) -> list[str]:
     if problem.ambient_degC is not None:
         told.append(f"The ambient temperature of {problem.ambient_degC:g} °C was given, not fitted.")
     first = log.power_pct[0]
-    if first > 0.0 and problem.power_before_pct is None:
+    if problem.at_rest:
+        told.append(
+            f"The log was taken to begin at rest with {problem.power_before:g} % power, which explains it better than "
+            "any other start."
+        )
+    elif first > 0.0 and problem.power_before_pct is None:
         told.append(
             f"The log begins with {first:g} % power already on, and nothing before it: no steady start was assumed, "
             "which can more than double the gain; if you know the power before, give --power-before."

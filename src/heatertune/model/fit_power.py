@@ -12,10 +12,11 @@ import numpy.typing as npt
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.diagnosis import notes_of
+from heatertune.model.events import refitted, with_events
 from heatertune.model.intervals import RATIO, identified_parts
 from heatertune.model.judge import correlation_of, judged, judgement_notes
 from heatertune.model.judgement import Validation
-from heatertune.model.loads import bic_of, left_over, with_loads
+from heatertune.model.loads import bic_of
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.outliers import tamed, without_outliers
 from heatertune.model.parts import widening, widening_notes
@@ -33,7 +34,6 @@ Array = npt.NDArray[np.float64]
 
 _READINGS = 1000  # averaged, in the search; what is reported is simulated at every reading
 _POOR = 60.0  # fit [%] below which no interval means anything
-_NEAR = 10.0  # BIC points
 _PASSES = 4  # of finding outliers
 
 
@@ -75,7 +75,7 @@ class Explained:
     def drifting(self) -> Explained:
         """Return the log with a drift of the ambient fitted, whether it asks for one alone or not."""
         problems = [replace(problem, drift=True) for problem in self.problems]
-        return replace(self, problems=problems, fits=_refitted(problems, self.fits))
+        return replace(self, problems=problems, fits=refitted(problems, self.fits))
 
 
 class Weighed(NamedTuple):
@@ -133,7 +133,8 @@ def fit_power(found: Explained, weight: Weighed) -> FittedModel:
     return FittedModel(
         model=found.model,
         outcome=outcome_of(fit, known=known),
-        method="exact simulation with the logged power, free initial state; "
+        method="exact simulation with the logged power, "
+        f"{'begun at rest' if found.problems[0].at_rest else 'free initial state'}; "
         "intervals: profile likelihood or block bootstrap, whichever reaches further",
         ci95=ci95,
         combinations={} if known else {RATIO: (values_of(found.model)[RATIO], ratio)},
@@ -168,12 +169,8 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     cleaned, outliers, thin, fit = _without_outliers(log.temperature_degC, problem)
     if not believed:
         demand_cause(log, thin, None if fit.model is None else fit)
-    problems = [thin, replace(thin, two_lags=True)]
-    fits = [fit, _second(problems[1], fit)]
-    problems, fits = _started(problems, fits)
-    # a drift passes for loads and a load for a drift: each may come first
-    ways = [with_loads(*_drifting(problems, fits)), _drifting(*with_loads(problems, fits))]
-    problems, fits = min(ways, key=lambda way: min(map(bic_of, *way)))
+    two = replace(thin, two_lags=True)
+    problems, fits = with_events([thin, two], [fit, _second(two, fit)])
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
     return Explained(log=log, problems=problems, fits=fits, cleaned=cleaned, outliers=outliers)
@@ -228,28 +225,3 @@ def _second(problem: PowerProblem, one: PowerFit) -> PowerFit:
         return found
     near = [(one.vector[0], max(one.vector[1] - ratio * math.exp(one.vector[0]), 0.0), ratio) for ratio in (0.03, 0.2)]
     return problem.refined(np.array(near))
-
-
-def _started(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
-    """Return the better of two starts, where the log begins with power: the same power before, or none."""
-    first = problems[0]
-    if first.power_before_pct is not None or first.readings.level_pct[0] == 0.0:
-        return problems, fits
-    others = [replace(p, power_before_pct=0.0) for p in problems]
-    tried = _refitted(others, fits)
-    better = min(map(bic_of, others, tried)) < min(map(bic_of, problems, fits))
-    return (others, tried) if better else (problems, fits)
-
-
-def _drifting(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
-    """Return the fits with a drift of the ambient where one lag and two both ask for it."""
-    if not any(map(left_over, problems, fits)):
-        return problems, fits
-    others = [replace(p, drift=True) for p in problems]
-    tried = _refitted(others, fits)
-    worth = min(bic_of(p, f) - bic_of(o, t) for p, f, o, t in zip(problems, fits, others, tried, strict=True))
-    return (others, tried) if worth > _NEAR else (problems, fits)
-
-
-def _refitted(problems: list[PowerProblem], fits: list[PowerFit]) -> list[PowerFit]:
-    return [problem.refined(fit.vector[None, :]) for problem, fit in zip(problems, fits, strict=True)]

@@ -62,7 +62,8 @@ def half_of(problem: PowerProblem, rows: Rows) -> PowerProblem | None:
     part = _part(problem, rows).thinned(_READINGS)
     start, end = float(part.readings.time_s[0]), float(part.readings.time_s[-1])
     # a load that began before is ambient, but for its start, which the free initial state takes
-    return replace(part, loads_s=tuple(t for t in problem.loads_s if start < t < end))
+    return replace(part, loads_s=tuple(t for t in problem.loads_s if start < t < end),
+                   at_rest=problem.at_rest and bool(rows[0]))
 
 
 def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:

@@ -15,7 +15,17 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC
-from heatertune.model.projection import AMBIENT, COLUMNS, DRIFT, GAIN, SECOND_STATE, columns, descend, project
+from heatertune.model.projection import (
+    AMBIENT,
+    COLUMNS,
+    DRIFT,
+    FIRST_STATE,
+    GAIN,
+    SECOND_STATE,
+    columns,
+    descend,
+    project,
+)
 from heatertune.model.readings import Readings
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
@@ -73,6 +83,7 @@ class PowerProblem:
         two_lags: whether a second lag is fitted.
         ambient_degC: known ambient, None where free.
         power_before_pct: power before the first reading, None: the same as at the first reading.
+        at_rest: whether the temperature had come to rest with that power.
         drift: whether the ambient may drift by a constant rate.
         loads_s: instants at which an unknown load begins to act, for good.
         sign: of the gain: 1 a heater, -1 the opposite, 0 either.
@@ -83,6 +94,7 @@ class PowerProblem:
     two_lags: bool = False
     ambient_degC: float | None = None
     power_before_pct: float | None = None
+    at_rest: bool = False
     drift: bool = False
     loads_s: tuple[float, ...] = ()
     sign: float = 1.0
@@ -104,7 +116,9 @@ class PowerProblem:
             known[AMBIENT] = self.ambient_degC
         if not self.drift:
             known[DRIFT] = 0.0
-        if not self.two_lags:
+        if self.at_rest:
+            known[FIRST_STATE] = 0.0
+        if self.at_rest or not self.two_lags:
             known[SECOND_STATE] = 0.0
         return known
 
