@@ -28,13 +28,14 @@ class Way(NamedTuple):
         return min(map(bic_of, self.problems, self.fits))
 
 
-def with_events(problems: Sequence[PowerProblem], fits: Sequence[PowerFit]) -> Way:
+def with_events(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], *, closed: bool) -> Way:
     """Return one lag and two with the start, the drift and the loads that explain the log best.
 
     A start that is wrong passes for a drift or a load, and a drift for a load: none can be chosen before the others.
+    `closed`: a controller moved the power.
     """
     given = Way(list(problems), list(fits))
-    begun = [_begun(given, start) for start in starts(problems[0])]
+    begun = [_begun(given, start) for start in starts(problems[0], closed=closed)]
     drifting = {id(way): _drifting(way) for way in begun}
     carried = sorted(begun, key=lambda way: min(way.bic, drifting[id(way)].bic))[:_CARRIED]
     ways = []

@@ -13,6 +13,7 @@ from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.diagnosis import notes_of
 from heatertune.model.events import refitted, with_events
+from heatertune.model.feedback import is_feedback
 from heatertune.model.intervals import RATIO, identified_parts
 from heatertune.model.judge import correlation_of, judged, judgement_notes
 from heatertune.model.judgement import Validation
@@ -23,7 +24,7 @@ from heatertune.model.parts import widening, widening_notes
 from heatertune.model.power_candidates import candidates_of, second_is_seen
 from heatertune.model.readings import Readings
 from heatertune.model.rivals import Rival, rivals_of, widened
-from heatertune.model.sanity import demand_cause
+from heatertune.model.sanity import demand_cause, follows_temperature
 from heatertune.model.statistics import autocorrelation, fit_pct
 from heatertune.model.uncertainty import intervals_by
 from heatertune.model.values import FittedModel, Fopdt, Interval, Outcome, Residuals
@@ -170,7 +171,8 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     if not believed:
         demand_cause(log, thin, None if fit.model is None else fit)
     two = replace(thin, two_lags=True)
-    problems, fits = with_events([thin, two], [fit, _second(two, fit)])
+    closed = is_feedback(log) or follows_temperature(log)
+    problems, fits = with_events([thin, two], [fit, _second(two, fit)], closed=closed)
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
     return Explained(log=log, problems=problems, fits=fits, cleaned=cleaned, outliers=outliers)

@@ -55,7 +55,7 @@ def rivals_of(
     """
     found = (
         *_without_events(log, problem, fit, held_out), *_at_rest(problem, fit, ci95.get("ambient_degC")),
-        *_other_rest(problem, fit), *(_other_start(problem, fit) if open_start else ()),
+        *_other_rest(log, problem, fit), *(_other_start(problem, fit) if open_start else ()),
     )
     record = problem.readings.temperature_degC
     return tuple(
@@ -136,11 +136,12 @@ def _other_start(problem: PowerProblem, fit: PowerFit) -> Iterator[Rival]:
     ))
 
 
-def _other_rest(problem: PowerProblem, fit: PowerFit) -> Iterator[Rival]:
+def _other_rest(log: Log, problem: PowerProblem, fit: PowerFit) -> Iterator[Rival]:
     """Return the fit from rest, or not from rest, where it is nearly as good and the readings do not settle it."""
     if problem.at_rest and is_plain_rest(problem, math.exp(float(fit.vector[0]))):
         return
-    for other in starts(replace(problem, at_rest=False)):
+    closed = is_feedback(log) or follows_temperature(log)
+    for other in starts(replace(problem, at_rest=False), closed=closed):
         if other.at_rest == problem.at_rest or other.power_before_pct != problem.power_before_pct:
             continue
         found = min((other.fit(), other.refined(fit.vector[None, :])), key=lambda each: bic_of(other, each))

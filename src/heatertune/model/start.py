@@ -32,17 +32,39 @@ class _Slope(NamedTuple):
     scatter_degC: float
     length_s: float
 
+    @property
+    def is_seen(self) -> bool:
+        """Whether the temperature moves by more than noise."""
+        moved = abs(self.degC_per_s)
+        return moved > _SURE * self.error_degC_per_s and moved * self.length_s > _SURE * self.scatter_degC
 
-def starts(problem: PowerProblem) -> Iterator[PowerProblem]:
-    """Yield the problem with each start that is possible: the power before, known or not, and rest or not."""
+
+def starts(problem: PowerProblem, *, closed: bool) -> Iterator[PowerProblem]:
+    """Yield the problem with each start that is possible: the power before, known or not, and rest or not.
+
+    `closed`: a controller moved the power, so nobody switched it on with the log.
+    """
     befores = [problem.power_before_pct]
     if befores == [None] and problem.readings.level_pct[0] != 0.0:
         befores.append(0.0)
     for before in befores:
         begun = replace(problem, power_before_pct=before)
         yield begun
-        if not _moves(begun):
+        if _may_rest(begun) and not (closed and not _held(begun)):
             yield replace(begun, at_rest=True)
+
+
+def _may_rest(problem: PowerProblem) -> bool:
+    """Return whether the first readings may be those of rest with the power before the log.
+
+    Where that power goes on, they hardly move; where it came on with the log, none that follows is colder.
+    """
+    if _held(problem):
+        slope = _slope(problem.readings)
+        return slope is not None and not slope.is_seen
+    readings = problem.readings.temperature_degC
+    noise = float(np.std(np.diff(readings, 2))) / np.sqrt(6.0)
+    return problem.power_before == 0.0 and float(readings.min()) > float(readings[0]) - 2.0 * _SURE * noise
 
 
 def is_plain_rest(problem: PowerProblem, lag_s: float) -> bool:
@@ -51,7 +73,7 @@ def is_plain_rest(problem: PowerProblem, lag_s: float) -> bool:
     A deviation from rest would decay with the lag [s]: its slope, as far as the readings allow one, bounds it.
     """
     slope = _slope(problem.readings) if _held(problem) else None
-    if slope is None or _moves(problem):
+    if slope is None or slope.is_seen:
         return False
     most = (abs(slope.degC_per_s) + _SURE * slope.error_degC_per_s) * lag_s
     return most < _SHARE * float(np.ptp(problem.readings.temperature_degC))
@@ -60,15 +82,6 @@ def is_plain_rest(problem: PowerProblem, lag_s: float) -> bool:
 def _held(problem: PowerProblem) -> bool:
     """Return whether the power before the log goes on in it."""
     return problem.power_before == float(problem.readings.level_pct[0])
-
-
-def _moves(problem: PowerProblem) -> bool:
-    """Return whether the temperature moves while the power is that of before the log."""
-    slope = _slope(problem.readings) if _held(problem) else None
-    if slope is None:
-        return False
-    moved = abs(slope.degC_per_s)
-    return moved > _SURE * slope.error_degC_per_s and moved * slope.length_s > _SURE * slope.scatter_degC
 
 
 def _slope(readings: Readings) -> _Slope | None:
