@@ -139,7 +139,7 @@ def rival_notes(name: str, candidates: Sequence[Candidate]) -> tuple[str, ...]:
     """Return which other models explain the log, or logs, of this name; the first candidate is of one lag."""
     told = []
     better = candidates[0].delta_bic
-    two = next((c.model for c in candidates if len(c.model.lags_s) > 1), None)
+    two = next((c.model for c in candidates if len(c.model.lags_s) > 1 and c.law.endswith("logged")), None)
     if two is not None and better > _NEAR:
         told.append(
             f"Two lags ({two.lags_s[0]:.3g} s, {two.lags_s[1]:.3g} s, dead time {two.dead_time_s:.3g} s) explain "

@@ -10,7 +10,7 @@ from heatertune.model.loads import bic_of, left_over, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.start import is_plain_rest, starts
 
-__all__ = ["Way", "refitted", "with_events"]
+__all__ = ["Way", "refitted", "with_events", "without_events"]
 
 _NEAR = 10.0  # BIC points
 _CARRIED = 2  # starts that loads are sought for
@@ -42,6 +42,15 @@ def with_events(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], *, c
     for way in carried:
         ways += [Way(*with_loads(*drifting[id(way)])), _drifting(Way(*with_loads(*way)))]
     return min(ways, key=_worth)
+
+
+def without_events(way: Way) -> Way:
+    """Return the way without drift and loads, its start as it is."""
+    if not way.problems[0].drift and not way.problems[0].loads_s:
+        return way
+    problems = [replace(problem, drift=False, loads_s=()) for problem in way.problems]
+    return Way(problems, [min((near, problem.fit()), key=lambda fit: bic_of(problem, fit))
+                          for problem, near in zip(problems, refitted(problems, way.fits), strict=True)])
 
 
 def refitted(problems: Sequence[PowerProblem], fits: Sequence[PowerFit]) -> list[PowerFit]:

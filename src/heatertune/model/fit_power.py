@@ -12,12 +12,14 @@ import numpy.typing as npt
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.diagnosis import notes_of
-from heatertune.model.events import refitted, with_events
+from heatertune.model.events import refitted, with_events, without_events
 from heatertune.model.feedback import is_feedback
+from heatertune.model.findings import Finding
 from heatertune.model.intervals import RATIO, identified_parts
 from heatertune.model.judge import correlation_of, judged, judgement_notes
 from heatertune.model.judgement import Validation
 from heatertune.model.loads import bic_of
+from heatertune.model.nonlinear import Bend, judged_linear
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.outliers import tamed, without_outliers
 from heatertune.model.parts import widening, widening_notes
@@ -48,6 +50,8 @@ class Explained:
         fits: their best fits.
         cleaned: readings with outliers put where their neighbours are, shape (n,) [°C].
         outliers: their places.
+        bend: what explains the log better than a linear heater, None where nothing does.
+        told: what the log cannot tell about that.
     """
 
     log: Log
@@ -55,6 +59,8 @@ class Explained:
     fits: list[PowerFit]
     cleaned: Array
     outliers: npt.NDArray[np.intp]
+    bend: Bend | None = None
+    told: tuple[str, ...] = ()
 
     @property
     def model(self) -> Fopdt:
@@ -121,19 +127,21 @@ def fit_power(found: Explained, weight: Weighed) -> FittedModel:
     """
     log, one = found.log, found.fits[0]
     inside, validation, rivals, wider = weight
-    ci95: dict[str, Interval | None] = {**widened(inside, [values_of(rival.model) for rival in rivals])}
+    ci95: dict[str, Interval | None] = {
+        **widened(inside, [*(values_of(rival.model) for rival in rivals), *_ends_of(found.bend)])}
     ratio, lag = ci95.pop(RATIO), ci95["time_constant_s"]
     assert ratio is not None
     assert lag is not None
     candidates = candidates_of(
-        log, found.problems, found.fits, left_out=validation.held_out, open_lag=lag.high is None, rivals=rivals)
+        log, found.problems, found.fits, left_out=validation.held_out, open_lag=lag.high is None, rivals=rivals,
+        bend=found.bend)
     known = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
     simulated = found.simulated_degC
     fit = fit_pct(found.cleaned, simulated)
     second = correlation_of(found.problems[1], found.fits[1]) if second_is_seen(found.fits[1]) else None
     return FittedModel(
         model=found.model,
-        outcome=outcome_of(fit, known=known),
+        outcome=outcome_of(max([fit, *(each.fit_pct for each in candidates)]), known=known),
         method="exact simulation with the logged power, "
         f"{'begun at rest' if found.problems[0].at_rest else 'free initial state'}; "
         "intervals: profile likelihood or block bootstrap, whichever reaches further",
@@ -142,13 +150,21 @@ def fit_power(found: Explained, weight: Weighed) -> FittedModel:
         candidates=candidates,
         fit_pct=fit,
         notes=(*notes_of(log, found.problems[0], one, ci95, candidates, found.outliers), *widening_notes(wider),
+               *(found.told if found.bend is None else (found.bend.told,)),
                *(rival.told for rival in rivals), *judgement_notes(log, validation, fit, second)),
         residuals=Residuals(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
             autocorrelation=autocorrelation(found.cleaned - simulated),
         ),
         validation=validation,
+        findings=() if found.bend is None else (Finding(name="nonlinear", told=found.bend.told),),
     )
+
+
+def _ends_of(bend: Bend | None) -> list[dict[str, float]]:
+    """Return the values of a bend's ends; a second lag counts by the half rule, an ambient not at all."""
+    ends = () if bend is None else bend.ends
+    return [values_of(end.model.half_rule()) | {"ambient_degC": math.nan} for end in ends]
 
 
 def outcome_of(fit: float, *, known: bool) -> Outcome:
@@ -172,10 +188,11 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
         demand_cause(log, thin, None if fit.model is None else fit)
     two = replace(thin, two_lags=True)
     closed = is_feedback(log) or follows_temperature(log)
-    problems, fits = with_events([thin, two], [fit, _second(two, fit)], closed=closed)
+    way = with_events([thin, two], [fit, _second(two, fit)], closed=closed)
+    (problems, fits), bend, told = judged_linear(without_events(way), way)
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
-    return Explained(log=log, problems=problems, fits=fits, cleaned=cleaned, outliers=outliers)
+    return Explained(log=log, problems=problems, fits=fits, cleaned=cleaned, outliers=outliers, bend=bend, told=told)
 
 
 class _Cleaned(NamedTuple):
