@@ -75,11 +75,13 @@ def _power_before(log: Log, problem: PowerProblem) -> list[str]:
     if problem.ambient_degC is not None:
         told.append(f"The ambient temperature of {problem.ambient_degC:g} °C was given, not fitted.")
     first = log.power_pct[0]
-    if problem.at_rest:
+    if problem.at_rest and first != problem.power_before:
         told.append(
-            f"The log was taken to begin at rest with {problem.power_before:g} % power, which explains it better than "
-            "any other start."
+            f"The log begins with {first:g} % power already on; it was taken as {problem.power_before:g} %, and the "
+            "heater at rest, before, which explains it better than any other start; --power-before would settle it."
         )
+    elif problem.at_rest:
+        pass  # the readings before the first step show it
     elif first > 0.0 and problem.power_before_pct is None:
         told.append(
             f"The log begins with {first:g} % power already on, and nothing before it: no steady start was assumed, "

@@ -91,7 +91,7 @@ class Weighed(NamedTuple):
     inside: dict[str, Interval]
     validation: Validation
     rivals: tuple[Rival, ...]
-    wider: dict[str, float]
+    wider: dict[str, float] | None = None
 
 
 def explained(
@@ -149,7 +149,7 @@ def fit_power(found: Explained, weight: Weighed) -> FittedModel:
         combinations={} if known else {RATIO: (values_of(found.model)[RATIO], ratio)},
         candidates=candidates,
         fit_pct=fit,
-        notes=(*notes_of(log, found.problems[0], one, ci95, candidates, found.outliers), *widening_notes(wider),
+        notes=(*notes_of(log, found.problems[0], one, ci95, candidates, found.outliers), *widening_notes(wider or {}),
                *(found.told if found.bend is None else (found.bend.told,)),
                *(rival.told for rival in rivals), *judgement_notes(log, validation, fit, second)),
         residuals=Residuals(

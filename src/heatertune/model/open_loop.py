@@ -29,7 +29,7 @@ from heatertune.model.projection import (
 from heatertune.model.readings import Readings
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["Known", "PowerFit", "PowerProblem", "touching"]
+__all__ = ["FAR", "Known", "PowerFit", "PowerProblem", "touching"]
 
 Array = npt.NDArray[np.float64]
 
@@ -37,7 +37,8 @@ _SECOND = 2  # place of the lag ratio in a vector
 _RATIO = (0.01, 0.98)  # from 0.98 on, answers differ from those of equal lags by less than a ten-thousandth
 _COARSE = 250  # readings that tell the region of the best fit
 _ROUGH, _ROUGH_READINGS = 3, 120  # every third of the grid
-_FAR = 5.0  # lengths of the log: a longer time constant shows no curvature
+#: lengths of the log: a longer time constant shows no curvature
+FAR = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,7 +107,7 @@ class PowerProblem:
         sample, length = _sample_and_length(self.readings)
         ratio = _RATIO if self.two_lags else (0.0, 0.0)
         object.__setattr__(self, "low", np.array([math.log(0.5 * sample), self.least_dead_time_s, ratio[0]]))
-        object.__setattr__(self, "high", np.array([math.log(_FAR * length), length / 4.0, ratio[1]]))
+        object.__setattr__(self, "high", np.array([math.log(FAR * length), length / 4.0, ratio[1]]))
 
     @property
     def known(self) -> Array:

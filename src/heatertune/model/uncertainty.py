@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy.special import stdtrit
 
 from heatertune.model.intervals import RATIO, envelope, hull, interval
-from heatertune.model.open_loop import PowerFit, PowerProblem
+from heatertune.model.open_loop import FAR, PowerFit, PowerProblem
 from heatertune.model.projection import AMBIENT, GAIN
 from heatertune.model.statistics import autocorrelation, block_resamples
 from heatertune.model.values import Interval
@@ -69,7 +69,18 @@ def intervals_by(
         by_profile = _profile(problem, fit, name, noise, times)
         return envelope(hull(by_draws, by_profile), [value_of(told, name)])
 
-    return [{name: found(name, times.get(name, 1.0)) for name in drawn} for times in factors]
+    return [_beyond({name: found(name, times.get(name, 1.0)) for name in drawn}, told) for times in factors]
+
+
+def _beyond(found: dict[str, Interval], fit: PowerFit) -> dict[str, Interval]:
+    """Return the intervals; an open time constant needs less gain per time constant than the longest one searched.
+
+    Over the length of the log that one falls behind an integrator of the same rate by half its share on average.
+    """
+    lag = found.get("time_constant_s")
+    if lag is None or lag.high is not None:
+        return found
+    return found | {RATIO: envelope(found[RATIO], [value_of(fit, RATIO) * (1.0 - 0.5 / FAR)])}
 
 
 def _spread(name: str, values: Array, best: float, times: float) -> Array:
