@@ -12,10 +12,11 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.closed_loop import Bounds
-from heatertune.model.feedback import feedback_notes
+from heatertune.model.feedback import loop_told
 from heatertune.model.fit_logs import fit_logs
 from heatertune.model.fit_power import Explained, explained, fit_power, weighed
 from heatertune.model.fit_temperature import fit_temperature
+from heatertune.model.hearing import Told, findings_of
 from heatertune.model.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.law import ControllerLaw
 from heatertune.model.relay_log import with_relay
@@ -44,7 +45,7 @@ def fit(
         laws: hypotheses about the controller, needed where the power was not logged.
         ambient_degC: ambient temperature where it is known, or its lowest and highest value [°C].
         power_before_pct: power before the first reading [%], where it differs from the first logged one.
-        until_s: last instant to use [s]; by default the log is used up to its first disturbance.
+        until_s: last instant to use [s]; by default all, or without power all up to the first disturbance.
         thorough: carry every controller hypothesis to the end, however far behind it is.
         seed: of the random starts and the bootstrap.
         progress: called with a short message when a stage begins.
@@ -64,7 +65,9 @@ def fit(
         progress(f"{log.name}: fitting one and two lags to the logged power")
         found = _fit_logged(used, bounds, power_before_pct, seed)
         found = with_relay(used, found, ambient_degC=_single(bounds))
-        notes += feedback_notes(used)
+        loop = loop_told(used)
+        notes += tuple(each.sentence for each in loop)
+        found = replace(found, findings=(*found.findings, *findings_of(loop)))
     return replace(found, notes=notes + found.notes)
 
 
@@ -112,11 +115,13 @@ def fit_known(
         rated = rate(records(used, controllers, setpoint_degC, offset), **given)
     candidates, hypotheses = compare(rated)
     found = _fit_logged(rated[0].log, bounds, power_before_pct, seed, believed=True)
+    loop = loop_told(rated[0].log)
     told = replay_notes(used, controllers, hypotheses, offset)
     return replace(
         found, candidates=tuple(candidates), hypotheses=tuple(hypotheses),
         method=f"power by {hypotheses[0].law} on the logged readings; {found.method}",
-        notes=(*notes, *told, *feedback_notes(rated[0].log), *found.notes),
+        notes=(*notes, *told, *(each.sentence for each in loop), *found.notes),
+        findings=(*found.findings, *findings_of(loop)),
     )
 
 
@@ -167,13 +172,15 @@ def fit_together(
 
 def _together(parts: Sequence[Log], bounds: Bounds | None, power_before_pct: float | None, seed: int) -> FittedModel:
     explanations, notes = [], []
+    loops: list[Told] = []
     for log in parts:
         found, told = _explained(log, bounds, power_before_pct)
         explanations.append(found)
         notes += [f"{log.name}: {note}" for note in told]
-        notes += feedback_notes(log)
+        loops += loop_told(log)
+    notes += [each.sentence for each in loops]
     fitted = fit_logs(explanations, open_start=power_before_pct is None, seed=seed)
-    return replace(fitted, notes=(*notes, *fitted.notes))
+    return replace(fitted, notes=(*notes, *fitted.notes), findings=(*fitted.findings, *findings_of(loops)))
 
 
 def _bounds(ambient_degC: float | Bounds | None) -> Bounds | None:
@@ -202,7 +209,7 @@ def _check_given(log: Log, ambient_degC: Bounds | None, power_before_pct: float 
 def _used(log: Log, until_s: float | None) -> tuple[Log, tuple[str, ...]]:
     """Return the part of a log to explain, and a sentence about what was left out, if anything was."""
     if until_s is None:
-        return undisturbed(log)
+        return undisturbed(log) if log.power_pct is None else (log, ())  # with power it is fitted in segments
     return log.window(float(log.time_s[0]), until_s), (f"Readings after {until_s:g} s were not used.",)
 
 

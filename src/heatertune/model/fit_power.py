@@ -11,17 +11,17 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
+from heatertune.model.alias import alias_of, alias_told
+from heatertune.model.cleaning import cleaned
 from heatertune.model.diagnosis import notes_of
 from heatertune.model.events import refitted, with_events, without_events
 from heatertune.model.feedback import is_feedback
-from heatertune.model.findings import Finding
+from heatertune.model.hearing import fast_told, findings_of, poor_told
 from heatertune.model.intervals import RATIO, identified_parts
-from heatertune.model.judge import correlation_of, judged, judgement_notes
+from heatertune.model.judge import correlation_of, judged, judgement_told
 from heatertune.model.judgement import Validation
-from heatertune.model.loads import bic_of
-from heatertune.model.nonlinear import Bend, judged_linear
+from heatertune.model.nonlinear import Bend, bend_told, judged_linear
 from heatertune.model.open_loop import PowerFit, PowerProblem
-from heatertune.model.outliers import tamed, without_outliers
 from heatertune.model.parts import widening, widening_notes
 from heatertune.model.power_candidates import candidates_of, second_is_seen
 from heatertune.model.readings import Readings
@@ -35,9 +35,7 @@ __all__ = ["Explained", "explained", "fit_power", "outcome_of", "values_of", "we
 
 Array = npt.NDArray[np.float64]
 
-_READINGS = 1000  # averaged, in the search; what is reported is simulated at every reading
 _POOR = 60.0  # fit [%] below which no interval means anything
-_PASSES = 4  # of finding outliers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,22 +43,26 @@ class Explained:
     """A log with power, the problems and fits of one lag and two, and what became of its readings.
 
     Attributes:
-        log: as given.
+        log: without readings between disturbances that are too close.
+        readings: its readings, one for one, and where its segments begin.
         problems: of one lag and of two, with the start, the drift and the loads the log asks for.
         fits: their best fits.
         cleaned: readings with outliers put where their neighbours are, shape (n,) [°C].
         outliers: their places.
+        told: about the log's disturbances, and what it cannot tell about its heater, one sentence each.
+        alias: about power that switches faster than it was logged; empty where it does not.
         bend: what explains the log better than a linear heater, None where nothing does.
-        told: what the log cannot tell about that.
     """
 
     log: Log
+    readings: Readings
     problems: list[PowerProblem]
     fits: list[PowerFit]
     cleaned: Array
     outliers: npt.NDArray[np.intp]
+    told: tuple[str, ...]
+    alias: str
     bend: Bend | None = None
-    told: tuple[str, ...] = ()
 
     @property
     def model(self) -> Fopdt:
@@ -76,7 +78,7 @@ class Explained:
 
     def at_readings(self, problem: PowerProblem, fit: PowerFit) -> Array:
         """Return what a fit makes of every reading of the log, shape (n,) [°C]."""
-        return fit.linear @ replace(problem, readings=Readings.of(self.log)).basis(fit.vector)
+        return fit.linear @ replace(problem, readings=self.readings).basis(fit.vector)
 
 
     def drifting(self) -> Explained:
@@ -139,9 +141,13 @@ def fit_power(found: Explained, weight: Weighed) -> FittedModel:
     simulated = found.simulated_degC
     fit = fit_pct(found.cleaned, simulated)
     second = correlation_of(found.problems[1], found.fits[1]) if second_is_seen(found.fits[1]) else None
+    outcome = outcome_of(max([fit, *(each.fit_pct for each in candidates)]), known=known)
+    least_s = math.exp(found.problems[0].low[0])
+    checks = [*bend_told(found.bend), *judgement_told(log, validation, fit, second), *alias_told(found.alias),
+              *fast_told(least_s, found.model.time_constant_s, log.name)]
     return FittedModel(
         model=found.model,
-        outcome=outcome_of(max([fit, *(each.fit_pct for each in candidates)]), known=known),
+        outcome=outcome,
         method="exact simulation with the logged power, "
         f"{'begun at rest' if found.problems[0].at_rest else 'free initial state'}; "
         "intervals: profile likelihood or block bootstrap, whichever reaches further",
@@ -149,15 +155,14 @@ def fit_power(found: Explained, weight: Weighed) -> FittedModel:
         combinations={} if known else {RATIO: (values_of(found.model)[RATIO], ratio)},
         candidates=candidates,
         fit_pct=fit,
-        notes=(*notes_of(log, found.problems[0], one, ci95, candidates, found.outliers), *widening_notes(wider or {}),
-               *(found.told if found.bend is None else (found.bend.told,)),
-               *(rival.told for rival in rivals), *judgement_notes(log, validation, fit, second)),
+        notes=(*found.told, *notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
+               *widening_notes(wider or {}), *(rival.told for rival in rivals), *(each.sentence for each in checks)),
+        findings=findings_of([*poor_told(outcome, fit, log.name), *checks]),
         residuals=Residuals(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
             autocorrelation=autocorrelation(found.cleaned - simulated),
         ),
         validation=validation,
-        findings=() if found.bend is None else (Finding(name="nonlinear", told=found.bend.told),),
     )
 
 
@@ -183,58 +188,31 @@ def values_of(model: Fopdt) -> dict[str, float]:
 
 def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
-    cleaned, outliers, thin, fit = _without_outliers(log.temperature_degC, problem)
+    log, found, told = cleaned(log, problem)
+    thin, fit = found.problem, found.fit
+    alias = "" if believed else alias_of(log, thin, fit)
     if not believed:
-        demand_cause(log, thin, None if fit.model is None else fit)
+        _demand_cause(log, thin, fit, alias)
     two = replace(thin, two_lags=True)
     closed = is_feedback(log) or follows_temperature(log)
     way = with_events([thin, two], [fit, _second(two, fit)], closed=closed)
-    (problems, fits), bend, told = judged_linear(without_events(way), way)
+    (problems, fits), bend, untold = judged_linear(without_events(way), way)
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
-    return Explained(log=log, problems=problems, fits=fits, cleaned=cleaned, outliers=outliers, bend=bend, told=told)
+    return Explained(
+        log=log, readings=found.whole.readings, problems=problems, fits=fits, cleaned=found.readings_degC,
+        outliers=found.outliers, told=(*told, *untold), alias=alias, bend=bend,
+    )
 
 
-class _Cleaned(NamedTuple):
-    """Readings with nothing but these outliers replaced, and one lag fitted to just them."""
-
-    readings_degC: Array
-    outliers: npt.NDArray[np.intp]
-    problem: PowerProblem
-    fit: PowerFit
-
-    @property
-    def bic(self) -> float:
-        """Criterion of the fit; a reading set aside is one more unknown."""
-        return bic_of(self.problem, self.fit) + len(self.outliers) * math.log(len(self.readings_degC))
-
-
-def _without_outliers(measured: Array, problem: PowerProblem) -> _Cleaned:
-    """Return one lag without the outliers, found from the readings as they are and with the wild ones tamed.
-
-    Wild readings would hide the others; but the pulses of a fast heater look wild too, and may not stay tamed.
-    """
-    smooth = tamed(measured)
-    starts = [measured] if np.array_equal(smooth, measured) else [measured, smooth]
-    return min((_settled(measured, problem, start) for start in starts), key=lambda each: each.bic)
-
-
-def _settled(measured: Array, problem: PowerProblem, start: Array) -> _Cleaned:
-    found = _cleaned(problem, start, np.empty(0, dtype=np.intp))
-    for _ in range(_PASSES):
-        last = found
-        cleaned, outliers = without_outliers(measured, last.fit.linear @ problem.basis(last.fit.vector))
-        if np.array_equal(cleaned, last.readings_degC):
-            break
-        found = _cleaned(problem, cleaned, outliers)
-        if len(outliers) and np.array_equal(outliers, last.outliers):
-            break
-    return found
-
-
-def _cleaned(problem: PowerProblem, readings_degC: Array, outliers: npt.NDArray[np.intp]) -> _Cleaned:
-    thin = replace(problem, readings=replace(problem.readings, temperature_degC=readings_degC)).thinned(_READINGS)
-    return _Cleaned(readings_degC, outliers, thin, thin.fit())
+def _demand_cause(log: Log, problem: PowerProblem, fit: PowerFit, alias: str) -> None:
+    """Refuse a log in which the power cannot be the temperature's cause, by its aliasing where it has one."""
+    try:
+        demand_cause(log, problem, None if fit.model is None else fit)
+    except InputError as refused:
+        if alias:
+            raise InputError(f"{log.name}: {alias}") from refused
+        raise
 
 
 def _second(problem: PowerProblem, one: PowerFit) -> PowerFit:

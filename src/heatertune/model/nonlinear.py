@@ -17,13 +17,14 @@ import numpy.typing as npt
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC
 from heatertune.model.bent_heater import CEILING, COOLING, LOSS, BentHeater, fit_bent_heater
 from heatertune.model.events import Way, refitted
+from heatertune.model.hearing import Told
 from heatertune.model.input_curve import InputCurve, fit_input_curve, knots_of
 from heatertune.model.loads import bic_of, coincides, left_over, with_loads
 from heatertune.model.open_loop import PowerProblem
 from heatertune.model.statistics import ar1_bic
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["Bend", "judged_linear"]
+__all__ = ["Bend", "bend_told", "judged_linear"]
 
 Array = npt.NDArray[np.float64]
 
@@ -64,6 +65,11 @@ class Judged(NamedTuple):
     told: tuple[str, ...] = ()
 
 
+def bend_told(bend: Bend | None) -> tuple[Told, ...]:
+    """Return what a bend means, nothing without one."""
+    return () if bend is None else (Told("nonlinear", bend.told),)
+
+
 def judged_linear(plain: Way, found: Way) -> Judged:
     """Return whether the heater is linear.
 
@@ -71,7 +77,7 @@ def judged_linear(plain: Way, found: Way) -> Judged:
         plain: one lag and two, their start as found, without drift and loads.
         found: with the drift and loads that a linear heater asks for.
     """
-    if not _misses(plain):
+    if len(plain.problems[0].readings.restart_s) or not _misses(plain):
         return Judged(found)
     tried = [(bend, way) for way in _without_loads(plain, found) for bend in _bends(way)]
     bend, way = min(tried, key=lambda each: each[0].bic, default=(None, found))
