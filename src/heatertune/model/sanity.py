@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NoReturn
 
@@ -84,20 +85,31 @@ def _cools(problem: PowerProblem, fit: PowerFit, opposite: PowerProblem, other: 
     if dearer < -_SURE or (dearer <= _SURE and not _is_strange(problem, fit)):
         return False
     # a load or drift, in a loop above all, may be all that speaks for the opposite: both may have them
-    (warming, *_), (warm, *_) = _eventful(problem, fit)
-    (cooling, *_), (cool, *_) = _eventful(opposite, other)
-    dearer = bic_of(warming, warm) - bic_of(cooling, cool)
+    warming, warm = _eventful(problem, fit)
+    cooling, cool = _eventful(opposite, other)
     strange = _is_strange(warming, warm) and not _is_strange(cooling, cool)
-    return dearer > (-_SURE if strange else _SURE)
+    limit = bic_of(cooling, cool) + (-_SURE if strange else _SURE)
+    return bic_of(warming, warm) > limit and all(bic_of(*way) > limit for way in _other_heaters(warming))
 
 
-def _eventful(problem: PowerProblem, fit: PowerFit) -> tuple[list[PowerProblem], list[PowerFit]]:
+def _other_heaters(problem: PowerProblem) -> Iterator[tuple[PowerProblem, PowerFit]]:
+    """Return a heater of two lags, and one whose power was logged late."""
+    for other in (replace(problem, two_lags=True), _ahead(problem)):
+        yield other, other.fit()
+
+
+def _ahead(problem: PowerProblem) -> PowerProblem:
+    return replace(problem, least_dead_time_s=-float(np.ptp(problem.readings.time_s)) / 4.0)
+
+
+def _eventful(problem: PowerProblem, fit: PowerFit) -> tuple[PowerProblem, PowerFit]:
     """Return problem and fit with the drift or the loads that they ask for."""
     drifting = replace(problem, drift=True)
     drifted = drifting.refined(fit.vector[None, :])
     if bic_of(drifting, drifted) < bic_of(problem, fit) - _SURE:
         problem, fit = drifting, drifted
-    return with_loads([problem], [fit])
+    (problem,), (fit,) = with_loads([problem], [fit])
+    return problem, fit
 
 
 def _is_strange(problem: PowerProblem, fit: PowerFit) -> bool:
@@ -128,8 +140,7 @@ def _refuse_sign(log: Log, problem: PowerProblem, other: PowerFit) -> NoReturn:
 
 
 def _demand_order(log: Log, problem: PowerProblem, fit: PowerFit) -> None:
-    length = float(np.ptp(problem.readings.time_s))
-    ahead = replace(problem, least_dead_time_s=-length / 4.0)
+    ahead = _ahead(problem)
     other = ahead.fit()
     shift = -float(other.vector[1])
     if shift > _sample(problem) and bic_of(ahead, other) < bic_of(problem, fit) - _SURE:
