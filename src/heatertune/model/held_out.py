@@ -13,7 +13,7 @@ from heatertune.model.statistics import fit_pct
 from heatertune.model.uncertainty import reaches
 from heatertune.model.values import Interval
 
-__all__ = ["halves", "held_out"]
+__all__ = ["half_of", "halves", "held_out", "sides"]
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.bool_]
@@ -52,20 +52,33 @@ def _begun(problem: PowerProblem) -> npt.NDArray[np.intp]:
 
 def halves(problem: PowerProblem, fit: PowerFit) -> tuple[Half, Half] | None:
     """Return one lag fitted to each half of the time, None where a half holds no heater or too few readings."""
-    time = problem.readings.time_s
-    middle = 0.5 * float(time[0] + time[-1])
-    found = tuple(_half(problem, fit, rows) for rows in (time <= middle, time > middle))
-    first, second = found
+    first, second = (_half(problem, fit, rows) for rows in sides(problem))
     return None if first is None or second is None else (first, second)
 
 
-def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
+def sides(problem: PowerProblem) -> tuple[Rows, Rows]:
+    """Return which readings lie in each half of the time."""
+    time = problem.readings.time_s
+    middle = 0.5 * float(time[0] + time[-1])
+    return time <= middle, time > middle
+
+
+def half_of(problem: PowerProblem, rows: Rows) -> PowerProblem | None:
+    """Return the problem on a half of its readings, None where these are too few."""
     if np.count_nonzero(rows) < _FEWEST:
         return None
     part = _part(problem, rows).thinned(_READINGS)
     start, end = float(part.readings.time_s[0]), float(part.readings.time_s[-1])
     # a load that began before is ambient, but for its start, which the free initial state takes
-    part = replace(part, loads_s=tuple(t for t in problem.loads_s if start < t < end))
+    return replace(part, loads_s=tuple(t for t in problem.loads_s if start < t < end),
+                   at_rest=problem.at_rest and bool(rows[0]))
+
+
+def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
+    part = half_of(problem, rows)
+    if part is None:
+        return None
+    start, end = float(part.readings.time_s[0]), float(part.readings.time_s[-1])
     found = part.refined(np.array([fit.vector]))
     if found.model is None:
         return None
