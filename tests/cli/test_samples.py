@@ -44,7 +44,9 @@ def test_a_share_too_small_fails_and_the_text_tells_it(run, by_hand):
     assert status == 1
     assert "12 samples from seed 0 on" in out
     assert "never" in out
-    assert out.rstrip().endswith("VERDICT FAIL")
+    last = out.rstrip().splitlines()[-1]
+    assert last.startswith("VERDICT FAIL at 40 °C in 5 runs on 1 possible heater")
+    assert "of 12 samples keep every limit" in last
     assert "VERDICT FAIL" not in run("verify", by_hand, *given, "--samples", 12, "--mains", 60, "--quantile", 0.2)[1]
 
 

@@ -77,7 +77,7 @@ def test_a_design_whose_words_are_rounded_is_proven_and_exported_by_none_of_the_
     (lambda proof: proof.update(sample_time_s=9.0), 1, "the proof of other words (sample_time_s)"),
     (lambda proof: proof["scaling"].update(high_degC=200.0), 1, "the proof of other words (scaling)"),
     (lambda proof: proof["criteria"]["ms"].update(ok=False) or proof.update(verdict="FAIL"), 1,
-     "the proof of these words is FAIL (ms); --force exports them all the same"),
+     "not kept: ms; the model was given by hand; --force exports these words all the same"),
     (lambda proof: proof.pop("runs"), 2, "proof.json: no whole proof; prove the words again"),
     (lambda proof: proof.update(schema="x"), 2, "schema is 'x'; expected 'heatertune/proof/1'"),
 ])

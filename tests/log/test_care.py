@@ -106,3 +106,45 @@ def test_a_clock_that_goes_back_is_no_new_run(tmp_path):
     rows[60][0] = "5"
     with pytest.raises(LogError, match=r"line 62.*goes backwards"):
         _read(tmp_path, rows)
+
+
+@pytest.mark.parametrize("readings", [["85"], ["0"], ["85", "85"], ["85"] * 9, ["0"] * 6, ["150.5"], ["180", "170", "160"], ["-40"]])
+@pytest.mark.parametrize("at_end", [False, True])
+def test_a_sensor_that_starts_or_stops_is_left_out_at_either_end(tmp_path, readings, at_end):
+    # 85 °C is what a DS18B20 gives before its first conversion (its data sheet, "power-on reset value")
+    rows = _rows()
+    clean = _read(tmp_path, rows)
+    n = len(readings)
+    for k, cell in enumerate(readings):
+        rows[k - n if at_end else k][1] = cell
+    log = _read(tmp_path, rows)
+    kept = slice(0, -n) if at_end else slice(n, None)
+    assert log.temperature_degC.tolist() == clean.temperature_degC[kept].tolist()
+    assert f"{n} row{'s' if n > 1 else ''} at an end of the log, far from all others, left out" in _told(log)
+    assert log.taken.left_out == n
+
+
+def test_a_heater_that_is_logged_slowly_keeps_its_first_and_last_reading(tmp_path):
+    # an exponential read once per time constant: 63 % of the way in its first step
+    rest, heat = [20.0] * 30, [20.0 + 60.0 * (1.0 - np.exp(-k)) for k in range(12)]
+    for values in (heat + [heat[-1] + 0.1 * (k % 2) for k in range(40)], rest + heat, [20.0, *heat[1:], *(80.0 - y for y in heat)]):
+        rows = [[f"{60 * k}", f"{y:.1f}", "50"] for k, y in enumerate(values)]
+        assert len(_read(tmp_path, rows).time_s) == len(values)
+
+
+def test_a_jump_after_a_pause_is_the_heaters(tmp_path):
+    rows = _rows()
+    rows[0][1] = "80"
+    rows[0][0] = "-3000"
+    assert len(_read(tmp_path, rows).time_s) == 120
+
+
+def test_short_pulses_of_a_heater_that_is_logged_slowly_are_no_spikes(tmp_path):
+    # 90 s of time constant, read every 30 s, heated for one to three readings now and then
+    y, values = 20.0, []
+    for k in range(150):
+        on = k % 13 in (0, 1, 2) or k % 17 == 0
+        values.append(y)
+        y += (1.0 - np.exp(-30.0 / 90.0)) * (20.0 + 60.0 * on - y)
+    rows = [[f"{30 * k}", f"{v:.1f}", "50"] for k, v in enumerate(values)]
+    assert len(_read(tmp_path, rows).time_s) == 150

@@ -208,3 +208,22 @@ def test_real_logs_as_published_are_read_once_their_units_are_told(real_logs):
     assert any("Temperature 2" in told for told in two.repairs)
     curve = read_log(real_logs / "reaction_curve_semicolon_no_time.csv", sample_time_s=0.1)
     assert curve.power_pct.max() == 10.0
+
+
+def test_minutes_and_seconds_are_not_taken_for_hours_and_minutes(tmp_path):
+    rows = [f"0:{k:02d},{20 + k}" for k in range(40)]
+    with pytest.raises(LogError, match=r"line 2.*hours and minutes or minutes and seconds: '0:00'.*--log-interval"):
+        read_log(_write(tmp_path, "time,temp_C\n" + "\n".join(rows)))
+    dated = "date,time,temp_C\n" + "\n".join(f"2026-03-01,{row}" for row in rows)
+    assert read_log(_write(tmp_path, dated)).time_s[1] == 60.0
+
+
+def test_a_reading_cut_short_above_the_others_is_no_title(tmp_path):
+    text = _table("time_s,temp_C,duty_pct")
+    for first, named in (("0,20", "line 2: 2 cells"), ("0,warm,0", "line 2, column temp_C"), ("zero,20,0", "line 2, column time_s")):
+        with pytest.raises(LogError, match=named):
+            read_log(_write(tmp_path, text.replace("\n0,20,0\n", f"\n{first}\n")))
+        with pytest.raises(LogError, match=r"line 1"):
+            read_log(_write(tmp_path, _table("").replace("0,20,0\n", f"{first}\n", 1)))
+    with pytest.raises(LogError, match="line 1: 2 cells"):
+        read_log(_write(tmp_path, text.replace("time_s,temp_C,duty_pct", "time_s,temp_C")))

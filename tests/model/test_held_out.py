@@ -10,7 +10,7 @@ from tests.model.twins import DEAD, GAIN, LAG, doublet, logged
 from heatertune.documents import to_json
 from heatertune.model import judgement_document
 from heatertune.model.held_out import halves, held_out
-from heatertune.model.judge import judged, judgement_notes
+from heatertune.model.judge import judged, judgement_told
 from heatertune.model.judgement import Half, Validation, disagreeing
 from heatertune.model.open_loop import PowerProblem
 from heatertune.model.readings import Readings
@@ -72,7 +72,7 @@ def test_a_heater_that_changes_half_way_is_told_by_name():
     problem, fit = _problem(log)
     found = judged(problem, fit)
     assert "gain_degC_per_pct" in disagreeing(found.halves)
-    told = next(note for note in judgement_notes(log, found, 99.0, None) if "two halves" in note)
+    told = next(n.sentence for n in judgement_told(log, found, 99.0, None) if n.finding == "halves-disagree")
     assert "process gain 0.5 and then 0.6 °C/%" in told
 
 
@@ -91,9 +91,10 @@ def test_what_is_foretold_worse_than_fitted_is_told_with_the_worst_window():
     log = _log()
     problem, fit = _problem(log)
     found = judged(problem, fit)
-    assert list(judgement_notes(log, found, 99.0, None)) == []
+    assert list(judgement_told(log, found, 99.0, None)) == []
     poor = replace(found, held_out=replace(found.held_out, fit_pct=60.0, rmses_degC=(0.1, 0.1, 2.0, 0.1, 0.1)))
-    (told,) = judgement_notes(log, poor, 99.0, None)
+    ((name, told),) = judgement_told(log, poor, 99.0, None)
+    assert name == "not-foretold"
     start, end = found.held_out.windows_s[2]
     assert f"to 60 % only (fit: 99 %), worst from {start:.4g} to {end:.4g} s" in told
 

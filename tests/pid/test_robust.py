@@ -65,6 +65,13 @@ def _sampled_ms(heaters, design):
     return np.array(found)
 
 
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_the_promise_on_95_percent_holds_on_heaters_it_was_not_made_on(seed):
+    fitted = _fitted(**WIDE)
+    design = tune(fitted, sample_time_s=8.0, robust="p95")
+    assert np.mean(_sampled_ms(draw_heaters(fitted, 2000, seed=seed), design) > 1.6 * 1.006) <= 0.05
+
+
 def test_of_a_sampled_loop_the_limit_is_kept_on_as_many_heaters_as_asked():
     fitted = _fitted(**WIDE)
     heaters, found = draw_heaters(fitted), {}

@@ -236,12 +236,15 @@ def test_each_sample_has_its_own_delays():
 
 def test_the_draw_has_the_spread_that_it_tells():
     which = room("s5-ob251")
-    spread = Spread(heater=(0.1, 0.2, 0.3))
+    spread = Spread(heater=(0.1, 0.2, 3.0), least_dead_time_s=9.0)
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], SCENARIO, spread, PWM)
     rows, factors = zip(*((row, sizes) for row, sizes, _, _ in (drawing.sample(seed, 1) for seed in range(4000))), strict=True)
     gain, lag, _, dead, ambient, start = np.array(rows).T
     assert np.std(np.log(lag)) == pytest.approx(0.2, rel=0.05)
-    assert np.std(np.log(dead)) == pytest.approx(0.3, rel=0.05)
+    # the dead time is normal around 14.3 s, but for what would lie below 9 s: 3.9 % of the draws, −1.767 deviations
+    assert np.mean(dead == 9.0) == pytest.approx(0.0386, abs=0.01)
+    assert np.std(dead[dead > 14.3] - 14.3) / np.sqrt(1.0 - 2.0 / np.pi) == pytest.approx(3.0, rel=0.05)
+    assert np.median(dead) == pytest.approx(14.3, abs=0.2)
     # ln gain: normal 0.1, and ln (1 + v)² with v even in ±0.1, whose standard deviation is about 2·0.1/√3 = 0.1155
     assert np.std(np.log(gain)) == pytest.approx(np.hypot(0.1, 0.1155), rel=0.05)
     assert np.median(gain) == pytest.approx(0.41, rel=0.02)

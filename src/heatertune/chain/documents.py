@@ -23,7 +23,8 @@ __all__ = ["log_document", "pictures", "read_documents", "words_document"]
 def log_document(log: Log) -> dict[str, Any]:
     """Return the JSON document of a log as it was understood."""
     names = ("name", "source", "time_s", "temperature_degC", "power_pct", "setpoint_degC", "repairs", "doubts")
-    return {"schema": "heatertune/log/1"} | {name: getattr(log, name) for name in names}
+    taken = None if log.taken is None else log.taken.document()
+    return {"schema": "heatertune/log/1"} | {name: getattr(log, name) for name in names} | {"taken": taken}
 
 
 def words_document(

@@ -29,7 +29,7 @@ def demand_kept(words: Words, promise: Promise, fitted: FittedModel, *, told_onl
     Raises:
         NotRepresentable: the words break it.
     """
-    heaters, where = Open.of(fitted), ROBUST[promise.way]
+    heaters, where = Open.of(fitted, promise.way), ROBUST[promise.way]
     if not len(heaters):
         return "Whether the words keep the limits on drawn heaters cannot be told: this model has no intervals."
     broken = broken_by(words, heaters, promise)

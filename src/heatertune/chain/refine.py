@@ -112,7 +112,7 @@ class _Loop:
     def __post_init__(self) -> None:
         promise = read_promise(self.choice.search.get("robust"))
         object.__setattr__(self, "promise", promise)
-        object.__setattr__(self, "drawn", None if promise is None else Open.of(self.fitted))
+        object.__setattr__(self, "drawn", None if promise is None else Open.of(self.fitted, promise.way))
 
     def run(self, words: Words, design: PidDesign) -> _Tried:
         proof: Proof = prove(words, self.fitted, **self.proving)

@@ -153,7 +153,8 @@ def _fit_one(log: Log, settings: Mapping[str, Any], progress: Told) -> FittedMod
 
 def _columns(log: Log) -> dict[str, Any]:
     names = ("name", "time_s", "temperature_degC", "power_pct", "setpoint_degC", "rests_at_degC")
-    return {name: getattr(log, name) for name in names}
+    taken = None if log.taken is None else (log.taken.line, log.taken.repaired_share)
+    return {name: getattr(log, name) for name in names} | {"taken": taken}
 
 
 def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel], progress: Told) -> FittedModel:

@@ -26,7 +26,7 @@ __all__ = ["design", "dossier", "redraw", "write_report"]
 
 
 def design(
-    source: str | Path, asked: Asked, *, out: str | Path, reading: Mapping[str, Any] | None = None,
+    source: str | Path | Log, asked: Asked, *, out: str | Path, reading: Mapping[str, Any] | None = None,
     fitting: Mapping[str, Any] | None = None, as_is: bool = False, force: bool = False, progress: Told = str,
 ) -> dict[str, dict[str, Any]]:
     """Run the whole chain, write every stage's document, the export files and the report; return the documents.
@@ -34,7 +34,7 @@ def design(
     A verdict that is not PASS writes documents and report but no export files, unless `force` is given.
 
     Args:
-        source: a log, or "table3" / "table4".
+        source: a log's file, "table3" / "table4", or what `read_log` returned.
         asked: what the design is asked for.
         out: directory for the results.
         reading: options of `read_log`; misprints of a built-in table are corrected.
@@ -47,7 +47,7 @@ def design(
         HeatertuneError: as the stages; nothing is written then.
     """
     room(asked.target)  # an unknown target is refused before the long part
-    log = read_log(source, **({"errata": True} | dict(reading or {})))
+    log = source if isinstance(source, Log) else read_log(source, **({"errata": True} | dict(reading or {})))
     fitted = fit(log, companions=True, progress=progress, **(fitting or {}))
     found = (plainly if as_is else closed)(fitted, asked, progress=progress)
     proof = found.proof

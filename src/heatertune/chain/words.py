@@ -176,7 +176,7 @@ def _search(rounded: Words, fitted: FittedModel, ms: float, design: PidDesign) -
     """Return the best whole numbers; a drawn heater on which they break the promise becomes a guard, and again."""
     problem, guards = _problem(rounded, fitted.plants, ms, design.step_power_limit_pct_per_degC), list[HeaterModel]()
     promise = design.promise
-    heaters = None if promise is None else Open.of(fitted)
+    heaters = None if promise is None else Open.of(fitted, promise.way)
     while True:
         found = best_integers(problem)
         if promise is None or heaters is None or found.words is None:

@@ -50,6 +50,7 @@ HEAD: Final = (
 
 #: the columns of what was found
 RESULT: Final = (
+    Column(name="log_taken", kind="text", what="what was taken of the log as what"),
     Column(name="fit_outcome", kind="text", what="how the fit ended"),
     *(Column(name=f"{name}{end}", kind="float", what=f"{what}{told}") for name, what in _WHAT.items() for end, told in (
         ("", " of the working model"), ("_ci95_low", ", low end of its 95 % interval"),
@@ -134,7 +135,8 @@ def lost_row(name: str, why: str) -> Row:
 
 
 def _model(fitted: FittedModel) -> Row:
-    row: Row = {"fit_outcome": fitted.outcome.name, "fit_pct": fitted.fit_pct, "models": len(fitted.plants)}
+    row: Row = {"log_taken": "; ".join(fitted.log_told) or None, "fit_outcome": fitted.outcome.name,
+                "fit_pct": fitted.fit_pct, "models": len(fitted.plants)}
     for field in fields(Fopdt):
         interval = fitted.ci95.get(field.name)
         row[field.name] = getattr(fitted.model, field.name)

@@ -21,6 +21,7 @@ from heatertune.cli import (
     fleet,
     pareto,
     plan,
+    read,
     replay,
     report,
     studio,
@@ -37,8 +38,8 @@ from heatertune.errors import ExportRefused, HeatertuneError
 __all__ = ["main"]
 
 COMMANDS = (
-    design, fit, validate, plan, tune, pareto, export_db, verify, compare, advise, study, fleet, report, decode, replay,
-    targets, studio, doctor, bench, completion,
+    design, read, fit, validate, plan, tune, pareto, export_db, verify, compare, advise, study, fleet, report, decode,
+    replay, targets, studio, doctor, bench, completion,
 )
 
 _EPILOG = """\

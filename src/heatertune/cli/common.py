@@ -44,12 +44,19 @@ def add_reading_options(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("reading the log")
     group.add_argument("--time-column", metavar="NAME|N", help="column of the time")
     group.add_argument("--temperature-column", metavar="NAME|N", help="column of the temperature")
-    group.add_argument("--power-column", metavar="NAME|N", help="column of the heater power")
-    group.add_argument("--setpoint-column", metavar="NAME|N", help="column of the setpoint")
+    group.add_argument("--power-column", metavar="NAME|N", help="column of the heater power; none: there is none")
+    group.add_argument("--setpoint-column", metavar="NAME|N", help="column of the setpoint; none: there is none")
+    group.add_argument("--date-column", metavar="NAME|N", help="column of the date, beside a time of day")
     group.add_argument("--temperature-unit", choices=("degC", "degF", "K"), help="unit of the temperature")
     group.add_argument("--power-full-scale", type=float, metavar="X", help="reading at full power: 1, 100, 255 …")
-    group.add_argument("--time-unit", choices=("s", "ms", "min", "h"), help="unit of the time")
+    group.add_argument("--time-unit", choices=("s", "ms", "min", "h", "d"), help="unit of the time")
     group.add_argument("--log-interval", type=float, metavar="S", help="interval of a log without time column [s]")
+    group.add_argument("--tag", metavar="NAME", help="the temperature's tag, where a file holds rows of several tags")
+    group.add_argument("--power-tag", metavar="NAME", help="the power's tag in a long table; none: there is none")
+    group.add_argument("--setpoint-tag", metavar="NAME", help="the setpoint's tag in a long table; none: there is none")
+    group.add_argument("--tag-column", metavar="NAME|N", help="column of the tags")
+    group.add_argument("--quality-column", metavar="NAME|N", help="column of the quality flags; none: do not look")
+    group.add_argument("--skip-rows", type=int, default=0, metavar="N", help="pass over the first N lines of the file")
     group.add_argument("--run", type=int, dest="which_run", metavar="N",
                        help="which of several runs in one file (default: the longest)")
     group.add_argument("--skip-empty", action="store_true", help="leave out rows without a temperature (empty, NaN)")
@@ -219,9 +226,11 @@ def add_condition_options(command: argparse.ArgumentParser) -> None:
 
 def reading(settings: argparse.Namespace) -> dict[str, Any]:
     """Return the options of `read_log`."""
-    names = ("time_column", "temperature_column", "power_column", "setpoint_column", "temperature_unit",
-             "power_full_scale", "time_unit")
-    found = _given(settings, *names) | {name: True for name in ("errata", "skip_empty") if getattr(settings, name)}
+    names = ("time_column", "temperature_column", "power_column", "setpoint_column", "date_column", "temperature_unit",
+             "power_full_scale", "time_unit", "tag", "power_tag", "setpoint_tag", "tag_column", "quality_column")
+    found = _given(settings, *names)
+    set_apart = ("skip_rows", "errata", "skip_empty")
+    found |= {name: getattr(settings, name) for name in set_apart if getattr(settings, name)}
     others = {"sample_time_s": settings.log_interval, "run": settings.which_run}
     return found | {name: value for name, value in others.items() if value is not None}
 

@@ -36,13 +36,18 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc import room  # noqa: PLC0415
     from heatertune.report.text import summary  # noqa: PLC0415
 
+    target, progress = common.target(settings), printing.Progress(settings)
+    room(target)  # an unknown target is refused before the log is read
+    log = chain.read_log(settings.log, **{"errata": True} | common.reading(settings))
+    printing.tell_taken(settings, [log], progress)
     documents = chain.design(
-        settings.log, out=settings.out, reading=common.reading(settings), fitting=common.fitting(settings),
-        as_is=settings.as_is, force=settings.force, progress=printing.Progress(settings),
+        log, out=settings.out, fitting=common.fitting(settings), as_is=settings.as_is, force=settings.force,
+        progress=progress,
         asked=chain.Asked(
-            target=common.target(settings), scaling=common.scaling(settings), tuning=common.tuning(settings),
+            target=target, scaling=common.scaling(settings), tuning=common.tuning(settings),
             proving=common.proving(settings), words_by=settings.words,
             interval_by_words=common.interval_by_words(settings), refined=settings.refine,
             switch_kind=settings.switch_kind, setpoint_ramp=common.setpoint_ramp(settings),

@@ -43,8 +43,7 @@ def _run(settings: argparse.Namespace) -> int:
 
     progress = printing.Progress(settings)
     logs = [chain.read_log(name, **common.reading(settings)) for name in settings.log]
-    for told in (told for log in logs for told in (*log.repairs, *log.doubts)):
-        progress(told)
+    printing.tell_taken(settings, logs, progress)
     document = to_document(_fitted(settings, logs, progress))
     printing.save(settings.out, document)
     shown = settings.hypotheses or settings.controller is not None

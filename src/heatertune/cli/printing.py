@@ -6,13 +6,16 @@ import argparse
 import re
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli.terminal import painted
 
-__all__ = ["Progress", "add_output_options", "output", "save"]
+if TYPE_CHECKING:
+    from heatertune.log.values import Log
+
+__all__ = ["Progress", "add_output_options", "output", "save", "tell_taken"]
 
 _COUNT: Final = re.compile(r"\((\d+) of (\d+)\)$")
 
@@ -51,6 +54,27 @@ def add_output_options(command: argparse.ArgumentParser) -> None:
     group.add_argument("--quiet", action="store_true", help="no progress on stderr")
 
 
+def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Progress) -> None:
+    """Tell on stderr what was taken of each log as what, and as progress what was repaired or is doubtful.
+
+    The line is no progress: with --quiet it waits for the result, so that an error stays the only line; with --quiet
+    and --json it is in the document alone.
+    """
+    for log in logs:
+        line = [] if log.taken is None else [f"[log] {log.taken.line}"]
+        if settings.quiet:
+            settings.taken = [*getattr(settings, "taken", ()), *line]
+        else:
+            _print_lines(line)
+        for told in (*log.repairs, *log.doubts):
+            progress(told)
+
+
+def _print_lines(lines: Iterable[str]) -> None:
+    for line in lines:
+        print(line, file=sys.stderr, flush=True)
+
+
 def output(settings: argparse.Namespace, document: Mapping[str, Any], summary: Callable[[], str]) -> None:
     """Print the document (--json) or the summary on stdout."""
     from heatertune.documents import to_json  # noqa: PLC0415
@@ -58,6 +82,7 @@ def output(settings: argparse.Namespace, document: Mapping[str, Any], summary: C
     if settings.json:
         print(to_json(document), end="")
     else:
+        _print_lines(getattr(settings, "taken", ()))
         print(painted(summary(), sys.stdout))
 
 

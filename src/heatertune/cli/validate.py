@@ -44,8 +44,7 @@ def _run(settings: argparse.Namespace) -> int:
     progress = printing.Progress(settings)
     model = read_model(settings.model)
     log = chain.read_log(settings.log, **common.reading(settings))
-    for told in (*log.repairs, *log.doubts):
-        progress(told)
+    printing.tell_taken(settings, [log], progress)
     verdict = chain.validate(
         model, log, words=known_words(settings, [log]), setpoint_degC=settings.setpoint,
         known=common.switches(settings), ambient_degC=settings.ambient, power_before_pct=settings.power_before,

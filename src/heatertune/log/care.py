@@ -28,14 +28,21 @@ _MOST_LOST: Final = 0.1  # share of the rows: a log with more holes is not repai
 _LONGEST_SPIKE: Final = 3  # readings
 _SPIKE_SHARE: Final = 0.1  # of the log's span
 _SPIKE_TIMES: Final = 12.0  # the usual departure of a reading from its neighbours
+_EDGE_TIMES: Final = 2.0  # what 90 % of the log's steps stay below: one reading in twenty may be a spike
 _GAP_TIMES: Final = 5.0  # the usual interval
+_PAUSE_TIMES: Final = 3.0  # the usual interval: a jump after a longer pause may be the heater's
+_STARTS: Final = (0.0, 85.0, 32.0, 185.0)  # °C and °F
+_STARTS_TIMES: Final = 2.0  # the largest other step
+_ALONE_TIMES: Final = 4.0
 _SHOWN: Final = 5
 
 
 def one_run(
     sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]
-) -> tuple[Sheet, Array]:
-    """Return the rows of one run and their times: the one asked for (1 = first), else the longest.
+) -> tuple[Sheet, Array, int | None]:
+    """Return the rows of one run, their times, and which run it is, None where there is one alone.
+
+    It is the one asked for (1 = first), else the longest.
 
     A run begins where the clock starts again as it began; a time that merely goes backwards is not one.
 
@@ -46,7 +53,7 @@ def one_run(
     if wanted is not None and not 1 <= wanted <= len(starts):
         raise LogError(f"run {wanted}", file=sheet.file, expected=f"1…{len(starts)}, as many runs as the file holds")
     if len(starts) == 1:
-        return sheet, time
+        return sheet, time, wanted
     ends = [*starts[1:], len(time)]
     lengths = [end - start for start, end in zip(starts, ends, strict=True)]
     chosen = int(np.argmax(lengths)) if wanted is None else wanted - 1
@@ -56,7 +63,7 @@ def one_run(
         f"The file holds {len(starts)} runs (from lines {', '.join(str(sheet.lines[k]) for k in starts)}); run "
         f"{chosen + 1} was read, {why}: --run reads another."
     )
-    return replace(sheet, rows=sheet.rows[begin:end], lines=sheet.lines[begin:end]), time[begin:end]
+    return replace(sheet, rows=sheet.rows[begin:end], lines=sheet.lines[begin:end]), time[begin:end], chosen + 1
 
 
 def _restarts(time: Array) -> list[int]:
@@ -71,13 +78,14 @@ def _restarts(time: Array) -> list[int]:
     return starts
 
 
-def no_readings(sheet: Sheet, columns: Columns, raw: Array, repairs: list[str]) -> Mask:
+def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str]) -> Mask:
     """Return which rows hold no reading of the temperature, and tell them.
 
     Args:
         sheet: for line numbers.
         columns: for names.
         raw: the temperature as it stands in the file, NaN where the cell is empty or no number of the sensor.
+        time: of each row [s].
         repairs: what was left out is added here.
 
     Raises:
@@ -93,18 +101,22 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, repairs: list[str]) 
     spikes = np.zeros_like(lost)
     kept = np.flatnonzero(~lost)
     spikes[kept[_spikes(raw[kept])]] = True
-    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"), (spikes, "with a spike"))
+    ends = np.zeros_like(lost)
+    kept = np.flatnonzero(~(lost | spikes))
+    ends[kept[_wild_ends(raw[kept], time[kept])]] = True
+    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"), (spikes, "with a spike"),
+             (ends, "at an end of the log, far from all others,"))
     for mask, what in kinds:
         if np.any(mask):
             rows = count(int(np.count_nonzero(mask)), "row")
             repairs.append(f"{rows} {what} left out ({_places(sheet, raw, mask)}).")
-    return np.asarray(lost | spikes)
+    return np.asarray(lost | spikes | ends)
 
 
 def _spikes(values: Array) -> npt.NDArray[np.intp]:
     """Return the readings that leave the line of their neighbours, far beyond what the log does, and come back.
 
-    A jump that stays, such as cold goods, is none.
+    A jump that stays, such as cold goods, is none; nor is a heater that is logged so slowly that it often moves so far.
     """
     n = len(values)
     found = np.zeros(n, dtype=np.bool_)
@@ -113,6 +125,8 @@ def _spikes(values: Array) -> npt.NDArray[np.intp]:
     usual = 1.4826 * float(np.median(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2.0)))
     span = float(np.subtract(*np.percentile(values, [98.0, 2.0])))
     least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * span)
+    steps = np.abs(np.diff(values))
+    steep = _EDGE_TIMES * float(np.percentile(steps, 90.0))
     for width in range(1, _LONGEST_SPIKE + 1):
         before, after = values[: n - width - 1], values[width + 1 :]
         shares = np.arange(1, width + 1)[:, None] / (width + 1)
@@ -121,17 +135,45 @@ def _spikes(values: Array) -> npt.NDArray[np.intp]:
         away = np.min(np.abs(off), axis=0)
         together = np.abs(np.sum(np.sign(off), axis=0)) == width
         back = np.abs(after - before) < 0.3 * away
-        for k in np.flatnonzero((away > least) & together & back).tolist():
+        abrupt = np.minimum(steps[: n - width - 1], steps[width:]) > steep
+        for k in np.flatnonzero((away > least) & together & back & abrupt).tolist():
             if not np.any(found[k : k + width + 2]):
                 found[k + 1 : k + 1 + width] = True
     return np.flatnonzero(found)
 
 
+def _wild_ends(values: Array, time: Array) -> list[int]:
+    """Return the first and last readings from which the log jumps as it does nowhere else: a sensor that starts.
+
+    A jump is one from reading to reading, without a pause, beyond what the log does and several times its largest other
+    step: a heater that is logged slowly makes large steps, but not one alone. 0 and 85 are what a DS18B20 and many
+    converters give before their first conversion; less is asked of them.
+    """
+    n = len(values)
+    found: list[int] = []
+    if n < MIN_SAMPLES + 2 * _LONGEST_SPIKE:
+        return found
+    for order in (np.arange(n), np.arange(n)[::-1]):
+        y, t = values[order], time[order]
+        steps, pauses = np.abs(np.diff(y)), np.abs(np.diff(t))
+        held = int(np.argmax(y != y[0]))
+        starts = bool(y[0] in _STARTS and 0 < held <= max(_LONGEST_SPIKE, _MOST_LOST * n))
+        width = held if starts else int(np.argmax(steps[:_LONGEST_SPIKE])) + 1
+        core = y[max(width, _LONGEST_SPIKE):]
+        usual = 1.4826 * float(np.median(np.abs(core[1:-1] - (core[:-2] + core[2:]) / 2.0)))
+        least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * float(np.ptp(core)))
+        others = float(np.max(steps[width:-_LONGEST_SPIKE]))
+        times = _STARTS_TIMES if starts else _ALONE_TIMES if n > 2 * MIN_SAMPLES else np.inf
+        together = pauses[width - 1] <= _PAUSE_TIMES * np.median(pauses)
+        if together and others > 0.0 and steps[width - 1] > max(least, times * others):
+            found += order[:width].tolist()
+    return found
+
+
 def tell_gaps(time: Array, lines: Sequence[int], powered: bool, doubts: list[str]) -> None:
     """Add to the doubts where the log pauses."""
     steps = np.diff(time)
-    usual = float(np.median(steps))
-    gaps = np.flatnonzero(steps > _GAP_TIMES * usual)
+    gaps = np.flatnonzero(steps > _GAP_TIMES * np.median(steps)) if len(steps) else np.zeros(0, dtype=np.intp)
     if not len(gaps):
         return
     places = ", ".join(f"{steps[k]:g} s after line {lines[k]}" for k in gaps[:_SHOWN])

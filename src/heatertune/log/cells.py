@@ -7,17 +7,15 @@ import csv
 import io
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from heatertune.errors import LogError
+from heatertune.log.header import count, take_header
+from heatertune.log.quantities import is_number, restored
 
-__all__ = ["Sheet", "count", "is_number", "read_sheet"]
+__all__ = ["Sheet", "count", "is_number", "plain_cells", "read_sheet"]
 
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
-_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
-_POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
-_UNIT = re.compile(r"[\[(]?(m?s|sec|min|h|°?[CFK]|deg ?[CF]|%|pct|V|mV|W)[\])]?", re.IGNORECASE)
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 _BEFORE_CLOCK = re.compile(r"(?<=\d) (?=\d{1,2}:\d\d)")
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -32,9 +30,11 @@ class Sheet:
         file: its path.
         header: column names with their units, empty where the file has none.
         comment: cells of the comment right above the readings, one for each column, else empty.
-        rows: cells, decimal points restored, all of one length.
+        rows: cells, all of one length.
         lines: line number of each row, 1 = first line of the file.
         repairs: what was changed or passed over, one sentence each.
+        units: unit that all cells of a column bear, one for each column, else empty.
+        above: lines above the names of the columns, or above the readings where they have none.
     """
 
     file: str
@@ -43,32 +43,24 @@ class Sheet:
     rows: list[list[str]]
     lines: list[int]
     repairs: tuple[str, ...]
+    units: tuple[str, ...] = ()
+    above: int = 0
+
+    def picked(self, places: Sequence[int]) -> Sheet:
+        """Return some of the rows, in the order given."""
+        return replace(self, rows=[self.rows[k] for k in places], lines=[self.lines[k] for k in places])
 
 
-def count(number: int, singular: str) -> str:
-    """Return "1 row", "2 rows"."""
-    return f"{number} {singular}" + ("s" if number != 1 else "")
-
-
-def is_number(cell: str) -> bool:
-    """Return whether a cell is a number, decimal comma or point."""
-    return _NUMBER.fullmatch(cell.strip()) is not None
-
-
-def _is_digital(cell: str) -> bool:
-    return is_number(cell) or any(character.isdigit() for character in cell)
-
-
-def read_sheet(path: Path, content: bytes | None = None) -> Sheet:
+def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0) -> Sheet:
     """Return the cells of a CSV file; with `content`, the path only names it.
 
     Raises:
-        LogError: the file cannot be read, is empty, is no text, or a row has another number of cells than the first.
+        LogError: the file cannot be read, is empty, is no text, or a row has another number of cells than the others.
     """
     text, repairs = _text(path, content)
-    numbered = [(i, line.rstrip("\n")) for i, line in enumerate(io.StringIO(text, newline=None), start=1)]
+    numbered = [(i, line.rstrip("\n")) for i, line in enumerate(io.StringIO(text, newline=None), start=1)][skip_rows:]
     kept = [(i, line) for i, line in numbered if line.strip(" \t,;") and not line.lstrip().startswith("#")]
-    if kept and kept[0][1].strip('" ').lower() in ("sep=;", "sep=,", "sep=\t"):  # written by spreadsheets
+    if kept and kept[0][1].strip('" ').lower() in ("sep=;", "sep=,", "sep=\t", "sep=|"):  # written by spreadsheets
         del kept[0]
     if not kept:
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
@@ -77,12 +69,13 @@ def read_sheet(path: Path, content: bytes | None = None) -> Sheet:
     lines, texts = [i for i, _ in kept], [line for _, line in kept]
     separator = _separator(texts[-_SAMPLE:])
     rows = _without_empty_ends(_split(path, lines, texts, separator), repairs)
-    _demand_one_width(path, lines, rows)
-    header = _take_header(lines, rows, repairs)
-    if separator != "," or '"' in text:
-        _restore_points(rows, repairs)
-    comment = _comment_above(numbered[: lines[0] - 1], separator, len(rows[0])) if rows and not header else ()
-    return Sheet(file=str(path), header=header, comment=comment, rows=rows, lines=lines, repairs=tuple(repairs))
+    begin = lines[0]
+    header, above = take_header(path, lines, rows, repairs)
+    comment: tuple[str, ...] = ()
+    if rows and not header:
+        comment = _comment_above([pair for pair in numbered if pair[0] < begin], separator, len(rows[0]))
+    return Sheet(file=str(path), header=header, comment=comment, rows=rows, lines=lines, repairs=tuple(repairs),
+                 above=above)
 
 
 def _text(path: Path, content: bytes | None) -> tuple[str, list[str]]:
@@ -113,7 +106,7 @@ def _decoded(path: Path, data: bytes) -> tuple[str, list[str]]:
 
 def _separator(lines: Sequence[str]) -> str | None:
     """Return the separator that nearly all lines hold; None: white space, or a single column."""
-    for candidate in ("\t", ";", ","):
+    for candidate in ("\t", ";", "|", ","):
         if sum(candidate in line for line in lines) > 0.8 * len(lines):
             return None if candidate == "," and _is_spaced(lines[-1]) else candidate
     return None
@@ -149,41 +142,26 @@ def _without_empty_ends(rows: list[list[str]], repairs: list[str]) -> list[list[
     return [row[:width] for row in rows]
 
 
-def _demand_one_width(path: Path, lines: list[int], rows: list[list[str]]) -> None:
-    width = len(rows[0])
-    for line, row in zip(lines, rows, strict=True):
-        if len(row) != width:
-            expected = f"{width} as in line {lines[0]} (a line that is no reading may begin with #)"
-            raise LogError(f"{count(len(row), 'cell')} in this row", file=path, line=line, expected=expected)
-
-
-def _take_header(lines: list[int], rows: list[list[str]], repairs: list[str]) -> tuple[str, ...]:
-    """Remove the header (and a row of units below it) from the rows and return it."""
-    if any(is_number(cell) for cell in rows[0]):
-        return ()
-    names = rows.pop(0)
-    lines.pop(0)
-    if rows and any(map(_UNIT.fullmatch, rows[0])) and not any(map(_is_digital, rows[0])):
-        repairs.append(f"Line {lines.pop(0)} was read as the units of the columns.")
-        units = [unit.strip("[]() ") for unit in rows.pop(0)]
-        names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
-    return tuple(names)
-
-
 def _comment_above(above: Sequence[tuple[int, str]], separator: str | None, width: int) -> tuple[str, ...]:
     text = next((text.strip() for _, text in reversed(above) if text.strip()), "")
     cells = [cell.strip(' "') for cell in text.lstrip("# ").split(separator)]
     return tuple(cells) if text.startswith("#") and len(cells) == width and not any(map(is_number, cells)) else ()
 
 
-def _restore_points(rows: list[list[str]], repairs: list[str]) -> None:
-    """Turn decimal commas into points; a column that holds both is left: one of them may group thousands."""
-    restored = False
-    for i in range(len(rows[0]) if rows else 0):
-        column = [row[i] for row in rows]
-        if any(map(_COMMA.fullmatch, column)) and not any(map(_POINT.fullmatch, column)):
-            restored = True
-            for row in rows:
-                row[i] = row[i].replace(",", ".")
-    if restored:
+def plain_cells(sheet: Sheet) -> Sheet:
+    """Return the sheet with plain numbers for those with units or decimal commas; the units are kept beside it."""
+    units, commas, repairs = [], False, list(sheet.repairs)
+    for i in range(len(sheet.rows[0])):
+        found = restored([row[i] for row in sheet.rows])
+        units.append(found[1] if found else "")
+        if found is None:
+            continue
+        commas |= found[2]
+        for row, cell in zip(sheet.rows, found[0], strict=True):
+            row[i] = cell
+        if found[1]:
+            name = f"'{sheet.header[i]}'" if sheet.header else f"{i + 1}"
+            repairs.append(f"The cells of column {name} bear the unit {found[1]}.")
+    if commas:
         repairs.append("Decimal commas were read as points.")
+    return replace(sheet, repairs=tuple(repairs), units=tuple(units))

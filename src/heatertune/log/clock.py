@@ -1,31 +1,67 @@
-"""The column of the time → seconds, and the rows that stay."""
+"""The column of the time → seconds."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from heatertune.errors import LogError
-from heatertune.log.cells import Sheet, count, is_number
-from heatertune.log.columns import Columns, is_foreign, unit_in_name
+from heatertune.log.cells import Sheet, is_number
+from heatertune.log.columns import NO_COLUMN, Columns
+from heatertune.log.names import role_of
 from heatertune.log.numbers import Array, numbers, refused
-from heatertune.log.stamps import STAMPS, is_day_or_month, stamp
+from heatertune.log.stamps import STAMPS, is_clock, is_date, is_day_or_month, is_hours_or_minutes, month_first, stamp
 
-__all__ = ["TIME_UNITS", "kept_rows", "seconds"]
+__all__ = ["TIME_UNITS", "forwards", "seconds", "with_dates"]
 
 #: unit → its length [s]
-TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0, "d": 86400.0}
 _EPOCH: Final = 1e8  # beyond three years in seconds the numbers are a calendar's
-_EPOCH_MS: Final = 1e11  # beyond the year 5000 in seconds they are not in seconds
-_SHOWN: Final = 5  # line numbers told
+_EPOCHS: Final = ((1e17, "ns", 1e-9), (1e14, "µs", 1e-6), (1e11, "ms", 1e-3))  # 19, 16 and 13 digits since 1970
+_DAY: Final = 86400.0
+_SHEET_DAYS: Final = (20_000.0, 80_000.0)  # days since 1900 as spreadsheets count them: 1954 to 2119
+
+
+def with_dates(sheet: Sheet, columns: Columns, wanted: str | int | None) -> tuple[Sheet, Columns]:
+    """Return the sheet with date and time of day in one column, where they stand in two.
+
+    Args:
+        sheet: the cells.
+        columns: which column is what.
+        wanted: name or number of the column of the date, "none": there is none; None: found where there is one.
+
+    Raises:
+        LogError: no such column.
+    """
+    place = columns.index.get("time")
+    if wanted == NO_COLUMN or (wanted is None and (place is None or not is_clock(sheet.rows[0][place]))):
+        return sheet, columns
+    if place is None or not is_clock(sheet.rows[0][place]):
+        raise LogError("no time of day beside the date", file=sheet.file, expected="--time-column with a time of day")
+    free = [i for i in range(len(sheet.rows[0])) if i not in columns.index.values() and is_date(sheet.rows[0][i])]
+    if wanted is not None:
+        free = [i for i in free if str(wanted) == str(i + 1) or (sheet.header and sheet.header[i] == wanted)]
+        if not free:
+            raise LogError("no column of dates", file=sheet.file, value=str(wanted), expected="--date-column NAME or N")
+    elif sheet.header:
+        free = [i for i in free if role_of(sheet.header[i]) == "time"]
+    if len(free) != 1:
+        return sheet, columns
+    for row in sheet.rows:
+        row[place] = f"{row[free[0]]} {row[place]}"
+    name = sheet.header[free[0]] if sheet.header else f"{free[0] + 1}"
+    told = f"The date in {name!r} and the time of day in {columns.names['time']!r} were put together."
+    return sheet, replace(columns, index={**columns.index, "date": free[0]}, names={**columns.names, "date": name},
+                          told=(*columns.told, told))
 
 
 def seconds(
     sheet: Sheet, columns: Columns, unit: str | None, sample_time_s: float | None, repairs: list[str]
-) -> Array:
-    """Return the time of each row [s], and add to the repairs what was changed or assumed.
+) -> tuple[Array, str]:
+    """Return the time of each row [s] and how it was written, and add to the repairs what was changed or assumed.
 
     Raises:
         LogError: no time column and no interval, a cell that is no time, a unit that cannot be known.
@@ -33,34 +69,52 @@ def seconds(
     if sample_time_s is not None:
         unused = f"; column {columns.names['time']} not used" if "time" in columns.index else ""
         repairs.append(f"The time was counted in rows of {sample_time_s:g} s{unused}.")
-        return np.arange(len(sheet.rows), dtype=np.float64) * sample_time_s
+        return np.arange(len(sheet.rows), dtype=np.float64) * sample_time_s, "counted"
     if "time" not in columns.index:
         expected = "--log-interval with the seconds between two rows, or --time-column"
         raise LogError("the file has no time column", file=sheet.file, expected=expected)
     cells = [row[columns.index["time"]] for row in sheet.rows]
-    if stamp(cells[0]) is not None and not is_number(cells[0]):
+    if not is_number(cells[0]) and (stamp(cells[0]) is not None or month_first(cells)):
+        if "date" not in columns.index and is_hours_or_minutes(cells[0]):
+            raise refused(sheet, columns, "time", 0, "a time that may be hours and minutes or minutes and seconds:",
+                          f"{STAMPS}, or --log-interval with the seconds between two rows")
         repairs.append("Time stamps were turned into seconds from the first row.")
-        return _from_stamps(sheet, columns, cells)
+        return _from_stamps(sheet, columns, cells, repairs), "stamps"
     return _from_numbers(sheet, columns, unit, repairs)
 
 
-def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: list[str]) -> Array:
-    name = columns.names["time"]
+def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: list[str]) -> tuple[Array, str]:
     values = numbers(sheet, columns, "time", f"a number or a time like {STAMPS}")
-    named = unit_in_name("time", name)
-    if unit is None and named is None and (is_foreign("time", name) or values[0] > _EPOCH_MS):
-        raise refused(sheet, columns, "time", 0, "a time in an unknown unit:", "--time-unit s, ms, min or h")
+    named = columns.unit("time")
+    epoch = next(((name, length) for least, name, length in _EPOCHS if values[0] > least), None)
+    if unit is None and named in (None, "ms") and epoch is not None and not columns.is_foreign("time"):
+        repairs.append(f"The time is in {epoch[0]} since 1970 by its digits and was counted from the first row.")
+        return (values - values[0]) * epoch[1], epoch[0]
+    if unit is None and (columns.is_foreign("time") or epoch is not None or _are_days(values, named)):
+        raise refused(sheet, columns, "time", 0, "a time in an unknown unit:", "--time-unit s, ms, min, h or d")
     known = unit or named or "s"
     if known != "s":
         repairs.append(f"The time is in {known} {'as told' if unit else 'by its name'}, turned into seconds.")
+    elif unit is None and named is None and values[0] <= _EPOCH:
+        repairs.append("The time has no unit in the file; taken as seconds (else: --time-unit).")
     if values[0] * TIME_UNITS[known] > _EPOCH:
         repairs.append("The time is a calendar's and was counted from the first row.")
         values = values - values[0]
-    return values * TIME_UNITS[known]
+    return values * TIME_UNITS[known], known if unit or named or values[0] > _EPOCH else f"{known}, assumed"
 
 
-def _from_stamps(sheet: Sheet, columns: Columns, cells: list[str]) -> Array:
-    if is_day_or_month(cells):
+def _are_days(values: Array, named: str | None) -> bool:
+    """Return whether these are a spreadsheet's dates: days since 1900, a small part of a day from row to row."""
+    low, high = _SHEET_DAYS
+    within = len(values) > 1 and low < values[0] < high and values[-1] < high
+    return named is None and within and 0.0 < float(np.median(np.abs(np.diff(values)))) < 0.05
+
+
+def _from_stamps(sheet: Sheet, columns: Columns, cells: Sequence[str], repairs: list[str]) -> Array:
+    if month_first(cells):
+        repairs.append("The dates are read with the month first.")
+        cells = [month_first((cell,), turn=True) or cell for cell in cells]
+    elif is_day_or_month(cells):
         raise refused(sheet, columns, "time", 0, "a date that may be day first or month first:",
                       f"{STAMPS}, or --log-interval with the seconds between two rows")
     moments = [stamp(cell) for cell in cells]
@@ -72,27 +126,26 @@ def _from_stamps(sheet: Sheet, columns: Columns, cells: list[str]) -> Array:
         if (moment.tzinfo is None) != (first.tzinfo is None):
             raise refused(sheet, columns, "time", row, "with and without a time zone:", f"all like {cells[0]}")
         found[row] = (moment - first).total_seconds()
-    return found
+    return _past_midnight(found, repairs) if is_clock(cells[0]) else found
 
 
-def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> npt.NDArray[np.bool_]:
-    """Return which rows stay: of rows with the same time only the first.
+def _past_midnight(time: Array, repairs: list[str]) -> Array:
+    """Return times of day that go on after midnight."""
+    nights = np.flatnonzero(np.diff(time) < -_DAY / 2.0) + 1
+    if not len(nights):
+        return time
+    repairs.append(f"The time of day passes midnight {len(nights)} times; a day was added at each."
+                   if len(nights) > 1 else "The time of day passes midnight; a day was added there.")
+    time = time.copy()
+    for row in nights:
+        time[row:] += _DAY
+    return time
 
-    Raises:
-        LogError: a time that goes backwards.
-    """
+
+def forwards(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Array]:
+    """Return rows that are written newest first in the order of their times."""
     steps = np.diff(time)
-    if np.any(steps < 0):
-        row = int(np.flatnonzero(steps < 0)[0]) + 1
-        before = sheet.rows[row - 1][columns.index["time"]]
-        raise refused(sheet, columns, "time", row, "the time goes backwards:", f"not before {before}")
-    dropped = np.flatnonzero(steps == 0) + 1
-    if len(dropped):
-        lines = ", ".join(str(sheet.lines[row]) for row in dropped[:_SHOWN])
-        lines += f" and {len(dropped) - _SHOWN} more" if len(dropped) > _SHOWN else ""
-        other = sum(sheet.rows[row] != sheet.rows[row - 1] for row in dropped)
-        told = f"{count(len(dropped), 'row')} at the time of the row before dropped (line {lines})"
-        repairs.append(f"{told}; {other} of them with another reading." if other else f"{told}.")
-    kept = np.ones(len(time), dtype=np.bool_)
-    kept[dropped] = False
-    return kept
+    if not len(steps) or np.any(steps > 0) or not np.any(steps < 0):
+        return sheet, time
+    repairs.append("The rows stand newest first and were turned round.")
+    return sheet.picked(range(len(time) - 1, -1, -1)), time[::-1] - time[-1]

@@ -1,8 +1,7 @@
-"""Which column is what, and in which unit: by its name, by its numbers where there is no name, or as the user says."""
+"""Which column is what: by its name, by its numbers where there is no name, or as the user says."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -11,82 +10,46 @@ import numpy as np
 
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet, is_number
+from heatertune.log.names import ROLES, is_foreign, is_second_choice, role_of, unit_in_name
+from heatertune.log.quantities import on_or_off, says_nothing
 from heatertune.log.stamps import stamp
 
-__all__ = ["ROLES", "Columns", "find_columns", "is_foreign", "unit_in_name", "with_names"]
+__all__ = ["NO_COLUMN", "Columns", "chosen", "find_columns", "with_names"]
 
-ROLES: Final = ("time", "temperature", "power", "setpoint")
-
-#: looked for in this order: "set point (degC)" is no temperature, "heater temperature" no power; t is a time, T is not
-_NAMES: Final[dict[str, re.Pattern[str]]] = {
-    "setpoint": re.compile(r"(?i:set.?point|\bt?sp\d*\b|soll|target)"),
-    "time": re.compile(r"(?i:time|zeit|\bdate|datum|elapsed|^milli|^sec|^minutes?$|^hours?$|^m?s$)"
-                       r"|^t$|^[tT] ?[\[(/ ] ?(s|sec|ms|min|h)\b"),
-    "temperature": re.compile(r"(?i:temp|^pv|process.?va|istwert|actual(?!.*(power|output|duty|%))|°[cf]|deg ?[cf]"
-                              r"|kelvin|thermocouple)|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b"),
-    "power": re.compile(r"(?i:power|duty|heater|pwm|output|^c[vo]\d*\b|^op\b|^[uq]\d*($|[ \[(/])|leistung|stell|volt"
-                        r"|watt)|^MV\b"),
-}
-
-#: taken only where nothing else has the role: a room's temperature, a date beside the time of day
-_SECOND_CHOICE: Final = re.compile(r"(?i:ambient|room|\bext|outside|umgebung|raum|junction|board|cpu|^dat(e|um)$)")
-
-_UNITS: Final[dict[str, tuple[tuple[str, re.Pattern[str]], ...]]] = {
-    "temperature": (
-        ("degF", re.compile(r"°\s*f|deg\s*f|fahrenheit|[\[(/ ]f[\])]?$|temp(erature)?\d*f$")),
-        ("K", re.compile(r"kelvin|[\[(/ ]k[\])]?$|temp(erature)?\d*k$")),
-        ("degC", re.compile(r"°\s*c|deg\s*c|celsius|[\[(/ ]c[\])]?$|temp(erature)?\d*c$")),
-    ),
-    "time": (
-        ("ms", re.compile(r"(^|[\[(/ ])m(illi)?s(ec(onds?)?)?\.?[\])]?$|^millis")),
-        ("min", re.compile(r"(^|[\[(/ ])min(ute[ns]?|s)?\.?[\])]?$")),
-        ("h", re.compile(r"(^|[\[(/ ])(h(ours?|rs?)?|std|stunden)\.?[\])]?$")),
-        ("s", re.compile(r"(^|[\[(/ ])s(e[ck](onds?|unden)?)?\.?[\])]?$")),
-    ),
-    "power": (
-        ("255", re.compile(r"255|8.?bit|pwm.*counts")),
-        ("1", re.compile(r"0\s*(\.\.\.?|…|-|–|to)\s*1\b(?!00)|fraction|p\.?u\.?\b")),
-        ("100", re.compile(r"%|pct|percent|prozent|0\s*(\.\.\.?|…|-|–|to)\s*100\b")),
-    ),
-}
-
-#: units that are neither a temperature, a time nor a share of full power
-_FOREIGN: Final[dict[str, re.Pattern[str]]] = {
-    "temperature": re.compile(r"%|pct|percent|counts?\b|\badc\b|[\[(/ ]m?[va][\])]?$|ohm|ω|\bbar\b"),
-    "time": re.compile(r"[\[(/ ]([uµμn]s|d|days?|tage)[\])]?$"),
-    "power": re.compile(r"[\[(/ ][mk]?[wva][\])]?$|volt|watt"),
-}
+#: what the user says where a log has no such column
+NO_COLUMN: Final = "none"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
-    """Role → index of its column, and what was assumed in finding them."""
+    """Role → index of its column.
+
+    Attributes:
+        index: role → index.
+        names: role → name, a number where the file has no names.
+        told: what was assumed in finding them.
+        units: role → unit that the column's cells bear.
+    """
 
     index: Mapping[str, int]
     names: Mapping[str, str]
     told: tuple[str, ...] = field(default=())
+    units: Mapping[str, str] = field(default_factory=dict)
 
+    def unit(self, role: str) -> str | None:
+        """Return the unit that the cells or the name tell, None where neither does; for power its full scale."""
+        borne = self.units.get(role)
+        return unit_in_name(role, f"[{borne}]") if borne else unit_in_name(role, self.names[role])
 
-def unit_in_name(role: str, name: str) -> str | None:
-    """Return the unit a column's name tells, None where it tells none; for power its full scale."""
-    lower = _plain(name).lower()
-    found = (unit for unit, pattern in _UNITS["temperature" if role == "setpoint" else role] if pattern.search(lower))
-    return next(found, None)
-
-
-def is_foreign(role: str, name: str) -> bool:
-    """Return whether a column's name tells a unit that the role does not have: power in watts, a PV in percent."""
-    return unit_in_name(role, name) is None and _FOREIGN[role].search(_plain(name).lower()) is not None
-
-
-def _plain(name: str) -> str:
-    """Return a name with spaces for underscores and one way to write degrees."""
-    return name.strip().replace("_", " ").replace("º", "°").replace("℃", "°C").replace("℉", "°F")
+    def is_foreign(self, role: str) -> bool:
+        """Return whether the column has a unit that its role does not have: power in watts, a PV in percent."""
+        borne = self.units.get(role)
+        return unit_in_name(role, f"[{borne}]") is None if borne else is_foreign(role, self.names[role])
 
 
 def with_names(sheet: Sheet) -> Sheet:
     """Return the sheet, its header taken from the comment above the readings where that names a temperature."""
-    if sheet.header or not any(_NAMES["temperature"].search(_plain(name)) for name in sheet.comment):
+    if sheet.header or "temperature" not in map(role_of, sheet.comment):
         return sheet
     told = "The comment above the readings was read as the names of the columns."
     return replace(sheet, header=sheet.comment, repairs=(*sheet.repairs, told))
@@ -103,23 +66,39 @@ def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool
     Raises:
         LogError: a column that does not exist or is asked for twice, or none for the temperature.
     """
-    index = {role: _chosen(sheet, role, column) for role, column in wanted.items()}
+    absent = {role for role, column in wanted.items() if str(column) == NO_COLUMN and column not in sheet.header}
+    index = {role: chosen(sheet, role, column) for role, column in wanted.items() if role not in absent}
     if len(set(index.values())) < len(index):
         raise LogError(f"one column for two of {', '.join(index)}", file=sheet.file, expected="a column for each")
     told: list[str] = []
     if sheet.header:
-        _by_name(sheet, index, told)
+        _by_name(sheet, index, absent, told)
     else:
-        _by_numbers(sheet, index, told, counted)
+        _by_numbers(sheet, index, absent | ({"time"} if counted else set()), told)
     if "temperature" not in index:
         known = ", ".join(sheet.header) or f"{len(sheet.rows[0])} columns without names"
         expected = "--temperature-column NAME or N"
         raise LogError(f"no column is a temperature ({known})", file=sheet.file, expected=expected)
     names = {role: sheet.header[i] if sheet.header else f"{i + 1}" for role, i in index.items()}
-    return Columns(index=index, names=names, told=tuple(told))
+    units = {role: sheet.units[i] for role, i in index.items() if sheet.units and sheet.units[i]}
+    for role, unit in units.items():
+        _demand_one_unit(sheet, role, names[role], unit)
+    return Columns(index=index, names=names, told=tuple(told), units=units)
 
 
-def _chosen(sheet: Sheet, role: str, column: str | int) -> int:
+def _demand_one_unit(sheet: Sheet, role: str, name: str, unit: str) -> None:
+    named, borne = unit_in_name(role, name) if sheet.header else None, unit_in_name(role, f"[{unit}]")
+    if named is not None and borne is not None and named != borne:
+        raise LogError(f"a column named in {named} whose cells are in", file=sheet.file, column=name, value=unit,
+                       expected="one unit")
+
+
+def chosen(sheet: Sheet, role: str, column: str | int) -> int:
+    """Return the column of a name or number (1 = first).
+
+    Raises:
+        LogError: there is none.
+    """
     text = str(column).strip()
     if text in sheet.header:
         return sheet.header.index(text)
@@ -130,27 +109,39 @@ def _chosen(sheet: Sheet, role: str, column: str | int) -> int:
     raise LogError(f"no {role} column", file=sheet.file, value=text, expected=f"one of {known}")
 
 
-def _by_name(sheet: Sheet, index: dict[str, int], told: list[str]) -> None:
+def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], told: list[str]) -> None:
     taken = set(index.values())
-    found: dict[str, list[int]] = {role: [] for role in ROLES}
+    found: dict[str, list[int]] = {role: [] for role in ROLES if role not in absent}
     for i, name in enumerate(sheet.header):
-        role = next((role for role, pattern in _NAMES.items() if pattern.search(_plain(name))), None)
-        if role is not None and i not in taken:
+        role = role_of(name)
+        if role in found and i not in taken and not _is_text(sheet, role, i):
             found[role].append(i)
     for role, candidates in found.items():
         if role in index or not candidates:
             continue
-        best, *others = sorted(candidates, key=lambda i: _SECOND_CHOICE.search(_plain(sheet.header[i])) is not None)
+        best, *others = sorted(candidates, key=lambda i: _is_second(role, sheet.header[i]))
         index[role] = best
         if others:
             unused = ", ".join(sheet.header[i] for i in others)
             told.append(f"{sheet.header[best]!r} was taken as the {role}; {unused} not used.")
 
 
-def _by_numbers(sheet: Sheet, index: dict[str, int], told: list[str], counted: bool) -> None:
+def _is_text(sheet: Sheet, role: str, i: int) -> bool:
+    """Return whether a column that may be the power at best holds words: "control mode" with auto and manual."""
+    cell = sheet.rows[0][i]
+    return role == "power" and is_second_choice(sheet.header[i]) and not (
+        is_number(cell) or says_nothing(cell) or on_or_off([cell]))
+
+
+def _is_second(role: str, name: str) -> bool:
+    """Return whether a column has its role only where no other has: a room's temperature, a power in watts."""
+    return is_second_choice(name) or (role in ("temperature", "power") and is_foreign(role, name))
+
+
+def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], told: list[str]) -> None:
     """Deduce: the column that always grows is the time; of two others, the one that stands still is the power."""
     free = [i for i in range(len(sheet.rows[0])) if i not in index.values()]
-    if "time" not in index and not counted:
+    if "time" not in index and "time" not in absent:
         growing = [i for i in free if _grows(sheet, i)]
         if growing:  # several: by custom the time is written first
             index["time"] = growing[0]
@@ -158,7 +149,7 @@ def _by_numbers(sheet: Sheet, index: dict[str, int], told: list[str], counted: b
     levels = {i: len({row[i] for row in sheet.rows}) for i in free}
     if "temperature" not in index and len(free) == 1 and levels[free[0]] > 3:  # fewer: a power that is switched
         index["temperature"] = free[0]
-    elif "temperature" not in index and len(free) == 2 and "power" not in index:
+    elif "temperature" not in index and len(free) == 2 and not {"power"} & {*index, *absent}:
         held, moving = sorted(free, key=lambda i: levels[i])
         if levels[held] * 4 < levels[moving]:
             index |= {"power": held, "temperature": moving}
@@ -175,4 +166,4 @@ def _grows(sheet: Sheet, i: int) -> bool:
         steps = np.diff(np.array(cells, dtype=np.float64))
     except ValueError:
         return False
-    return bool(np.all(steps >= 0.0) and np.mean(steps > 0.0) > 0.9)
+    return bool(np.all(steps >= 0.0) and np.count_nonzero(steps > 0.0) > 0.9 * len(steps))

@@ -10,11 +10,11 @@ import numpy.typing as npt
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet
 from heatertune.log.columns import Columns
+from heatertune.log.quantities import is_quantity, says_nothing
 
 __all__ = ["Array", "numbers", "refused"]
 
 Array = npt.NDArray[np.float64]
-_NOTHING: Final = ("", "nan", "null", "none", "n/a", "na", "-", "--", "---")
 _BEYOND: Final = 1e30  # no instant and no reading; units can still be converted without overflow
 
 
@@ -29,12 +29,15 @@ def numbers(
     i = columns.index[role]
     cells = [row[i] for row in sheet.rows]
     if holes:
-        cells = ["nan" if cell.lower() in _NOTHING else cell for cell in cells]
+        cells = ["nan" if says_nothing(cell) else cell for cell in cells]
     try:
         values = np.array([_float(cell) for cell in cells], dtype=np.float64)
     except ValueError:
         row = next(k for k, cell in enumerate(cells) if not _is_float(cell))
-        raise refused(sheet, columns, role, row, "no number:" if cells[row] else "an empty cell", expected) from None
+        problem = "no number:" if cells[row] else "an empty cell"
+        if is_quantity(cells[row]):
+            problem = "a unit that not all cells bear:"
+        raise refused(sheet, columns, role, row, problem, expected) from None
     unusable = np.flatnonzero(~(np.abs(values) < _BEYOND) & ~(np.isnan(values) if holes else False))
     if len(unusable):
         row = int(unusable[0])

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import OutOfRange
+from heatertune.log.taken import Taken
 from heatertune.show import Shown
 
 __all__ = ["ABSOLUTE_ZERO_DEGC", "MIN_SAMPLES", "Log"]
@@ -34,6 +35,7 @@ class Log(Shown):
         repairs: what the reader changed or assumed, one sentence each.
         doubts: readings that look odd but were left as they are, one sentence each.
         same_heater: names of built-in logs taken on the same heater.
+        taken: what was taken of a file as what, None for a log that was not read from one.
         rests_at_degC: where the source says that the record rests, None where it says nothing [°C].
 
     Raises:
@@ -50,6 +52,7 @@ class Log(Shown):
     repairs: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     same_heater: tuple[str, ...] = field(default=())
+    taken: Taken | None = None
     rests_at_degC: float | None = None
 
     def __post_init__(self) -> None:
@@ -78,7 +81,7 @@ class Log(Shown):
             name=self.name, source=self.source, time_s=self.time_s[keep],
             temperature_degC=self.temperature_degC[keep], power_pct=cut(self.power_pct),
             setpoint_degC=cut(self.setpoint_degC), repairs=self.repairs, doubts=self.doubts,
-            same_heater=self.same_heater, rests_at_degC=self.rests_at_degC,
+            same_heater=self.same_heater, taken=self.taken, rests_at_degC=self.rests_at_degC,
         )
 
 

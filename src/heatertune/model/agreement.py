@@ -9,11 +9,12 @@ from itertools import combinations
 
 from scipy.special import ndtri
 
+from heatertune.model.hearing import Told
 from heatertune.model.intervals import RATIO
 from heatertune.model.values import OneLog
 from heatertune.units import NOMENCLATURE
 
-__all__ = ["Disagreement", "agreement_notes", "disagreements"]
+__all__ = ["Disagreement", "agreement_told", "disagreements"]
 
 _SHARED = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", RATIO)
 
@@ -53,22 +54,22 @@ def _apart(name: str, first: OneLog, second: OneLog) -> float:
     return (upper.values[name] - lower.values[name]) / max(reach, 1e-300)
 
 
-def agreement_notes(logs: Sequence[OneLog], apart: Sequence[Disagreement]) -> Iterator[str]:
-    """Tell how well one heater serves every log, and where the logs disagree."""
+def agreement_told(logs: Sequence[OneLog], apart: Sequence[Disagreement]) -> Iterator[Told]:
+    """Tell how well one heater serves every log, and where the logs disagree, which is a finding."""
     fits = ", ".join(f"{each.fit_pct:.1f} % of {each.name} ({each.alone_fit_pct:.1f} % alone)" for each in logs)
-    yield f"One heater for all logs explains {fits}; ambient and residuals shown are those of {logs[0].name}."
+    yield Told("", f"One heater for all logs explains {fits}; ambient and residuals shown are those of {logs[0].name}.")
     if not apart:
-        yield "Alone, the logs give the same heater within their intervals."
+        yield Told("", "Alone, the logs give the same heater within their intervals.")
         return
     told = "; ".join(
         f"{NOMENCLATURE[each.parameter][1]} {_value(each, each.first)} by {each.first.name}, "
         f"{_value(each, each.second)} by {each.second.name}"
         for each in apart
     )
-    yield (
+    yield Told("logs-disagree", (
         f"The logs disagree beyond their intervals: {told}; it is not one heater, or it was not used in one way (load, "
         "fan, working point), so the intervals hold what each log says alone, and each log's own heater is a candidate."
-    )
+    ))
 
 
 def _value(found: Disagreement, log: OneLog) -> str:

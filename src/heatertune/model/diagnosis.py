@@ -12,7 +12,6 @@ from heatertune.model.intervals import identified_parts
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.outliers import sensor_step
 from heatertune.model.projection import COLUMNS, DRIFT
-from heatertune.model.sanity import follows_temperature
 from heatertune.model.values import Candidate, HeaterModel, Interval
 
 __all__ = ["limit_notes", "log_notes", "longest_hold_s", "notes_of", "rival_notes"]
@@ -92,16 +91,11 @@ def _disturbed(log: Log, problem: PowerProblem, fit: PowerFit) -> list[str]:
     told = []
     if problem.drift:
         told.append(f"The ambient drifts by {3600.0 * fit.linear[DRIFT]:.2g} °C/h; the drift was fitted.")
-    for instant, size in zip(problem.loads_s, fit.linear[COLUMNS:], strict=True):
+    for instant, size in zip(problem.loads_s, fit.linear[COLUMNS:], strict=False):
         told.append(
             f"At {instant:.4g} s an unlogged load, or a change of the heater itself, begins that "
             f"{'warms' if size > 0 else 'cools'} {log.name} by {abs(size):.2g} °C in the long run; it was fitted "
             "beside the power."
-        )
-    if follows_temperature(log):
-        told.append(
-            "The power answers the temperature: the log is of a closed loop, in which noise and loads reach the power "
-            "and pull a direct fit; an open-loop step would settle the model."
         )
     return told
 

@@ -51,6 +51,7 @@ def to_document(fitted: FittedModel) -> dict[str, Any]:
         "candidates": [_candidate_document(candidate) for candidate in fitted.candidates],
         "hypotheses": [_candidate_document(candidate) for candidate in fitted.hypotheses],
         "notes": list(fitted.notes),
+        "log_told": list(fitted.log_told),
         "findings": [{"name": each.name, "effect": each.kind.effect, "told": each.told} for each in fitted.findings],
         **{name: getattr(fitted, name) for name in _LOGGED},
         "assumed": dict(fitted.assumed),
@@ -102,6 +103,7 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "model") -
             residuals=_residuals(document.get("residuals")),
             validation=judgement_document.from_document(document),
             logs=tuple(judgement_document.one_log(each) for each in document.get("logs", ())),
+            log_told=tuple(str(line) for line in document.get("log_told", ())),
             findings=tuple(Finding(name=str(each["name"]), told=str(each["told"]))
                            for each in document.get("findings", ())),
             setpoint_degC=optional_number(document, "setpoint_degC", where),

@@ -9,14 +9,17 @@ from typing import Any
 import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
+from heatertune.log.taken import MOST_REPAIRED
 from heatertune.log.values import Log
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.circumstances import DelaysKnown
 from heatertune.model.closed_loop import Bounds
-from heatertune.model.feedback import feedback_notes
+from heatertune.model.feedback import loop_told
+from heatertune.model.findings import Finding
 from heatertune.model.fit_logs import fit_logs
 from heatertune.model.fit_power import Explained, explained, fit_power, weighed
 from heatertune.model.fit_temperature import fit_temperature
+from heatertune.model.hearing import Told, findings_of
 from heatertune.model.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.law import ControllerLaw
 from heatertune.model.relay_log import with_relay
@@ -47,7 +50,7 @@ def fit(
         laws: hypotheses about the controller, needed where the power was not logged.
         ambient_degC: ambient temperature where it is known, or its lowest and highest value [°C].
         power_before_pct: power before the first reading [%], where it differs from the first logged one.
-        until_s: last instant to use [s]; by default the log is used up to its first disturbance.
+        until_s: last instant to use [s]; by default all, or without power all up to the first disturbance.
         dead_time_at_most_s: no dead time is longer, as the user knows; only with power [s].
         sensor_delay_s: by which the sensor is known to lag behind; no dead time below it is believed [s].
         thorough: carry every controller hypothesis to the end, however far behind it is.
@@ -71,8 +74,10 @@ def fit(
         progress(f"{log.name}: fitting one and two lags to the logged power")
         found = _fit_logged(used, bounds, power_before_pct, seed, delays)
         found = with_relay(used, found, ambient_degC=_single(bounds))
-        notes += feedback_notes(used)
-    return delays.applied(replace(found, notes=notes + found.notes), [used])
+        loop = loop_told(used)
+        notes += tuple(each.sentence for each in loop)
+        found = replace(found, findings=(*found.findings, *findings_of(loop)))
+    return _of_files(delays.applied(replace(found, notes=notes + found.notes), [used]), [log])
 
 
 def fit_known(
@@ -124,13 +129,15 @@ def fit_known(
         rated = rate(records(used, controllers, setpoint_degC, offset), **given)
     candidates, hypotheses = compare(rated)
     found = _fit_logged(rated[0].log, bounds, power_before_pct, seed, delays, believed=True)
+    loop = loop_told(rated[0].log)
     told = replay_notes(used, controllers, hypotheses, offset)
     family = (*candidates, *(replace(each, law=hypotheses[0].law) for each in found.candidates if each.part))
-    return delays.applied(replace(
+    return _of_files(delays.applied(replace(
         found, candidates=family, hypotheses=tuple(hypotheses),
         method=f"power by {hypotheses[0].law} on the logged readings; {found.method}",
-        notes=(*notes, *told, *feedback_notes(rated[0].log), *found.notes),
-    ), [used])
+        notes=(*notes, *told, *(each.sentence for each in loop), *found.notes),
+        findings=(*found.findings, *findings_of(loop)),
+    ), [used]), [log])
 
 
 def fit_together(
@@ -179,21 +186,34 @@ def fit_together(
             _demand_laws(log, laws)
             _refuse_bound(log, delays)
         found = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
-    return delays.applied(replace(found, notes=(*notes, *found.notes)), parts)
+    return _of_files(delays.applied(replace(found, notes=(*notes, *found.notes)), parts), logs)
+
+
+def _of_files(found: FittedModel, logs: Sequence[Log]) -> FittedModel:
+    """Return the fit with what was taken of each file, and a finding for each that was much repaired."""
+    taken = [log.taken for log in logs if log.taken is not None]
+    told = [f"{each.file}: {each.repaired_share:.2%} of {each.rows_read} rows were left out or repaired"
+            for each in taken if each.repaired_share > MOST_REPAIRED]
+    return replace(
+        found, log_told=tuple(each.line for each in taken),
+        findings=(*found.findings, *(Finding(name="repaired", told=sentence) for sentence in told)),
+    )
 
 
 def _together(
     parts: Sequence[Log], bounds: Bounds | None, power_before_pct: float | None, seed: int, delays: DelaysKnown
 ) -> FittedModel:
     explanations, notes = [], []
+    loops: list[Told] = []
     for log in parts:
         found, told = _explained(log, bounds, power_before_pct, delays)
         explanations.append(found)
         notes += [f"{log.name}: {note}" for note in told]
-        notes += feedback_notes(log)
+        loops += loop_told(log)
+    notes += [each.sentence for each in loops]
     fitted = fit_logs(explanations, open_start=power_before_pct is None, seed=seed,
                       least_dead_time_s=delays.least_dead_time_s(parts))
-    return replace(fitted, notes=(*notes, *fitted.notes))
+    return replace(fitted, notes=(*notes, *fitted.notes), findings=(*fitted.findings, *findings_of(loops)))
 
 
 def _bounds(ambient_degC: float | Bounds | None) -> Bounds | None:
@@ -222,7 +242,7 @@ def _check_given(log: Log, ambient_degC: Bounds | None, power_before_pct: float 
 def _used(log: Log, until_s: float | None) -> tuple[Log, tuple[str, ...]]:
     """Return the part of a log to explain, and a sentence about what was left out, if anything was."""
     if until_s is None:
-        return undisturbed(log)
+        return undisturbed(log) if log.power_pct is None else (log, ())  # with power it is fitted in segments
     return log.window(float(log.time_s[0]), until_s), (f"Readings after {until_s:g} s were not used.",)
 
 

@@ -9,13 +9,15 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.model.agreement import agreement_notes, disagreements
+from heatertune.model.agreement import agreement_told, disagreements
+from heatertune.model.alias import alias_told
 from heatertune.model.diagnosis import limit_notes, log_notes, longest_hold_s, rival_notes
 from heatertune.model.ends import joint_ends, told_apart
 from heatertune.model.family import open_ends
 from heatertune.model.fit_power import Explained, Weighed, outcome_of, values_of, weighed
+from heatertune.model.hearing import Told, fast_told, findings_of, poor_told
 from heatertune.model.intervals import RATIO, identified_parts
-from heatertune.model.joint import JointFit, JointProblem
+from heatertune.model.joint import LAG, JointFit, JointProblem
 from heatertune.model.joint_intervals import joint_held_at, joint_intervals
 from heatertune.model.loads import bic_of
 from heatertune.model.open_loop import PowerProblem
@@ -73,27 +75,31 @@ def fit_logs(
     candidates = (*_candidates(best, rivals, _others(best, logs, open_lag=lag.high is None), logs),
                   *(_own(log) for log in logs if apart))
     family = told_apart([*candidates, *_ends(best, logs, candidates[0], ci95, least_dead_time_s)], least_dead_time_s)
-    findings = tuple(open_ends([("one lag", ci95)]))
+    open_ = open_ends([("one lag", {**ci95})])
     ratio = ci95.pop(RATIO)
     assert ratio is not None
     known = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
     model, first = _fopdt(best), logs[0]
     simulated = first.at_readings(best.problem.parts[0], best.fit.parts[0])
+    agreement, names = list(agreement_told(alone, apart)), " and ".join(log.log.name for log in logs)
+    checks = [*fast_told(math.exp(best.problem.low[LAG]), model.time_constant_s, names), *_aliases(logs)]
     fit = _fit_pct([log.cleaned for log in logs], _simulated(best, logs))
+    outcome = outcome_of(fit, known=known)
     return FittedModel(
         model=model,
-        outcome=outcome_of(fit, known=known),
+        outcome=outcome,
         method="exact simulation of every log with its own power, free initial states; intervals: profile likelihood "
         "or block bootstrap, whichever reaches further",
         ci95=ci95,
         combinations={} if known else {RATIO: (values_of(model)[RATIO], ratio)},
         candidates=family,
-        findings=findings,
         fit_pct=fit,
-        notes=(*agreement_notes(alone, apart), *_log_notes(best, logs),
+        findings=(*findings_of([*poor_told(outcome, fit, names), *agreement, *checks]), *open_),
+        notes=(*(each.sentence for each in agreement), *_log_notes(best, logs),
                *limit_notes(model, best.problem.on_bound(best.fit), ci95,
                             max(longest_hold_s(log.log, log.problems[0]) for log in logs)),
-               *rival_notes("the logs", candidates), *(rival.told for rival in rivals)),
+               *rival_notes("the logs", candidates), *(rival.told for rival in rivals),
+               *(each.sentence for each in checks)),
         residuals=Residuals(
             time_s=first.log.time_s, measured_degC=first.log.temperature_degC, simulated_degC=simulated,
             autocorrelation=autocorrelation(first.cleaned - simulated),
@@ -231,7 +237,13 @@ def _fopdt(found: _Joint) -> Fopdt:
     return model
 
 
+def _aliases(logs: Sequence[Explained]) -> Iterator[Told]:
+    for log in logs:
+        for each in alias_told(log.alias):
+            yield each._replace(sentence=f"{log.log.name}: {each.sentence}")
+
+
 def _log_notes(best: _Joint, logs: Sequence[Explained]) -> Iterator[str]:
     for log, part, fit in zip(logs, best.problem.parts, best.fit.parts, strict=True):
-        for note in log_notes(log.log, part, fit, log.outliers):
+        for note in (*log.told, *log_notes(log.log, part, fit, log.outliers)):
             yield f"{log.log.name}: {note}"

@@ -11,15 +11,17 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
+from heatertune.model.alias import alias_of, alias_told
+from heatertune.model.cleaning import cleaned
 from heatertune.model.diagnosis import notes_of
 from heatertune.model.family import family_of
+from heatertune.model.hearing import fast_told, findings_of, poor_told
 from heatertune.model.intervals import PERIOD, RATIO, identified_parts
-from heatertune.model.judge import correlation_of, judged, judgement_notes
+from heatertune.model.judge import correlation_of, judged, judgement_told
 from heatertune.model.judgement import Validation
 from heatertune.model.loads import bic_of, left_over, with_loads
 from heatertune.model.measures import ultimate_period_s
 from heatertune.model.open_loop import PowerFit, PowerProblem
-from heatertune.model.outliers import tamed, without_outliers
 from heatertune.model.power_candidates import candidates_of, second_is_seen
 from heatertune.model.readings import Readings
 from heatertune.model.rivals import Rival, rivals_of, widened
@@ -32,10 +34,8 @@ __all__ = ["Explained", "explained", "fit_power", "outcome_of", "values_of", "we
 
 Array = npt.NDArray[np.float64]
 
-_READINGS = 1000  # averaged, in the search; what is reported is simulated at every reading
 _POOR = 60.0  # fit [%] below which no interval means anything
 _NEAR = 10.0  # BIC points
-_PASSES = 4  # of finding outliers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,18 +43,24 @@ class Explained:
     """A log with power, the problems and fits of one lag and two, and what became of its readings.
 
     Attributes:
-        log: as given.
+        log: without readings between disturbances that are too close.
+        readings: its readings, one for one, and where its segments begin.
         problems: of one lag and of two, with the start, the drift and the loads the log asks for.
         fits: their best fits.
         cleaned: readings with outliers put where their neighbours are, shape (n,) [°C].
         outliers: their places.
+        told: about the log's disturbances, one sentence each.
+        alias: about power that switches faster than it was logged; empty where it does not.
     """
 
     log: Log
+    readings: Readings
     problems: list[PowerProblem]
     fits: list[PowerFit]
     cleaned: Array
     outliers: npt.NDArray[np.intp]
+    told: tuple[str, ...]
+    alias: str
 
     @property
     def model(self) -> Fopdt:
@@ -70,7 +76,7 @@ class Explained:
 
     def at_readings(self, problem: PowerProblem, fit: PowerFit) -> Array:
         """Return what a fit makes of every reading of the log, shape (n,) [°C]."""
-        return fit.linear @ replace(problem, readings=Readings.of(self.log)).basis(fit.vector)
+        return fit.linear @ replace(problem, readings=self.readings).basis(fit.vector)
 
 
     def drifting(self) -> Explained:
@@ -132,25 +138,29 @@ def fit_power(found: Explained, weight: Weighed, *, least_dead_time_s: float, se
     assert lag is not None
     candidates = candidates_of(
         log, found.problems, found.fits, left_out=validation.held_out, open_lag=lag.high is None, rivals=rivals)
-    family, findings = family_of(found, candidates, ci95, validation.halves, least_dead_time_s, seed)
+    family, open_ = family_of(found, candidates, ci95, validation.halves, least_dead_time_s, seed)
     ratio, _ = ci95.pop(RATIO), ci95.pop(PERIOD)
     assert ratio is not None
     known = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
     simulated = found.simulated_degC
     fit = fit_pct(found.cleaned, simulated)
     second = correlation_of(found.problems[1], found.fits[1]) if second_is_seen(found.fits[1]) else None
+    outcome = outcome_of(fit, known=known)
+    least_s = math.exp(found.problems[0].low[0])
+    checks = [*judgement_told(log, validation, fit, second), *alias_told(found.alias),
+              *fast_told(least_s, found.model.time_constant_s, log.name)]
     return FittedModel(
         model=found.model,
-        outcome=outcome_of(fit, known=known),
+        outcome=outcome,
         method="exact simulation with the logged power, free initial state; "
         "intervals: profile likelihood or block bootstrap, whichever reaches further",
         ci95=ci95,
         combinations={} if known else {RATIO: (values_of(found.model)[RATIO], ratio)},
         candidates=family,
-        findings=findings,
         fit_pct=fit,
-        notes=(*notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
-               *(rival.told for rival in rivals), *judgement_notes(log, validation, fit, second)),
+        notes=(*found.told, *notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
+               *(rival.told for rival in rivals), *(each.sentence for each in checks)),
+        findings=(*findings_of([*poor_told(outcome, fit, log.name), *checks]), *open_),
         residuals=Residuals(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
             autocorrelation=autocorrelation(found.cleaned - simulated),
@@ -176,17 +186,11 @@ def values_of(model: Fopdt) -> dict[str, float]:
 
 def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
-    whole, measured = problem.readings, log.temperature_degC
-    cleaned, outliers = tamed(measured), np.empty(0, dtype=np.intp)
-    for _ in range(_PASSES):
-        thin = replace(problem, readings=replace(whole, temperature_degC=cleaned).thinned(_READINGS))
-        fit = thin.fit()
-        last = outliers
-        cleaned, outliers = without_outliers(measured, fit.linear @ problem.basis(fit.vector))
-        if np.array_equal(last, outliers):
-            break
+    log, found, told = cleaned(log, problem)
+    thin, fit = found.problem, found.fit
+    alias = "" if believed else alias_of(log, thin, fit)
     if not believed:
-        demand_cause(log, thin, None if fit.model is None else fit)
+        _demand_cause(log, thin, fit, alias)
     problems = [thin, replace(thin, two_lags=True)]
     fits = [fit, _second(problems[1], fit)]
     problems, fits = _started(problems, fits)
@@ -195,7 +199,20 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     problems, fits = min(ways, key=lambda way: min(map(bic_of, *way)))
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
-    return Explained(log=log, problems=problems, fits=fits, cleaned=cleaned, outliers=outliers)
+    return Explained(
+        log=log, readings=found.whole.readings, problems=problems, fits=fits, cleaned=found.readings_degC,
+        outliers=found.outliers, told=told, alias=alias,
+    )
+
+
+def _demand_cause(log: Log, problem: PowerProblem, fit: PowerFit, alias: str) -> None:
+    """Refuse a log in which the power cannot be the temperature's cause, by its aliasing where it has one."""
+    try:
+        demand_cause(log, problem, None if fit.model is None else fit)
+    except InputError as refused:
+        if alias:
+            raise InputError(f"{log.name}: {alias}") from refused
+        raise
 
 
 def _second(problem: PowerProblem, one: PowerFit) -> PowerFit:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from heatertune.log.values import Log
 from heatertune.model.closed_loop import Bounds, Hypothesis, Segment
 from heatertune.model.evidence import evidence_notes
+from heatertune.model.hearing import Told, findings_of, poor_told
 from heatertune.model.intervals import envelope, identified, interval
 from heatertune.model.law import ControllerLaw
 from heatertune.model.least_squares import minimise
@@ -31,6 +32,11 @@ from heatertune.model.values import Candidate, FittedModel, Interval, Outcome, R
 __all__ = ["fit_temperature"]
 
 Array = npt.NDArray[np.float64]
+
+_NO_POWER = Told("no-power", (
+    "Neither power nor setpoint was logged: the controller's law is a hypothesis, and setpoint and bias show only as "
+    "their sum."
+))
 
 _NEAR = 10.0  # BIC points within which a model explains the log nearly as well
 _FOPDT_NEAR = 3.0  # fit [%] within which the best single lag stays a candidate
@@ -74,9 +80,11 @@ def fit_temperature(
     if len(used) > 1:
         notes += (joint_note(best, ranked, alone),)
     first, (simulated, *_) = used[0], best.hypothesis.parts(best.simulated_degC)
+    outcome, names = _outcome(best.fit_pct, ci95), " and ".join(log.name for log in used)
     return FittedModel(
         model=plant.half_rule(),
-        outcome=_outcome(best.fit_pct, ci95),
+        outcome=outcome,
+        findings=findings_of([_NO_POWER, *poor_told(outcome, best.fit_pct, names)]),
         method=_method(best),
         ci95=ci95,
         combinations={name: (value, ranges[name]) for name, value in values.items() if np.isfinite(value)},
@@ -220,8 +228,7 @@ def _notes(
     known = ambient_degC is not None and ambient_degC[0] == ambient_degC[1]
     lost = [name for name, found in ci95.items() if found is None and not (name == "ambient_degC" and known)]
     names = [segment.log.name for segment in hypothesis.segments]
-    notes = ["Neither power nor setpoint was logged: the controller's law is a hypothesis, and setpoint and bias show "
-             "only as their sum.", *event_notes(best), *lost_notes(names, lost, ranges),
+    notes = [_NO_POWER.sentence, *event_notes(best), *lost_notes(names, lost, ranges),
              ambient_note(ambient_degC, hypothesis.segments[0].ambient_degC),
              *(note for s in hypothesis.segments for note in evidence_notes(s.log, s.ambient_degC)),
              *validation_notes(best, ranked)]

@@ -19,6 +19,7 @@ Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.bool_]
 
 _WINDOWS = 6  # the first stays in every fit: without it nothing tells where the heater began
+_BEGUN = 5  # readings of a later segment
 _FEWEST = 20  # readings of a half
 _READINGS = 250  # averaged, of a half
 _SHOWN = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
@@ -27,7 +28,8 @@ _SHOWN = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
 def held_out(problem: PowerProblem, fit: PowerFit) -> HeldOut:
     """Return how well each window is foretold by a fit to all other readings; drift and load instants stay as found."""
     time, record = problem.readings.time_s, problem.readings.temperature_degC
-    places = np.array_split(np.arange(len(time)), _WINDOWS)[1:]
+    places = [place for window in np.array_split(np.arange(len(time)), _WINDOWS)[1:]
+              if len(place := np.setdiff1d(window, _begun(problem)))]
     foretold = np.empty_like(record)
     for place in places:
         kept = np.ones(len(time), dtype=np.bool_)
@@ -40,6 +42,12 @@ def held_out(problem: PowerProblem, fit: PowerFit) -> HeldOut:
         windows_s=tuple((float(time[place[0]]), float(time[place[-1]])) for place in places),
         rmses_degC=tuple(_rms(error[place]) for place in places),
     )
+
+
+def _begun(problem: PowerProblem) -> npt.NDArray[np.intp]:
+    """Return the first readings of the segments, which stay in every fit: only they tell where each began."""
+    first = np.searchsorted(problem.readings.time_s, problem.readings.restart_s)
+    return np.asarray((first[:, None] + np.arange(_BEGUN)).ravel())
 
 
 def halves(problem: PowerProblem, fit: PowerFit) -> tuple[Half, Half] | None:
@@ -86,8 +94,11 @@ def _foretold(problem: PowerProblem, fit: PowerFit, kept: Rows) -> Array:
 def _part(problem: PowerProblem, rows: Rows) -> PowerProblem:
     """Return the problem on some of its readings; the power is known all the time."""
     r = problem.readings
+    time = r.time_s[rows]
     return replace(problem, readings=replace(
-        r, time_s=r.time_s[rows], half_s=r.half_s[rows], temperature_degC=r.temperature_degC[rows]))
+        r, time_s=time, half_s=r.half_s[rows], temperature_degC=r.temperature_degC[rows],
+        restart_s=r.restart_s[(r.restart_s > time[0]) & (r.restart_s <= time[-1])],
+    ))
 
 
 def _rms(error: Array) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from heatertune.log.values import Log
 from heatertune.model.feedback import is_feedback
+from heatertune.model.hearing import Told
 from heatertune.model.held_out import halves, held_out
 from heatertune.model.input_correlation import input_correlation
 from heatertune.model.intervals import identified_parts
@@ -17,7 +18,7 @@ from heatertune.model.uncertainty import sensitivities
 from heatertune.model.validation import ljung_box
 from heatertune.units import NOMENCLATURE
 
-__all__ = ["correlation_of", "judged", "judgement_notes", "unseen"]
+__all__ = ["correlation_of", "judged", "judgement_told", "unseen"]
 
 _READINGS = 500  # averaged
 _SEED = 1
@@ -54,8 +55,8 @@ def _thinned(problem: PowerProblem, fit: PowerFit) -> tuple[PowerProblem, PowerF
     return thin, thin.refined(fit.vector[None, :])
 
 
-def judgement_notes(log: Log, found: Validation, fit: float, second: InputCorrelation | None) -> Iterator[str]:
-    """Tell what the checks found; nothing where all hold.
+def judgement_told(log: Log, found: Validation, fit: float, second: InputCorrelation | None) -> Iterator[Told]:
+    """Tell what the checks found, and which finding that is; nothing where all hold.
 
     Args:
         log: for its name and its loop.
@@ -64,25 +65,26 @@ def judgement_notes(log: Log, found: Validation, fit: float, second: InputCorrel
         second: the correlation that two lags leave, None where a second is not seen.
     """
     if found.input_correlation is not None and not found.input_correlation.ok:
-        yield _correlation_note(log, found.input_correlation, second)
+        kept = second is not None and second.ok
+        yield Told("" if kept else "follows-power", _correlation_note(log, found.input_correlation, second))
     held = found.held_out
     if held.fit_pct < fit - _DROP:
         worst = max(range(len(held.rmses_degC)), key=lambda i: held.rmses_degC[i])
         start, end = held.windows_s[worst]
-        yield (
+        yield Told("not-foretold", (
             f"Windows left out of the fit are foretold to {held.fit_pct:.0f} % only (fit: {fit:.0f} %), worst from "
             f"{start:.4g} to {end:.4g} s: what is fitted there is not what holds elsewhere."
-        )
+        ))
     if found.halves is not None:
         apart = [name for name in disagreeing(found.halves)
                  if all(identified_parts(half.ci95[name]) for half in found.halves)]
         told = [f"{NOMENCLATURE[name][1]} {_pair(*(half.values[name] for half in found.halves))} "
                 f"{NOMENCLATURE[name][2]}" for name in apart]
         if told:
-            yield (
+            yield Told("halves-disagree", (
                 f"The two halves of the log give different heaters, beyond their intervals: {', '.join(told)}; the "
                 "heater is not linear, or something else moved the temperature."
-            )
+            ))
 
 
 def _pair(first: float, second: float) -> str:

@@ -23,15 +23,20 @@ _WILD = 0.1
 _FEW_VALUES = 0.5  # of the readings: a column with more distinct values is not seen as quantised
 
 
-def without_outliers(measured: Array, simulated: Array) -> tuple[Array, npt.NDArray[np.intp]]:
-    """Return the readings with outliers put where their neighbours are [°C], and the outliers' places."""
+def without_outliers(
+    measured: Array, simulated: Array, begun: npt.NDArray[np.intp] | None = None
+) -> tuple[Array, npt.NDArray[np.intp]]:
+    """Return the readings with outliers put where their neighbours are [°C], and the outliers' places.
+
+    `begun`: places of the first readings of later segments; no reading has its neighbours across such a place.
+    """
     residuals = measured - simulated
-    off = residuals - _median(residuals)
+    off = residuals - _medians(residuals, begun)
     deviation = 1.4826 * float(np.median(np.abs(off)))
     # the error of a rounded reading is uniform: its standard deviation is the step over the root of 12
     step = sensor_step(measured) or 0.0
     limit = _LIMIT * max(deviation, step / np.sqrt(12.0), 1e-6 * float(np.ptp(simulated)))
-    odd: npt.NDArray[np.bool_] = (np.abs(off) > limit) & (np.abs(measured - _median(measured)) > limit)
+    odd: npt.NDArray[np.bool_] = (np.abs(off) > limit) & (np.abs(measured - _medians(measured, begun)) > limit)
     if np.mean(odd) > _COMMON:
         odd = np.zeros(len(odd), dtype=np.bool_)
     return np.where(odd, measured - off, measured), np.flatnonzero(odd)
@@ -44,6 +49,10 @@ def tamed(measured: Array, neighbours: int = _NEIGHBOURS, share: float = _WILD) 
     """
     smooth = _median(measured, neighbours)
     return np.where(np.abs(measured - smooth) > share * float(np.ptp(smooth)), smooth, measured)
+
+
+def _medians(values: Array, begun: npt.NDArray[np.intp] | None) -> Array:
+    return np.concatenate([_median(part) for part in np.split(values, [] if begun is None else begun)])
 
 
 def _median(values: Array, neighbours: int = _NEIGHBOURS) -> Array:

@@ -35,7 +35,7 @@ class _Tried(NamedTuple):
 
 
 def second_is_seen(two: PowerFit) -> bool:
-    """Return whether the second lag is one: on a bound it is none, or none other than the first."""
+    """Return whether the second lag is one: on its lower bound it is none."""
     return "second_time_constant_s" not in two.on_bound
 
 
@@ -57,7 +57,8 @@ def candidates_of(
     record = problem.readings.temperature_degC
     tried = [*_orders(problems, fits, left_out, open_lag=open_lag)]
     tried += [_Tried(r.model, r.fit.simulated_degC, bic_of(r.problem, r.fit), r.law, None, True) for r in rivals]
-    if not problem.loads_s and not problem.drift and left_over(problem, one):
+    plain = not (problem.loads_s or problem.drift or len(problem.readings.restart_s))
+    if plain and left_over(problem, one):
         rates = fit_two_rates(problem, one)
         bic = ar1_bic(record - rates.simulated_degC, rates.unknowns)
         if not rates.on_bound and bic < min(each.bic for each in tried) - _NEAR:

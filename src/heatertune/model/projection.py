@@ -13,11 +13,12 @@ from numba import njit
 
 __all__ = ["AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "columns", "descend", "project"]
 
-#: columns of the linear part; one more for each load step
+#: columns of the linear part; one more for each load step, then two states for each restart
 GAIN, AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE, COLUMNS = 0, 1, 2, 3, 4, 5
 
 DIFFERENCE = 1e-4  # finite-difference step as a share of the parameter's range
 REST = 3  # poor steps in a row, then a row rests
+ROUNDING = 1e-13  # share of a column's square that rounding may leave of it
 
 
 @njit(cache=True, nogil=True)
@@ -61,39 +62,59 @@ def _forced(time, half, edges, levels, before, first, second, dead, out):  # typ
             begun, x, y = state[0], state[1], state[2]
             area = _advance(state, edges, levels, dead, first, second, time[i] + half[i])
             area -= first * (state[1] - x) + second * (state[2] - y)
-            out[i] = area / (state[0] - begun)
+            if state[0] > begun:  # irregular runs may overlap so far that nothing is left of one
+                out[i] = area / (state[0] - begun)
 
 
 @njit(cache=True, nogil=True)
-def _decay(time, half, lag, out):  # type: ignore[no-untyped-def]
+def _decay(time, half, begun, lag, out):  # type: ignore[no-untyped-def]
     for i in range(len(time)):
-        out[i] = math.exp((time[0] - time[i]) / lag)
+        out[i] = math.exp((begun - time[i]) / lag) if time[i] >= begun else 0.0
         share = half[i] / lag
         if share > 1e-4:  # below, the mean over the block is its middle
             out[i] *= math.sinh(share) / share
 
 
 @njit(cache=True, nogil=True)
-def columns(time, half, edges, levels, before, loads, first, second, dead, basis):  # type: ignore[no-untyped-def]
-    """Fill basis (5 + loads, m) for the lags (second = 0: one lag) and the dead time."""
+def _states(time, half, begun, first, second, out):  # type: ignore[no-untyped-def]
+    """Write what free states at an instant add from there on into out (2, n); second = 0: one lag."""
+    _decay(time, half, begun, first, out[0])
+    out[1] = 0.0
+    if second > 0.0:
+        _decay(time, half, begun, second, out[1])
+
+
+@njit(cache=True, nogil=True)
+def columns(time, half, edges, levels, before, loads, restarts, first, second, dead, basis):  # type: ignore[no-untyped-def]
+    """Fill basis (5 + loads + 2·restarts, m) for the lags (second = 0: one lag) and the dead time."""
     m = len(time)
     _forced(time, half, edges, levels, before, first, second, dead, basis[GAIN])
-    basis[SECOND_STATE] = 0.0
-    _decay(time, half, first, basis[FIRST_STATE])
-    if second > 0.0:
-        _decay(time, half, second, basis[SECOND_STATE])
+    _states(time, half, time[0], first, second, basis[FIRST_STATE:COLUMNS])
     for i in range(m):
         basis[AMBIENT, i] = 1.0
         basis[DRIFT, i] = time[i] - time[0]
     one = np.ones(1)
     for k in range(len(loads)):
         _forced(time, half, loads[k : k + 1], one, 0.0, first, second, 0.0, basis[COLUMNS + k])
+    for k in range(len(restarts)):
+        place = COLUMNS + len(loads) + 2 * k
+        _states(time, half, restarts[k], first, second, basis[place : place + 2])
 
 
 @njit(cache=True, nogil=True)
 def _solve(matrix, right, size):  # type: ignore[no-untyped-def]
-    """Solve a small symmetric positive system in place by elimination."""
+    """Solve a small symmetric system in place by elimination.
+
+    An unknown whose column the ones before it make up, but for rounding, is 0: they explain as much without it.
+    """
+    left = np.empty(size)
     for c in range(size):
+        left[c] = ROUNDING * matrix[c, c]
+    for c in range(size):
+        if not matrix[c, c] > left[c]:
+            right[c] = 0.0
+            for k in range(size):
+                matrix[c, k] = matrix[k, c] = 1.0 if k == c else 0.0
         for r in range(c + 1, size):
             factor = matrix[r, c] / matrix[c, c]
             for k in range(c, size):
@@ -128,12 +149,12 @@ def _space(width, m):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _residuals(log, record, known, law, z, space, out, linear):  # type: ignore[no-untyped-def]
-    """Fill residuals (m,) and linear part (5 + loads) of one vector; return the sum of squares.
+    """Fill residuals (m,) and linear part (one for each column) of one vector; return the sum of squares.
 
     Args:
-        log: times, half widths, edges, levels, power before, load instants.
+        log: times, half widths, edges, levels, power before, load instants, restarts.
         record: temperatures, shape (m,).
-        known: linear unknowns that are given, nan where free, shape (5 + loads,).
+        known: linear unknowns that are given, nan where free, one for each column.
         law: whether the gain is given as gain per time constant; its sign, see `PowerProblem`: with another the sum
             is infinite.
         z: ln first lag, dead time, lag ratio.
@@ -141,11 +162,11 @@ def _residuals(log, record, known, law, z, space, out, linear):  # type: ignore[
         out: residuals.
         linear: linear part.
     """
-    time, half, edges, levels, before, loads = log
+    time, half, edges, levels, before, loads, restarts = log
     basis, normal, right, free = space
     per_lag, sign = law
     lag = math.exp(z[0])
-    columns(time, half, edges, levels, before, loads, lag, z[2] * lag, z[1], basis)
+    columns(time, half, edges, levels, before, loads, restarts, lag, z[2] * lag, z[1], basis)
     size = 0
     for i in range(len(out)):
         out[i] = -record[i]
@@ -172,7 +193,7 @@ def _residuals(log, record, known, law, z, space, out, linear):  # type: ignore[
 
 @njit(cache=True, nogil=True)
 def project(log, records, known, law, vectors, residuals, linear, cost):  # type: ignore[no-untyped-def]
-    """Fill residuals (n, m), linear part (n, 5 + loads) and sum of squares (n,) for vectors (n, 3)."""
+    """Fill residuals (n, m), linear part (n, columns) and sum of squares (n,) for vectors (n, 3)."""
     space = _space(known.shape[1], records.shape[1])
     for i in range(len(vectors)):
         cost[i] = _residuals(log, records[i], known[i], law, vectors[i], space, residuals[i], linear[i])

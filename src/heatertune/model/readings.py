@@ -7,7 +7,7 @@ the power at nearly every reading is the power averaged too, between its largest
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,7 @@ class Readings:
         edge_s: instants at which the power takes a new value, the log's first one included, shape (k,).
         level_pct: that value, shape (k,).
         averaged: most readings of the log in one of these.
+        restart_s: instants of the first readings of later segments, whose state nothing before tells, shape (r,).
     """
 
     time_s: Array
@@ -42,6 +43,7 @@ class Readings:
     edge_s: Array
     level_pct: Array
     averaged: int = 1
+    restart_s: Array = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def of(cls, log: Log) -> Readings:
@@ -87,10 +89,11 @@ class Readings:
         return self.edge_s[np.append(0, starts)], np.append(self.level_pct[0], mean)
 
     def _runs(self, count: int) -> npt.NDArray[np.intp]:
-        """Return where runs of `count` readings begin; a run ends at a gap, and at an edge where these are few."""
+        """Return where runs of `count` readings begin; one ends at a gap, a restart, at edges where few."""
         n, step = len(self.time_s), np.diff(self.time_s)
         breaks = np.concatenate([[True], step > _GAP * np.median(step)])
         if len(self.edge_s) * count < n:
             breaks[np.minimum(np.searchsorted(self.time_s, self.edge_s), n - 1)] = True
+        breaks[np.searchsorted(self.time_s, self.restart_s)] = True
         begun = np.maximum.accumulate(np.where(breaks, np.arange(n), 0))
         return np.flatnonzero((np.arange(n) - begun) % count == 0)

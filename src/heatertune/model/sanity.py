@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NoReturn
 
@@ -12,7 +13,7 @@ from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.loads import bic_of, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
-from heatertune.model.projection import GAIN
+from heatertune.model.projection import AMBIENT, GAIN
 from heatertune.model.statistics import ar1_bic
 
 __all__ = ["demand_cause", "follows_temperature"]
@@ -22,6 +23,9 @@ Array = npt.NDArray[np.float64]
 _READINGS = 500
 _SURE = 10.0  # BIC points
 _BETTER = 0.5  # share of the sum of squares that the opposite sign has to reach: a heater's own fit may be poor
+_COLDEST, _HOTTEST = -60.0, 150.0  # of rooms [°C]
+_FAR = 1.0  # spans of the readings
+_ENDLESS = 0.95  # of the longest dead time searched
 _SHORT = 3.0  # sampling intervals: no heater's time constant
 _EXPLAINED = 0.3  # share of the power's moves that the temperature explains in a loop
 _USUAL = 0.9
@@ -45,10 +49,7 @@ def demand_cause(log: Log, problem: PowerProblem, fit: PowerFit | None) -> None:
     other = opposite.fit()
     best = min(bic_of(opposite, other), np.inf if fit is None else bic_of(problem, fit))
     _demand_effect(log, problem, fit, best)
-    if fit is None or (
-        _squares(opposite, other) < _BETTER * _squares(problem, fit)
-        and bic_of(opposite, other) < bic_of(problem, fit) - _SURE
-    ):
+    if fit is None or _cools(problem, fit, opposite, other):
         _refuse_sign(log, problem, other)
     else:
         _demand_order(log, problem, fit)
@@ -76,6 +77,50 @@ def follows_temperature(log: Log) -> bool:
     return rest[0] < (1.0 - _EXPLAINED) * rest[1]
 
 
+def _cools(problem: PowerProblem, fit: PowerFit, opposite: PowerProblem, other: PowerFit) -> bool:
+    """Return whether cooling explains a log better than heating, or as well where heating asks for the absurd."""
+    dearer = bic_of(problem, fit) - bic_of(opposite, other)
+    if dearer > _SURE and _squares(opposite, other) < _BETTER * _squares(problem, fit):
+        return True
+    if dearer < -_SURE or (dearer <= _SURE and not _is_strange(problem, fit)):
+        return False
+    # a load or drift, in a loop above all, may be all that speaks for the opposite: both may have them
+    warming, warm = _eventful(problem, fit)
+    cooling, cool = _eventful(opposite, other)
+    strange = _is_strange(warming, warm) and not _is_strange(cooling, cool)
+    limit = bic_of(cooling, cool) + (-_SURE if strange else _SURE)
+    return bic_of(warming, warm) > limit and all(bic_of(*way) > limit for way in _other_heaters(warming))
+
+
+def _other_heaters(problem: PowerProblem) -> Iterator[tuple[PowerProblem, PowerFit]]:
+    """Return a heater of two lags, and one whose power was logged late."""
+    for other in (replace(problem, two_lags=True), _ahead(problem)):
+        yield other, other.fit()
+
+
+def _ahead(problem: PowerProblem) -> PowerProblem:
+    return replace(problem, least_dead_time_s=-float(np.ptp(problem.readings.time_s)) / 4.0)
+
+
+def _eventful(problem: PowerProblem, fit: PowerFit) -> tuple[PowerProblem, PowerFit]:
+    """Return problem and fit with the drift or the loads that they ask for."""
+    drifting = replace(problem, drift=True)
+    drifted = drifting.refined(fit.vector[None, :])
+    if bic_of(drifting, drifted) < bic_of(problem, fit) - _SURE:
+        problem, fit = drifting, drifted
+    (problem,), (fit,) = with_loads([problem], [fit])
+    return problem, fit
+
+
+def _is_strange(problem: PowerProblem, fit: PowerFit) -> bool:
+    """Return whether the ambient is that of no room and beyond what the readings support, or the dead time endless."""
+    ambient, readings = float(fit.linear[AMBIENT]), problem.readings.temperature_degC
+    reach = _FAR * float(np.ptp(readings))
+    outside = ambient < _COLDEST or ambient > _HOTTEST
+    endless = float(fit.vector[1]) >= _ENDLESS * float(problem.high[1])
+    return endless or (outside and not float(readings.min()) - reach <= ambient <= float(readings.max()) + reach)
+
+
 def _unexplained(inputs: Array, output: Array) -> float:
     error = output - inputs @ np.linalg.lstsq(inputs, output, rcond=None)[0]
     return float(error @ error)
@@ -95,8 +140,7 @@ def _refuse_sign(log: Log, problem: PowerProblem, other: PowerFit) -> NoReturn:
 
 
 def _demand_order(log: Log, problem: PowerProblem, fit: PowerFit) -> None:
-    length = float(np.ptp(problem.readings.time_s))
-    ahead = replace(problem, least_dead_time_s=-length / 4.0)
+    ahead = _ahead(problem)
     other = ahead.fit()
     shift = -float(other.vector[1])
     if shift > _sample(problem) and bic_of(ahead, other) < bic_of(problem, fit) - _SURE:

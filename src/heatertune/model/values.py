@@ -251,6 +251,7 @@ class FittedModel(Shown):
         residuals: of the working model, None for a model given by hand.
         validation: checks of the working model, None where no power was logged or several logs were fitted together.
         logs: what each of several logs with power says; empty for one log.
+        log_told: what was taken of each log's file as what, one line each.
         findings: what a verdict has to hear.
         setpoint_degC: where the heater was used, None where no log tells [°C].
         log_interval_s: between two readings, 0 for a model given by hand [s].
@@ -271,6 +272,7 @@ class FittedModel(Shown):
     residuals: Residuals | None = None
     validation: Validation | None = None
     logs: tuple[OneLog, ...] = ()
+    log_told: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     setpoint_degC: float | None = None
     log_interval_s: float = 0.0
@@ -301,6 +303,6 @@ class FittedModel(Shown):
     def _believed(self, given: Sequence[tuple[str, HeaterModel]]) -> tuple[tuple[str, HeaterModel], ...]:
         found: dict[HeaterModel, str] = {}
         for label, model in given:
-            dead = max(model.dead_time_s, self.least_dead_time_s)
-            found.setdefault(replace(model, dead_time_s=dead), label)
+            least = self.least_dead_time_s
+            found.setdefault(model if model.dead_time_s >= least else replace(model, dead_time_s=least), label)
         return tuple((label, model) for model, label in found.items())

@@ -50,7 +50,8 @@ def tune_continuous(
     found, checked = unrivalled(problem)
     notes = [_TOLD, checked]
     if robust != "none":
-        kept = guarded(Open.of(fitted), specs, robust, lambda guards: optimum(replace(problem, guards=guards)), found)
+        kept = guarded(
+            Open.of(fitted, robust), specs, robust, lambda guards: optimum(replace(problem, guards=guards)), found)
         problem = replace(problem, guards=kept.guards)
         notes = [_TOLD, kept.told(problem.cost(found), problem.cost(kept.design))]
         found = replace(kept.design, promise=Promise(way=robust, limits=specs.limits))

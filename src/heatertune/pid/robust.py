@@ -4,8 +4,8 @@ Cutting planes: solve for the candidates; find the drawn heater on which a limit
 limits on this heater too, and solve again, until none of the heaters (or no more than few enough) breaks a limit.
 The cost stays that of the candidates: the drawn heaters only guard.
 
-What holds on the heaters it was tuned on need not hold on others: a second set, drawn apart, has to keep the limits
-too, and so few of it may break one that 95 % of all heaters keep them for all the chance in drawing.
+What holds on the heaters it was tuned on need not hold on others: to keep the limits on 95 % of all, a second set,
+drawn apart, has to keep them too, and so few of it may break one that chance in drawing does not undo the promise.
 """
 
 from __future__ import annotations
@@ -51,21 +51,21 @@ class Broken(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Open:
-    """The heaters that a fit leaves open, in the two sets that a promise is kept on.
+    """The heaters that a fit leaves open, in the two sets that a promise is kept on; none where it has no intervals.
 
     Attributes:
         tuned_on: drawn first.
-        checked_on: drawn apart; none where the fit has no intervals.
+        checked_on: drawn apart; none where the limits are to hold on all of the first, which no other set shares.
     """
 
     tuned_on: tuple[HeaterModel, ...]
     checked_on: tuple[HeaterModel, ...]
 
     @classmethod
-    def of(cls, fitted: FittedModel) -> Open:
-        """Return the heaters of a fit."""
-        return cls(tuned_on=draw_heaters(fitted, _TUNED_ON),
-                   checked_on=draw_heaters(fitted, _CHECKED_ON, seed=_CHECK_SEED))
+    def of(cls, fitted: FittedModel, way: str) -> Open:
+        """Return the heaters of a fit; `way`: "p95" or "worst"."""
+        others = draw_heaters(fitted, _CHECKED_ON, seed=_CHECK_SEED) if way == "p95" else ()
+        return cls(tuned_on=draw_heaters(fitted, _TUNED_ON), checked_on=others)
 
     def __len__(self) -> int:
         """Return how many there are."""

@@ -144,7 +144,7 @@ def _improved(
     plain, plainly = design, problem
     if robust != "none":
         progress("keeping the limits on heaters drawn from the fit")
-        heaters = Open.of(fitted)
+        heaters = Open.of(fitted, robust)
         kept = guarded(
             heaters, problem.specs, robust, lambda guards: search(replace(plainly, guards=guards), around=plain), plain
         )

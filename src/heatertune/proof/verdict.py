@@ -68,6 +68,8 @@ def verdict_line(proof: Mapping[str, Any]) -> str:
     """Return the verdict of a proof's document as one line: where, on how many heaters, why not, and what is told."""
     parts = [f"{proof['verdict']} {extent(proof)}"]
     parts += [f"not kept: {', '.join(broken)}"] if (broken := _broken(proof)) else []
+    if (drawn := proof.get("samples")) is not None:
+        parts.append(f"{100.0 * drawn['passing']:.3g} % of {drawn['count']} samples keep every limit")
     parts += [f"{KINDS[each['name']].short} ({each['name']}): {KINDS[each['name']].remedy}, or --accept {each['name']}"
               for each in blocking(proof)]
     return "; ".join([*parts, *told_of(proof)])

@@ -71,7 +71,8 @@ def _log(value: Log) -> str:
         power.step(*_thinned(value.time_s, value.power_pct), where="post", **LOOK["log"])
         power.set(ylabel="power [%]", ylim=(-4, 104))
     drawn.axes[-1].set_xlabel("time [s]")
-    told = [*value.repairs, *value.doubts]
+    taken = [] if value.taken is None else [value.taken.line]
+    told = [*taken, *value.repairs, *value.doubts]
     notes = f"<details><summary>{len(told)} notes of the reader</summary>{bullets(told)}</details>" if told else ""
     return _card(f"log {value.name}", table(["", "", "unit"], rows, numeric=(1,)), _picture(drawn), notes)
 

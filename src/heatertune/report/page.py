@@ -54,7 +54,7 @@ def _verdict(documents: Documents) -> str:
 
 def _log(documents: Documents) -> str:
     log = documents["log"]
-    lists = ""
+    lists = f"<p>{text_of(log['taken']['line'])}</p>" if log.get("taken") else ""
     for name, title in (("repairs", "Changed or assumed by the reader"), ("doubts", "Odd, but left as it is")):
         if log[name]:
             lists += f"<details><summary>{title} ({len(log[name])})</summary>{bullets(log[name])}</details>"

@@ -34,6 +34,7 @@ def diagnosis(log: Log, fitted: FittedModel) -> str:
     return (
         f"<p><strong>{text_of(fitted.outcome.value)}</strong>{fit} {several}</p>"
         + table(["", "value", "95 % interval", "unit"], rows, numeric=(1,))
+        + "".join(f"<p>{text_of(line)}</p>" for line in fitted.log_told)
         + _folded("What the fit has to say", fitted.notes)
         + _folded("Changed or assumed by the reader", log.repairs) + _folded("Odd, but left as it is", log.doubts)
     )

@@ -1,0 +1,316 @@
+"""Rows of several tags: a long table (tag, time, value, quality) → one row per reading; one tag of a wide table."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime, timedelta
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import LogError
+from heatertune.log.cells import Sheet, count
+from heatertune.log.clock import seconds, with_dates
+from heatertune.log.columns import NO_COLUMN, Columns, chosen
+from heatertune.log.held import held
+from heatertune.log.names import is_second_choice, plain_name, role_of
+from heatertune.log.numbers import Array
+from heatertune.log.quality import good_rows, is_quality
+from heatertune.log.quantities import says_nothing
+
+__all__ = ["Tagged", "Tags", "by_tags"]
+
+_TAG: Final = re.compile(
+    r"(tag( ?(name|index|id))?|name|var(iable)? ?(name)?|point( ?(name|id))?|signal( ?name)?|entity ?id|sensor|channel"
+    r"|kanal|series|metric|measurement|field|item|symbol|topic|messstelle|bezeichnung|parameter|node ?id|id|zone)",
+    re.IGNORECASE)
+_VALUE: Final = re.compile(r"(var ?)?(value|wert|messwert|state|reading|val)( ?[\[(].*)?", re.IGNORECASE)
+_UNIT: Final = re.compile(r"(unit|units|einheit|unit of measurement|eu)", re.IGNORECASE)
+_WINCC: Final = ("varname", "timestring", "varvalue", "validity", "time ms")
+_FIRST_DAY: Final = datetime(1899, 12, 30)  # of WinCC's and spreadsheets' calendar
+_ROLES: Final = ("temperature", "power", "setpoint")
+_SHOWN: Final = 12
+_OPTIONS: Final = {"temperature": "--tag", "power": "--power-tag", "setpoint": "--setpoint-tag"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tags:
+    """Which tags and columns the user asks for; None where nothing is said, "none" where there is none.
+
+    Attributes:
+        temperature: tag of the temperature; likewise `power` and `setpoint`.
+        column: name or number of the column of the tags; likewise `quality`, `value`, `time` and `date`.
+    """
+
+    temperature: str | None = None
+    power: str | None = None
+    setpoint: str | None = None
+    column: str | int | None = None
+    quality: str | int | None = None
+    value: str | int | None = None
+    time: str | int | None = None
+    date: str | int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tagged:
+    """What was done.
+
+    Attributes:
+        sheet: the rows of one heater; of a long table the columns time, temperature, power and setpoint.
+        lost: how many rows were left out: of bad quality, before the first power.
+        unused: tags that were not used.
+        options: option of `read_log` → what repeats this reading.
+        wanted: role → number of its column, of a long table; else empty.
+    """
+
+    sheet: Sheet
+    lost: int = 0
+    unused: tuple[str, ...] = ()
+    options: Mapping[str, str] = field(default_factory=dict)
+    wanted: Mapping[str, str | int] = field(default_factory=dict)
+
+    @property
+    def is_long(self) -> bool:
+        """Whether the file was a long table."""
+        return bool(self.wanted)
+
+
+def by_tags(sheet: Sheet, asked: Tags, time_unit: str | None) -> Tagged:
+    """Return the rows of one heater.
+
+    Raises:
+        LogError: tags or flags that cannot be known, or that are not there.
+    """
+    quality, options = _quality_place(sheet, asked), {}
+    good = np.ones(len(sheet.rows), dtype=np.bool_) if quality is None else good_rows(sheet, quality)
+    if quality is not None:
+        options["quality_column"] = _name(sheet, quality)
+    elif asked.quality is not None:
+        options["quality_column"] = NO_COLUMN
+    tag, value = _places(sheet, asked)
+    if tag is not None and value is not None:
+        return _pivoted(sheet, asked, tag, value, good, time_unit, options)
+    _demand_long(sheet, asked)
+    if asked.temperature is not None:
+        sheet, good, told = _one_tag(sheet, asked.temperature, None if asked.column is None else tag, good)
+        options |= told
+    if not np.all(good):
+        sheet = _without_bad(sheet, good)
+    return Tagged(sheet=sheet, lost=int(np.count_nonzero(~good)), options=options)
+
+
+def _demand_long(sheet: Sheet, asked: Tags) -> None:
+    """Refuse what is said of a long table and would not be heard."""
+    unheard = [_OPTIONS[role] for role in _ROLES[1:] if getattr(asked, role) is not None]
+    if asked.column is not None and asked.temperature is None:
+        unheard.append("--tag-column without --tag")
+    if unheard:
+        raise LogError(f"no long table (tag, time, value), so {unheard[0]} means nothing", file=sheet.file,
+                       expected="--temperature-column with its column of values, or no such option")
+
+
+def _quality_place(sheet: Sheet, asked: Tags) -> int | None:
+    if asked.quality == NO_COLUMN:
+        return None
+    if asked.quality is not None:
+        return chosen(sheet, "quality", asked.quality)
+    return next((i for i, name in enumerate(sheet.header) if is_quality(name)), None)
+
+
+def _places(sheet: Sheet, asked: Tags) -> tuple[int | None, int | None]:
+    """Return the columns of the tags and, in a long table, of their values."""
+    named = [i for i, name in enumerate(sheet.header) if _TAG.fullmatch(plain_name(name))]
+    tag = next((i for i in named if _repeats(sheet, i)), None) if asked.column is None else (
+        chosen(sheet, "tag", asked.column))
+    values = [i for i, name in enumerate(sheet.header) if i != tag and _VALUE.fullmatch(plain_name(name))]
+    others = [name for i, name in enumerate(sheet.header) if i not in (tag, *values)]
+    is_wide = {"temperature", "power"} & set(map(role_of, others))
+    if asked.value is not None and (asked.power is not None or asked.setpoint is not None):
+        return tag, chosen(sheet, "temperature", asked.value)
+    if is_wide or not values or (asked.value is not None and chosen(sheet, "temperature", asked.value) not in values):
+        return tag, None
+    return tag, values[0] if asked.value is None else chosen(sheet, "temperature", asked.value)
+
+
+def _repeats(sheet: Sheet, i: int) -> bool:
+    """Return whether a column holds few texts again and again: tags, not the numbers of the rows."""
+    return len({row[i] for row in sheet.rows}) <= max(1, len(sheet.rows) // 4)
+
+
+def _name(sheet: Sheet, i: int) -> str:
+    return sheet.header[i] if sheet.header else f"{i + 1}"
+
+
+def _one_tag(
+    sheet: Sheet, wanted: str, tag: int | None, good: npt.NDArray[np.bool_]
+) -> tuple[Sheet, npt.NDArray[np.bool_], dict[str, str]]:
+    """Return the rows of one tag of a wide table."""
+    if tag is None:
+        tag = next((i for i in range(len(sheet.rows[0])) if any(row[i] == wanted for row in sheet.rows)), None)
+    if tag is None or all(row[tag] != wanted for row in sheet.rows):
+        raise LogError("no cell holds the tag", file=sheet.file, value=wanted, expected="--tag-column, and a tag of it")
+    places = [k for k, row in enumerate(sheet.rows) if row[tag] == wanted]
+    told = f"Of {len(sheet.rows)} rows the {len(places)} whose {_name(sheet, tag)!r} is {wanted!r} were read."
+    sheet = replace(sheet.picked(places), repairs=(*sheet.repairs, told))
+    return sheet, good[places], {"tag": wanted, "tag_column": _name(sheet, tag)}
+
+
+def _without_bad(sheet: Sheet, good: npt.NDArray[np.bool_]) -> Sheet:
+    if not np.any(good):
+        raise LogError("no row is of good quality", file=sheet.file, expected="--quality-column none to read all rows")
+    return replace(sheet.picked(np.flatnonzero(good).tolist()), repairs=(*sheet.repairs, _bad(sheet, ~good)))
+
+
+def _bad(sheet: Sheet, bad: npt.NDArray[np.bool_]) -> str:
+    rows = np.flatnonzero(bad)
+    lines = ", ".join(f"line {sheet.lines[row]}" for row in rows[:5])
+    more = f" and {len(rows) - 5} more" if len(rows) > 5 else ""
+    return f"{count(len(rows), 'row')} whose quality is not good left out ({lines}{more})."
+
+
+def _pivoted(
+    sheet: Sheet, asked: Tags, tag: int, value: int, good: npt.NDArray[np.bool_], time_unit: str | None,
+    options: Mapping[str, str],
+) -> Tagged:
+    """Return the long table with a row for each reading of the temperature."""
+    tags = list(dict.fromkeys(row[tag] for row in sheet.rows))
+    roles = _roles(sheet, tags, tag, asked)
+    clock, time = _time(sheet, asked, time_unit)
+    good = good & np.array([not says_nothing(row[value]) for row in sheet.rows], dtype=np.bool_)
+    of_tag = np.array([row[tag] for row in sheet.rows], dtype=object)
+    bad = np.isin(of_tag, list(roles.values())) & ~good
+    series = {role: _series(of_tag == name, good, time) for role, name in roles.items()}
+    for role, places in series.items():
+        _demand_order(sheet, role, roles[role], time[places], places)
+    rows = series["temperature"]
+    others = {role: held(time[rows], time[places], [sheet.rows[k][value] for k in places], is_power=role == "power")
+              for role, places in series.items() if role != "temperature"}
+    late = max((each.late for each in others.values()), default=0)
+    if late == len(rows):
+        raise LogError(f"no reading of the tag {roles['temperature']!r} after the first of the power", file=sheet.file,
+                       expected=f"another {_OPTIONS['power']}, or {_OPTIONS['power']} none")
+    parts = ", ".join(f"{name!r} as the {role}" for role, name in roles.items())
+    repairs = [f"The table is long: of its column {_name(sheet, tag)!r}, {parts}, was read."]
+    repairs += [_bad(sheet, bad)] if np.any(bad) else []
+    units = {role: others[role].unit if role in others else "" for role in series}
+    return Tagged(
+        sheet=replace(
+            sheet, comment=(), units=(), lines=[sheet.lines[k] for k in rows[late:]],
+            header=(sheet.header[clock[0]], *(_with_unit(sheet, tag, roles[role], units[role]) for role in series)),
+            rows=[[sheet.rows[k][clock[0]], sheet.rows[k][value], *(each.cells[n] for each in others.values())]
+                  for n, k in enumerate(rows) if n >= late],
+            repairs=(*sheet.repairs, *repairs, *(told for each in others.values() for told in each.told)),
+        ),
+        lost=int(np.count_nonzero(bad)) + late,
+        unused=_unused(sheet, tags, roles, (tag, value, *clock), options.get("quality_column")),
+        options={
+            **options, "tag": roles["temperature"], "power_tag": roles.get("power", NO_COLUMN),
+            "setpoint_tag": roles.get("setpoint", NO_COLUMN), "tag_column": _name(sheet, tag),
+            "temperature_column": _name(sheet, value), "time_column": sheet.header[clock[0]],
+        },
+        wanted={role: n + 1 for n, role in enumerate(["time", *series])}
+        | {role: NO_COLUMN for role in _ROLES if role not in series},
+    )
+
+
+def _unused(
+    sheet: Sheet, tags: Sequence[str], roles: Mapping[str, str], places: Sequence[int], flag: str | None
+) -> tuple[str, ...]:
+    """Return the tags and the columns that were not used; a column of units is."""
+    columns = (name for i, name in enumerate(sheet.header) if i not in places and name != flag)
+    return (*(name for name in tags if name not in roles.values()),
+            *(name for name in columns if not _UNIT.fullmatch(plain_name(name))))
+
+
+def _series(of_tag: npt.NDArray[np.bool_], good: npt.NDArray[np.bool_], time: Array) -> npt.NDArray[np.intp]:
+    """Return the rows of one tag in the order of their times, also where they are written newest first."""
+    rows = np.flatnonzero(of_tag & good)
+    steps = np.diff(time[rows])
+    return rows[::-1] if len(rows) > 1 and np.all(steps <= 0) and np.any(steps < 0) else rows
+
+
+def _demand_order(sheet: Sheet, role: str, name: str, time: Array, places: npt.NDArray[np.intp]) -> None:
+    """Refuse a tag without readings, or whose time goes backwards."""
+    if not len(places):
+        raise LogError(f"no good reading of the tag {name!r}", file=sheet.file, expected=f"{_OPTIONS[role]}, another")
+    back = np.flatnonzero(np.diff(time) < 0)
+    if len(back):
+        raise LogError(f"the time of the tag {name!r} goes backwards", file=sheet.file,
+                       line=sheet.lines[places[back[0] + 1]])
+
+
+def _with_unit(sheet: Sheet, tag: int, name: str, unit: str) -> str:
+    """Return a tag as the name of a column: with the unit of a column of units, and never like a column's number."""
+    plain = f"tag {name}" if name.isdecimal() else name
+    place = next((i for i, head in enumerate(sheet.header) if _UNIT.fullmatch(plain_name(head))), None)
+    if not unit and place is not None:
+        unit = next((row[place] for row in sheet.rows if row[tag] == name and row[place]), "")
+    return f"{plain} [{unit}]" if unit else plain
+
+
+def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: Tags) -> dict[str, str]:
+    """Return role → tag: as asked, else where the names tell it unmistakably."""
+    listed = f"{', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''}"
+    wanted = {role: getattr(asked, role) for role in _ROLES}
+    for role, name in wanted.items():
+        if name is not None and name not in tags and (name != NO_COLUMN or role == "temperature"):
+            raise LogError(f"column {_name(sheet, tag)!r} holds no tag", file=sheet.file, value=name,
+                           expected=f"{_OPTIONS[role]}, one of {listed}")
+    free = [name for name in tags if name not in wanted.values()]
+    found = {}
+    for role, name in wanted.items():
+        told = [each for each in free if _role_of_tag(each) == role]
+        told = [each for each in told if not is_second_choice(each)] or told
+        if len(tags) == 1 and role == "temperature" and _role_of_tag(tags[0]) in (None, "time"):
+            told = list(tags)
+        if name is None and (len(told) > 1 or (role == "temperature" and not told)):
+            several = f"{len(told)} tags may be the {role} ({', '.join(told[:_SHOWN])})" if told else (
+                f"no tag is plainly the {role} ({listed})")
+            raise LogError(several, file=sheet.file, column=_name(sheet, tag),
+                           expected=f"{_OPTIONS[role]} NAME" + ("" if role == "temperature" else " or none"))
+        if name is None and told:
+            found[role] = told[0]
+        elif name not in (None, NO_COLUMN):
+            found[role] = name
+    return found
+
+
+def _role_of_tag(name: str) -> str | None:
+    """Return the role a tag tells: Zone1/Temperature, TIC101.OP, switch.heater."""
+    *before, last = re.split(r"[./\\:|!]", name)
+    told = role_of(last) or role_of(name)
+    return "power" if told in (None, "time") and before[:1] == ["switch"] else told
+
+
+def _time(sheet: Sheet, asked: Tags, unit: str | None) -> tuple[tuple[int, ...], Array]:
+    """Return the column of the time, then that of the date where it has one of its own, and the time of each row [s].
+
+    A WinCC panel writes two times; the finer one is taken.
+    """
+    names = tuple(plain_name(name).lower() for name in sheet.header)
+    if asked.time is not None:
+        place = chosen(sheet, "time", asked.time)
+    else:
+        clocks = [i for i, name in enumerate(sheet.header) if role_of(name) == "time"]
+        if not clocks:
+            raise LogError("the file has no time column", file=sheet.file, expected="--time-column NAME or N")
+        place = min(clocks, key=lambda i: is_second_choice(sheet.header[i]))
+    if names == _WINCC and names[place] == "timestring":
+        _refine(sheet, place)
+    columns = Columns(index={"time": place}, names={"time": _name(sheet, place)})
+    sheet, columns = with_dates(sheet, columns, asked.date)
+    return tuple(columns.index.values()), seconds(sheet, columns, unit, None, [])[0]
+
+
+def _refine(sheet: Sheet, place: int) -> None:
+    """Put the time of WinCC's Time_ms, millionths of days, in place of the stamp in whole seconds."""
+    try:
+        moments = [_FIRST_DAY + timedelta(days=float(row[-1]) / 1e6) for row in sheet.rows]
+    except (ValueError, OverflowError):
+        return
+    for row, moment in zip(sheet.rows, moments, strict=True):
+        row[place] = moment.isoformat(" ", "milliseconds")

@@ -1,0 +1,105 @@
+"""What was found while reading → what was taken, told in one value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from heatertune.log.cells import Sheet
+from heatertune.log.clock import TIME_UNITS
+from heatertune.log.columns import NO_COLUMN, Columns
+from heatertune.log.numbers import Array
+from heatertune.log.power import Power
+from heatertune.log.tags import Tagged
+from heatertune.log.taken import Taken
+
+__all__ = ["Unit", "taken_of"]
+
+_SIGNS: Final = {"degC": "°C", "degF": "°F", "K": "K"}
+
+
+class Unit(NamedTuple):
+    """Unit of the temperature, and whether nothing in the file tells it."""
+
+    name: str
+    assumed: bool
+
+
+def taken_of(
+    file: str, sheet: Sheet, columns: Columns, tagged: Tagged, *, time: Array, clock: str, temperature: Unit,
+    power: Power | None, repeats: int, filled: int, read: int, options: Mapping[str, Any],
+) -> Taken:
+    """Return what was taken.
+
+    Args:
+        file: its name, as told to people.
+        sheet: the rows that were read.
+        columns: which column is what.
+        tagged: what was done about tags and flags.
+        time: of the readings that stayed [s].
+        clock: how the time was written.
+        temperature: its unit.
+        power: how it was written.
+        repeats: rows that only repeated the one before.
+        filled: rows in which a setpoint was put in.
+        read: rows that could have been readings, those aside that `tagged` left out.
+        options: what the user or the file said about its rows.
+    """
+    written = {
+        "time": clock, "temperature": _SIGNS[temperature.name] + (", assumed" if temperature.assumed else ""),
+        "power": "" if power is None else power.written, "setpoint": "",
+    }
+    used = {role: (_names(sheet, columns, role), written[role]) for role in columns.index if role in written}
+    if clock == "counted":
+        used["time"] = ("row", f"{options['sample_time_s']:g} s")
+    if power is None:
+        used.pop("power", None)
+    return Taken(
+        file=file, rows=len(time), interval_s=float(np.median(np.diff(time))) if len(time) > 1 else 0.0, columns=used,
+        rows_read=read + tagged.lost, left_out=read + tagged.lost - len(time), repeats=repeats, repaired=filled,
+        unused=tagged.unused or _unused(sheet, columns, tagged, clock), reading=_reading(
+            sheet, columns, tagged, clock, temperature, power, options),
+    )
+
+
+def _names(sheet: Sheet, columns: Columns, role: str) -> str:
+    """Return a column as it is told: 'T1', 'Date' + 'Time', column 3 of a file without names."""
+    roles = ("date", role) if role == "time" and "date" in columns.index else (role,)
+    names = [columns.names[each] for each in roles]
+    return " + ".join(f"'{name}'" if sheet.header else f"column {name}" for name in names)
+
+
+def _unused(sheet: Sheet, columns: Columns, tagged: Tagged, clock: str) -> tuple[str, ...]:
+    used = {i for role, i in columns.index.items() if role != "time" or clock != "counted"}
+    flags = {tagged.options.get("quality_column"), tagged.options.get("tag_column")}
+    names = sheet.header or [f"{i + 1}" for i in range(len(sheet.rows[0]))]
+    return tuple(name for i, name in enumerate(names) if i not in used and name not in flags)
+
+
+def _reading(
+    sheet: Sheet, columns: Columns, tagged: Tagged, clock: str, temperature: Unit, power: Power | None,
+    options: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return the options that repeat the reading, in the order in which people read a command."""
+    found: dict[str, Any] = {name: value for name, value in options.items() if value}
+    if not tagged.is_long:
+        found |= {f"{role}_column": _reference(sheet, i) for role, i in columns.index.items()
+                  if role != "time" or clock != "counted"}
+        found |= {f"{role}_column": NO_COLUMN for role in ("power", "setpoint") if role not in columns.index}
+    found |= tagged.options
+    unit = clock.partition(",")[0]
+    if unit in TIME_UNITS:
+        found["time_unit"] = unit
+    found["temperature_unit"] = temperature.name
+    if power is not None:
+        found["power_full_scale"] = power.full_scale
+    return found
+
+
+def _reference(sheet: Sheet, i: int) -> str:
+    """Return the name of a column where it has one of its own, else its number."""
+    name = sheet.header[i] if sheet.header else ""
+    is_own = name and sheet.header.count(name) == 1 and not name.isdecimal() and name != NO_COLUMN
+    return name if is_own else f"{i + 1}"

@@ -1,0 +1,42 @@
+"""From the sentences of a fit's checks to the findings that a verdict hears."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from heatertune.model.findings import Finding
+from heatertune.model.values import Outcome
+
+__all__ = ["Told", "fast_told", "findings_of", "poor_told"]
+
+_BESIDE = 1.01  # times the least time constant
+
+
+class Told(NamedTuple):
+    """A sentence about a fit, and the name of the finding that it is; empty where a verdict need not hear it."""
+
+    finding: str
+    sentence: str
+
+
+def findings_of(told: Iterable[Told]) -> tuple[Finding, ...]:
+    """Return the findings among some sentences."""
+    return tuple(Finding(name=each.finding, told=each.sentence) for each in told if each.finding)
+
+
+def poor_told(outcome: Outcome, fit_pct: float, name: str) -> tuple[Told, ...]:
+    """Return what a poor fit of a log, or logs, of this name means; nothing for another outcome."""
+    if outcome is not Outcome.POOR_FIT:
+        return ()
+    return (Told("poor-fit", f"{fit_pct:.0f} % of {name} are explained. {outcome.value}"),)
+
+
+def fast_told(least_s: float, time_constant_s: float, name: str) -> tuple[Told, ...]:
+    """Return what it means that the search for the time constant ended at the least that was searched."""
+    if time_constant_s > _BESIDE * least_s:
+        return ()
+    return (Told("faster-than-log", (
+        f"The time constant ended at {time_constant_s:.3g} s, half the interval of {name} and the least searched: "
+        "the heater answers faster than the log shows."
+    )),)
