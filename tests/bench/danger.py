@@ -11,13 +11,14 @@ model class at least 80 % should PASS.
 import argparse
 import json
 import os
+import re
 import statistics
 import sys
 import tempfile
 import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +26,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
 
 from heatertune import cache
-from heatertune.chain.pwm import with_pwm
-from heatertune.chain.ramp import prove_ramped
-from heatertune.chain.stages import fit, tune
-from heatertune.chain.words import choose_words
+from heatertune.chain.closing import Asked, closed
+from heatertune.chain.stages import fit
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
 from heatertune.plc import Scaling
@@ -50,7 +49,8 @@ class Ending:
         words: what the controller holds, with its interval [s] and the sensor's range [°C].
         held, stable, ms: what the words are on the true heater, see `truth.Judgement`.
         swings: whether the true, limited loop went on swinging; None where it was not run.
-        seconds: processor time of tune, words and proof.
+        seconds: processor time of design, words, proof, and closing where the first proof fails.
+        changes: what else stands on the verdict's line.
     """
 
     end: str
@@ -62,6 +62,7 @@ class Ending:
     ms: float | None = None
     swings: bool | None = None
     seconds: dict = field(default_factory=dict)
+    changes: list = field(default_factory=list)
 
     @property
     def danger(self):
@@ -101,51 +102,80 @@ def fitted_document(fitted):
     }
 
 
-def take(stage, work, seconds=None):
+def take(stage, work):
     """Return what a stage makes and None, or None and how it ended without."""
-    begun = time.process_time()
     try:
         found = work()
     except HeatertuneError as problem:
         return None, Ending(stage, str(problem))
     except Exception as problem:  # a fault of the program is what this looks for, too
         return None, Ending("crashed", f"{stage}: {type(problem).__name__}: {problem}")
-    if seconds is not None:
-        seconds[stage] = time.process_time() - begun
     return found, None
 
 
-def proven(case, fitted, design, words, plain):
-    """Return the proof as a user gets it.
+def asked_for(target, low, high, structure, plain):
+    """Return what a user asks a design for.
 
-    Who reads its messages asks for a switch that is fast enough, for the ramp that mends an overshoot, and for no
-    tighter band than a hundredth of the sensor's range; `plain`: for nothing.
+    Who reads its messages asks for a switch that is fast enough, and for no tighter band than a hundredth of the
+    sensor's range; `plain`: for nothing.
     """
-    if plain:
-        return prove_ramped(words, fitted)[0]
-    tolerance = {"tolerance_degC": max(1.0, 0.01 * (case.range[1] - case.range[0]))}
-    _, actuator = with_pwm(design, fitted, "ssr", words=words, **tolerance)
-    return prove_ramped(words, fitted, "auto", proving=tolerance | {"actuator": actuator})[0]
+    extras = {} if plain else {"tolerance_degC": max(1.0, 0.01 * (high - low))}
+    return Asked(target=target, scaling=Scaling(low_degC=low, high_degC=high), tuning={"structure": structure},
+                 proving=extras, switch_kind=None if plain else "ssr")
+
+
+class Watch:
+    """The processor time of each stage of a design; "closing" is all that comes after a first proof that fails."""
+
+    def __init__(self):
+        self.seconds, self.stage, self._begun = {}, "design", time.process_time()
+
+    def at(self, stage):
+        now = time.process_time()
+        self.seconds[self.stage] = self.seconds.get(self.stage, 0.0) + now - self._begun
+        self.stage, self._begun = stage, now
+
+    def told(self, message):
+        if "fails: trying" in message and self.stage == "proof":
+            self.at("closing")
+
+
+def ended(fitted, asked):
+    """Return how a design ends: an ending, and the words, None where it came to no verdict."""
+    watch = Watch()
+    try:
+        found = closed(fitted, asked, progress=watch.told, stage=watch.at)
+    except HeatertuneError as problem:
+        return Ending(f"no {watch.stage}", str(problem)), None
+    except Exception as problem:  # a fault of the program is what this looks for, too
+        return Ending("crashed", f"{watch.stage}: {type(problem).__name__}: {problem}"), None
+    watch.at("")
+    proof, words = found.proof, found.proof.words
+    why = [f"{each.name} {each.value:.4g} of {each.limit:.4g}" for each in proof.criteria if not each.ok]
+    why += [each.name for each in proof.heard.findings if each.kind.effect == "blocks"]
+    told = dict(words.values) | {
+        "interval_s": words.sample_time_s, "range": [words.scaling.low_degC, words.scaling.high_degC]}
+    ending = Ending(proof.verdict, "; ".join(why), proof.nominal.setpoint_degC, told, seconds=watch.seconds,
+                    changes=list(found.proof.heard.remarks))
+    return ending, words
+
+
+def law_of(words):
+    """Return what words do."""
+    scaling = words.scaling
+    return truth.law_of(words.target, words.values, scaling.low_degC, scaling.high_degC, words.sample_time_s)
 
 
 def on_target(case, fitted, target, structure, plain):
     """Return how a fitted heater ends on a target."""
-    scaling, spent = Scaling(low_degC=case.range[0], high_degC=case.range[1]), {}
-    design, lost = take("no design", lambda: tune(fitted, target=target, structure=structure), spent)
-    if lost is None:
-        words, lost = take("no words", lambda: choose_words(design, target, fitted, scaling=scaling).words, spent)
-    if lost is None:
-        proof, lost = take("no proof", lambda: proven(case, fitted, design, words, plain), spent)
-    if lost is not None:
-        return lost
-    broken = [f"{each.name} {each.value:.4g} of {each.limit:.4g}" for each in proof.criteria if not each.ok]
-    setpoint = proof.nominal.setpoint_degC
-    law = truth.law_of(target, words.values, *case.range, words.sample_time_s)
-    judged = truth.judge(case.heater, law, setpoint)
-    told = dict(words.values) | {"interval_s": words.sample_time_s, "range": list(case.range)}
-    ending = Ending(proof.verdict, "; ".join(broken), setpoint, told, judged.held, judged.stable, judged.ms, None, spent)
+    ending, words = ended(fitted, asked_for(target, *case.range, structure, plain))
+    if words is None:
+        return ending
+    law = law_of(words)
+    judged = truth.judge(case.heater, law, ending.setpoint)
+    ending = replace(ending, held=judged.held, stable=judged.stable, ms=judged.ms)
     if ending.end == "PASS" and judged.held and (ending.danger or case.seed % 5 == 0):
-        ending.swings = _swings(case, law, setpoint)
+        ending.swings = _swings(case, law, ending.setpoint)
     return ending
 
 
@@ -229,7 +259,7 @@ def shares(outcomes, targets):
     lines = []
     for target in targets:
         found = [o.ends[target] for o in inside]
-        lacks = Counter(_lack(end) for end in found if end.end != "PASS")
+        lacks = Counter(lack(end) for end in found if end.end != "PASS")
         told = ", ".join(f"{n} {lack}" for lack, n in lacks.most_common(5))
         lines.append(f"inside the class, {target}: {100.0 * _share(found):.0f} % of {len(found)} PASS; else {told}")
     every = [end for o in inside for end in o.ends.values()]
@@ -243,11 +273,12 @@ def _share(found):
     return sum(end.end == "PASS" for end in found) / len(found)
 
 
-def _lack(end):
+def lack(end):
+    """Return how and why an ending is no PASS, in short."""
     if end.end in ("FAIL", "NOT PROVEN"):
         names = ",".join(part.split(" ")[0] for part in end.why.split("; ") if part)
         return f"{end.end}({names})"
-    return f"{end.end}({end.why[:60]})"
+    return f"{end.end}({re.sub(r'[-−]?[0-9][0-9.]*', '#', end.why)[:60]})"  # alike but for numbers is the same
 
 
 def times(outcomes, targets):
@@ -257,10 +288,10 @@ def times(outcomes, targets):
         return []
     lines = [f"fit: median {statistics.median(fits):.3f} CPU s, 95 % {np.quantile(fits, 0.95):.3f}, worst {max(fits):.2f}"]
     for target in targets:
-        spent = [o.ends[target].seconds for o in outcomes if len(o.ends[target].seconds) == 3]
-        if spent:
-            told = (f"{stage.removeprefix('no ')} {statistics.median(s[stage] for s in spent):.3f}" for stage in spent[0])
-            lines.append(f"{target}: median CPU s: {', '.join(told)}")
+        spent = [o.ends[target].seconds for o in outcomes if o.ends[target].seconds]
+        told = (f"{stage} {statistics.median(some):.3f} ({len(some)})" for stage in ("design", "words", "proof", "closing")
+                if (some := [s[stage] for s in spent if stage in s]))
+        lines.append(f"{target}: median CPU s: {', '.join(told)}")
     return lines
 
 
@@ -282,7 +313,7 @@ def _arguments(arguments):
     parser.add_argument("--structure", default="pi", choices=("p", "pi", "pid"))
     parser.add_argument("--first", type=int, default=0, help="first seed of each kind (default: 0)")
     parser.add_argument("--plain", action="store_true",
-                        help="ask for no fast switch, no ramp and no tolerance that goes with the sensor's range")
+                        help="ask for no fast switch and no tolerance that goes with the sensor's range")
     parser.add_argument("--seed", type=int, help="this seed alone")
     parser.add_argument("--keep", help="folder for the logs")
     parser.add_argument("--workers", type=int, default=1, help="processes (default: 1)")
