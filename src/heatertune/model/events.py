@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from heatertune.model.loads import bic_of, left_over, with_loads
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.start import is_plain_rest, starts
@@ -13,6 +15,7 @@ from heatertune.model.start import is_plain_rest, starts
 __all__ = ["Way", "refitted", "with_events", "without_events"]
 
 _NEAR = 10.0  # BIC points
+_FEW = 3.0  # sampling intervals
 _CARRIED = 2  # starts that loads are sought for
 
 
@@ -58,11 +61,16 @@ def refitted(problems: Sequence[PowerProblem], fits: Sequence[PowerFit]) -> list
     return [problem.refined(fit.vector[None, :]) for problem, fit in zip(problems, fits, strict=True)]
 
 
-def _worth(way: Way) -> float:
-    """Return the criterion, by which a rest that is plain to see is not given up for a little."""
+def _worth(way: Way) -> tuple[bool, float]:
+    """Return whether a load stands for the unknown power before the log, then the criterion.
+
+    A rest that is plain to see is not given up for a little.
+    """
     first, fit = way.problems[0], way.fits[0]
+    time = first.readings.time_s
+    arrived = float(time[0]) + 2.0 * float(fit.vector[1]) + _FEW * float(np.median(np.diff(time)))
     plain = first.at_rest and fit.model is not None and is_plain_rest(first, fit.model.lags_s[0])
-    return way.bic - _NEAR * plain
+    return any(t < arrived for t in first.loads_s), way.bic - _NEAR * plain
 
 
 def _begun(way: Way, start: PowerProblem) -> Way:
