@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -18,9 +19,10 @@ from heatertune.model.events import refitted, with_events, without_events
 from heatertune.model.family import family_of
 from heatertune.model.feedback import is_feedback
 from heatertune.model.hearing import fast_told, findings_of, poor_told
+from heatertune.model.held_out import plain_halves
 from heatertune.model.intervals import PERIOD, RATIO, identified_parts
 from heatertune.model.judge import correlation_of, judged, judgement_told
-from heatertune.model.judgement import Validation
+from heatertune.model.judgement import Half, Validation
 from heatertune.model.measures import ultimate_period_s
 from heatertune.model.nonlinear import Bend, bend_told, judged_linear
 from heatertune.model.open_loop import PowerFit, PowerProblem
@@ -141,7 +143,9 @@ def fit_power(found: Explained, weight: Weighed, *, least_dead_time_s: float, se
     log, one = found.log, found.fits[0]
     inside, validation, rivals, wider = weight
     ci95: dict[str, Interval | None] = {
-        **widened(inside, [*(values_of(rival.model) for rival in rivals), *_ends_of(found.bend)])}
+        **widened(inside, [*(values_of(rival.model) for rival in rivals), *_ends_of(found.bend),
+                           *_said_by(validation.halves),
+                           *_said_by(plain_halves(found.problems[0], one, validation.halves))])}
     lag = ci95["time_constant_s"]
     assert lag is not None
     candidates = candidates_of(
@@ -183,6 +187,15 @@ def _ends_of(bend: Bend | None) -> list[dict[str, float]]:
     """Return the values of a bend's ends; a second lag counts by the half rule, an ambient not at all."""
     ends = () if bend is None else bend.ends
     return [values_of(end.model.half_rule()) | {"ambient_degC": math.nan} for end in ends]
+
+
+def _said_by(halves: Sequence[Half] | None) -> list[dict[str, float]]:
+    """Return the values of halves of a log, not a number where a half's own interval is open."""
+    return [
+        {name: half.values[name] if None not in (end.low, end.high) else math.nan for name, end in half.ci95.items()}
+        | dict.fromkeys((RATIO, PERIOD, "ambient_degC"), math.nan)
+        for half in halves or ()
+    ]
 
 
 def outcome_of(fit: float, *, known: bool) -> Outcome:

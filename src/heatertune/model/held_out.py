@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,13 +14,14 @@ from heatertune.model.statistics import fit_pct
 from heatertune.model.uncertainty import reaches
 from heatertune.model.values import Interval
 
-__all__ = ["half_of", "halves", "held_out", "sides"]
+__all__ = ["half_of", "halves", "held_out", "plain_halves", "sides"]
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.bool_]
 
 _WINDOWS = 6  # the first stays in every fit: without it nothing tells where the heater began
 _BEGUN = 5  # readings of a later segment
+_AS_WELL = 5.0  # fit [%] that may be lost
 _FEWEST = 20  # readings of a half
 _READINGS = 250  # averaged, of a half
 _SHOWN = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
@@ -54,6 +56,16 @@ def halves(problem: PowerProblem, fit: PowerFit) -> tuple[Half, Half] | None:
     """Return one lag fitted to each half of the time, None where a half holds no heater or too few readings."""
     first, second = (_half(problem, fit, rows) for rows in sides(problem))
     return None if first is None or second is None else (first, second)
+
+
+def plain_halves(problem: PowerProblem, fit: PowerFit, with_all: Sequence[Half] | None) -> tuple[Half, ...]:
+    """Return the halves that are explained as well without the start, drift and loads that only the whole log tells."""
+    plain = replace(problem, at_rest=False, drift=False, loads_s=())
+    if with_all is None or not (problem.at_rest or problem.drift or problem.loads_s):
+        return ()
+    found = (_half(plain, fit, rows) for rows in sides(plain))
+    return tuple(half for half, other in zip(found, with_all, strict=True)
+                 if half is not None and half.fit_pct > other.fit_pct - _AS_WELL)
 
 
 def sides(problem: PowerProblem) -> tuple[Rows, Rows]:

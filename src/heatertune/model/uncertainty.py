@@ -97,7 +97,7 @@ def _beyond(found: dict[str, Interval], fit: PowerFit) -> dict[str, Interval]:
 def _spread(name: str, values: Array, best: float, times: float) -> Array:
     """Return drawn values that lie so many times as far from the best; those of positive kind in the logarithm."""
     if name in _POSITIVE and best > 0.0:
-        return np.asarray(best * (values / best) ** times)
+        return np.asarray(best * np.maximum(values / best, 0.0) ** times)
     return best + times * (values - best)
 
 
