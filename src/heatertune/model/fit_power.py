@@ -18,7 +18,7 @@ from heatertune.model.diagnosis import notes_of
 from heatertune.model.events import refitted, with_events, without_events
 from heatertune.model.family import family_of
 from heatertune.model.feedback import is_feedback
-from heatertune.model.hearing import fast_told, findings_of, poor_told
+from heatertune.model.hearing import fast_told, findings_of, level_told, poor_told
 from heatertune.model.held_out import plain_halves
 from heatertune.model.intervals import PERIOD, RATIO, identified_parts
 from heatertune.model.judge import correlation_of, judged, judgement_told
@@ -161,7 +161,7 @@ def fit_power(found: Explained, weight: Weighed, *, least_dead_time_s: float, se
     outcome = outcome_of(max([fit, *(each.fit_pct for each in candidates)]), known=known)
     least_s = math.exp(found.problems[0].low[0])
     checks = [*bend_told(found.bend), *judgement_told(log, validation, fit, second), *alias_told(found.alias),
-              *fast_told(least_s, found.model.time_constant_s, log.name)]
+              *fast_told(least_s, found.model.time_constant_s, log.name), *level_told(log)]
     return FittedModel(
         model=found.model,
         outcome=outcome,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -107,7 +108,7 @@ def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
 
 def _around(value: float, reach: float, least: float) -> Interval:
     low = value - reach
-    return Interval(low=low if low > least else None, high=value + reach)
+    return Interval(low=low if low > least else None, high=value + reach if math.isfinite(reach) else None)
 
 
 def _foretold(problem: PowerProblem, fit: PowerFit, kept: Rows) -> Array:

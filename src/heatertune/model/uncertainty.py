@@ -35,6 +35,7 @@ _NAMES = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
 READINGS = 400
 _POSITIVE = ("gain_degC_per_pct", "time_constant_s", RATIO, PERIOD)
 _RESAMPLES = 200
+_SINGULAR = 1e-9  # of the largest singular value: rounding
 #: of the noise, however coloured
 LEAST_FREEDOM = 4.0
 #: of a profile: standard deviations from the best
@@ -43,12 +44,13 @@ STEPS = np.array([0.6, 1.2, 1.7, 2.2, 3.0, 4.5, 8.0, 25.0])
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Standard deviations of the parameters, their inflation by colour, and Student's 97.5 % point."""
+    """Standard deviations of the parameters, their inflation by colour, Student's 97.5 % point; what is not seen."""
 
     deviation: dict[str, float]
     inflation: dict[str, float]
     variance: float
     quantile: float
+    unseen: frozenset[str]
 
 
 def intervals(problem: PowerProblem, fit: PowerFit, *, seed: int) -> dict[str, Interval]:
@@ -104,10 +106,13 @@ def _spread(name: str, values: Array, best: float, times: float) -> Array:
 def reaches(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
     """Return half the width of each parameter's 95 % interval by linear theory, under noise of the residuals' colour.
 
+    Infinite for what the readings do not tell from something else: gain and ambient under constant power.
+
     For comparisons; what is told of a fit alone is `intervals`, which sees what is skewed or open.
     """
     noise = noise_of(problem, fit)
-    return {name: noise.quantile * deviation for name, deviation in noise.deviation.items()}
+    return {name: math.inf if name in noise.unseen else noise.quantile * deviation
+            for name, deviation in noise.deviation.items()}
 
 
 def _ends(problem: PowerProblem) -> dict[str, tuple[float, float]]:
@@ -156,7 +161,19 @@ def noise_of(problem: PowerProblem, fit: PowerFit) -> Noise:
         inflation={name: spread[name] / max(float(w @ white @ w), 1e-300) for name, w in weights.items()},
         variance=variance,
         quantile=float(stdtrit(max(freedom, LEAST_FREEDOM), 0.975)),
+        unseen=_unseen(triangle, weights),
     )
+
+
+def _unseen(triangle: Array, weights: Mapping[str, Array]) -> frozenset[str]:
+    """Return which numbers change along a direction that leaves the readings as they are."""
+    size = np.linalg.norm(triangle, axis=0)
+    scale = np.where(size > 0.0, size, 1.0)
+    _, values, directions = np.linalg.svd(triangle / scale)
+    null = directions[values < _SINGULAR * values[0]]
+    return frozenset(
+        name for name, weight in weights.items()
+        if len(null) and np.linalg.norm(null @ (weight / scale)) > _SINGULAR**0.5 * np.linalg.norm(weight / scale))
 
 
 def sensitivities(problem: PowerProblem, fit: PowerFit) -> tuple[Array, list[str]]:
