@@ -19,7 +19,10 @@ from heatertune.model.closed_loop import Bounds
 from heatertune.model.hearing import Told
 from heatertune.model.values import HeaterModel
 
-__all__ = ["Bound", "Stretch", "contradictions", "evidence_notes", "fall_bound", "free_cooling", "rise_bound", "saturated_heat_up"]
+__all__ = [
+    "Bound", "Stretch", "contradictions", "evidence_notes", "fall_bound", "free_cooling", "rise_bound",
+    "saturated_heat_up",
+]
 
 Array = npt.NDArray[np.float64]
 
