@@ -42,27 +42,27 @@ def test_the_family_holds_the_ends_of_dead_time_slope_and_ultimate_period():
 
 
 def _cost(log, dead):
-    """Least sum of squares of gain, lag, ambient and initial state with the dead time held, by SciPy alone."""
+    """Least sum of squares of gain, lag and ambient with the dead time held, from rest, by SciPy alone."""
     fine = np.arange(0.0, log.time_s[-1] + 1.0, 0.5)
     held = log.power_pct[np.clip(np.searchsorted(log.time_s, fine - dead + 1e-9, side="right") - 1, 0, None)]
 
     def left(z):
-        gain, lag, ambient, begun = z
-        y, course = ambient + begun, []
+        gain, lag, ambient = z
+        y, course = ambient, []
         share = math.exp(-0.5 / lag)
         for u in held:
             course.append(y)
             y = ambient + gain * u + share * (y - ambient - gain * u)
         return np.interp(log.time_s, fine, course) - log.temperature_degC
 
-    return least_squares(left, [GAIN, LAG, AMBIENT, 0.0], x_scale=[0.1, 50.0, 5.0, 1.0]).x
+    return least_squares(left, [GAIN, LAG, AMBIENT], x_scale=[0.1, 50.0, 5.0]).x
 
 
 @pytest.mark.long
 def test_at_a_held_dead_time_the_others_are_those_of_an_independent_least_squares_fit():
     log = _noisy()
     model = _parts(fit(log))["dead time at its high end"]
-    gain, lag, _, _ = _cost(log, model.dead_time_s)
+    gain, lag, _ = _cost(log, model.dead_time_s)
     assert model.gain_degC_per_pct == pytest.approx(gain, rel=0.01)  # steps of 0.5 s, and of readings averaged
     assert model.time_constant_s == pytest.approx(lag, rel=0.01)
 

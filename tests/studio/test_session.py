@@ -74,7 +74,7 @@ def test_failed_words_leave_only_by_force_and_say_so(session):
     look(session)
     prove(session)
     assert session.verdict == "FAIL"
-    with pytest.raises(ExportRefused, match="steady_offset"):
+    with pytest.raises(ExportRefused, match="steady offset"):
         session.export(force=False)
     text = "".join(v if isinstance(v, str) else v.decode("latin-1") for v in session.export(force=True).values())
     assert "FAIL - FORCED in spite of it" in text

@@ -86,7 +86,7 @@ def test_a_first_look_bears_no_verdict(look, proof):
     assert views.verdict_text("proving…", None).startswith("Proving")
     assert views.verdict_text("no design", None).startswith("No design yet")
     assert "the last one" in views.verdict_text("no design", None, last=True)
-    assert views.verdict_text("PASS", proof).startswith(f"PASS: all criteria hold in {len(proof.runs)} runs")
+    assert views.verdict_text("PASS", proof).startswith(f"PASS at 50 °C in {len(proof.runs)} runs on 1 possible heater")
 
 
 def test_a_fail_names_what_was_not_kept(heater):
@@ -222,7 +222,7 @@ def test_the_zip_holds_what_export_db_writes_and_is_always_the_same(heater, look
 def test_the_report_names_the_words_and_the_files_that_were_downloaded(heater, look, proof, step_log):
     files = chain.export(look.gains.words, proof)
     page = report_page(read_dropped("step.csv", step_log), heater, look, proof, files)
-    assert '<p class="verdict pass">PASS</p>' in page
+    assert '<p class="verdict pass">PASS at 50 °C</p>' in page
     assert f"<td class=\"n\">{look.gains.words.values['K']}</td>" in page
     assert all(f"<code>{name}</code>" in page for name in files)
     assert "step.csv" in page

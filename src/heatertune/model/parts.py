@@ -24,13 +24,14 @@ from heatertune.units import NOMENCLATURE
 __all__ = ["widening", "widening_notes"]
 
 _TOLD = 1.1  # a smaller factor changes no decision
+_MOST = 10.0  # a larger one is rounding: the log holds no noise
 _NORMAL = float(ndtri(0.975))
 
 Rows = npt.NDArray[np.bool_]
 
 
 def widening(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
-    """Return for each parameter the factor, at least 1, by which its interval has to be widened."""
+    """Return for each parameter the factor, 1 to 10, by which its interval has to be widened."""
     thin = problem.thinned(READINGS)
     told = thin.refined(fit.vector[None, :])
     noise = noise_of(thin, told)
@@ -50,7 +51,7 @@ def widening_notes(factors: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def _ratio(squares: list[float]) -> float:
-    return max(float(np.sqrt(np.mean(squares))), 1.0) if squares else 1.0
+    return float(np.clip(np.sqrt(np.mean(squares)), 1.0, _MOST)) if squares else 1.0
 
 
 def _surprises(problem: PowerProblem, rows: Rows, values: Mapping[str, float], whole: Noise) -> dict[str, float]:
