@@ -76,3 +76,9 @@ def test_the_fit_of_such_a_log_tells_from_when_to_when_and_has_the_finding():
     (found,) = [each for each in fitted.findings if each.name == "closed-loop"]
     assert "from 1200 to 2396 s the power answers the temperature" in found.told
     assert found.told in fitted.notes
+
+
+def test_a_part_in_which_a_coarse_sensor_rests_is_no_loop_and_no_error():
+    log = _log("PI", closed=range(600, 600), noise=0.0)
+    resting = np.where(log.time_s < 1200.0, 22.0, log.temperature_degC)
+    assert closed_loop(Log(name="rest", source="", time_s=log.time_s, temperature_degC=resting, power_pct=log.power_pct)) is None

@@ -5,7 +5,7 @@ from tests.bench.identification import answer, noise
 from heatertune.log.values import Log
 from heatertune.model.open_loop import PowerProblem
 from heatertune.model.readings import Readings
-from heatertune.model.uncertainty import _noise, _profile, crossing
+from heatertune.model.uncertainty import _profile, crossing, noise_of
 from heatertune.model.values import Fopdt
 
 PLANT = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=20.0)
@@ -17,7 +17,7 @@ def _profile_width(kind):
     y = answer(PLANT, time, power, 20.0) + noise(np.random.default_rng(1), kind, 0.3, len(time))
     problem = PowerProblem(readings=Readings.of(Log(name="", source="", time_s=time, temperature_degC=y, power_pct=power)))
     fit = problem.fit()
-    found = _profile(problem, fit, "gain_degC_per_pct", _noise(problem, fit))
+    found = _profile(problem, fit, "gain_degC_per_pct", noise_of(problem, fit))
     return found.high - found.low
 
 

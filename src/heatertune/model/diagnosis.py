@@ -74,7 +74,14 @@ def _power_before(log: Log, problem: PowerProblem) -> list[str]:
     if problem.ambient_degC is not None:
         told.append(f"The ambient temperature of {problem.ambient_degC:g} °C was given, not fitted.")
     first = log.power_pct[0]
-    if first > 0.0 and problem.power_before_pct is None:
+    if problem.at_rest and first != problem.power_before:
+        told.append(
+            f"The log begins with {first:g} % power already on; it was taken as {problem.power_before:g} %, and the "
+            "heater at rest, before, which explains it better than any other start; --power-before would settle it."
+        )
+    elif problem.at_rest:
+        pass  # the readings before the first step show it
+    elif first > 0.0 and problem.power_before_pct is None:
         told.append(
             f"The log begins with {first:g} % power already on, and nothing before it: no steady start was assumed, "
             "which can more than double the gain; if you know the power before, give --power-before."
@@ -128,7 +135,7 @@ def rival_notes(name: str, candidates: Sequence[Candidate]) -> tuple[str, ...]:
     """Return which other models explain the log, or logs, of this name; the first candidate is of one lag."""
     told = []
     better = candidates[0].delta_bic
-    two = next((c.model for c in candidates if len(c.model.lags_s) > 1), None)
+    two = next((c.model for c in candidates if len(c.model.lags_s) > 1 and c.law.endswith("logged")), None)
     if two is not None and better > _NEAR:
         told.append(
             f"Two lags ({two.lags_s[0]:.3g} s, {two.lags_s[1]:.3g} s, dead time {two.dead_time_s:.3g} s) explain "

@@ -8,7 +8,7 @@ free cooling.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -16,8 +16,13 @@ import numpy.typing as npt
 
 from heatertune.log.values import Log
 from heatertune.model.closed_loop import Bounds
+from heatertune.model.hearing import Told
+from heatertune.model.values import HeaterModel
 
-__all__ = ["Bound", "Stretch", "evidence_notes", "fall_bound", "free_cooling", "rise_bound", "saturated_heat_up"]
+__all__ = [
+    "Bound", "Stretch", "contradictions", "evidence_notes", "fall_bound", "free_cooling", "rise_bound",
+    "saturated_heat_up",
+]
 
 Array = npt.NDArray[np.float64]
 
@@ -28,6 +33,7 @@ _BEYOND = 0.2  # of the log's span, by which a saturated heat-up aims above its 
 _FALL = 0.05  # of the log's span, the least fall that bounds a time constant
 _CHI2 = 3.84  # 95 % point of χ² with one degree of freedom
 _LAGS: Final = 160  # time constants tried
+_FAR_OFF: Final = 1.25  # times the ends of what a cooling shows
 
 
 class Bound(NamedTuple):
@@ -127,6 +133,21 @@ def evidence_notes(log: Log, ambient_degC: Bounds) -> Iterable[str]:
             f"From {cooling.start_s:g} to {cooling.end_s:g} s it cools freely: a single lag's time constant is then "
             f"{shortest:.0f}…{longest:.0f} s."
         )
+
+
+def contradictions(log: Log, ambient_degC: Bounds, plants: Sequence[HeaterModel]) -> Iterator[Told]:
+    """Tell where a free cooling is far quicker or slower than on every model: the law that was assumed is not true."""
+    cooling = free_cooling(log, ambient_degC)
+    if cooling is None:
+        return
+    shortest, longest = cooling.time_constant_s[0] / _FAR_OFF, cooling.time_constant_s[1] * _FAR_OFF
+    lags = [lag for plant in plants for lag in (plant.lags_s[0], plant.half_rule().time_constant_s)]
+    if all(not shortest <= lag <= longest for lag in lags):
+        yield Told("contradicted", (
+            f"From {cooling.start_s:g} to {cooling.end_s:g} s {log.name} cools freely with a time constant of "
+            f"{cooling.time_constant_s[0]:.3g}…{cooling.time_constant_s[1]:.3g} s; the models that explain it have "
+            f"{min(lags):.3g}…{max(lags):.3g} s."
+        ))
 
 
 def _longest(log: Log, first: int, last: int, is_wanted: Callable[[Stretch], bool]) -> Stretch | None:

@@ -9,7 +9,7 @@ from heatertune.model.ends import ends_of, halves_of, told_apart
 from heatertune.model.findings import Finding
 from heatertune.model.intervals import RATIO
 from heatertune.model.judgement import Half
-from heatertune.model.uncertainty import intervals
+from heatertune.model.uncertainty import intervals_by
 from heatertune.model.values import Candidate, Interval
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class _Order(NamedTuple):
 
 def family_of(
     found: Explained, candidates: Sequence[Candidate], ci95: Mapping[str, Interval | None],
-    halves: tuple[Half, Half] | None, least_dead_time_s: float, seed: int,
+    halves: tuple[Half, Half] | None, least_dead_time_s: float, wider: Mapping[str, float], seed: int,
 ) -> tuple[tuple[Candidate, ...], tuple[Finding, ...]]:
     """Return every possible heater, and what is open that no heater can stand for.
 
@@ -40,9 +40,10 @@ def family_of(
         ci95: intervals of one lag, gain per time constant and ultimate period among them.
         halves: one lag fitted to each half, None where that could not be done.
         least_dead_time_s: no dead time below this is believed.
+        wider: factors by which the halves ask for wider intervals, see `parts.widening`; taken for two lags too.
         seed: of the bootstrap of two lags.
     """
-    orders = list(_orders(found, candidates, ci95, seed))
+    orders = list(_orders(found, candidates, ci95, wider, seed))
     ends = [
         end for order in orders for end in ends_of(
             found.log, found.problems[order.place], found.fits[order.place], order.ci95, law=order.candidate.law,
@@ -54,7 +55,8 @@ def family_of(
 
 
 def _orders(
-    found: Explained, candidates: Sequence[Candidate], ci95: Mapping[str, Interval | None], seed: int
+    found: Explained, candidates: Sequence[Candidate], ci95: Mapping[str, Interval | None],
+    wider: Mapping[str, float], seed: int,
 ) -> Iterator[_Order]:
     """Return one lag and two, as far as they explain the log; intervals of a model that does not say nothing."""
     one, *others = candidates
@@ -62,7 +64,7 @@ def _orders(
     if two is None or one.delta_bic < two.delta_bic + _NEAR:
         yield _Order(0, one, ci95)
     if two is not None:
-        yield _Order(1, two, intervals(found.problems[1], found.fits[1], seed=seed))
+        yield _Order(1, two, intervals_by(found.problems[1], found.fits[1], [wider], seed=seed)[0])
 
 
 def open_ends(orders: Sequence[tuple[str, Mapping[str, Interval | None]]]) -> Iterator[Finding]:

@@ -69,17 +69,17 @@ def closed_loop(log: Log) -> tuple[float, float] | None:
     n = len(log.time_s)
     ends = np.linspace(0, n, max(min(_PARTS, n // _READINGS), 1) + 1).astype(int)
 
-    def part(i: int, j: int) -> Log:
-        return log.window(float(log.time_s[ends[i]]), float(log.time_s[ends[j] - 1]))
-
-    def closed(i: int, j: int) -> bool:
-        return _answers_at_once(part(i, j)) and (is_feedback(part(i, j)) or follows_temperature(part(i, j)))
+    def answers(i: int, j: int, *, at_once: bool = False) -> bool:
+        if np.ptp(log.temperature_degC[ends[i] : ends[j]]) == 0.0:
+            return False
+        part = log.window(float(log.time_s[ends[i]]), float(log.time_s[ends[j] - 1]))
+        return _answers_at_once(part) and (at_once or is_feedback(part) or follows_temperature(part))
 
     pairs = [(i, i + size) for size in range(len(ends) - 1, 0, -1) for i in range(len(ends) - size)]
-    first, last = next((pair for pair in pairs if closed(*pair)), (0, 0))
-    while last - first > 1 and not _answers_at_once(part(first, first + 1)) and closed(first + 1, last):
+    first, last = next((pair for pair in pairs if answers(*pair)), (0, 0))
+    while last - first > 1 and not answers(first, first + 1, at_once=True) and answers(first + 1, last):
         first += 1
-    while last - first > 1 and not _answers_at_once(part(last - 1, last)) and closed(first, last - 1):
+    while last - first > 1 and not answers(last - 1, last, at_once=True) and answers(first, last - 1):
         last -= 1
     return None if first == last else (float(log.time_s[ends[first]]), float(log.time_s[ends[last] - 1]))
 
@@ -93,10 +93,11 @@ def _answers_at_once(log: Log) -> bool:
         return len(np.unique(runs[::2])) > 1 or len(np.unique(runs[1::2])) > 1
     size = np.abs(move)
     free = (size > 0.0) & (size <= np.quantile(size, _USUAL))  # the largest are a hand's, or a setpoint's
-    if np.count_nonzero(free) < _FEW:
-        return False
     error = log.temperature_degC if log.setpoint_degC is None else log.temperature_degC - log.setpoint_degC
-    return bool(np.corrcoef(move[free], np.diff(error)[free])[0, 1] < -_AT_ONCE)
+    moves, changes = move[free], np.diff(error)[free]
+    if len(moves) < _FEW or min(float(np.ptp(moves)), float(np.ptp(changes))) == 0.0:
+        return False
+    return bool(np.corrcoef(moves, changes)[0, 1] < -_AT_ONCE)
 
 
 def _is_two_level(power: Array, temperature: Array) -> bool:

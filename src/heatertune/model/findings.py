@@ -44,6 +44,11 @@ KINDS: Final[dict[str, Kind]] = {
         "widens", "the halves of the log give different heaters", "log one open-loop step until it rests"),
     "logs-disagree": Kind(
         "widens", "the logs give different heaters", "log them under the conditions of use"),
+    "contradicted": Kind(
+        "blocks", "what the curve shows by itself contradicts every model", "log the power, or one open-loop step"),
+    "one-level": Kind(
+        "told", "the log knows one level of power, so that the heater is linear is assumed",
+        "log steps to two levels of power around the one of use"),
     "nonlinear": Kind(
         "widens", "the gain depends on the power or on the level", "log steps around the setpoint of use"),
     "alias": Kind(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,20 +15,24 @@ from heatertune.log.values import Log
 from heatertune.model.alias import alias_of, alias_told
 from heatertune.model.cleaning import cleaned
 from heatertune.model.diagnosis import notes_of
+from heatertune.model.events import refitted, with_events, without_events
 from heatertune.model.family import family_of
-from heatertune.model.hearing import fast_told, findings_of, poor_told
+from heatertune.model.feedback import is_feedback
+from heatertune.model.hearing import fast_told, findings_of, level_told, poor_told
+from heatertune.model.held_out import plain_halves
 from heatertune.model.intervals import PERIOD, RATIO, identified_parts
 from heatertune.model.judge import correlation_of, judged, judgement_told
-from heatertune.model.judgement import Validation
-from heatertune.model.loads import bic_of, left_over, with_loads
+from heatertune.model.judgement import Half, Validation
 from heatertune.model.measures import ultimate_period_s
+from heatertune.model.nonlinear import Bend, bend_told, judged_linear
 from heatertune.model.open_loop import PowerFit, PowerProblem
+from heatertune.model.parts import widening, widening_notes
 from heatertune.model.power_candidates import candidates_of, second_is_seen
 from heatertune.model.readings import Readings
 from heatertune.model.rivals import Rival, rivals_of, widened
-from heatertune.model.sanity import demand_cause
+from heatertune.model.sanity import demand_cause, follows_temperature
 from heatertune.model.statistics import autocorrelation, fit_pct
-from heatertune.model.uncertainty import intervals
+from heatertune.model.uncertainty import intervals_by
 from heatertune.model.values import FittedModel, Fopdt, Interval, Outcome, Residuals
 
 __all__ = ["Explained", "explained", "fit_power", "outcome_of", "values_of", "weighed"]
@@ -35,7 +40,6 @@ __all__ = ["Explained", "explained", "fit_power", "outcome_of", "values_of", "we
 Array = npt.NDArray[np.float64]
 
 _POOR = 60.0  # fit [%] below which no interval means anything
-_NEAR = 10.0  # BIC points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,8 +53,9 @@ class Explained:
         fits: their best fits.
         cleaned: readings with outliers put where their neighbours are, shape (n,) [°C].
         outliers: their places.
-        told: about the log's disturbances, one sentence each.
+        told: about the log's disturbances, and what it cannot tell about its heater, one sentence each.
         alias: about power that switches faster than it was logged; empty where it does not.
+        bend: what explains the log better than a linear heater, None where nothing does.
     """
 
     log: Log
@@ -61,6 +66,7 @@ class Explained:
     outliers: npt.NDArray[np.intp]
     told: tuple[str, ...]
     alias: str
+    bend: Bend | None = None
 
     @property
     def model(self) -> Fopdt:
@@ -82,15 +88,16 @@ class Explained:
     def drifting(self) -> Explained:
         """Return the log with a drift of the ambient fitted, whether it asks for one alone or not."""
         problems = [replace(problem, drift=True) for problem in self.problems]
-        return replace(self, problems=problems, fits=_refitted(problems, self.fits))
+        return replace(self, problems=problems, fits=refitted(problems, self.fits))
 
 
 class Weighed(NamedTuple):
-    """Of one lag: intervals, checks, and other fits that the log does not rule out."""
+    """Of one lag: intervals, checks, other fits that the log does not rule out, and how far intervals were widened."""
 
     inside: dict[str, Interval]
     validation: Validation
     rivals: tuple[Rival, ...]
+    wider: dict[str, float] | None = None
 
 
 def explained(
@@ -114,9 +121,11 @@ def explained(
 def weighed(found: Explained, *, open_start: bool, seed: int) -> Weighed:
     """Return what one lag is worth; `open_start`: nobody knows the power before the log."""
     problem, one = found.problems[0], found.fits[0]
-    inside, validation = intervals(problem, one, seed=seed), judged(problem, one)
-    rivals = rivals_of(found.log, problem, one, inside, validation.held_out, open_start=open_start)
-    return Weighed(inside, validation, rivals)
+    wider = widening(problem, one)
+    narrow, inside = intervals_by(problem, one, [{}, wider], seed=seed)
+    validation = judged(problem, one)
+    rivals = rivals_of(found.log, problem, one, narrow, validation.held_out, open_start=open_start)
+    return Weighed(inside, validation, rivals, wider)
 
 
 def fit_power(found: Explained, weight: Weighed, *, least_dead_time_s: float, seed: int) -> FittedModel:
@@ -132,34 +141,39 @@ def fit_power(found: Explained, weight: Weighed, *, least_dead_time_s: float, se
         seed: of the bootstrap.
     """
     log, one = found.log, found.fits[0]
-    inside, validation, rivals = weight
-    ci95: dict[str, Interval | None] = {**widened(inside, [values_of(rival.model) for rival in rivals])}
+    inside, validation, rivals, wider = weight
+    ci95: dict[str, Interval | None] = {
+        **widened(inside, [*(values_of(rival.model) for rival in rivals), *_ends_of(found.bend),
+                           *_said_by(validation.halves),
+                           *_said_by(plain_halves(found.problems[0], one, validation.halves))])}
     lag = ci95["time_constant_s"]
     assert lag is not None
     candidates = candidates_of(
-        log, found.problems, found.fits, left_out=validation.held_out, open_lag=lag.high is None, rivals=rivals)
-    family, open_ = family_of(found, candidates, ci95, validation.halves, least_dead_time_s, seed)
+        log, found.problems, found.fits, left_out=validation.held_out, open_lag=lag.high is None, rivals=rivals,
+        bend=found.bend)
+    family, open_ = family_of(found, candidates, ci95, validation.halves, least_dead_time_s, wider or {}, seed)
     ratio, _ = ci95.pop(RATIO), ci95.pop(PERIOD)
     assert ratio is not None
     known = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
     simulated = found.simulated_degC
     fit = fit_pct(found.cleaned, simulated)
     second = correlation_of(found.problems[1], found.fits[1]) if second_is_seen(found.fits[1]) else None
-    outcome = outcome_of(fit, known=known)
+    outcome = outcome_of(max([fit, *(each.fit_pct for each in candidates)]), known=known)
     least_s = math.exp(found.problems[0].low[0])
-    checks = [*judgement_told(log, validation, fit, second), *alias_told(found.alias),
-              *fast_told(least_s, found.model.time_constant_s, log.name)]
+    checks = [*bend_told(found.bend), *judgement_told(log, validation, fit, second), *alias_told(found.alias),
+              *fast_told(least_s, found.model.time_constant_s, log.name), *level_told(log)]
     return FittedModel(
         model=found.model,
         outcome=outcome,
-        method="exact simulation with the logged power, free initial state; "
+        method="exact simulation with the logged power, "
+        f"{'begun at rest' if found.problems[0].at_rest else 'free initial state'}; "
         "intervals: profile likelihood or block bootstrap, whichever reaches further",
         ci95=ci95,
         combinations={} if known else {RATIO: (values_of(found.model)[RATIO], ratio)},
         candidates=family,
         fit_pct=fit,
         notes=(*found.told, *notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
-               *(rival.told for rival in rivals), *(each.sentence for each in checks)),
+               *widening_notes(wider or {}), *(rival.told for rival in rivals), *(each.sentence for each in checks)),
         findings=(*findings_of([*poor_told(outcome, fit, log.name), *checks]), *open_),
         residuals=Residuals(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
@@ -167,6 +181,21 @@ def fit_power(found: Explained, weight: Weighed, *, least_dead_time_s: float, se
         ),
         validation=validation,
     )
+
+
+def _ends_of(bend: Bend | None) -> list[dict[str, float]]:
+    """Return the values of a bend's ends; a second lag counts by the half rule, an ambient not at all."""
+    ends = () if bend is None else bend.ends
+    return [values_of(end.model.half_rule()) | {"ambient_degC": math.nan} for end in ends]
+
+
+def _said_by(halves: Sequence[Half] | None) -> list[dict[str, float]]:
+    """Return the values of halves of a log, not a number where a half's own interval is open."""
+    return [
+        {name: half.values[name] if None not in (end.low, end.high) else math.nan for name, end in half.ci95.items()}
+        | dict.fromkeys((RATIO, PERIOD, "ambient_degC"), math.nan)
+        for half in halves or ()
+    ]
 
 
 def outcome_of(fit: float, *, known: bool) -> Outcome:
@@ -191,17 +220,15 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     alias = "" if believed else alias_of(log, thin, fit)
     if not believed:
         _demand_cause(log, thin, fit, alias)
-    problems = [thin, replace(thin, two_lags=True)]
-    fits = [fit, _second(problems[1], fit)]
-    problems, fits = _started(problems, fits)
-    # a drift passes for loads and a load for a drift: each may come first
-    ways = [with_loads(*_drifting(problems, fits)), _drifting(*with_loads(problems, fits))]
-    problems, fits = min(ways, key=lambda way: min(map(bic_of, *way)))
+    two = replace(thin, two_lags=True)
+    closed = is_feedback(log) or follows_temperature(log)
+    way = with_events([thin, two], [fit, _second(two, fit)], closed=closed)
+    (problems, fits), bend, untold = judged_linear(without_events(way), way)
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
     return Explained(
         log=log, readings=found.whole.readings, problems=problems, fits=fits, cleaned=found.readings_degC,
-        outliers=found.outliers, told=told, alias=alias,
+        outliers=found.outliers, told=(*told, *untold), alias=alias, bend=bend,
     )
 
 
@@ -222,28 +249,3 @@ def _second(problem: PowerProblem, one: PowerFit) -> PowerFit:
         return found
     near = [(one.vector[0], max(one.vector[1] - ratio * math.exp(one.vector[0]), 0.0), ratio) for ratio in (0.03, 0.2)]
     return problem.refined(np.array(near))
-
-
-def _started(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
-    """Return the better of two starts, where the log begins with power: the same power before, or none."""
-    first = problems[0]
-    if first.power_before_pct is not None or first.readings.level_pct[0] == 0.0:
-        return problems, fits
-    others = [replace(p, power_before_pct=0.0) for p in problems]
-    tried = _refitted(others, fits)
-    better = min(map(bic_of, others, tried)) < min(map(bic_of, problems, fits))
-    return (others, tried) if better else (problems, fits)
-
-
-def _drifting(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
-    """Return the fits with a drift of the ambient where one lag and two both ask for it."""
-    if not any(map(left_over, problems, fits)):
-        return problems, fits
-    others = [replace(p, drift=True) for p in problems]
-    tried = _refitted(others, fits)
-    worth = min(bic_of(p, f) - bic_of(o, t) for p, f, o, t in zip(problems, fits, others, tried, strict=True))
-    return (others, tried) if worth > _NEAR else (problems, fits)
-
-
-def _refitted(problems: list[PowerProblem], fits: list[PowerFit]) -> list[PowerFit]:
-    return [problem.refined(fit.vector[None, :]) for problem, fit in zip(problems, fits, strict=True)]

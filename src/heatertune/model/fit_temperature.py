@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from heatertune.log.values import Log
 from heatertune.model.closed_loop import Bounds, Hypothesis, Segment
-from heatertune.model.evidence import evidence_notes
+from heatertune.model.evidence import contradictions, evidence_notes
 from heatertune.model.hearing import Told, findings_of, poor_told
 from heatertune.model.intervals import envelope, identified, interval
 from heatertune.model.law import ControllerLaw
@@ -79,12 +79,14 @@ def fit_temperature(
     values = {name: measure(plant) for name, measure in COMBINATIONS.items()}
     if len(used) > 1:
         notes += (joint_note(best, ranked, alone),)
+    plants = [fit.hypothesis.plant(fit.vector) for fit in kept]
+    against = [told for s in best.hypothesis.segments for told in contradictions(s.log, s.ambient_degC, plants)]
     first, (simulated, *_) = used[0], best.hypothesis.parts(best.simulated_degC)
     outcome, names = _outcome(best.fit_pct, ci95), " and ".join(log.name for log in used)
     return FittedModel(
         model=plant.half_rule(),
         outcome=outcome,
-        findings=findings_of([_NO_POWER, *poor_told(outcome, best.fit_pct, names)]),
+        findings=findings_of([_NO_POWER, *poor_told(outcome, best.fit_pct, names), *against]),
         method=_method(best),
         ci95=ci95,
         combinations={name: (value, ranges[name]) for name, value in values.items() if np.isfinite(value)},

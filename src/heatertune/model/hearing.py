@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
+import numpy as np
+
+from heatertune.log.values import Log
 from heatertune.model.findings import Finding
 from heatertune.model.values import Outcome
 
-__all__ = ["Told", "fast_told", "findings_of", "poor_told"]
+__all__ = ["Told", "fast_told", "findings_of", "level_told", "poor_told"]
 
 _BESIDE = 1.01  # times the least time constant
+_TWO = 2  # levels of power
+_FULL = 99.0  # %
 
 
 class Told(NamedTuple):
@@ -30,6 +35,17 @@ def poor_told(outcome: Outcome, fit_pct: float, name: str) -> tuple[Told, ...]:
     if outcome is not Outcome.POOR_FIT:
         return ()
     return (Told("poor-fit", f"{fit_pct:.0f} % of {name} are explained. {outcome.value}"),)
+
+
+def level_told(log: Log) -> tuple[Told, ...]:
+    """Return what it means that a log knows one level of power beside none; a switch that is full on is linear."""
+    assert log.power_pct is not None
+    levels = np.unique(np.round(log.power_pct))
+    if len(levels) > _TWO or levels[0] > 0.0 or levels[-1] >= _FULL:
+        return ()
+    return (Told("one-level", (
+        f"{log.name} knows no power but 0 and {levels[-1]:g} %: whether the gain is the same at others it cannot tell."
+    )),)
 
 
 def fast_told(least_s: float, time_constant_s: float, name: str) -> tuple[Told, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,13 +15,14 @@ from heatertune.model.statistics import fit_pct
 from heatertune.model.uncertainty import reaches
 from heatertune.model.values import Interval
 
-__all__ = ["halves", "held_out"]
+__all__ = ["half_of", "halves", "held_out", "plain_halves", "sides"]
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.bool_]
 
 _WINDOWS = 6  # the first stays in every fit: without it nothing tells where the heater began
 _BEGUN = 5  # readings of a later segment
+_AS_WELL = 5.0  # fit [%] that may be lost
 _FEWEST = 20  # readings of a half
 _READINGS = 250  # averaged, of a half
 _SHOWN = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
@@ -52,20 +55,43 @@ def _begun(problem: PowerProblem) -> npt.NDArray[np.intp]:
 
 def halves(problem: PowerProblem, fit: PowerFit) -> tuple[Half, Half] | None:
     """Return one lag fitted to each half of the time, None where a half holds no heater or too few readings."""
-    time = problem.readings.time_s
-    middle = 0.5 * float(time[0] + time[-1])
-    found = tuple(_half(problem, fit, rows) for rows in (time <= middle, time > middle))
-    first, second = found
+    first, second = (_half(problem, fit, rows) for rows in sides(problem))
     return None if first is None or second is None else (first, second)
 
 
-def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
+def plain_halves(problem: PowerProblem, fit: PowerFit, with_all: Sequence[Half] | None) -> tuple[Half, ...]:
+    """Return the halves that are explained as well without the start, drift and loads that only the whole log tells."""
+    plain = replace(problem, at_rest=False, drift=False, loads_s=())
+    if with_all is None or not (problem.at_rest or problem.drift or problem.loads_s):
+        return ()
+    found = (_half(plain, fit, rows) for rows in sides(plain))
+    return tuple(half for half, other in zip(found, with_all, strict=True)
+                 if half is not None and half.fit_pct > other.fit_pct - _AS_WELL)
+
+
+def sides(problem: PowerProblem) -> tuple[Rows, Rows]:
+    """Return which readings lie in each half of the time."""
+    time = problem.readings.time_s
+    middle = 0.5 * float(time[0] + time[-1])
+    return time <= middle, time > middle
+
+
+def half_of(problem: PowerProblem, rows: Rows) -> PowerProblem | None:
+    """Return the problem on a half of its readings, None where these are too few."""
     if np.count_nonzero(rows) < _FEWEST:
         return None
     part = _part(problem, rows).thinned(_READINGS)
     start, end = float(part.readings.time_s[0]), float(part.readings.time_s[-1])
     # a load that began before is ambient, but for its start, which the free initial state takes
-    part = replace(part, loads_s=tuple(t for t in problem.loads_s if start < t < end))
+    return replace(part, loads_s=tuple(t for t in problem.loads_s if start < t < end),
+                   at_rest=problem.at_rest and bool(rows[0]))
+
+
+def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
+    part = half_of(problem, rows)
+    if part is None:
+        return None
+    start, end = float(part.readings.time_s[0]), float(part.readings.time_s[-1])
     found = part.refined(np.array([fit.vector]))
     if found.model is None:
         return None
@@ -82,7 +108,7 @@ def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
 
 def _around(value: float, reach: float, least: float) -> Interval:
     low = value - reach
-    return Interval(low=low if low > least else None, high=value + reach)
+    return Interval(low=low if low > least else None, high=value + reach if math.isfinite(reach) else None)
 
 
 def _foretold(problem: PowerProblem, fit: PowerFit, kept: Rows) -> Array:

@@ -12,7 +12,7 @@ from heatertune.model.outliers import tamed
 from heatertune.model.projection import AMBIENT
 from heatertune.model.statistics import ar1_bic
 
-__all__ = ["bic_of", "is_sensible", "left_over", "lowest_degC", "with_loads"]
+__all__ = ["bic_of", "coincides", "is_sensible", "left_over", "lowest_degC", "with_loads"]
 
 Array = npt.NDArray[np.float64]
 
@@ -23,6 +23,9 @@ _INSTANTS = 80
 _ROUNDS = 3
 _COLDER = 0.05  # of the span: noise and a poor start
 _GRID = 16  # instants
+_EDGE = 0.1  # of the power's range: a smaller edge moves too little to hide anything
+_FEW = 3.0  # sampling intervals
+_OFTEN = 0.5  # of the log
 _RATIO = 0.1  # of two lags to begin with
 
 
@@ -50,10 +53,27 @@ def lowest_degC(problem: PowerProblem) -> float:
     return float(tamed(problem.readings.temperature_degC, share=0.0).min())
 
 
-def with_loads(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list[PowerProblem], list[PowerFit]]:
+def coincides(problem: PowerProblem, dead_time_s: float, instant_s: float) -> bool:
+    """Return whether a load sets in as an edge of the power arrives: what follows is the heater's doing, not a load's.
+
+    Where the power moves so often that most instants would coincide, none does.
+    """
+    readings = problem.readings
+    edges = readings.edge_s[1:][np.abs(np.diff(readings.level_pct)) > _EDGE * np.ptp(readings.level_pct)]
+    early = _FEW * float(np.median(np.diff(readings.time_s)))
+    late = 2.0 * dead_time_s + early
+    if len(edges) * (early + late) > _OFTEN * float(np.ptp(readings.time_s)):
+        return False
+    return bool(np.any((instant_s > edges - early) & (instant_s < edges + late)))
+
+
+def with_loads(
+    problems: list[PowerProblem], fits: list[PowerFit], *, edges_dead_time_s: float | None = None
+) -> tuple[list[PowerProblem], list[PowerFit]]:
     """Return the problems and fits with the load steps that every one of them asks for.
 
-    A step that only the poorer model wants covers that model's own fault.
+    A step that only the poorer model wants covers that model's own fault. `edges_dead_time_s`: dead time after
+    which edges of the power arrive; a load that sets in with one ends the search.
     """
     for _ in range(_MOST):
         bics = [bic_of(problem, fit) for problem, fit in zip(problems, fits, strict=True)]
@@ -65,7 +85,9 @@ def with_loads(problems: list[PowerProblem], fits: list[PowerFit]) -> tuple[list
             ways += [way for way in [_descended(problems, _far_off(problems), 0)] if is_sensible(way[0][0], way[1][0])]
         trial, found = min(ways, key=lambda way: min(map(bic_of, *way)))
         gains = [bic - bic_of(t, f) for bic, t, f in zip(bics, trial, found, strict=True)]
-        if min(gains) < _GAIN:
+        if min(gains) < _GAIN or (
+            edges_dead_time_s is not None and coincides(trial[best], edges_dead_time_s, trial[best].loads_s[-1])
+        ):
             break
         problems, fits = trial, found
     return problems, fits

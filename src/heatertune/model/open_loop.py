@@ -15,11 +15,21 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC
-from heatertune.model.projection import AMBIENT, COLUMNS, DRIFT, GAIN, SECOND_STATE, columns, descend, project
+from heatertune.model.projection import (
+    AMBIENT,
+    COLUMNS,
+    DRIFT,
+    FIRST_STATE,
+    GAIN,
+    SECOND_STATE,
+    columns,
+    descend,
+    project,
+)
 from heatertune.model.readings import Readings
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["Known", "PowerFit", "PowerProblem", "touching"]
+__all__ = ["FAR", "Known", "PowerFit", "PowerProblem", "touching"]
 
 Array = npt.NDArray[np.float64]
 
@@ -27,7 +37,8 @@ _SECOND = 2  # place of the lag ratio in a vector
 _RATIO = (0.01, 0.98)  # from 0.98 on, answers differ from those of equal lags by less than a ten-thousandth
 _COARSE = 250  # readings that tell the region of the best fit
 _ROUGH, _ROUGH_READINGS = 3, 120  # every third of the grid
-_FAR = 5.0  # lengths of the log: a longer time constant shows no curvature
+#: lengths of the log: a longer time constant shows no curvature
+FAR = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,6 +84,7 @@ class PowerProblem:
         two_lags: whether a second lag is fitted.
         ambient_degC: known ambient, None where free.
         power_before_pct: power before the first reading, None: the same as at the first reading.
+        at_rest: whether the temperature had come to rest with that power.
         drift: whether the ambient may drift by a constant rate.
         loads_s: instants at which an unknown load begins to act, for good.
         sign: of the gain: 1 a heater, -1 the opposite, 0 either.
@@ -84,6 +96,7 @@ class PowerProblem:
     two_lags: bool = False
     ambient_degC: float | None = None
     power_before_pct: float | None = None
+    at_rest: bool = False
     drift: bool = False
     loads_s: tuple[float, ...] = ()
     sign: float = 1.0
@@ -97,7 +110,7 @@ class PowerProblem:
         ratio = _RATIO if self.two_lags else (0.0, 0.0)
         longest = min(length / 4.0, math.inf if self.most_dead_time_s is None else self.most_dead_time_s)
         object.__setattr__(self, "low", np.array([math.log(0.5 * sample), self.least_dead_time_s, ratio[0]]))
-        object.__setattr__(self, "high", np.array([math.log(_FAR * length), longest, ratio[1]]))
+        object.__setattr__(self, "high", np.array([math.log(FAR * length), longest, ratio[1]]))
 
     @property
     def known(self) -> Array:
@@ -107,8 +120,11 @@ class PowerProblem:
             known[AMBIENT] = self.ambient_degC
         if not self.drift:
             known[DRIFT] = 0.0
-        if not self.two_lags:
+        if self.at_rest:
+            known[FIRST_STATE] = 0.0
+        if self.at_rest or not self.two_lags:
             known[SECOND_STATE] = 0.0
+        if not self.two_lags:
             known[COLUMNS + len(self.loads_s) + 1 :: 2] = 0.0
         return known
 

@@ -11,11 +11,11 @@ import numpy.typing as npt
 from heatertune.log.values import Log
 from heatertune.model.judge import unseen
 from heatertune.model.judgement import HeldOut
-from heatertune.model.loads import bic_of, left_over
+from heatertune.model.loads import bic_of
+from heatertune.model.nonlinear import Bend
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.rivals import Rival
-from heatertune.model.statistics import ar1_bic, fit_pct
-from heatertune.model.two_rates import fit_two_rates
+from heatertune.model.statistics import fit_pct
 from heatertune.model.values import Candidate, HeaterModel
 
 __all__ = ["candidates_of", "second_is_seen"]
@@ -41,7 +41,7 @@ def second_is_seen(two: PowerFit) -> bool:
 
 def candidates_of(
     log: Log, problems: Sequence[PowerProblem], fits: Sequence[PowerFit], *, left_out: HeldOut, open_lag: bool,
-    rivals: Sequence[Rival],
+    rivals: Sequence[Rival], bend: Bend | None = None,
 ) -> tuple[Candidate, ...]:
     """Return the one-lag model, its rivals, and every other model that explains the log nearly as well or better.
 
@@ -52,18 +52,14 @@ def candidates_of(
         left_out: error of one lag on windows left out.
         open_lag: whether the time constant's interval is open upwards.
         rivals: kept however far behind they are.
+        bend: whose ends are kept.
     """
-    problem, one = problems[0], fits[0]
-    record = problem.readings.temperature_degC
+    record = problems[0].readings.temperature_degC
     tried = [*_orders(problems, fits, left_out, open_lag=open_lag)]
     tried += [_Tried(r.model, r.fit.simulated_degC, bic_of(r.problem, r.fit), r.law, None, True) for r in rivals]
-    plain = not (problem.loads_s or problem.drift or len(problem.readings.restart_s))
-    if plain and left_over(problem, one):
-        rates = fit_two_rates(problem, one)
-        bic = ar1_bic(record - rates.simulated_degC, rates.unknowns)
-        if not rates.on_bound and bic < min(each.bic for each in tried) - _NEAR:
-            tried.append(_Tried(rates.heating, rates.simulated_degC, bic, "power logged, heating"))
-            tried.append(_Tried(rates.cooling, rates.simulated_degC, bic, "power logged, cooling"))
+    if bend is not None:
+        tried += [_Tried(end.model, bend.simulated_degC, bend.bic, f"power logged, {end.at}", None, True)
+                  for end in dict.fromkeys(bend.ends)]
     least = min(each.bic for each in tried)
     return tuple(
         Candidate(

@@ -18,6 +18,7 @@ from heatertune.model.loads import bic_of, is_sensible, lowest_degC
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.projection import AMBIENT
 from heatertune.model.sanity import follows_temperature
+from heatertune.model.start import is_plain_rest, starts
 from heatertune.model.statistics import fit_pct
 from heatertune.model.values import Fopdt, Interval
 
@@ -54,7 +55,7 @@ def rivals_of(
     """
     found = (
         *_without_events(log, problem, fit, held_out), *_at_rest(problem, fit, ci95.get("ambient_degC")),
-        *(_other_start(problem, fit) if open_start else ()),
+        *_other_rest(log, problem, fit), *(_other_start(problem, fit) if open_start else ()),
     )
     record = problem.readings.temperature_degC
     return tuple(
@@ -133,6 +134,24 @@ def _other_start(problem: PowerProblem, fit: PowerFit) -> Iterator[Rival]:
         f"{_heater(found.model)}. The log does not tell which, so both are candidates and the intervals hold both; "
         "--power-before would settle it."
     ))
+
+
+def _other_rest(log: Log, problem: PowerProblem, fit: PowerFit) -> Iterator[Rival]:
+    """Return the fit from rest, or not from rest, where it is nearly as good and the readings do not settle it."""
+    if problem.at_rest and is_plain_rest(problem, math.exp(float(fit.vector[0]))):
+        return
+    closed = is_feedback(log) or follows_temperature(log)
+    for other in starts(replace(problem, at_rest=False), closed=closed):
+        if other.at_rest == problem.at_rest or other.power_before_pct != problem.power_before_pct:
+            continue
+        found = min((other.fit(), other.refined(fit.vector[None, :])), key=lambda each: bic_of(other, each))
+        if isinstance(found.model, Fopdt) and bic_of(other, found) < bic_of(problem, fit) + _NEAR:
+            begun = ("not from rest", "from rest")
+            yield Rival(other, found, found.model, f"power logged, {begun[other.at_rest]}", (
+                f"With a start {begun[problem.at_rest]}, {_heater(fit.model)}; {begun[other.at_rest]}, "
+                f"{_heater(found.model)}. The readings before the first step do not tell which, so both are "
+                "candidates and the intervals hold both; log some readings more before the first step."
+            ))
 
 
 def _held(problem: PowerProblem) -> PowerProblem:

@@ -9,6 +9,7 @@ sees what is skewed or open; the bootstrap sees colour of any other shape.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,23 +17,25 @@ import numpy.typing as npt
 from scipy.special import stdtrit
 
 from heatertune.model.intervals import PERIOD, RATIO, envelope, hull, interval
-from heatertune.model.open_loop import Known, PowerFit, PowerProblem
+from heatertune.model.open_loop import FAR, Known, PowerFit, PowerProblem
 from heatertune.model.projection import AMBIENT, GAIN
 from heatertune.model.statistics import autocorrelation, block_resamples
 from heatertune.model.ultimate import fits_of_period, periods_of
 from heatertune.model.values import Interval
 
 __all__ = [
-    "LEAST_FREEDOM", "READINGS", "STEPS", "colour", "crossing", "held_at", "intervals", "reaches", "sensitivities",
+    "LEAST_FREEDOM", "READINGS", "STEPS", "Noise", "colour", "crossing", "held_at", "held_squares", "intervals",
+    "intervals_by", "noise_of", "reaches", "sensitivities", "value_of",
 ]
 
 Array = npt.NDArray[np.float64]
 
-
 _NAMES = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
-#: of a log, in what is said of its intervals
-READINGS = 400  # averaged: neighbours of coloured noise say little more than their mean
+#: averaged: neighbours of coloured noise say little more than their mean
+READINGS = 400
+_POSITIVE = ("gain_degC_per_pct", "time_constant_s", RATIO, PERIOD)
 _RESAMPLES = 200
+_SINGULAR = 1e-9  # of the largest singular value: rounding
 #: of the noise, however coloured
 LEAST_FREEDOM = 4.0
 #: of a profile: standard deviations from the best
@@ -40,13 +43,14 @@ STEPS = np.array([0.6, 1.2, 1.7, 2.2, 3.0, 4.5, 8.0, 25.0])
 
 
 @dataclass(frozen=True, slots=True)
-class _Noise:
-    """Standard deviations of the parameters, their inflation by colour, and Student's 97.5 % point."""
+class Noise:
+    """Standard deviations of the parameters, their inflation by colour, Student's 97.5 % point; what is not seen."""
 
     deviation: dict[str, float]
     inflation: dict[str, float]
     variance: float
     quantile: float
+    unseen: frozenset[str]
 
 
 def intervals(problem: PowerProblem, fit: PowerFit, *, seed: int) -> dict[str, Interval]:
@@ -54,28 +58,61 @@ def intervals(problem: PowerProblem, fit: PowerFit, *, seed: int) -> dict[str, I
 
     An end on a bound of the search is open, but for a bound of the dead time that the user knows.
     """
+    return intervals_by(problem, fit, [{}], seed=seed)[0]
+
+
+def intervals_by(
+    problem: PowerProblem, fit: PowerFit, factors: Sequence[Mapping[str, float]], *, seed: int
+) -> list[dict[str, Interval]]:
+    """Return the intervals for each set of factors by which deviations are larger than the residuals say."""
     problem, told = problem.thinned(READINGS), fit
     fit = problem.refined(fit.vector[None, :])
-    noise = _noise(problem, fit)
-    ends = _ends(problem)
-    found = {
-        name: envelope(hull(interval(values, *ends[name]), _profile(problem, fit, name, noise)), [_value(told, name)])
-        for name, values in _bootstrap(problem, fit, seed).items()
-        if name in noise.deviation
-    }
+    noise, ends = noise_of(problem, fit), _ends(problem)
+    drawn = {name: values for name, values in _bootstrap(problem, fit, seed).items() if name in noise.deviation}
+
+    def found(name: str, times: float) -> Interval:
+        by_draws = interval(_spread(name, drawn[name], value_of(fit, name), times), *ends[name])
+        by_profile = _profile(problem, fit, name, noise, times)
+        return envelope(hull(by_draws, by_profile), [value_of(told, name)])
+
+    wide = [{name: found(name, times.get(name, 1.0)) for name in drawn} for times in factors]
+    return [_known(_beyond(each, told), problem) for each in wide]
+
+
+def _known(found: dict[str, Interval], problem: PowerProblem) -> dict[str, Interval]:
+    """Return the intervals with the end of the dead time that the user knows, where the log leaves it open."""
     dead, most = found["dead_time_s"], problem.most_dead_time_s
-    if dead.high is None and most is not None:
-        found["dead_time_s"] = replace(dead, high=most)
-    return found
+    return found if dead.high is not None or most is None else found | {"dead_time_s": replace(dead, high=most)}
+
+
+def _beyond(found: dict[str, Interval], fit: PowerFit) -> dict[str, Interval]:
+    """Return the intervals; an open time constant needs less gain per time constant than the longest one searched.
+
+    Over the length of the log that one falls behind an integrator of the same rate by half its share on average.
+    """
+    lag = found.get("time_constant_s")
+    if lag is None or lag.high is not None:
+        return found
+    return found | {RATIO: envelope(found[RATIO], [value_of(fit, RATIO) * (1.0 - 0.5 / FAR)])}
+
+
+def _spread(name: str, values: Array, best: float, times: float) -> Array:
+    """Return drawn values that lie so many times as far from the best; those of positive kind in the logarithm."""
+    if name in _POSITIVE and best > 0.0:
+        return np.asarray(best * np.maximum(values / best, 0.0) ** times)
+    return best + times * (values - best)
 
 
 def reaches(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
     """Return half the width of each parameter's 95 % interval by linear theory, under noise of the residuals' colour.
 
+    Infinite for what the readings do not tell from something else: gain and ambient under constant power.
+
     For comparisons; what is told of a fit alone is `intervals`, which sees what is skewed or open.
     """
-    noise = _noise(problem, fit)
-    return {name: noise.quantile * deviation for name, deviation in noise.deviation.items()}
+    noise = noise_of(problem, fit)
+    return {name: math.inf if name in noise.unseen else noise.quantile * deviation
+            for name, deviation in noise.deviation.items()}
 
 
 def _ends(problem: PowerProblem) -> dict[str, tuple[float, float]]:
@@ -102,7 +139,7 @@ def _bootstrap(problem: PowerProblem, fit: PowerFit, seed: int) -> dict[str, Arr
     return dict(zip((*_NAMES, RATIO, PERIOD), values, strict=True))
 
 
-def _noise(problem: PowerProblem, fit: PowerFit) -> _Noise:
+def noise_of(problem: PowerProblem, fit: PowerFit) -> Noise:
     """Return what first-order autoregressive noise of the residuals' colour does to the parameters."""
     jacobian, names = sensitivities(problem, fit)
     residuals = problem.readings.temperature_degC - fit.simulated_degC
@@ -113,18 +150,30 @@ def _noise(problem: PowerProblem, fit: PowerFit) -> _Noise:
     white, coloured = inverse @ inverse.T, inverse @ (base.T @ rho**lags @ base) @ inverse.T
     freedom = len(residuals) * (1.0 - rho) / (1.0 + rho) - jacobian.shape[1]
     weights = {name: np.eye(len(names))[names.index(name)] for name in _NAMES if name in names}
-    gain, lag = _value(fit, "gain_degC_per_pct"), _value(fit, "time_constant_s")
+    gain, lag = value_of(fit, "gain_degC_per_pct"), value_of(fit, "time_constant_s")
     weights[RATIO] = weights["gain_degC_per_pct"] / lag - weights["time_constant_s"] * gain / lag**2
     weights[PERIOD] = sum(
         (np.eye(len(names))[names.index(name)] * slope for name, slope in _slopes_of_period(fit.vector).items()
          if name in names), start=np.zeros(len(names)))
     spread = {name: float(w @ coloured @ w) for name, w in weights.items()}
-    return _Noise(
+    return Noise(
         deviation={name: math.sqrt(variance * spread[name]) for name in weights},
         inflation={name: spread[name] / max(float(w @ white @ w), 1e-300) for name, w in weights.items()},
         variance=variance,
         quantile=float(stdtrit(max(freedom, LEAST_FREEDOM), 0.975)),
+        unseen=_unseen(triangle, weights),
     )
+
+
+def _unseen(triangle: Array, weights: Mapping[str, Array]) -> frozenset[str]:
+    """Return which numbers change along a direction that leaves the readings as they are."""
+    size = np.linalg.norm(triangle, axis=0)
+    scale = np.where(size > 0.0, size, 1.0)
+    _, values, directions = np.linalg.svd(triangle / scale)
+    null = directions[values < _SINGULAR * values[0]]
+    return frozenset(
+        name for name, weight in weights.items()
+        if len(null) and np.linalg.norm(null @ (weight / scale)) > _SINGULAR**0.5 * np.linalg.norm(weight / scale))
 
 
 def sensitivities(problem: PowerProblem, fit: PowerFit) -> tuple[Array, list[str]]:
@@ -166,16 +215,16 @@ def colour(residuals: Array, base: Array) -> tuple[float, float]:
     return rho, float(residuals @ residuals) / float(np.interp(rho, tried, left))
 
 
-def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: _Noise) -> Interval:
-    """Return where the sum of squares, all other unknowns fitted anew, has risen by the 95 % share."""
+def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: Noise, times: float = 1.0) -> Interval:
+    """Return where the sum of squares, all other unknowns fitted anew, has risen by the 95 % share, times squared."""
     low, high = _ends(problem)[name]
-    best = _value(fit, name)
-    limit = noise.quantile**2 * noise.inflation[name] * noise.variance
+    best = value_of(fit, name)
+    limit = (times * noise.quantile) ** 2 * noise.inflation[name] * noise.variance
     least = float(np.sum((problem.readings.temperature_degC - fit.simulated_degC) ** 2))
     found = []
     for side in (-1.0, 1.0):
-        values = np.clip(best + side * noise.deviation[name] * STEPS, low, high)
-        rise = np.array([0.0, *np.maximum(_held(problem, fit, name, values)[-1] - least, 0.0)])
+        values = np.clip(best + side * times * noise.deviation[name] * STEPS, low, high)
+        rise = np.array([0.0, *np.maximum(held_squares(problem, fit, name, values) - least, 0.0)])
         found.append(crossing(np.array([best, *values]), rise, limit))
     return Interval(low=found[0], high=found[1])
 
@@ -211,6 +260,11 @@ def held_at(problem: PowerProblem, fit: PowerFit, name: str, value: float) -> Po
     return problem.at(vectors[0], known)
 
 
+def held_squares(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Array:
+    """Return the least sum of squares with the named number held at each value."""
+    return _held(problem, fit, name, values)[-1]
+
+
 def _held(
     problem: PowerProblem, fit: PowerFit, name: str, values: Array
 ) -> tuple[Array, Known | None, Array]:
@@ -232,7 +286,8 @@ def _held(
     return z, known, problem.cost(z, records, known)
 
 
-def _value(fit: PowerFit, name: str) -> float:
+def value_of(fit: PowerFit, name: str) -> float:
+    """Return a parameter of a fit, or its gain per time constant."""
     gain, lag = float(fit.linear[GAIN]), math.exp(fit.vector[0])
     return {
         "gain_degC_per_pct": gain, "ambient_degC": float(fit.linear[AMBIENT]), "time_constant_s": lag,
