@@ -63,7 +63,7 @@ SOURCES = (
     *_usual("TCLab, early", "apm_siso_doublet"),
     Source("tclab_step_kelvin_pwm255.csv", "TCLab, early", (1, 3, 2, None), head=0,
            reading={"temperature_unit": "K", "power_full_scale": 255.0}),
-    Source("tclab_step_fahrenheit_millivolt.csv", "TCLab, early", (1, 3, 2, None),
+    Source("tclab_step_fahrenheit_millivolt.csv", "TCLab, millivolt", (1, 3, 2, None),
            reading={"temperature_unit": "degF", "power_full_scale": 255.0}),
     *_usual("TCLab, BYU", "apm_mimo_random_T1", "apm_mimo_steps_T1", "apm_mhe_lin_T1", "pds_tclab"),
     Source("tclab_two_heaters_closed_loop.csv", "TCLab, BYU", (1, 4, 2, 6)),
