@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from heatertune.chain.stages import default_pwm_period_s, encode, labelled, tune
+from heatertune.chain.stages import default_pwm_period_s, encode, holding, labelled, tune
 from heatertune.errors import NotRepresentable
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import FittedModel, Fopdt
@@ -62,7 +62,8 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
         words = replace(words, ramp=room(target).ramp(words, proof.ramp_degC_per_min))
     actuator = Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s))
     found = prove(
-        room(target), words, labelled(fitted), proof.nominal.scenario, actuator, proof.limits, margins,
+        room(target), words, holding(fitted, proof.nominal.setpoint_degC), proof.nominal.scenario, actuator,
+        proof.limits, margins,
         open_points=False, interlock=proof.nominal.interlock,
         known=proof.known if target == proof.words.target else None,
     )

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from heatertune.chain.stages import labelled
+from heatertune.chain.stages import holding
 from heatertune.chain.words_file import WORDS_SCHEMA
 from heatertune.documents import read_document
 from heatertune.log.values import Log
@@ -63,7 +63,7 @@ def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
 
 def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, Any]:
     """Return the series that the report draws: the runs, the wish, and the robustness of the words as realised."""
-    models = labelled(fitted)
+    models = holding(fitted, proof.nominal.setpoint_degC)
     nominal, found = proof.nominal, room(proof.words.target)
     others = [
         trace_series(

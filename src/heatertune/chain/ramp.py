@@ -34,8 +34,8 @@ def prove_ramped(
         words: that were chosen.
         fitted: the heater and its candidates.
         ramp: [°C/min]; "none": at once; "auto": the fastest that keeps the limit on overshoot in every run, where
-            nothing but that limit is broken without one; None: as the words have it, and, where nothing but that
-            limit is broken, told what "auto" would find.
+            that is broken without one; None: as the words have it, and, where nothing but that limit is broken, told
+            what "auto" would find.
         proving: options of `prove`.
         progress: told what begins.
 
@@ -52,15 +52,18 @@ def prove_ramped(
     if words.ramp is not None or ramp == "none":
         return plain, []
     broken = [criterion.name for criterion in plain.criteria if not criterion.ok]
-    if broken != ["overshoot"] or not found.ramped:
+    helps = "overshoot" in broken if ramp == "auto" else broken == ["overshoot"]
+    if not helps or not found.ramped:
         return plain, [_why_none(plain, broken, ramped=found.ramped)] if ramp == "auto" else []
     progress("looking for the fastest setpoint ramp that keeps the limit on overshoot")
     ramped = _Search(plain=plain, fitted=fitted, proving=options).fastest()
     if ramped is None:
         return plain, ["No setpoint ramp that ends half way to the disturbance keeps the limit on overshoot."]
     told = _told(plain, ramped)
-    if ramp == "auto":
+    if ramp == "auto" and (ramped.verdict != "FAIL" or broken == ["overshoot"]):
         return ramped, [f"With {told}"]
+    if ramp == "auto":
+        return plain, [f"A setpoint ramp mends the overshoot alone: with {told}"]
     return plain, [f"Only the overshoot fails. --setpoint-ramp auto would mend it: with {told}"]
 
 

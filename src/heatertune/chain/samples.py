@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
-from heatertune.chain.stages import default_pwm_period_s, default_setpoint, labelled
+from heatertune.chain.stages import default_pwm_period_s, default_setpoint, holding
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
 from heatertune.pid.uncertain import spreads_of
@@ -78,13 +78,11 @@ def _drawing(
     del step_power_pct, accept  # the same for every sample: the proof judges them
     if interlock is not None:
         raise InputError("samples are run without an interlock: leave out --interlock, or --samples and --replay")
-    family = [model for _, model in labelled(fitted)]
-    heaters = [model for _, model in labelled(replace(
-        fitted, candidates=tuple(each for each in fitted.candidates if not each.part)))]
-    scenario = scenario_for(
-        family, noise_degC=noise_degC,
-        setpoint_degC=default_setpoint(fitted) if setpoint_degC is None else setpoint_degC,
-    )
+    setpoint = default_setpoint(fitted) if setpoint_degC is None else setpoint_degC
+    family = [model for _, model in holding(fitted, setpoint)]
+    heaters = [model for _, model in holding(replace(
+        fitted, candidates=tuple(each for each in fitted.candidates if not each.part)), setpoint)]
+    scenario = scenario_for(family, noise_degC=noise_degC, setpoint_degC=setpoint)
     return Drawing.of(
         room(words.target), words, heaters, scenario,
         Spread(heater=spreads_of(fitted), least_dead_time_s=fitted.least_dead_time_s, **spread),

@@ -14,6 +14,7 @@ from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
+from heatertune.model.findings import Finding
 from heatertune.model.pool import pool_candidates
 from heatertune.model.values import FittedModel, HeaterModel, Outcome
 from heatertune.pid import document as pid_document
@@ -23,6 +24,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, room
 from heatertune.proof import Actuator, Interlock, Limits, Proof, scenario_for
 from heatertune.proof import prove as prove_words
+from heatertune.proof.scenario import can_hold
 from heatertune.proof.verdict import Heard
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Told", "default_pwm_period_s", "default_setpoint", "encode", "export", "fit", "fit_known", "fit_together",
-    "labelled", "prove", "tune",
+    "holding", "labelled", "prove", "tune",
 ]
 
 Told = Callable[[str], object]
@@ -247,16 +249,15 @@ def prove(
         InputError, OutOfRange: as `heatertune.proof.prove`.
         UnknownName: no such interlock, switch or setting, or no finding to accept.
     """
-    models = labelled(fitted)
-    scenario = scenario_for(
-        [model for _, model in models], noise_degC=noise_degC,
-        setpoint_degC=default_setpoint(fitted) if setpoint_degC is None else setpoint_degC,
-    )
+    setpoint = default_setpoint(fitted) if setpoint_degC is None else setpoint_degC
+    models = holding(fitted, setpoint)
+    scenario = scenario_for([model for _, model in models], noise_degC=noise_degC, setpoint_degC=setpoint)
     return prove_words(
         room(words.target), words, models[:1] if first_look else models, scenario, open_points=not first_look,
         actuator=actuator or Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s)),
         limits=Limits(tolerance_degC=tolerance_degC, step_power_pct=step_power_pct), margins_of=margins, known=known,
-        heard=Heard(findings=fitted.findings, accepted=tuple(accept), assumed=fitted.assumed,
+        heard=Heard(findings=(*fitted.findings, *_unreached(fitted, len(models), setpoint)), accepted=tuple(accept),
+                    assumed=fitted.assumed,
                     remarks=tuple(_remarks(words, fitted))),
         reading_step_degC=fitted.reading_step_degC,
         interlock=None if interlock is None else Interlock(
@@ -271,6 +272,20 @@ def labelled(fitted: FittedModel) -> list[tuple[str, HeaterModel]]:
     known = sorted(fitted.candidates, key=lambda c: (c.part != "", c.log != fitted.candidates[0].log, -c.fit_pct))
     found = replace(fitted, candidates=tuple(known)).heaters
     return [(label, _with_ambient(model)) for label, model in found]
+
+
+def holding(fitted: FittedModel, setpoint_degC: float) -> list[tuple[str, HeaterModel]]:
+    """Return the possible heaters that can hold a setpoint with their labels; all of them where none can."""
+    found = labelled(fitted)
+    return [(label, model) for label, model in found
+            if can_hold(model, setpoint_degC, float(model.ambient_degC or 0.0))] or found
+
+
+def _unreached(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[Finding]:
+    known = len(fitted.heaters)
+    if able < known:
+        yield Finding(name="setpoint-unreached",
+                      told=f"{known - able} of {known} possible heaters cannot hold {setpoint_degC:g} °C.")
 
 
 def _remarks(words: Words, fitted: FittedModel) -> Iterator[str]:

@@ -51,6 +51,8 @@ KINDS: Final[dict[str, Kind]] = {
         "log steps to two levels of power around the one of use"),
     "nonlinear": Kind(
         "widens", "the gain depends on the power or on the level", "log steps around the setpoint of use"),
+    "setpoint-unreached": Kind(
+        "blocks", "not every possible heater can hold the setpoint", "log nearer to the setpoint, or lower it"),
     "alias": Kind(
         "blocks", "the power switches faster than it was logged",
         "log the power's mean over each interval, or at every switching"),

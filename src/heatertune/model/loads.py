@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.outliers import tamed
-from heatertune.model.projection import AMBIENT
+from heatertune.model.projection import AMBIENT, GAIN
 from heatertune.model.statistics import ar1_bic
 
 __all__ = ["bic_of", "coincides", "is_sensible", "left_over", "lowest_degC", "with_loads"]
@@ -32,6 +32,8 @@ _RATIO = 0.1  # of two lags to begin with
 def bic_of(problem: PowerProblem, fit: PowerFit) -> float:
     """Return the criterion of a fit on its problem's readings; infinite where it is no heater."""
     if fit.model is None and problem.sign > 0.0 and problem.least_dead_time_s == 0.0:
+        return np.inf
+    if problem.sign < 0.0 and not float(fit.linear[GAIN]) < 0.0:  # no cooler fits at all
         return np.inf
     return ar1_bic(problem.readings.temperature_degC - fit.simulated_degC, fit.unknowns)
 

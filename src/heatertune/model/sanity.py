@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NoReturn
@@ -49,6 +50,8 @@ def demand_cause(log: Log, problem: PowerProblem, fit: PowerFit | None) -> None:
     other = opposite.fit()
     best = min(bic_of(opposite, other), np.inf if fit is None else bic_of(problem, fit))
     _demand_effect(log, problem, fit, best)
+    if fit is None and not math.isfinite(bic_of(opposite, other)):
+        raise InputError(f"{log.name}: neither a heater nor a cooler explains the log; is it this heater's power?")
     if fit is None or _cools(problem, fit, opposite, other):
         _refuse_sign(log, problem, other)
     else:

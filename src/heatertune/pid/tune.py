@@ -23,7 +23,7 @@ from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign, Promise
 from heatertune.units import check
 
-__all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "told_below_log", "tune"]
+__all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "tune"]
 
 STRUCTURES = ("p", "pi", "pid")
 METHODS = ("optimum", *RULES)
@@ -32,6 +32,7 @@ _SAMPLES_PER_TRDOM = 10.0  # S5-115U manual, section 11.2.3: TA ≈ TRdom/10
 _ROUNDS = 8
 _SETTLED = 0.02
 _UNSETTLED = 0
+_WHOLE = 1e-9  # of a timer's step: rounding
 
 
 def tune(
@@ -106,8 +107,10 @@ def tune(
         _rule_round(fitted, method, structure, derivative_filter, closed_loop_s) if method in RULES
         else _search_round(plants, structure, specs, derivative_filter, step_power)
     )
-    design, rounds = settle(one_round, plants, sample_time_s, timer or Timer(), progress)
-    notes = [_told_about_ta(design, plants, rounds, sample_time_s), *told_below_log(design, fitted)]
+    timer = _shown_by(fitted, timer or Timer())
+    design, rounds = settle(one_round, plants, sample_time_s, timer, progress)
+    notes = [_told_about_ta(design, plants, rounds, sample_time_s),
+             *_told_about_log(design, fitted, timer, sample_time_s)]
     if method in RULES:
         outside = range_note(method, model_for(method, structure, fitted), structure, design.sample_time_s)
         notes += [f"The rule claims: {RULES[method].claim}.", *([] if outside is None else [outside])]
@@ -256,12 +259,22 @@ def _told_about_ta(
     return f"{share}; found together in {rounds} rounds."
 
 
-def told_below_log(design: PidDesign, fitted: FittedModel) -> list[str]:
-    """Return a sentence where a controller acts faster than the log shows, else none."""
-    if not 0.0 < design.sample_time_s < fitted.log_interval_s:
-        return []
-    return [f"TA = {design.sample_time_s:g} s is below the log's own interval of {fitted.log_interval_s:g} s: what the "
-            "heater does in between was never seen."]
+def _shown_by(fitted: FittedModel, timer: Timer) -> Timer:
+    """Return the timer, not faster than the log was read: no design goes beyond what a log can support."""
+    least = math.ceil(fitted.log_interval_s / timer.step_s - _WHOLE) * timer.step_s
+    return replace(timer, shortest_s=min(max(timer.shortest_s, least), timer.longest_s))
+
+
+def _told_about_log(design: PidDesign, fitted: FittedModel, timer: Timer, given_s: float | None) -> list[str]:
+    """Return a sentence where TA is held at the log's own interval, or given below it, else none."""
+    interval, ta = fitted.log_interval_s, design.sample_time_s
+    if given_s is None and timer.shortest_s == ta >= interval > 0.0:
+        return [f"TA is not taken below the log's own interval of {interval:g} s: what the heater does in between was "
+                "never seen; log at a shorter interval, or give --sample-time."]
+    if given_s is not None and 0.0 < ta < interval:
+        return [f"TA = {ta:g} s is below the log's own interval of {interval:g} s: what the heater does in between was "
+                "never seen."]
+    return []
 
 
 def _finished(

@@ -11,7 +11,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.units import check
 
-__all__ = ["Kick", "Load", "Scenario", "conditions", "paper_scenario", "scenario_for", "temperatures"]
+__all__ = ["Kick", "Load", "Scenario", "can_hold", "conditions", "paper_scenario", "scenario_for", "temperatures"]
 
 #: The paper's record (Tables 3 and 4): disturbance in the 27th minute, last row at 40 min [s].
 _PAPER_KICK_S: Final = 1620.0
@@ -110,13 +110,18 @@ def conditions(scenario: Scenario, model: HeaterModel) -> tuple[float, float]:
     """
     ambient, start = temperatures(scenario, model)
     top = ambient + 100.0 * model.gain_degC_per_pct
-    if not ambient < scenario.setpoint_degC < top:
+    if not can_hold(model, scenario.setpoint_degC, ambient):
         rule = (
             f"> {ambient:g} (ambient) and < {top:g} (ambient + 100 % · {model.gain_degC_per_pct:g} °C/%), "
             "or this heater cannot hold it"
         )
         raise OutOfRange("setpoint_degC", scenario.setpoint_degC, rule)
     return ambient, start
+
+
+def can_hold(model: HeaterModel, setpoint_degC: float, ambient_degC: float) -> bool:
+    """Return whether a heater reaches a setpoint with less than full power, and is colder without any."""
+    return ambient_degC < setpoint_degC < ambient_degC + 100.0 * model.gain_degC_per_pct
 
 
 def temperatures(scenario: Scenario, model: HeaterModel) -> tuple[float, float]:

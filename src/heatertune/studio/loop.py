@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from heatertune import chain
-from heatertune.chain.stages import Told, default_pwm_period_s, labelled
+from heatertune.chain.stages import Told, default_pwm_period_s
 from heatertune.chain.words import choose_words, search_document
 from heatertune.model.values import FittedModel
 from heatertune.pid.quick import quick_tune
@@ -69,7 +69,7 @@ def first_look(fitted: FittedModel, settings: Settings, gains: Gains | None = No
         settings=settings, gains=gains, realised=real, proof=proof,
         margins=None if real is None else worst([margins(plant, real) for plant in fitted.plants]),
         wish=None if real is None else simulate_wish(
-            gains.design, labelled(fitted)[0][1], nominal.scenario, nominal.actuator),
+            gains.design, nominal.model, nominal.scenario, nominal.actuator),
     )
 
 
