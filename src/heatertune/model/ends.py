@@ -21,7 +21,7 @@ __all__ = ["Held", "ends_of", "halves_of", "joint_ends", "told_apart"]
 #: name and value of a number → the heater with it held, its fit [%] and its error [°C]
 Held = Callable[[str, float], tuple[HeaterModel | None, float, float]]
 
-_SAME: Final = 0.01  # of each number: such a heater adds nothing to a family
+_SAME: Final = 0.03  # of each number: such a heater adds nothing to a family
 
 
 class _End(NamedTuple):
@@ -118,7 +118,7 @@ def halves_of(log: Log, halves: tuple[Half, Half], *, law: str) -> Iterator[Cand
 
 
 def told_apart(candidates: Sequence[Candidate], least_dead_time_s: float) -> tuple[Candidate, ...]:
-    """Return the candidates without the ends that differ from another one by less than a hundredth in every number."""
+    """Return the candidates without the ends that differ from another one by less than 3 % in every number."""
     kept = [each for each in candidates if not each.part]
     for each in candidates:
         if each.part and not any(_alike(each.model, other.model, least_dead_time_s) for other in kept):

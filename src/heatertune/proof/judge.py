@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +18,8 @@ from heatertune.proof.trace import Trace
 __all__ = ["judge", "rest_of"]
 
 Array = npt.NDArray[np.float64]
+#: instants [s] and distances from the setpoint there [°C]
+Course = tuple[Array, Array]
 
 _PERIODS_AT_REST = 3  # PWM periods that the time at rest spans at least
 
@@ -30,16 +33,16 @@ def judge(
     and settling time and IAE count the time that a ramp takes.
 
     Criteria of disturbances, interlock, margins and the power that one step of the reading moves at once [%] are there
-    where the run has them and they are given. All
-    temperatures are the true ones, at any instant, not the sensor's.
+    where the run has them and they are given. All temperatures are the true ones, at any instant, not the sensor's.
     """
     step = trace.setpoint_degC - temperatures(trace.scenario, trace.model)[1]
     band = max(limits.tolerance_degC, limits.tolerance_resolutions * trace.resolution_degC)
+    heat_up, *later = (_error(trace, a, b) for a, b in pairwise(_stops(trace)))
     return (
-        *_heat_up(trace, limits, step, band),
+        *_heat_up(limits, step, band, heat_up),
         *_at_rest(trace, limits, band),
-        _absolute_error(trace, limits),
-        *_recovery(trace, limits, step, band),
+        _absolute_error(limits, [heat_up, *later]),
+        *_recovery(trace, limits, step, band, later),
         *_switching(trace, limits),
         *(_trips(trace, trace.interlock) if trace.interlock is not None else ()),
         *(_robustness(margins, limits) if margins is not None else ()),
@@ -52,14 +55,13 @@ def _stops(trace: Trace) -> list[float]:
     return [0.0, *(each.time_s for each in trace.scenario.disturbances), float(trace.time_s[-1])]
 
 
-def _error(trace: Trace, start_s: float, end_s: float) -> tuple[Array, Array]:
+def _error(trace: Trace, start_s: float, end_s: float) -> Course:
     times, temperature = trace.course(start_s, end_s)
     return times, temperature - trace.setpoint_degC
 
 
-def _heat_up(trace: Trace, limits: Limits, step: float, band: float) -> tuple[Criterion, ...]:
-    end = _stops(trace)[1]
-    times, error = _error(trace, 0.0, end)
+def _heat_up(limits: Limits, step: float, band: float, course: Course) -> tuple[Criterion, ...]:
+    times, error = course
     return (
         Criterion(
             name="overshoot", value=max(0.0, float(error.max())) / step * 100.0, limit=limits.overshoot_pct, unit="%",
@@ -67,7 +69,7 @@ def _heat_up(trace: Trace, limits: Limits, step: float, band: float) -> tuple[Cr
         ),
         Criterion(
             name="settling_time", value=_stays_within(times, error, band),
-            limit=end if limits.settling_s is None else limits.settling_s, unit="s",
+            limit=float(times[-1]) if limits.settling_s is None else limits.settling_s, unit="s",
             what=f"Time after which the temperature stays within ±{band:.3g} °C of the setpoint.",
         ),
     )
@@ -121,35 +123,33 @@ def _integral(times: Array, values: Array) -> float:
     return float(np.sum(np.diff(times) * (values[1:] + values[:-1])) / 2.0)
 
 
-def _absolute_error(trace: Trace, limits: Limits) -> Criterion:
-    stops = _stops(trace)
-    courses = [_error(trace, a, b) for a, b in pairwise(stops)]
+def _absolute_error(limits: Limits, courses: Sequence[Course]) -> Criterion:
     return Criterion(
         name="iae", value=sum(_integral(times, np.abs(error)) for times, error in courses),
         limit=limits.iae_degC_s, unit="°C·s", what="Integral of the absolute error over the whole record.",
     )
 
 
-def _recovery(trace: Trace, limits: Limits, step: float, band: float) -> tuple[Criterion, ...]:
-    ends = _stops(trace)[2:]
+def _recovery(
+    trace: Trace, limits: Limits, step: float, band: float, courses: Sequence[Course]
+) -> tuple[Criterion, ...]:
     found = [
-        _after(trace, limits, step, band, disturbance, end)
-        for disturbance, end in zip(trace.scenario.disturbances, ends, strict=True)
+        _after(limits, step, band, disturbance, course)
+        for disturbance, course in zip(trace.scenario.disturbances, courses, strict=True)
     ]
     return tuple(worst_of(same) for same in zip(*found, strict=True))
 
 
 def _after(
-    trace: Trace, limits: Limits, step: float, band: float, disturbance: Kick | Load, end: float
+    limits: Limits, step: float, band: float, disturbance: Kick | Load, course: Course
 ) -> tuple[Criterion, ...]:
-    start = disturbance.time_s
-    times, error = _error(trace, start, end)
+    start, (times, error) = disturbance.time_s, course
     change = disturbance.temperature_degC if isinstance(disturbance, Kick) else disturbance.power_pct
     along = error * math.copysign(1.0, change)
     return (
         Criterion(
             name="recovery_time", value=_stays_within(times, error, band) - start,
-            limit=end - start if limits.recovery_s is None else limits.recovery_s, unit="s",
+            limit=float(times[-1]) - start if limits.recovery_s is None else limits.recovery_s, unit="s",
             what=f"Time after a disturbance until the temperature stays within ±{band:.3g} °C of the setpoint.",
         ),
         Criterion(

@@ -172,6 +172,7 @@ def prove(
     settings = settings_to_prove(room.switches, known or {})[: None if open_points else 1]
     results: list[RunResult] = []
     traces: list[Trace] = []
+    worst: list[float] = []
     for name, model in models:
         margins = None if margins_of is None or design is None else margins_of(model, design)
         for switches in settings:
@@ -181,8 +182,9 @@ def prove(
                 reading_step_degC, trace.resolution_degC, scenario.noise_degC)
             criteria = tuple(replace(each, where=label) for each in judge(trace, limits, margins, step))
             results.append(RunResult(model=name, switches=switches, label=label, criteria=criteria))
-            if len(results) == 1 or results[-1].strains > max(each.strains for each in results[:-1]):
-                traces = [*traces[:1], trace]  # the nominal one and the worst so far
+            strains = results[-1].strains
+            if not traces or strains > worst:
+                traces, worst = [*traces[:1], trace], strains  # the nominal one and the worst so far
     return Proof(
         words=words,
         design=design,
