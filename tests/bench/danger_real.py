@@ -65,7 +65,8 @@ SOURCES = (
            reading={"temperature_unit": "K", "power_full_scale": 255.0}),
     Source("tclab_step_fahrenheit_millivolt.csv", "TCLab, millivolt", (1, 3, 2, None),
            reading={"temperature_unit": "degF", "power_full_scale": 255.0}),
-    *_usual("TCLab, BYU", "apm_mimo_random_T1", "apm_mimo_steps_T1", "apm_mhe_lin_T1", "pds_tclab"),
+    *_usual("TCLab, BYU", "apm_mimo_random_T1", "apm_mimo_steps_T1", "apm_mhe_lin_T1"),
+    *_usual("TCLab, pds", "pds_tclab"),  # another source, and 1.6 times the gain per time constant
     Source("tclab_two_heaters_closed_loop.csv", "TCLab, BYU", (1, 4, 2, 6)),
     *_usual("TCLab, Notre Dame", "kantor_tclab_step2", "kantor_tclab_step3"),
     *_usual("UNThermal", "unal_prbs_open", "unal_profile_closed"),

@@ -331,12 +331,27 @@ def _radiation(plan):
     _change_heater(plan, gain=gain, radiation=float(plan.rng.uniform(0.2, 0.9)))
 
 
+#: programs of more than two levels of power: with two, a bent heater's log is a straight one's, to the last digit
+_MORE_LEVELS = ("up and down", "doublet", "levels")
+
+
 def _saturation(plan):
+    plan.program = str(plan.rng.choice(_MORE_LEVELS))
+    _saturate(plan)
+
+
+def _saturation_unseen(plan):
+    plan.program = "step"
+    _saturate(plan)
+
+
+def _saturate(plan):
     plan.cap = 100.0
     _change_heater(plan, gain=min(plan.heater.gain, 8.0), saturates=float(plan.rng.uniform(25.0, 60.0)))
 
 
 def _bent_power(plan):
+    plan.program = str(plan.rng.choice(_MORE_LEVELS))
     plan.cap = 100.0
     _change_heater(plan, gain=min(plan.heater.gain, 8.0), bend=float(plan.rng.uniform(0.3, 0.8)))
 
@@ -657,5 +672,6 @@ KINDS = {
     "ambient of a day": Kind(_day, "out"),
     "aliased power": Kind(_aliased, "out"),
     "power a row late": Kind(_power_late, "blind"),
+    "saturation, one level": Kind(_saturation_unseen, "blind"),
     "cooler": Kind(_cooler, "out"),
 }
