@@ -58,11 +58,14 @@ def _orders(
     found: Explained, candidates: Sequence[Candidate], ci95: Mapping[str, Interval | None],
     wider: Mapping[str, float], seed: int,
 ) -> Iterator[_Order]:
-    """Return one lag and two, as far as they explain the log; intervals of a model that does not say nothing."""
+    """Return one lag and two, as far as they explain the log.
+
+    Where two lags explain it far better, of one lag the dead time alone stays: its interval is what is told.
+    """
     one, *others = candidates
     two = next((each for each in others if len(each.model.lags_s) > 1 and each.law == one.law), None)
-    if two is None or one.delta_bic < two.delta_bic + _NEAR:
-        yield _Order(0, one, ci95)
+    better = two is not None and one.delta_bic >= two.delta_bic + _NEAR
+    yield _Order(0, one, {"dead_time_s": ci95["dead_time_s"]} if better else ci95)
     if two is not None:
         yield _Order(1, two, intervals_by(found.problems[1], found.fits[1], [wider], seed=seed)[0])
 
@@ -76,6 +79,6 @@ def open_ends(orders: Sequence[tuple[str, Mapping[str, Interval | None]]]) -> It
         ("dead_time_s", "dead-time-open", "dead time has no upper end"),
         (RATIO, "faster-than-log", "gain per time constant has no upper end"),
     ):
-        open_ = [lags for lags, ci95 in orders if (end := ci95[name]) is not None and end.high is None]
+        open_ = [lags for lags, ci95 in orders if (end := ci95.get(name)) is not None and end.high is None]
         if open_:
             yield Finding(name=finding, told=f"With {open_[0]}, the {what} within the log.")
