@@ -10,6 +10,7 @@ from tests.conftest import ROOT
 from tests.docs.blocks import DOCS, INSTALL, PAGES, blocks, differences, run
 
 from heatertune.cli import COMMANDS
+from heatertune.model.findings import KINDS
 from heatertune.plc import TARGETS
 from heatertune.units import NOMENCLATURE
 
@@ -140,3 +141,9 @@ def test_the_reference_is_what_the_program_says_of_itself(site):
         assert symbol in nomenclature
         assert name in nomenclature
     assert "<!-- generate" not in "".join(path.read_text(encoding="utf-8") for path in site.rglob("*.html"))
+
+
+def test_the_table_of_findings_is_what_the_verdict_hears():
+    page = (DOCS / "explain/verdict.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if line.startswith("| `")]
+    assert rows == [f"| `{name}` | {kind.effect} | {kind.short} | {kind.remedy} |" for name, kind in KINDS.items()]

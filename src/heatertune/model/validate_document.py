@@ -14,7 +14,7 @@ SCHEMA = "heatertune/validation/1"
 
 def to_document(verdict: Verdict, least_fit_pct: float) -> dict[str, Any]:
     """Return the document: the verdict, its criteria with their limits, and every model's run."""
-    worst, bias = verdict.runs[verdict.worst], max((run.bias_degC for run in verdict.runs), key=abs)
+    worst = verdict.runs[verdict.worst]
     return {
         "schema": SCHEMA,
         "log": verdict.log,
@@ -23,7 +23,7 @@ def to_document(verdict: Verdict, least_fit_pct: float) -> dict[str, Any]:
         "worst": worst.label,
         "criteria": {
             "fit": {"value": worst.fit_pct, "limit": least_fit_pct, "unit": "%", "ok": "fit" not in verdict.fails},
-            "bias": {"value": bias, "limit": verdict.most_bias_degC, "unit": "°C",
+            "bias": {"value": verdict.bias_degC, "limit": verdict.most_bias_degC, "unit": "°C",
                      "ok": "bias" not in verdict.fails},
         },
         "runs": [_run_document(run) for run in verdict.runs],

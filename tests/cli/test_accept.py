@@ -1,0 +1,103 @@
+"""A fit that leaves something open: NOT PROVEN at the terminal, with the way on, until it is closed or accepted."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from heatertune.documents import to_json
+from heatertune.model import document
+from heatertune.model.by_hand import model_by_hand
+from heatertune.model.findings import Finding
+from heatertune.model.values import Fopdt, Outcome
+
+HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
+
+
+@pytest.fixture
+def pid(tmp_path, run):
+    """A design for a heater whose fit leaves the dead time open, as `tune` writes it."""
+    fitted = replace(
+        model_by_hand(HEATER), outcome=Outcome.IDENTIFIED, setpoint_degC=40.0, log_interval_s=2.0,
+        least_dead_time_s=1.0, assumed={"sensor_delay_s": 0.5},
+        findings=(Finding(name="dead-time-open", told="With one lag, the dead time has no upper end within the log."),),
+    )
+    model, path = tmp_path / "model.json", tmp_path / "pid.json"
+    model.write_text(to_json(document.to_document(fitted)), encoding="utf-8")
+    assert run("tune", model, "--target", "s5-ob251", "--ms", 1.4, "-o", path, "--quiet")[0] == 0
+    return path
+
+
+def test_verify_says_not_proven_in_its_first_line_with_the_way_on_and_ends_with_1(pid, run):
+    status, out, _ = run("verify", pid, "--target", "s5-ob251")
+    first, last = out.splitlines()[0], out.rstrip().splitlines()[-1]
+    assert status == 1
+    assert first.startswith("NOT PROVEN at 40 °C in 5 runs on 1 possible heater; the log does not bound the dead time")
+    assert "heatertune plan" in first
+    assert "--dead-time-at-most" in first
+    assert "--accept dead-time-open" in first
+    assert last == f"VERDICT {first}"
+
+
+def test_what_is_accepted_is_pass_and_stands_in_the_files(pid, run, tmp_path):
+    asked = ("--target", "s5-ob251", "-o", tmp_path / "out")
+    status, _, err = run("export-db", pid, *asked)
+    assert status == 1
+    assert err.startswith("error: NOT PROVEN at 40 °C")
+    assert not (tmp_path / "out").exists()
+    assert run("export-db", pid, *asked, "--accept", "dead-time-open")[0] == 0
+    listing = (tmp_path / "out" / "DB30_listing.txt").read_text(encoding="utf-8")
+    assert "// verdict of the proof: PASS\n// proven at 40 °C in 5 runs on 1 possible heater\n" in listing
+    assert "// accepted: the log does not bound the dead time\n" in listing
+    assert "// taken as known: sensor delay of 0.5 s\n" in listing
+    proof = json.loads((tmp_path / "out" / "proof.json").read_text(encoding="utf-8"))
+    assert proof["findings"][0] == {"name": "dead-time-open", "effect": "blocks", "accepted": True,
+                                    "told": "With one lag, the dead time has no upper end within the log."}
+
+
+def test_forced_words_say_that_they_are_not_proven_and_can_be_accepted_later(pid, run, tmp_path):
+    assert run("export-db", pid, "--target", "s5-ob251", "-o", tmp_path, "--force")[0] == 0
+    assert "NOT PROVEN - FORCED" in (tmp_path / "DB30_listing.txt").read_text(encoding="utf-8")
+    words = tmp_path / "words.json"
+    again = ("export-db", words, "--target", "s5-ob251", "-o", tmp_path / "again")
+    assert run(*again)[0] == 1
+    assert run(*again, "--accept", "dead-time-open")[0] == 0
+    assert "verdict of the proof: PASS" in (tmp_path / "again" / "DB30_listing.txt").read_text(encoding="utf-8")
+
+
+def test_only_what_blocks_can_be_accepted(pid, run):
+    for name in ("closed-loop", "nonsense"):
+        status, _, err = run("verify", pid, "--target", "s5-ob251", "--accept", name)
+        assert status == 2
+        assert name in err
+        assert "dead-time-open" in err
+        assert err.count("\n") == 1
+
+
+def test_a_sampled_design_without_dead_time_is_refused_as_the_continuous_one_is(run, tmp_path):
+    heater = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 0, "--ambient", 22, "--quiet")
+    said = [run("tune", *heater, "--sample-time", ta, "-o", tmp_path / "x.json") for ta in (0, 5)]
+    assert [status for status, _, _ in said] == [2, 2]
+    assert said[0][2] == said[1][2]
+    assert "no heater is without" in said[1][2]
+
+
+def test_no_design_goes_beyond_what_a_log_can_support(run, tmp_path):
+    # T 20 s and L 0.3 s, logged every 2 s: the truth allows a far faster loop than this log can show
+    time = [2.0 * k for k in range(120)]
+    rows = ["time [s],T [°C],heater [%]"]
+    for t in time:
+        held = max(0.0, t - 20.3)
+        rows.append(f"{t},{20.0 + 40.0 * (1.0 - 2.718281828 ** (-held / 20.0)):.2f},{80 if t >= 20 else 0}")
+    log = tmp_path / "fast.csv"
+    log.write_text("\n".join(rows), encoding="utf-8")
+    assert run("fit", log, "-o", tmp_path / "model.json", "--quiet")[0] == 0
+    status, out, _ = run("tune", tmp_path / "model.json", "--target", "s5-ob251", "--json", "--quiet")
+    found = json.loads(out)
+    assert status == 0
+    assert found["sample_time_s"] >= 2.0
+    assert any("not taken below the log's own interval" in note for note in found["notes"])
+    assert min(each["dead_time_s"] for each in found["model"]["candidates"]) < 1.0 <= found["model"]["least_dead_time_s"]
+    # a fast TA is the user's own word, and then it is told
+    status, out, _ = run("tune", tmp_path / "model.json", "--sample-time", 0.5, "--json", "--quiet")
+    assert any("below the log's own interval" in note for note in json.loads(out)["notes"])
