@@ -62,5 +62,5 @@ def test_a_controller_that_cannot_hold_the_design_stays_in_the_table_with_its_re
     assert rows["s7-200"]["verdict"] == "not representable"
     assert "--structure pi" in rows["s7-200"]["why"]
     assert "realised" in rows["s7-300"]
-    told = targets_table({"model": "by hand", "rows": list(rows.values())})
+    told = targets_table({"model": "by hand", "setpoint_degC": 40.0, "rows": list(rows.values())})
     assert "s7-200: integral-action time TN" in told

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from heatertune.chain.stages import Told, encode, labelled, prove
+from heatertune.chain.stages import Told, default_setpoint, encode, labelled, prove
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
@@ -46,7 +46,10 @@ def compare(
         progress(f"proving the words of {target} ({number} of {len(TARGETS)})")
         rows.append(_row(target, wished, fitted, scaling, proving or {}))
     label, model = labelled(fitted)[0]
-    return {"schema": SCHEMA, "model": label, "gain_degC_per_pct": model.gain_degC_per_pct, "rows": rows}
+    asked = (proving or {}).get("setpoint_degC")
+    setpoint = default_setpoint(fitted) if asked is None else asked
+    return {"schema": SCHEMA, "model": label, "setpoint_degC": setpoint,
+            "gain_degC_per_pct": model.gain_degC_per_pct, "rows": rows}
 
 
 def _row(

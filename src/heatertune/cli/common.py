@@ -61,7 +61,7 @@ def add_reading_options(command: argparse.ArgumentParser) -> None:
                        help="which of several runs in one file (default: the longest)")
     group.add_argument("--skip-empty", action="store_true", help="leave out rows without a temperature (empty, NaN)")
     group.add_argument("--errata", action="store_true", help="apply the known misprints of a built-in table")
-    group.add_argument("--until", type=float, metavar="S", help="last instant to use [s]; default: all, or the first jump")
+    group.add_argument("--until", type=float, metavar="S", help="last instant to use [s]; default: up to a jump")
 
 
 def add_log_options(command: argparse.ArgumentParser) -> None:

@@ -27,7 +27,7 @@ _NUMERIC = range(2, len(_HEADS))
 
 def targets_table(document: Document) -> str:
     """Return one line per controller, and below why one could not hold the design or failed."""
-    lines = [table([_HEADS, *_rows(document)], right=_NUMERIC), _legend(document)]
+    lines = [_where(document), table([_HEADS, *_rows(document)], right=_NUMERIC), _legend(document)]
     return "\n".join(lines + [f"- {line}" for line in _reasons(document)])
 
 
@@ -35,7 +35,8 @@ def render_targets(document: Document) -> str:
     """Return the page: table, reasons, picture."""
     reasons = "".join(f"<li>{text_of(line)}</li>" for line in _reasons(document))
     body = (
-        f"<p>{text_of(_legend(document))}</p>{html_table(_HEADS, _rows(document), numeric=_NUMERIC)}<ul>{reasons}</ul>"
+        f"<p>{text_of(_where(document))}. {text_of(_legend(document))}</p>"
+        f"{html_table(_HEADS, _rows(document), numeric=_NUMERIC)}<ul>{reasons}</ul>"
         + picture(plot_targets(_proven(document)),
                   "Left: temperature on each controller, and of the unrounded design with the same switch (dashed). "
                   "Right: their difference, each on its own scale.", moves=False)
@@ -83,6 +84,10 @@ def _row(row: Document) -> tuple[str, ...]:
 
 def _more(value: float, than: float) -> str:
     return f"{100.0 * (value / than - 1.0):+.2f} %"
+
+
+def _where(document: Document) -> str:
+    return f"One design on every controller, at {document['setpoint_degC']:g} °C"
 
 
 def _legend(document: Document) -> str:
