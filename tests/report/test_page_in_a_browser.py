@@ -118,7 +118,8 @@ def test_ticks_are_kept_when_the_page_is_opened_again(shown):
 def test_it_prints_on_eight_pages_of_a4_with_nothing_cut(shown):
     for width in (1280, 768, 480):
         shown.set_viewport_size({"width": width, "height": 900})
-        assert shown.evaluate("document.documentElement.scrollWidth") <= width
+        # a picture draws itself anew once the page has its width
+        shown.wait_for_function("width => document.documentElement.scrollWidth <= width", arg=width)
     printed = shown.pdf(prefer_css_page_size=True)
     assert 1 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 8
     assert re.findall(rb"/MediaBox \[0 0 (\d+)", printed)[0] in (b"594", b"595"), "A4 is 210 mm, 595 points wide"

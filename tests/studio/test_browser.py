@@ -91,7 +91,7 @@ def test_a_user_gets_from_a_dropped_file_to_downloaded_words(page, step_log):
     _malformed_file_is_told_in_place(page)
     page.get_by_role("button", name="Keep this design").click()
     page.get_by_text("design A", exact=True).wait_for()
-    force = page.get_by_role("checkbox", name="export in spite of FAIL")
+    force = page.get_by_role("checkbox", name="export whatever the verdict")
     if force.is_visible():
         force.click()
     with page.expect_download() as told:
