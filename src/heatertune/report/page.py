@@ -42,7 +42,8 @@ def render(documents: Documents) -> str:
 def _verdict(documents: Documents) -> str:
     proof = documents["proof"]
     models = len({run["model"] for run in proof["runs"]})
-    told = [*(f"Not proven: {each['told']} What closes it: {KINDS[each['name']].remedy}." for each in blocking(proof)), *told_of(proof)]
+    told = [f"Not proven: {each['told']} What closes it: {KINDS[each['name']].remedy}." for each in blocking(proof)]
+    told += told_of(proof)
     forced = " The words were exported in spite of it (--force)." if documents["words"].get("forced") else ""
     return (
         f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{proof["verdict"]} at '
