@@ -22,9 +22,14 @@ __all__ = ["Asked", "Closed", "closed", "plainly"]
 
 #: tried in turn, each below what was asked for: the more robust loop overshoots less and is slower
 _TIGHTER_MS: Final = (1.5, 1.4, 1.3)
+_MS: Final = 1.6  # where nothing is said
 #: PWM period that a solid-state relay takes well and a contactor does not [s]
 _FAST_S: Final = 2.5
 _NOTHING_PCT: Final = 0.05  # more IAE than this is told
+
+
+#: a design and its words
+Made = tuple[PidDesign, Choice]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,14 +76,19 @@ class Closed:
     notes: tuple[str, ...]
 
 
-def plainly(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: Told = str) -> Closed:
-    """Return the design as asked for, proven; errors as the stages. `stage` is told "design", "words" and "proof"."""
-    stage("design")
-    find = tune_for_words if asked.interval_by_words else tune
-    wished = find(fitted, target=asked.target, scaling=asked.scaling, progress=progress, **asked.tuning)
-    stage("words")
-    choice = choose_words(
-        wished, asked.target, fitted, scaling=asked.scaling, way=asked.words_by, progress=progress)
+def plainly(
+    fitted: FittedModel, asked: Asked, *, made: Made | None = None, progress: Told = str, stage: Told = str
+) -> Closed:
+    """Return the design as asked for, proven; errors as the stages.
+
+    Args:
+        fitted: the heater and its candidates.
+        asked: what for.
+        made: the design and its words, where they are made already.
+        progress: told what begins.
+        stage: told "design", "words" and "proof".
+    """
+    wished, choice = _made(fitted, asked, progress, stage) if made is None else made
     conditions = dict(asked.proving)
     if asked.switch_kind is not None:
         shared = {name: conditions[name] for name in ("setpoint_degC", "tolerance_degC") if name in conditions}
@@ -92,6 +102,15 @@ def plainly(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: T
     return Closed(wished=wished, choice=choice, proof=proof, notes=tuple(notes))
 
 
+def _made(fitted: FittedModel, asked: Asked, progress: Told, stage: Told) -> Made:
+    stage("design")
+    find = tune_for_words if asked.interval_by_words else tune
+    wished = find(fitted, target=asked.target, scaling=asked.scaling, progress=progress, **asked.tuning)
+    stage("words")
+    return wished, choose_words(
+        wished, asked.target, fitted, scaling=asked.scaling, way=asked.words_by, progress=progress)
+
+
 def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: Told = str) -> Closed:
     """Return the first design that keeps every limit: as asked for, or changed by as little as will do.
 
@@ -101,13 +120,17 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
     Raises:
         HeatertuneError: as the stages on the plain design.
     """
-    first = plainly(fitted, replace(asked, setpoint_ramp=asked.setpoint_ramp or "none"), progress=progress, stage=stage)
+    made = {_ms(asked): _made(fitted, asked, progress, stage)}
+    still = replace(asked, setpoint_ramp=asked.setpoint_ramp or "none")
+    first = plainly(fitted, still, made=made[_ms(asked)], progress=progress, stage=stage)
     if first.proof.verdict != "FAIL":
         return first
     for changed in _changes(asked, first):
         progress(f"{_broken(first)} fails: trying {changed.what}")
+        ms = _ms(changed.asked)
         try:
-            found = plainly(fitted, changed.asked, progress=progress)
+            made[ms] = made.get(ms) or _made(fitted, changed.asked, progress, str)
+            found = plainly(fitted, changed.asked, made=made[ms], progress=progress)
         except (InputError, NotRepresentable):
             continue
         if found.proof.verdict != "FAIL":
@@ -115,6 +138,10 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
             proof = replace(found.proof, heard=replace(heard, remarks=(*heard.remarks, f"with {changed.what}")))
             return replace(found, proof=proof, notes=(_told(first, found, changed.what), *found.notes))
     return first
+
+
+def _ms(asked: Asked) -> float:
+    return float(asked.tuning.get("ms", _MS))
 
 
 class _Change(NamedTuple):
@@ -126,7 +153,7 @@ def _changes(asked: Asked, first: Closed) -> Iterator[_Change]:
     """Return what is tried, the least first."""
     still = replace(asked, setpoint_ramp=asked.setpoint_ramp or "none")
     by_optimum = first.wished.method.startswith("optimum") and math.isfinite(first.wished.integral_time_s)
-    ms = float(asked.tuning.get("ms", 1.6))
+    ms = _ms(asked)
     robust = [_Change(replace(still, tuning={**asked.tuning, "ms": tighter}), f"Ms <= {tighter:g}")
               for tighter in _TIGHTER_MS if by_optimum and tighter < ms]
     yield from robust
