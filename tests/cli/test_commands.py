@@ -240,7 +240,7 @@ def test_one_of_several_runs_can_be_asked_for(run, tmp_path):
     log.write_text("\n".join(["time_s,temp_C,duty_pct", *rows, *rows[:25]]) + "\n")
     told = json.loads(run("fit", log, "--run", 2, "--json")[1] or "{}")
     assert "run 3" in run("fit", log, "--run", 3)[2]
-    assert told["schema"] == "heatertune/model/1"
+    assert told["schema"] == "heatertune/model/2"
 
 
 def test_the_command_line_knows_the_interlocks():

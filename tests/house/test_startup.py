@@ -79,7 +79,7 @@ def test_a_design_whose_words_are_rounded_is_proven_and_exported_by_none_of_the_
     (lambda proof: proof["criteria"]["ms"].update(ok=False) or proof.update(verdict="FAIL"), 1,
      "not kept: ms; the model was given by hand; --force exports these words all the same"),
     (lambda proof: proof.pop("runs"), 2, "proof.json: no whole proof; prove the words again"),
-    (lambda proof: proof.update(schema="x"), 2, "schema is 'x'; expected 'heatertune/proof/1'"),
+    (lambda proof: proof.update(schema="x"), 2, "schema is 'x'; expected 'heatertune/proof/2'"),
 ])
 @pytest.mark.long
 def test_no_words_leave_on_another_proof(change, status, told, proven, tmp_path, capsys):

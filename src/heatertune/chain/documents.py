@@ -10,12 +10,14 @@ from heatertune.chain.stages import holding
 from heatertune.chain.words_file import WORDS_SCHEMA
 from heatertune.documents import read_document
 from heatertune.log.values import Log
+from heatertune.model.document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, room
 from heatertune.proof import Proof, Trace, simulate, simulate_wish
 from heatertune.proof.series import curve_series, trace_series
+from heatertune.proof.verdict import PROOF_SCHEMA
 
 __all__ = ["log_document", "pictures", "read_documents", "words_document"]
 
@@ -58,7 +60,8 @@ def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
         DocumentError: one is missing or is none.
     """
     names = ("log", "model", "pid", "words", "proof", "pictures", "comparison")
-    return {name: read_document(directory / f"{name}.json", f"heatertune/{name}/1") for name in names}
+    schemas = {name: f"heatertune/{name}/1" for name in names} | {"model": MODEL_SCHEMA, "proof": PROOF_SCHEMA}
+    return {name: read_document(directory / f"{name}.json", schema) for name, schema in schemas.items()}
 
 
 def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, Any]:

@@ -9,12 +9,11 @@ from typing import Any, Final
 from heatertune.documents import number, peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused
 from heatertune.plc import Certificate, Ramp, Scaling, Words, room
-from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, extent, told_of, verdict_line
+from heatertune.proof.verdict import NOT_PROVEN, PROOF_SCHEMA, Heard, blocking, extent, told_of, verdict_line
 
 __all__ = ["WORDS_SCHEMA", "certificate", "export_again", "read_words"]
 
 WORDS_SCHEMA: Final = "heatertune/words/1"
-_PROOF_SCHEMA: Final = "heatertune/proof/1"
 
 
 def read_words(path: str | Path, target: str) -> Words | None:
@@ -110,7 +109,7 @@ def export_again(
     if words is None:
         return None
     beside = Path(path).with_name("proof.json")
-    proof = read_document(beside, _PROOF_SCHEMA)
+    proof = read_document(beside, PROOF_SCHEMA)
     scale = {"low_degC": words.scaling.low_degC, "high_degC": words.scaling.high_degC}
     document = read_document(path, WORDS_SCHEMA)
     held = {"target": target, "words": dict(words.values), "sample_time_s": words.sample_time_s, "scaling": scale,

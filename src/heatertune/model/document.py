@@ -27,7 +27,8 @@ from heatertune.model.values import (
 
 __all__ = ["SCHEMA", "from_document", "read_model", "to_document"]
 
-SCHEMA = "heatertune/model/1"
+#: those of the first held no ends of intervals and no findings
+SCHEMA = "heatertune/model/2"
 
 #: what is known of the log a model was fitted to
 _LOGGED = ("setpoint_degC", "log_interval_s", "least_dead_time_s", "reading_step_degC")

@@ -9,6 +9,7 @@ from typing import Any
 
 from heatertune.documents import number, optional_number, read_document
 from heatertune.errors import DocumentError
+from heatertune.model.document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.document import from_document as model_from_document
 from heatertune.model.document import to_document as model_to_document
 from heatertune.model.values import FittedModel
@@ -54,6 +55,9 @@ def read_design(path: str | Path) -> tuple[PidDesign, FittedModel | None]:
     """
     document = read_document(path, SCHEMA)
     model = document.get("model")
+    if isinstance(model, dict) and model.get("schema") != MODEL_SCHEMA:
+        raise DocumentError(f"{path}: the model's schema is {model.get('schema')!r}; expected {MODEL_SCHEMA!r}: fit "
+                            "and tune again")
     return from_document(document, where=path), None if model is None else model_from_document(model, where=path)
 
 

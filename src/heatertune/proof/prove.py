@@ -19,12 +19,10 @@ from heatertune.proof.loop import simulate
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.trace import Trace
-from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, combined
+from heatertune.proof.verdict import NOT_PROVEN, PROOF_SCHEMA, Heard, blocking, combined
 from heatertune.show import Shown
 
-__all__ = ["SCHEMA", "Proof", "RunResult", "prove", "settings_to_prove"]
-
-SCHEMA: Final = "heatertune/proof/1"
+__all__ = ["Proof", "RunResult", "prove", "settings_to_prove"]
 
 _ALL_TOGETHER: Final = 8  # up to so many combinations of settings all are run
 
@@ -97,7 +95,7 @@ class Proof(Shown):
     def to_document(self) -> dict[str, Any]:
         """Return the JSON document; traces are not part of it, numbers that are not finite are null."""
         return {
-            "schema": SCHEMA,
+            "schema": PROOF_SCHEMA,
             "verdict": self.verdict,
             "target": self.words.target,
             "words": dict(self.words.values),

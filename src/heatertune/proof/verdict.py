@@ -10,7 +10,12 @@ from heatertune.errors import UnknownName
 from heatertune.log.cells import count
 from heatertune.model.findings import KINDS, Finding
 
-__all__ = ["ASSUMED", "NOT_PROVEN", "Heard", "blocking", "combined", "extent", "told_of", "verdict_line"]
+__all__ = [
+    "ASSUMED", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "blocking", "combined", "extent", "told_of", "verdict_line",
+]
+
+#: of a proof's document; those of the first did not hear the fit
+PROOF_SCHEMA: Final = "heatertune/proof/2"
 
 NOT_PROVEN: Final = "NOT PROVEN"
 
