@@ -65,6 +65,15 @@ def test_forced_words_say_that_they_are_not_proven_and_can_be_accepted_later(pid
     assert "verdict of the proof: PASS" in (tmp_path / "again" / "DB30_listing.txt").read_text(encoding="utf-8")
 
 
+def test_a_model_of_before_the_verdict_heard_the_fit_is_refused(pid, run):
+    found = json.loads(pid.read_text(encoding="utf-8"))
+    found["model"]["schema"] = "heatertune/model/1"
+    pid.write_text(json.dumps(found), encoding="utf-8")
+    status, _, err = run("verify", pid, "--target", "s5-ob251")
+    assert status == 2
+    assert err.rstrip().endswith("expected 'heatertune/model/2': fit and tune again")
+
+
 def test_only_what_blocks_can_be_accepted(pid, run):
     for name in ("closed-loop", "nonsense"):
         status, _, err = run("verify", pid, "--target", "s5-ob251", "--accept", name)

@@ -247,7 +247,8 @@ def test_a_folder_of_a_design_is_opened_with_its_heater_and_settings(tmp_path, h
     log = read_dropped("step.csv", step_log)
     names = ("time_s", "temperature_degC", "power_pct")
     columns = {name: getattr(log, name).tolist() for name in names}
-    documents = {name: {"schema": f"heatertune/{name}/1"} for name in ("proof", "pictures", "comparison")} | {
+    documents = {name: {"schema": f"heatertune/{name}/1"} for name in ("pictures", "comparison")} | {
+        "proof": {"schema": "heatertune/proof/2"},
         "log": {"schema": "heatertune/log/1", "name": "step", "source": "step.csv", "setpoint_degC": None, "repairs": [],
                 "doubts": ["odd"], **columns},
         "model": to_document(heater), "pid": {"schema": "heatertune/pid/1", "structure": "pid"},
