@@ -59,6 +59,14 @@ def test_a_finding_that_does_not_block_is_told_on_the_line_and_in_the_certificat
         Heard(accepted=(name,))
 
 
+def test_a_document_that_calls_a_finding_harmless_is_not_believed(proven):
+    document = proven(findings=(_finding("alias"),)).to_document()
+    document["findings"][0]["effect"] = "told"
+    document["verdict"] = "PASS"
+    with pytest.raises(ExportRefused, match="--accept alias"):
+        certificate(document)
+
+
 def test_words_that_fail_fail_whatever_else_is_open(proven):
     proof = proven(gain=60.0, findings=(_finding("alias"),))
     assert proof.verdict == "FAIL"

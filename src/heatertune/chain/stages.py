@@ -257,8 +257,7 @@ def prove(
         actuator=actuator or Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s)),
         limits=Limits(tolerance_degC=tolerance_degC, step_power_pct=step_power_pct), margins_of=margins, known=known,
         heard=Heard(findings=(*fitted.findings, *_unreached(fitted, len(models), setpoint)), accepted=tuple(accept),
-                    assumed=fitted.assumed,
-                    remarks=tuple(_remarks(words, fitted))),
+                    assumed=fitted.assumed, remarks=tuple(_remarks(words, fitted))),
         reading_step_degC=fitted.reading_step_degC,
         interlock=None if interlock is None else Interlock(
             name=interlock, limit_degC=words.scaling.high_degC if limit_degC is None else limit_degC,

@@ -65,8 +65,8 @@ def combined(verdicts: Iterable[str]) -> str:
 
 
 def blocking(proof: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the findings in a proof's document that leave it unproven."""
-    return [each for each in proof["findings"] if each["effect"] == "blocks" and not each["accepted"]]
+    """Return the findings in a proof's document that leave it unproven, by what their names mean."""
+    return [each for each in proof["findings"] if KINDS[each["name"]].effect == "blocks" and not each["accepted"]]
 
 
 def verdict_line(proof: Mapping[str, Any]) -> str:
@@ -93,7 +93,8 @@ def _broken(proof: Mapping[str, Any]) -> Sequence[str]:
 
 def told_of(proof: Mapping[str, Any]) -> list[str]:
     """Return what is told, widened, accepted and assumed in a proof's document, a few words each."""
-    told = [KINDS[each["name"]].short for each in proof["findings"] if each["effect"] != "blocks"]
+    told = [KINDS[each["name"]].short for each in proof["findings"]
+            if KINDS[each["name"]].effect != "blocks"]
     accepted = [f"accepted: {KINDS[each['name']].short}" for each in proof["findings"] if each["accepted"]]
     assumed = [f"taken as known: {ASSUMED[name].format(value)}" for name, value in proof["assumed"].items()]
     return [*assumed, *accepted, *dict.fromkeys(told), *proof["remarks"]]
