@@ -12,11 +12,12 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
 from heatertune.model import document
 from heatertune.model.circumstances import setpoint_of
+from heatertune.model.ends import AtEnd, ends_of
 from heatertune.model.fit import fit
 from heatertune.model.open_loop import PowerProblem
 from heatertune.model.readings import Readings
 from heatertune.model.ultimate import fits_of_period, periods_of
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, Interval
 
 
 def _noisy(seed=0, sample=4.0, deviation=0.4, **heater):
@@ -153,3 +154,14 @@ def test_a_heater_stands_once_in_the_family_and_ends_are_not_drawn_around():
     assert len(set(fitted.plants)) == len(fitted.plants)
     assert set(fitted.hypothetical) < set(fitted.plants)
     assert all(isinstance(model, Fopdt) or len(model.lags_s) == 2 for model in fitted.plants)
+
+
+def test_the_nearest_heater_there_is_stands_for_an_end_that_no_heater_has():
+    best = fit(_noisy()).candidates[0]
+
+    def held(name, value):  # beyond 20 s of dead time no gain is positive
+        return AtEnd(replace(best.model, dead_time_s=value), 90.0, 0.1) if value <= 20.0 else None
+
+    ends = ends_of(best, {"dead_time_s": 12.0}, {"dead_time_s": Interval(low=8.0, high=30.0)}, held,
+                   least_dead_time_s=2.0)
+    assert [end.model.dead_time_s for end in ends] == [8.0, pytest.approx(20.0, abs=18.0 / 2**6)]

@@ -13,15 +13,26 @@ from heatertune.model.loads import bic_of
 from heatertune.model.measures import ultimate_period_s
 from heatertune.model.open_loop import PowerFit, PowerProblem
 from heatertune.model.statistics import fit_pct
-from heatertune.model.uncertainty import READINGS, held_at
+from heatertune.model.uncertainty import READINGS, held_at, value_of
 from heatertune.model.values import Candidate, Fopdt, HeaterModel, Interval
 
-__all__ = ["Held", "ends_of", "halves_of", "joint_ends", "told_apart"]
-
-#: name and value of a number → the heater with it held, its fit [%] and its error [°C]
-Held = Callable[[str, float], tuple[HeaterModel | None, float, float]]
+__all__ = ["AtEnd", "ends_of", "halves_of", "held_by", "told_apart"]
 
 _SAME: Final = 0.03  # of each number: such a heater adds nothing to a family
+_HALVINGS: Final = 6  # of the way to an end that no heater has
+
+
+class AtEnd(NamedTuple):
+    """A heater with one number held: its fit [%], its error [°C], and its BIC above the best one's."""
+
+    model: HeaterModel
+    fit_pct: float
+    rmse_degC: float
+    bic: float = 0.0
+
+
+#: name and value of a number → the heater with it held, None where there is none
+Held = Callable[[str, float], AtEnd | None]
 
 
 class _End(NamedTuple):
@@ -40,58 +51,53 @@ _ENDS: Final = (
 
 
 def ends_of(
-    log: Log, problem: PowerProblem, fit: PowerFit, ci95: Mapping[str, Interval | None], *, law: str,
-    delta_bic: float, least_dead_time_s: float,
+    best: Candidate, values: Mapping[str, float], ci95: Mapping[str, Interval | None], held: Held, *,
+    least_dead_time_s: float,
 ) -> Iterator[Candidate]:
-    """Return the model at each closed end of its intervals; a dead time without a low end is taken at the least.
+    """Return the heater at each closed end of its intervals; a dead time without a low end is taken at the least.
+
+    Where no heater has that value (it would cool while heated), the nearest to it that is one stands for it.
 
     Args:
-        log: for its name and times.
-        problem: of one lag or two.
-        fit: its best fit.
-        ci95: the intervals of this order, gain per time constant and ultimate period among them.
-        law: of the candidate that these are the ends of.
-        delta_bic: of that candidate; an end's own comes on top.
+        best: the candidate that these are the ends of.
+        values: its own dead time, gain per time constant and ultimate period.
+        ci95: their intervals.
+        held: name and value → the heater with this number held.
         least_dead_time_s: no dead time below this is believed.
     """
+    for end in _ENDS:
+        value = _value(ci95.get(end.name), end, least_dead_time_s)
+        if value is not None and (at := _nearest(held, end.name, values[end.name], value)) is not None:
+            yield Candidate(
+                model=at.model, log=best.log, window_s=best.window_s, law=best.law, fit_pct=at.fit_pct,
+                rmse_degC=at.rmse_degC, delta_bic=best.delta_bic + at.bic, part=end.what)
+
+
+def _nearest(held: Held, name: str, best: float, end: float) -> AtEnd | None:
+    """Return the heater at an end, or as near to it as there is one on the way from the best value."""
+    at, nearest, beyond = held(name, end), best, end
+    for _ in range(0 if at is not None else _HALVINGS):
+        middle = 0.5 * (nearest + beyond)
+        there = held(name, middle)
+        at, nearest, beyond = (at, nearest, middle) if there is None else (there, middle, beyond)
+    return at
+
+
+def held_by(problem: PowerProblem, fit: PowerFit) -> tuple[Mapping[str, float], Held]:
+    """Return the numbers of a fit to one log that have ends, and what holds one of them at another value."""
     thin = problem.thinned(READINGS)
     best = thin.refined(fit.vector[None, :])
     record, least = thin.readings.temperature_degC, bic_of(thin, best)
-    for end in _ENDS:
-        value = _value(ci95.get(end.name), end, least_dead_time_s)
-        found = None if value is None else held_at(thin, best, end.name, value)
-        if found is None or found.model is None:
-            continue
-        left = record - found.simulated_degC
-        yield Candidate(
-            model=found.model, log=log.name, window_s=(float(log.time_s[0]), float(log.time_s[-1])), law=law,
-            fit_pct=fit_pct(record, found.simulated_degC), rmse_degC=math.sqrt(float(left @ left) / len(left)),
-            delta_bic=delta_bic + max(bic_of(thin, found) - least, 0.0), part=end.what,
-        )
 
+    def held(name: str, value: float) -> AtEnd | None:
+        at = held_at(thin, best, name, value)
+        if at.model is None:
+            return None
+        left = record - at.simulated_degC
+        return AtEnd(at.model, fit_pct(record, at.simulated_degC), math.sqrt(float(left @ left) / len(left)),
+                     max(bic_of(thin, at) - least, 0.0))
 
-def joint_ends(
-    names: str, window_s: tuple[float, float], ci95: Mapping[str, Interval | None], held: Held, *, law: str,
-    least_dead_time_s: float,
-) -> Iterator[Candidate]:
-    """Return the heater of several logs at each closed end of dead time and gain per time constant.
-
-    Args:
-        names: of the logs.
-        window_s: first and last instant [s].
-        ci95: intervals of what the logs share.
-        held: name and value → the heater with this number held, its fit [%] and error [°C] on all logs.
-        law: of the candidate that these are the ends of.
-        least_dead_time_s: no dead time below this is believed.
-    """
-    for end in _ENDS:
-        value = _value(ci95.get(end.name), end, least_dead_time_s)
-        if value is None:
-            continue
-        model, fit, rmse = held(end.name, value)
-        if model is not None:
-            yield Candidate(model=model, log=names, window_s=window_s, law=law, fit_pct=fit, rmse_degC=rmse,
-                            delta_bic=0.0, part=end.what)
+    return {name: value_of(best, name) for name in ("dead_time_s", RATIO, PERIOD)}, held
 
 
 def _value(found: Interval | None, end: _End, least_dead_time_s: float) -> float | None:

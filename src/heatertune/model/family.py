@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from heatertune.model.ends import ends_of, halves_of, told_apart
+from heatertune.model.ends import ends_of, halves_of, held_by, told_apart
 from heatertune.model.findings import Finding
 from heatertune.model.intervals import RATIO
 from heatertune.model.judgement import Half
@@ -44,11 +44,10 @@ def family_of(
         seed: of the bootstrap of two lags.
     """
     orders = list(_orders(found, candidates, ci95, wider, seed))
-    ends = [
-        end for order in orders for end in ends_of(
-            found.log, found.problems[order.place], found.fits[order.place], order.ci95, law=order.candidate.law,
-            delta_bic=order.candidate.delta_bic, least_dead_time_s=least_dead_time_s)
-    ]
+    ends: list[Candidate] = []
+    for order in orders:
+        values, held = held_by(found.problems[order.place], found.fits[order.place])
+        ends += ends_of(order.candidate, values, order.ci95, held, least_dead_time_s=least_dead_time_s)
     parts = () if halves is None else halves_of(found.log, halves, law=candidates[0].law)
     return told_apart([*candidates, *ends, *parts], least_dead_time_s), tuple(
         open_ends([("two lags" if order.place else "one lag", order.ci95) for order in orders]))

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from heatertune.model.agreement import agreement_told, disagreements
 from heatertune.model.alias import alias_told
 from heatertune.model.diagnosis import limit_notes, log_notes, longest_hold_s, rival_notes
-from heatertune.model.ends import joint_ends, told_apart
+from heatertune.model.ends import AtEnd, ends_of, told_apart
 from heatertune.model.family import open_ends
 from heatertune.model.fit_power import Explained, Weighed, outcome_of, values_of, weighed
 from heatertune.model.hearing import Told, fast_told, findings_of, poor_told
@@ -25,7 +25,7 @@ from heatertune.model.power_candidates import second_is_seen
 from heatertune.model.projection import AMBIENT, DRIFT, GAIN
 from heatertune.model.rivals import lies_inside, widened
 from heatertune.model.statistics import autocorrelation, fit_pct
-from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Interval, OneLog, Residuals
+from heatertune.model.values import Candidate, FittedModel, Fopdt, Interval, OneLog, Residuals
 
 __all__ = ["fit_logs"]
 
@@ -210,13 +210,16 @@ def _ends(
 ) -> Iterator[Candidate]:
     cleaned = [log.cleaned for log in logs]
 
-    def held(name: str, value: float) -> tuple[HeaterModel | None, float, float]:
-        found = best._replace(fit=joint_held_at(best.problem, best.fit, name, value))
-        simulated = _simulated(found, logs)
+    def held(name: str, value: float) -> AtEnd | None:
+        at = best._replace(fit=joint_held_at(best.problem, best.fit, name, value))
+        model = at.fit.parts[0].model
+        if model is None:
+            return None
+        simulated = _simulated(at, logs)
         left = np.concatenate(cleaned) - np.concatenate(simulated)
-        return found.fit.parts[0].model, _fit_pct(cleaned, simulated), float(np.sqrt(np.mean(left**2)))
+        return AtEnd(model, _fit_pct(cleaned, simulated), float(np.sqrt(np.mean(left**2))))
 
-    return joint_ends(first.log, first.window_s, ci95, held, law=first.law, least_dead_time_s=least_dead_time_s)
+    return ends_of(first, values_of(_fopdt(best)), ci95, held, least_dead_time_s=least_dead_time_s)
 
 
 def _simulated(found: _Joint, logs: Sequence[Explained]) -> list[Array]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -19,14 +18,13 @@ from heatertune.model.events import refitted, with_events, without_events
 from heatertune.model.family import family_of
 from heatertune.model.feedback import is_feedback
 from heatertune.model.hearing import fast_told, findings_of, level_told, poor_told
-from heatertune.model.held_out import plain_halves
 from heatertune.model.intervals import PERIOD, RATIO, identified_parts
 from heatertune.model.judge import correlation_of, judged, judgement_told
-from heatertune.model.judgement import Half, Validation
+from heatertune.model.judgement import Validation
 from heatertune.model.measures import ultimate_period_s
 from heatertune.model.nonlinear import Bend, bend_told, judged_linear
 from heatertune.model.open_loop import PowerFit, PowerProblem
-from heatertune.model.parts import widening, widening_notes
+from heatertune.model.parts import halves_notes, said_by_halves, widening, widening_notes
 from heatertune.model.power_candidates import candidates_of, second_is_seen
 from heatertune.model.readings import Readings
 from heatertune.model.rivals import Rival, rivals_of, widened
@@ -142,10 +140,9 @@ def fit_power(found: Explained, weight: Weighed, *, least_dead_time_s: float, se
     """
     log, one = found.log, found.fits[0]
     inside, validation, rivals, wider = weight
+    read_otherwise = widened(inside, [*(values_of(rival.model) for rival in rivals), *_ends_of(found.bend)])
     ci95: dict[str, Interval | None] = {
-        **widened(inside, [*(values_of(rival.model) for rival in rivals), *_ends_of(found.bend),
-                           *_said_by(validation.halves),
-                           *_said_by(plain_halves(found.problems[0], one, validation.halves))])}
+        **widened(read_otherwise, said_by_halves(found.problems[0], one, validation, read_otherwise))}
     lag = ci95["time_constant_s"]
     assert lag is not None
     candidates = candidates_of(
@@ -173,7 +170,8 @@ def fit_power(found: Explained, weight: Weighed, *, least_dead_time_s: float, se
         candidates=family,
         fit_pct=fit,
         notes=(*found.told, *notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
-               *widening_notes(wider or {}), *(rival.told for rival in rivals), *(each.sentence for each in checks)),
+               *widening_notes(wider or {}), *halves_notes(read_otherwise, ci95), *(rival.told for rival in rivals),
+               *(each.sentence for each in checks)),
         findings=(*findings_of([*poor_told(outcome, fit, log.name), *checks]), *open_),
         residuals=Residuals(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
@@ -187,15 +185,6 @@ def _ends_of(bend: Bend | None) -> list[dict[str, float]]:
     """Return the values of a bend's ends; a second lag counts by the half rule, an ambient not at all."""
     ends = () if bend is None else bend.ends
     return [values_of(end.model.half_rule()) | {"ambient_degC": math.nan} for end in ends]
-
-
-def _said_by(halves: Sequence[Half] | None) -> list[dict[str, float]]:
-    """Return the values of halves of a log, not a number where a half's own interval is open."""
-    return [
-        {name: half.values[name] if None not in (end.low, end.high) else math.nan for name, end in half.ci95.items()}
-        | dict.fromkeys((RATIO, PERIOD, "ambient_degC"), math.nan)
-        for half in halves or ()
-    ]
 
 
 def outcome_of(fit: float, *, known: bool) -> Outcome:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from heatertune.model.statistics import percentile_interval
 from heatertune.model.values import Interval
 
-__all__ = ["PERIOD", "RATIO", "envelope", "hull", "identified", "identified_parts", "interval"]
+__all__ = ["PERIOD", "RATIO", "envelope", "holds", "hull", "identified", "identified_parts", "interval"]
 
 Array = npt.NDArray[np.float64]
 
@@ -42,6 +42,11 @@ def hull(first: Interval, second: Interval) -> Interval:
     low = None if first.low is None or second.low is None else min(first.low, second.low)
     high = None if first.high is None or second.high is None else max(first.high, second.high)
     return Interval(low=low, high=high)
+
+
+def holds(interval: Interval, value: float) -> bool:
+    """Return whether an interval holds a value."""
+    return (interval.low is None or value >= interval.low) and (interval.high is None or value <= interval.high)
 
 
 def identified_parts(found: Interval | None) -> bool:

@@ -9,22 +9,28 @@ that knows little is expected to lie far off, and so counts for little.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri
 
-from heatertune.model.held_out import half_of, sides
-from heatertune.model.intervals import RATIO
+from heatertune.model.held_out import half_of, plain_halves, sides
+from heatertune.model.intervals import RATIO, holds
+from heatertune.model.judgement import Half, Validation
 from heatertune.model.open_loop import PowerFit, PowerProblem
-from heatertune.model.uncertainty import READINGS, Noise, held_squares, noise_of, value_of
+from heatertune.model.uncertainty import READINGS, Noise, bounds_of, held_squares, noise_of, value_of
+from heatertune.model.values import Interval
 from heatertune.units import NOMENCLATURE
 
-__all__ = ["widening", "widening_notes"]
+__all__ = ["halves_notes", "said_by_halves", "widening", "widening_notes"]
 
 _TOLD = 1.1  # a smaller factor changes no decision
+_TWICE = 2.0  # two halves alone say about this much less than the whole
 _MOST = 10.0  # a larger one is rounding: the log holds no noise
+_FOUR_OF_FIVE = float(ndtri(0.9) / ndtri(0.975))  # of the reach of a 95 % interval
+_KNOWS = 5.0  # a half that knows a number within this factor has a say
 _NORMAL = float(ndtri(0.975))
 
 Rows = npt.NDArray[np.bool_]
@@ -48,6 +54,47 @@ def widening_notes(factors: Mapping[str, float]) -> tuple[str, ...]:
         return ()
     told = ", ".join(f"{NOMENCLATURE[name][1]} {factor:.2g}-fold" for name, factor in widest.items())
     return (f"Intervals were widened, {told}: the halves of the log differ more than their noise explains.",)
+
+
+def said_by_halves(
+    problem: PowerProblem, fit: PowerFit, validation: Validation, ci95: Mapping[str, Interval]
+) -> tuple[Mapping[str, float], ...]:
+    """Return the values that intervals have to hold where more than noise parts the log from its model.
+
+    These are both ends of what each half of the log says, right four times of five; not a number where it says little.
+    """
+    halves = *(validation.halves or ()), *plain_halves(problem, fit, validation.halves)
+    correlation = validation.input_correlation
+    if (correlation is None or correlation.ok) and all(
+            holds(ci95[name], value) for half in halves for name, value in half.values.items()):
+        return ()
+    bounds, silent = bounds_of(problem), dict.fromkeys(ci95, math.nan)
+    return tuple(
+        silent | {name: float(np.clip(_said(half, name, sign), *bounds[name])) for name in half.values}
+        for half in halves for sign in (-1.0, 1.0))
+
+
+def _said(half: Half, name: str, sign: float) -> float:
+    """Return an end; of gain and time constant on a logarithmic scale: known badly, they are not known as zero."""
+    value, high = half.values[name], half.ci95[name].high
+    if high is None:
+        return math.nan
+    reach = sign * _FOUR_OF_FIVE * (high - value)
+    if name == "dead_time_s":
+        return value + reach
+    return value * math.exp(reach / value) if high - value < math.log(_KNOWS) * value else math.nan
+
+
+def halves_notes(before: Mapping[str, Interval], after: Mapping[str, Interval | None]) -> Iterator[str]:
+    """Tell which intervals had to be widened to hold what each half of the log says alone."""
+    widest = [NOMENCLATURE[name][1] for name, end in before.items()
+              if (held := after.get(name)) is not None and _width(held) > _TWICE * _width(end)]
+    if widest:
+        yield f"Intervals hold what each half of the log says alone, and are wider for it: {', '.join(widest)}."
+
+
+def _width(interval: Interval) -> float:
+    return math.inf if interval.low is None or interval.high is None else interval.high - interval.low
 
 
 def _ratio(squares: list[float]) -> float:

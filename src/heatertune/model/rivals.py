@@ -7,11 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
 from heatertune.log.values import Log
 from heatertune.model.feedback import is_feedback
-from heatertune.model.intervals import envelope
+from heatertune.model.intervals import envelope, holds
 from heatertune.model.judge import unseen
 from heatertune.model.judgement import HeldOut
 from heatertune.model.loads import bic_of, is_sensible, lowest_degC
@@ -72,12 +70,8 @@ def widened(ci95: Mapping[str, Interval], values: Sequence[Mapping[str, float]])
 
 def lies_inside(model: Fopdt, ci95: Mapping[str, Interval | None]) -> bool:
     """Return whether gain and time constant of a model lie in the intervals."""
-    for name in ("gain_degC_per_pct", "time_constant_s"):
-        found, value = ci95[name], float(getattr(model, name))
-        assert found is not None
-        if value < (found.low or 0.0) or value > (np.inf if found.high is None else found.high):
-            return False
-    return True
+    inside = ((ci95[name], float(getattr(model, name))) for name in ("gain_degC_per_pct", "time_constant_s"))
+    return all(interval is not None and holds(interval, value) for interval, value in inside)
 
 
 def _without_events(log: Log, problem: PowerProblem, fit: PowerFit, held_out: HeldOut) -> Iterator[Rival]:

@@ -24,8 +24,8 @@ from heatertune.model.ultimate import fits_of_period, periods_of
 from heatertune.model.values import Interval
 
 __all__ = [
-    "LEAST_FREEDOM", "READINGS", "STEPS", "Noise", "colour", "crossing", "held_at", "held_squares", "intervals",
-    "intervals_by", "noise_of", "reaches", "sensitivities", "value_of",
+    "LEAST_FREEDOM", "READINGS", "STEPS", "Noise", "bounds_of", "colour", "crossing", "held_at", "held_squares",
+    "intervals", "intervals_by", "noise_of", "reaches", "sensitivities", "value_of",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -67,7 +67,7 @@ def intervals_by(
     """Return the intervals for each set of factors by which deviations are larger than the residuals say."""
     problem, told = problem.thinned(READINGS), fit
     fit = problem.refined(fit.vector[None, :])
-    noise, ends = noise_of(problem, fit), _ends(problem)
+    noise, ends = noise_of(problem, fit), bounds_of(problem)
     drawn = {name: values for name, values in _bootstrap(problem, fit, seed).items() if name in noise.deviation}
 
     def found(name: str, times: float) -> Interval:
@@ -115,7 +115,8 @@ def reaches(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
             for name, deviation in noise.deviation.items()}
 
 
-def _ends(problem: PowerProblem) -> dict[str, tuple[float, float]]:
+def bounds_of(problem: PowerProblem) -> dict[str, tuple[float, float]]:
+    """Return the bounds of the search for each number."""
     low, high = problem.low, problem.high
     return {
         "gain_degC_per_pct": (0.0, math.inf),
@@ -217,7 +218,7 @@ def colour(residuals: Array, base: Array) -> tuple[float, float]:
 
 def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: Noise, times: float = 1.0) -> Interval:
     """Return where the sum of squares, all other unknowns fitted anew, has risen by the 95 % share, times squared."""
-    low, high = _ends(problem)[name]
+    low, high = bounds_of(problem)[name]
     best = value_of(fit, name)
     limit = (times * noise.quantile) ** 2 * noise.inflation[name] * noise.variance
     least = float(np.sum((problem.readings.temperature_degC - fit.simulated_degC) ** 2))
