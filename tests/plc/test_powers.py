@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import pytest
 
 from heatertune.errors import UnknownName
+from heatertune.plc.open_points import Switch, settings_of
 from heatertune.plc.replay import powers
-from heatertune.plc.room import Scaling, Scan, Switch, Timing, Words
+from heatertune.plc.room import Scaling, Scan, Timing, Words
 
 WORDS = Words(target="counting", values={}, scaling=Scaling(), sample_time_s=1.0)
 
@@ -16,7 +17,7 @@ class _Counting:
     """Asks for setpoint − reading + scan number + 50 where a period begins; `sign` turns the difference round."""
 
     pwm_period_s: float | None = None
-    switches: tuple = (Switch(name="sign", settings=("plus", "minus"), default="plus", why="for the test"),)
+    switches: tuple = (Switch(name="sign", means={"plus": False, "minus": True}, why="for the test"),)
 
     def check(self, words):
         assert words is WORDS
