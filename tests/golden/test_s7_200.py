@@ -193,7 +193,7 @@ def test_the_repaired_text_is_exact_and_free_of_overflow_for_every_pair_of_bytes
     state, memory = ROOM.start(words, {}), repaired.Memory()
     for number in range(65536):
         setpoint, reading = divmod((number * 40503) % 65536, 256)
-        state, scan = ROOM.step(words, state, setpoint, reading, {})
+        state, scan = ROOM.step(state, setpoint, reading)
         memory = repaired.cycle(c, memory, setpoint, reading)
         assert (scan.output, state.state.cpu.read("VD224"), scan.flags["SM1.1"]) == (memory.width, memory.rest, False)
 
@@ -207,7 +207,7 @@ def test_no_words_and_no_readings_overflow_the_repaired_program():
         for sequence in product(ends, repeat=3):
             state, memory = ROOM.start(words, {}), repaired.Memory()
             for setpoint, reading in sequence:
-                state, scan = ROOM.step(words, state, setpoint, reading, {})
+                state, scan = ROOM.step(state, setpoint, reading)
                 memory = repaired.cycle(c, memory, setpoint, reading)
                 assert (scan.flags["SM1.1"], scan.output) == (False, memory.width)
 
@@ -223,7 +223,7 @@ def test_the_printed_text_is_the_printed_program_for_every_pair_of_bytes(switche
     for number in range(65536):
         setpoint, reading = divmod((number * 40503) % 65536, 256)
         begins = number % 5 == 0
-        state, scan = PAPER.step(words, state, setpoint, reading, switches, cycle_start=begins)
+        state, scan = PAPER.step(state, setpoint, reading, cycle_start=begins)
         memory = printed.scan(c, memory, setpoint, reading, begins)
         found = (state.state.cpu.read("VW10"), state.state.cpu.read("VW20"), state.state.cpu.read("VW100"), scan.output, *scan.flags.values())
         assert found == (memory.error, memory.previous, memory.change, memory.applied, memory.overflow, memory.zero_division)
@@ -273,7 +273,7 @@ def test_a_width_may_apply_one_cycle_later(target, others):
     for setting in ("this_cycle", "next_cycle"):
         state, found = which.start(words, {"width_applies": setting} | others), []
         for degrees in (40.0, 40.5, 41.5, 43.0):
-            state, scan = which.step(words, state, which.measure(words, 60.0), which.measure(words, degrees), {})
+            state, scan = which.step(state, which.measure(words, 60.0), which.measure(words, degrees))
             found.append(scan.output)
         widths.append(found)
     assert widths[1] == [0, *widths[0][:-1]]
@@ -289,7 +289,7 @@ def test_the_repaired_program_is_the_velocity_pid_of_its_words_in_exact_numbers(
     readings = np.random.default_rng(2).integers(98, 103, 60).tolist()
     state, errors, pvs, exact = ROOM.start(words, {}), [0.0], [readings[0]] * 2, []
     for reading in readings:
-        state, scan = ROOM.step(words, state, 115, reading, {})
+        state, scan = ROOM.step(state, 115, reading)
         errors.append(115 - reading)
         pvs.append(reading)
         change = (v["KP"] * (errors[-1] - errors[-2]) + v["KI"] * (errors[-1] + errors[-2])

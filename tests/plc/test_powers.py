@@ -28,12 +28,12 @@ class _Counting:
     def measure(self, _words, temperature_degC):
         return int(temperature_degC)
 
-    def start(self, _words, _switches):
-        return 0
+    def start(self, _words, switches):
+        return (1 if settings_of(self.switches, switches)["sign"] == "plus" else -1), 0
 
-    def step(self, _words, state, setpoint, reading, switches, *, cycle_start=True):
-        sign = 1 if switches["sign"] == "plus" else -1
-        return state + 1, Scan(power_pct=sign * (setpoint - reading) + state + 50.0 * cycle_start, output=0)
+    def step(self, state, setpoint, reading, *, cycle_start=True):
+        sign, scans = state
+        return (sign, scans + 1), Scan(power_pct=sign * (setpoint - reading) + scans + 50.0 * cycle_start, output=0)
 
 
 def test_every_scan_sees_its_own_reading_and_setpoint_as_the_input_module_gives_them():

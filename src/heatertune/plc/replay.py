@@ -49,15 +49,13 @@ def powers(
         OutOfRange, UnknownName: as `replay`.
     """
     room.check(words)
-    settings = switches or {}
-    state, timing = room.start(words, settings), room.timing(words)
+    state, timing = room.start(words, switches or {}), room.timing(words)
     per_period = 1 if timing.pwm_period_s is None else max(1, round(timing.pwm_period_s / timing.scan_s))
     found, held = [], 0.0
     for k, (temperature, setpoint) in enumerate(zip(temperatures_degC, setpoints_degC, strict=True)):
         begins = k % per_period == 0
-        state, scan = room.step(
-            words, state, room.measure(words, setpoint), room.measure(words, temperature), settings, cycle_start=begins
-        )
+        asked, reading = room.measure(words, setpoint), room.measure(words, temperature)
+        state, scan = room.step(state, asked, reading, cycle_start=begins)
         held = scan.power_pct if begins else held
         found.append(held)
     return found

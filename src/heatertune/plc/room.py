@@ -371,14 +371,14 @@ class Room(ABC):
     def begin(self, words: Words, assume: Any) -> Running:
         """Return the cold state under the assumptions, a value of `assumptions`."""
 
-    def step(self, words: Words, state: Running, setpoint: Any, reading: Any, switches: Mapping[str, str],
-             *, cycle_start: bool = True) -> tuple[Running, Scan]:
-        """Run one scan; pure, total for every bit pattern. Words and switches are in the state since `start`.
+    def step(
+        self, state: Running, setpoint: Any, reading: Any, *, cycle_start: bool = True
+    ) -> tuple[Running, Scan]:
+        """Run one scan; pure, total for every bit pattern.
 
         `setpoint` and `reading` are in the controller's units; `cycle_start` tells a room that makes
         its own PWM that a PWM period begins with this scan.
         """
-        del words, switches
         return self.core.run(state, setpoint, reading, cycle_start=cycle_start)
 
     @abstractmethod
