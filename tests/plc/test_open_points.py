@@ -69,9 +69,8 @@ def _paper(switch, sp, pv, begins, outputs):
 PID = {"KC": 1.0, "TS": 1.0, "TI": 3.4028234663852886e38, "TD": 0.0, "TICK": 100, "TICKS": 10}
 
 
-def _pid(switch, scans, outputs):
-    # SP = 1/2, PV = 1/4, so M = 1/4
-    return Case(target="s7-200-pid", switch=switch, words=PID, rows=[{"SP": 16000, "PV": 8000}] * scans, outputs=outputs)
+def _pid(switch, pv, outputs):
+    return Case(target="s7-200-pid", switch=switch, words=PID, rows=_columns(SP=[16000] * len(pv), PV=pv), outputs=outputs)
 
 
 def _tip(switch, gain, rate, reset, sample, sp, pv, outputs):
@@ -122,9 +121,9 @@ CASES = [
     # error 1: 1 ms at the first edge. No PWM cycle of 1000 ms begins in the fourth scan, but one of 2 ms does: 2 ms
     _paper("cycle_time", [51] * 4, [50] * 4, [0, 0, 0, 0], {"loaded": [0, 0, 1, 1], "never_loaded": [0, 0, 1, 2]}),
 
-    # the first call makes SP of PV: M = 0, then 1/4; or each width one PWM cycle later
-    _pid("width_applies", 3, {"this_cycle": [0, 250, 250], "next_cycle": [0, 0, 250]}),
-    _pid("first_call", 2, {"setpoint_is_pv": [0, 250], "setpoint_kept": [250, 250]}),
+    # the first call makes SP of PV: M = 0, then 1/2 − 1/4 and 1/2 − 1/8; or each width one PWM cycle later
+    _pid("width_applies", [8000, 8000, 4000], {"this_cycle": [0, 250, 375], "next_cycle": [0, 0, 250]}),
+    _pid("first_call", [8000, 4000], {"setpoint_is_pv": [0, 375], "setpoint_kept": [250, 375]}),
 
     # Output = 1/2048·1/2; 27648/4096 = 6.75
     _tip("conversion", 2.0**-11, 0.0, 0.0, 1000.0, [13824], [0], {"rnd": [7], "trunc": [6]}),
@@ -163,9 +162,9 @@ CASES = [
          {"as_printed": [0, 0], "by_parts": [0, 3]}),
     _weg("edge", {}, _columns(SetPoint=[10.0] * 2, Feedback=[0.0] * 2),
          {"output_zero": [0, 10], "runs_at_once": [10, 10]}),
-    # Kd = 2: u = 3·10 − 2·e before, which is 10 or 0
-    _weg("history", {"Kd": 2.0}, _columns(SetPoint=[10.0] * 2, Feedback=[0.0] * 2),
-         {"present": [0, 10], "zero": [0, 30]}),
+    # Kd = 2, Tau = Ts: the filter is at 10 from the edge on, and u = 3·10 − 2·10; or it goes from 0 to 5, and u = 3·5 − 2·0
+    _weg("history", {"Kd": 2.0, "TauSetPoint": 1.0}, _columns(SetPoint=[10.0] * 2, Feedback=[0.0] * 2),
+         {"present": [0, 10], "zero": [0, 15]}),
 ]
 
 
