@@ -65,7 +65,7 @@ def run(block: Block, names: dict[str, Any]) -> str:
     printed = io.StringIO()
     if block.kind == "python":
         with redirect_stdout(printed):
-            exec(compile(block.code, "<manual>", "exec"), names)
+            exec(compile(block.code, "<manual>", "exec", dont_inherit=True), names)  # as in a reader's own file
         return printed.getvalue()
     for line in block.code.replace("\\\n", " ").splitlines():
         command, status = _STATUS.sub("", line), _STATUS.search(line)

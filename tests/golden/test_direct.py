@@ -48,7 +48,7 @@ def test_the_direct_form_is_the_listing_for_any_words_inputs_and_settings(target
             which.check(words)
         except ValueError:
             words = replace(legal, values=dict(legal.values) | {"KC": values.get("KC", 1.0)} if "KC" in legal.values else legal.values)
-        core, direct = which.direct(words, switches)
+        core, direct = which.start_directly(words, switches)
         listed = which.start(words, switches)
         for (setpoint, reading), begins in scans:
             listed, told = which.core.run(listed, setpoint, reading, cycle_start=begins)

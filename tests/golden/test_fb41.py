@@ -239,7 +239,7 @@ def test_the_reading_is_normalised_as_documented():
     # PV = PV_PER·100/27648·PV_FAC + PV_OFF: half the range of −50…250 °C is 100 °C
     words = _wide(_design(gain=1.0, tn=math.inf), PV_FAC=3.0, PV_OFF=-50.0, GAIN=1.0)
     assert _run(words, [{"SP_INT": 101.0, "SP_PER": 0, "PV_PER": 13824}]) == [1.0]
-    state, scan = ROOM.step(words, ROOM.start(words, {}), 13824 + 2765, 13824, {})
+    state, scan = ROOM.step(ROOM.start(words, {}), 13824 + 2765, 13824)
     assert scan.output == pytest.approx(30.0, abs=0.01)  # SP_PER: a tenth of the range above
     assert scan.flags == {"QLMN_HLM": False, "QLMN_LLM": False, "overflow": False}
     assert state.state.output == scan.output

@@ -19,7 +19,6 @@ from heatertune.plc.s7_200.paper import paper_words
 from heatertune.plc.s7_200.paper import program as printed
 from heatertune.plc.s7_200.paper.faults import faults
 from heatertune.plc.s7_200.paper.listing import printed_program
-from heatertune.plc.s7_200.paper.room import constants
 from heatertune.proof import Scenario, simulate
 
 ROOM = room("s7-200")
@@ -47,7 +46,7 @@ def test_the_error_word_overflows_across_128_counts_and_keeps_the_setpoint():
     assert added(-32256, -30720, 16, wrap=False) == (-32256, True)
     after = printed.scan(PLAIN, printed.Memory(), 130, 120, False)
     assert (after.error, after.overflow) == (-32256, True)
-    assert printed.scan(PLAIN._replace(wrap=True), printed.Memory(), 130, 120, False).error == 2560
+    assert printed.scan(PLAIN._replace(assume=printed.Assumptions(wrap=True)), printed.Memory(), 130, 120, False).error == 2560
 
 
 def test_the_second_product_reads_only_the_low_word_of_the_first():
@@ -80,13 +79,13 @@ def test_the_printed_program_sticks_at_its_rails(width):
     for _ in range(5):
         stuck = printed.scan(PLAIN, stuck, 100, 120 if width else 60, True)
     assert stuck.width == width
-    free = printed.scan(PLAIN._replace(stops_at_rails=False), stuck, 100, 120 if width else 60, True)
+    free = printed.scan(PLAIN._replace(assume=printed.Assumptions(stops_at_rails=False)), stuck, 100, 120 if width else 60, True)
     assert free.width != width
 
 
 def test_without_a_loaded_cycle_time_a_width_of_2_ms_is_all_on():
     # System Manual: the register defaults to 0, a cycle below 2 units is 2 units, a width of the cycle is permanently on
-    c = PLAIN._replace(loads_cycle=False)
+    c = PLAIN._replace(assume=printed.Assumptions(loads_cycle=False))
     assert [printed.power_pct(c, w) for w in (0, 1, 2, 500)] == [0.0, 50.0, 100.0, 100.0]
 
 
@@ -109,7 +108,7 @@ def test_words_and_double_words_are_signed():
 def test_the_faults_are_counted_over_all_pairs_of_bytes():
     words = paper_words(gain=20, ki=3, t=5)
     wrong = 0  # by the direct emulation, pair by pair
-    c = constants(words, {})
+    c = PAPER.start_directly(words, {})[1].parameters
     for setpoint in range(256):
         for reading in range(0, 256, 5):
             found = printed.scan(c, printed.Memory(), setpoint, reading, False).error
@@ -194,7 +193,7 @@ def test_the_repaired_text_is_exact_and_free_of_overflow_for_every_pair_of_bytes
     state, memory = ROOM.start(words, {}), repaired.Memory()
     for number in range(65536):
         setpoint, reading = divmod((number * 40503) % 65536, 256)
-        state, scan = ROOM.step(words, state, setpoint, reading, {})
+        state, scan = ROOM.step(state, setpoint, reading)
         memory = repaired.cycle(c, memory, setpoint, reading)
         assert (scan.output, state.state.cpu.read("VD224"), scan.flags["SM1.1"]) == (memory.width, memory.rest, False)
 
@@ -208,7 +207,7 @@ def test_no_words_and_no_readings_overflow_the_repaired_program():
         for sequence in product(ends, repeat=3):
             state, memory = ROOM.start(words, {}), repaired.Memory()
             for setpoint, reading in sequence:
-                state, scan = ROOM.step(words, state, setpoint, reading, {})
+                state, scan = ROOM.step(state, setpoint, reading)
                 memory = repaired.cycle(c, memory, setpoint, reading)
                 assert (scan.flags["SM1.1"], scan.output) == (False, memory.width)
 
@@ -220,11 +219,11 @@ def test_the_printed_text_is_the_printed_program_for_every_pair_of_bytes(switche
     words = paper_words(gain=20, ki=3, t=5)
     words = Words(target=words.target, values=dict(words.values) | {"KD": 77, "POT1": 9}, scaling=words.scaling,
                   sample_time_s=words.sample_time_s)
-    state, memory, c = PAPER.start(words, switches), printed.Memory(), constants(words, switches)
+    state, memory, c = PAPER.start(words, switches), printed.Memory(), PAPER.start_directly(words, switches)[1].parameters
     for number in range(65536):
         setpoint, reading = divmod((number * 40503) % 65536, 256)
         begins = number % 5 == 0
-        state, scan = PAPER.step(words, state, setpoint, reading, switches, cycle_start=begins)
+        state, scan = PAPER.step(state, setpoint, reading, cycle_start=begins)
         memory = printed.scan(c, memory, setpoint, reading, begins)
         found = (state.state.cpu.read("VW10"), state.state.cpu.read("VW20"), state.state.cpu.read("VW100"), scan.output, *scan.flags.values())
         assert found == (memory.error, memory.previous, memory.change, memory.applied, memory.overflow, memory.zero_division)
@@ -266,15 +265,15 @@ def test_the_feedback_on_i0_0_does_not_reach_the_reading():
     assert run(program, "INT0", ready.written({"IB0": 90, "I1.0": 1})).read("VW0") == 91
 
 
-@pytest.mark.parametrize("target", ["s7-200", "s7-200-pid"])
-def test_a_width_may_apply_one_cycle_later(target):
+@pytest.mark.parametrize(("target", "others"), [("s7-200", {}), ("s7-200-pid", {"first_call": "setpoint_kept"})])
+def test_a_width_may_apply_one_cycle_later(target, others):
     which = room(target)
     words = which.encode(_design(), Scaling())
     widths = []
     for setting in ("this_cycle", "next_cycle"):
-        state, found = which.start(words, {"width_applies": setting, "first_call": "setpoint_kept"}), []
+        state, found = which.start(words, {"width_applies": setting} | others), []
         for degrees in (40.0, 40.5, 41.5, 43.0):
-            state, scan = which.step(words, state, which.measure(words, 60.0), which.measure(words, degrees), {})
+            state, scan = which.step(state, which.measure(words, 60.0), which.measure(words, degrees))
             found.append(scan.output)
         widths.append(found)
     assert widths[1] == [0, *widths[0][:-1]]
@@ -290,7 +289,7 @@ def test_the_repaired_program_is_the_velocity_pid_of_its_words_in_exact_numbers(
     readings = np.random.default_rng(2).integers(98, 103, 60).tolist()
     state, errors, pvs, exact = ROOM.start(words, {}), [0.0], [readings[0]] * 2, []
     for reading in readings:
-        state, scan = ROOM.step(words, state, 115, reading, {})
+        state, scan = ROOM.step(state, 115, reading)
         errors.append(115 - reading)
         pvs.append(reading)
         change = (v["KP"] * (errors[-1] - errors[-2]) + v["KI"] * (errors[-1] + errors[-2])

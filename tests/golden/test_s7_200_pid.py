@@ -64,7 +64,7 @@ def test_the_exported_program_computes_the_manuals_equations_to_the_last_bit(val
     for _ in range(3000):
         reading = int(np.clip(reading + random.integers(-900, 901), 0, 32000))
         setpoint = int(random.integers(8000, 24001))
-        state, scan = ROOM.step(words, state, setpoint, reading, switches)
+        state, scan = ROOM.step(state, setpoint, reading)
         m = loop.output(setpoint, reading)
         bits = [struct.unpack(">f", state.state.cpu.read(name).to_bytes(4, "big", signed=True))[0] for name in ("VD108", "VD128")]
         assert bits == [float(m), float(loop.mx)]
@@ -87,7 +87,7 @@ def test_where_nothing_is_limited_it_is_the_linear_pid():
                 - control.forced_response(on_pv, time, pvs).outputs)
     state = ROOM.start(words, {"first_call": "setpoint_kept"})
     for reading, wanted in zip(readings.tolist(), expected, strict=True):
-        state, scan = ROOM.step(words, state, 16000, reading, {})
+        state, scan = ROOM.step(state, 16000, reading)
         assert 0.0 < wanted < 1.0
         assert scan.output == pytest.approx(5000 * wanted, abs=0.51)
 

@@ -204,7 +204,7 @@ def test_a_broken_sensor_switches_the_heater_off_and_is_forgotten(broken):
     assert states[3] == states[2]._replace(output=5.0, overflow=True)
     assert states[4].output == pytest.approx(min(100.0, states[2].integral + 45.0))
     assert not states[4].overflow
-    assert ROOM.step(words, ROOM.start(words, {}), 50.0, broken, {})[1].power_pct == 5.0
+    assert ROOM.step(ROOM.start(words, {}), 50.0, broken)[1].power_pct == 5.0
 
 
 def test_sums_beyond_single_precision_stay_in_range():

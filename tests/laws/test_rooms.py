@@ -162,9 +162,9 @@ def test_a_step_is_total_and_pure_and_asks_for_0_to_100_percent(which):
     def holds(words, switches, stream):
         state = which.start(words, switches)
         for w, x, begins in _scans(which, stream):
-            found = which.step(words, state, w, x, switches, cycle_start=begins)
+            found = which.step(state, w, x, cycle_start=begins)
             # NaN is not itself
-            assert repr(which.step(words, state, w, x, switches, cycle_start=begins)) == repr(found)
+            assert repr(which.step(state, w, x, cycle_start=begins)) == repr(found)
             state, scan = found
             assert 0.0 <= scan.power_pct <= 100.0
 

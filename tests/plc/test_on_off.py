@@ -36,9 +36,9 @@ def test_it_heats_below_the_band_and_rests_above_it(was_on, setpoint):
     words = _words(band=10)
     for reading in range(max(0, setpoint - 15), min(4095, setpoint + 15) + 1):
         start = ROOM.start(words, {})
-        begun, first = ROOM.step(words, start, 100, 0 if was_on else 4095, {})
+        begun, first = ROOM.step(start, 100, 0 if was_on else 4095)
         assert first.output == was_on
-        _, scan = ROOM.step(words, begun, setpoint, reading, {})
+        _, scan = ROOM.step(begun, setpoint, reading)
         expected = False if reading > setpoint + 10 else True if reading < setpoint - 10 else was_on
         assert (scan.output, scan.power_pct) == (int(expected), 100.0 if expected else 0.0)
         assert not any(scan.flags.values())
@@ -46,7 +46,7 @@ def test_it_heats_below_the_band_and_rests_above_it(was_on, setpoint):
 
 @given(band=st.integers(1, 2047), w=st.integers(-32768, 32767), x=st.integers(-32768, 32767))
 def test_it_is_two_level_control_wherever_no_word_overflows(band, w, x):
-    _, scan = ROOM.step(_words(band), ROOM.start(_words(band), {}), w, x, {})
+    _, scan = ROOM.step(ROOM.start(_words(band), {}), w, x)
     if w - band >= -32768 and w + band <= 32767:
         assert scan.output == (x < w - band)
         assert not scan.flags["overflow"]

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import pytest
 
 from heatertune.errors import UnknownName
+from heatertune.plc.open_points import Switch, settings_of
 from heatertune.plc.replay import powers
-from heatertune.plc.room import Scaling, Scan, Switch, Timing, Words
+from heatertune.plc.room import Scaling, Scan, Timing, Words
 
 WORDS = Words(target="counting", values={}, scaling=Scaling(), sample_time_s=1.0)
 
@@ -16,7 +17,7 @@ class _Counting:
     """Asks for setpoint − reading + scan number + 50 where a period begins; `sign` turns the difference round."""
 
     pwm_period_s: float | None = None
-    switches: tuple = (Switch(name="sign", settings=("plus", "minus"), default="plus", why="for the test"),)
+    switches: tuple = (Switch(name="sign", means={"plus": False, "minus": True}, why="for the test"),)
 
     def check(self, words):
         assert words is WORDS
@@ -27,12 +28,12 @@ class _Counting:
     def measure(self, _words, temperature_degC):
         return int(temperature_degC)
 
-    def start(self, _words, _switches):
-        return 0
+    def start(self, _words, switches):
+        return (1 if settings_of(self.switches, switches)["sign"] == "plus" else -1), 0
 
-    def step(self, _words, state, setpoint, reading, switches, *, cycle_start=True):
-        sign = 1 if switches["sign"] == "plus" else -1
-        return state + 1, Scan(power_pct=sign * (setpoint - reading) + state + 50.0 * cycle_start, output=0)
+    def step(self, state, setpoint, reading, *, cycle_start=True):
+        sign, scans = state
+        return (sign, scans + 1), Scan(power_pct=sign * (setpoint - reading) + scans + 50.0 * cycle_start, output=0)
 
 
 def test_every_scan_sees_its_own_reading_and_setpoint_as_the_input_module_gives_them():

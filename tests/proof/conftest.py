@@ -6,7 +6,8 @@ import pytest
 
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.room import Core, Running, Scaling, Switch, Timing, Words
+from heatertune.plc.open_points import Switch, settings_of
+from heatertune.plc.room import Core, Running, Scaling, Timing, Words
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,6 @@ class TenthsRoom:
     overflows_above: int = 10**9
     seen: list = field(default_factory=list)
     faults: object = None
-    direct: object = None
     name: str = "tenths"
     counts: int = 1000  # over 0…100 °C
 
@@ -47,7 +47,10 @@ class TenthsRoom:
         return round(10.0 * min(max(temperature_degC, low), high))
 
     def start(self, words, switches):
-        return Running((words, switches), (0, 0.0))
+        return Running((words, settings_of(self.switches, switches)), (0, 0.0))
+
+    def start_directly(self, words, switches):
+        return self.core, self.start(words, switches)
 
     def sensor(self, words):
         return words
@@ -80,7 +83,7 @@ def tenths():
 def switched():
     """The same with three points that its manual leaves open."""
     two = tuple(
-        Switch(name=name, settings=("off at the limit", "never off"), default="off at the limit", why="not told")
+        Switch(name=name, means={"off at the limit": False, "never off": True}, why="not told")
         for name in ("integral", "second", "third")
     )
     return replace(TenthsRoom(), switches=two)

@@ -82,7 +82,7 @@ def _running(draw, which, legal):
 def test_a_step_is_the_same_compiled_and_plain_bit_for_bit(target):
     which = room(target)
     legal = which.encode(PI, Scaling())
-    core = which.core if which.direct is None else which.direct(legal, {})[0]
+    core, _ = which.start_directly(legal, {})
     step, measured = compiled(core.step), compiled(core.measure)
 
     @settings(max_examples=150, deadline=None)

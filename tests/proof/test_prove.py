@@ -8,7 +8,7 @@ import pytest
 from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
 from heatertune.pid.robustness import margins
-from heatertune.plc.room import Switch
+from heatertune.plc.open_points import Switch
 from heatertune.proof import Actuator, Limits, Scenario, judge, paper_scenario, prove, simulate
 from heatertune.proof.prove import settings_to_prove
 
@@ -18,7 +18,7 @@ PAPER = paper_scenario(duration_s=3000.0)
 
 def _switches(*sizes):
     return tuple(
-        Switch(name=f"s{i}", settings=tuple("abcd"[:size]), default="b", why="not told") for i, size in enumerate(sizes)
+        Switch(name=f"s{i}", means={name: k for k, name in enumerate("bacd"[:size])}, why="not told") for i, size in enumerate(sizes)
     )
 
 

@@ -15,7 +15,7 @@ from heatertune.errors import DocumentError, UnknownName
 from heatertune.pid.specs import OBJECTIVES
 from heatertune.pid.tune import METHODS, STRUCTURES
 from heatertune.plc import TARGETS, room
-from heatertune.plc.room import settings_of
+from heatertune.plc.open_points import settings_of
 from heatertune.proof.interlock import INTERLOCKS
 from heatertune.proof.pwm import RULES
 

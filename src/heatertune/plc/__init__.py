@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import Final
 
 from heatertune.errors import UnknownName
+from heatertune.plc.open_points import Switch
 from heatertune.plc.ramp import Ramp
 from heatertune.plc.room import (
     Certificate,
@@ -13,7 +14,6 @@ from heatertune.plc.room import (
     Room,
     Scaling,
     Scan,
-    Switch,
     Timing,
     WordField,
     Words,

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from heatertune.errors import LogError
-from heatertune.plc.room import FORMATS, Number, Room, Scan, Words, holds, settings_of
+from heatertune.plc.room import FORMATS, Number, Room, Scan, Words, holds
 from heatertune.plc.single import single
 
 __all__ = ["powers", "read_inputs", "replay"]
@@ -29,7 +29,7 @@ def replay(
         UnknownName: a switch or setting the room does not have.
     """
     room.check(words)
-    state, scans = room.start(words, settings_of(room.switches, switches or {})), []
+    state, scans = room.start(words, switches or {}), []
     for row in rows:
         state, scan = room.scan(state, row)
         scans.append(scan)
@@ -49,15 +49,13 @@ def powers(
         OutOfRange, UnknownName: as `replay`.
     """
     room.check(words)
-    settings = settings_of(room.switches, switches or {})
-    state, timing = room.start(words, settings), room.timing(words)
+    state, timing = room.start(words, switches or {}), room.timing(words)
     per_period = 1 if timing.pwm_period_s is None else max(1, round(timing.pwm_period_s / timing.scan_s))
     found, held = [], 0.0
     for k, (temperature, setpoint) in enumerate(zip(temperatures_degC, setpoints_degC, strict=True)):
         begins = k % per_period == 0
-        state, scan = room.step(
-            words, state, room.measure(words, setpoint), room.measure(words, temperature), settings, cycle_start=begins
-        )
+        asked, reading = room.measure(words, setpoint), room.measure(words, temperature)
+        state, scan = room.step(state, asked, reading, cycle_start=begins)
         held = scan.power_pct if begins else held
         found.append(held)
     return found

@@ -11,18 +11,19 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple, Protocol, cast
+from typing import Any, Final, NamedTuple, Protocol, cast, final
 
-from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.errors import InputError, OutOfRange
 from heatertune.pid.values import PidDesign
+from heatertune.plc.open_points import Switch, assumed, declared
 from heatertune.plc.ramp import Number, Ramp, nearest
 from heatertune.plc.single import is_single, single
 from heatertune.show import Shown
 from heatertune.units import check
 
 __all__ = [
-    "FORMATS", "Certificate", "Core", "Number", "Room", "Running", "Scaling", "Scan", "Sensor", "Switch", "Timing",
-    "WordField", "Words", "check_fields", "count", "holds", "settings_of",
+    "FORMATS", "Certificate", "Core", "Number", "Room", "Running", "Scaling", "Scan", "Sensor", "Timing", "WordField",
+    "Words", "check_fields", "count", "holds",
 ]
 
 #: format of a number in a controller → smallest and largest value; what is not REAL is whole
@@ -108,16 +109,6 @@ class Words(Shown):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Switch:
-    """A point the manual leaves open: the settings it may have, and the one taken by default."""
-
-    name: str
-    settings: tuple[str, ...]
-    default: str
-    why: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
     """When the room wants to be called.
 
@@ -187,21 +178,6 @@ def check_fields(fields: tuple[WordField, ...], words: Words) -> None:
             raise OutOfRange(f"word {each.name}", value, each.rule)
 
 
-def settings_of(switches: Sequence[Switch], given: Mapping[str, str]) -> dict[str, str]:
-    """Return the setting of every switch: the one given, else its default.
-
-    Raises:
-        UnknownName: a switch or setting that is not there.
-    """
-    known = {switch.name: switch for switch in switches}
-    for name, setting in given.items():
-        if name not in known:
-            raise UnknownName("switch", name, known)
-        if setting not in known[name].settings:
-            raise UnknownName(f"setting of {name}", setting, known[name].settings)
-    return {name: given.get(name, switch.default) for name, switch in known.items()}
-
-
 class Sensor(NamedTuple):
     """The input module: lowest temperature and span [°C], and its highest count."""
 
@@ -269,7 +245,7 @@ class Room(ABC):
         name: on the command line.
         title: controller, manual and edition.
         fields: the words, in the order in which they are typed in.
-        switches: what the manual leaves open.
+        assumptions: what the manual leaves open, see `heatertune.plc.open_points`.
         inputs: what one scan reads, in the controller's units: name → format; the first two are setpoint and reading.
         can: what the controller can do, one sentence each.
         cannot: what it can't do, or what this room leaves out, one sentence each.
@@ -284,15 +260,16 @@ class Room(ABC):
         read_image: memory of a running controller → words; None where they cannot be read back.
         oddities: what is odd about a controller's words, one sentence each; None without `read_image`.
         faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
-        direct: for a core that runs a listing, which no compiler takes: words and switches → a core that gives the same
-            power, output and flags, and its parameters and cold state; None: the core itself compiles, or none does.
+        direct: for a core that runs a listing, which no compiler takes: words and assumptions → a core that gives the
+            same power, output and flags, and its parameters and cold state; None: the core itself compiles, or none
+            does.
         ramped: whether the export brings the program of a setpoint ramp along.
     """
 
     name: str
     title: str
     fields: tuple[WordField, ...]
-    switches: tuple[Switch, ...]
+    assumptions: type[NamedTuple]
     inputs: Mapping[str, str]
     can: tuple[str, ...]
     cannot: tuple[str, ...]
@@ -307,8 +284,16 @@ class Room(ABC):
     read_image: ReadImage | None = None
     oddities: Callable[[Words], tuple[str, ...]] | None = None
     faults: Callable[[Words], tuple[str, ...]] | None = None
-    direct: Callable[[Words, Mapping[str, str]], tuple[Core, Running]] | None = None
+    direct: Callable[[Words, Any], tuple[Core, Running]] | None = None
     ramped: bool = False
+
+    def __post_init__(self) -> None:
+        declared(self.assumptions)
+
+    @property
+    def switches(self) -> tuple[Switch, ...]:
+        """What the manual leaves open, as users see it."""
+        return tuple(declared(self.assumptions).values())
 
     def ramp(self, words: Words, rate_degC_per_min: float) -> Ramp:
         """Return the setpoint ramp that comes near a rate [°C/min].
@@ -366,18 +351,34 @@ class Room(ABC):
         """Return the reading for a temperature, quantised and limited as the input module does [units]."""
         return cast("Number", self.core.measure(self.sensor(words), temperature_degC))
 
-    @abstractmethod
+    @final
     def start(self, words: Words, switches: Mapping[str, str]) -> Running:
-        """Return the controller in the cold state for these settings of the switches."""
+        """Return the controller in the cold state for these settings; switches not named have their default.
 
-    def step(self, words: Words, state: Running, setpoint: Any, reading: Any, switches: Mapping[str, str],
-             *, cycle_start: bool = True) -> tuple[Running, Scan]:
-        """Run one scan; pure, total for every bit pattern. Words and switches are in the state since `start`.
+        Raises:
+            UnknownName: a switch or setting that is not there.
+        """
+        return self.begin(words, assumed(self.assumptions, switches))
+
+    @final
+    def start_directly(self, words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:
+        """Return what `start` does, without the listing where that can be, and the core that runs it."""
+        if self.direct is None:
+            return self.core, self.start(words, switches)
+        return self.direct(words, assumed(self.assumptions, switches))
+
+    @abstractmethod
+    def begin(self, words: Words, assume: Any) -> Running:
+        """Return the cold state under the assumptions, a value of `assumptions`."""
+
+    def step(
+        self, state: Running, setpoint: Any, reading: Any, *, cycle_start: bool = True
+    ) -> tuple[Running, Scan]:
+        """Run one scan; pure, total for every bit pattern.
 
         `setpoint` and `reading` are in the controller's units; `cycle_start` tells a room that makes
         its own PWM that a PWM period begins with this scan.
         """
-        del words, switches
         return self.core.run(state, setpoint, reading, cycle_start=cycle_start)
 
     @abstractmethod

@@ -13,8 +13,9 @@ import numpy.typing as npt
 from heatertune.compiled import bound, compiled, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
+from heatertune.plc.open_points import settings_of
 from heatertune.plc.ramp import course
-from heatertune.plc.room import Core, Number, Room, Words, settings_of
+from heatertune.plc.room import Core, Number, Room, Words
 from heatertune.plc.single import narrowed
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import JUMP, LOAD, Batch, Record, run, run_all
@@ -88,10 +89,9 @@ def simulate(
     if not scaling.low_degC < scenario.setpoint_degC < scaling.high_degC:
         rule = f"> {scaling.low_degC:g} and < {scaling.high_degC:g}, the sensor's range"
         raise OutOfRange("setpoint_degC", scenario.setpoint_degC, rule)
-    settings = settings_of(room.switches, switches or {})
 
     def run_from_cold(cut_s: float) -> Trace:
-        controller = controller_of(room, words, scenario.setpoint_degC, settings)
+        controller = controller_of(room, words, scenario.setpoint_degC, switches or {})
         return run_loop(controller, model, scenario, actuator, cut_s=cut_s)
 
     trace = run_from_cold(math.inf)
@@ -263,12 +263,13 @@ def ring_size(pulses: int) -> int:
 def controller_of(
     room: Room, words: Words, setpoint_degC: float, switches: Mapping[str, str], *, direct: bool = False
 ) -> Controller:
-    """Return a room that runs words, its switches set; `direct`: without its listing, where that can be."""
+    """Return a room that runs words, its switches set; `direct`: without its listing, where that can be.
+
+    Raises:
+        UnknownName: a switch or setting the room does not have.
+    """
     timing = room.timing(words)
-    if direct and room.direct is not None:
-        core, running = room.direct(words, switches)
-    else:
-        core, running = room.core, room.start(words, switches)
+    core, running = room.start_directly(words, switches) if direct else (room.core, room.start(words, switches))
     asked = room.measure(words, setpoint_degC)
     low, high = words.scaling.low_degC, words.scaling.high_degC
     lowest = room.measure(words, low)
@@ -285,5 +286,5 @@ def controller_of(
         zero_degC=low - unit * lowest,
         resolution_degC=words.scaling.span_degC / room.counts,
         words=words,
-        switches=switches,
+        switches=settings_of(room.switches, switches),
     )

@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
-from heatertune.plc.room import Room, Words, settings_of
+from heatertune.plc.room import Room, Words
 from heatertune.proof.criteria import Limits
 from heatertune.proof.judge import rest_of
 from heatertune.proof.kernel import PHASE, REST, Batch, Record
@@ -137,8 +137,7 @@ class Drawing:
         """Return the drawing of a room that runs words; errors as in `simulate`."""
         room.check(words)
         room.check_ramp(words)
-        settings = settings_of(room.switches, switches or {})
-        controller = controller_of(room, words, scenario.setpoint_degC, settings, direct=True)
+        controller = controller_of(room, words, scenario.setpoint_degC, switches or {}, direct=True)
         switch = actuator_of(controller, actuator)
         return cls(controller=controller, heaters=heaters, scenario=scenario, actuator=switch, spread=spread)
 

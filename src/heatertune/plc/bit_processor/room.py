@@ -10,6 +10,7 @@ from heatertune.plc.bit_processor.export import PROGRAM, export_words, from_imag
 from heatertune.plc.bit_processor.machine import START, State, Wiring, scan
 from heatertune.plc.bit_processor.programs import ON_OFF_NAMES
 from heatertune.plc.bit_processor.words import COUNTS, FIELDS, TIMER, check_words, encode
+from heatertune.plc.open_points import NothingOpen
 from heatertune.plc.room import Core, Room, Running, Scan, Timing, Words, count
 
 __all__ = ["ROOM", "OnOff"]
@@ -54,8 +55,7 @@ def _word(number: int) -> int:
     return ((number + 0x8000) & 0xFFFF) - 0x8000
 
 
-def _direct(words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:
-    del switches
+def _direct(words: Words, _assume: NothingOpen) -> tuple[Core, Running]:
     return _DIRECT, Running(words.whole["BAND"], _Memory())
 
 
@@ -71,9 +71,8 @@ class OnOff(Room):
         """Return the scan interval; the switch behind the output is an actuator, always on or off for a whole scan."""
         return Timing(scan_s=words.sample_time_s)
 
-    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
+    def begin(self, words: Words, assume: NothingOpen) -> Running:  # noqa: ARG002 - the same door for all
         """Return the state after power-on: heater off."""
-        del switches
         return Running(words.whole["BAND"], START)
 
     def scan(self, state: Running, inputs: Mapping[str, int]) -> tuple[Running, Scan]:
@@ -99,7 +98,7 @@ ROOM: Final = OnOff(
     name="on-off",
     title="bit processor, two-level control (Hryniewicz, Chmiel, Przegląd Elektrotechniczny 88(9a), 2012, Ex. 3)",
     fields=FIELDS,
-    switches=(),
+    assumptions=NothingOpen,
     inputs=_INPUTS,
     can=("switch the heater fully on below SP − BAND and off above SP + BAND",),
     cannot=(

@@ -12,7 +12,9 @@ so IEEE doubles hold every sum exactly but for dD, whose halving runs out of dig
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
+
+from heatertune.plc.open_points import Switch
 
 __all__ = [
     "AUTO", "COLD", "GESCHW", "HANDART", "NO_Z", "REG_AUS", "XZ_EIN", "Assumptions", "Parameters", "State", "call",
@@ -43,12 +45,24 @@ class Parameters(NamedTuple):
 
 
 class Assumptions(NamedTuple):
-    """Settings of what the manual leaves open, see DIFFERENCES.md."""
+    """What the manual leaves open, see DIFFERENCES.md."""
 
-    sum_is_limited: bool = False
-    flag_of_same_call: bool = False
-    inward_allowed: bool = False
-    whole_increments: bool = False
+    sum_is_limited: Annotated[bool, Switch(
+        name="sum", means={"unlimited": False, "limited": True},
+        why="whether Y_{k−1} is kept before or after the limiter; the 928B's DB keeps it before",
+    )] = False
+    flag_of_same_call: Annotated[bool, Switch(
+        name="integral_off", means={"previous_call": False, "same_call": True},
+        why='"at a limit" of which call takes the integral action out',
+    )] = False
+    inward_allowed: Annotated[bool, Switch(
+        name="integral_inward", means={"off": False, "on": True},
+        why="whether integral action that leads back from the limit stays on; the manual gives no direction",
+    )] = False
+    whole_increments: Annotated[bool, Switch(
+        name="rounding", means={"fraction_kept": False, "whole_increments": True},
+        why="whether dY keeps its fraction in the sum; the 928B calculates in floating point",
+    )] = False
 
 
 class State(NamedTuple):

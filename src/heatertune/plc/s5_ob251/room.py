@@ -6,25 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from heatertune.plc.room import Core, Room, Running, Scan, Switch, Timing, Words, count, settings_of
+from heatertune.plc.room import Core, Room, Running, Scan, Timing, Words, count
 from heatertune.plc.s5_ob251.export import export_words
 from heatertune.plc.s5_ob251.image import from_image, oddities
 from heatertune.plc.s5_ob251.recursion import COLD, Assumptions, Parameters, State, call
 from heatertune.plc.s5_ob251.words import FACTOR, FIELDS, FULL_SCALE, TIMER, check_words, decode, encode
 
 __all__ = ["ROOM", "Ob251"]
-
-_SWITCHES: Final = (
-    Switch(name="sum", settings=("unlimited", "limited"), default="unlimited",
-           why="whether Y_{k-1} is kept before or after the limiter"),
-    Switch(name="integral_off", settings=("previous_call", "same_call"), default="previous_call",
-           why="whether the limit of the previous or of this call takes the integral action out"),
-    Switch(name="integral_inward", settings=("off", "on"), default="off",
-           why="whether integral action that leads back from the limit stays on"),
-    Switch(name="rounding", settings=("fraction_kept", "whole_increments"), default="fraction_kept",
-           why="whether dY keeps its fraction in the sum"),
-)
-
 
 _INPUTS: Final = {"W": "KF", "X": "KF", "Z": "KF", "XZ": "KF", "YH": "KF", "STEU": "KM"}
 
@@ -52,14 +40,14 @@ class Ob251(Room):
         """Return TA; the PWM is an actuator behind YA."""
         return Timing(scan_s=words.sample_time_s)
 
-    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
+    def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the cold state: DW18 to DW48 cleared."""
         v = words.whole
         parameters = Parameters(
             gain=v["K"] / FACTOR, r=v["R"] / FACTOR, ti=v["TI"] / FACTOR, td=float(v["TD"]), steu=v["STEU"],
             manual=v["YH"], upper=v["BGOG"], lower=v["BGUG"],
         )
-        return Running((parameters, _assumptions(switches)), COLD)
+        return Running((parameters, assume), COLD)
 
     def scan(self, state: Running, inputs: Mapping[str, int]) -> tuple[Running, Scan]:
         """Run OB251 once with W, X and, where named, Z, XZ, YH and STEU."""
@@ -70,16 +58,11 @@ class Ob251(Room):
         return Running(state.parameters, after), _CORE.told(told)
 
 
-def _assumptions(switches: Mapping[str, str]) -> Assumptions:
-    chosen = settings_of(_SWITCHES, switches)
-    return Assumptions(*(chosen[switch.name] != switch.default for switch in _SWITCHES))
-
-
 ROOM: Final = Ob251(
     name="s5-ob251",
     title="SIMATIC S5-115U, OB251 (manual 4NEB 811 6130, section 11.2.3)",
     fields=FIELDS,
-    switches=_SWITCHES,
+    assumptions=Assumptions,
     inputs=_INPUTS,
     can=(
         "P, PI and PID; feed-forward of Z; manual with a bumpless return; position or velocity algorithm",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.room import Certificate, Core, Room, Running, Scan, Timing, Words, count
 from heatertune.plc.s7_200.listing import repaired_program
@@ -13,15 +13,21 @@ from heatertune.plc.s7_200.program import Constants, Memory, cycle
 from heatertune.plc.s7_200.wiring import COUNTS, WIDTH_APPLIES, head, inputs_of
 from heatertune.plc.s7_200.words import FIELDS, TIMER, check_words, cycle_ms, decode, encode
 
-__all__ = ["ROOM", "S7200"]
+__all__ = ["ROOM", "S7200", "Assumptions"]
 
 _INPUTS: Final = {"SP": "BYTE", "PV": "BYTE"}
+
+
+class Assumptions(NamedTuple):
+    """What the manual leaves open, see DIFFERENCES.md."""
+
+    next_cycle: Annotated[bool, WIDTH_APPLIES] = False
 
 
 class _Loaded(NamedTuple):
     program: Program
     cycle_ms: int
-    next_cycle: bool
+    assume: Assumptions
 
 
 class _Memory(NamedTuple):
@@ -42,25 +48,25 @@ def _step(
     if interrupt is not None:
         # the ticks before this one do nothing but count VW30 down; a test runs them all
         cpu = run(loaded.program, interrupt, cpu.written({"VW30": 1}))
-    width = before if loaded.next_cycle else cpu.width
+    width = before if loaded.assume.next_cycle else cpu.width
     power = 100.0 * min(width, loaded.cycle_ms) / loaded.cycle_ms
     return _Memory(cpu, interrupt, True), power, width, int(cpu.overflow) + 2 * int(cpu.zero_division)
 
 
 def _direct_step(
-    p: tuple[Constants, bool], state: Memory, setpoint: int, reading: int, _begins: bool
+    p: tuple[Constants, Assumptions], state: Memory, setpoint: int, reading: int, _begins: bool
 ) -> tuple[Memory, float, int, int]:
     """Compute the same without the listing, which never overflows."""
-    c, next_cycle = p
+    c, assume = p
     after = cycle(c, state, setpoint & 0xFF, reading & 0xFF)
-    width = state.width if next_cycle else after.width
+    width = state.width if assume.next_cycle else after.width
     return after, 100.0 * min(width, c.cycle_ms) / c.cycle_ms, width, 0
 
 
-def _direct(words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:
+def _direct(words: Words, assume: Assumptions) -> tuple[Core, Running]:
     v = words.whole
     constants = Constants(v["KP"], v["KI"], v["KD"], v["SCALE"], cycle_ms(words))
-    return _DIRECT, Running((constants, switches.get("width_applies") == "next_cycle"), Memory())
+    return _DIRECT, Running((constants, assume), Memory())
 
 
 _DIRECT: Final = Core(step=_direct_step, measure=count, flags=("SM1.1", "SM1.3"))
@@ -76,11 +82,10 @@ class S7200(Room):
         cycle = cycle_ms(words) / 1000.0
         return Timing(scan_s=cycle, pwm_period_s=cycle)
 
-    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
+    def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""
         program = assemble(repaired_program(replace(words, ramp=None)))
-        next_cycle = switches.get("width_applies") == "next_cycle"
-        return Running(_Loaded(program, cycle_ms(words), next_cycle), _Memory())
+        return Running(_Loaded(program, cycle_ms(words), assume), _Memory())
 
     def scan(self, state: Running, inputs: Mapping[str, int]) -> tuple[Running, Scan]:
         """Run one PWM cycle's computation."""
@@ -96,7 +101,7 @@ ROOM: Final = S7200(
     name="s7-200",
     title="SIMATIC S7-200 CPU 214, PID/PWM program (Alia, Am. J. Appl. Sci. 4(5), 2007, Table 2), repaired",
     fields=FIELDS,
-    switches=(WIDTH_APPLIES,),
+    assumptions=Assumptions,
     inputs=_INPUTS,
     can=(
         "PI and PID in whole numbers, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from heatertune.plc.room import Certificate, Switch, Words
+from heatertune.plc.open_points import Switch
+from heatertune.plc.room import Certificate, Words
 
 __all__ = ["COUNTS", "WIDTH_APPLIES", "ascii_only", "head", "inputs_of"]
 
@@ -13,7 +14,7 @@ __all__ = ["COUNTS", "WIDTH_APPLIES", "ascii_only", "head", "inputs_of"]
 COUNTS: Final = 255
 
 WIDTH_APPLIES: Final = Switch(
-    name="width_applies", settings=("this_cycle", "next_cycle"), default="this_cycle",
+    name="width_applies", means={"this_cycle": False, "next_cycle": True},
     why="whether a width written at the start of a PWM cycle shapes that cycle or the one after",
 )
 

@@ -1,19 +1,8 @@
-"""What both rooms ask of their switches, and the analog input module."""
+"""The analog modules of an S7-300/400."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping, Sequence
 from typing import Final
 
-from heatertune.plc.room import Switch, settings_of
-
-__all__ = ["FULL_SCALE", "chosen"]
+__all__ = ["FULL_SCALE"]
 
 #: analog value at the upper end of a module's nominal range
 FULL_SCALE: Final = 27648
-
-
-def chosen(switches: Sequence[Switch], given: Mapping[str, str]) -> list[bool]:
-    """Return for each switch whether it differs from its default; raise UnknownName for an unknown setting."""
-    settings = settings_of(switches, given)
-    return [settings[switch.name] != switch.default for switch in switches]

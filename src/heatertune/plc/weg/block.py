@@ -15,27 +15,50 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
+from heatertune.plc.open_points import Switch
 from heatertune.plc.single import divided, single
 
 __all__ = ["CLAMP", "COLD", "FREEZE", "Assumptions", "Block", "Inputs", "State", "block_of", "call"]
 
-#: what becomes of the integral part while Output is at a limit; any other number: nothing
+#: what becomes of the integral part while Output is at a limit
 CLAMP: Final = 0
 FREEZE: Final = 1
+SUM_ON: Final = 2
 
 
 class Assumptions(NamedTuple):
-    """Settings of what the manual leaves open, see DIFFERENCES.md."""
+    """What the manual leaves open, see DIFFERENCES.md."""
 
-    anti_windup: int = CLAMP
-    manual_unlimited: bool = False
-    bumpless: bool = False
-    exact_filter: bool = False
-    by_parts: bool = False
-    runs_at_once: bool = False
-    zero_history: bool = False
+    anti_windup: Annotated[int, Switch(
+        name="anti_windup", means={"clamp": CLAMP, "freeze": FREEZE, "none": SUM_ON},
+        why="what becomes of i at a limit: held so that Kp·e + i is within the limits; kept as it was; summed on",
+    )] = CLAMP
+    manual_unlimited: Annotated[bool, Switch(
+        name="manual", means={"limited": False, "unlimited": True},
+        why="whether ManualSetPoint is held within MinimumOutput and MaximumOutput",
+    )] = False
+    bumpless: Annotated[bool, Switch(
+        name="manual_return", means={"held": False, "bumpless": True},
+        why="while ManualSetPoint is the output: filter, e(k−1) and i wait; or follow, i being Output − Kp·e",
+    )] = False
+    exact_filter: Annotated[bool, Switch(
+        name="filter", means={"implicit": False, "exact": True},
+        why="share of the way per call: Ts/(Tau + Ts), or 1 − exp(−Ts/Tau)",
+    )] = False
+    by_parts: Annotated[bool, Switch(
+        name="order", means={"as_printed": False, "by_parts": True},
+        why="order of the operations, each of which rounds: the printed bracket, or (P + I) + D",
+    )] = False
+    runs_at_once: Annotated[bool, Switch(
+        name="edge", means={"output_zero": False, "runs_at_once": True},
+        why="whether the scan of EN's positive edge ends with Output zero, or goes on to compute it",
+    )] = False
+    zero_history: Annotated[bool, Switch(
+        name="history", means={"present": False, "zero": True},
+        why="at that edge: filter at SetPoint and e(k−1) = e(k), or both zero; i is zero either way",
+    )] = False
 
 
 class Block(NamedTuple):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from heatertune.plc.room import Core, Number, Room, Running, Scan, Sensor, Switch, Timing, Words, count, settings_of
+from heatertune.plc.room import Core, Number, Room, Running, Scan, Sensor, Timing, Words, count
 from heatertune.plc.single import single
 from heatertune.plc.weg.block import COLD, Assumptions, Block, Inputs, State, block_of, call
 from heatertune.plc.weg.export import export_words
@@ -16,23 +16,6 @@ __all__ = ["ROOM", "Weg"]
 
 #: highest count of the 12-bit input module that is assumed
 _COUNTS: Final = 4095
-
-_SWITCHES: Final = (
-    Switch(name="anti_windup", settings=("clamp", "freeze", "none"), default="clamp",  # numbered as in block.py
-           why="what becomes of the integral part while Output is at a limit"),
-    Switch(name="manual", settings=("limited", "unlimited"), default="limited",
-           why="whether ManualSetPoint is limited like the controller's own output"),
-    Switch(name="manual_return", settings=("held", "bumpless"), default="held",
-           why="whether the memory waits or follows while ManualSetPoint is the output"),
-    Switch(name="filter", settings=("implicit", "exact"), default="implicit",
-           why="formula of the setpoint filter"),
-    Switch(name="order", settings=("as_printed", "by_parts"), default="as_printed",
-           why="order of the operations, of which each rounds"),
-    Switch(name="edge", settings=("output_zero", "runs_at_once"), default="output_zero",
-           why="whether the scan of EN's positive edge ends with Output zero or computes it"),
-    Switch(name="history", settings=("present", "zero"), default="present",
-           why="whether filter and e(k-1) begin with the present values or with zero"),
-)
 
 _INPUTS: Final = {
     "SetPoint": "REAL", "Feedback": "REAL", "ManualSetPoint": "REAL", "SelectSetPoint": "BOOL", "EN": "BOOL",
@@ -68,10 +51,9 @@ class Weg(Room):
         """Return Ts; the PWM is an actuator behind Output."""
         return Timing(scan_s=words.sample_time_s)
 
-    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
+    def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before EN has ever been TRUE."""
-        assumptions = _assumptions(switches)
-        return Running((block_of(words.values, assumptions), assumptions), COLD)
+        return Running((block_of(words.values, assume), assume), COLD)
 
     def scan(self, state: Running, inputs: Mapping[str, Number]) -> tuple[Running, Scan]:
         """Call the block once with SetPoint, Feedback and, where named, ManualSetPoint, SelectSetPoint and EN."""
@@ -84,17 +66,11 @@ class Weg(Room):
         return Running(state.parameters, after), _CORE.told(told)
 
 
-def _assumptions(switches: Mapping[str, str]) -> Assumptions:
-    chosen = settings_of(_SWITCHES, switches)
-    others = (chosen[switch.name] != switch.default for switch in _SWITCHES[1:])
-    return Assumptions(_SWITCHES[0].settings.index(chosen["anti_windup"]), *others)
-
-
 ROOM: Final = Weg(
     name="weg",
     title="WEG SCA06 Ladder, block PID (WPS help; equation of the CFW501 programming manual V1.8x)",
     fields=FIELDS,
-    switches=_SWITCHES,
+    assumptions=Assumptions,
     inputs=_INPUTS,
     can=(
         "P, PI, PD and PID in single precision, academic or parallel form, direct or reverse action",

@@ -6,29 +6,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from heatertune.plc.room import Certificate, Core, Room, Running, Scan, Switch, Timing, Words, count
+from heatertune.plc.room import Certificate, Core, Room, Running, Scan, Timing, Words, count
 from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
 from heatertune.plc.s7_200.paper.faults import faults
 from heatertune.plc.s7_200.paper.listing import printed_program
-from heatertune.plc.s7_200.paper.program import Constants, Memory, counted, power_pct, rises, scan
+from heatertune.plc.s7_200.paper.program import Assumptions, Constants, Memory, counted, power_pct, rises, scan
 from heatertune.plc.s7_200.paper.words import FIELDS, check_words, encode
-from heatertune.plc.s7_200.wiring import COUNTS, WIDTH_APPLIES, head, inputs_of
+from heatertune.plc.s7_200.wiring import COUNTS, head, inputs_of
 from heatertune.plc.s7_200.words import TIMER
 
-__all__ = ["ROOM", "PaperProgram", "constants"]
+__all__ = ["ROOM", "PaperProgram"]
 
 #: scans per PWM cycle; real ones are more, which changes nothing between two readings
 _SCANS_PER_CYCLE: Final = 5
-
-_SWITCHES: Final = (
-    WIDTH_APPLIES,
-    Switch(name="overflow", settings=("keep", "wrap"), default="keep",
-           why="whether an overflowing +I or -I of the CPU 214 leaves its operand or writes the wrapped result"),
-    Switch(name="rails", settings=("edges_stop", "edges_go_on"), default="edges_stop",
-           why="whether a width of 0 or of the whole cycle still gives the edge that updates the width"),
-    Switch(name="cycle_time", settings=("loaded", "never_loaded"), default="loaded",
-           why="whether PLS takes the cycle time although SMB67 = 16#CA has its update bit 0"),
-)
 
 _INPUTS: Final = {"SP": "BYTE", "PV": "BYTE", "CYCLE_START": "BOOL"}
 
@@ -51,10 +41,10 @@ def _step(
     cpu, overflow, attached = state.cpu.written(inputs_of(setpoint, reading)), False, dict(state.cpu.attached)
     if rises(c, memory, begins) and cpu.enabled and 0 in attached:
         before = cpu.width
-        cpu = run(loaded.program, attached[0], cpu, wrap=c.wrap)
+        cpu = run(loaded.program, attached[0], cpu, wrap=c.assume.wrap)
         overflow = cpu.overflow
-        memory = memory._replace(applied=before if c.next_cycle else cpu.width)
-    cpu = run(loaded.program, "OB1", cpu, wrap=c.wrap).written({"SM0.1": 0})
+        memory = memory._replace(applied=before if c.assume.next_cycle else cpu.width)
+    cpu = run(loaded.program, "OB1", cpu, wrap=c.assume.wrap).written({"SM0.1": 0})
     bits = int(overflow or cpu.overflow) + 2 * int(cpu.zero_division)
     return _Memory(cpu, memory), power_pct(c, memory.applied), memory.applied, bits
 
@@ -67,8 +57,8 @@ def _direct_step(
     return after, power_pct(c, after.applied), after.applied, int(after.overflow) + 2 * int(after.zero_division)
 
 
-def _direct(words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:
-    return _DIRECT, Running(constants(words, switches), Memory())
+def _direct(words: Words, assume: Assumptions) -> tuple[Core, Running]:
+    return _DIRECT, Running(_constants(words, assume), Memory())
 
 
 _DIRECT: Final = Core(step=_direct_step, measure=count, flags=("SM1.1", "SM1.3"))
@@ -84,24 +74,20 @@ class PaperProgram(Room):
         cycle = words.whole["CYCLE"] / 1000.0
         return Timing(scan_s=cycle / _SCANS_PER_CYCLE, pwm_period_s=cycle)
 
-    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
+    def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before the first scan: all words 0."""
         cpu = COLD.written({"SM0.1": 1, "SMB29": words.whole["POT1"]})
-        return Running(_Loaded(assemble(printed_program(words)), constants(words, switches)), _Memory(cpu))
+        return Running(_Loaded(assemble(printed_program(words)), _constants(words, assume)), _Memory(cpu))
 
     def scan(self, state: Running, inputs: Mapping[str, int]) -> tuple[Running, Scan]:
         """Run one scan with SP, PV and, where named, whether a PWM cycle begins."""
         return _CORE.run(state, inputs["SP"], inputs["PV"], cycle_start=bool(inputs.get("CYCLE_START", 1)))
 
 
-def constants(words: Words, switches: Mapping[str, str]) -> Constants:
-    """Return the constants of the program with open points read as the switches say."""
+def _constants(words: Words, assume: Assumptions) -> Constants:
     v = words.whole
     return Constants(
-        kp=v["KP"], ki=v["KI"], kd=v["KD"], t=v["T"], cycle_ms=v["CYCLE"], pot1=v["POT1"],
-        wrap=switches.get("overflow") == "wrap", next_cycle=switches.get("width_applies") == "next_cycle",
-        stops_at_rails=switches.get("rails") != "edges_go_on",
-        loads_cycle=switches.get("cycle_time") != "never_loaded",
+        kp=v["KP"], ki=v["KI"], kd=v["KD"], t=v["T"], cycle_ms=v["CYCLE"], pot1=v["POT1"], assume=assume,
     )
 
 
@@ -120,7 +106,7 @@ ROOM: Final = PaperProgram(
     name="s7-200-paper",
     title="SIMATIC S7-200 CPU 214, PID/PWM program as printed (Alia, Am. J. Appl. Sci. 4(5), 2007, Table 2)",
     fields=FIELDS,
-    switches=_SWITCHES,
+    assumptions=Assumptions,
     inputs=_INPUTS,
     can=("what the paper prints, its own PWM on Q0.0; for comparison",),
     cannot=(

@@ -10,13 +10,26 @@ in single precision, from left to right; see `heatertune.plc.s7_200.machine.real
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
+from heatertune.plc.open_points import Switch
+from heatertune.plc.s7_200.wiring import WIDTH_APPLIES
 from heatertune.plc.single import divided, single
 
-__all__ = ["Memory", "Table", "cycled"]
+__all__ = ["Assumptions", "Memory", "Table", "cycled"]
 
 _SECONDS: Final = 60.0  # Ti and Td are in minutes
+
+
+class Assumptions(NamedTuple):
+    """What the manual leaves open, see DIFFERENCES.md."""
+
+    next_cycle: Annotated[bool, WIDTH_APPLIES] = False
+    bumpless: Annotated[bool, Switch(
+        name="first_call", means={"setpoint_is_pv": True, "setpoint_kept": False},
+        why="whether the first call of the loop sets its setpoint to the process variable, so that M begins without a "
+            "bump",
+    )] = True
 
 
 class Table(NamedTuple):

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
-from heatertune.plc.room import Certificate, Core, Room, Running, Scan, Sensor, Switch, Timing, Words
+from heatertune.plc.room import Certificate, Core, Room, Running, Scan, Sensor, Timing, Words
 from heatertune.plc.s7_200.machine import COLD, Program, State, assemble, run
 from heatertune.plc.s7_200.pid.image import from_image, oddities, to_image
 from heatertune.plc.s7_200.pid.listing import ASKED, SETPOINT, pid_program
-from heatertune.plc.s7_200.pid.program import Memory, Table, cycled
+from heatertune.plc.s7_200.pid.program import Assumptions, Memory, Table, cycled
 from heatertune.plc.s7_200.pid.words import FIELDS, TABLE, check_words, decode, encode
-from heatertune.plc.s7_200.wiring import WIDTH_APPLIES, ascii_only
+from heatertune.plc.s7_200.wiring import ascii_only
 from heatertune.plc.s7_200.words import TIMER, cycle_ms
 from heatertune.plc.single import divided
 
@@ -22,20 +22,13 @@ __all__ = ["ROOM", "S7200Pid"]
 _FULL: Final = 32000  # analog input word at the end of the range
 _STEP: Final = 8  # a converter of 12 bits, left-justified
 
-_SWITCHES: Final = (
-    WIDTH_APPLIES,
-    Switch(name="first_call", settings=("setpoint_is_pv", "setpoint_kept"), default="setpoint_is_pv",
-           why="whether the first call of the loop sets its setpoint to the process variable"),
-)
-
 _INPUTS: Final = {"SP": "INT", "PV": "INT"}
 
 
 class _Loaded(NamedTuple):
     program: Program
     cycle_ms: int
-    next_cycle: bool
-    bumpless: bool
+    assume: Assumptions
 
 
 class _Memory(NamedTuple):
@@ -53,8 +46,8 @@ def _step(
     before = cpu.width
     inputs = {"AIW0": reading, SETPOINT: _bits(divided(float(setpoint), float(_FULL)))}
     # the ticks before this one do nothing but count down
-    cpu = run(loaded.program, "INT0", cpu.written(inputs | {"VW90": 1}), bumpless=loaded.bumpless)
-    width = before if loaded.next_cycle else cpu.width
+    cpu = run(loaded.program, "INT0", cpu.written(inputs | {"VW90": 1}), bumpless=loaded.assume.bumpless)
+    width = before if loaded.assume.next_cycle else cpu.width
     power = 100.0 * min(width, loaded.cycle_ms) / loaded.cycle_ms
     return _Memory(cpu, True), power, width, int(cpu.overflow)
 
@@ -65,12 +58,12 @@ def _measure(sensor: Sensor, temperature_degC: float) -> int:
 
 
 def _direct_step(
-    p: tuple[Table, int, bool, bool], state: Memory, setpoint: int, reading: int, _begins: bool
+    p: tuple[Table, int, Assumptions], state: Memory, setpoint: int, reading: int, _begins: bool
 ) -> tuple[Memory, float, int, int]:
     """Compute the same without the listing."""
-    table, cycle, next_cycle, bumpless = p
-    after = cycled(table, cycle, state, divided(float(setpoint), float(_FULL)), _share(reading), bumpless)
-    width = state.width if next_cycle else after.width
+    table, cycle, assume = p
+    after = cycled(table, cycle, state, divided(float(setpoint), float(_FULL)), _share(reading), assume.bumpless)
+    width = state.width if assume.next_cycle else after.width
     return after, 100.0 * min(width, cycle) / cycle, width, int(after.overflow)
 
 
@@ -78,9 +71,9 @@ def _share(reading: int) -> float:
     return divided(float(reading), float(_FULL))
 
 
-def _direct(words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:
-    v, listed = words.values, _settings(words, switches)
-    return _DIRECT, Running((Table(v["KC"], v["TS"], v["TI"], v["TD"]), *listed), Memory())
+def _direct(words: Words, assume: Assumptions) -> tuple[Core, Running]:
+    v = words.values
+    return _DIRECT, Running((Table(v["KC"], v["TS"], v["TI"], v["TD"]), cycle_ms(words), assume), Memory())
 
 
 _DIRECT: Final = Core(step=_direct_step, measure=_measure, flags=("SM1.1",))
@@ -96,20 +89,14 @@ class S7200Pid(Room):
         cycle = cycle_ms(words) / 1000.0
         return Timing(scan_s=cycle, pwm_period_s=cycle)
 
-    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
+    def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""
         program = assemble(pid_program(replace(words, ramp=None)))
-        return Running(_Loaded(program, *_settings(words, switches)), _Memory())
+        return Running(_Loaded(program, cycle_ms(words), assume), _Memory())
 
     def scan(self, state: Running, inputs: Mapping[str, int]) -> tuple[Running, Scan]:
         """Run one sampling interval."""
         return _CORE.run(state, inputs["SP"], inputs["PV"], cycle_start=True)
-
-
-def _settings(words: Words, switches: Mapping[str, str]) -> tuple[int, bool, bool]:
-    """Return the PWM cycle [ms], whether a width applies one cycle later, whether the loop begins without a bump."""
-    later, kept = switches.get("width_applies") == "next_cycle", switches.get("first_call") == "setpoint_kept"
-    return cycle_ms(words), later, not kept
 
 
 def _bits(value: float) -> int:
@@ -136,7 +123,7 @@ ROOM: Final = S7200Pid(
     name="s7-200-pid",
     title="SIMATIC S7-200, PID instruction (System Manual C79000-G7076-C233-01, pp. 9-84 to 9-91)",
     fields=FIELDS,
-    switches=_SWITCHES,
+    assumptions=Assumptions,
     inputs=_INPUTS,
     can=(
         "P, PI and PID in single precision, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",

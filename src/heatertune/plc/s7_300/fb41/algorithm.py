@@ -12,8 +12,9 @@ part, the integral part is taken back to the limit.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
+from heatertune.plc.open_points import Switch
 from heatertune.plc.s7_300.module import FULL_SCALE
 from heatertune.plc.s7_300.real import quotient, real
 
@@ -49,11 +50,20 @@ class Parameters(NamedTuple):
 
 
 class Assumptions(NamedTuple):
-    """Settings of what is not documented, see DIFFERENCES.md."""
+    """What is not documented, see DIFFERENCES.md."""
 
-    rectangle: bool = False
-    whole_cycle: bool = False
-    only_held: bool = False
+    rectangle: Annotated[bool, Switch(
+        name="integral", means={"trapezoid": False, "rectangle": True},
+        why="whether the I part takes the mean of two errors or the last one",
+    )] = False
+    whole_cycle: Annotated[bool, Switch(
+        name="derivative_lag", means={"half_cycle": False, "whole_cycle": True},
+        why="whether CYCLE/2 or CYCLE is added to TM_LAG: the bilinear or the backward form of the lag",
+    )] = False
+    only_held: Annotated[bool, Switch(
+        name="anti_windup", means={"taken_back": False, "held": True},
+        why="whether an I part that alone leaves a limit is taken back to it, or only held there",
+    )] = False
 
 
 class State(NamedTuple):

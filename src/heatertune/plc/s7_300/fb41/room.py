@@ -6,25 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from heatertune.plc.room import Core, Number, Room, Running, Scan, Switch, Timing, Words, count
+from heatertune.plc.room import Core, Number, Room, Running, Scan, Timing, Words, count
 from heatertune.plc.s7_300.fb41.algorithm import Assumptions, Parameters, State, call, restart, scaled
 from heatertune.plc.s7_300.fb41.export import export_words
 from heatertune.plc.s7_300.fb41.image import from_image, oddities
 from heatertune.plc.s7_300.fb41.words import FIELDS, check_words, decode, encode
-from heatertune.plc.s7_300.module import FULL_SCALE, chosen
+from heatertune.plc.s7_300.module import FULL_SCALE
 from heatertune.plc.s7_300.real import clamp, quotient, real
 from heatertune.plc.s7_300.timer import TIMER
 
 __all__ = ["ROOM", "ContC"]
-
-_SWITCHES: Final = (
-    Switch(name="integral", settings=("trapezoid", "rectangle"), default="trapezoid",
-           why="whether the I part takes the mean of two errors or the last one"),
-    Switch(name="derivative_lag", settings=("half_cycle", "whole_cycle"), default="half_cycle",
-           why="how much of CYCLE is added to TM_LAG in the D part"),
-    Switch(name="anti_windup", settings=("taken_back", "held"), default="taken_back",
-           why="whether an I part beyond a limit is taken back to it, or only held"),
-)
 
 #: SP_PER is a setpoint as an analog value; SP_INT, where given, is the block's own input
 _INPUTS: Final = {
@@ -64,10 +55,10 @@ class ContC(Room):
         """Return OB35's interval; the PWM is an actuator behind LMN."""
         return Timing(scan_s=words.sample_time_s)
 
-    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
+    def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after OB100's call with COM_RST."""
         parameters = _parameters(words.values)
-        return Running((parameters, Assumptions(*chosen(_SWITCHES, switches))), restart(parameters))
+        return Running((parameters, assume), restart(parameters))
 
     def scan(self, state: Running, inputs: Mapping[str, Number]) -> tuple[Running, Scan]:
         """Call the block once with PV_PER and SP_PER or SP_INT; what is not named stays as the words have it."""
@@ -100,7 +91,7 @@ ROOM: Final = ContC(
     name="fb41",
     title="SIMATIC S7-300/400, FB41 CONT_C (Standard Library; SFB41 of the CPU 31xC)",
     fields=FIELDS,
-    switches=_SWITCHES,
+    assumptions=Assumptions,
     inputs=_INPUTS,
     can=(
         "P, PI, PD and PID in single precision with a filtered derivative of the error; PV and setpoint in °C",

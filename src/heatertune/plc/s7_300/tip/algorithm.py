@@ -15,8 +15,9 @@ The exported block is the same program, instruction by instruction.
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
+from heatertune.plc.open_points import Switch
 from heatertune.plc.s7_300.module import FULL_SCALE
 from heatertune.plc.s7_300.real import clamp, quotient, real
 
@@ -33,11 +34,20 @@ class Parameters(NamedTuple):
 
 
 class Assumptions(NamedTuple):
-    """Settings of what the document leaves open, see DIFFERENCES.md."""
+    """What the document leaves open, see DIFFERENCES.md."""
 
-    truncates: bool = False
-    bias_always_clamped: bool = False
-    starts_at_zero: bool = False
+    truncates: Annotated[bool, Switch(
+        name="conversion", means={"rnd": False, "trunc": True},
+        why="whether OUT is rounded (halves to even) or cut when it becomes an INT",
+    )] = False
+    bias_always_clamped: Annotated[bool, Switch(
+        name="bias_clamp", means={"adjusted": False, "always": True},
+        why='the document clamps "the adjusted bias": whether one that was not adjusted is clamped to 0…1 as well',
+    )] = False
+    starts_at_zero: Annotated[bool, Switch(
+        name="first_reading", means={"taken": False, "zero": True},
+        why="whether PV_{n−1} of the first call is that call's reading, or 0 with a kick of the derivative part",
+    )] = False
 
 
 class State(NamedTuple):

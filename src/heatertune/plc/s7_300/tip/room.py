@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from heatertune.plc.room import Core, Room, Running, Scan, Switch, Timing, Words, count
-from heatertune.plc.s7_300.module import FULL_SCALE, chosen
+from heatertune.plc.room import Core, Room, Running, Scan, Timing, Words, count
+from heatertune.plc.s7_300.module import FULL_SCALE
 from heatertune.plc.s7_300.timer import TIMER
 from heatertune.plc.s7_300.tip.algorithm import COLD, Assumptions, Parameters, State, call, manual
 from heatertune.plc.s7_300.tip.export import export_words
@@ -15,15 +15,6 @@ from heatertune.plc.s7_300.tip.image import from_image, oddities
 from heatertune.plc.s7_300.tip.words import FIELDS, check_words, decode, encode
 
 __all__ = ["ROOM", "PidTip"]
-
-_SWITCHES: Final = (
-    Switch(name="conversion", settings=("rnd", "trunc"), default="rnd",
-           why="whether OUT is rounded or cut when it becomes an INT"),
-    Switch(name="bias_clamp", settings=("adjusted", "always"), default="adjusted",
-           why="whether a bias that was not adjusted is clamped to 0…1 as well"),
-    Switch(name="first_reading", settings=("taken", "zero"), default="taken",
-           why="whether PV_{n-1} of the first call is that call's reading or 0"),
-)
 
 _INPUTS: Final = {"SP": "INT", "PV": "INT", "mode_req": "BOOL", "OUT": "INT"}
 
@@ -50,11 +41,11 @@ class PidTip(Room):
         """Return OB35's interval; the PWM is an actuator behind OUT."""
         return Timing(scan_s=words.sample_time_s)
 
-    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
+    def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after OB100."""
         v = words.values
         parameters = Parameters(gain=v["GAIN"], rate=v["RATE"], reset=v["RESET"], sample=v["SAMPLE"])
-        return Running((parameters, Assumptions(*chosen(_SWITCHES, switches))), COLD)
+        return Running((parameters, assume), COLD)
 
     def scan(self, state: Running, inputs: Mapping[str, int]) -> tuple[Running, Scan]:
         """Call the block once with SP and PV and, where named, mode_req and what the user wrote to OUT in manual."""
@@ -68,7 +59,7 @@ ROOM: Final = PidTip(
     name="s7-300",
     title="SIMATIC S7-300/400, application tip PID No. 2 (Siemens, V1.0, 11/96)",
     fields=FIELDS,
-    switches=_SWITCHES,
+    assumptions=Assumptions,
     inputs=_INPUTS,
     can=(
         "P, PI, PD and PID in single precision; derivative of the reading, not filtered; I, ID and D with GAIN = 0",

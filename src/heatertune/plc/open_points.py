@@ -1,0 +1,101 @@
+"""What a controller's manual leaves open, declared once: as fields of the named tuple that its step takes.
+
+    class Assumptions(NamedTuple):
+        truncates: Annotated[bool, Switch(
+            name="conversion", means={"rnd": False, "trunc": True}, why="whether OUT is rounded or cut",
+        )] = False
+
+From it come the switches that users see, the settings that a proof runs, the table in DIFFERENCES.md, and the value
+that the step reads. Nothing goes by position: fields may stand in any order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, NamedTuple, cast, get_args, get_type_hints
+
+from heatertune.errors import UnknownName
+
+__all__ = ["NothingOpen", "Switch", "assumed", "declared", "settings_of"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Switch:
+    """A point the manual leaves open.
+
+    Attributes:
+        name: on the command line.
+        means: each setting → what the field then holds; the default first.
+        why: what is open, as in the table of DIFFERENCES.md.
+    """
+
+    name: str
+    means: Mapping[str, bool | int]
+    why: str
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """The settings' names, the default first."""
+        return tuple(self.means)
+
+    @property
+    def default(self) -> str:
+        """The setting of a controller about which nothing more is known."""
+        return self.settings[0]
+
+
+class NothingOpen(NamedTuple):
+    """What a step assumes whose manual leaves nothing open."""
+
+
+@cache
+def declared(assumptions: type[NamedTuple]) -> Mapping[str, Switch]:
+    """Return the switch of each field of a named tuple, in the order of the fields.
+
+    Raises:
+        TypeError: a field without a switch or with two, a default or a meaning that is not the field's, or two of one
+            name or meaning.
+    """
+    switches = {}
+    for field, hint in get_type_hints(assumptions, include_extras=True).items():
+        kind, *marks = get_args(hint) or (hint,)
+        if len(marks) != 1 or not isinstance(marks[0], Switch):
+            raise TypeError(f"{assumptions.__qualname__}.{field}: exactly one Switch expected")
+        switches[field] = switch = marks[0]
+        meanings = list(switch.means.values())
+        if len(set(meanings)) != len(meanings) or not all(type(meaning) is kind for meaning in meanings):
+            raise TypeError(f"{assumptions.__qualname__}.{field}: every setting must mean a {kind.__name__} of its own")
+        if meanings[:1] != [assumptions._field_defaults.get(field)]:
+            raise TypeError(f"{assumptions.__qualname__}.{field}: its default must be what its first setting means")
+    if len({switch.name for switch in switches.values()}) != len(switches):
+        raise TypeError(f"{assumptions.__qualname__}: two fields have one switch")
+    return switches
+
+
+def assumed(assumptions: type[NamedTuple], given: Mapping[str, str]) -> Any:
+    """Return the named tuple for settings of its switches; those not given have their default.
+
+    Raises:
+        UnknownName: a switch or setting that is not there.
+    """
+    switches = declared(assumptions)
+    settings = settings_of(tuple(switches.values()), given)
+    meanings = {field: switch.means[settings[switch.name]] for field, switch in switches.items()}
+    return cast("Any", assumptions)(**meanings)
+
+
+def settings_of(switches: Sequence[Switch], given: Mapping[str, str]) -> dict[str, str]:
+    """Return the setting of every switch: the one given, else its default.
+
+    Raises:
+        UnknownName: a switch or setting that is not there.
+    """
+    by_name = {switch.name: switch for switch in switches}
+    for name, setting in given.items():
+        if name not in by_name:
+            raise UnknownName("switch", name, by_name)
+        if setting not in by_name[name].settings:
+            raise UnknownName(f"setting of {name}", setting, by_name[name].settings)
+    return {name: given.get(name, switch.default) for name, switch in by_name.items()}

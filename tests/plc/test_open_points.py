@@ -1,0 +1,261 @@
+"""Every setting of every open point against outputs worked out by hand from what its controller's source says.
+
+The numbers are such that nothing rounds but where rounding is the point; the sums stand beside them.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Annotated, NamedTuple
+
+import pytest
+
+from heatertune.errors import UnknownName
+from heatertune.pid.values import PidDesign
+from heatertune.plc import TARGETS, Room, Scaling, Switch, Words, room
+from heatertune.plc.open_points import NothingOpen, assumed, declared
+from heatertune.plc.replay import replay
+
+DESIGN = PidDesign(gain_pct_per_degC=1.0, integral_time_s=100.0, derivative_time_s=0.0, sample_time_s=1.0, structure="pi",
+                   method="")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One open point: words, inputs scan by scan, and for each setting the outputs that the source asks for."""
+
+    target: str
+    switch: str
+    words: dict
+    rows: list
+    outputs: dict
+
+    def __str__(self):
+        return f"{self.target} {self.switch}"
+
+    def of(self, settings):
+        return [scan.output for scan in replay(room(self.target), _words(self), self.rows, settings)]
+
+
+def _words(case):
+    return Words(target=case.target, values=case.words, scaling=Scaling(), sample_time_s=1.0)
+
+
+def _columns(**inputs):
+    return [dict(zip(inputs, row, strict=True)) for row in zip(*inputs.values(), strict=True)]
+
+
+# OB251, in units: dY = K·[(XW − XW before) + TI·XW] with K = R = 1024/1024, X = 0, so XW = W
+OB251 = {"K": 1024, "R": 1024, "TI": 0, "TD": 0, "W": 0, "STEU": 1 + 32, "YH": 0, "BGOG": 100, "BGUG": 0}
+
+
+def _ob251(switch, words, w, outputs):
+    return Case(target="s5-ob251", switch=switch, words=OB251 | words, rows=_columns(W=w, X=[0] * len(w)), outputs=outputs)
+
+
+# the repaired program: width in ms grows by KP/2^SCALE per count of the error's change, the first error counting as a change
+S7_200 = {"KP": 2, "KI": 0, "KD": 0, "SCALE": 1, "TICK": 100, "TICKS": 10}
+
+# the printed program: at an edge the width grows by the high word of KP·256·(SP − PV): with KP = 256 by SP − PV, in ms;
+# the error of scan 1 is in that sum after scan 2, and the edge of the first scan's S Q0.0 is served before scan 3
+PAPER = {"KP": 256, "KI": 0, "KD": 0, "T": 1, "CYCLE": 1000, "POT1": 0}
+
+
+def _paper(switch, sp, pv, begins, outputs):
+    return Case(target="s7-200-paper", switch=switch, words=PAPER, rows=_columns(SP=sp, PV=pv, CYCLE_START=begins),
+                outputs=outputs)
+
+
+# the PID instruction as P: M = (SP − PV)/32000, and a width of M·1000 ms; 60·Ti is beyond single precision, so Ts/Ti = 0
+PID = {"KC": 1.0, "TS": 1.0, "TI": 3.4028234663852886e38, "TD": 0.0, "TICK": 100, "TICKS": 10}
+
+
+def _pid(switch, pv, outputs):
+    return Case(target="s7-200-pid", switch=switch, words=PID, rows=_columns(SP=[16000] * len(pv), PV=pv), outputs=outputs)
+
+
+def _tip(switch, gain, rate, reset, sample, sp, pv, outputs):
+    words = {"GAIN": gain, "RATE": rate, "RESET": reset, "SAMPLE": sample}
+    return Case(target="s7-300", switch=switch, words=words, rows=_columns(SP=sp, PV=pv), outputs=outputs)
+
+
+def _fb41(switch, changed, errors, outputs):
+    """GAIN = 1, limits 0…100; SP_INT − PV is the error, as PV_PER = 0 is 0 °C."""
+    words = dict(room("fb41").encode(DESIGN, Scaling()).values)
+    words |= {"CYCLE": 1000, "GAIN": 1.0, "P_SEL": 1, "I_SEL": 1, "D_SEL": 0} | changed
+    return Case(target="fb41", switch=switch, words=words, rows=_columns(SP_INT=errors, PV_PER=[0] * len(errors)),
+                outputs=outputs)
+
+
+# WEG: academic form, Kp = 1, Ts = 1 s: u = i + (1 + Ki + Kd)·e − Kd·e before, i grows by Ki·e; the first scan is EN's edge
+WEG = {"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "TauSetPoint": 0.0, "MinimumOutput": 0.0, "MaximumOutput": 100.0, "Type": 0,
+       "Action": 0, "Ts": 1000}
+
+
+def _weg(switch, words, rows, outputs):
+    return Case(target="weg", switch=switch, words=WEG | words, rows=rows, outputs=outputs)
+
+
+CASES = [
+    # Y = 150, limited: YA = 100. Then dY = 50 − 150 = −100, from 150 or from 100
+    _ob251("sum", {}, [150, 50], {"unlimited": [100, 50], "limited": [100, 0]}),
+    # TI = 1/2: Y = 80 + 40 = 120 beyond 100. Before this call no limit was reached; at this one it is, so only the 80 count
+    _ob251("integral_off", {"TI": 512}, [80], {"previous_call": [100], "same_call": [80]}),
+    # again Y = 120, at the limit; then dP = −10 − 80 = −90 and dI = −5, which leads back: 120 − 90, or 120 − 95
+    _ob251("integral_inward", {"TI": 512}, [80, -10], {"off": [100, 30], "on": [100, 25]}),
+    # TI = 1/4: dY = 2 + 1/2, then 1/2: Y = 5/2, 3; or of whole increments 2 + 0. YA is cut
+    _ob251("rounding", {"TI": 256}, [2, 2], {"fraction_kept": [2, 3], "whole_increments": [2, 2]}),
+
+    # errors 10 and 15: widths 2·10/2 and 10 + 2·5/2 ms; or each one PWM cycle later, after none
+    Case(target="s7-200", switch="width_applies", words=S7_200, rows=_columns(SP=[100, 100], PV=[90, 85]),
+         outputs={"this_cycle": [10, 15], "next_cycle": [0, 10]}),
+
+    # error 10: 10 ms at the first edge, 20 ms at the next. One cycle later: still 0 ms after the first edge, so no other comes
+    _paper("width_applies", [60] * 4, [50] * 4, [0, 0, 0, 1],
+           {"this_cycle": [0, 0, 10, 20], "next_cycle": [0, 0, 0, 0]}),
+    # 130 and 120 in high bytes: −32256 − 30720 = −62976, and + 65536 = 2560 = 256·10 where it wraps: 10 ms. Else −32256 stays:
+    # −126 ms, limited to 0
+    _paper("overflow", [130] * 3, [120] * 3, [0, 0, 0], {"keep": [0, 0, 0], "wrap": [0, 0, 10]}),
+    # error −10 in the first scan: 0 ms at the first edge. Then error 10: 10 ms at the next one, if it comes
+    _paper("rails", [60] * 4, [70, 50, 50, 50], [0, 0, 0, 1],
+           {"edges_stop": [0, 0, 0, 0], "edges_go_on": [0, 0, 0, 10]}),
+    # error 1: 1 ms at the first edge. No PWM cycle of 1000 ms begins in the fourth scan, but one of 2 ms does: 2 ms
+    _paper("cycle_time", [51] * 4, [50] * 4, [0, 0, 0, 0], {"loaded": [0, 0, 1, 1], "never_loaded": [0, 0, 1, 2]}),
+
+    # the first call makes SP of PV: M = 0, then 1/2 − 1/4 and 1/2 − 1/8; or each width one PWM cycle later
+    _pid("width_applies", [8000, 8000, 4000], {"this_cycle": [0, 250, 375], "next_cycle": [0, 0, 250]}),
+    _pid("first_call", [8000, 4000], {"setpoint_is_pv": [0, 375], "setpoint_kept": [250, 375]}),
+
+    # Output = 1/2048·1/2; 27648/4096 = 6.75
+    _tip("conversion", 2.0**-11, 0.0, 0.0, 1000.0, [13824], [0], {"rnd": [7], "trunc": [6]}),
+    # Gain 1, CI = 4000/1000, CD = 16000/4000. First SP − PV = 1/2: MP = 1/2, MI = 2, Output > 1, Bias = 1 − 1/2.
+    # Then 1/2 − 1/4: MP = 1/4, MI = 1/2 + 1, MD = −1: Output = 3/4 of 27648; MI = 3/2 is not adjusted: Bias = 3/2, or 1.
+    # Then 0 − 1/4: MP = −1/4, MI = Bias − 1, MD = 0: Output = 1/4, or −1/4
+    _tip("bias_clamp", 1.0, 16000.0, 1000.0, 4000.0, [13824, 13824, 0], [0, 6912, 6912],
+         {"adjusted": [27648, 20736, 6912], "always": [27648, 20736, 0]}),
+    # MP = 3/4 − 1/4 and MD = PV before − PV, with Rate = Sample: 0, or −1/4
+    _tip("first_reading", 1.0, 1000.0, 0.0, 1000.0, [20736], [6912], {"taken": [13824], "zero": [6912]}),
+
+    # CYCLE/TI = 1/4, error 8, before it 0: I = 1/4·4, then 1/4·8 more; or 1/4·8 both times. P = 8
+    _fb41("integral", {"TI": 4000}, [8.0, 8.0], {"trapezoid": [9.0, 11.0], "rectangle": [10.0, 12.0]}),
+    # D = TD/(1/2 s + TM_LAG)·8 = 5/2·8, or 5/(1 s + 3/2 s)·8
+    _fb41("derivative_lag", {"P_SEL": 0, "I_SEL": 0, "D_SEL": 1, "TD": 5000, "TM_LAG": 1500}, [8.0],
+          {"half_cycle": [20.0], "whole_cycle": [16.0]}),
+    # CYCLE/TI = 2: I = 2·(120 + 0)/2 = 120 is alone beyond 100, and P + I = 240. Taken back to 100, or held at 120; then
+    # 2·(−40 + 120)/2 would leave further, so I stays: I − 40
+    _fb41("anti_windup", {"TI": 500}, [120.0, -40.0], {"taken_back": [100.0, 60.0], "held": [100.0, 80.0]}),
+
+    # Ki = 1/2, e = 80: u = 3/2·80 = 120, limited; i = 40, or 100 − 80 so that Kp·e + i is within, or 0 as before.
+    # Then e = 10: u = i + 15
+    _weg("anti_windup", {"Ki": 0.5}, _columns(SetPoint=[80.0] * 3, Feedback=[0.0, 0.0, 70.0]),
+         {"clamp": [0, 100, 35], "freeze": [0, 100, 15], "none": [0, 100, 55]}),
+    _weg("manual", {}, _columns(SetPoint=[10.0] * 2, Feedback=[0.0] * 2, ManualSetPoint=[150.0] * 2, SelectSetPoint=[0, 1]),
+         {"limited": [0, 100], "unlimited": [0, 150]}),
+    # Ki = 1/2, e = 10, by hand 50: i stays 0, or becomes 50 − 10; then u = i + 15
+    _weg("manual_return", {"Ki": 0.5},
+         _columns(SetPoint=[10.0] * 3, Feedback=[0.0] * 3, ManualSetPoint=[50.0] * 3, SelectSetPoint=[0, 1, 0]),
+         {"held": [0, 50, 15], "bumpless": [0, 50, 55]}),
+    # Tau = Ts, the filter at 0: it goes half of the way to 100, or 1 − 1/e of it
+    _weg("filter", {"TauSetPoint": 1.0}, _columns(SetPoint=[0.0, 100.0], Feedback=[0.0] * 2),
+         {"implicit": [0, 50], "exact": [0, 63.2120559]}),
+    # 1 + 2^24 is 2^24 in single precision: as printed, 2^24·3 − 2^24·3 leaves nothing of P; by parts it is 3, and D is 0
+    _weg("order", {"Kd": 2.0**24}, _columns(SetPoint=[3.0] * 2, Feedback=[0.0] * 2),
+         {"as_printed": [0, 0], "by_parts": [0, 3]}),
+    _weg("edge", {}, _columns(SetPoint=[10.0] * 2, Feedback=[0.0] * 2),
+         {"output_zero": [0, 10], "runs_at_once": [10, 10]}),
+    # Kd = 2, Tau = Ts: the filter is at 10 from the edge on, and u = 3·10 − 2·10; or it goes from 0 to 5, and u = 3·5 − 2·0
+    _weg("history", {"Kd": 2.0, "TauSetPoint": 1.0}, _columns(SetPoint=[10.0] * 2, Feedback=[0.0] * 2),
+         {"present": [0, 10], "zero": [0, 15]}),
+]
+
+
+def test_every_setting_of_every_room_has_a_case_and_no_two_settings_of_one_give_the_same():
+    described = [(case.target, case.switch, tuple(case.outputs)) for case in CASES]
+    assert sorted(described) == sorted((name, s.name, s.settings) for name in TARGETS for s in room(name).switches)
+    for case in CASES:
+        assert all(one != other for one, other in combinations(case.outputs.values(), 2)), case
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_every_setting_does_what_the_source_says_of_it(case):
+    for setting, outputs in case.outputs.items():
+        assert case.of({case.switch: setting}) == pytest.approx(outputs, rel=1e-7), setting
+    assert case.of({}) == pytest.approx(next(iter(case.outputs.values())), rel=1e-7), "the first is the default"
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if room(case.target).direct is not None], ids=str)
+def test_it_does_so_without_the_listing_too(case):
+    for setting, expected in case.outputs.items():
+        core, running = room(case.target).start_directly(_words(case), {case.switch: setting})
+        outputs = []
+        for row in case.rows:
+            running, scan = core.run(running, row["SP"], row["PV"], cycle_start=bool(row.get("CYCLE_START", 1)))
+            outputs.append(scan.output)
+        assert outputs == expected, setting
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_no_room_starts_under_a_switch_or_setting_that_it_does_not_have(target):
+    which = room(target)
+    words = which.encode(DESIGN, Scaling())
+    assert type(which).start is Room.start
+    unknown = [({"colour": "red"}, "colour")] + [({switch.name: "red"}, switch.name) for switch in which.switches]
+    for given, named in unknown:
+        for door in (which.start, which.start_directly):
+            with pytest.raises(UnknownName, match=named):
+                door(words, given)
+
+
+ONE = Switch(name="one", means={"no": False, "yes": True}, why="for the test")
+OTHER = Switch(name="other", means={"few": 1, "many": 2}, why="for the test")
+
+
+class OneWay(NamedTuple):
+    one: Annotated[bool, ONE] = False
+    other: Annotated[int, OTHER] = 1
+
+
+class OtherWay(NamedTuple):
+    other: Annotated[int, OTHER] = 1
+    one: Annotated[bool, ONE] = False
+
+
+def test_the_order_of_the_fields_does_not_matter():
+    assert [s.name for s in declared(OneWay).values()] == ["one", "other"]
+    for given in ({}, {"one": "yes"}, {"other": "many"}, {"one": "yes", "other": "many"}):
+        one, other = assumed(OneWay, given), assumed(OtherWay, given)
+        assert one._asdict() == other._asdict() == {"one": "one" in given, "other": 1 + ("other" in given)}
+    assert assumed(NothingOpen, {}) == ()
+
+
+class Undeclared(NamedTuple):
+    one: bool = False
+
+
+class Twice(NamedTuple):
+    one: Annotated[bool, ONE] = False
+    again: Annotated[bool, ONE] = False
+
+
+class NoDefault(NamedTuple):
+    one: Annotated[bool, ONE]
+
+
+class OtherDefault(NamedTuple):
+    one: Annotated[bool, ONE] = True
+
+
+class OtherKind(NamedTuple):
+    other: Annotated[bool, OTHER] = True
+
+
+class Alike(NamedTuple):
+    one: Annotated[bool, Switch(name="one", means={"no": False, "yes": False}, why="for the test")] = False
+
+
+@pytest.mark.parametrize(("wrong", "named"), [
+    (Undeclared, "one: exactly one Switch"), (Twice, "two fields have one switch"), (NoDefault, "one: its default"),
+    (OtherDefault, "one: its default"), (OtherKind, "other: every setting must mean a bool"), (Alike, "one: every setting"),
+])
+def test_a_declaration_that_contradicts_itself_is_refused(wrong, named):
+    with pytest.raises(TypeError, match=named):
+        declared(wrong)
