@@ -20,7 +20,9 @@ SCHEMA: Final = "heatertune/doctor/1"
 _PYTHON: Final = (3, 11)
 _REQUIREMENT: Final = re.compile(r"([A-Za-z0-9._-]+)\s*(?:>=\s*([0-9.]+))?(?:.*extra\s*==\s*['\"]([^'\"]+)['\"])?")
 #: modules whose compiled functions a first run waits for
-_COMPILED: Final = ("heatertune.model.kernel", "heatertune.pid.bounds", "heatertune.pid.continuous")
+_COMPILED: Final = (
+    "heatertune.model.temperature.kernel", "heatertune.pid.search.bounds", "heatertune.pid.continuous.kernel",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,8 +16,8 @@ from scipy.optimize import minimize
 
 from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
-from heatertune.pid import continuous
-from heatertune.pid.continuous_optimum import ContinuousProblem, margins, optimum, response_grid, unrivalled
+from heatertune.pid.continuous import kernel as continuous
+from heatertune.pid.continuous.optimum import ContinuousProblem, margins, optimum, response_grid, unrivalled
 from heatertune.pid.specs import Specs
 
 MS = 1.6

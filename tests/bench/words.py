@@ -16,9 +16,9 @@ from heatertune.chain.words import choose_words
 from heatertune.errors import HeatertuneError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
-from heatertune.pid.feasible import Problem, search
-from heatertune.pid.response import iae_load
-from heatertune.pid.robustness import margins
+from heatertune.pid.loop.response import iae_load
+from heatertune.pid.loop.robustness import margins
+from heatertune.pid.search.feasible import Problem, search
 from heatertune.plc import Scaling, Words, room
 
 TARGET = "s5-ob251"

@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from heatertune.chain.batch import in_processes
-from heatertune.chain.fleets import fleet
+from heatertune.batch import in_processes
+from heatertune.batch.fleets import fleet
 
 ROWS, SPACING_S, STEP_S = 240, 11.0, 0.5
 

@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from heatertune.chain.batch import Batch, Column, in_processes, run
+from heatertune.batch import Batch, Column, in_processes, run
 
 COLUMNS = (
     Column(name="name", kind="text", what="of the case"),

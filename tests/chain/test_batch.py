@@ -11,7 +11,7 @@ import pytest
 from tests.chain.batch_work import COLUMNS, batch_of, expected_row
 from tests.conftest import ROOT
 
-from heatertune.chain.batch import Chunk, in_processes, parts, processes, run, table
+from heatertune.batch import Chunk, in_processes, parts, processes, run, table
 from heatertune.errors import DocumentError, InputError, OutOfRange
 
 
@@ -184,7 +184,7 @@ def test_a_worker_with_another_program_is_refused(out, monkeypatch):
     def elsewhere(chunks, do):
         for chunk in chunks:
             with monkeypatch.context() as there:
-                there.setattr("heatertune.chain.batch.engine._program", lambda: "heatertune 0")
+                there.setattr("heatertune.batch.engine._program", lambda: "heatertune 0")
                 yield chunk, do(chunk.cases)
 
     with pytest.raises(InputError, match="a worker runs another program: there heatertune 0, here heatertune"):

@@ -12,11 +12,12 @@ from heatertune.chain.stages import encode, tune
 from heatertune.chain.words import Choice, choose_words
 from heatertune.errors import DocumentError, NotRepresentable
 from heatertune.model.by_hand import model_by_hand
-from heatertune.model.values import Fopdt, Interval
+from heatertune.model.intervals import Interval
+from heatertune.model.values import Fopdt
 from heatertune.pid.document import from_document, to_document
-from heatertune.pid.response import iae_load
-from heatertune.pid.robustness import margins, noise_gain
-from heatertune.pid.uncertain import draw_heaters
+from heatertune.pid.loop.response import iae_load
+from heatertune.pid.loop.robustness import margins, noise_gain
+from heatertune.pid.search.uncertain import draw_heaters
 from heatertune.pid.values import Promise
 from heatertune.plc import room
 

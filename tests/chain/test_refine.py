@@ -7,7 +7,7 @@ from heatertune.chain.stages import prove, tune
 from heatertune.chain.words import choose_words
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
-from heatertune.pid.robustness import margins
+from heatertune.pid.loop.robustness import margins
 from heatertune.plc import room
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)

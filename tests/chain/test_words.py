@@ -6,16 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from heatertune.batch.zone import zone_row
 from heatertune.chain import words as chain_words
 from heatertune.chain.stages import encode, tune
 from heatertune.chain.words import choose_words, search_document, tune_for_words
-from heatertune.chain.zone import zone_row
 from heatertune.errors import NotRepresentable, UnknownName
 from heatertune.model.by_hand import model_by_hand
-from heatertune.model.values import Fopdt, Interval
-from heatertune.pid.feasible import Problem, search
-from heatertune.pid.response import iae_load
-from heatertune.pid.robustness import margins
+from heatertune.model.intervals import Interval
+from heatertune.model.values import Fopdt
+from heatertune.pid.loop.response import iae_load
+from heatertune.pid.loop.robustness import margins
+from heatertune.pid.search.feasible import Problem, search
 from heatertune.plc import room
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)

@@ -130,7 +130,7 @@ def test_compiled_code_is_warm_once_something_of_it_is_kept(monkeypatch, tmp_pat
     class _Module:
         simulate = _Compiled()
 
-    monkeypatch.setattr(health, "_COMPILED", ("heatertune.model.kernel",))
+    monkeypatch.setattr(health, "_COMPILED", ("heatertune.model.temperature.kernel",))
     monkeypatch.setattr(health, "import_module", lambda _: _Module)
     assert "cold" in health._compiled().found
     (tmp_path / "kernel.simulate-39.py311.nbi").write_text("")

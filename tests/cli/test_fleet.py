@@ -6,8 +6,8 @@ import pyarrow.parquet
 import pytest
 from tests.conftest import ROOT, heater_log
 
+from heatertune.batch.zone import zone_row
 from heatertune.chain.samples import sample_document
-from heatertune.chain.zone import zone_row
 from heatertune.errors import InputError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
@@ -138,7 +138,7 @@ def test_what_cannot_be_done_is_one_line(arguments, told, run, tmp_path, monkeyp
 
 
 def test_logs_are_found_in_folders_by_patterns_and_by_lists(logs, tmp_path, monkeypatch):
-    from heatertune.chain.fleets import find_logs  # noqa: PLC0415 - the slow libraries, beside their only use
+    from heatertune.batch.fleets import find_logs  # noqa: PLC0415 - the slow libraries, beside their only use
 
     below = ["empty.csv", "line 2/dryer.csv", "line 2/weak.csv", "oven.csv", "still.csv", "torn.csv"]
     assert find_logs(logs) == (str(logs), below)
@@ -155,8 +155,8 @@ def test_logs_are_found_in_folders_by_patterns_and_by_lists(logs, tmp_path, monk
 
 
 def test_a_log_that_vanished_is_a_row(logs):
-    from heatertune.chain.fleets import _fitted, _sent  # noqa: PLC0415 - the slow libraries, beside their only use
-    from heatertune.chain.zone import zone_row  # noqa: PLC0415
+    from heatertune.batch.fleets import _fitted, _sent  # noqa: PLC0415 - the slow libraries, beside their only use
+    from heatertune.batch.zone import zone_row  # noqa: PLC0415
 
     row = zone_row("gone.csv", lambda: _fitted({"reading": {}, "fitting": {}}, _sent(str(logs), "gone.csv")), target="weg")
     assert row == {"name": "gone.csv", "outcome": "no log", "reason": "gone.csv: cannot be read: No such file or directory"}
@@ -182,7 +182,7 @@ def test_a_zone_is_proven_on_drawn_heaters_too():
 
 
 def test_a_fault_of_the_program_is_a_row():
-    from heatertune.chain.zone import zone_row  # noqa: PLC0415 - the slow libraries, beside their only use
+    from heatertune.batch.zone import zone_row  # noqa: PLC0415 - the slow libraries, beside their only use
 
     def broken():
         raise ZeroDivisionError("float division by zero")

@@ -7,7 +7,7 @@ import pyarrow.parquet
 import pytest
 from tests.conftest import ROOT
 
-from heatertune.chain.study_file import KEYS, read_study
+from heatertune.batch.study_file import KEYS, read_study
 from heatertune.errors import DocumentError
 
 HAND = """
@@ -117,7 +117,7 @@ def here(chunks, do):
 
 @pytest.mark.long
 def test_a_killed_study_is_resumed_to_the_same_bytes_and_its_rows_are_those_of_the_commands(study, tmp_path, run, kill):
-    from heatertune.chain import studies  # noqa: PLC0415 - the slow libraries, beside their only use
+    from heatertune.batch import studies  # noqa: PLC0415 - the slow libraries, beside their only use
 
     path, whole, out = study(STUDY), tmp_path / "whole.parquet", tmp_path / "study.parquet"
     command = [sys.executable, "-m", "heatertune", "study", str(path), "--quiet", "-o"]
@@ -153,7 +153,7 @@ def test_a_killed_study_is_resumed_to_the_same_bytes_and_its_rows_are_those_of_t
 
 
 def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
-    from heatertune.chain import studies  # noqa: PLC0415 - the slow libraries, beside their only use
+    from heatertune.batch import studies  # noqa: PLC0415 - the slow libraries, beside their only use
 
     settings = {
         "gain_degC_per_pct": 0.5, "time_constant_s": 100.0, "second_time_constant_s": 9.0, "dead_time_s": 5.0,
@@ -190,7 +190,7 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
 
 
 def test_the_fit_of_a_log_is_asked_for_once_and_told_what_is_known(monkeypatch):
-    from heatertune.chain import studies  # noqa: PLC0415 - the slow libraries, beside their only use
+    from heatertune.batch import studies  # noqa: PLC0415 - the slow libraries, beside their only use
 
     asked = []
     monkeypatch.setattr(studies, "fit", lambda log, **given: asked.append((log.name, given)))

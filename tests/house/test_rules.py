@@ -17,13 +17,15 @@ MODULES = sorted(SOURCE.rglob("*.py"))
 
 
 def _imports(path):
-    """Return the second part of every heatertune.X that a file imports, wherever it does so."""
+    """Return the second part of every heatertune.X that a file imports, wherever it does so, by name or by string."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
             names = [f"{node.module}.{alias.name}" if node.module == "heatertune" else node.module for alias in node.names]
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+            names = [part.value for part in ast.walk(node.args[0]) if isinstance(part, ast.Constant)]
         yield from (name.split(".")[1] for name in names if name.startswith("heatertune.") and "." in name)
 
 

@@ -6,7 +6,7 @@ from tests.bench.identification import answer
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.model.fit_power import explained
+from heatertune.model.power.explained import explained
 from heatertune.model.values import Fopdt
 
 NOISE = {150.0: 2.0, 600.0: 1.0, 3000.0: 0.3}  # time constant → deviation [°C]: the effect is seen, and little more

@@ -12,12 +12,13 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
 from heatertune.model import document
 from heatertune.model.circumstances import setpoint_of
-from heatertune.model.ends import AtEnd, ends_of
 from heatertune.model.fit import fit
-from heatertune.model.open_loop import PowerProblem
-from heatertune.model.readings import Readings
-from heatertune.model.ultimate import fits_of_period, periods_of
-from heatertune.model.values import Fopdt, Interval
+from heatertune.model.intervals import Interval
+from heatertune.model.power.ends import AtEnd, ends_of
+from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.readings import Readings
+from heatertune.model.power.ultimate import fits_of_period, periods_of
+from heatertune.model.values import Fopdt
 
 
 def _noisy(seed=0, sample=4.0, deviation=0.4, **heater):

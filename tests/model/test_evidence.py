@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from heatertune.log.values import Log
-from heatertune.model.evidence import evidence_notes, fall_bound, free_cooling, rise_bound, saturated_heat_up
+from heatertune.model.temperature.evidence import (
+    evidence_notes,
+    fall_bound,
+    free_cooling,
+    rise_bound,
+    saturated_heat_up,
+)
 from heatertune.model.windows import undisturbed
 
 GAIN, LAG, AMBIENT = 0.6, 300.0, 22.0

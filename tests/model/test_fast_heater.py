@@ -5,7 +5,7 @@ import pytest
 from tests.bench.identification import answer
 
 from heatertune.log.values import Log
-from heatertune.model.fit_power import explained
+from heatertune.model.power.explained import explained
 from heatertune.model.values import Fopdt
 
 FAST = Fopdt(gain_degC_per_pct=1.0, time_constant_s=2.0, dead_time_s=0.5, ambient_degC=20.0)

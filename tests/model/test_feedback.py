@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from heatertune.log.values import Log
-from heatertune.model.feedback import feedback_notes, is_feedback
+from heatertune.model.power.feedback import feedback_notes, is_feedback
 
 TIME = np.arange(0.0, 1200.0, 5.0)
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from heatertune.errors import OutOfRange
-from heatertune.model.fisher import Noise, covariance
+from heatertune.model.experiment.fisher import Noise, covariance
 
 NOISE = Noise(std_degC=0.3, correlation=0.8, resolution_degC=0.5, sample_time_s=2.0)
 

@@ -8,15 +8,16 @@ from scipy.optimize import least_squares
 from tests.model.twins import AMBIENT, DEAD, GAIN, LAG, coloured, logged
 
 from heatertune.errors import InputError
-from heatertune.model import fit_logs
-from heatertune.model.agreement import disagreements
 from heatertune.model.document import from_document, to_document
 from heatertune.model.fit import fit_together
-from heatertune.model.fit_logs import _joint, _rivals
-from heatertune.model.fit_power import Weighed, explained
-from heatertune.model.intervals import RATIO
-from heatertune.model.rivals import Rival
-from heatertune.model.values import Interval, OneLog, Outcome
+from heatertune.model.intervals import RATIO, Interval
+from heatertune.model.power import fit_logs
+from heatertune.model.power.agreement import disagreements
+from heatertune.model.power.explained import explained
+from heatertune.model.power.fit_logs import _joint, _rivals
+from heatertune.model.power.fit_power import Weighed
+from heatertune.model.power.rivals import Rival
+from heatertune.model.values import OneLog, Outcome
 
 TRUTH = {"gain_degC_per_pct": GAIN, "time_constant_s": LAG, "dead_time_s": DEAD}
 TIME = np.arange(0.0, 900.0, 4.0)

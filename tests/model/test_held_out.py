@@ -9,12 +9,12 @@ from tests.model.twins import DEAD, GAIN, LAG, doublet, logged
 
 from heatertune.documents import to_json
 from heatertune.model import judgement_document
-from heatertune.model.held_out import halves, held_out
-from heatertune.model.judge import judged, judgement_told
+from heatertune.model.intervals import Interval
 from heatertune.model.judgement import Half, Validation, disagreeing
-from heatertune.model.open_loop import PowerProblem
-from heatertune.model.readings import Readings
-from heatertune.model.values import Interval
+from heatertune.model.power.held_out import halves, held_out
+from heatertune.model.power.judge import judged, judgement_told
+from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.readings import Readings
 
 NOISE = 0.1
 TRUE = np.array([[np.log(LAG), DEAD, 0.0]])

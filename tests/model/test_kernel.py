@@ -5,8 +5,8 @@ import pytest
 from numba import cfunc
 from scipy.integrate import solve_ivp
 
-from heatertune.model.kernel import simulate_many
-from heatertune.model.law import STEP
+from heatertune.model.temperature.kernel import simulate_many
+from heatertune.model.temperature.law import STEP
 from heatertune.plc.s7_200.paper.laws import LAWS
 
 

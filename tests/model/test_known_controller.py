@@ -9,7 +9,7 @@ from heatertune.chain.known import closed_again, controllers
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.log.values import Log
 from heatertune.model.fit import fit_known
-from heatertune.model.known_controller import records, replayed
+from heatertune.model.power.known_controller import records, replayed
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, room

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from heatertune.log.values import Log
-from heatertune.model.feedback import closed_loop, loop_told
 from heatertune.model.fit import fit
+from heatertune.model.power.feedback import closed_loop, loop_told
 
 SAMPLE, COUNT = 4.0, 600
 

@@ -7,9 +7,9 @@ import pytest
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.input_curve import knots_of
-from heatertune.model.open_loop import PowerProblem
-from heatertune.model.readings import Readings
+from heatertune.model.power.input_curve import knots_of
+from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.readings import Readings
 from heatertune.model.values import Outcome
 
 AMBIENT, GAIN, LAG, DEAD = 32.0, 0.5, 200.0, 15.0

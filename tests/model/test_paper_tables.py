@@ -11,10 +11,10 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import from_document, to_document
 from heatertune.model.fit import fit, fit_together
-from heatertune.model.pool import pool_candidates
+from heatertune.model.temperature.pool import pool_candidates
 from heatertune.model.values import Fopdt, Outcome, TwoLag
 from heatertune.model.windows import disturbance_s
-from heatertune.pid.robustness import margins
+from heatertune.pid.loop.robustness import margins
 from heatertune.pid.tune import tune
 from heatertune.plc.s7_200.paper.laws import LAWS
 

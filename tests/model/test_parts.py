@@ -8,9 +8,9 @@ from tests.model.twins import doublet, logged
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
 from heatertune.model.intervals import RATIO
-from heatertune.model.open_loop import PowerProblem
-from heatertune.model.parts import widening, widening_notes
-from heatertune.model.readings import Readings
+from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.parts import widening, widening_notes
+from heatertune.model.power.readings import Readings
 
 GAINS = (0.4, 0.6)
 

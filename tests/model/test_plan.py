@@ -8,18 +8,19 @@ from scipy.signal import lfilter, lsim, lti
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.log.values import Log
-from heatertune.model.doublet_plan import best_step, plan_doublet, within_limit
-from heatertune.model.experiment import Conditions, Prior, errors, peaks, prior_by_hand, prior_of, shares
-from heatertune.model.fisher import Noise, covariance
+from heatertune.model.experiment.doublet import best_step, plan_doublet, within_limit
+from heatertune.model.experiment.fisher import Noise, covariance
+from heatertune.model.experiment.plan import propose
+from heatertune.model.experiment.prior import Conditions, Prior, errors, peaks, prior_by_hand, prior_of, shares
+from heatertune.model.experiment.relay import RelayPlan, _tested, plan_relay
 from heatertune.model.fit import model_by_hand
-from heatertune.model.open_loop import PowerProblem
-from heatertune.model.plan import propose
-from heatertune.model.readings import Readings
-from heatertune.model.relay import Relay
-from heatertune.model.relay_plan import RelayPlan, _tested, plan_relay
+from heatertune.model.intervals import Interval
+from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.readings import Readings
+from heatertune.model.power.uncertainty import intervals
+from heatertune.model.relay.relay import Relay
 from heatertune.model.response import Schedule, rows_of, sensitivities
-from heatertune.model.uncertainty import intervals
-from heatertune.model.values import FittedModel, Fopdt, Interval, Outcome, TwoLag
+from heatertune.model.values import FittedModel, Fopdt, Outcome, TwoLag
 
 RANGES = {
     "gain_degC_per_pct": (0.3, 0.6), "time_constant_s": (100.0, 300.0), "dead_time_s": (5.0, 25.0),

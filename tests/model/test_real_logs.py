@@ -8,11 +8,11 @@ from heatertune.errors import InputError
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.fit_power import explained
-from heatertune.model.held_out import halves
 from heatertune.model.judgement import disagreeing
-from heatertune.model.open_loop import PowerProblem
-from heatertune.model.readings import Readings
+from heatertune.model.power.explained import explained
+from heatertune.model.power.held_out import halves
+from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.readings import Readings
 
 
 def _open(real_logs, name):

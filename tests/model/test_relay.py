@@ -7,10 +7,10 @@ from numba import cfunc
 from scipy.integrate import solve_ivp
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.kernel import simulate_many
-from heatertune.model.law import STEP
-from heatertune.model.relay import Relay, _Course, _State, oscillation, simulate_relay
+from heatertune.model.relay.relay import Relay, _Course, _State, oscillation, simulate_relay
 from heatertune.model.response import rise, rows_of
+from heatertune.model.temperature.kernel import simulate_many
+from heatertune.model.temperature.law import STEP
 from heatertune.model.values import Fopdt, TwoLag
 
 ONE = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=20.0, ambient_degC=20.0)

@@ -5,8 +5,8 @@ from tests.conftest import load_csv
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.relay import Relay, oscillation, simulate_relay
-from heatertune.model.relay_log import estimate, find_relay, oscillating_fopdt, with_relay
+from heatertune.model.relay.relay import Relay, oscillation, simulate_relay
+from heatertune.model.relay.relay_log import estimate, find_relay, oscillating_fopdt, with_relay
 from heatertune.model.values import FittedModel, Fopdt, Outcome
 
 TRUTH = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=20.0, ambient_degC=20.0)

@@ -7,8 +7,9 @@ from tests.model.twins import GAIN, LAG, closed_loop, doublet, logged
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.rivals import widened
-from heatertune.model.values import Interval, Outcome
+from heatertune.model.intervals import Interval
+from heatertune.model.power.rivals import widened
+from heatertune.model.values import Outcome
 
 
 def _told(fitted, words):

@@ -5,7 +5,7 @@ import pytest
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.fit_power import explained
+from heatertune.model.power.explained import explained
 
 AMBIENT, GAIN, LAG, SECOND, DEAD = 32.0, 0.5, 300.0, 80.0, 10.0
 

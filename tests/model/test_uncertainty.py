@@ -3,9 +3,9 @@ import pytest
 from tests.bench.identification import answer, noise
 
 from heatertune.log.values import Log
-from heatertune.model.open_loop import PowerProblem
-from heatertune.model.readings import Readings
-from heatertune.model.uncertainty import _profile, crossing, noise_of
+from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.readings import Readings
+from heatertune.model.power.uncertainty import _profile, crossing, noise_of
 from heatertune.model.values import Fopdt
 
 PLANT = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=20.0)

@@ -3,8 +3,8 @@ import pytest
 from scipy.stats import chi2
 
 from heatertune.log.values import Log
-from heatertune.model.closed_loop import Hypothesis, Segment
-from heatertune.model.search import EARLY, fit_all
+from heatertune.model.temperature.closed_loop import Hypothesis, Segment
+from heatertune.model.temperature.search import EARLY, fit_all
 from heatertune.model.validation import LJUNG_BOX_95, constant_rmse, cross_rmse, hold_out_rmse, ljung_box
 from heatertune.plc.s7_200.paper.laws import LAWS
 

@@ -6,7 +6,8 @@ import pytest
 from heatertune.errors import OutOfRange
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import from_document, to_document
-from heatertune.model.values import Fopdt, Interval, TwoLag
+from heatertune.model.intervals import Interval
+from heatertune.model.values import Fopdt, TwoLag
 
 
 def test_the_half_rule_gives_skogestads_worked_example():

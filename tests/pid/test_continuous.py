@@ -9,8 +9,9 @@ import pytest
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid import continuous, continuous_optimum
-from heatertune.pid.continuous_optimum import (
+from heatertune.pid.continuous import kernel as continuous
+from heatertune.pid.continuous import optimum as continuous_optimum
+from heatertune.pid.continuous.optimum import (
     ContinuousProblem,
     global_check,
     margins,
@@ -19,7 +20,7 @@ from heatertune.pid.continuous_optimum import (
     response_grid,
     unrivalled,
 )
-from heatertune.pid.robustness import crossings
+from heatertune.pid.loop.robustness import crossings
 from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign, structure_of
 

@@ -10,11 +10,11 @@ import pytest
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.bounds import _norms, bounds_of
-from heatertune.pid.integers import Integers, best_integers
-from heatertune.pid.linear import control_margins, loop_transfer_function
-from heatertune.pid.response import iae_load
-from heatertune.pid.robustness import margins
+from heatertune.pid.loop.linear import control_margins, loop_transfer_function
+from heatertune.pid.loop.response import iae_load
+from heatertune.pid.loop.robustness import margins
+from heatertune.pid.search.bounds import _norms, bounds_of
+from heatertune.pid.search.integers import Integers, best_integers
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, room
 

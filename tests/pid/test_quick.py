@@ -9,7 +9,7 @@ from scipy.signal import cont2discrete
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.quick import quick_tune
+from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.timer import Timer
 
 TA = 5.0

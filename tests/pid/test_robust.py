@@ -12,11 +12,11 @@ from scipy.signal import lti, step
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.by_hand import model_by_hand
-from heatertune.model.intervals import RATIO
-from heatertune.model.values import Candidate, Fopdt, Interval
-from heatertune.pid.robustness import noise_gain
+from heatertune.model.intervals import RATIO, Interval
+from heatertune.model.values import Candidate, Fopdt
+from heatertune.pid.loop.robustness import noise_gain
+from heatertune.pid.search.uncertain import draw_heaters
 from heatertune.pid.tune import tune
-from heatertune.pid.uncertain import draw_heaters
 
 _SPEC = importlib.util.spec_from_file_location("brute_force", Path(__file__).with_name("brute_force.py"))
 brute_force = importlib.util.module_from_spec(_SPEC)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid import response
-from heatertune.pid.linear import control_margins, loop_transfer_function, setpoint_response
-from heatertune.pid.response import dominant_time_s, iae_load, iae_setpoint, respond
-from heatertune.pid.robustness import loop_response, margins
+from heatertune.pid.loop import response
+from heatertune.pid.loop.linear import control_margins, loop_transfer_function, setpoint_response
+from heatertune.pid.loop.response import dominant_time_s, iae_load, iae_setpoint, respond
+from heatertune.pid.loop.robustness import loop_response, margins
 from heatertune.pid.values import PidDesign
 
 PLANTS = {

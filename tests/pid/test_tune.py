@@ -7,13 +7,13 @@ import pytest
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Candidate, FittedModel, Fopdt, Outcome, TwoLag
-from heatertune.pid import feasible
 from heatertune.pid.document import from_document, to_document
-from heatertune.pid.feasible import Problem, largest_gain, search
-from heatertune.pid.optimum import polish
-from heatertune.pid.response import dominant_time_s, iae_load
-from heatertune.pid.robustness import margins
+from heatertune.pid.loop.response import dominant_time_s, iae_load
+from heatertune.pid.loop.robustness import margins
 from heatertune.pid.rules import apply_rule
+from heatertune.pid.search import feasible
+from heatertune.pid.search.feasible import Problem, largest_gain, search
+from heatertune.pid.search.optimum import polish
 from heatertune.pid.timer import Timer
 from heatertune.pid.tune import tune
 from heatertune.pid.values import PidDesign

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from heatertune.model.by_hand import model_by_hand
-from heatertune.model.values import Candidate, Fopdt, Interval, TwoLag
-from heatertune.pid.robustness import margins
-from heatertune.pid.uncertain import draw_heaters, ms_over
+from heatertune.model.intervals import Interval
+from heatertune.model.values import Candidate, Fopdt, TwoLag
+from heatertune.pid.loop.robustness import margins
+from heatertune.pid.search.uncertain import draw_heaters, ms_over
 from heatertune.pid.values import PidDesign
 
 HEATER = Fopdt(gain_degC_per_pct=0.4, time_constant_s=160.0, dead_time_s=12.0)

@@ -7,7 +7,7 @@ import pytest
 
 from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
-from heatertune.pid.robustness import margins
+from heatertune.pid.loop.robustness import margins
 from heatertune.plc.open_points import Switch
 from heatertune.proof import Actuator, Limits, Scenario, judge, paper_scenario, prove, simulate
 from heatertune.proof.prove import settings_to_prove

@@ -5,7 +5,7 @@ import pytest
 from heatertune.chain.words_file import certificate
 from heatertune.errors import ExportRefused, UnknownName
 from heatertune.model.findings import KINDS, Finding
-from heatertune.pid.robustness import margins
+from heatertune.pid.loop.robustness import margins
 from heatertune.proof import Actuator, paper_scenario, prove
 from heatertune.proof.verdict import Heard, combined, told_of, verdict_line
 

@@ -13,7 +13,8 @@ import pytest
 
 from heatertune import chain
 from heatertune.model.by_hand import model_by_hand
-from heatertune.model.values import Fopdt, Interval, TwoLag
+from heatertune.model.intervals import Interval
+from heatertune.model.values import Fopdt, TwoLag
 from heatertune.report.style import LOOK
 from heatertune.studio import charts, views
 from heatertune.studio.downloads import export_zip, report_page

@@ -14,17 +14,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __all__ = [
-    "Asked", "closed", "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "fleet", "plan",
-    "prove", "prove_ramped", "read_log", "study", "tune", "validate", "write_report",
+    "Asked", "closed", "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove",
+    "prove_ramped", "read_log", "tune", "validate", "write_report",
 ]
 
 if TYPE_CHECKING:
     from heatertune.chain.closing import Asked, closed
     from heatertune.chain.experiment import plan
-    from heatertune.chain.fleets import fleet
     from heatertune.chain.ramp import prove_ramped
     from heatertune.chain.stages import encode, export, fit, fit_known, fit_together, prove, tune
-    from heatertune.chain.studies import study
     from heatertune.chain.targets import compare
     from heatertune.chain.validation import validate
     from heatertune.chain.whole import design, write_report
@@ -33,8 +31,8 @@ if TYPE_CHECKING:
 _STAGES = "stages"
 _HOMES = {
     "Asked": "closing", "closed": "closing",
-    "compare": "targets", "design": "whole", "fleet": "fleets", "plan": "experiment", "prove_ramped": "ramp",
-    "study": "studies", "validate": "validation", "write_report": "whole",
+    "compare": "targets", "design": "whole", "plan": "experiment", "prove_ramped": "ramp",
+    "validate": "validation", "write_report": "whole",
 }
 
 

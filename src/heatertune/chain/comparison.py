@@ -10,8 +10,8 @@ from heatertune.chain.stages import default_pwm_period_s, encode, holding, label
 from heatertune.errors import NotRepresentable
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import FittedModel, Fopdt
-from heatertune.pid.feasible import Problem, search
-from heatertune.pid.robustness import margins
+from heatertune.pid.loop.robustness import margins
+from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.values import PidDesign
 from heatertune.plc import room
 from heatertune.plc.s7_200.paper import paper_words

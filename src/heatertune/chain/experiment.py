@@ -10,11 +10,11 @@ import numpy as np
 
 from heatertune.chain.stages import ROOM_DEGC
 from heatertune.errors import InputError
-from heatertune.model.doublet_plan import Plan, best_step
-from heatertune.model.experiment import QUANTITIES, Conditions, Prior, prior_by_hand, prior_of
-from heatertune.model.fisher import Noise
-from heatertune.model.plan import propose
-from heatertune.model.relay_plan import RelayPlan
+from heatertune.model.experiment.doublet import Plan, best_step
+from heatertune.model.experiment.fisher import Noise
+from heatertune.model.experiment.plan import propose
+from heatertune.model.experiment.prior import QUANTITIES, Conditions, Prior, prior_by_hand, prior_of
+from heatertune.model.experiment.relay import RelayPlan
 from heatertune.model.values import FittedModel
 
 __all__ = ["PLAN_SCHEMA", "noise_of", "plan"]

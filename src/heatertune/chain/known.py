@@ -24,7 +24,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoomController:
-    """A room with its words and one setting of its open points; see `heatertune.model.known_controller`."""
+    """A room with its words and one setting of its open points; see `heatertune.model.power.known_controller`."""
 
     room: Room
     words: Words

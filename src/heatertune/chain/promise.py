@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
-from heatertune.pid.robust import ROBUST, Broken, Open
+from heatertune.pid.search.robust import ROBUST, Broken, Open
 from heatertune.pid.values import Promise
 from heatertune.plc import Words, room
 

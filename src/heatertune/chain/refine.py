@@ -17,8 +17,8 @@ from heatertune.chain.words import Choice, realised_as
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.document import read_promise
-from heatertune.pid.robust import Open
-from heatertune.pid.robustness import sensitivity_peaks
+from heatertune.pid.loop.robustness import sensitivity_peaks
+from heatertune.pid.search.robust import Open
 from heatertune.pid.values import PidDesign, Promise
 from heatertune.plc import Words, room
 from heatertune.proof import Proof

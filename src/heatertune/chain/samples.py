@@ -9,7 +9,7 @@ from typing import Any, Final
 from heatertune.chain.stages import default_pwm_period_s, default_setpoint, holding
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
-from heatertune.pid.uncertain import spreads_of
+from heatertune.pid.search.uncertain import spreads_of
 from heatertune.plc import Words, room
 from heatertune.proof import Actuator, Drawing, Limits, Spread, judge, prove_samples, replay, scenario_for
 from heatertune.proof.series import trace_series

@@ -15,10 +15,10 @@ from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.findings import Finding
-from heatertune.model.pool import pool_candidates
+from heatertune.model.temperature.pool import pool_candidates
 from heatertune.model.values import FittedModel, HeaterModel, Outcome
 from heatertune.pid import document as pid_document
-from heatertune.pid.robustness import margins
+from heatertune.pid.loop.robustness import margins
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, room
@@ -28,7 +28,7 @@ from heatertune.proof.scenario import can_hold
 from heatertune.proof.verdict import Heard
 
 if TYPE_CHECKING:
-    from heatertune.model.closed_loop import Bounds
+    from heatertune.model.temperature.closed_loop import Bounds
 
 __all__ = [
     "Told", "default_pwm_period_s", "default_setpoint", "encode", "export", "fit", "fit_known", "fit_together",

@@ -8,7 +8,7 @@ from typing import Any
 
 from heatertune.chain.known import controllers
 from heatertune.log.values import Log
-from heatertune.model.known_controller import replayed
+from heatertune.model.power.known_controller import replayed
 from heatertune.model.validate import LEAST_FIT_PCT, Verdict
 from heatertune.model.validate import validate as judge
 from heatertune.model.values import FittedModel

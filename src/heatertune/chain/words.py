@@ -15,12 +15,12 @@ from heatertune.chain.stages import Told, encode, tune
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.document import promise_document
-from heatertune.pid.integers import Found, Integers, Vector, best_integers
-from heatertune.pid.response import iae_load
-from heatertune.pid.robust import TOLERANCE, Open
-from heatertune.pid.robustness import sensitivity_peaks
+from heatertune.pid.loop.response import iae_load
+from heatertune.pid.loop.robustness import sensitivity_peaks
+from heatertune.pid.search.integers import Found, Integers, Vector, best_integers
+from heatertune.pid.search.robust import TOLERANCE, Open
+from heatertune.pid.search.uncertain import draw_heaters, ms_over
 from heatertune.pid.timer import Timer
-from heatertune.pid.uncertain import draw_heaters, ms_over
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Room, Scaling, Words, room
 

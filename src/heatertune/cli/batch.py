@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
-    from heatertune.chain.batch import Workers
+    from heatertune.batch import Workers
 
 __all__ = ["Bar", "add_table_options", "workers"]
 
@@ -32,7 +32,7 @@ def workers(settings: argparse.Namespace) -> Workers:
     Raises:
         InputError: both kinds are asked for; as `in_processes` and `on_dask`.
     """
-    from heatertune.chain.batch import in_processes, on_dask  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.batch import in_processes, on_dask  # noqa: PLC0415 - the help must not wait for it
 
     if settings.scheduler is None:
         return in_processes(settings.jobs)

@@ -33,7 +33,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.chain.fleets import fleet  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.batch.fleets import fleet  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import outcome_lines  # noqa: PLC0415
 
     document = fleet(

@@ -51,7 +51,7 @@ def _run(settings: argparse.Namespace) -> int:
     if settings.switch_kind is not None:
         design, _ = with_pwm(design, fitted, settings.switch_kind)
     if settings.second_opinion:
-        from heatertune.pid.linear import second_opinion  # noqa: PLC0415 - loads python-control
+        from heatertune.pid.loop.linear import second_opinion  # noqa: PLC0415 - loads python-control
 
         design = replace(design, notes=(*design.notes, second_opinion(fitted.plants, design)))
     others = alternatives(fitted, design)

@@ -14,16 +14,8 @@ from heatertune.errors import DocumentError
 from heatertune.model import judgement_document
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.findings import Finding
-from heatertune.model.values import (
-    Candidate,
-    FittedModel,
-    Fopdt,
-    HeaterModel,
-    Interval,
-    Outcome,
-    Residuals,
-    TwoLag,
-)
+from heatertune.model.intervals import Interval
+from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, Outcome, Residuals, TwoLag
 
 __all__ = ["SCHEMA", "from_document", "read_model", "to_document"]
 

@@ -13,16 +13,17 @@ from heatertune.log.taken import MOST_REPAIRED
 from heatertune.log.values import Log
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.circumstances import DelaysKnown
-from heatertune.model.closed_loop import Bounds
-from heatertune.model.feedback import loop_told
 from heatertune.model.findings import Finding
-from heatertune.model.fit_logs import fit_logs
-from heatertune.model.fit_power import Explained, explained, fit_power, weighed
-from heatertune.model.fit_temperature import fit_temperature
 from heatertune.model.hearing import Told, findings_of
-from heatertune.model.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
-from heatertune.model.law import ControllerLaw
-from heatertune.model.relay_log import with_relay
+from heatertune.model.power.explained import Explained, explained
+from heatertune.model.power.feedback import loop_told
+from heatertune.model.power.fit_logs import fit_logs
+from heatertune.model.power.fit_power import fit_power, weighed
+from heatertune.model.power.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
+from heatertune.model.relay.relay_log import with_relay
+from heatertune.model.temperature.closed_loop import Bounds
+from heatertune.model.temperature.fit_temperature import fit_temperature
+from heatertune.model.temperature.law import ControllerLaw
 from heatertune.model.values import FittedModel, Outcome
 from heatertune.model.windows import undisturbed
 from heatertune.units import check

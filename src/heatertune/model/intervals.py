@@ -1,14 +1,16 @@
-"""From resampled values to intervals that admit what they do not know."""
+"""Intervals that admit what they do not know, and how they come from resampled values."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.errors import OutOfRange
 from heatertune.model.statistics import percentile_interval
-from heatertune.model.values import Interval
 
-__all__ = ["PERIOD", "RATIO", "envelope", "holds", "hull", "identified", "identified_parts", "interval"]
+__all__ = ["PERIOD", "RATIO", "Interval", "envelope", "holds", "hull", "identified", "identified_parts", "interval"]
 
 Array = npt.NDArray[np.float64]
 
@@ -28,6 +30,18 @@ def interval(values: Array, low: float, high: float) -> Interval:
     return Interval(
         low=None if lower <= low + margin else lower, high=None if upper >= high - margin else upper
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval:
+    """A 95 % confidence interval; an end that lies on a bound of the search is open and None."""
+
+    low: float | None
+    high: float | None
+
+    def __post_init__(self) -> None:
+        if self.low is not None and self.high is not None and self.low > self.high:
+            raise OutOfRange("low", self.low, f"<= high = {self.high:g}")
 
 
 def envelope(parts: Interval, values: list[float]) -> Interval:

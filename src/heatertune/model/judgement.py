@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from heatertune.model.values import Interval
+from heatertune.model.intervals import Interval
 
 __all__ = ["Half", "HeldOut", "InputCorrelation", "Validation", "disagreeing"]
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from heatertune.model.intervals import Interval
 from heatertune.model.judgement import Half, HeldOut, InputCorrelation, Validation, disagreeing
 from heatertune.model.validation import LJUNG_BOX_95
-from heatertune.model.values import Interval, OneLog
+from heatertune.model.values import OneLog
 
 __all__ = [
     "correlation_document", "from_document", "log_document", "one_log", "to_document", "whiteness_document",

@@ -14,13 +14,13 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.model.feedback import feedback_notes
-from heatertune.model.input_correlation import input_correlation
 from heatertune.model.judgement import InputCorrelation
-from heatertune.model.open_loop import Known, PowerProblem
 from heatertune.model.outliers import tamed
-from heatertune.model.projection import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE
-from heatertune.model.readings import Readings
+from heatertune.model.power.feedback import feedback_notes
+from heatertune.model.power.input_correlation import input_correlation
+from heatertune.model.power.open_loop import Known, PowerProblem
+from heatertune.model.power.projection import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE
+from heatertune.model.power.readings import Readings
 from heatertune.model.statistics import fit_pct
 from heatertune.model.validation import ljung_box
 from heatertune.model.values import FittedModel, HeaterModel, TwoLag

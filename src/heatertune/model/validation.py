@@ -11,7 +11,7 @@ from heatertune.model.least_squares import minimise
 from heatertune.model.statistics import autocorrelation
 
 if TYPE_CHECKING:
-    from heatertune.model.closed_loop import Hypothesis
+    from heatertune.model.temperature.closed_loop import Hypothesis
 
 __all__ = ["LJUNG_BOX_95", "constant_rmse", "cross_rmse", "hold_out_rmse", "ljung_box"]
 

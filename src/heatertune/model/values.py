@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.errors import OutOfRange
 from heatertune.model.findings import Finding
 from heatertune.show import Shown
 from heatertune.units import check
 
 if TYPE_CHECKING:
+    from heatertune.model.intervals import Interval
     from heatertune.model.judgement import Validation
 
-__all__ = ["Candidate", "FittedModel", "Fopdt", "HeaterModel", "Interval", "OneLog", "Outcome", "Residuals", "TwoLag"]
+__all__ = ["Candidate", "FittedModel", "Fopdt", "HeaterModel", "OneLog", "Outcome", "Residuals", "TwoLag"]
 
 Array = npt.NDArray[np.float64]
 
@@ -125,18 +125,6 @@ def _response(plant: HeaterModel, omega: Array) -> npt.NDArray[np.complex128]:
     for lag in plant.lags_s:
         response = response / (lag * s + 1.0)
     return np.asarray(response, dtype=np.complex128)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Interval:
-    """A 95 % confidence interval; an end that lies on a bound of the search is open and None."""
-
-    low: float | None
-    high: float | None
-
-    def __post_init__(self) -> None:
-        if self.low is not None and self.high is not None and self.low > self.high:
-            raise OutOfRange("low", self.low, f"<= high = {self.high:g}")
 
 
 class Outcome(Enum):

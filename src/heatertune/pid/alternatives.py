@@ -9,10 +9,10 @@ from typing import Any
 
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
-from heatertune.pid.continuous_optimum import margins as continuous_margins
-from heatertune.pid.continuous_tune import assessed
-from heatertune.pid.response import iae_load
-from heatertune.pid.robustness import margins
+from heatertune.pid.continuous.optimum import margins as continuous_margins
+from heatertune.pid.continuous.tune import assessed
+from heatertune.pid.loop.response import iae_load
+from heatertune.pid.loop.robustness import margins
 from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.values import PidDesign
 

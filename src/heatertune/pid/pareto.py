@@ -11,9 +11,9 @@ import numpy as np
 
 from heatertune.errors import OutOfRange
 from heatertune.model.values import FittedModel
-from heatertune.pid.continuous_optimum import ContinuousProblem, optimum
-from heatertune.pid.continuous_tune import assessed
-from heatertune.pid.feasible import Problem, search
+from heatertune.pid.continuous.optimum import ContinuousProblem, optimum
+from heatertune.pid.continuous.tune import assessed
+from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.specs import OBJECTIVES, Specs
 from heatertune.pid.tune import assessed_sampled, tune
 

@@ -9,15 +9,15 @@ from functools import partial
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.pid.continuous_tune import tune_continuous
+from heatertune.pid.continuous.tune import tune_continuous
 from heatertune.pid.explain import explain
-from heatertune.pid.feasible import Problem, search
-from heatertune.pid.optimum import polish
-from heatertune.pid.response import dominant_time_s, iae_load, iae_setpoint
-from heatertune.pid.robust import ROBUST, Guarded, Open, guarded
-from heatertune.pid.robustness import margins, noise_gain, worst
+from heatertune.pid.loop.response import dominant_time_s, iae_load, iae_setpoint
+from heatertune.pid.loop.robustness import margins, noise_gain, worst
 from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.scheduling import told_about_faces
+from heatertune.pid.search.feasible import Problem, search
+from heatertune.pid.search.optimum import polish
+from heatertune.pid.search.robust import ROBUST, Guarded, Open, guarded
 from heatertune.pid.specs import Specs, refuse_boundless
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign, Promise
@@ -75,7 +75,7 @@ def tune(
         timer: what the target's timer can do.
         derivative_filter: weight of its past in the target's derivative part, see `PidDesign`.
         robust: over which heaters drawn from the fit the optimum keeps its limits besides the candidates, one of
-            `heatertune.pid.robust.ROBUST`; TA is that of the design without them.
+            `heatertune.pid.search.robust.ROBUST`; TA is that of the design without them.
         step_power_pct: most power that one step of the reading may move [%]; the step is that of the log (or its noise)
             or the controller's own.
         resolution_degC: of the controller's reading [°C]; 0 where it is not known.

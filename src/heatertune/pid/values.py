@@ -40,7 +40,7 @@ class Promise:
     """What was asked for on the heaters drawn from a fit, and what its words have to keep too.
 
     Attributes:
-        way: "p95" or "worst", see `heatertune.pid.robust.ROBUST`.
+        way: "p95" or "worst", see `heatertune.pid.search.robust.ROBUST`.
         limits: "ms", "mt", "mks" [%/°C] → largest value; those that are set.
     """
 
@@ -56,7 +56,7 @@ class PidDesign(Shown):
         gain_pct_per_degC: K, proportional gain [% of full power per °C].
         integral_time_s: TN [s]; infinite without integral action.
         derivative_time_s: TV [s]; 0 without derivative action.
-        sample_time_s: TA [s]; 0: continuous, with the derivative filter N of `heatertune.pid.continuous`.
+        sample_time_s: TA [s]; 0: continuous, with the derivative filter N of `heatertune.pid.continuous.kernel`.
         structure: "p", "pi" or "pid".
         method: how it was found.
         margins: worst over the models it was made for, None where not computed.

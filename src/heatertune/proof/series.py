@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.values import HeaterModel
-from heatertune.pid.robustness import loop_response
-from heatertune.pid.sampled import frequencies
+from heatertune.pid.loop.robustness import loop_response
+from heatertune.pid.loop.sampled import frequencies
 from heatertune.pid.values import PidDesign
 from heatertune.proof.trace import Trace
 

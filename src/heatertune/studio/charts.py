@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from heatertune.log.values import Log
 from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.pid.uncertain import interval_ends
+from heatertune.pid.search.uncertain import interval_ends
 from heatertune.proof import Trace
 from heatertune.report.style import LOOK
 from heatertune.studio.loop import Look

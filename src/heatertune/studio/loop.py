@@ -9,8 +9,8 @@ from heatertune import chain
 from heatertune.chain.stages import Told, default_pwm_period_s
 from heatertune.chain.words import choose_words, search_document
 from heatertune.model.values import FittedModel
-from heatertune.pid.quick import quick_tune
-from heatertune.pid.robustness import margins, worst
+from heatertune.pid.loop.robustness import margins, worst
+from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, room
 from heatertune.proof import Actuator, Proof, Trace, simulate_wish

@@ -12,14 +12,14 @@ from typing import Any, Final
 
 from numba import cfunc, njit
 
-from heatertune.model.law import STEP, Constant
+from heatertune.model.temperature.law import STEP, Constant
 
 __all__ = ["LAWS", "Law"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Law:
-    """A reading of the program; see `heatertune.model.law.ControllerLaw`."""
+    """A reading of the program; see `heatertune.model.temperature.law.ControllerLaw`."""
 
     name: str
     constants: tuple[Constant, ...]

@@ -1,0 +1,11 @@
+"""Many cases → one table: by a pool of processes or a Dask cluster, resumable after a kill at any moment.
+
+The table depends on the cases alone: not on the number of workers, nor on what was stopped and resumed.
+"""
+
+from heatertune.batch.cluster import on_dask
+from heatertune.batch.engine import run
+from heatertune.batch.processes import in_processes
+from heatertune.batch.values import Batch, Chunk, Column, Progress, Row, Workers, silent
+
+__all__ = ["Batch", "Chunk", "Column", "Progress", "Row", "Workers", "in_processes", "on_dask", "run", "silent"]

@@ -1,0 +1,139 @@
+"""Cases → chunks → parts → table."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, partial
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Final
+
+from heatertune.batch.parts import Parts
+from heatertune.batch.table import demand_parquet, read_note, write_table
+from heatertune.batch.values import Batch, Chunk, Progress, Row, Task, Workers, silent
+from heatertune.cache import source_digest
+from heatertune.errors import InputError
+
+__all__ = ["run"]
+
+_EXAMPLES: Final = 3  # rows told of each outcome that is not PASS
+_DIED: Final = "every process that worked on it died (out of memory?)"
+
+#: what rounds the numbers, beside heatertune itself
+_LIBRARIES: Final = ("numpy", "scipy", "casadi", "numba", "control")
+
+#: CasADi's symbols are not made for several threads, which a Dask worker may have
+_ONE_AT_A_TIME: Final = threading.Lock()
+
+
+def run(
+    batch: Batch, out: str | Path, *, workers: Workers, resume: bool = False, progress: Progress = silent
+) -> dict[str, Any]:
+    """Do every case and write the table; return what became of them.
+
+    Args:
+        batch: the cases.
+        out: Parquet file. Beside it lies the folder of parts until it is written.
+        workers: where the cases are done.
+        resume: go on where a run of the same batch was stopped, however it was.
+        progress: told how many cases are done, and how many there are.
+
+    Returns:
+        table (path), rows, outcomes (outcome → number, by name), examples (outcome → first rows: name, reason).
+
+    Raises:
+        InputError: pyarrow is missing, no case, parts in the way (see `Parts.open`), a folder that cannot be written,
+            a worker that runs another program.
+    """
+    demand_parquet()
+    if not batch.cases:
+        raise InputError(f"{out}: no case to do")
+    table, identity = Path(out), {**batch.identity, "program": _program()}
+    parts = Parts(table, len(batch.cases))
+    mark = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
+    if resume and not parts.folder.exists():
+        note = read_note(table)
+        if note is not None and note.get("mark") == mark:  # finished, and the parts are gone
+            return {"table": str(out), **note["summary"]}
+    parts.open(identity, resume=resume)
+    _work(batch, parts, workers, progress)
+    summary = _Summary()
+    write_table(table, batch.columns, summary.watch(parts.rows()), lambda: {"mark": mark, "summary": summary.told()})
+    parts.remove()
+    return {"table": str(out), **summary.told()}
+
+
+def _work(batch: Batch, parts: Parts, workers: Workers, progress: Progress) -> None:
+    """Make the parts that are missing."""
+    missing = list(parts.missing())
+    done = parts.total - sum(map(parts.length, missing))
+    progress(done, parts.total)
+    task = partial(_task, batch.do, batch.shared, _program())
+
+    def chunk(start: int) -> Chunk:
+        return Chunk(start, [batch.sent(batch.cases[k]) for k in range(start, start + parts.length(start))])
+
+    for finished, rows in workers(map(chunk, missing), task) if missing else ():
+        found = _one_by_one(batch, finished, workers, task) if rows is None else rows
+        parts.write(finished.start, found)
+        done += len(found)
+        progress(done, parts.total)
+
+
+def _one_by_one(batch: Batch, chunk: Chunk, workers: Workers, task: Task) -> list[Row]:
+    """Return the rows of a chunk that took its processes along: a case that does so again is lost, the others not."""
+    first = chunk.start
+    rows: dict[int, list[Row] | None] = {first: None}
+    if len(chunk.cases) > 1:
+        singles = (Chunk(k, [case]) for k, case in enumerate(chunk.cases, start=first))
+        rows = {single.start: found for single, found in workers(singles, task)}
+    return [found[0] if (found := rows[k]) else batch.lost(batch.cases[k], _DIED)
+            for k in range(first, first + len(chunk.cases))]
+
+
+def _task(
+    do: Callable[[Mapping[str, Any], Any], Row], shared: Mapping[str, Any], program: str, cases: list[Any]
+) -> list[Row]:
+    """Do a chunk; this runs on the worker.
+
+    Raises:
+        InputError: the worker's program is another one, so its numbers might be, too.
+    """
+    if _program() != program:
+        raise InputError(f"a worker runs another program: there {_program()}, here {program}; install the same")
+    with _ONE_AT_A_TIME:
+        return [do(shared, case) for case in cases]
+
+
+@cache
+def _program() -> str:
+    """Return what decides the bits of a result: heatertune's source, Python, and the libraries that round."""
+    versions = [f"{name} {metadata.version(name)}" for name in _LIBRARIES]
+    return ", ".join([f"heatertune {source_digest()[:12]}", f"Python {sys.version.split()[0]}", *versions])
+
+
+class _Summary:
+    """Counts rows by outcome while they pass."""
+
+    def __init__(self) -> None:
+        self._outcomes: Counter[str] = Counter()
+        self._examples: dict[str, list[dict[str, Any]]] = {}
+
+    def watch(self, rows: Iterator[Row]) -> Iterator[Row]:
+        for row in rows:
+            outcome = row["outcome"]
+            self._outcomes[outcome] += 1
+            if outcome != "PASS" and self._outcomes[outcome] <= _EXAMPLES:
+                self._examples.setdefault(outcome, []).append({"name": row["name"], "reason": row["reason"]})
+            yield row
+
+    def told(self) -> dict[str, Any]:
+        return {
+            "rows": self._outcomes.total(), "outcomes": dict(sorted(self._outcomes.items())),
+            "examples": dict(sorted(self._examples.items())),
+        }

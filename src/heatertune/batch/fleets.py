@@ -1,0 +1,150 @@
+"""The logs of many heaters → one table: each is fitted, tuned, rounded to words and proven, or says why not."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict
+from functools import partial
+from glob import glob, has_magic
+from pathlib import Path, PurePath
+from typing import Any, Final, NamedTuple
+
+from heatertune import cache
+from heatertune.batch import Batch, Column, Progress, Row, Workers, run, silent
+from heatertune.batch.zone import HEAD, RESULT, lost_row, word_columns, zone_row
+from heatertune.chain.stages import fit
+from heatertune.errors import InputError, LogError
+from heatertune.log import read_log
+from heatertune.model.values import FittedModel
+from heatertune.plc import Scaling, room
+from heatertune.units import check
+
+__all__ = ["SCHEMA", "find_logs", "fleet"]
+
+SCHEMA: Final = "heatertune/fleet/1"
+
+#: files of a folder that are taken for logs
+_ENDINGS: Final = (".csv", ".tsv", ".txt", ".log", ".dat")
+_COLUMNS: Final = (
+    Column(name="name", kind="text", what="the log's file, without the part of its path that all logs share"),
+    *HEAD, *RESULT,
+)
+
+
+class Zone(NamedTuple):
+    """A log on its way to a worker: its name, and its content or why it could not be read."""
+
+    name: str
+    content: bytes | None
+    problem: str | None
+
+
+def fleet(
+    logs: str | Path, *, target: str, out: str | Path, workers: Workers, resume: bool = False,
+    reading: Mapping[str, Any] | None = None, fitting: Mapping[str, Any] | None = None,
+    tuning: Mapping[str, Any] | None = None, proving: Mapping[str, Any] | None = None, scaling: Scaling | None = None,
+    words_by: str = "auto", interval_by_words: bool = False, samples: int = 0, progress: Progress = silent,
+) -> dict[str, Any]:
+    """Take every log through the chain and write one row per log, sorted by name; return the summary.
+
+    A log that cannot be read, fitted or proven is a row with its reason and stops no other. Nothing is kept in the
+    cache of `heatertune.cache`: the parts beside the table are.
+
+    Args:
+        logs: a folder (searched through), a pattern with ``*``, or a text file with one path per line.
+        target: the controller of all zones.
+        out: Parquet file; the meaning of every column is kept in it.
+        workers: where the zones are done.
+        resume: go on where a run with the same options was stopped.
+        reading: options of `read_log`.
+        fitting: options of `fit`.
+        tuning: options of `tune`.
+        proving: options of `prove`.
+        scaling: sensor range.
+        words_by: how the words are found, see `choose_words`.
+        interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
+        samples: on how many drawn heaters each zone's words are proven as well; 0: none.
+        progress: told how many zones are done, and how many there are.
+
+    Raises:
+        UnknownName: no such target.
+        InputError: no log found; as `heatertune.batch.engine`.
+    """
+    check("samples", samples, least=0)
+    room(target)  # an unknown one is refused before the long part
+    folder, names = find_logs(logs)
+    options: dict[str, Any] = {
+        "target": target, "reading": dict(reading or {}), "fitting": dict(fitting or {}), "tuning": dict(tuning or {}),
+        "proving": dict(proving or {}), "scaling": asdict(scaling or Scaling()), "words_by": words_by,
+        "interval_by_words": interval_by_words, "samples": samples,
+    }
+    listed = hashlib.sha256("\n".join(names).encode()).hexdigest()
+    batch = Batch(
+        do=_zone, shared=options, cases=names, sent=partial(_sent, folder), lost=lost_row,
+        columns=(*_COLUMNS, *word_columns([target])),
+        identity={name: repr(value) for name, value in options.items()} | {"logs": listed},
+    )
+    return {"schema": SCHEMA} | run(batch, out, workers=workers, resume=resume, progress=progress)
+
+
+def find_logs(logs: str | Path) -> tuple[str, list[str]]:
+    """Return the folder that all logs share, and their paths below it: each once, sorted, with "/" on any machine.
+
+    Raises:
+        InputError: there are none, or the list cannot be read.
+    """
+    found, expected = _found(logs)
+    paths = {os.path.abspath(path) for path in found}  # noqa: PTH100 - `resolve` would follow links: their names count
+    if not paths:
+        raise InputError(f"{logs}: no log found; expected {expected}")
+    # the table does not tell where the logs lay, nor do the errors in it
+    folder = os.path.commonpath([str(Path(path).parent) for path in paths])
+    return folder, sorted(PurePath(os.path.relpath(path, folder)).as_posix() for path in paths)
+
+
+def _found(logs: str | Path) -> tuple[Iterable[Path], str]:
+    """Return the files, and what was looked for."""
+    given = Path(logs)
+    if given.is_dir():
+        return (
+            (path for path in given.rglob("*") if path.suffix.lower() in _ENDINGS and path.is_file()),
+            f"files that end in {', '.join(_ENDINGS)}",
+        )
+    if has_magic(str(logs)) and not given.exists():
+        matching = glob(str(logs), recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute pattern
+        return (path for path in map(Path, matching) if path.is_file()), "files that match"
+    return _listed(given), "one path per line"
+
+
+def _listed(path: Path) -> Iterator[Path]:
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as problem:
+        raise InputError(f"{path}: cannot be read; expected a folder, a pattern, or a list of paths") from problem
+    return (path.parent / line.strip() for line in lines if line.strip() and not line.startswith("#"))
+
+
+def _sent(folder: str, name: str) -> Zone:
+    try:
+        return Zone(name, Path(folder, name).read_bytes(), None)
+    except OSError as problem:
+        return Zone(name, None, f"cannot be read: {problem.strerror}")
+
+
+def _zone(options: Mapping[str, Any], zone: Zone) -> Row:
+    """Return the row of one log; this runs on the worker."""
+    return zone_row(
+        zone.name, partial(_fitted, options, zone), target=options["target"], scaling=Scaling(**options["scaling"]),
+        tuning=options["tuning"], proving=options["proving"], words_by=options["words_by"],
+        interval_by_words=options["interval_by_words"], samples=options["samples"],
+    )
+
+
+def _fitted(options: Mapping[str, Any], zone: Zone) -> FittedModel:
+    if zone.content is None:
+        raise LogError(str(zone.problem), file=zone.name)
+    log = read_log(zone.name, content=zone.content, **options["reading"])
+    with cache.unused():
+        return fit(log, **options["fitting"])

@@ -1,0 +1,165 @@
+"""A study: every case of a STUDY.toml taken through the chain, one row of a table each."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from heatertune.batch import Batch, Column, Progress, Row, Workers, run, silent
+from heatertune.batch.study_file import KEYS, Study, read_study
+from heatertune.batch.zone import HEAD, RESULT, lost_row, word_columns, zone_row
+from heatertune.chain.stages import fit
+from heatertune.documents import read_document
+from heatertune.errors import DocumentError
+from heatertune.log import read_log
+from heatertune.log.tables import BUILT_IN
+from heatertune.model.by_hand import model_by_hand
+from heatertune.model.document import SCHEMA as MODEL_SCHEMA
+from heatertune.model.document import from_document
+from heatertune.model.values import FittedModel, Fopdt, TwoLag
+from heatertune.plc import Scaling
+from heatertune.proof.pwm import switched_by
+
+__all__ = ["SCHEMA", "study"]
+
+SCHEMA: Final = "heatertune/study/1"
+
+_FITTING: Final = ("ambient_degC", "power_before_pct", "until_s")
+_TUNING: Final = ("structure", "method", "closed_loop_s", "objective", "weight", "ms", "mt", "mks", "sample_time_s")
+_PROVING: Final = ("setpoint_degC", "noise_degC", "tolerance_degC", "interlock", "limit_degC", "fan_stops_s")
+_RANGE: Final = {"range_low_degC": "low_degC", "range_high_degC": "high_degC"}
+_SWITCH: Final = {
+    "pwm_period_s": "pwm_period_s", "pwm_resolution_s": "resolution_s", "minimum_on_s": "minimum_on_s",
+    "minimum_off_s": "minimum_off_s",
+}
+
+
+class Case(NamedTuple):
+    """A case on its way to a worker: its number and name, its settings, and what its log or model file holds."""
+
+    number: int
+    name: str
+    settings: Mapping[str, Any]
+    content: Any
+
+
+def study(
+    path: str | Path, *, out: str | Path, workers: Workers, resume: bool = False,
+    progress: Progress = silent,
+) -> dict[str, Any]:
+    """Do every case of a study and write one row per case, in the order of the file; return the summary.
+
+    Args:
+        path: STUDY.toml, see `read_study`; files it names lie beside it.
+        out: Parquet file; a setting is the column ``case_<key>``, the meaning of every column is kept in the table.
+        workers: where the cases are done.
+        resume: go on where a run of the same study was stopped.
+        progress: told how many cases are done, and how many there are.
+
+    Raises:
+        DocumentError: as `read_study`; a log or model that cannot be read.
+        InputError: as `heatertune.batch.engine`.
+    """
+    cases = read_study(path)
+    files = _files(Path(path), cases)
+    varied = [key for key in cases.keys if key in cases.grid or any(key in case for case in cases.listed)]
+
+    def sent(number: int) -> Case:
+        settings = cases.case(number)
+        source = settings.get("log", settings.get("model"))
+        return Case(number, _name(settings, varied), settings, files.get(source))
+
+    def lost(number: int, why: str) -> Row:
+        case = sent(number)
+        return _labelled(case, lost_row(case.name, why))
+
+    batch = Batch(
+        do=_row, shared={}, cases=range(len(cases)), sent=sent, lost=lost, columns=_columns(cases),
+        identity={
+            "fixed": cases.fixed, "grid": cases.grid, "case": cases.listed,
+            "files": {name: hashlib.sha256(repr(content).encode()).hexdigest() for name, content in files.items()},
+        },
+    )
+    return {"schema": SCHEMA} | run(batch, out, workers=workers, resume=resume, progress=progress)
+
+
+def _files(path: Path, cases: Study) -> dict[str, Any]:
+    """Return what the logs (bytes) and models (documents) of all cases hold, name → content."""
+    found: dict[str, Any] = {}
+    for name in cases.settings_of("model"):
+        found[name] = read_document(path.parent / name, MODEL_SCHEMA)
+    for name in cases.settings_of("log"):
+        if name.lower() in BUILT_IN:
+            continue
+        try:
+            found[name] = (path.parent / name).read_bytes()
+        except OSError as problem:
+            raise DocumentError(f"{path}: log {name!r} cannot be read: {problem.strerror}") from problem
+    return found
+
+
+def _columns(cases: Study) -> tuple[Column, ...]:
+    kinds = {"text": "text", "float": "float", "int": "int", "table": "text"}
+    return (
+        Column(name="case", kind="int", what="number of the case, from 1"),
+        Column(name="name", kind="text", what="what tells the case from the others"),
+        *(Column(name=f"case_{key}", kind=kinds[KEYS[key].kind], what=f"as asked for: {KEYS[key].what}")
+          for key in cases.keys),
+        *HEAD, *RESULT, *word_columns(cases.settings_of("target")),
+    )
+
+
+def _name(settings: Mapping[str, Any], varied: list[str]) -> str:
+    return ", ".join(f"{key} = {_told(settings[key])}" for key in varied if key in settings)
+
+
+def _told(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, dict) else str(value)
+
+
+def _labelled(case: Case, row: Row) -> Row:
+    settings = {f"case_{key}": _told(value) if isinstance(value, dict) else value
+                for key, value in case.settings.items()}
+    return {"case": case.number + 1, **settings, **row}
+
+
+def _row(shared: Mapping[str, Any], case: Case) -> Row:  # noqa: ARG001 - the cases of a study share nothing
+    """Return the row of one case; this runs on the worker."""
+    settings = case.settings
+    scaling = Scaling(**{field: settings[key] for key, field in _RANGE.items() if key in settings})
+    return _labelled(case, zone_row(
+        case.name, partial(_heater, case), target=settings["target"], scaling=scaling, tuning=_given(settings, _TUNING),
+        proving=_proving(settings), words_by=settings.get("words", "auto"), samples=settings.get("samples", 0),
+    ))
+
+
+def _given(settings: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
+    return {name: settings[name] for name in names if name in settings}
+
+
+def _proving(settings: Mapping[str, Any]) -> dict[str, Any]:
+    found = _given(settings, _PROVING) | {"known": settings.get("switches", {})}
+    switch = {field: settings[key] for key, field in _SWITCH.items() if key in settings}
+    return found if not switch else found | {"actuator": switched_by(settings.get("pwm_rule"), **switch)}
+
+
+def _heater(case: Case) -> FittedModel:
+    """Return the heater of a case: by hand, from a model file, or fitted to a log."""
+    settings = case.settings
+    if "model" in settings:
+        return from_document(case.content)
+    if "log" in settings:
+        return _fitted(settings["log"], case.content, tuple(_given(settings, _FITTING).items()))
+    plant = _given(settings, ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"))
+    second = settings.get("second_time_constant_s")
+    return model_by_hand(Fopdt(**plant) if second is None else TwoLag(**plant, second_time_constant_s=second))
+
+
+@lru_cache(maxsize=16)
+def _fitted(name: str, content: bytes | None, fitting: tuple[tuple[str, Any], ...]) -> FittedModel:
+    """Return the fit of a log; the cases that share it come one after the other."""
+    return fit(read_log(name, content=content, errata=True), **dict(fitting))

@@ -1,0 +1,180 @@
+"""One heater from its log, or its model, to proven words, as one flat row of a table."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
+from typing import Any, Final
+
+from heatertune import cache
+from heatertune.batch.values import Column, Row
+from heatertune.chain.closing import Asked, closed
+from heatertune.chain.samples import sample_document
+from heatertune.errors import HeatertuneError, LogError
+from heatertune.model.values import FittedModel, Fopdt
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Scaling, Words, room
+from heatertune.proof import Proof
+from heatertune.proof.verdict import blocking, combined
+
+__all__ = ["HEAD", "RESULT", "lost_row", "word_columns", "zone_row"]
+
+#: column → criterion of the proof
+_CRITERIA: Final = {
+    "overshoot_pct": "overshoot", "settling_time_s": "settling_time", "steady_offset_degC": "steady_offset",
+    "limit_cycle_degC": "limit_cycle", "pwm_ripple_degC": "pwm_ripple", "iae_degC_s": "iae",
+    "recovery_time_s": "recovery_time", "recovery_overshoot_pct": "recovery_overshoot", "deviation_degC": "deviation",
+    "saturation_pct": "saturation", "switchings_per_h": "switchings", "overflows": "overflow",
+    "interlock_trips": "interlock_trips", "ms": "ms", "gain_margin": "gain_margin",
+    "phase_margin_deg": "phase_margin",
+}
+
+_WHAT: Final = {
+    "gain_degC_per_pct": "process gain [°C/%]", "time_constant_s": "time constant [s]", "dead_time_s": "dead time [s]",
+    "ambient_degC": "temperature without power [°C]",
+}
+
+_DESIGN: Final = {
+    "gain_pct_per_degC": "proportional gain K [%/°C]", "integral_time_s": "TN [s], infinite without an I part",
+    "derivative_time_s": "TV [s]", "sample_time_s": "sampling interval TA [s]",
+}
+
+#: the columns every row begins with
+HEAD: Final = (
+    Column(name="outcome", kind="text", what="PASS, FAIL or NOT PROVEN; else the stage that refused: no log, no fit, "
+                                             "no design, no words, no proof; crashed: a fault of the program"),
+    Column(name="reason", kind="text", what="what a proof did not keep, or why a stage refused"),
+)
+
+#: the columns of what was found
+RESULT: Final = (
+    Column(name="log_taken", kind="text", what="what was taken of the log as what"),
+    Column(name="fit_outcome", kind="text", what="how the fit ended"),
+    *(Column(name=f"{name}{end}", kind="float", what=f"{what}{told}") for name, what in _WHAT.items() for end, told in (
+        ("", " of the working model"), ("_ci95_low", ", low end of its 95 % interval"),
+        ("_ci95_high", ", high end of its 95 % interval"))),
+    Column(name="fit_pct", kind="float", what="how much of the log the working model explains [%]"),
+    Column(name="models", kind="int", what="candidate models that were tuned for and proven on"),
+    *(Column(name=name, kind="float", what=f"{what} of the design") for name, what in _DESIGN.items()),
+    Column(name="structure", kind="text", what="parts that act"),
+    Column(name="method", kind="text", what="how the design was found"),
+    Column(name="words", kind="text", what="the words the PLC will hold, as JSON"),
+    Column(name="setpoint_degC", kind="float", what="setpoint of the proof [°C]"),
+    Column(name="runs", kind="int", what="closed-loop runs of the proof"),
+    *(Column(name=name, kind="float", what=f"{criterion.replace('_', ' ')}, the worst over all runs")
+      for name, criterion in _CRITERIA.items()),
+    Column(name="samples", kind="int", what="drawn heaters on which the words were proven, too"),
+    Column(name="samples_passing_pct", kind="float", what="share of them that keep every limit [%]"),
+    Column(name="samples_worst_seed", kind="int", what="seed of the worst of them, for verify --replay"),
+)
+
+
+def word_columns(targets: Iterable[str]) -> tuple[Column, ...]:
+    """Return a column for every word of the targets; words of one name share it.
+
+    Raises:
+        UnknownName: no such target.
+    """
+    found: dict[str, Column] = {}
+    for target in targets:
+        for field in room(target).fields:
+            before = found.get(field.name)
+            whole = field.format != "REAL" and (before is None or before.kind == "int")
+            told = f"word {field.name} of {target}" if before is None else f"{before.what}, {target}"
+            found[field.name] = Column(name=f"word_{field.name}", kind="int" if whole else "float", what=told)
+    return tuple(found.values())
+
+
+def zone_row(
+    name: str, find: Callable[[], FittedModel], *, target: str, scaling: Scaling | None = None,
+    tuning: Mapping[str, Any] | None = None, proving: Mapping[str, Any] | None = None, words_by: str = "auto",
+    interval_by_words: bool = False, samples: int = 0,
+) -> Row:
+    """Take a heater through the chain; what cannot be done is told in the row, never raised.
+
+    Nothing but what `find` finds is kept in the cache: a million designs would fill the disk.
+
+    Args:
+        name: of the row.
+        find: reads and fits the log, or reads the model.
+        target: the controller.
+        scaling: sensor range.
+        tuning: options of `tune`.
+        proving: options of `prove`.
+        words_by: how the words are found, see `choose_words`.
+        interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
+        samples: on how many drawn heaters the words are proven as well, see `sample_document`.
+    """
+    row: Row = {"name": name}
+    stage = "no fit"
+    try:
+        fitted = find()
+        row |= _model(fitted)
+        with cache.unused():
+            conditions, begun = proving or {}, list[str]()
+            try:
+                found = closed(fitted, Asked(
+                    target=target, scaling=scaling, tuning=tuning or {}, proving=conditions, words_by=words_by,
+                    interval_by_words=interval_by_words, setpoint_ramp="none"), stage=begun.append)
+            finally:
+                stage = f"no {begun[-1]}"
+            words = found.proof.words
+            row |= _design(found.wished) | _words(words) | _proof(found.proof)
+            return row | _sampled(row, sample_document(words, fitted, samples, **conditions)) if samples else row
+    except HeatertuneError as problem:
+        return row | {"outcome": "no log" if isinstance(problem, LogError) else stage, "reason": str(problem)}
+    except Exception as problem:  # one zone must not stop the others, whatever is wrong in the program
+        return row | {"outcome": "crashed", "reason": f"{stage}: {type(problem).__name__}: {problem}"}
+
+
+def lost_row(name: str, why: str) -> Row:
+    """Return the row of a case whose process died."""
+    return {"name": name, "outcome": "crashed", "reason": why}
+
+
+def _model(fitted: FittedModel) -> Row:
+    row: Row = {"log_taken": "; ".join(fitted.log_told) or None, "fit_outcome": fitted.outcome.name,
+                "fit_pct": fitted.fit_pct, "models": len(fitted.plants)}
+    for field in fields(Fopdt):
+        interval = fitted.ci95.get(field.name)
+        row[field.name] = getattr(fitted.model, field.name)
+        row[f"{field.name}_ci95_low"] = None if interval is None else interval.low
+        row[f"{field.name}_ci95_high"] = None if interval is None else interval.high
+    return row
+
+
+def _design(design: PidDesign) -> Row:
+    return {name: getattr(design, name) for name in (*_DESIGN, "structure", "method")}
+
+
+def _words(words: Words) -> Row:
+    values = dict(words.values)
+    return {"words": json.dumps(values), **{f"word_{name}": value for name, value in values.items()}}
+
+
+def _proof(proof: Proof) -> Row:
+    found = {each.name: each for each in proof.criteria}
+    broken = [each.name for each in proof.criteria if not each.ok]
+    reasons = [f"not kept: {', '.join(broken)}"] if broken else []
+    reasons += [f"not proven: {each['name']}" for each in blocking(proof.heard.to_document())]
+    return {
+        "outcome": proof.verdict, "reason": "; ".join(reasons) or None,
+        "setpoint_degC": proof.nominal.setpoint_degC, "runs": len(proof.runs),
+        **{column: None if name not in found or math.isnan(found[name].value) else float(found[name].value)
+           for column, name in _CRITERIA.items()},
+    }
+
+
+def _sampled(row: Row, found: Mapping[str, Any]) -> Row:
+    """Return what the samples say; a row is PASS where its proof and its samples are."""
+    told: Row = {
+        "samples": found["count"], "samples_passing_pct": 100.0 * found["passing"],
+        "samples_worst_seed": found["worst_seed"],
+    }
+    if found["verdict"] == "PASS":
+        return told
+    few = f"{100.0 * found['passing']:.3g} % of {found['count']} samples keep every limit"
+    reason = "; ".join(filter(None, (row["reason"], few)))
+    return told | {"outcome": combined([row["outcome"], found["verdict"]]), "reason": reason}

@@ -1,0 +1,253 @@
+"""The fit of several logs of one heater with power: each alone first, then one heater for all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.model.hearing import Told, fast_told, findings_of, poor_told
+from heatertune.model.intervals import RATIO, Interval, identified_parts
+from heatertune.model.power.agreement import agreement_told, disagreements
+from heatertune.model.power.alias import alias_told
+from heatertune.model.power.candidates import second_is_seen
+from heatertune.model.power.diagnosis import limit_notes, log_notes, longest_hold_s, rival_notes
+from heatertune.model.power.ends import AtEnd, ends_of, told_apart
+from heatertune.model.power.explained import Explained
+from heatertune.model.power.family import open_ends
+from heatertune.model.power.fit_power import Weighed, outcome_of, values_of, weighed
+from heatertune.model.power.joint import LAG, JointFit, JointProblem
+from heatertune.model.power.joint_intervals import joint_held_at, joint_intervals
+from heatertune.model.power.loads import bic_of
+from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.projection import AMBIENT, DRIFT, GAIN
+from heatertune.model.power.rivals import lies_inside, widened
+from heatertune.model.statistics import autocorrelation, fit_pct
+from heatertune.model.values import Candidate, FittedModel, Fopdt, OneLog, Residuals
+
+__all__ = ["fit_logs"]
+
+Array = npt.NDArray[np.float64]
+
+_NEAR = 10.0  # BIC points
+
+_LAW = "power logged"
+
+
+class _Joint(NamedTuple):
+    """One heater for all logs, by one way to read them."""
+
+    problem: JointProblem
+    fit: JointFit
+    law: str
+    told: str = ""
+
+
+def fit_logs(
+    logs: Sequence[Explained], *, open_start: bool, seed: int, least_dead_time_s: float
+) -> FittedModel:
+    """Return the one FOPDT behind several logs with power.
+
+    Shared: gain, time constant, dead time. Each log has its own ambient, initial state, drift, loads and noise.
+    Another way to read a log, which it does not rule out alone, stays a candidate unless the other logs speak against
+    it. Where the logs disagree, each log's own heater is a candidate too.
+
+    Args:
+        logs: what explains each alone.
+        open_start: nobody knows the power before the logs.
+        seed: of the bootstrap.
+        least_dead_time_s: no dead time below this is believed.
+    """
+    logs, best = _drifting(logs)
+    weights = [weighed(log, open_start=open_start, seed=seed) for log in logs]
+    inside = joint_intervals(best.problem, best.fit, seed=seed)
+    rivals = [rival for rival in _rivals(best, logs, weights) if not lies_inside(_fopdt(rival), inside)]
+    alone = [_alone(log, weight, best, i) for i, (log, weight) in enumerate(zip(logs, weights, strict=True))]
+    apart = disagreements(alone)
+    others = [values_of(_fopdt(rival)) for rival in rivals]
+    # the ambient told is the first log's, whatever another's was
+    others += [values_of(log.model) | {"ambient_degC": math.nan} for log in logs if apart]
+    ci95: dict[str, Interval | None] = {**widened(inside, others)}
+    lag = ci95["time_constant_s"]
+    assert lag is not None
+    candidates = (*_candidates(best, rivals, _others(best, logs, open_lag=lag.high is None), logs),
+                  *(_own(log) for log in logs if apart))
+    family = told_apart([*candidates, *_ends(best, logs, candidates[0], ci95, least_dead_time_s)], least_dead_time_s)
+    open_ = open_ends([("one lag", {**ci95})])
+    ratio = ci95.pop(RATIO)
+    assert ratio is not None
+    known = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
+    model, first = _fopdt(best), logs[0]
+    simulated = first.at_readings(best.problem.parts[0], best.fit.parts[0])
+    agreement, names = list(agreement_told(alone, apart)), " and ".join(log.log.name for log in logs)
+    checks = [*fast_told(math.exp(best.problem.low[LAG]), model.time_constant_s, names), *_aliases(logs)]
+    fit = _fit_pct([log.cleaned for log in logs], _simulated(best, logs))
+    outcome = outcome_of(fit, known=known)
+    return FittedModel(
+        model=model,
+        outcome=outcome,
+        method="exact simulation of every log with its own power, free initial states; intervals: profile likelihood "
+        "or block bootstrap, whichever reaches further",
+        ci95=ci95,
+        combinations={} if known else {RATIO: (values_of(model)[RATIO], ratio)},
+        candidates=family,
+        fit_pct=fit,
+        findings=(*findings_of([*poor_told(outcome, fit, names), *agreement, *checks]), *open_),
+        notes=(*(each.sentence for each in agreement), *_log_notes(best, logs),
+               *limit_notes(model, best.problem.on_bound(best.fit), ci95,
+                            max(longest_hold_s(log.log, log.problems[0]) for log in logs)),
+               *rival_notes("the logs", candidates), *(rival.told for rival in rivals),
+               *(each.sentence for each in checks)),
+        residuals=Residuals(
+            time_s=first.log.time_s, measured_degC=first.log.temperature_degC, simulated_degC=simulated,
+            autocorrelation=autocorrelation(first.cleaned - simulated),
+        ),
+        logs=tuple(alone),
+    )
+
+
+def _joint(problems: Sequence[PowerProblem], logs: Sequence[Explained], order: int, law: str, told: str = "") -> _Joint:
+    """Return one heater for all logs; order 0: one lag, 1: two."""
+    fits = [log.fits[order] for log in logs]
+    problem = JointProblem.of(problems, fits)
+    starts = [np.array([math.log(fit.linear[GAIN]), *fit.vector]) for fit in fits]
+    return _Joint(problem, problem.refined(np.array([*starts, np.mean(starts, axis=0)])), law, told)
+
+
+def _drifting(logs: Sequence[Explained]) -> tuple[Sequence[Explained], _Joint]:
+    """Return logs and heater with a drift in each log that asks for it once the heater is that of all logs."""
+    found = _joint([log.problems[0] for log in logs], logs, 0, _LAW)
+    for place, log in enumerate(logs):
+        changed = [*logs[:place], log.drifting(), *logs[place + 1 :]]
+        if any(fit.model is None for fit in changed[place].fits):
+            continue
+        trial = _joint([each.problems[0] for each in changed], changed, 0, _LAW)
+        if trial.problem.bic(trial.fit) < found.problem.bic(found.fit) - _NEAR:
+            logs, found = changed, trial
+    return logs, found
+
+
+def _rivals(best: _Joint, logs: Sequence[Explained], weights: Sequence[Weighed]) -> Iterator[_Joint]:
+    """Return one heater for all logs, those that allow it read in another way; none that other logs speak against."""
+    at_best = best.problem.bic(best.fit)
+    for law in dict.fromkeys(rival.law for weight in weights for rival in weight.rivals):
+        found = [next((rival for rival in weight.rivals if rival.law == law), None) for weight in weights]
+        parts, names, told, dearer_alone = list(best.problem.parts), [], [], 0.0
+        for place, (log, rival) in enumerate(zip(logs, found, strict=True)):
+            if rival is not None:
+                parts[place] = rival.problem
+                names.append(log.log.name)
+                told.append(f"{log.log.name}: {rival.told}")
+                dearer_alone += max(bic_of(rival.problem, rival.fit) - bic_of(log.problems[0], log.fits[0]), 0.0)
+        other = _joint(parts, logs, 0, f"{law} ({', '.join(names)})", " ".join(told))
+        if other.problem.bic(other.fit) - at_best < dearer_alone + _NEAR:
+            yield other
+
+
+def _others(best: _Joint, logs: Sequence[Explained], *, open_lag: bool) -> Iterator[_Joint]:
+    """Return two lags where every log sees the second, and the integrator where the time constant is open upwards."""
+    if all(second_is_seen(log.fits[1]) for log in logs):
+        two = _joint([log.problems[1] for log in logs], logs, 1, _LAW)
+        if not two.problem.on_bound(two.fit):
+            yield two
+    if open_lag:
+        yield best._replace(fit=best.problem.far(best.fit), law=f"{_LAW}, as an integrator")
+
+
+def _candidates(
+    best: _Joint, rivals: Sequence[_Joint], others: Iterator[_Joint], logs: Sequence[Explained]
+) -> Iterator[Candidate]:
+    """Return one lag, its rivals, and every other model that explains the logs nearly as well or better."""
+    tried = [best, *rivals, *others]
+    bics = [each.problem.bic(each.fit) for each in tried]
+    cleaned = [log.cleaned for log in logs]
+    for place, (each, bic) in enumerate(zip(tried, bics, strict=True)):
+        if place > len(rivals) and bic - min(bics) >= _NEAR:
+            continue
+        simulated = _simulated(each, logs)
+        left = np.concatenate(cleaned) - np.concatenate(simulated)
+        plant = each.fit.parts[0].model
+        assert plant is not None
+        yield Candidate(
+            model=plant, log=" + ".join(log.log.name for log in logs), law=each.law,
+            window_s=(min(float(log.log.time_s[0]) for log in logs), max(float(log.log.time_s[-1]) for log in logs)),
+            fit_pct=_fit_pct(cleaned, simulated), rmse_degC=float(np.sqrt(np.mean(left**2))),
+            delta_bic=bic - min(bics),
+            fits_pct={log.log.name: fit_pct(log.cleaned, made) for log, made in zip(logs, simulated, strict=True)},
+        )
+
+
+def _own(log: Explained) -> Candidate:
+    """Return the heater of one log alone."""
+    left = log.cleaned - log.simulated_degC
+    return Candidate(
+        model=log.model, log=log.log.name, window_s=(float(log.log.time_s[0]), float(log.log.time_s[-1])),
+        law=f"{_LAW}, this log alone", fit_pct=fit_pct(log.cleaned, log.simulated_degC),
+        rmse_degC=float(np.sqrt(np.mean(left**2))), delta_bic=0.0,
+    )
+
+
+def _alone(log: Explained, weight: Weighed, best: _Joint, place: int) -> OneLog:
+    """Return what one log says alone, and what the one heater for all makes of it."""
+    fit, model = best.fit.parts[place], log.model
+    simulated = log.at_readings(best.problem.parts[place], fit)
+    ends = widened(weight.inside, [values_of(rival.model) for rival in weight.rivals])
+    return OneLog(
+        name=log.log.name, fit_pct=fit_pct(log.cleaned, simulated),
+        alone_fit_pct=fit_pct(log.cleaned, log.simulated_degC),
+        ambient_degC=float(fit.linear[AMBIENT]), drift_degC_per_s=float(fit.linear[DRIFT]),
+        noise_degC=float(np.std(log.cleaned - simulated)),
+        values={name: value for name, value in values_of(model).items() if name in ends and name != "ambient_degC"},
+        ci95={name: found for name, found in ends.items() if name != "ambient_degC"},
+    )
+
+
+def _ends(
+    best: _Joint, logs: Sequence[Explained], first: Candidate, ci95: Mapping[str, Interval | None],
+    least_dead_time_s: float,
+) -> Iterator[Candidate]:
+    cleaned = [log.cleaned for log in logs]
+
+    def held(name: str, value: float) -> AtEnd | None:
+        at = best._replace(fit=joint_held_at(best.problem, best.fit, name, value))
+        model = at.fit.parts[0].model
+        if model is None:
+            return None
+        simulated = _simulated(at, logs)
+        left = np.concatenate(cleaned) - np.concatenate(simulated)
+        return AtEnd(model, _fit_pct(cleaned, simulated), float(np.sqrt(np.mean(left**2))))
+
+    return ends_of(first, values_of(_fopdt(best)), ci95, held, least_dead_time_s=least_dead_time_s)
+
+
+def _simulated(found: _Joint, logs: Sequence[Explained]) -> list[Array]:
+    pairs = zip(logs, found.problem.parts, found.fit.parts, strict=True)
+    return [log.at_readings(part, fit) for log, part, fit in pairs]
+
+
+def _fit_pct(measured: Sequence[Array], simulated: Sequence[Array]) -> float:
+    """Return the fit over all logs, each about its own mean: the logs' levels are no merit of the model [%]."""
+    levels = np.concatenate([each - each.mean() for each in measured])
+    left = np.concatenate(measured) - np.concatenate(simulated)
+    return float(100.0 * (1.0 - np.linalg.norm(left) / np.linalg.norm(levels)))
+
+
+def _fopdt(found: _Joint) -> Fopdt:
+    model = found.fit.parts[0].model
+    assert isinstance(model, Fopdt)
+    return model
+
+
+def _aliases(logs: Sequence[Explained]) -> Iterator[Told]:
+    for log in logs:
+        for each in alias_told(log.alias):
+            yield each._replace(sentence=f"{log.log.name}: {each.sentence}")
+
+
+def _log_notes(best: _Joint, logs: Sequence[Explained]) -> Iterator[str]:
+    for log, part, fit in zip(logs, best.problem.parts, best.fit.parts, strict=True):
+        for note in (*log.told, *log_notes(log.log, part, fit, log.outliers)):
+            yield f"{log.log.name}: {note}"

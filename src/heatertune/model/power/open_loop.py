@@ -1,0 +1,296 @@
+"""Fit of a log whose power was recorded: exact simulation, held power, exact fractional dead time.
+
+Gain, ambient, drift, initial state and load steps are solved inside; only lags and dead time are searched. Nothing is
+assumed about steadiness at the start: that would inflate the gain.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.log.values import ABSOLUTE_ZERO_DEGC
+from heatertune.model.power.projection import (
+    AMBIENT,
+    COLUMNS,
+    DRIFT,
+    FIRST_STATE,
+    GAIN,
+    SECOND_STATE,
+    columns,
+    descend,
+    project,
+)
+from heatertune.model.power.readings import Readings
+from heatertune.model.values import Fopdt, HeaterModel, TwoLag
+
+__all__ = ["FAR", "Known", "PowerFit", "PowerProblem", "touching"]
+
+Array = npt.NDArray[np.float64]
+
+_SECOND = 2  # place of the lag ratio in a vector
+_RATIO = (0.01, 0.98)  # from 0.98 on, answers differ from those of equal lags by less than a ten-thousandth
+_COARSE = 250  # readings that tell the region of the best fit
+_ROUGH, _ROUGH_READINGS = 3, 120  # every third of the grid
+#: lengths of the log: a longer time constant shows no curvature
+FAR = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Known:
+    """Linear unknowns that are given, row by row.
+
+    Attributes:
+        values: nan where free, shape (n, columns).
+        gain_per_lag: whether the gain is given as gain per time constant [°C/(s·%)].
+    """
+
+    values: Array
+    gain_per_lag: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PowerFit:
+    """The best model of one order.
+
+    Attributes:
+        model: the heater; None where the gain or the dead time is negative.
+        vector: ln first lag, dead time, lag ratio (0: one lag).
+        linear: gain, ambient, drift [°C/s], initial states, load steps, states at the restarts [°C].
+        simulated_degC: shape (n,).
+        unknowns: number of fitted numbers.
+        on_bound: names of the unknowns that ended on a bound.
+    """
+
+    model: HeaterModel | None
+    vector: Array
+    linear: Array
+    simulated_degC: Array
+    unknowns: int
+    on_bound: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PowerProblem:
+    """Lags and dead time of a log with power, as a bounded least-squares problem.
+
+    Attributes:
+        readings: of the log.
+        two_lags: whether a second lag is fitted.
+        ambient_degC: known ambient, None where free.
+        power_before_pct: power before the first reading, None: the same as at the first reading.
+        at_rest: whether the temperature had come to rest with that power.
+        drift: whether the ambient may drift by a constant rate.
+        loads_s: instants at which an unknown load begins to act, for good.
+        sign: of the gain: 1 a heater, -1 the opposite, 0 either.
+        least_dead_time_s: lower bound of the dead time; below 0 the temperature runs ahead of the power.
+        most_dead_time_s: upper bound of the dead time that the user knows, None: a quarter of the log.
+    """
+
+    readings: Readings
+    two_lags: bool = False
+    ambient_degC: float | None = None
+    power_before_pct: float | None = None
+    at_rest: bool = False
+    drift: bool = False
+    loads_s: tuple[float, ...] = ()
+    sign: float = 1.0
+    least_dead_time_s: float = 0.0
+    most_dead_time_s: float | None = None
+    low: Array = field(init=False)
+    high: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        sample, length = _sample_and_length(self.readings)
+        ratio = _RATIO if self.two_lags else (0.0, 0.0)
+        longest = min(length / 4.0, math.inf if self.most_dead_time_s is None else self.most_dead_time_s)
+        object.__setattr__(self, "low", np.array([math.log(0.5 * sample), self.least_dead_time_s, ratio[0]]))
+        object.__setattr__(self, "high", np.array([math.log(FAR * length), longest, ratio[1]]))
+
+    @property
+    def known(self) -> Array:
+        """The linear unknowns that are given, nan where they are free."""
+        known = np.full(self._width, math.nan)
+        if self.ambient_degC is not None:
+            known[AMBIENT] = self.ambient_degC
+        if not self.drift:
+            known[DRIFT] = 0.0
+        if self.at_rest:
+            known[FIRST_STATE] = 0.0
+        if self.at_rest or not self.two_lags:
+            known[SECOND_STATE] = 0.0
+        if not self.two_lags:
+            known[COLUMNS + len(self.loads_s) + 1 :: 2] = 0.0
+        return known
+
+    @property
+    def _width(self) -> int:
+        """How many columns the linear part has."""
+        return COLUMNS + len(self.loads_s) + 2 * len(self.readings.restart_s)
+
+    def solve(self, z: Array, records: Array, known: Known | None = None) -> tuple[Array, Array]:
+        """Return residuals (n, m) and linear parts (n, columns) for vectors (n, 3) and one record each.
+
+        The residuals are infinite where the gain has the wrong sign: that is no model.
+        """
+        given = self.nothing_more(len(z)) if known is None else known
+        residuals, linear, cost = np.empty((len(z), records.shape[1])), np.zeros(given.values.shape), np.empty(len(z))
+        project(*self._asked(records, given), z, residuals, linear, cost)
+        residuals[np.isinf(cost)] = np.inf
+        return residuals, linear
+
+    def cost(self, z: Array, records: Array, known: Known | None = None) -> Array:
+        """Return the sums of squares (n,), infinite for what is no model; arguments as `solve`."""
+        return np.asarray(np.sum(self.solve(z, records, known)[0] ** 2, axis=1))
+
+    def nothing_more(self, rows: int) -> Known:
+        """Return what the problem itself knows, for so many rows."""
+        return Known(values=np.tile(self.known, (rows, 1)))
+
+    def _asked(self, records: Array, known: Known) -> tuple[Any, ...]:
+        """Return log, records, known and law as the compiled code takes them."""
+        return self._log, _writable(records), known.values, (known.gain_per_lag, self.sign)
+
+    @property
+    def _log(self) -> tuple[Any, ...]:
+        return *_arrays(self.readings), self.power_before, np.array(self.loads_s), _writable(self.readings.restart_s)
+
+    def basis(self, z: Array) -> Array:
+        """Return the columns whose sum, weighted by the linear part, is the temperature, shape (columns, m)."""
+        basis = np.empty((self._width, len(self.readings.time_s)))
+        lag = math.exp(z[0])
+        columns(*self._log, lag, lag * z[2], z[1], basis)
+        return basis
+
+    def minimum(
+        self, starts: Array, records: Array, known: Known | None = None, *, held: int | None = None,
+        iterations: int = 15, tolerance: float = 1e-6,
+    ) -> Array:
+        """Return the vector that each start leads to for its record, shape (n, 3).
+
+        Args:
+            starts: shape (n, 3).
+            records: shape (n, m).
+            known: by default what the problem knows.
+            held: place in the vector that keeps its start.
+            iterations: most steps tried.
+            tolerance: relative decrease of the sum of squares below which a row rests.
+        """
+        high = self.high if held is None else np.where(np.arange(len(self.high)) == held, self.low, self.high)
+        given = self.nothing_more(len(starts)) if known is None else known
+        z = starts.copy()
+        descend(*self._asked(records, given), z, self.low, high, iterations, tolerance)
+        return z
+
+    def fit(self) -> PowerFit:
+        """Return the best fit from a grid of starts over lags and dead time."""
+        coarse = self.thinned(_COARSE)
+        grid = self._grid()
+        record = np.tile(coarse.readings.temperature_degC, (len(grid), 1))
+        starts = grid[np.argsort(coarse.cost(grid, record))[:8]]
+        starts = coarse.minimum(starts, record, iterations=30)
+        return self.refined(starts[np.argsort(coarse.cost(starts, record))[:3]])
+
+    def roughly(self) -> tuple[float, Array]:
+        """Return the least sum of squares on a grid over lags and dead time, by a few readings, and where it lies."""
+        coarse = self.thinned(_ROUGH_READINGS)
+        grid = self._grid()[::_ROUGH]
+        cost = coarse.cost(grid, np.tile(coarse.readings.temperature_degC, (len(grid), 1)))
+        place = int(np.argmin(cost))
+        return float(cost[place]) / len(coarse.readings.time_s), grid[place]
+
+    def refined(self, starts: Array) -> PowerFit:
+        """Return the best fit that the starts (n, 3) lead to."""
+        records = np.tile(self.readings.temperature_degC, (len(starts), 1))
+        z = self.minimum(starts, records, iterations=60, tolerance=1e-9)
+        return self.at(z[np.argmin(self.cost(z, records))])
+
+    def far(self) -> PowerFit:
+        """Return the best fit whose time constant is the longest searched: the heater as an integrator."""
+        starts = np.column_stack([np.full(9, self.high[0]), np.linspace(self.low[1], self.high[1], 9), np.zeros(9)])
+        records = np.tile(self.readings.temperature_degC, (9, 1))
+        z = self.minimum(starts, records, held=0, iterations=30)
+        return self.at(z[np.argmin(self.cost(z, records))])
+
+    def held(self, vector: Array, gain: float) -> PowerFit:
+        """Return the fit with lags, dead time and gain given [°C/%], whatever the bounds of this log's own search."""
+        known = self.nothing_more(1)
+        known.values[0, GAIN] = gain
+        return self.at(vector, known)
+
+    def thinned(self, most: int) -> PowerProblem:
+        """Return the problem with its readings averaged to about `most`."""
+        return replace(self, readings=self.readings.thinned(most))
+
+    @property
+    def power_before(self) -> float:
+        """Power before the first reading [%]."""
+        first = float(self.readings.level_pct[0])
+        return first if self.power_before_pct is None else self.power_before_pct
+
+    def _grid(self) -> Array:
+        lags = np.linspace(self.low[0], self.high[0], 25)
+        dead = self.low[1] + np.linspace(0.0, 1.0, 17) ** 2 * (self.high[1] - self.low[1])
+        ratios = np.array([0.05, 0.2, 0.5, 0.9]) if self.two_lags else np.zeros(1)
+        return np.array(np.meshgrid(lags, dead, ratios)).reshape(3, -1).T.copy()
+
+    def at(self, z: Array, known: Known | None = None) -> PowerFit:
+        """Return the fit with lags and dead time given, and of the linear unknowns what is known (one row)."""
+        record = self.readings.temperature_degC
+        residuals, linear = self.solve(z[None, :], record[None, :], known)
+        return PowerFit(
+            model=_plant(z, linear[0], two_lags=self.two_lags), vector=z, linear=linear[0],
+            simulated_degC=record + residuals[0],
+            # lag and dead time, what is solved inside, and an instant for each load
+            unknowns=2 + self.two_lags + int(np.isnan(self.known).sum()) + len(self.loads_s),
+            on_bound=touching(z, self.low, self.high),
+        )
+
+
+def touching(vector: Array, low: Array, high: Array) -> tuple[str, ...]:
+    """Return the names of what ended on a bound of the search: first lag, dead time, second lag.
+
+    A second lag as long as the first is on none: two equal lags are a heater.
+    """
+    margin = 1e-3 * (high - low)
+    above = (vector >= high - margin) & (np.arange(len(vector)) != _SECOND)
+    touched = (high > low) & ((vector <= low + margin) | above)
+    names = ("time_constant_s", "dead_time_s", "second_time_constant_s")
+    return tuple(name for name, touches in zip(names, touched, strict=True) if touches)
+
+
+@lru_cache(maxsize=8)
+def _sample_and_length(readings: Readings) -> tuple[float, float]:
+    """Return sampling interval and length of the log [s]; kept: a search for loads makes a thousand problems of it."""
+    time = readings.time_s
+    return float(np.median(np.diff(time))) / readings.averaged, float(np.ptp(time))
+
+
+@lru_cache(maxsize=8)
+def _arrays(readings: Readings) -> tuple[Array, ...]:
+    """Return times, half widths, edges and levels as the compiled code takes them; kept as above."""
+    return tuple(_writable(each) for each in (readings.time_s, readings.half_s, readings.edge_s, readings.level_pct))
+
+
+def _writable(array: Array) -> Array:
+    """Return the array as the compiler knows it: a read-only one would be another type."""
+    return np.require(array, requirements=["C", "W"])
+
+
+def _plant(z: Array, linear: Array, *, two_lags: bool) -> HeaterModel | None:
+    gain, lag, dead = float(linear[GAIN]), float(np.exp(z[0])), float(z[1])
+    if gain <= 0.0 or dead < 0.0:
+        return None
+    # where no curvature is seen, the ambient may run off below any temperature there is
+    ambient = float(linear[AMBIENT]) if linear[AMBIENT] >= ABSOLUTE_ZERO_DEGC else None
+    if not two_lags:
+        return Fopdt(gain_degC_per_pct=gain, time_constant_s=lag, dead_time_s=dead, ambient_degC=ambient)
+    return TwoLag(
+        gain_degC_per_pct=gain, time_constant_s=lag, second_time_constant_s=lag * float(z[2]), dead_time_s=dead,
+        ambient_degC=ambient,
+    )

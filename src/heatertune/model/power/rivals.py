@@ -1,0 +1,157 @@
+"""Other readings of the same log: what passes for drift, load or initial state may be a slow answer of the heater."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from heatertune.log.values import Log
+from heatertune.model.intervals import Interval, envelope, holds
+from heatertune.model.judgement import HeldOut
+from heatertune.model.power.feedback import is_feedback
+from heatertune.model.power.judge import unseen
+from heatertune.model.power.loads import bic_of, is_sensible, lowest_degC
+from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.projection import AMBIENT
+from heatertune.model.power.sanity import follows_temperature
+from heatertune.model.power.start import is_plain_rest, starts
+from heatertune.model.statistics import fit_pct
+from heatertune.model.values import Fopdt
+
+__all__ = ["Rival", "lies_inside", "rivals_of", "widened"]
+
+_SURE = 0.4  # of the error on windows not seen, that drift and loads have to leave to be believed in an open loop
+_NEAR = 10.0  # BIC points
+_POOR = 60.0  # fit [%] below which a model is no rival
+
+
+class Rival(NamedTuple):
+    """Another fit of one lag, what was done otherwise, and the sentence about it."""
+
+    problem: PowerProblem
+    fit: PowerFit
+    model: Fopdt
+    law: str
+    told: str
+
+
+def rivals_of(
+    log: Log, problem: PowerProblem, fit: PowerFit, ci95: Mapping[str, Interval | None], held_out: HeldOut, *,
+    open_start: bool,
+) -> tuple[Rival, ...]:
+    """Return the one-lag fits that the log does not rule out and that lie outside the intervals.
+
+    Args:
+        log: the whole log.
+        problem: of one lag, with the drift and loads that were found.
+        fit: its best fit.
+        ci95: its intervals.
+        held_out: its error on windows not seen.
+        open_start: whether the power before the log is unknown.
+    """
+    found = (
+        *_without_events(log, problem, fit, held_out), *_at_rest(problem, fit, ci95.get("ambient_degC")),
+        *_other_rest(log, problem, fit), *(_other_start(problem, fit) if open_start else ()),
+    )
+    record = problem.readings.temperature_degC
+    return tuple(
+        rival for rival in found
+        if fit_pct(record, rival.fit.simulated_degC) > _POOR and not lies_inside(rival.model, ci95)
+    )
+
+
+def widened(ci95: Mapping[str, Interval], values: Sequence[Mapping[str, float]]) -> dict[str, Interval]:
+    """Return the intervals, widened until they hold the rivals too."""
+    others = {name: [each[name] for each in values if math.isfinite(each[name])] for name in ci95}
+    return {name: envelope(found, others[name]) if others[name] else found for name, found in ci95.items()}
+
+
+def lies_inside(model: Fopdt, ci95: Mapping[str, Interval | None]) -> bool:
+    """Return whether gain and time constant of a model lie in the intervals."""
+    inside = ((ci95[name], float(getattr(model, name))) for name in ("gain_degC_per_pct", "time_constant_s"))
+    return all(interval is not None and holds(interval, value) for interval, value in inside)
+
+
+def _without_events(log: Log, problem: PowerProblem, fit: PowerFit, held_out: HeldOut) -> Iterator[Rival]:
+    if not problem.drift and not problem.loads_s:
+        return
+    plain = replace(problem, drift=False, loads_s=())
+    found = min((plain.fit(), plain.refined(fit.vector[None, :])), key=lambda each: bic_of(plain, each))
+    closed = is_feedback(log) or follows_temperature(log)
+    if found.model is None or (not closed and held_out.rmse_degC < _SURE * unseen(plain, found).rmse_degC):
+        return
+    law = "power logged, without drift and loads"
+    if plain.ambient_degC is None and not is_sensible(plain, found):
+        # under feedback a load drives the gain of a fit without it towards nothing, and the ambient to the setpoint
+        plain, law = _held(plain), f"{law}, ambient at the lowest reading"
+        found = plain.fit()
+    if not isinstance(found.model, Fopdt):
+        return
+    events = " and ".join(["drift"] * problem.drift + ["load steps"] * bool(problem.loads_s))
+    answers = ", and in a closed loop the power answers them" if closed else ""
+    yield Rival(plain, found, found.model, law, (
+        f"With {events} fitted, {_heater(fit.model)}; without, {_heater(found.model)}. They can swallow a slow answer "
+        f"of the heater{answers}: the log does not tell which, so both are candidates and the intervals hold both."
+    ))
+
+
+def _at_rest(problem: PowerProblem, fit: PowerFit, ambient: Interval | None) -> Iterator[Rival]:
+    """Return the fit with the ambient at the lowest reading, where a free one lies above it for sure."""
+    lowest = lowest_degC(problem)
+    if ambient is None or ambient.low is None or ambient.low <= lowest or is_sensible(problem, fit):
+        return
+    held = _held(problem)
+    found = min((held.fit(), held.refined(fit.vector[None, :])), key=lambda each: bic_of(held, each))
+    if not isinstance(found.model, Fopdt):
+        return
+    yield Rival(held, found, found.model, "power logged, ambient at the lowest reading", (
+        f"Left free, the ambient comes out at {fit.linear[AMBIENT]:.3g} °C, above the lowest reading of "
+        f"{lowest:.3g} °C, though no heater is colder than its room: a slow part of the heater passes for its initial "
+        f"state. With the ambient at that reading {_heater(found.model)}; both are candidates, the intervals hold "
+        "both, and --ambient would settle it."
+    ))
+
+
+def _other_start(problem: PowerProblem, fit: PowerFit) -> Iterator[Rival]:
+    """Return the fit with the other power before the log, none or the first one, where it is nearly as good."""
+    first = float(problem.readings.level_pct[0])
+    if first == 0.0:
+        return
+    other = replace(problem, power_before_pct=0.0 if problem.power_before_pct is None else None)
+    found = min((other.fit(), other.refined(fit.vector[None, :])), key=lambda each: bic_of(other, each))
+    if not isinstance(found.model, Fopdt) or bic_of(other, found) > bic_of(problem, fit) + _NEAR:
+        return
+    yield Rival(other, found, found.model, f"power logged, {other.power_before:g} % before it", (
+        f"With {problem.power_before:g} % power before the log, {_heater(fit.model)}; with {other.power_before:g} %, "
+        f"{_heater(found.model)}. The log does not tell which, so both are candidates and the intervals hold both; "
+        "--power-before would settle it."
+    ))
+
+
+def _other_rest(log: Log, problem: PowerProblem, fit: PowerFit) -> Iterator[Rival]:
+    """Return the fit from rest, or not from rest, where it is nearly as good and the readings do not settle it."""
+    if problem.at_rest and is_plain_rest(problem, math.exp(float(fit.vector[0]))):
+        return
+    closed = is_feedback(log) or follows_temperature(log)
+    for other in starts(replace(problem, at_rest=False), closed=closed):
+        if other.at_rest == problem.at_rest or other.power_before_pct != problem.power_before_pct:
+            continue
+        found = min((other.fit(), other.refined(fit.vector[None, :])), key=lambda each: bic_of(other, each))
+        if isinstance(found.model, Fopdt) and bic_of(other, found) < bic_of(problem, fit) + _NEAR:
+            begun = ("not from rest", "from rest")
+            yield Rival(other, found, found.model, f"power logged, {begun[other.at_rest]}", (
+                f"With a start {begun[problem.at_rest]}, {_heater(fit.model)}; {begun[other.at_rest]}, "
+                f"{_heater(found.model)}. The readings before the first step do not tell which, so both are "
+                "candidates and the intervals hold both; log some readings more before the first step."
+            ))
+
+
+def _held(problem: PowerProblem) -> PowerProblem:
+    return replace(problem, ambient_degC=lowest_degC(problem))
+
+
+def _heater(model: object) -> str:
+    assert isinstance(model, Fopdt)
+    return f"the gain is {model.gain_degC_per_pct:.3g} °C/% and the time constant {model.time_constant_s:.3g} s"

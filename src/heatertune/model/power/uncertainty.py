@@ -1,0 +1,295 @@
+"""Intervals of a fit with power: profile likelihood and block bootstrap, the wider of the two.
+
+The residuals of a heater are coloured, so a likelihood for white noise lies. The profile of the sum of squares is
+therefore scaled until its curvature gives the variance under first-order autoregressive noise (R. E. Chandler and
+S. Bate, "Inference for clustered data using the independence loglikelihood", Biometrika 94 (2007) 167–183). It
+sees what is skewed or open; the bootstrap sees colour of any other shape.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import stdtrit
+
+from heatertune.model.intervals import PERIOD, RATIO, Interval, envelope, hull, interval
+from heatertune.model.power.open_loop import FAR, Known, PowerFit, PowerProblem
+from heatertune.model.power.projection import AMBIENT, GAIN
+from heatertune.model.power.ultimate import fits_of_period, periods_of
+from heatertune.model.statistics import autocorrelation, block_resamples
+
+__all__ = [
+    "LEAST_FREEDOM", "READINGS", "STEPS", "Noise", "bounds_of", "colour", "crossing", "held_at", "held_squares",
+    "intervals", "intervals_by", "noise_of", "reaches", "sensitivities", "value_of",
+]
+
+Array = npt.NDArray[np.float64]
+
+_NAMES = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
+#: averaged: neighbours of coloured noise say little more than their mean
+READINGS = 400
+_POSITIVE = ("gain_degC_per_pct", "time_constant_s", RATIO, PERIOD)
+_RESAMPLES = 200
+_SINGULAR = 1e-9  # of the largest singular value: rounding
+#: of the noise, however coloured
+LEAST_FREEDOM = 4.0
+#: of a profile: standard deviations from the best
+STEPS = np.array([0.6, 1.2, 1.7, 2.2, 3.0, 4.5, 8.0, 25.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviations of the parameters, their inflation by colour, Student's 97.5 % point; what is not seen."""
+
+    deviation: dict[str, float]
+    inflation: dict[str, float]
+    variance: float
+    quantile: float
+    unseen: frozenset[str]
+
+
+def intervals(problem: PowerProblem, fit: PowerFit, *, seed: int) -> dict[str, Interval]:
+    """Return the 95 % interval of each parameter, of gain per time constant and of the ultimate period.
+
+    An end on a bound of the search is open, but for a bound of the dead time that the user knows.
+    """
+    return intervals_by(problem, fit, [{}], seed=seed)[0]
+
+
+def intervals_by(
+    problem: PowerProblem, fit: PowerFit, factors: Sequence[Mapping[str, float]], *, seed: int
+) -> list[dict[str, Interval]]:
+    """Return the intervals for each set of factors by which deviations are larger than the residuals say."""
+    problem, told = problem.thinned(READINGS), fit
+    fit = problem.refined(fit.vector[None, :])
+    noise, ends = noise_of(problem, fit), bounds_of(problem)
+    drawn = {name: values for name, values in _bootstrap(problem, fit, seed).items() if name in noise.deviation}
+
+    def found(name: str, times: float) -> Interval:
+        by_draws = interval(_spread(name, drawn[name], value_of(fit, name), times), *ends[name])
+        by_profile = _profile(problem, fit, name, noise, times)
+        return envelope(hull(by_draws, by_profile), [value_of(told, name)])
+
+    wide = [{name: found(name, times.get(name, 1.0)) for name in drawn} for times in factors]
+    return [_known(_beyond(each, told), problem) for each in wide]
+
+
+def _known(found: dict[str, Interval], problem: PowerProblem) -> dict[str, Interval]:
+    """Return the intervals with the end of the dead time that the user knows, where the log leaves it open."""
+    dead, most = found["dead_time_s"], problem.most_dead_time_s
+    return found if dead.high is not None or most is None else found | {"dead_time_s": replace(dead, high=most)}
+
+
+def _beyond(found: dict[str, Interval], fit: PowerFit) -> dict[str, Interval]:
+    """Return the intervals; an open time constant needs less gain per time constant than the longest one searched.
+
+    Over the length of the log that one falls behind an integrator of the same rate by half its share on average.
+    """
+    lag = found.get("time_constant_s")
+    if lag is None or lag.high is not None:
+        return found
+    return found | {RATIO: envelope(found[RATIO], [value_of(fit, RATIO) * (1.0 - 0.5 / FAR)])}
+
+
+def _spread(name: str, values: Array, best: float, times: float) -> Array:
+    """Return drawn values that lie so many times as far from the best; those of positive kind in the logarithm."""
+    if name in _POSITIVE and best > 0.0:
+        return np.asarray(best * np.maximum(values / best, 0.0) ** times)
+    return best + times * (values - best)
+
+
+def reaches(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
+    """Return half the width of each parameter's 95 % interval by linear theory, under noise of the residuals' colour.
+
+    Infinite for what the readings do not tell from something else: gain and ambient under constant power.
+
+    For comparisons; what is told of a fit alone is `intervals`, which sees what is skewed or open.
+    """
+    noise = noise_of(problem, fit)
+    return {name: math.inf if name in noise.unseen else noise.quantile * deviation
+            for name, deviation in noise.deviation.items()}
+
+
+def bounds_of(problem: PowerProblem) -> dict[str, tuple[float, float]]:
+    """Return the bounds of the search for each number."""
+    low, high = problem.low, problem.high
+    return {
+        "gain_degC_per_pct": (0.0, math.inf),
+        "time_constant_s": (math.exp(low[0]), math.exp(high[0])),
+        "dead_time_s": (float(low[1]), float(high[1])),
+        "ambient_degC": (-math.inf, math.inf),
+        RATIO: (0.0, math.inf),
+        PERIOD: (0.0, math.inf),
+    }
+
+
+def _bootstrap(problem: PowerProblem, fit: PowerFit, seed: int) -> dict[str, Array]:
+    shaken = block_resamples(
+        problem.readings.temperature_degC - fit.simulated_degC, _RESAMPLES, np.random.default_rng(seed)
+    )
+    records = fit.simulated_degC + shaken
+    z = problem.minimum(np.tile(fit.vector, (len(records), 1)), records)
+    _, linear = problem.solve(z, records)
+    lag = np.exp(z[:, 0])
+    values = (linear[:, GAIN], lag, z[:, 1], linear[:, AMBIENT], linear[:, GAIN] / lag, periods_of(z))
+    return dict(zip((*_NAMES, RATIO, PERIOD), values, strict=True))
+
+
+def noise_of(problem: PowerProblem, fit: PowerFit) -> Noise:
+    """Return what first-order autoregressive noise of the residuals' colour does to the parameters."""
+    jacobian, names = sensitivities(problem, fit)
+    residuals = problem.readings.temperature_degC - fit.simulated_degC
+    base, triangle = np.linalg.qr(jacobian)
+    rho, variance = colour(residuals, base)
+    inverse = np.linalg.pinv(triangle)
+    lags = np.abs(np.subtract.outer(np.arange(len(residuals)), np.arange(len(residuals))))
+    white, coloured = inverse @ inverse.T, inverse @ (base.T @ rho**lags @ base) @ inverse.T
+    freedom = len(residuals) * (1.0 - rho) / (1.0 + rho) - jacobian.shape[1]
+    weights = {name: np.eye(len(names))[names.index(name)] for name in _NAMES if name in names}
+    gain, lag = value_of(fit, "gain_degC_per_pct"), value_of(fit, "time_constant_s")
+    weights[RATIO] = weights["gain_degC_per_pct"] / lag - weights["time_constant_s"] * gain / lag**2
+    weights[PERIOD] = sum(
+        (np.eye(len(names))[names.index(name)] * slope for name, slope in _slopes_of_period(fit.vector).items()
+         if name in names), start=np.zeros(len(names)))
+    spread = {name: float(w @ coloured @ w) for name, w in weights.items()}
+    return Noise(
+        deviation={name: math.sqrt(variance * spread[name]) for name in weights},
+        inflation={name: spread[name] / max(float(w @ white @ w), 1e-300) for name, w in weights.items()},
+        variance=variance,
+        quantile=float(stdtrit(max(freedom, LEAST_FREEDOM), 0.975)),
+        unseen=_unseen(triangle, weights),
+    )
+
+
+def _unseen(triangle: Array, weights: Mapping[str, Array]) -> frozenset[str]:
+    """Return which numbers change along a direction that leaves the readings as they are."""
+    size = np.linalg.norm(triangle, axis=0)
+    scale = np.where(size > 0.0, size, 1.0)
+    _, values, directions = np.linalg.svd(triangle / scale)
+    null = directions[values < _SINGULAR * values[0]]
+    return frozenset(
+        name for name, weight in weights.items()
+        if len(null) and np.linalg.norm(null @ (weight / scale)) > _SINGULAR**0.5 * np.linalg.norm(weight / scale))
+
+
+def sensitivities(problem: PowerProblem, fit: PowerFit) -> tuple[Array, list[str]]:
+    """Return the derivative of the temperature by each unknown, shape (m, p), and the unknowns' names."""
+    free = np.flatnonzero(np.isnan(problem.known))
+    called = {GAIN: "gain_degC_per_pct", AMBIENT: "ambient_degC"}
+    names = [called.get(int(i), str(i)) for i in free]
+    basis = [problem.basis(fit.vector)[i] for i in free]
+    for k, name in enumerate(("time_constant_s", "dead_time_s", "lag_ratio")):
+        if problem.high[k] == problem.low[k]:
+            continue
+        step = 1e-4 * (problem.high[k] - problem.low[k])
+        up, down = fit.vector.copy(), fit.vector.copy()
+        up[k], down[k] = min(up[k] + step, problem.high[k]), max(down[k] - step, problem.low[k])
+        change = fit.linear @ (problem.basis(up) - problem.basis(down)) / (up[k] - down[k])
+        basis.append(change / math.exp(fit.vector[0]) if k == 0 else change)
+        names.append(name)
+    return np.array(basis).T, names
+
+
+def colour(residuals: Array, base: Array) -> tuple[float, float]:
+    """Return lag-one correlation and variance of the noise whose fit residuals would look like these on average.
+
+    A fit swallows slow noise, so that residuals look whiter and smaller than the noise was: what is expected of
+    them is computed for each correlation and compared.
+    """
+    m = len(residuals)
+    seen = float(np.clip(autocorrelation(residuals, 1)[0], 0.0, 0.99))
+    lags = np.abs(np.subtract.outer(np.arange(m), np.arange(m)))
+    tried = np.array([0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.99])
+    looks, left = np.empty(len(tried)), np.empty(len(tried))
+    for i, rho in enumerate(tried):
+        mixed = base.T @ (rho**lags)  # (p, m)
+        inner = mixed @ base
+        left[i] = m - np.trace(inner)
+        beside = (m - 1) * rho - np.sum(base[:-1].T * mixed[:, 1:]) - np.sum(base[1:].T * mixed[:, :-1])
+        looks[i] = (beside + np.sum((base[:-1] @ inner) * base[1:])) / left[i]
+    rho = float(np.interp(seen, np.maximum.accumulate(looks), tried))
+    return rho, float(residuals @ residuals) / float(np.interp(rho, tried, left))
+
+
+def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: Noise, times: float = 1.0) -> Interval:
+    """Return where the sum of squares, all other unknowns fitted anew, has risen by the 95 % share, times squared."""
+    low, high = bounds_of(problem)[name]
+    best = value_of(fit, name)
+    limit = (times * noise.quantile) ** 2 * noise.inflation[name] * noise.variance
+    least = float(np.sum((problem.readings.temperature_degC - fit.simulated_degC) ** 2))
+    found = []
+    for side in (-1.0, 1.0):
+        values = np.clip(best + side * times * noise.deviation[name] * STEPS, low, high)
+        rise = np.array([0.0, *np.maximum(held_squares(problem, fit, name, values) - least, 0.0)])
+        found.append(crossing(np.array([best, *values]), rise, limit))
+    return Interval(low=found[0], high=found[1])
+
+
+def crossing(values: Array, rise: Array, limit: float) -> float | None:
+    """Return where the rise first passes the limit, None where it never does before the end of the search."""
+    over = np.flatnonzero(~(rise < limit))
+    if not len(over):
+        return None
+    i = int(over[0])
+    if i == 0:  # no noise at all: the rise at the best value is 0, and so is the limit
+        return float(values[0])
+    if not math.isfinite(rise[i]):
+        return float(values[i - 1])
+    a, b, c = math.sqrt(rise[i - 1]), math.sqrt(rise[i]), math.sqrt(limit)
+    return float(values[i - 1] + (values[i] - values[i - 1]) * (c - a) / (b - a))
+
+
+def _slopes_of_period(vector: Array) -> dict[str, float]:
+    """Return the derivative of the ultimate period by first lag, dead time and lag ratio."""
+    lag, dead, ratio = math.exp(vector[0]), float(vector[1]), float(vector[2])
+    steps = {"time_constant_s": (1e-4, 0.0, 0.0), "dead_time_s": (0.0, 1e-4 * (dead + 1e-3 * lag), 0.0),
+             "lag_ratio": (0.0, 0.0, 1e-4)}
+    moved = np.array([(vector[0] + a, dead + b, ratio + c) for a, b, c in ((0.0, 0.0, 0.0), *steps.values())])
+    base, *others = periods_of(moved).tolist()
+    lengths = (lag * 1e-4, 1e-4 * (dead + 1e-3 * lag), 1e-4)
+    return {name: (other - base) / length for name, other, length in zip(steps, others, lengths, strict=True)}
+
+
+def held_at(problem: PowerProblem, fit: PowerFit, name: str, value: float) -> PowerFit:
+    """Return the fit with one number held: "dead_time_s" [s], gain per time constant or the ultimate period."""
+    vectors, known, _ = _held(problem, fit, name, np.array([value]))
+    return problem.at(vectors[0], known)
+
+
+def held_squares(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Array:
+    """Return the least sum of squares with the named number held at each value."""
+    return _held(problem, fit, name, values)[-1]
+
+
+def _held(
+    problem: PowerProblem, fit: PowerFit, name: str, values: Array
+) -> tuple[Array, Known | None, Array]:
+    """Return the vectors, what is known with them, and the least sums of squares with the number held at each value."""
+    if name == PERIOD:
+        vectors, cost = fits_of_period(problem, values)
+        return vectors, None, cost
+    z = np.tile(fit.vector, (len(values), 1))
+    records = np.tile(problem.readings.temperature_degC, (len(values), 1))
+    held = {"time_constant_s": 0, "dead_time_s": 1}.get(name)
+    if held is not None:
+        z[:, held] = np.log(values) if held == 0 else values
+
+    given = problem.nothing_more(len(values))
+    if held is None:
+        given.values[:, AMBIENT if name == "ambient_degC" else GAIN] = values
+    known = replace(given, gain_per_lag=name == RATIO)
+    z = problem.minimum(z, records, known, held=held, iterations=12)
+    return z, known, problem.cost(z, records, known)
+
+
+def value_of(fit: PowerFit, name: str) -> float:
+    """Return a parameter of a fit, or its gain per time constant."""
+    gain, lag = float(fit.linear[GAIN]), math.exp(fit.vector[0])
+    return {
+        "gain_degC_per_pct": gain, "ambient_degC": float(fit.linear[AMBIENT]), "time_constant_s": lag,
+        "dead_time_s": float(fit.vector[1]), RATIO: gain / lag, PERIOD: float(periods_of(fit.vector[None, :])[0]),
+    }[name]

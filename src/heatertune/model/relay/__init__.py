@@ -1,0 +1,1 @@
+"""A relay test: the heater from its swing."""

@@ -1,0 +1,327 @@
+"""What a logged relay test tells: that it is one, its ultimate gain and period, and the heater behind it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+from scipy.special import stdtrit
+
+from heatertune.log.values import Log
+from heatertune.model.intervals import Interval
+from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.readings import Readings
+from heatertune.model.relay.relay import Relay
+from heatertune.model.values import FittedModel, Fopdt
+
+__all__ = ["RelayEstimate", "RelayRecord", "estimate", "find_relay", "oscillating_fopdt", "with_relay"]
+
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.intp]
+
+_PERIODS = 2  # least number of whole ones
+_SPREAD = 0.25  # of the swing: how far the temperatures at equal switches may lie apart
+_PASSED = 1.2  # times the distance of the thresholds: a smaller swing may have been switched by a clock
+_CLOCK = 2.0  # sampling intervals: then the periods differ by more
+_PHASES = 400  # of the mean period
+_STILL = 0.05  # of the log's span: a rest moves less
+_LONG = 0.1  # of the period: a shorter stretch does not show whether the heater rested
+_LOPSIDED = 0.1  # a smaller difference of on and off time does not tell the gain
+_WIDE = 0.4  # of the half swing: more hysteresis turns the phase at the relay's period by over 24° from −180°
+_SHIFT = 0.05  # of the relay's step: how far the mean power has to be from that of the rest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RelayRecord:
+    """A log that is a relay test.
+
+    Attributes:
+        log: with power.
+        off, on: rows at which the power went down and up; off[0] < on[0] < off[1] …, settled periods only.
+        high_pct, low_pct: the two powers [%].
+        rest: power [%] and temperature [°C] at which the heater rested before, None where it did not.
+    """
+
+    log: Log
+    off: Rows
+    on: Rows
+    high_pct: float
+    low_pct: float
+    rest: tuple[float, float] | None
+
+    @property
+    def periods(self) -> int:
+        """Number of whole periods, each from one switching off to the next."""
+        return len(self.off) - 1
+
+    @property
+    def relay(self) -> Relay:
+        """The relay as it switched: thresholds are the mean temperatures at the switches."""
+        y = self.log.temperature_degC
+        off, on = float(np.mean(y[self.off])), float(np.mean(y[self.on]))
+        return Relay(
+            setpoint_degC=0.5 * (off + on), hysteresis_degC=max(0.0, 0.5 * (off - on)), high_pct=self.high_pct,
+            low_pct=self.low_pct,
+        )
+
+    def swings(self) -> Array:
+        """Return highest less lowest reading of each period, shape (periods,) [°C]."""
+        spans = zip(self.off[:-1], self.off[1:], strict=True)
+        return np.array([float(np.ptp(self.log.temperature_degC[a : b + 1])) for a, b in spans])
+
+    def extremes(self) -> tuple[float, float]:
+        """Return highest and lowest temperature of the mean period [°C]: noise lifts those of a single one."""
+        time, y = self.log.time_s, self.log.temperature_degC
+        phases = np.linspace(0.0, 1.0, _PHASES)
+        spans = zip(time[self.off[:-1]], time[self.off[1:]], strict=True)
+        mean = np.mean([np.interp(a + phases * (b - a), time, y) for a, b in spans], axis=0)
+        return float(mean.max()), float(mean.min())
+
+    def times(self) -> tuple[float, float]:
+        """Return how long the power was high and low on the average [s]."""
+        time = self.log.time_s
+        on = float(np.mean(time[self.off[1:]] - time[self.on]))
+        return on, float(time[self.off[-1]] - time[self.off[0]]) / self.periods - on
+
+    def means(self) -> tuple[float, float]:
+        """Return mean power [%] and mean temperature [°C] over the whole periods, from their integrals."""
+        part = slice(self.off[0], self.off[-1] + 1)
+        assert self.log.power_pct is not None
+        time, y, u = self.log.time_s[part], self.log.temperature_degC[part], self.log.power_pct[part]
+        length = float(time[-1] - time[0])
+        return float(np.diff(time) @ u[:-1]) / length, float(np.trapezoid(y, time)) / length
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RelayEstimate:
+    """What the oscillation tells.
+
+    Attributes:
+        periods: number of whole periods used.
+        period_s: ultimate period by the describing function, with its 95 % interval [s].
+        ultimate_gain: gain of a P controller on the limit of stability, by the describing function [%/°C].
+        oscillation: the FOPDT whose oscillation this is, None where the log does not tell its gain.
+        source: how the gain was found, or why it was not.
+        output_error: the FOPDT of the output-error fit that starts there, None without a start.
+    """
+
+    periods: int
+    period_s: tuple[float, Interval]
+    ultimate_gain: tuple[float, Interval]
+    oscillation: Fopdt | None
+    source: str
+    output_error: Fopdt | None
+
+
+def find_relay(log: Log, *, ambient_degC: float | None = None) -> RelayRecord | None:
+    """Return the relay test that a log holds, None where it holds none.
+
+    The power alternates between two values for two whole periods or more; it goes down where the temperature is high
+    and up where it is low, each time at nearly the same temperature. Either the temperature swings on beyond both, or
+    the periods differ: a clock that switches a steady loop would leave neither mark.
+    """
+    power = log.power_pct
+    if power is None:
+        return None
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(power)) + 1])
+    first, last = _alternation(power[starts])
+    switches, up = starts[first + 1 : last], np.diff(power[starts[first:last]]) > 0.0
+    off, on = switches[~up], switches[up]
+    if len(off) > _PERIODS + 1:  # the first swing still remembers the heat-up
+        off = off[1:]
+    if len(off) <= _PERIODS:
+        return None
+    on = on[(on > off[0]) & (on < off[-1])]
+    y = log.temperature_degC
+    swing = float(np.ptp(y[off[0] : off[-1] + 1]))
+    apart = float(np.mean(y[off]) - np.mean(y[on]))
+    if max(float(np.ptp(y[off])), float(np.ptp(y[on]))) > _SPREAD * swing or not 0.0 <= apart <= swing:
+        return None
+    sample = float(np.median(np.diff(log.time_s)))
+    if swing < _PASSED * apart and float(np.ptp(np.diff(log.time_s[off]))) <= _CLOCK * sample:
+        return None
+    return RelayRecord(
+        log=log, off=off, on=on, high_pct=float(power[off[0] - 1]), low_pct=float(power[off[0]]),
+        rest=_rest(log, int(starts[1]), off) if ambient_degC is None else (0.0, ambient_degC),
+    )
+
+
+def estimate(record: RelayRecord, *, ambient_degC: float | None = None) -> RelayEstimate:
+    """Return what a relay test tells.
+
+    The describing function of a relay with hysteresis ε gives the ultimate gain 4d/(π·√(A² − ε²)) at half the relay's
+    step d and half the swing A (K. J. Åström, T. Hägglund, "Automatic tuning of simple regulators with specifications
+    on phase and amplitude margins", Automatica 20 (1984) 645–651, section 3).
+    """
+    relay, log = record.relay, record.log
+    lengths = np.diff(log.time_s[record.off])
+    sample = float(np.median(np.diff(log.time_s)))
+    highest, lowest = record.extremes()
+    step = record.high_pct - record.low_pct
+
+    def ultimate(swing: Array | float) -> Array:
+        return 4.0 * step / (math.pi * np.sqrt(np.asarray(swing) ** 2 - (2.0 * relay.hysteresis_degC) ** 2))
+
+    on_s, off_s = record.times()
+    gain, source = _static_gain(record)
+    found = oscillating_fopdt(
+        relay, on_s=on_s, off_s=off_s, highest_degC=highest, lowest_degC=lowest,
+        gain=gain,
+    )
+    if found is None and (gain is not None or _lopsided(on_s, off_s)):
+        source = f"{source}, but no FOPDT swings like this"
+    return RelayEstimate(
+        periods=record.periods, period_s=_mean(lengths, float(np.mean(lengths)), sample / record.periods),
+        ultimate_gain=_mean(ultimate(record.swings()), float(ultimate(highest - lowest)), 0.0),
+        oscillation=found, source=source,
+        output_error=None if found is None else _refined(record, found, ambient_degC),
+    )
+
+
+def oscillating_fopdt(
+    relay: Relay, *, on_s: float, off_s: float, highest_degC: float, lowest_degC: float, gain: float | None
+) -> Fopdt | None:
+    """Return the FOPDT that swings like this under a relay, None where there is none: `relay.oscillation` inverted.
+
+    With the gain k known, the share E = e^(−L/T) follows from the swing, (kΔu − swing)/(kΔu − 2ε). Without it, E is
+    where the equations of the on and of the off time give the same ratio; that needs an asymmetric swing.
+    """
+    eps = relay.hysteresis_degC
+    above, below = highest_degC - relay.setpoint_degC, relay.setpoint_degC - lowest_degC
+    step = relay.high_pct - relay.low_pct
+
+    def reach(decay: float) -> tuple[float, float]:
+        return (above - eps * decay) / (1.0 - decay), (below - eps * decay) / (1.0 - decay)
+
+    def logs(decay: float) -> tuple[float, float]:
+        up, down = reach(decay)
+        both = (up + down) / decay
+        return math.log((both - down + eps) / (up - eps)), math.log((both - up + eps) / (down - eps))
+
+    if min(above, below) <= eps:
+        return None
+    if gain is None:
+        decay = _decay_of(logs, on_s / off_s) if _lopsided(on_s, off_s) else None
+    elif gain * step <= above + below:
+        decay = None
+    else:
+        decay = (gain * step - above - below) / (gain * step - 2.0 * eps)
+    if decay is None:
+        return None
+    (up, down), (on, off) = reach(decay), logs(decay)
+    found = (up + down) / step
+    lag = (on_s + off_s) / (on + off)
+    return Fopdt(
+        gain_degC_per_pct=found, time_constant_s=lag, dead_time_s=-lag * math.log(decay),
+        ambient_degC=relay.setpoint_degC + up - found * relay.high_pct,
+    )
+
+
+def with_relay(log: Log, fitted: FittedModel, *, ambient_degC: float | None) -> FittedModel:
+    """Return the fit with what the log tells as a relay test, the fit itself where it is none."""
+    record = find_relay(log, ambient_degC=ambient_degC)
+    if record is None:
+        return fitted
+    found = estimate(record, ambient_degC=ambient_degC)
+    told = (
+        f"{log.name} is a relay test: {record.low_pct:g} and {record.high_pct:g} %, {found.periods} whole periods of "
+        f"{found.period_s[0]:.4g} s, thresholds {record.relay.on_degC:.4g} and {record.relay.off_degC:.4g} °C."
+    )
+    model = f"No FOPDT from the oscillation: {found.source}."
+    if found.oscillation is not None and found.output_error is not None:
+        model = (
+            f"FOPDT from the oscillation ({found.source}): {_numbers(found.oscillation)}; output-error fit that starts "
+            f"there: {_numbers(found.output_error)}."
+        )
+    highest, lowest = record.extremes()
+    if record.relay.hysteresis_degC > _WIDE * 0.5 * (highest - lowest):
+        doubt = "The thresholds lie too far apart for the swing: it does not tell the ultimate gain and period."
+        return replace(fitted, notes=(*fitted.notes, told, model, doubt))
+    doubt = "On a FOPDT the describing function errs by −19 to +27 %, which its interval does not hold."
+    combinations = {
+        "ultimate_gain_pct_per_degC": found.ultimate_gain, "ultimate_period_s": found.period_s, **fitted.combinations,
+    }
+    return replace(fitted, notes=(*fitted.notes, told, model, doubt), combinations=combinations)
+
+
+def _alternation(values: Array) -> tuple[int, int]:
+    """Return first and behind-last index of the longest stretch that alternates between two values."""
+    best, first = (0, 1), 0
+    for i in range(1, len(values)):
+        if i >= first + 2 and values[i] != values[i - 2]:
+            first = i - 1
+        if i + 1 - first > best[1] - best[0]:
+            best = (first, i + 1)
+    return best
+
+
+def _rest(log: Log, end: int, off: Rows) -> tuple[float, float] | None:
+    """Return power and temperature of the log's first stretch, where that shows that the heater rested."""
+    assert log.power_pct is not None
+    y = log.temperature_degC[: end + 1]  # the reading at the switch is still one of the rest
+    third = max(1, len(y) // 3)
+    moved = abs(float(np.mean(y[-third:]) - np.mean(y[:third]))) > _STILL * float(np.ptp(log.temperature_degC))
+    short = log.time_s[end] - log.time_s[0] < _LONG * float(np.mean(np.diff(log.time_s[off])))
+    return None if moved or short else (float(log.power_pct[0]), float(np.mean(y)))
+
+
+def _static_gain(record: RelayRecord) -> tuple[float | None, str]:
+    """Return rise over power from the rest to the mean of whole periods [°C/%], and a word on it."""
+    if record.rest is not None:
+        power, temperature = record.means()
+        if abs(power - record.rest[0]) > _SHIFT * (record.high_pct - record.low_pct):
+            gain = (temperature - record.rest[1]) / (power - record.rest[0])
+            return (gain, "gain from the integrals over whole periods") if gain > 0.0 else (None, "negative gain")
+    if _lopsided(*record.times()):
+        return None, "gain from the unequal on and off times"
+    return None, "the relay is symmetric, and neither a rest before it nor the ambient is known"
+
+
+def _lopsided(on_s: float, off_s: float) -> bool:
+    return abs(on_s - off_s) > _LOPSIDED * (on_s + off_s)
+
+
+def _decay_of(logs: Callable[[float], tuple[float, float]], ratio: float) -> float | None:
+    """Return the share e^(−L/T) that gives the ratio of on to off time, None where none or every one does."""
+
+    def surplus(decay: float) -> float:
+        on, off = logs(decay)
+        return on - ratio * off
+
+    grid = [float(decay) for decay in np.linspace(0.005, 0.995, 100)]
+    for low, high in pairwise(grid):
+        if surplus(low) * surplus(high) < 0.0:
+            return float(brentq(surplus, low, high, xtol=1e-12))
+    return None
+
+
+def _mean(values: Array, centre: float, margin: float) -> tuple[float, Interval]:
+    """Return the centre and its 95 % interval from the scatter, widened by what the sampling hides."""
+    n = len(values)
+    half = float(stdtrit(n - 1, 0.975) * np.std(values, ddof=1) / math.sqrt(n)) + margin
+    return centre, Interval(low=centre - half, high=centre + half)
+
+
+def _refined(record: RelayRecord, start: Fopdt, ambient_degC: float | None) -> Fopdt | None:
+    """Return the output-error fit that a start leads to.
+
+    Without a rest it begins at the first switch of whole periods: the power before it is known there, the high one.
+    """
+    log, before = record.log, None
+    if record.rest is None or ambient_degC is not None:
+        log, before = log.window(float(log.time_s[record.off[0]]), float(log.time_s[-1])), record.high_pct
+    problem = PowerProblem(readings=Readings.of(log), ambient_degC=ambient_degC, power_before_pct=before)
+    model = problem.refined(np.array([[math.log(start.time_constant_s), start.dead_time_s, 0.0]])).model
+    return model if isinstance(model, Fopdt) else None  # None: not even the start warms where the power is high
+
+
+def _numbers(model: Fopdt) -> str:
+    return (
+        f"{model.gain_degC_per_pct:.3g} °C/%, time constant {model.time_constant_s:.4g} s, dead time "
+        f"{model.dead_time_s:.3g} s, ambient {model.ambient_degC:.3g} °C"
+    )

@@ -1,0 +1,1 @@
+"""A log without power: the heater and its controller, found together."""

@@ -1,0 +1,249 @@
+"""Hypotheses about a loop whose power was not logged: a plant, a controller law, and where the setpoint moved.
+
+One plant may serve several logs (segments); each segment has its own ambient, initial state, setpoint and law
+constants. What the law calls setpoint holds a bias too: only their sum shows in the temperature.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.log.values import MIN_SAMPLES, Log
+from heatertune.model.temperature.kernel import simulate_many
+from heatertune.model.temperature.law import ControllerLaw
+from heatertune.model.values import Fopdt, HeaterModel, TwoLag
+
+__all__ = ["Bounds", "Hypothesis", "Segment"]
+
+Array = npt.NDArray[np.float64]
+
+#: lowest and highest value
+Bounds = tuple[float, float]
+
+_SCANS_PER_SAMPLE = 5  # the controller's interval is unknown; a fifth of the log's is short for every lag searched
+_GAIN = (0.1, 4.0)  # °C/%: full power warms by 10 to 400 °C
+_LAG_RATIO = (0.02, 0.995)
+_LAW_SLOTS = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Segment:
+    """One log, the law that made it, and the bounds of what is its own.
+
+    Attributes:
+        log: the readings to explain.
+        law: the controller hypothesis.
+        event: whether the setpoint steps once.
+        ambient_degC: bounds of the ambient temperature.
+    """
+
+    log: Log
+    law: ControllerLaw
+    event: bool
+    ambient_degC: Bounds
+    interval_s: float = field(init=False)
+    scans: int = field(init=False)
+    readings: npt.NDArray[np.intp] = field(init=False)
+
+    def __post_init__(self) -> None:
+        sample = float(np.median(np.diff(self.log.time_s)))
+        elapsed = self.log.time_s - self.log.time_s[0] + sample  # the loop was closed before the first reading
+        object.__setattr__(self, "interval_s", sample / _SCANS_PER_SAMPLE)
+        object.__setattr__(self, "readings", np.rint(elapsed / self.interval_s).astype(np.intp))
+        object.__setattr__(self, "scans", int(self.readings[-1]) + 1)
+
+    def bounds(self, two_lags: bool) -> list[tuple[str, float, float]]:
+        """Return name, low and high of the segment's own unknowns, in the order of the vector."""
+        y = self.log.temperature_degC
+        start, last, span = float(y[0]), float(np.median(y[-10:])), float(np.ptp(y))
+        inner = (start - 0.2 * span, start + span) if two_lags else (0.0, 0.0)
+        own = [
+            ("ambient_degC", *self.ambient_degC),
+            ("start_degC", start - 0.2 * span, start + 0.1 * span),
+            ("inner_start_degC", *inner),
+            ("setpoint_degC", last - 0.3 * span, last + span),
+            ("setpoint_step_degC", -0.3 * span * self.event, 0.3 * span * self.event),
+            ("event_s", 0.0, 0.0),  # held in a descent: its times differ from start to start
+        ]
+        for constant in self.law.constants:
+            ends = (constant.low, constant.high)
+            low, high = np.log(ends) if constant.logarithmic else ends
+            own.append((constant.name, float(low), float(high)))
+        return own
+
+    def event_times(self, rng: np.random.Generator, n: int) -> Array:
+        """Return random instants at which the setpoint may step, after the heat-up; never without an event."""
+        length = self.scans * self.interval_s
+        if not self.event:
+            return np.full(n, np.inf)
+        return np.asarray(rng.uniform(0.2 * length, 0.9 * length, n))
+
+    def simulate(self, plant: Array, own: Array) -> Array:
+        """Return the temperature at the log's instants, shape (n, len(log)), for rows of unknowns."""
+        start, inner = own[:, 1], np.where(plant[:, 2] > 0, own[:, 2], own[:, 1])
+        plants = np.column_stack([plant, own[:, 0], start, inner])
+        setpoints = np.column_stack([own[:, 3], own[:, 3] + own[:, 4]])
+        laws = np.zeros((len(own), _LAW_SLOTS))
+        for i, constant in enumerate(self.law.constants):
+            laws[:, i] = np.exp(own[:, 6 + i]) if constant.logarithmic else own[:, 6 + i]
+        events = np.minimum(own[:, 5] / self.interval_s, self.scans).astype(np.int64)
+        return np.asarray(
+            simulate_many(self.law.step, plants, laws, setpoints, self.interval_s, self.scans, events)[
+                :, self.readings
+            ]
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hypothesis:
+    """One plant and its segments, as a bounded least-squares problem.
+
+    The vector holds ln gain, ln time constant, lag ratio, dead time, then each segment's own unknowns.
+    """
+
+    segments: tuple[Segment, ...]
+    two_lags: bool
+    names: tuple[str, ...] = field(init=False)
+    low: Array = field(init=False)
+    high: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        sample = float(np.median(np.diff(self.segments[0].log.time_s)))
+        length = max(float(np.ptp(s.log.time_s)) for s in self.segments)
+        ratio = _LAG_RATIO if self.two_lags else (0.0, 0.0)
+        rows = [
+            ("gain_degC_per_pct", *np.log(_GAIN)),
+            ("time_constant_s", np.log(2.0 * sample), np.log(length)),
+            ("lag_ratio", *ratio),
+            ("dead_time_s", 0.0, min(9.0 * sample, length / 5.0)),
+        ]
+        for segment in self.segments:
+            rows += segment.bounds(self.two_lags)
+        object.__setattr__(self, "names", tuple(name for name, _, _ in rows))
+        object.__setattr__(self, "low", np.array([low for _, low, _ in rows], dtype=np.float64))
+        object.__setattr__(self, "high", np.array([high for _, _, high in rows], dtype=np.float64))
+
+    @property
+    def form(self) -> tuple[object, ...]:
+        """What hypotheses have in common that differ only in their events."""
+        return (self.two_lags, *(segment.law.name for segment in self.segments))
+
+    @property
+    def law_name(self) -> str:
+        """The laws and whether the setpoint steps, log after log."""
+        return " + ".join(s.law.name + (", setpoint step" if s.event else "") for s in self.segments)
+
+    @property
+    def title(self) -> str:
+        """Short name for people."""
+        return f"{'two lags' if self.two_lags else 'one lag'}, {self.law_name}"
+
+    @property
+    def measured(self) -> Array:
+        """All readings, segment after segment [°C]."""
+        return np.concatenate([s.log.temperature_degC for s in self.segments])
+
+    @property
+    def unknowns(self) -> int:
+        """Number of fitted numbers; the instant of an event counts."""
+        return int(np.count_nonzero(self.high > self.low)) + sum(s.event for s in self.segments)
+
+    def parts(self, values: Array) -> list[Array]:
+        """Return values that belong to the readings, (m,), log by log."""
+        return np.split(values, np.cumsum([len(s.log.time_s) for s in self.segments])[:-1])
+
+    def without_events(self) -> Hypothesis:
+        """Return the hypothesis with setpoints that stay."""
+        still = tuple(replace(segment, event=False) for segment in self.segments)
+        return Hypothesis(segments=still, two_lags=self.two_lags)
+
+    def starts(self, rng: np.random.Generator, n: int) -> Array:
+        """Return n random vectors within the bounds."""
+        return self.spread_events(self.low + (self.high - self.low) * rng.random((n, len(self.low))), rng)
+
+    def early(self, share: float) -> Hypothesis:
+        """Return the hypothesis without events on the first part of each record."""
+        parts = []
+        for segment in self.segments:
+            time = segment.log.time_s
+            rows = max(MIN_SAMPLES, int(share * len(time)))
+            end = float(time[min(rows, len(time)) - 1])
+            parts.append(replace(segment, log=segment.log.window(float(time[0]), end), event=False))
+        return Hypothesis(segments=tuple(parts), two_lags=self.two_lags)
+
+    def adopt(self, z: Array, rng: np.random.Generator, n: int) -> Array:
+        """Return the vectors of the same hypothesis without events, each with n random instants for its events."""
+        z = np.clip(z, self.low, self.high)
+        if not any(segment.event for segment in self.segments):
+            return z
+        for first in self._offsets():
+            z[:, first + 4] = 0.0
+        return self.spread_events(np.repeat(z, n, axis=0), rng)
+
+    def spread_events(self, z: Array, rng: np.random.Generator) -> Array:
+        """Return the vectors with random instants for their events."""
+        z = z.copy()
+        for segment, first in zip(self.segments, self._offsets(), strict=True):
+            z[:, first + 5] = segment.event_times(rng, len(z))
+        return z
+
+    def shifted_events(self, z: Array) -> Array:
+        """Return the vector with its events moved by some scans each way, shape (k, p)."""
+        moved = [z]
+        for segment, first in zip(self.segments, self._offsets(), strict=True):
+            for scans in (-20, -8, -3, -1, 1, 3, 8, 20):
+                if segment.event:
+                    other = z.copy()
+                    other[first + 5] += scans * segment.interval_s
+                    moved.append(other)
+        return np.array(moved)
+
+    def simulate(self, z: Array) -> Array:
+        """Return all simulated readings, shape (n, m), for vectors (n, p)."""
+        plant = np.column_stack([np.exp(z[:, :2]), z[:, 2:4]])
+        parts = []
+        for segment, first in zip(self.segments, self._offsets(), strict=True):
+            parts.append(segment.simulate(plant, z[:, first : first + self._width(segment)]))
+        return np.concatenate(parts, axis=1)
+
+    def plant(self, z: Array, segment: int = 0) -> HeaterModel:
+        """Return the heater of one vector, with the ambient of a segment."""
+        gain, lag = (float(v) for v in np.exp(z[:2]))
+        ambient = float(z[self._offsets()[segment]])
+        dead = float(z[3])
+        if not self.two_lags:
+            return Fopdt(
+                gain_degC_per_pct=gain, time_constant_s=lag, dead_time_s=dead, ambient_degC=ambient
+            )
+        return TwoLag(
+            gain_degC_per_pct=gain, time_constant_s=lag, second_time_constant_s=lag * float(z[2]),
+            dead_time_s=dead, ambient_degC=ambient,
+        )
+
+    def controller(self, z: Array, segment: int = 0) -> dict[str, float]:
+        """Return what was fitted about one segment's controller, name → value, unit in the name."""
+        first, law = self._offsets()[segment], self.segments[segment].law
+        found = {"setpoint_degC": float(z[first + 3])}
+        if self.segments[segment].event:
+            event_s = float(z[first + 5]) + float(self.segments[segment].log.time_s[0])
+            found |= {"setpoint_step_degC": float(z[first + 4]), "setpoint_step_at_s": event_s}
+        for i, constant in enumerate(law.constants):
+            value = float(z[first + 6 + i])
+            found[constant.name] = float(np.exp(value)) if constant.logarithmic else value
+        return found
+
+    def on_bound(self, z: Array) -> tuple[str, ...]:
+        """Return the names of the unknowns that ended on a bound of their search."""
+        margin = 1e-3 * (self.high - self.low)
+        touching = (self.high > self.low) & ((z <= self.low + margin) | (z >= self.high - margin))
+        return tuple(name for name, is_touching in zip(self.names, touching, strict=True) if is_touching)
+
+    def _width(self, segment: Segment) -> int:
+        return 6 + len(segment.law.constants)
+
+    def _offsets(self) -> list[int]:
+        widths = [self._width(s) for s in self.segments]
+        return [4 + sum(widths[:i]) for i in range(len(widths))]

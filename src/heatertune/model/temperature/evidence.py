@@ -1,0 +1,212 @@
+"""What a temperature alone shows, whatever the controller was: bounds, saturated heat-up, free cooling.
+
+A heater is never colder than off and never hotter than full on. So a single lag falls no faster than towards the
+ambient, and no heater rises faster than gain · 100 %/time constant. Where the curve is an exponential, the power was
+constant: one that aims far above the log is a heat-up at the controller's limit, one that aims at the ambient is a
+free cooling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.log.values import Log
+from heatertune.model.hearing import Told
+from heatertune.model.temperature.closed_loop import Bounds
+from heatertune.model.values import HeaterModel
+
+__all__ = [
+    "Bound", "Stretch", "contradictions", "evidence_notes", "fall_bound", "free_cooling", "rise_bound",
+    "saturated_heat_up",
+]
+
+Array = npt.NDArray[np.float64]
+
+_FEWEST = 8  # readings of a stretch
+_STARTS, _ENDS = 20, 40  # of stretches tried, spread over the readings
+_QUIET = 1.5  # times the log's noise that an exponential may leave over
+_BEYOND = 0.2  # of the log's span, by which a saturated heat-up aims above its highest reading
+_FALL = 0.05  # of the log's span, the least fall that bounds a time constant
+_CHI2 = 3.84  # 95 % point of χ² with one degree of freedom
+_LAGS: Final = 160  # time constants tried
+_FAR_OFF: Final = 1.25  # times the ends of what a cooling shows
+
+
+class Bound(NamedTuple):
+    """A bound and the readings that give it: its value, first and last instant [s]."""
+
+    value: float
+    start_s: float
+    end_s: float
+
+
+class Stretch(NamedTuple):
+    """A stretch of constant power, taken as one lag's: instants [s], lowest and highest time constant [s] and aim [°C].
+
+    An end at the edge of what was tried is infinite, or zero for a time constant.
+    """
+
+    start_s: float
+    end_s: float
+    time_constant_s: Bounds
+    aim_degC: Bounds
+
+
+def fall_bound(log: Log, coldest_degC: float) -> Bound | None:
+    """Return the largest time constant that a single lag may have [s], None where the log never falls.
+
+    From T1 to T2 in a time t: at most t/ln((T1 − Ta)/(T2 − Ta)), Ta the lowest ambient possible.
+    """
+    time, y = log.time_s, log.temperature_degC - coldest_degC
+    best: Bound | None = None
+    for i in range(len(time) - _FEWEST):
+        later = np.arange(i + _FEWEST, len(time))
+        fallen = later[(y[later] > 0.0) & (y[later] < y[i] - _FALL * float(np.ptp(y)))]
+        if len(fallen):
+            limits = (time[fallen] - time[i]) / np.log(y[i] / y[fallen])
+            k = int(np.argmin(limits))
+            if best is None or limits[k] < best.value:
+                best = Bound(float(limits[k]), float(time[i]), float(time[fallen[k]]))
+    return best
+
+
+def rise_bound(log: Log) -> Bound:
+    """Return the least gain per time constant [°C/(s·%)]: the steepest rise over eight readings, by 100 %.
+
+    Two lags rise more slowly than the larger one alone would; but heat stored before the log may add to the rise.
+    """
+    time, y = log.time_s, log.temperature_degC
+    slopes = (y[_FEWEST - 1 :] - y[: 1 - _FEWEST]) / (time[_FEWEST - 1 :] - time[: 1 - _FEWEST])
+    k = int(np.argmax(slopes))
+    return Bound(float(slopes[k]) / 100.0, float(time[k]), float(time[k + _FEWEST - 1]))
+
+
+def saturated_heat_up(log: Log) -> Stretch | None:
+    """Return the longest stretch before the highest reading that is an exponential aiming far above it."""
+    y = log.temperature_degC
+    highest = float(y.max()) + _BEYOND * float(np.ptp(y))
+    return _longest(log, 0, int(np.argmax(y)), lambda stretch: stretch.aim_degC[0] > highest)
+
+
+def free_cooling(log: Log, ambient_degC: Bounds) -> Stretch | None:
+    """Return the longest stretch after the highest reading that is an exponential aiming at the ambient, far below."""
+    y, (low, high) = log.temperature_degC, ambient_degC
+    span = float(np.ptp(y))
+    lowest = float(y[int(np.argmax(y)) :].min()) - _BEYOND * span
+
+    def cools(stretch: Stretch) -> bool:
+        coldest, warmest = stretch.aim_degC
+        return low - span <= coldest <= high and low <= warmest < max(lowest, high)
+
+    return _longest(log, int(np.argmax(y)), len(y) - 1, cools)
+
+
+def evidence_notes(log: Log, ambient_degC: Bounds) -> Iterable[str]:
+    """Tell the bounds, the stretches of constant power, and whether a single lag can be true."""
+    fall, rise = fall_bound(log, ambient_degC[0]), rise_bound(log)
+    heat_up, cooling = saturated_heat_up(log), free_cooling(log, ambient_degC)
+    yield (
+        f"Whatever the controller of {log.name}: gain per time constant is at least {rise.value:.2g} °C/(s·%), unless "
+        f"heat was stored before (rise from {rise.start_s:g} to {rise.end_s:g} s)" + ("" if fall is None else (
+            f", and a single lag's time constant at most {fall.value:.0f} s (fall from {fall.start_s:g} to "
+            f"{fall.end_s:g} s, ambient at least {ambient_degC[0]:.1f} °C)")) + "."
+    )
+    if heat_up is None:
+        yield "No part of its heat-up is an exponential that aims beyond the log: nothing shows full power."
+    else:
+        low = heat_up.time_constant_s[0]
+        yield (
+            f"From {heat_up.start_s:g} to {heat_up.end_s:g} s it heats up with constant power: an exponential that "
+            f"aims at {heat_up.aim_degC[0]:.0f} °C or more; a single lag's time constant is then at least {low:.0f} s."
+        )
+        if fall is not None and low > fall.value:
+            yield f"No single lag has both ({low:.0f} s or more, and at most {fall.value:.0f} s): there are two."
+    if cooling is None:
+        yield "None of its falls is an exponential towards the ambient: the heater was never off for long."
+    else:
+        shortest, longest = cooling.time_constant_s
+        yield (
+            f"From {cooling.start_s:g} to {cooling.end_s:g} s it cools freely: a single lag's time constant is then "
+            f"{shortest:.0f}…{longest:.0f} s."
+        )
+
+
+def contradictions(log: Log, ambient_degC: Bounds, plants: Sequence[HeaterModel]) -> Iterator[Told]:
+    """Tell where a free cooling is far quicker or slower than on every model: the law that was assumed is not true."""
+    cooling = free_cooling(log, ambient_degC)
+    if cooling is None:
+        return
+    shortest, longest = cooling.time_constant_s[0] / _FAR_OFF, cooling.time_constant_s[1] * _FAR_OFF
+    lags = [lag for plant in plants for lag in (plant.lags_s[0], plant.half_rule().time_constant_s)]
+    if all(not shortest <= lag <= longest for lag in lags):
+        yield Told("contradicted", (
+            f"From {cooling.start_s:g} to {cooling.end_s:g} s {log.name} cools freely with a time constant of "
+            f"{cooling.time_constant_s[0]:.3g}…{cooling.time_constant_s[1]:.3g} s; the models that explain it have "
+            f"{min(lags):.3g}…{max(lags):.3g} s."
+        ))
+
+
+def _longest(log: Log, first: int, last: int, is_wanted: Callable[[Stretch], bool]) -> Stretch | None:
+    """Return the longest quiet exponential between two readings that is wanted.
+
+    Its intervals hold those of its first half and first three quarters: where the power began to change within the
+    stretch, they differ, and so it is told.
+    """
+    quiet = _QUIET * _noise(log)
+    starts = np.unique(np.linspace(first, max(first, last - _FEWEST + 1), _STARTS).astype(np.intp))
+    ends = np.unique(np.linspace(min(first + _FEWEST - 1, last), last, _ENDS).astype(np.intp))
+    pairs = [(int(a), int(b)) for a in starts for b in ends if b - a >= _FEWEST - 1]
+    for a, b in sorted(pairs, key=lambda pair: pair[0] - pair[1]):
+        whole = _exponential(log, a, b, quiet)
+        if whole is not None and is_wanted(whole):
+            sizes = (max(_FEWEST, (b - a) * share // 4) for share in (2, 3))
+            parts = [whole, *filter(None, (_exponential(log, a, a + size, quiet) for size in sizes))]
+            lags, aims = ([each.time_constant_s for each in parts], [each.aim_degC for each in parts])
+            return whole._replace(time_constant_s=_hull(lags), aim_degC=_hull(aims))
+    return None
+
+
+def _hull(intervals: Sequence[Bounds]) -> Bounds:
+    return min(low for low, _ in intervals), max(high for _, high in intervals)
+
+
+def _noise(log: Log) -> float:
+    """Return the noise of the readings [°C], from their second differences; never less than their resolution shows."""
+    y = log.temperature_degC
+    step = float(np.min(np.diff(np.unique(y))))
+    return float(max(np.std(np.diff(y, 2)) / np.sqrt(6.0), step / np.sqrt(12.0)))
+
+
+def _exponential(log: Log, first: int, last: int, quiet: float) -> Stretch | None:
+    """Return the one-lag curves that explain some readings as well as the best (95 %), None where none is quiet."""
+    y, elapsed = log.temperature_degC[first : last + 1], log.time_s[first : last + 1] - log.time_s[first]
+    n = len(y)
+    coarse = np.geomspace(2.0 * elapsed[-1] / (n - 1), 50.0 * elapsed[-1], _LAGS)
+    near = _as_good(_curves(elapsed, y, coarse)[1], n)
+    is_open = near[0] == 0, near[-1] == _LAGS - 1
+    lags = np.geomspace(coarse[max(near[0] - 1, 0)], coarse[min(near[-1] + 1, _LAGS - 1)], _LAGS)
+    aim, cost = _curves(elapsed, y, lags)
+    if np.sqrt(float(cost.min()) / n) > quiet:
+        return None
+    near = _as_good(cost, n)
+    ends = float(log.time_s[first]), float(log.time_s[last])
+    between = 0.0 if is_open[0] else float(lags[near[0]]), np.inf if is_open[1] else float(lags[near[-1]])
+    return Stretch(*ends, between, (float(aim[near].min()), float(aim[near].max())))
+
+
+def _curves(elapsed: Array, y: Array, lags: Array) -> tuple[Array, Array]:
+    """Return the aim of the best exponential of each time constant, and its sum of squares."""
+    shape = np.exp(-elapsed / lags[:, None])
+    centred = shape - shape.mean(axis=1, keepdims=True)
+    height = centred @ (y - y.mean()) / np.einsum("lt,lt->l", centred, centred)
+    aim = y.mean() - height * shape.mean(axis=1)
+    return aim, np.sum((y - aim[:, None] - height[:, None] * shape) ** 2, axis=1)
+
+
+def _as_good(cost: Array, n: int) -> npt.NDArray[np.intp]:
+    """Return which curves explain n readings as well as the best: three numbers are fitted."""
+    return np.flatnonzero(cost <= float(cost.min()) * (1.0 + _CHI2 / (n - 3)) + 1e-12)

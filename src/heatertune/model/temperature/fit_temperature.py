@@ -1,0 +1,242 @@
+"""The fit of logs that hold nothing but temperature: controller hypotheses compared on the same rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.log.values import Log
+from heatertune.model.hearing import Told, findings_of, poor_told
+from heatertune.model.intervals import Interval, envelope, identified, interval
+from heatertune.model.least_squares import minimise
+from heatertune.model.measures import COMBINATIONS, FIELDS
+from heatertune.model.statistics import autocorrelation, block_resamples, fit_pct
+from heatertune.model.temperature.closed_loop import Bounds, Hypothesis, Segment
+from heatertune.model.temperature.evidence import contradictions, evidence_notes
+from heatertune.model.temperature.law import ControllerLaw
+from heatertune.model.temperature.notes import (
+    ambient_note,
+    event_notes,
+    foretells,
+    joint_note,
+    lost_notes,
+    validation_notes,
+)
+from heatertune.model.temperature.search import Fit, fit_all, residuals_of
+from heatertune.model.values import Candidate, FittedModel, Outcome, Residuals
+
+__all__ = ["fit_temperature"]
+
+Array = npt.NDArray[np.float64]
+
+_NO_POWER = Told("no-power", (
+    "Neither power nor setpoint was logged: the controller's law is a hypothesis, and setpoint and bias show only as "
+    "their sum."
+))
+
+_NEAR = 10.0  # BIC points within which a model explains the log nearly as well
+_FOPDT_NEAR = 3.0  # fit [%] within which the best single lag stays a candidate
+_POOR = 60.0
+_RESAMPLES = 100
+_MOST_READINGS = 500
+_MOST_LAWS = 4  # of one log, that are tried together with those of another
+_AMBIENT_BELOW, _AMBIENT_ABOVE = 8.0, 6.0  # °C around the first reading: a log without power starts near the room's
+
+
+def fit_temperature(
+    logs: Sequence[Log], laws: Sequence[ControllerLaw], *, ambient_degC: Bounds | None, seed: int,
+    thorough: bool = False,
+) -> FittedModel:
+    """Return the half-rule FOPDT of the best-fitting hypothesis and every hypothesis that explains the logs as well.
+
+    Hypotheses: each law, one lag and two, with and without one setpoint step. They are ranked by BIC with AR(1) errors
+    on identical rows; those within 10 points stay, and the best single lag where its fit is
+    within 3 % of the best. Several logs are of one heater: one plant, each log with its own law, setpoint,
+    ambient and initial state; the laws tried together are those that explain a log alone.
+
+    Args:
+        logs: at least one.
+        laws: hypotheses about the controller.
+        ambient_degC: bounds of the ambient temperature [°C]; equal where it is known, None: near the first reading.
+        seed: of the random starts and the bootstrap.
+        thorough: carry every hypothesis of a single log to the end, however far behind it is.
+    """
+    used, notes = _thinned(logs)
+    sought = [_sought(log) if ambient_degC is None else ambient_degC for log in used]
+    thorough = thorough and len(used) == 1
+    alone = [fit_all(_single(log, laws, bounds), seed=seed, thorough=thorough)
+             for log, bounds in zip(used, sought, strict=True)]
+    ranked = alone[0] if len(used) == 1 else fit_all(_joint(alone), seed=seed)
+    kept = _kept(ranked)
+    best = max(kept, key=lambda fit: fit.fit_pct)
+    ranges = _ranges(best, kept, seed, ambient_degC)
+    ci95 = _intervals(best, ranges, ambient_degC)
+    plant = best.hypothesis.plant(best.vector)
+    values = {name: measure(plant) for name, measure in COMBINATIONS.items()}
+    if len(used) > 1:
+        notes += (joint_note(best, ranked, alone),)
+    plants = [fit.hypothesis.plant(fit.vector) for fit in kept]
+    against = [told for s in best.hypothesis.segments for told in contradictions(s.log, s.ambient_degC, plants)]
+    first, (simulated, *_) = used[0], best.hypothesis.parts(best.simulated_degC)
+    outcome, names = _outcome(best.fit_pct, ci95), " and ".join(log.name for log in used)
+    return FittedModel(
+        model=plant.half_rule(),
+        outcome=outcome,
+        findings=findings_of([_NO_POWER, *poor_told(outcome, best.fit_pct, names), *against]),
+        method=_method(best),
+        ci95=ci95,
+        combinations={name: (value, ranges[name]) for name, value in values.items() if np.isfinite(value)},
+        candidates=tuple(_candidate(fit, ranked[0].bic) for fit in kept),
+        hypotheses=tuple(_candidate(fit, ranked[0].bic) for fit in ranked),
+        fit_pct=best.fit_pct,
+        notes=notes + _notes(best, ranked, ranges, ci95, ambient_degC),
+        residuals=Residuals(
+            time_s=first.time_s, measured_degC=first.temperature_degC, simulated_degC=simulated,
+            autocorrelation=autocorrelation(first.temperature_degC - simulated),
+        ),
+    )
+
+
+def _sought(log: Log) -> Bounds:
+    first = float(log.temperature_degC[0])
+    return first - _AMBIENT_BELOW, first + _AMBIENT_ABOVE
+
+
+def _single(log: Log, laws: Sequence[ControllerLaw], ambient_degC: Bounds) -> list[Hypothesis]:
+    return [
+        Hypothesis(segments=(Segment(log=log, law=law, event=event, ambient_degC=ambient_degC),), two_lags=two)
+        for law, two, event in product(laws, (False, True), (False, True))
+    ]
+
+
+def _joint(alone: Sequence[Sequence[Fit]]) -> list[Hypothesis]:
+    """Return hypotheses of one heater for all logs: the segments that explain each log alone, in all combinations.
+
+    A setpoint step is admitted in the logs that ask for it alone.
+    """
+    segments = []
+    for ranked in alone:
+        still = min((fit.bic for fit in ranked if not fit.hypothesis.segments[0].event), default=np.inf)
+        asked = still > ranked[0].bic + _NEAR
+        near = [fit.hypothesis.segments[0] for fit in ranked if fit.bic <= ranked[0].bic + _NEAR]
+        fitting = {s.law.name: replace(s, event=asked) for s in near if s.event or not asked}
+        segments.append(list(fitting.values())[:_MOST_LAWS])
+    return [Hypothesis(segments=chosen, two_lags=two) for chosen in product(*segments) for two in (False, True)]
+
+
+def _intervals(best: Fit, ranges: Mapping[str, Interval], ambient_degC: Bounds | None) -> dict[str, Interval | None]:
+    """Return what is identified; gain and time constant trade off against an unknown ambient.
+
+    The intervals hold under the hypothesis alone: one that does not foretell the later readings identifies neither.
+    """
+    found = {name: identified(ranges[name]) for name in FIELDS}
+    lost: dict[str, Interval | None] = {}
+    if ambient_degC is not None and ambient_degC[0] == ambient_degC[1]:
+        lost["ambient_degC"] = None
+    if not foretells(best) or found["ambient_degC"] is None:
+        lost |= {"gain_degC_per_pct": None, "time_constant_s": None}
+    return found | lost
+
+
+def _kept(ranked: Sequence[Fit]) -> list[Fit]:
+    near = [fit for fit in ranked if fit.bic - ranked[0].bic <= _NEAR]
+    single = max((fit for fit in ranked if not fit.hypothesis.two_lags), key=lambda fit: fit.fit_pct, default=near[0])
+    best = max(fit.fit_pct for fit in near)
+    return near if single in near or single.fit_pct < best - _FOPDT_NEAR else [*near, single]
+
+
+def _ranges(best: Fit, kept: Sequence[Fit], seed: int, ambient_degC: Bounds | None) -> dict[str, Interval]:
+    """Return each measure's interval: block bootstrap of the best model, widened to hold every candidate."""
+    hypothesis, rng = best.hypothesis, np.random.default_rng(seed)
+    errors = hypothesis.parts(hypothesis.measured - best.simulated_degC)
+    shaken = np.concatenate([block_resamples(error, _RESAMPLES, rng) for error in errors], axis=1)
+    starts = np.repeat(best.vector[None, :], _RESAMPLES, axis=0)
+    residuals = residuals_of(hypothesis, best.simulated_degC + shaken)
+    minima = minimise(residuals, starts, hypothesis.low, hypothesis.high, iterations=10)
+    plants = [hypothesis.plant(z) for z in minima.parameters]
+    others = [fit.hypothesis.plant(fit.vector) for fit in kept]
+    # a bound the user gave is knowledge, not the end of a search
+    ambient = hypothesis.segments[0].ambient_degC if ambient_degC is None else (-np.inf, np.inf)
+    found = {}
+    for name, measure in (FIELDS | COMBINATIONS).items():
+        low, high = ambient if name == "ambient_degC" else (0.0, np.inf)
+        values = np.array([measure(plant) for plant in plants])
+        range_ = envelope(interval(values, low, high), [measure(plant) for plant in others])
+        endless = not np.isfinite(values).all() or range_.high == np.inf
+        found[name] = Interval(low=range_.low, high=None) if endless else range_
+    return found
+
+
+def _candidate(fit: Fit, leader: float) -> Candidate:
+    hypothesis = fit.hypothesis
+    logs = [segment.log for segment in hypothesis.segments]
+    together = len(logs) > 1
+    pairs = zip(hypothesis.parts(hypothesis.measured), hypothesis.parts(fit.simulated_degC), strict=True)
+    controller = {
+        f"{log.name}: {name}" if together else name: value
+        for i, log in enumerate(logs) for name, value in hypothesis.controller(fit.vector, i).items()
+    }
+    return Candidate(
+        model=hypothesis.plant(fit.vector),
+        log=" + ".join(log.name for log in logs),
+        window_s=(min(float(log.time_s[0]) for log in logs), max(float(log.time_s[-1]) for log in logs)),
+        law=hypothesis.law_name,
+        controller=controller,
+        fit_pct=fit.fit_pct,
+        rmse_degC=fit.rmse_degC,
+        delta_bic=fit.bic - leader,
+        fits_pct={log.name: fit_pct(*pair) for log, pair in zip(logs, pairs, strict=True)} if together else {},
+        hold_out_rmse_degC=fit.hold_out_rmse_degC,
+        cross_rmse_degC=fit.cross_rmse_degC,
+        on_bound=hypothesis.on_bound(fit.vector),
+    )
+
+
+def _thinned(logs: Sequence[Log]) -> tuple[list[Log], tuple[str, ...]]:
+    """Return the logs with every k-th reading only, where they have more than loops inside a fit need, and notes."""
+    thin, notes = [], []
+    for log in logs:
+        every = -(-len(log.time_s) // _MOST_READINGS)
+        if every > 1:
+            notes.append(f"Of {len(log.time_s)} readings of {log.name} every {every}th was used.")
+        setpoint = None if log.setpoint_degC is None else log.setpoint_degC[::every]
+        temperature = log.temperature_degC[::every]
+        thin.append(replace(log, time_s=log.time_s[::every], temperature_degC=temperature, setpoint_degC=setpoint))
+    return thin, tuple(notes)
+
+
+def _outcome(fit: float, ci95: Mapping[str, Interval | None]) -> Outcome:
+    if fit < _POOR:
+        return Outcome.POOR_FIT
+    apart = ci95["gain_degC_per_pct"] is not None and ci95["time_constant_s"] is not None
+    return Outcome.IDENTIFIED if apart else Outcome.COMBINATIONS_ONLY
+
+
+def _method(best: Fit) -> str:
+    order = "two lags, reduced by the half rule" if best.hypothesis.two_lags else "one lag"
+    laws = " and ".join(segment.law.name for segment in best.hypothesis.segments)
+    return f"closed loop simulated with {laws} inside the fit; {order}; block bootstrap"
+
+
+def _notes(
+    best: Fit, ranked: Sequence[Fit], ranges: Mapping[str, Interval], ci95: Mapping[str, Interval | None],
+    ambient_degC: Bounds | None,
+) -> tuple[str, ...]:
+    hypothesis = best.hypothesis
+    known = ambient_degC is not None and ambient_degC[0] == ambient_degC[1]
+    lost = [name for name, found in ci95.items() if found is None and not (name == "ambient_degC" and known)]
+    names = [segment.log.name for segment in hypothesis.segments]
+    notes = [_NO_POWER.sentence, *event_notes(best), *lost_notes(names, lost, ranges),
+             ambient_note(ambient_degC, hypothesis.segments[0].ambient_degC),
+             *(note for s in hypothesis.segments for note in evidence_notes(s.log, s.ambient_degC)),
+             *validation_notes(best, ranked)]
+    if lost:
+        notes.append("A log of the power, or one open-loop step of known size until the temperature rests, settles it.")
+    bound = [name for name in hypothesis.on_bound(best.vector) if name != "ambient_degC"]
+    if bound:
+        notes.append(f"On a bound of the search: {', '.join(bound)}.")
+    return tuple(notes)

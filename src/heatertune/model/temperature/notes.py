@@ -1,0 +1,99 @@
+"""What a log without power cannot tell, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from heatertune.model.intervals import Interval
+from heatertune.model.statistics import fit_pct
+from heatertune.model.temperature.closed_loop import Bounds
+from heatertune.model.temperature.search import EARLY, Fit
+from heatertune.model.validation import LJUNG_BOX_95, constant_rmse, ljung_box
+from heatertune.units import NOMENCLATURE
+
+__all__ = ["ambient_note", "event_notes", "foretells", "joint_note", "lost_notes", "validation_notes"]
+
+
+def event_notes(best: Fit) -> Iterable[str]:
+    """Tell the setpoint steps that were assumed."""
+    for i, segment in enumerate(best.hypothesis.segments):
+        if segment.event:
+            found = best.hypothesis.controller(best.vector, i)
+            yield (
+                f"A setpoint step of {found['setpoint_step_degC']:+.1f} °C at {found['setpoint_step_at_s']:.0f} s of "
+                f"{segment.log.name} is a hypothesis made after the fact, because the log asks for it; nobody wrote it "
+                "down."
+            )
+
+
+def lost_notes(names: Sequence[str], lost: Iterable[str], ranges: Mapping[str, Interval]) -> Iterable[str]:
+    """Tell what is not identified, and how wide it is."""
+    for name in lost:
+        _, called, unit = NOMENCLATURE[name]
+        low, high = ("the bound of the search" if end is None else f"{end:.3g} {unit}"
+                     for end in (ranges[name].low, ranges[name].high))
+        told = f"The {called} is not identified: anything from {low} to {high} explains {' and '.join(names)}"
+        yield f"{told} nearly as well."
+
+
+def ambient_note(given: Bounds | None, sought: Bounds) -> str:
+    """Tell where the ambient temperature comes from."""
+    if given is None:
+        return (f"The ambient was sought within {sought[0]:.1f}…{sought[1]:.1f} °C, around the first reading; give "
+                "--ambient LOW HIGH if you know it better.")
+    if given[0] == given[1]:
+        return f"The ambient temperature of {given[0]:g} °C was given, not fitted."
+    return f"The ambient was sought within the given {given[0]:g}…{given[1]:g} °C."
+
+
+def foretells(fit: Fit) -> bool:
+    """Return whether the hypothesis, fitted to the beginning, foretells the later readings better than their mean."""
+    return fit.hold_out_rmse_degC < constant_rmse(fit.hypothesis, fit.hypothesis.early(EARLY))
+
+
+def validation_notes(best: Fit, ranked: Sequence[Fit]) -> Iterable[str]:
+    """Tell what the best fit is worth on unseen readings, whether another is worth more, and if residuals are white."""
+    hypothesis = best.hypothesis
+    early = hypothesis.early(EARLY)
+    ends = " and ".join(f"{segment.log.time_s[-1]:g} s" for segment in early.segments)
+    step = "; the setpoint step could not be foreseen" if any(s.event for s in hypothesis.segments) else ""
+    verdict = "passes" if foretells(best) else "fails"
+    yield (
+        f"The hold-out in time {verdict}: fitted up to {ends}, the model misses the later "
+        f"readings by {best.hold_out_rmse_degC:.2f} °C RMS, their own mean by {constant_rmse(hypothesis, early):.2f} °C"
+        f"{step}."
+    )
+    tried = [fit for fit in ranked if fit.cross_rmse_degC is not None]
+    first = min(tried, key=lambda fit: fit.cross_rmse_degC or np.inf, default=best)
+    if first is not best and first.cross_rmse_degC is not None and best.cross_rmse_degC is not None:
+        yield (
+            f"On blocks left out of the fit {first.hypothesis.title} does best ({first.cross_rmse_degC:.2f} °C RMS), "
+            f"not {best.hypothesis.title} ({best.cross_rmse_degC:.2f} °C)."
+        )
+    errors = hypothesis.parts(hypothesis.measured - best.simulated_degC)
+    for segment, part in zip(hypothesis.segments, errors, strict=True):
+        if (found := ljung_box(part)) > LJUNG_BOX_95:
+            yield (
+                f"The residuals of {segment.log.name} are not white: Ljung–Box over 20 lags is {found:.0f}, white ones "
+                f"stay below {LJUNG_BOX_95:.0f}; so something moves the temperature that the model does not know."
+            )
+
+
+def joint_note(best: Fit, ranked: Sequence[Fit], alone: Sequence[Sequence[Fit]]) -> str:
+    """Tell how well one heater serves all logs, and what that costs against a heater for each."""
+    hypothesis = best.hypothesis
+    simulated = hypothesis.parts(best.simulated_degC)
+    fits = ", ".join(
+        f"{fit_pct(segment.log.temperature_degC, part):.1f} % of {segment.log.name}"
+        for segment, part in zip(hypothesis.segments, simulated, strict=True)
+    )
+    dearer = ranked[0].bic - sum(fits_alone[0].bic for fits_alone in alone)
+    judged = "one heater explains them as well as several" if dearer <= 0.0 else (
+        "as numbers go, the logs ask for different heaters, or for something that no hypothesis has")
+    side = "above" if dearer > 0.0 else "below"
+    return (
+        f"One heater for all logs: {fits} explained; {abs(dearer):.0f} BIC points {side} a "
+        f"heater for each: {judged}. Curve and residuals are those of {hypothesis.segments[0].log.name}."
+    )

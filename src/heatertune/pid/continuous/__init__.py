@@ -1,0 +1,1 @@
+"""The loop in continuous time: its optimum with exact dead time."""

@@ -1,0 +1,1 @@
+"""The sampled loop: its responses, its sensitivity and its margins."""
