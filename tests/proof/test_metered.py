@@ -13,7 +13,7 @@ from heatertune.errors import NotRepresentable
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, room
-from heatertune.proof import Actuator, Interlock, Kick, Limits, Load, Scenario, judge, prove, simulate
+from heatertune.proof import Actuator, Interlock, Kick, Limits, Load, Scenario, judge, paper_scenario, prove, simulate
 from heatertune.proof import prove as proving
 from heatertune.proof.measured import Measured, columns_of
 from heatertune.proof.meter import TOTALS
@@ -101,6 +101,18 @@ def test_traces_are_run_when_they_are_asked_for(monkeypatch):
     assert asked == [proof.runs[0].switches]
     worst = max(proof.runs, key=lambda each: each.strains)
     assert proof.worst.switches == worst.switches
+
+
+@pytest.mark.parametrize("late", [False, True])  # the worst run is the first one, or another
+def test_a_listing_that_fails_fails_the_proof_whatever_its_direct_form_does(tenths, words, heater, late):
+    models = [("best", heater), ("late", replace(heater, dead_time_s=40.0))][: 1 + late]
+    core, running = tenths.core, tenths.start(words(), {})
+    listing = replace(tenths, direct=lambda *_: (core, running), overflows_above=545 if late else 530)
+    paper, actuator = paper_scenario(duration_s=3000.0), Actuator(pwm_period_s=10.0)
+    assert prove(tenths, words(), models, paper, actuator).verdict == "PASS"
+    proof = prove(listing, words(), models, paper, actuator)
+    assert [each.name for each in proof.criteria if not each.ok] == ["overflow"]
+    assert [run.verdict for run in proof.runs] == (["PASS", "FAIL"] if late else ["FAIL"])
 
 
 def test_an_interlock_is_judged_by_traces():
