@@ -18,8 +18,10 @@ from heatertune.plc import TARGETS, Scaling, room
 from heatertune.plc.single import narrowed, single
 from heatertune.proof import Actuator, Kick, Limits, Load, Scenario, judge, simulate
 from heatertune.proof.loop import controller_of, run_loop
-from heatertune.proof.sampled import criteria_of, prove_samples
-from heatertune.proof.samples import Drawing, Spread, _medians, measure, replay
+from heatertune.proof.measured import columns_of
+from heatertune.proof.metered import _medians
+from heatertune.proof.sampled import prove_samples
+from heatertune.proof.samples import Drawing, Spread, measure, replay
 
 LOOPS = ("weg", "s5-ob251")  # single precision and whole numbers; the other rooms differ from them in `step` alone
 HEATERS = (
@@ -48,6 +50,11 @@ def _same(one, other):
     for name in ("time_s", "temperature_degC", "reading_degC", "power_asked_pct", "edge_time_s", "edge_on", "stretches"):
         assert np.array_equal(getattr(one, name), getattr(other, name)), name
     assert one.flags == other.flags
+
+
+def _values(drawing, limits, count, name):
+    columns = columns_of(measure(drawing, limits, count, workers=1), limits)
+    return next(column.values for column in columns if column.name == name)
 
 
 def _values_of(field):
@@ -150,14 +157,13 @@ def test_what_is_measured_is_what_judge_finds_on_the_trace_of_the_same_sample(ta
     which, limits = room(target), Limits(tolerance_degC=0.7, pwm_ripple_degC=0.3, iae_degC_s=4000.0)
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(heater=(0.1, 0.1, 0.2)),
                          Actuator(pwm_period_s=period))
-    found = criteria_of(drawing, limits, measure(drawing, limits, 70, seed=5, workers=2))
+    columns = columns_of(measure(drawing, limits, 70, seed=5, workers=2), limits)
     for seed in (5, 6, 11, 36, 37, 74):
         judged = judge(replay(drawing, seed), limits)
-        assert [each.name for each in judged] == list(found)
-        for each in judged:
-            values, strains, _ = found[each.name]
-            assert values[seed - 5] == pytest.approx(each.value, abs=1e-9, rel=1e-9), (seed, each.name)
-            assert strains[seed - 5] == pytest.approx(each.strain, abs=1e-9, rel=1e-9), (seed, each.name)
+        for column, each in zip(columns, judged, strict=True):
+            assert column.name == each.name
+            assert column.values[seed - 5] == pytest.approx(each.value, abs=1e-9, rel=1e-9), (seed, each.name)
+            assert column.strains[seed - 5] == pytest.approx(each.strain, abs=1e-9, rel=1e-9), (seed, each.name)
 
 
 @pytest.mark.long
@@ -218,13 +224,13 @@ def test_a_samples_ramp_begins_at_its_own_first_reading_noise_included(target):
     words = replace(words, ramp=which.ramp(words, 2.0))
     noisy = replace(SCENARIO, noise_degC=2.0, duration_s=1200.0)
     drawing = Drawing.of(which, words, HEATERS[:1], noisy, Spread(), PWM)
-    found = criteria_of(drawing, limits, measure(drawing, limits, 3, workers=1))
+    found = _values(drawing, limits, 3, "iae")
     for seed in range(3):
         trace = replay(drawing, seed)
         step = 100.0 / which.counts + 2.0 / 30.0  # of the converter, and of the ramp in its first call
         assert trace.followed_degC[0] == pytest.approx(trace.reading_degC[0], abs=step)
         iae = next(each for each in judge(trace, limits) if each.name == "iae")
-        assert found["iae"][0][seed] == pytest.approx(iae.value, rel=1e-9)
+        assert found[seed] == pytest.approx(iae.value, rel=1e-9)
 
 
 def test_each_sample_has_its_own_delays():
@@ -260,7 +266,7 @@ def test_the_verdict_falls_where_more_than_the_share_allowed_breaks_a_limit():
     which = room("s5-ob251")
     short = replace(SCENARIO, duration_s=1200.0)
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, short, Spread(), PWM)
-    values = criteria_of(drawing, Limits(), measure(drawing, Limits(), 40))["iae"][0]
+    values = _values(drawing, Limits(), 40, "iae")
     limits = Limits(iae_degC_s=float(np.sort(values)[35]), overshoot_pct=None, recovery_overshoot_pct=None,
                     tolerance_degC=30.0)
     proof = prove_samples(drawing, limits, 40, quantile=0.9)

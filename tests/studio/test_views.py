@@ -233,7 +233,8 @@ def settled_at(look, end_degC):
     """A look whose nominal run ends at a temperature."""
     nominal = look.proof.nominal
     late = np.where(nominal.time_s > 0.5 * nominal.time_s[-1], end_degC, nominal.temperature_degC)
-    return replace(look, proof=replace(look.proof, nominal=replace(nominal, temperature_degC=late)))
+    settled = replace(nominal, temperature_degC=late)
+    return replace(look, proof=replace(look.proof, traced=lambda _run: settled))
 
 
 def test_the_setpoints_name_keeps_to_the_side_of_the_line_that_the_settled_run_leaves_free(look):

@@ -161,7 +161,7 @@ def _proof(proof: Proof) -> Row:
     reasons += [f"not proven: {each['name']}" for each in blocking(proof.heard.to_document())]
     return {
         "outcome": proof.verdict, "reason": "; ".join(reasons) or None,
-        "setpoint_degC": proof.nominal.setpoint_degC, "runs": len(proof.runs),
+        "setpoint_degC": proof.scenario.setpoint_degC, "runs": len(proof.runs),
         **{column: None if name not in found or math.isnan(found[name].value) else float(found[name].value)
            for column, name in _CRITERIA.items()},
     }

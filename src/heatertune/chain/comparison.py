@@ -62,9 +62,9 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
         words = replace(words, ramp=room(target).ramp(words, proof.ramp_degC_per_min))
     actuator = Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s))
     found = prove(
-        room(target), words, holding(fitted, proof.nominal.setpoint_degC), proof.nominal.scenario, actuator,
+        room(target), words, holding(fitted, proof.scenario.setpoint_degC), proof.scenario, actuator,
         proof.limits, margins,
-        open_points=False, interlock=proof.nominal.interlock,
+        open_points=False, interlock=proof.interlock,
         known=proof.known if target == proof.words.target else None,
     )
     ms = next((criterion.value for criterion in found.criteria if criterion.name == "ms"), None)

@@ -41,8 +41,8 @@ def words_document(
         "fields": [{name: getattr(f, name) for name in ("name", "address", "format", "low", "high", "comment")}
                    for f in fields],
         "sample_time_s": words.sample_time_s,
-        "setpoint_degC": proof.nominal.setpoint_degC,
-        "setpoint_units": room(words.target).measure(words, proof.nominal.setpoint_degC),
+        "setpoint_degC": proof.scenario.setpoint_degC,
+        "setpoint_units": room(words.target).measure(words, proof.scenario.setpoint_degC),
         "setpoint_ramp": proof.ramp_document(),
         "scaling": {"low_degC": words.scaling.low_degC, "high_degC": words.scaling.high_degC},
         "realised": None if proof.design is None else pid_document.to_document(proof.design),
@@ -66,7 +66,7 @@ def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
 
 def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, Any]:
     """Return the series that the report draws: the runs, the wish, and the robustness of the words as realised."""
-    models = holding(fitted, proof.nominal.setpoint_degC)
+    models = holding(fitted, proof.scenario.setpoint_degC)
     nominal, found = proof.nominal, room(proof.words.target)
     others = [
         trace_series(

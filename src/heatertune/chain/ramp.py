@@ -14,7 +14,8 @@ from heatertune.chain.stages import Told, labelled, prove
 from heatertune.errors import OutOfRange
 from heatertune.model.values import FittedModel
 from heatertune.plc import Ramp, Words, room
-from heatertune.proof import Proof, RunResult, judge, simulate
+from heatertune.proof import Criterion, Proof, RunResult
+from heatertune.proof import prove as prove_run
 from heatertune.proof.scenario import conditions
 
 __all__ = ["prove_ramped"]
@@ -94,6 +95,10 @@ def _value(proof: Proof, name: str) -> float:
     return next(criterion.value for criterion in proof.criteria if criterion.name == name)
 
 
+def _overshoot(proof: Proof | RunResult) -> Criterion:
+    return next(criterion for criterion in proof.criteria if criterion.name == "overshoot")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Search:
     plain: Proof
@@ -113,8 +118,7 @@ class _Search:
             if words is None:
                 return None
             proof = prove(words, self.fitted, **self.proving)
-            overshoot = next(criterion for criterion in proof.criteria if criterion.name == "overshoot")
-            if overshoot.ok:
+            if _overshoot(proof).ok:
                 return proof
             watched.append(_worst(proof))
         return None
@@ -141,9 +145,9 @@ class _Search:
 
     def _durations(self) -> Iterator[float]:
         """Return how long a ramp may take, from a few calls up to half of the time before the disturbance [s]."""
-        trace = self.plain.nominal
-        stops = [each.time_s for each in trace.scenario.disturbances]
-        longest = (stops[0] if stops else trace.scenario.duration_s) / 2.0
+        scenario = self.plain.scenario
+        stops = [each.time_s for each in scenario.disturbances]
+        longest = (stops[0] if stops else scenario.duration_s) / 2.0
         duration = 4.0 * room(self.plain.words.target).timing(self.plain.words).scan_s
         while duration < longest:
             yield duration
@@ -152,8 +156,8 @@ class _Search:
 
     def _with(self, duration_s: float) -> Words | None:
         """Return the words with a ramp that takes so long on the nominal heater; None where the room cannot have it."""
-        trace, words = self.plain.nominal, self.plain.words
-        way = trace.setpoint_degC - conditions(trace.scenario, trace.model)[1]
+        scenario, words = self.plain.scenario, self.plain.words
+        way = scenario.setpoint_degC - conditions(scenario, dict(labelled(self.fitted))[self.plain.runs[0].model])[1]
         try:
             ramp: Ramp = room(words.target).ramp(words, 60.0 * way / duration_s)
         except OutOfRange:
@@ -161,16 +165,14 @@ class _Search:
         return replace(words, ramp=ramp)
 
     def _keeps(self, words: Words, watched: list[RunResult]) -> bool:
-        nominal, models = self.plain.nominal, dict(labelled(self.fitted))
-        for run in watched:
-            trace = simulate(room(words.target), words, models[run.model], nominal.scenario, nominal.actuator,
-                             run.switches, nominal.interlock)
-            overshoot = next(each for each in judge(trace, self.plain.limits) if each.name == "overshoot")
-            if not overshoot.ok:
-                return False
-        return True
+        plain, models = self.plain, dict(labelled(self.fitted))
+        return all(
+            _overshoot(prove_run(room(words.target), words, [(run.model, models[run.model])], plain.scenario,
+                                 plain.actuator, plain.limits, known=run.switches, interlock=plain.interlock)).ok
+            for run in watched
+        )
 
 
 def _worst(proof: Proof) -> RunResult:
     """Return the run with the largest overshoot."""
-    return max(proof.runs, key=lambda run: next(each.value for each in run.criteria if each.name == "overshoot"))
+    return max(proof.runs, key=lambda run: _overshoot(run).value)

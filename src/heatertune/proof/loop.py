@@ -25,8 +25,9 @@ from heatertune.proof.scenario import Kick, Scenario, conditions, temperatures
 from heatertune.proof.trace import Trace
 
 __all__ = [
-    "Controller", "actuator_of", "controller_of", "events_of", "plant_row", "pulses_of", "ring_size", "run_compiled",
-    "run_loop", "run_plainly", "run_with", "scans_of", "setpoints_of", "simulate", "traced",
+    "Controller", "actuator_of", "check_words", "controller_of", "events_of", "noise_of", "plant_row", "pulses_of",
+    "ring_size", "run_compiled", "run_loop", "run_plainly", "run_with", "scans_of", "setpoints_of", "simulate",
+    "traced",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -83,12 +84,7 @@ def simulate(
         OutOfRange: a setpoint outside the sensor's range or out of the heater's reach, words out of their range.
         UnknownName: a switch or setting the room does not have.
     """
-    room.check(words)
-    room.check_ramp(words)
-    scaling = words.scaling
-    if not scaling.low_degC < scenario.setpoint_degC < scaling.high_degC:
-        rule = f"> {scaling.low_degC:g} and < {scaling.high_degC:g}, the sensor's range"
-        raise OutOfRange("setpoint_degC", scenario.setpoint_degC, rule)
+    check_words(room, words, scenario)
 
     def run_from_cold(cut_s: float) -> Trace:
         controller = controller_of(room, words, scenario.setpoint_degC, switches or {})
@@ -102,6 +98,16 @@ def simulate(
     return replace(trace if math.isinf(cut_s) else run_from_cold(cut_s), interlock=interlock, cut_s=cut_s)
 
 
+def check_words(room: Room, words: Words, scenario: Scenario) -> None:
+    """Raise OutOfRange where the room cannot have such words, or their sensor does not see the setpoint."""
+    room.check(words)
+    room.check_ramp(words)
+    scaling = words.scaling
+    if not scaling.low_degC < scenario.setpoint_degC < scaling.high_degC:
+        rule = f"> {scaling.low_degC:g} and < {scaling.high_degC:g}, the sensor's range"
+        raise OutOfRange("setpoint_degC", scenario.setpoint_degC, rule)
+
+
 def run_loop(
     controller: Controller, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, *,
     cut_s: float = math.inf,
@@ -109,8 +115,12 @@ def run_loop(
     """Return the trace of any controller, the heater kept off from `cut_s` on [s]; errors as in `simulate`."""
     conditions(scenario, model)
     scans = scans_of(controller, scenario)
-    noise = np.random.default_rng(scenario.seed).normal(0.0, scenario.noise_degC, scans)
-    return traced(controller, model, scenario, actuator, noise, np.zeros(1), cut_s=cut_s)
+    return traced(controller, model, scenario, actuator, noise_of(scenario, scans), np.zeros(1), cut_s=cut_s)
+
+
+def noise_of(scenario: Scenario, scans: int) -> Array:
+    """Return the noise of a proof's readings, the same in each of its runs [°C], shape (scans,)."""
+    return np.random.default_rng(scenario.seed).normal(0.0, scenario.noise_degC, scans)
 
 
 def scans_of(controller: Controller, scenario: Scenario) -> int:

@@ -32,28 +32,15 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 from heatertune.plc.room import Room, Words
 from heatertune.proof.criteria import Limits
-from heatertune.proof.judge import rest_of
-from heatertune.proof.kernel import PHASE, REST, Batch, Record
-from heatertune.proof.loop import (
-    Controller,
-    actuator_of,
-    controller_of,
-    events_of,
-    plant_row,
-    pulses_of,
-    ring_size,
-    run_with,
-    scans_of,
-    setpoints_of,
-    traced,
-)
-from heatertune.proof.meter import COLUMNS, TOTALS, Meter
+from heatertune.proof.loop import Controller, actuator_of, controller_of, plant_row, scans_of, traced
+from heatertune.proof.measured import Measured, joined
+from heatertune.proof.metered import metered
 from heatertune.proof.pwm import Actuator
-from heatertune.proof.scenario import Kick, Load, Scenario
+from heatertune.proof.scenario import Kick, Scenario
 from heatertune.proof.trace import Trace
 from heatertune.units import check
 
-__all__ = ["Drawing", "Measured", "Spread", "measure", "replay"]
+__all__ = ["Drawing", "Spread", "measure", "replay"]
 
 Array = npt.NDArray[np.float64]
 
@@ -168,25 +155,6 @@ class Drawing:
         return row, 1.0 + self.spread.disturbance_pct / 100.0 * even[2:], noise, late
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Measured:
-    """What the kernel's meter found on each sample, a row each, see `proof.meter`.
-
-    Attributes:
-        seed: of the first sample.
-        rows: of `Batch.plants`, shape (n, 6).
-        phases: shape (n, disturbances + 1, `COLUMNS`).
-        totals: shape (n, `TOTALS`).
-        ripple: peak to peak in each PWM period at rest [°C], median, shape (n,).
-    """
-
-    seed: int
-    rows: Array
-    phases: Array
-    totals: Array
-    ripple: Array
-
-
 def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, workers: int | None = None) -> Measured:
     """Run samples and return what was measured; without `workers` every processor takes a share.
 
@@ -200,49 +168,20 @@ def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, work
     # threads, as a compiled kernel gives up Python's lock
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         parts = list(pool.map(lambda begin, size: _chunk(drawing, limits, begin, size), begins, sizes))
-    joined = [np.concatenate(each) for each in zip(*parts, strict=True)]
-    return Measured(seed=seed, rows=joined[0], phases=joined[1], totals=joined[2], ripple=joined[3])
+    return joined(parts)
 
 
-def _chunk(drawing: Drawing, limits: Limits, seed: int, count: int) -> tuple[Array, Array, Array, Array]:
-    controller, scenario, actuator = drawing.controller, drawing.scenario, drawing.actuator
-    scans, period = scans_of(controller, scenario), actuator.pwm_period_s
-    generator = np.random.Generator(np.random.Philox(key=0))
+def _chunk(drawing: Drawing, limits: Limits, seed: int, count: int) -> Measured:
+    scans, generator = scans_of(drawing.controller, drawing.scenario), np.random.Generator(np.random.Philox(key=0))
     samples = [drawing.sample(each, scans, generator) for each in range(seed, seed + count)]
-    rows, noise, late = (np.array([each[place] for each in samples]) for place in (0, 2, 3))
-    stops = [each.time_s for each in scenario.disturbances] or [(scans - 1) * controller.scan_s]
-    periods, begin = rest_of(limits, stops[0], period)
-    marks = [(begin, REST), *((each.time_s, PHASE) for each in scenario.disturbances if isinstance(each, Load))]
-    dead = rows[:, 3].tolist()
-    events = events_of(scenario, dead, np.array([each[1] for each in samples]), marks)
-    phases = np.zeros((count, (len(scenario.disturbances) + 1) * COLUMNS))
-    totals, high, low = np.zeros((count, TOTALS)), np.empty((count, periods)), np.empty((count, periods))
-    band = max(limits.tolerance_degC, limits.tolerance_resolutions * controller.resolution_degC)
-    wrong = sum(1 << place for place, name in enumerate(controller.core.flags) if name in limits.overflow_flags)
-    meter = Meter(True, scenario.setpoint_degC, band, period, wrong, phases, totals, high, low)
-    under_way = max(dead) + 3.0 * controller.scan_s + period
-    edges, none = np.empty(ring_size(pulses_of(under_way, actuator))), np.empty(0)
-    record = Record(False, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
-    setpoints = setpoints_of(controller, (rows[:, 5] + noise[:, 0]).tolist(), scans)
-    batch = Batch(setpoints, noise, late, rows, *events)
-    given = (batch, actuator.numbers, np.inf, edges, record, meter)
-    run_with(controller, given, count * scans)
-    ripple = np.where(high >= low, high - low, np.nan)
-    return rows, phases.reshape(count, -1, COLUMNS), totals, _medians(ripple)
+    rows, sizes, noise, late = (np.array(same) for same in zip(*samples, strict=True))
+    return metered(drawing.controller, rows, drawing.scenario, drawing.actuator, limits, noise, late, sizes)
 
 
 def _begun(seed: int) -> dict[str, Any]:
     """Return the state of a Philox generator with this key that has not drawn yet."""
     key = np.array([seed & _WORD, seed >> 64], dtype=np.uint64)
     return _NOT_BEGUN | {"state": _NOT_BEGUN["state"] | {"key": key}}
-
-
-def _medians(table: Array) -> Array:
-    """Return the median of each row, what is not a number left out: `nanmedian` takes longer than a third of a run."""
-    ordered, rows = np.sort(table, axis=1), np.arange(len(table))  # what is not a number comes last
-    found = np.count_nonzero(~np.isnan(table), axis=1)
-    below, above = ordered[rows, np.maximum(found - 1, 0) // 2], ordered[rows, found // 2]
-    return np.asarray((below + above) / 2.0)
 
 
 def replay(drawing: Drawing, seed: int) -> Trace:

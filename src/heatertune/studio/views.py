@@ -101,7 +101,7 @@ def verdict_text(verdict: str, proof: Proof | None, *, last: bool = False) -> st
 def notes(look: Look) -> str:
     """Return how the gains and the words were found and how the loop is switched, as HTML."""
     held, search = look.gains.words, look.gains.search
-    settings, actuator = look.settings, look.proof.nominal.actuator
+    settings, actuator = look.settings, look.proof.actuator
     own = room(held.target).timing(held).pwm_period_s is not None
     told = [
         f"Gains: {look.gains.design.method}.",

@@ -1,0 +1,141 @@
+"""Proofs judge runs by the kernel's meter; here by the traces of the same runs, which a second program measures.
+
+The trace of a room that has a listing is of the listing, step by step; the meter runs the direct form.
+"""
+
+import random
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heatertune.errors import NotRepresentable
+from heatertune.model.values import Fopdt, TwoLag
+from heatertune.pid.values import PidDesign
+from heatertune.plc import TARGETS, Scaling, room
+from heatertune.proof import Actuator, Interlock, Kick, Limits, Load, Scenario, judge, paper_scenario, prove, simulate
+from heatertune.proof import prove as proving
+from heatertune.proof.measured import Measured, columns_of
+from heatertune.proof.meter import TOTALS
+
+#: between both ways: they add up in another order and take exponentials over other times
+NEAR = {"rel": 1e-9, "abs": 1e-9}
+
+
+def heaters(chance, count):
+    """Heaters of one, two and equal lags, some sampled far slower than they are."""
+    made = []
+    for number in range(count):
+        first = chance.uniform(10.0, 150.0)
+        given = {"gain_degC_per_pct": chance.uniform(0.4, 1.2), "time_constant_s": first, "ambient_degC": 20.0,
+                 "dead_time_s": chance.choice([0.0, 2.0, chance.uniform(0.5, 25.0)])}
+        second = first if chance.random() < 0.2 else first * chance.uniform(0.02, 0.9)
+        model = Fopdt(**given) if chance.random() < 0.5 else TwoLag(**given, second_time_constant_s=second)
+        made.append((f"heater {number}", model))
+    return made
+
+
+def conditions(chance):
+    """A scenario, a switch and limits."""
+    end = chance.choice([240.0, 300.0, 301.3])
+    shaken = [Kick(time_s=end * 0.5, temperature_degC=chance.uniform(-9.0, 5.0)),
+              Load(time_s=end * chance.uniform(0.6, 0.95), power_pct=chance.uniform(-15.0, 15.0))]
+    scenario = Scenario(
+        setpoint_degC=chance.uniform(35.0, 55.0), duration_s=end, noise_degC=chance.choice([0.0, 0.3]),
+        seed=chance.randrange(9), disturbances=tuple(each for each in shaken if chance.random() < 0.6),
+        start_degC=chance.choice([None, 30.0]),
+    )
+    limits = Limits(
+        tolerance_degC=chance.choice([0.3, 1.0, 5.0]), settling_s=chance.choice([None, 90.0]),
+        recovery_s=chance.choice([None, 40.0]), steady_share=chance.choice([0.05, 0.2, 1.0]),
+        pwm_ripple_degC=chance.choice([None, 0.2]), deviation_degC=chance.choice([None, 4.0]), switchings_per_h=300.0,
+        overflow_flags=("SM1.1", "SM1.3", "overflow", "upper limit"),
+    )
+    return scenario, Actuator(pwm_period_s=chance.choice([1.0, 2.0, 7.0])), limits
+
+
+def words_of(target, chance):
+    """Words from sluggish to unstable, some with a setpoint ramp."""
+    which = room(target)
+    while True:
+        design = PidDesign(
+            gain_pct_per_degC=chance.uniform(0.5, 9.0), integral_time_s=chance.uniform(20.0, 200.0),
+            derivative_time_s=0.0, sample_time_s=2.0, structure="pi", method="")
+        try:
+            words = which.encode(design, Scaling())
+        except NotRepresentable:
+            continue
+        return replace(words, ramp=which.ramp(words, 20.0)) if which.ramped and chance.random() < 0.3 else words
+
+
+def drawn(target, seed):
+    """What a proof is given: room, words, models, scenario, switch and limits."""
+    chance = random.Random(seed)
+    return room(target), words_of(target, chance), heaters(chance, 2), *conditions(chance)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("target", TARGETS)
+def test_a_run_is_judged_by_the_meter_as_by_its_trace(target, seed):
+    which, words, models, scenario, actuator, limits = drawn(target, seed)
+    for run in prove(which, words, models, scenario, actuator, limits).runs:
+        trace = simulate(which, words, dict(models)[run.model], scenario, actuator, run.switches)
+        own = judge(trace, limits, where=run.label)
+        for metered, traced in zip(run.criteria, own, strict=False):  # the last, the step's power, is of the words alone
+            assert metered.value == pytest.approx(traced.value, **NEAR), (run.label, metered.name)
+            assert metered.ok == traced.ok, (run.label, metered.name, metered.value, metered.limit)
+            assert metered.limit == (None if traced.limit is None else pytest.approx(traced.limit))
+            assert replace(metered, value=0.0, limit=0.0) == replace(traced, value=0.0, limit=0.0)
+        assert [each.name for each in run.criteria[len(own) :]] == ([] if which.decode(words) is None else ["step_power"])
+
+
+def test_traces_are_run_when_they_are_asked_for(monkeypatch):
+    asked, run = [], proving.__globals__["simulate"]
+    monkeypatch.setitem(proving.__globals__, "simulate", lambda *given: asked.append(given[5]) or run(*given))
+    which, chance = room("weg"), random.Random(1)
+    scenario, actuator, limits = conditions(chance)
+    proof = prove(which, words_of("weg", chance), heaters(chance, 2), scenario, actuator, limits)
+    assert proof.to_document()["scenario"]["duration_s"] == scenario.duration_s
+    assert asked == []
+    assert proof.nominal is proof.nominal
+    assert asked == [proof.runs[0].switches]
+    worst = max(proof.runs, key=lambda each: each.strains)
+    assert proof.worst.switches == worst.switches
+
+
+@pytest.mark.parametrize("late", [False, True])  # the worst run is the first one, or another
+def test_a_listing_that_fails_fails_the_proof_whatever_its_direct_form_does(tenths, words, heater, late):
+    models = [("best", heater), ("late", replace(heater, dead_time_s=40.0))][: 1 + late]
+    core, running = tenths.core, tenths.start(words(), {})
+    listing = replace(tenths, direct=lambda *_: (core, running), overflows_above=545 if late else 530)
+    paper, actuator = paper_scenario(duration_s=3000.0), Actuator(pwm_period_s=10.0)
+    assert prove(tenths, words(), models, paper, actuator).verdict == "PASS"
+    proof = prove(listing, words(), models, paper, actuator)
+    assert [each.name for each in proof.criteria if not each.ok] == ["overflow"]
+    assert [run.verdict for run in proof.runs] == (["PASS", "FAIL"] if late else ["FAIL"])
+
+
+def test_an_interlock_is_judged_by_traces():
+    which, chance = room("s5-ob251"), random.Random(3)
+    scenario, actuator, limits = conditions(chance)
+    words, models = words_of("s5-ob251", chance), heaters(chance, 2)
+    watch = Interlock(name="heater-fan", limit_degC=scenario.setpoint_degC - 5.0)
+    proof = prove(which, words, models, scenario, actuator, limits, interlock=watch)
+    for run in proof.runs:
+        trace = simulate(which, words, dict(models)[run.model], scenario, actuator, run.switches, watch)
+        assert np.isfinite(trace.cut_s)
+        assert run.criteria[:-1] == judge(trace, limits, where=run.label)
+
+
+def test_each_loop_is_held_against_the_disturbance_that_uses_most_of_its_time():
+    # 20 s of the 60 s between the kicks and 15 s of the last 30 s; 50 s of 60 s and 3 s of 30 s
+    scenario = Scenario(setpoint_degC=50.0, duration_s=190.0, disturbances=(
+        Kick(time_s=100.0, temperature_degC=-5.0), Kick(time_s=160.0, temperature_degC=-5.0)))
+    settled = [[0.0, 120.0, 175.0], [0.0, 150.0, 163.0]]
+    measured = Measured(
+        scenario=scenario, band_degC=1.0, stops_s=(100.0, 160.0, 190.0), rest_s=80.0, scans=96, rows=np.zeros((2, 6)),
+        phases=np.array([[[0.0, 0.0, 0.0, each] for each in loop] for loop in settled]), totals=np.zeros((2, TOTALS)),
+        ripple=np.zeros(2))
+    column = next(each for each in columns_of(measured, Limits()) if each.name == "recovery_time")
+    assert [(each.value, each.limit) for each in column.criteria("ab")] == [(15.0, 30.0), (50.0, 60.0)]
+    assert column.strains == pytest.approx([15.0 / 30.0, 50.0 / 60.0])
