@@ -26,7 +26,7 @@ from heatertune import compiled
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, room
-from heatertune.plc.room import Core
+from heatertune.plc.controller import Core
 from heatertune.proof import Actuator, Drawing, Kick, Limits, Scenario, Spread
 from heatertune.proof.kernel import LOAD, Batch, Record
 from heatertune.proof.loop import controller_of, pulses_of, ring_size, run_compiled, run_plainly

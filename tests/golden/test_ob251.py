@@ -11,7 +11,7 @@ from heatertune.errors import InputError, NotRepresentable
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Scaling, Words, room
 from heatertune.plc.s5_ob251.image import from_image, oddities, to_image
-from heatertune.plc.s5_ob251.recursion import (
+from heatertune.plc.s5_ob251.step import (
     AUTO,
     COLD,
     GESCHW,

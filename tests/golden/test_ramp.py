@@ -17,9 +17,9 @@ from tests.plc.st_machine import FunctionBlock
 
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, room
+from heatertune.plc.cpu.s7_200 import assemble
+from heatertune.plc.fb41.step import scaled
 from heatertune.plc.ramp import course
-from heatertune.plc.s7_200.machine import assemble
-from heatertune.plc.s7_300.fb41.algorithm import scaled
 
 PASS = Certificate(verdict="PASS")
 #: where the setpoint asked for goes in a run: (calls, share of the range); up, down, up before it has arrived, and to rest

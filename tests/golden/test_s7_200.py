@@ -11,14 +11,14 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, room
-from heatertune.plc.s7_200 import program as repaired
+from heatertune.plc.cpu.s7_200 import COLD, assemble, run
+from heatertune.plc.cpu.s7_200.arithmetic import added, divided, high_word, multiplied
+from heatertune.plc.s7_200 import step as repaired
 from heatertune.plc.s7_200.listing import repaired_program
-from heatertune.plc.s7_200.machine import COLD, assemble, run
-from heatertune.plc.s7_200.machine.arithmetic import added, divided, high_word, multiplied
-from heatertune.plc.s7_200.paper import paper_words
-from heatertune.plc.s7_200.paper import program as printed
-from heatertune.plc.s7_200.paper.faults import faults
-from heatertune.plc.s7_200.paper.listing import printed_program
+from heatertune.plc.s7_200_paper import paper_words
+from heatertune.plc.s7_200_paper import step as printed
+from heatertune.plc.s7_200_paper.faults import faults
+from heatertune.plc.s7_200_paper.listing import printed_program
 from heatertune.proof import Scenario, simulate
 
 ROOM = room("s7-200")

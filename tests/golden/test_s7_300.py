@@ -14,8 +14,8 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange, UnknownN
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, room
-from heatertune.plc.s7_300.real import real
-from heatertune.plc.s7_300.tip.algorithm import COLD, Assumptions, Parameters, State, call, manual
+from heatertune.plc.cpu.s7_300.real import real
+from heatertune.plc.s7_300.step import COLD, Assumptions, Parameters, State, call, manual
 from heatertune.proof import Actuator, Kick, Scenario, simulate
 
 ROOM = room("s7-300")

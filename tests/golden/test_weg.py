@@ -13,7 +13,7 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, room
 from heatertune.plc.replay import replay
 from heatertune.plc.single import single
-from heatertune.plc.weg.block import Assumptions, Inputs, State, block_of, call
+from heatertune.plc.weg.step import Assumptions, Inputs, State, block_of, call
 
 ROOM = room("weg")
 LINEAR = {"edge": "runs_at_once", "history": "zero"}

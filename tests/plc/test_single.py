@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heatertune.plc.room import Sensor, holds
+from heatertune.plc.controller import Sensor, holds
 from heatertune.plc.single import divided, is_single, narrowed, single
 
 singles = st.floats(width=32, allow_nan=False)

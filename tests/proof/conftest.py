@@ -6,8 +6,8 @@ import pytest
 
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign, structure_of
+from heatertune.plc.controller import Core, Running, Scaling, Timing, Words
 from heatertune.plc.open_points import Switch, settings_of
-from heatertune.plc.room import Core, Running, Scaling, Timing, Words
 
 
 @dataclass(frozen=True)

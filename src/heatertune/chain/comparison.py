@@ -14,7 +14,7 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.values import PidDesign
 from heatertune.plc import room
-from heatertune.plc.s7_200.paper import paper_words
+from heatertune.plc.s7_200_paper import paper_words
 from heatertune.proof import Actuator, Proof, paper_scenario, prove, simulate
 from heatertune.proof.series import trace_series
 

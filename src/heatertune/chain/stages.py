@@ -166,7 +166,7 @@ def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel],
 
 
 def _laws() -> Sequence[Any]:
-    from heatertune.plc.s7_200.paper.laws import LAWS  # noqa: PLC0415 - compiles; only logs without power need it
+    from heatertune.plc.s7_200_paper.laws import LAWS  # noqa: PLC0415 - compiles; only logs without power need it
 
     return LAWS
 

@@ -6,9 +6,7 @@ from importlib import import_module
 from typing import Final
 
 from heatertune.errors import UnknownName
-from heatertune.plc.open_points import Switch
-from heatertune.plc.ramp import Ramp
-from heatertune.plc.room import (
+from heatertune.plc.controller import (
     Certificate,
     Number,
     Room,
@@ -18,6 +16,8 @@ from heatertune.plc.room import (
     WordField,
     Words,
 )
+from heatertune.plc.open_points import Switch
+from heatertune.plc.ramp import Ramp
 
 __all__ = [
     "FAITHFUL", "TARGETS", "Certificate", "Number", "Ramp", "Room", "Scaling", "Scan", "Switch", "Timing",
@@ -28,12 +28,12 @@ __all__ = [
 TARGETS: Final[dict[str, str]] = {
     "s5-ob251": "heatertune.plc.s5_ob251",
     "s7-200": "heatertune.plc.s7_200",
-    "s7-200-paper": "heatertune.plc.s7_200.paper",
-    "s7-200-pid": "heatertune.plc.s7_200.pid",
-    "s7-300": "heatertune.plc.s7_300.tip",
-    "fb41": "heatertune.plc.s7_300.fb41",
+    "s7-200-paper": "heatertune.plc.s7_200_paper",
+    "s7-200-pid": "heatertune.plc.s7_200_pid",
+    "s7-300": "heatertune.plc.s7_300",
+    "fb41": "heatertune.plc.fb41",
     "weg": "heatertune.plc.weg",
-    "on-off": "heatertune.plc.bit_processor",
+    "on-off": "heatertune.plc.on_off",
 }
 
 #: target → the same as its source prints it, faults included

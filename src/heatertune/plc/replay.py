@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from heatertune.errors import LogError
-from heatertune.plc.room import FORMATS, Number, Room, Scan, Words, holds
+from heatertune.plc.controller import FORMATS, Number, Room, Scan, Words, holds
 from heatertune.plc.single import single
 
 __all__ = ["powers", "read_inputs", "replay"]

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import PidDesign
-from heatertune.plc.room import Core
+from heatertune.plc.controller import Core
 from heatertune.proof.loop import Controller, run_loop
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario

@@ -13,9 +13,9 @@ import numpy.typing as npt
 from heatertune.compiled import bound, compiled, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
+from heatertune.plc.controller import Core, Number, Room, Words
 from heatertune.plc.open_points import settings_of
 from heatertune.plc.ramp import course
-from heatertune.plc.room import Core, Number, Room, Words
 from heatertune.plc.single import narrowed
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import JUMP, LOAD, Batch, Record, run, run_all

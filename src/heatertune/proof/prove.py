@@ -14,8 +14,8 @@ import numpy as np
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import Margins, PidDesign
+from heatertune.plc.controller import Room, Words
 from heatertune.plc.open_points import Switch, settings_of
-from heatertune.plc.room import Room, Words
 from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge, of_words

@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
-from heatertune.plc.room import Room, Words
+from heatertune.plc.controller import Room, Words
 from heatertune.proof.criteria import Limits
 from heatertune.proof.loop import Controller, actuator_of, controller_of, plant_row, scans_of, traced
 from heatertune.proof.measured import Measured, joined

@@ -6,7 +6,7 @@ import struct
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.room import Scaling, Words, check_fields
+from heatertune.plc.controller import Scaling, Words, check_fields
 from heatertune.plc.s5_ob251.words import FACTOR, FIELDS, GAIN_WITH_D
 
 __all__ = ["LENGTH", "from_image", "oddities", "to_image"]

@@ -7,8 +7,8 @@ from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.room import Scaling, WordField, Words, check_fields
-from heatertune.plc.s5_ob251.recursion import AUTO, NO_Z
+from heatertune.plc.controller import Scaling, WordField, Words, check_fields
+from heatertune.plc.s5_ob251.step import AUTO, NO_Z
 
 __all__ = ["FIELDS", "FULL_SCALE", "GAIN_WITH_D", "check_words", "decode", "encode"]
 

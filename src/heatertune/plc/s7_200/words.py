@@ -7,8 +7,8 @@ from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.room import Scaling, WordField, Words, check_fields
-from heatertune.plc.s7_200.wiring import COUNTS
+from heatertune.plc.controller import Scaling, WordField, Words, check_fields
+from heatertune.plc.cpu.s7_200.wiring import COUNTS
 
 __all__ = [
     "FIELDS", "MOST", "TIMER", "check_cycle", "check_words", "cycle_ms", "decode", "encode", "ms_per_count", "rounded",

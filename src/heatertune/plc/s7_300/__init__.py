@@ -1,4 +1,5 @@
-"""Controllers of the SIMATIC S7-300/400 that compute in REAL: `tip`, the PID tip No. 2, and `fb41`, the standard block.
+"""The PID of SIMATIC S7-300/400 application tip No. 2; what the document leaves open stands in DIFFERENCES.md."""
 
-What both share: REAL as the CPU rounds it, a data block's bytes, and the AWL source form.
-"""
+from heatertune.plc.s7_300.controller import ROOM
+
+__all__ = ["ROOM"]

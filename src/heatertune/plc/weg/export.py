@@ -8,7 +8,7 @@ from __future__ import annotations
 from decimal import Decimal
 from typing import Final
 
-from heatertune.plc.room import Certificate, Words
+from heatertune.plc.controller import Certificate, Words
 from heatertune.plc.single import single
 from heatertune.plc.weg.plcopen import project
 from heatertune.plc.weg.source import BLOCK_NAME, function_block

@@ -7,7 +7,7 @@ from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.room import FORMATS, Scaling, WordField, Words, check_fields
+from heatertune.plc.controller import FORMATS, Scaling, WordField, Words, check_fields
 from heatertune.plc.single import single
 
 __all__ = ["ACADEMIC", "DIRECT", "FIELDS", "PARALLEL", "REVERSE", "TIMER", "check_words", "decode", "encode"]
