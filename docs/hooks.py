@@ -46,7 +46,7 @@ def controllers() -> str:
 
 def _controller(name: str, package: str) -> str:
     each = room(name)
-    low, high, step = each.sample_times_s
+    low, high, step = each.timer.shortest_s, each.timer.longest_s, each.timer.step_s
     words = "\n".join(f"| {f.address} | {f.name} | {f.format} | {f.low:.6g} … {f.high:.6g} | {f.comment} |"
                       for f in each.fields)
     told = "\n".join([*(f"- can: {can}" for can in each.can), *(f"- can't: {cannot}" for cannot in each.cannot)])

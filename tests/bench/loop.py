@@ -26,10 +26,10 @@ from heatertune import compiled
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, room
-from heatertune.plc.controller import Core
+from heatertune.plc.core import Core
 from heatertune.proof import Actuator, Drawing, Kick, Limits, Scenario, Spread
 from heatertune.proof.kernel import LOAD, Batch, Record
-from heatertune.proof.loop import controller_of, pulses_of, ring_size, run_compiled, run_plainly
+from heatertune.proof.loop import in_loop, pulses_of, ring_size, run_compiled, run_plainly
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter, no_meter
 from heatertune.proof.samples import measure
 
@@ -79,7 +79,7 @@ class Ours:
         """Return a room that holds the words of the same PI."""
         which = room(target)
         words = which.encode(DESIGN, Scaling())
-        c = controller_of(which, words, CASE.setpoint, {each.name: each.default for each in which.switches}, direct=True)
+        c = in_loop(which, words, CASE.setpoint, {each.name: each.default for each in which.switches}, direct=True)
         return cls(c.core, (c.parameters, c.state, c.sensor), c.setpoints(0, 1)[0])
 
     def given(self, *, calls=CASE.calls, resolution=yardsticks.RESOLUTION_S, loops=LOOPS, keeps=False, measures=False):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, room
-from heatertune.plc.controller import FORMATS
+from heatertune.plc.words import FORMATS
 
 LISTED = [name for name in TARGETS if room(name).direct is not None]
 DESIGN = PidDesign(gain_pct_per_degC=1.4, integral_time_s=150.0, derivative_time_s=4.0, sample_time_s=2.0, structure="pid",

@@ -15,8 +15,8 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, room
-from heatertune.plc.controller import holds
 from heatertune.plc.fb41.step import Assumptions, call
+from heatertune.plc.words import holds
 from heatertune.proof import Actuator, Kick, Scenario, simulate
 
 ROOM = room("fb41")

@@ -15,10 +15,10 @@ from heatertune.plc.cpu.s7_200 import COLD, assemble, run
 from heatertune.plc.cpu.s7_200.arithmetic import added, divided, high_word, multiplied
 from heatertune.plc.s7_200 import step as repaired
 from heatertune.plc.s7_200.listing import repaired_program
-from heatertune.plc.s7_200_paper import paper_words
 from heatertune.plc.s7_200_paper import step as printed
 from heatertune.plc.s7_200_paper.faults import faults
 from heatertune.plc.s7_200_paper.listing import printed_program
+from heatertune.plc.s7_200_paper.words import paper_words
 from heatertune.proof import Scenario, simulate
 
 ROOM = room("s7-200")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import TARGETS, Certificate, Scaling, Words, room
-from heatertune.plc.controller import FORMATS
+from heatertune.plc.words import FORMATS
 
 ROOMS = [room(name) for name in TARGETS]
 rooms = pytest.mark.parametrize("which", ROOMS, ids=list(TARGETS))

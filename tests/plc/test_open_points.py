@@ -11,7 +11,7 @@ import pytest
 
 from heatertune.errors import UnknownName
 from heatertune.pid.values import PidDesign
-from heatertune.plc import TARGETS, Room, Scaling, Switch, Words, room
+from heatertune.plc import TARGETS, Controller, Scaling, Switch, Words, room
 from heatertune.plc.open_points import NothingOpen, assumed, declared
 from heatertune.plc.replay import replay
 
@@ -197,7 +197,7 @@ def test_it_does_so_without_the_listing_too(case):
 def test_no_room_starts_under_a_switch_or_setting_that_it_does_not_have(target):
     which = room(target)
     words = which.encode(DESIGN, Scaling())
-    assert type(which).start is Room.start
+    assert type(which).start is Controller.start
     unknown = [({"colour": "red"}, "colour")] + [({switch.name: "red"}, switch.name) for switch in which.switches]
     for given, named in unknown:
         for door in (which.start, which.start_directly):

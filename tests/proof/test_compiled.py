@@ -17,7 +17,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, room
 from heatertune.plc.single import narrowed, single
 from heatertune.proof import Actuator, Kick, Limits, Load, Scenario, judge, simulate
-from heatertune.proof.loop import controller_of, run_loop
+from heatertune.proof.loop import in_loop, run_loop
 from heatertune.proof.measured import columns_of
 from heatertune.proof.metered import _medians
 from heatertune.proof.sampled import prove_samples
@@ -79,7 +79,7 @@ def _running(draw, which, legal):
     except ValueError:
         words = legal
     switches = {each.name: draw(st.sampled_from(each.settings)) for each in which.switches}
-    controller = controller_of(which, words, 50.0, switches, direct=True)
+    controller = in_loop(which, words, 50.0, switches, direct=True)
     degrees = st.floats(-50.0, 1500.0)
     return controller, draw(st.lists(st.tuples(degrees, degrees, st.booleans()), min_size=1, max_size=12))
 
@@ -128,7 +128,7 @@ def test_a_loop_is_the_same_compiled_and_plain_bit_for_bit(target, monkeypatch):
         switches, scenario = running[0].switches, replace(SCENARIO, seed=seed, setpoint_degC=setpoint)
         plain = simulate(which, words, heater, scenario, PWM, switches)
         _way(monkeypatch, True)
-        _same(plain, run_loop(controller_of(which, words, setpoint, switches, direct=True), heater, scenario, PWM))
+        _same(plain, run_loop(in_loop(which, words, setpoint, switches, direct=True), heater, scenario, PWM))
         _way(monkeypatch, False)
 
     holds_for_any_words_and_settings()
@@ -145,7 +145,7 @@ def test_a_short_loop_of_other_kinds_of_room_is_the_same_compiled_and_plain_bit_
         assert len(plain.edge_time_s) >= 3, "the heater is switched"
         _way(monkeypatch, True)
         settings_ = {each.name: each.default for each in which.switches}
-        controller = controller_of(which, words, scenario.setpoint_degC, settings_, direct=True)
+        controller = in_loop(which, words, scenario.setpoint_degC, settings_, direct=True)
         _same(plain, run_loop(controller, heater, replace(scenario, seed=seed), PWM))
         _way(monkeypatch, False)
 

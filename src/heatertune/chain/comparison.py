@@ -14,14 +14,11 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.values import PidDesign
 from heatertune.plc import room
-from heatertune.plc.s7_200_paper import paper_words
+from heatertune.plc.s7_200_paper.words import paper_words
 from heatertune.proof import Actuator, Proof, paper_scenario, prove, simulate
 from heatertune.proof.series import trace_series
 
-__all__ = ["BASELINE", "best_single_lag", "paper_runs", "price_of_doubt", "rivals"]
-
-#: what every tuned design is compared with
-BASELINE = "on-off"
+__all__ = ["best_single_lag", "paper_runs", "price_of_doubt", "rivals"]
 
 #: one rule of each kind; `tune` compares all of them without a proof
 RIVAL_RULES = ("simc", "amigo", "lambda", "ziegler-nichols")
@@ -46,8 +43,9 @@ def rivals(fitted: FittedModel, wished: PidDesign, proof: Proof) -> list[dict[st
         {"gain_pct_per_degC": design.gain_pct_per_degC, "integral_time_s": design.integral_time_s}
         | _rival(label, design, target, fitted, proof) for label, design in ruled
     ]
-    if target != BASELINE:
-        switching = _rival("two-level control, ±0.5 °C", wished, BASELINE, fitted, proof)
+    baseline = room(target).baseline
+    if baseline is not None:
+        switching = _rival("two-level control, ±0.5 °C", wished, baseline, fitted, proof)
         found.append({"gain_pct_per_degC": None, "integral_time_s": None} | switching)
     return found
 

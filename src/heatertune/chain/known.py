@@ -12,7 +12,7 @@ from heatertune.errors import OutOfRange
 from heatertune.log.values import Log
 from heatertune.model.statistics import fit_pct
 from heatertune.model.values import FittedModel
-from heatertune.plc import Room, Words, room
+from heatertune.plc import Controller, Words, room
 from heatertune.plc.replay import powers
 from heatertune.proof import Actuator, Scenario, simulate
 from heatertune.proof.prove import settings_to_prove
@@ -26,7 +26,7 @@ Array = npt.NDArray[np.float64]
 class RoomController:
     """A room with its words and one setting of its open points; see `heatertune.model.power.known_controller`."""
 
-    room: Room
+    room: Controller
     words: Words
     switches: Mapping[str, str]
 

@@ -187,8 +187,7 @@ def tune(
     timer = Timer()
     if target is not None:
         found = room(target)
-        shortest, longest, step = found.sample_times_s
-        timer = Timer(shortest_s=shortest, longest_s=longest, step_s=step)
+        timer = found.timer
         settings = {"derivative_filter": found.derivative_filter,
                     "resolution_degC": (scaling or Scaling()).span_degC / found.counts} | settings
     inputs = {

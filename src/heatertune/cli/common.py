@@ -7,6 +7,7 @@ import math
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from heatertune.errors import InputError
+from heatertune.plc import TARGETS
 
 if TYPE_CHECKING:
     from heatertune.chain.words import Choice
@@ -26,7 +27,6 @@ __all__ = [
 _TOLERANCE_DEGC = 1.0
 _STEP_POWER_PCT = 10.0
 
-TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
 INTERLOCKS = ("heater-fan",)
 PWM_RULES = ("pulsegen", "pid-compact")
 
@@ -306,13 +306,14 @@ def target(settings: argparse.Namespace) -> str:
         UnknownName: --faithful for a target that has no such version.
     """
     from heatertune.errors import UnknownName  # noqa: PLC0415
-    from heatertune.plc import FAITHFUL  # noqa: PLC0415
+    from heatertune.plc import room  # noqa: PLC0415
 
     if not settings.faithful:
         return str(settings.target)
-    if settings.target not in FAITHFUL:
-        raise UnknownName("target with --faithful", settings.target, FAITHFUL)
-    return FAITHFUL[settings.target]
+    faithful = room(settings.target).faithful
+    if faithful is None:
+        raise UnknownName("target with --faithful", settings.target, [name for name in TARGETS if room(name).faithful])
+    return faithful
 
 
 def scaling(settings: argparse.Namespace) -> Scaling:

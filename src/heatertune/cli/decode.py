@@ -39,8 +39,8 @@ def _run(settings: argparse.Namespace) -> int:
 
     check("--called-every", settings.called_every, above=0.0)
     found = room(common.target(settings))
-    if found.read_image is None or found.oddities is None:
-        known = ", ".join(name for name in TARGETS if room(name).read_image is not None)
+    if found.image is None or found.oddities is None:
+        known = ", ".join(name for name in TARGETS if room(name).image is not None)
         raise InputError(f"a dump of {found.name} cannot be decoded; known: {known}")
     image, scaling = _bytes(settings.dump), common.scaling(settings)
     words = found.read_image(image, sample_time_s=settings.called_every, scaling=scaling, source=settings.dump)

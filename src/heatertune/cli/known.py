@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from heatertune.cli import common
 from heatertune.errors import InputError
+from heatertune.plc import TARGETS
 
 if TYPE_CHECKING:
     from heatertune.log.values import Log
@@ -19,7 +20,7 @@ __all__ = ["add_known_options", "known_words"]
 def add_known_options(command: argparse.ArgumentParser) -> None:
     """Add --controller, --words, --setpoint and --switch."""
     known = command.add_argument_group("a log without power, of a controller you know")
-    known.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(common.TARGETS)}")
+    known.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(TARGETS)}")
     known.add_argument("--words", metavar="FILE", help="its words: words.json as written by export-db")
     known.add_argument("--setpoint", type=float, metavar="°C", help="its setpoint, where the log does not hold it [°C]")
     common.add_switch_option(known, "setting of an open point, where you know it")

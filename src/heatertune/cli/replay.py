@@ -7,6 +7,7 @@ from typing import Any
 
 from heatertune.cli import common, printing
 from heatertune.errors import InputError
+from heatertune.plc import TARGETS
 
 __all__ = ["add_to"]
 
@@ -21,7 +22,7 @@ def add_to(commands: Any) -> None:
         "controller's own units, setpoint and process variable first (their names: heatertune targets).",
     )
     command.add_argument("inputs", metavar="INPUTS", help="CSV file with a header, one row per scan")
-    command.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(common.TARGETS)}")
+    command.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(TARGETS)}")
     command.add_argument("--words", required=True, metavar="FILE", help="words.json as written by export-db")
     common.add_switch_option(command, "setting of an open point")
     printing.add_output_options(command)

@@ -34,7 +34,9 @@ def _run(settings: argparse.Namespace) -> int:
                 "title": each.title,
                 "can": each.can,
                 "cannot": each.cannot,
-                "sample_time_s": dict(zip(("shortest", "longest", "step"), each.sample_times_s, strict=True)),
+                "sample_time_s": {
+                    "shortest": each.timer.shortest_s, "longest": each.timer.longest_s, "step": each.timer.step_s,
+                },
                 "words": [{"name": f.name, "address": f.address, "low": f.low, "high": f.high, "format": f.format}
                           for f in each.fields],
                 "inputs": dict(each.inputs),

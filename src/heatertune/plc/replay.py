@@ -7,21 +7,24 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from heatertune.errors import LogError
-from heatertune.plc.controller import FORMATS, Number, Room, Scan, Words, holds
+from heatertune.plc.controller import Controller
+from heatertune.plc.core import Scan
+from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
+from heatertune.plc.words import FORMATS, Words, holds
 
 __all__ = ["powers", "read_inputs", "replay"]
 
 
 def replay(
-    room: Room, words: Words, rows: Sequence[Mapping[str, Number]], switches: Mapping[str, str] | None = None
+    room: Controller, words: Words, rows: Sequence[Mapping[str, Number]], switches: Mapping[str, str] | None = None
 ) -> list[Scan]:
     """Return what each scan gave, from the cold state on.
 
     Args:
         room: the controller.
         words: its words.
-        rows: input name → value in the controller's units, one mapping per scan; see `Room.inputs`.
+        rows: input name → value in the controller's units, one mapping per scan; see `Controller.inputs`.
         switches: settings of what the manual leaves open; those not named have their default.
 
     Raises:
@@ -37,7 +40,7 @@ def replay(
 
 
 def powers(
-    room: Room, words: Words, temperatures_degC: Sequence[float], setpoints_degC: Sequence[float],
+    room: Controller, words: Words, temperatures_degC: Sequence[float], setpoints_degC: Sequence[float],
     switches: Mapping[str, str] | None = None,
 ) -> list[float]:
     """Return the power from each scan to the next [%], from the cold state on, one scan per temperature.
@@ -61,7 +64,7 @@ def powers(
     return found
 
 
-def read_inputs(path: str | Path, room: Room) -> list[dict[str, Number]]:
+def read_inputs(path: str | Path, room: Controller) -> list[dict[str, Number]]:
     """Return the rows of a CSV file with a header of input names.
 
     Raises:

@@ -142,5 +142,4 @@ def sliders_for(fitted: FittedModel) -> tuple[Slider, ...]:
 
 def timer_of(target: str) -> Timer:
     """Return what a target's timer can do."""
-    shortest, longest, step = room(target).sample_times_s
-    return Timer(shortest_s=shortest, longest_s=longest, step_s=step)
+    return room(target).timer

@@ -4,32 +4,23 @@ from __future__ import annotations
 
 from typing import Final
 
-from heatertune.plc.controller import Scaling, Words
 from heatertune.plc.cpu.s7_300 import memory
-from heatertune.plc.fb41.words import FIELDS, check_words
+from heatertune.plc.fb41.words import FIELDS
+from heatertune.plc.ramp import Number
+from heatertune.plc.words import Words
 
 __all__ = ["from_image", "oddities"]
 
 _WRONG_CLOCK: Final = 1e-6
 
 
-def from_image(image: bytes, *, sample_time_s: float, scaling: Scaling, source: str = "DB") -> Words:
-    """Return the words of a dumped instance data block.
-
-    Args:
-        image: at least 72 bytes (up to DISV); outputs and statics follow.
-        sample_time_s: interval at which the block is called [s], whatever CYCLE says.
-        scaling: sensor range behind PV_PER.
-        source: name for error messages.
+def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, Number]:
+    """Return the values in a dumped instance data block of at least 72 bytes; after DISV follow outputs and statics.
 
     Raises:
         InputError: fewer than 72 bytes.
-        OutOfRange: a word outside its range.
     """
-    values = memory.read(image, FIELDS, source)
-    words = Words(target="fb41", values=values, scaling=scaling, sample_time_s=sample_time_s)
-    check_words(words)
-    return words
+    return memory.read(image, FIELDS, source)
 
 
 def oddities(words: Words) -> tuple[str, ...]:

@@ -12,13 +12,14 @@ part, the integral part is taken back to the limit.
 
 from __future__ import annotations
 
-from typing import Annotated, Final, NamedTuple
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, NamedTuple
 
-from heatertune.plc.cpu.s7_300.module import FULL_SCALE
-from heatertune.plc.cpu.s7_300.real import quotient, real
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
+from heatertune.plc.cpu.s7_300.real import clamp, quotient, real
 from heatertune.plc.open_points import Switch
 
-__all__ = ["Assumptions", "Parameters", "State", "call", "restart", "scaled"]
+__all__ = ["Assumptions", "Parameters", "State", "call", "restart", "scaled", "scan", "step"]
 
 _PERCENT: Final = 100.0
 
@@ -80,6 +81,42 @@ class State(NamedTuple):
     at_lower: bool = False
     output: float = 0.0  # LMN
     overflow: bool = False
+
+
+def step(
+    parameters: tuple[Parameters, Assumptions], state: State, setpoint: int, reading: int, _begins: bool
+) -> tuple[State, float, float, int]:
+    """Compute one scan, see `heatertune.plc.core.Core`."""
+    asked, _ = scaled(parameters[0], setpoint)
+    return _called(parameters[0], parameters[1], state, asked, reading)
+
+
+def scan(
+    parameters: tuple[Parameters, Assumptions], state: State, inputs: Mapping[str, Any]
+) -> tuple[State, float, float, int]:
+    """Compute one scan with PV_PER and SP_PER or SP_INT; what is not named stays as the words have it."""
+    p, assume = parameters
+    p = p._replace(
+        man_on=bool(inputs.get("MAN_ON", p.man_on)), manual=inputs.get("MAN", p.manual),
+        disturbance=inputs.get("DISV", p.disturbance), int_hold=bool(inputs.get("INT_HOLD", p.int_hold)),
+    )
+    if inputs.get("COM_RST", 0):
+        return _outcome(restart(p))
+    setpoint = inputs["SP_INT"] if "SP_INT" in inputs else scaled(p, int(inputs["SP_PER"]))[0]
+    return _called(p, assume, state, setpoint, int(inputs["PV_PER"]))
+
+
+def _called(
+    p: Parameters, assume: Assumptions, state: State, setpoint: float, reading: int
+) -> tuple[State, float, float, int]:
+    pv, os = scaled(p, reading)
+    return _outcome(call(p, assume, state, setpoint, pv, os))
+
+
+def _outcome(after: State) -> tuple[State, float, float, int]:
+    """Return the state, LMN as power, LMN, and the flags as bits."""
+    bits = int(after.at_upper) + 2 * int(after.at_lower) + 4 * int(after.overflow)
+    return after, clamp(after.output, 0.0, 100.0), after.output, bits
 
 
 def restart(p: Parameters) -> State:

@@ -1,4 +1,4 @@
-"""The parameters of CONT_C's instance data block: encode, decode, check.
+"""The parameters of CONT_C's instance data block.
 
 Names and defaults: the block's parameter table; offsets: the sums of its types, in its order.
 """
@@ -10,11 +10,11 @@ from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.controller import FORMATS, Scaling, WordField, Words, check_fields
-from heatertune.plc.cpu.s7_300.timer import milliseconds
+from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
+from heatertune.plc.words import FORMATS, Scaling, WordField, Words
 
-__all__ = ["FIELDS", "check_words", "decode", "encode"]
+__all__ = ["FIELDS", "consistent", "design_of", "values_of"]
 
 _MOST: Final = FORMATS["REAL"][1]
 _LONGEST: Final = int(FORMATS["TIME"][1])
@@ -67,42 +67,39 @@ _TD_OFF: Final = 10000
 _TM_LAG_OFF: Final = 2000
 
 
-def encode(design: PidDesign, scaling: Scaling) -> Words:
-    """Return the words nearest to the design, PV in °C, each rounded once.
+def values_of(design: PidDesign, scaling: Scaling) -> dict[str, Number]:
+    """Return the words of a design, PV in °C.
 
     The block integrates by trapezoids, the design by rectangles: GAIN, TI = TN + TA/2 and TD are chosen so that the
     linear law is the same. TM_LAG gives the D part the design's filter.
 
     Raises:
-        NotRepresentable: a call interval OB35 cannot keep, a time the block would raise or a TIME cannot hold, a gain
-            or range that single precision cannot hold.
+        NotRepresentable: a time the block would raise or a TIME cannot hold.
     """
-    cycle = milliseconds(design.sample_time_s)
+    cycle = round(1000.0 * design.sample_time_s)
     i_sel, d_sel = math.isfinite(design.integral_time_s), design.derivative_time_s > 0.0
     ti = _whole("TI", 1000.0 * design.integral_time_s + cycle / 2.0, cycle // 2 + 1) if i_sel else _TI_OFF
     raised = ti / (ti - cycle / 2.0) if i_sel else 1.0
     td = _whole("TD", 1000.0 * design.derivative_time_s / raised, cycle) if d_sel else _TD_OFF
     past = design.derivative_filter
     lag = _whole("TM_LAG", cycle / 2.0 * (1.0 + past) / (1.0 - past), 1) if d_sel else _TM_LAG_OFF
-    factor = _single("PV_FAC", scaling.span_degC / 100.0)
-    values = _PLAIN | {
+    factor = single(scaling.span_degC / 100.0)
+    return _PLAIN | {
         "I_SEL": int(i_sel), "D_SEL": int(d_sel), "CYCLE": cycle, "TI": ti, "TD": td,
-        "TM_LAG": max(lag, (cycle + 1) // 2), "PV_FAC": factor, "PV_OFF": single(scaling.low_degC),
-        "GAIN": _single("GAIN", design.gain_pct_per_degC * raised / (factor * 100.0 / scaling.span_degC)),
+        "TM_LAG": max(lag, (cycle + 1) // 2), "PV_FAC": factor, "PV_OFF": scaling.low_degC,
+        "GAIN": design.gain_pct_per_degC * raised / (factor * 100.0 / scaling.span_degC),
     }
-    return Words(target="fb41", values=values, scaling=scaling, sample_time_s=cycle / 1000.0)
 
 
-def decode(words: Words) -> PidDesign | None:
+def design_of(words: Words) -> PidDesign | None:
     """Return the design that these words run, in the rectangles of the standard form; None without a P part.
 
     Dead band, limits and disturbance variable are no part of it. Where CYCLE is not the call interval, all times
     stretch by their ratio.
 
     Raises:
-        OutOfRange: a word out of its range; words whose product leaves the range of numbers.
+        OutOfRange: words whose product leaves the range of numbers.
     """
-    check_words(words)
     v = words.values
     half = v["CYCLE"] / 2.0
     ti, td, lag = max(v["TI"], half), max(v["TD"], v["CYCLE"]), max(v["TM_LAG"], half)
@@ -120,14 +117,11 @@ def decode(words: Words) -> PidDesign | None:
     )
 
 
-def check_words(words: Words) -> None:
-    """Raise OutOfRange for the first word that is missing, unknown, of the wrong kind or outside its range."""
-    check_fields(FIELDS, words)
+def consistent(words: Words) -> None:
+    """Raise OutOfRange for limits that are upside down."""
     v = words.values
     if v["LMN_LLM"] >= v["LMN_HLM"]:
         raise OutOfRange("word LMN_LLM", v["LMN_LLM"], f"< LMN_HLM = {v['LMN_HLM']:g}")
-    if not words.sample_time_s > 0.0:
-        raise OutOfRange("sample_time_s", words.sample_time_s, "> 0")
 
 
 def _whole(name: str, exact_ms: float, least: int) -> int:
@@ -137,12 +131,4 @@ def _whole(name: str, exact_ms: float, least: int) -> int:
         raise NotRepresentable(f"word {name}", exact_ms, f"{least}..{_LONGEST} ms, or the block raises it", faster)
     if word > _LONGEST:
         raise NotRepresentable(f"word {name}", exact_ms, f"{least}..{_LONGEST} ms", f"{_LONGEST / 1000:g} s would fit")
-    return word
-
-
-def _single(name: str, exact: float) -> float:
-    word = single(exact)
-    if math.isinf(word) or word == 0.0:
-        remedy = "a size between 1.2e-38 and 3.4e+38 would fit"
-        raise NotRepresentable(f"word {name}", exact, "a number in single precision", remedy)
     return word

@@ -11,15 +11,13 @@ import io
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.controller import Certificate, Scaling, Words
-from heatertune.plc.cpu.one_bit.assembler import assemble, disassemble
-from heatertune.plc.cpu.one_bit.programs import ON_OFF, ON_OFF_NAMES
-from heatertune.plc.on_off.words import COUNTS, FIELDS, check_words
+from heatertune.plc.cpu.one_bit.assembler import disassemble
+from heatertune.plc.cpu.one_bit.programs import ON_OFF_NAMES
+from heatertune.plc.on_off.step import PROGRAM
+from heatertune.plc.on_off.words import COUNTS, FIELDS
+from heatertune.plc.words import Certificate, Words
 
-__all__ = ["PROGRAM", "export_words", "from_image", "intel_hex", "to_image"]
-
-#: lines and addresses fit four bits
-PROGRAM: Final = assemble(ON_OFF, ON_OFF_NAMES, operand_bits=4)
+__all__ = ["export_words", "from_image", "intel_hex", "to_image"]
 
 _RECORD: Final = 16  # data bytes in a line of Intel HEX
 
@@ -40,29 +38,19 @@ def to_image(words: Words) -> bytes:
     return PROGRAM.image + words.whole["BAND"].to_bytes(2, "big")
 
 
-def from_image(image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
-    """Return the words of a memory that was read back.
-
-    Args:
-        image: 18 bytes.
-        sample_time_s: scan interval [s]; the memory does not hold it.
-        scaling: sensor range; the memory does not hold it either.
-        source: name for error messages.
+def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, int]:
+    """Return BAND from a memory of 18 bytes that was read back.
 
     Raises:
         InputError: another length, or another program than the two-level control.
-        OutOfRange: BAND or the scan interval outside its range.
     """
     program, size = PROGRAM.image, len(PROGRAM.image) + 2
     if len(image) != size:
         raise InputError(f"{source}: {len(image)} bytes; expected {size}: {size - 2} lines of program, then BAND")
-    for line, (found, expected) in enumerate(zip(image, program, strict=False)):
-        if found != expected:
-            raise InputError(f"{source}: line {line} of the program is {found:02X}; expected {expected:02X}")
-    values = {"BAND": int.from_bytes(image[size - 2 :], "big", signed=True)}
-    words = Words(target="on-off", values=values, scaling=scaling, sample_time_s=sample_time_s)
-    check_words(words)
-    return words
+    for line, (byte, expected) in enumerate(zip(image, program, strict=False)):
+        if byte != expected:
+            raise InputError(f"{source}: line {line} of the program is {byte:02X}; expected {expected:02X}")
+    return {"BAND": int.from_bytes(image[size - 2 :], "big", signed=True)}
 
 
 def intel_hex(image: bytes, *, start: int = 0) -> str:

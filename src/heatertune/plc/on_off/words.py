@@ -6,19 +6,21 @@ import math
 from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
+from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
-from heatertune.plc.controller import Scaling, WordField, Words, check_fields
+from heatertune.plc.words import Scaling, WordField, Words
 
-__all__ = ["BAND_DEGC", "COUNTS", "FIELDS", "TIMER", "check_words", "encode"]
+__all__ = ["BAND_DEGC", "COUNTS", "FIELDS", "TIMER", "consistent", "oddities", "values_of"]
 
 #: highest reading: the document names no converter; one of 12 bits is taken
 COUNTS: Final = 4095
-#: shortest, longest and step of the scan interval [s]: the document names none
-TIMER: Final = (0.01, 600.0, 0.01)
+#: of the scan interval: the document names none
+TIMER: Final = Timer(shortest_s=0.01, longest_s=600.0, step_s=0.01)
 #: half of the hysteresis that is aimed at [°C]
 BAND_DEGC: Final = 0.5
 
 _MOST: Final = 2047
+_WIDE: Final = 0.1  # of the sensor range
 
 FIELDS: Final[tuple[WordField, ...]] = (
     WordField(name="BAND", address="register 2", format="INT", low=1, high=_MOST,
@@ -26,11 +28,11 @@ FIELDS: Final[tuple[WordField, ...]] = (
 )
 
 
-def encode(design: PidDesign, scaling: Scaling) -> Words:
+def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:  # noqa: ARG001 - no PID
     """Return BAND, the counts nearest 0.5 °C and at least 1; of the design only TA is taken, as the scan interval.
 
     Raises:
-        NotRepresentable: a sensor range so narrow that 0.5 °C are more than half of it, a TA the timer cannot do.
+        NotRepresentable: a sensor range so narrow that 0.5 °C are more than half of it.
     """
     exact = BAND_DEGC * COUNTS / scaling.span_degC
     band = max(1, int(exact + 0.5))
@@ -38,22 +40,20 @@ def encode(design: PidDesign, scaling: Scaling) -> Words:
         narrowest = math.ceil(100.0 * BAND_DEGC * COUNTS / _MOST) / 100.0
         raise NotRepresentable("word BAND", exact, f"1…{_MOST} counts",
                                f"a sensor range of {narrowest:g} °C or more would fit")
-    ta = _scan_interval(design.sample_time_s)
-    return Words(target="on-off", values={"BAND": band}, scaling=scaling, sample_time_s=ta)
+    return {"BAND": band}
 
 
-def check_words(words: Words) -> None:
-    """Raise OutOfRange where BAND is missing, not whole or out of its range, or the scan interval is."""
-    check_fields(FIELDS, words)
-    low, high, _ = TIMER
+def consistent(words: Words) -> None:
+    """Raise OutOfRange for a scan interval that is out of its range."""
+    low, high = TIMER.shortest_s, TIMER.longest_s
     if not low <= words.sample_time_s <= high:
         raise OutOfRange("sample_time_s", words.sample_time_s, f"{low:g}…{high:g} s")
 
 
-def _scan_interval(ta: float) -> float:
-    low, high, step = TIMER
-    nearest = min(max(round(ta / step) * step, low), high)
-    if abs(ta - nearest) > 1e-6 * step:
-        raise NotRepresentable("sampling interval TA", ta, f"{low:g}…{high:g} s in steps of 10 ms",
-                               f"{nearest:g} s would fit")
-    return ta
+def oddities(words: Words) -> tuple[str, ...]:
+    """Return what is odd about the word of a running controller."""
+    band = words.whole["BAND"]
+    if band <= _WIDE * COUNTS:
+        return ()
+    degrees = band * words.scaling.span_degC / COUNTS
+    return (f"BAND is {band}: the heater switches {degrees:.3g} °C above and below the setpoint.",)

@@ -12,13 +12,18 @@ so IEEE doubles hold every sum exactly but for dD, whose halving runs out of dig
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.open_points import Switch
 
 __all__ = [
-    "AUTO", "COLD", "GESCHW", "HANDART", "NO_Z", "REG_AUS", "XZ_EIN", "Assumptions", "Parameters", "State", "call",
+    "AUTO", "COLD", "FULL_SCALE", "GESCHW", "HANDART", "NO_Z", "REG_AUS", "XZ_EIN", "Assumptions", "Parameters",
+    "State", "call", "scan", "step",
 ]
+
+#: units at the upper end of the sensor range and at full power
+FULL_SCALE: Final = 2047
 
 #: bits of the control word STEU (table 11-10)
 AUTO: Final = 1
@@ -81,6 +86,28 @@ class State(NamedTuple):
 
 
 COLD: Final = State()
+
+
+def step(
+    parameters: tuple[Parameters, Assumptions], state: State, w: int, x: int, _begins: bool
+) -> tuple[State, float, int, int]:
+    """Compute one scan, see `heatertune.plc.core.Core`."""
+    return _outcome(call(parameters[0], parameters[1], state, w, x, 0, 0))
+
+
+def scan(
+    parameters: tuple[Parameters, Assumptions], state: State, inputs: Mapping[str, int]
+) -> tuple[State, float, int, int]:
+    """Compute one scan with W, X and, where named, Z, XZ, YH and STEU."""
+    p, assume = parameters
+    p = p._replace(manual=inputs.get("YH", p.manual), steu=inputs.get("STEU", p.steu))
+    return _outcome(call(p, assume, state, inputs["W"], inputs["X"], inputs.get("Z", 0), inputs.get("XZ", 0)))
+
+
+def _outcome(after: State) -> tuple[State, float, int, int]:
+    """Return the state, YA in percent, YA, and the limits as bits."""
+    power = min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0)
+    return after, power, after.output, int(after.at_limit > 0) + 2 * int(after.at_limit < 0)
 
 
 def call(

@@ -7,9 +7,18 @@ cycle.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-__all__ = ["Constants", "Memory", "cycle"]
+from heatertune.plc.cpu.s7_200.cycle import Interrupted, Timed, run_cycle
+from heatertune.plc.cpu.s7_200.wiring import WIDTH_APPLIES, inputs_of
+
+__all__ = ["Assumptions", "Constants", "Memory", "cycle", "listed", "step"]
+
+
+class Assumptions(NamedTuple):
+    """What the manual leaves open, see DIFFERENCES.md."""
+
+    next_cycle: Annotated[bool, WIDTH_APPLIES] = False
 
 
 class Constants(NamedTuple):
@@ -31,6 +40,23 @@ class Memory(NamedTuple):
     rest: int = 0
     width: int = 0
     begun: bool = False
+
+
+def listed(
+    timed: Timed, state: Interrupted, setpoint: int, reading: int, _begins: bool
+) -> tuple[Interrupted, float, int, int]:
+    """Compute one PWM cycle by the statement list, see `heatertune.plc.core.Core`."""
+    return run_cycle(timed, state, inputs_of(setpoint, reading))
+
+
+def step(
+    p: tuple[Constants, Assumptions], state: Memory, setpoint: int, reading: int, _begins: bool
+) -> tuple[Memory, float, int, int]:
+    """Compute the same without the listing, which never overflows."""
+    c, assume = p
+    after = cycle(c, state, setpoint & 0xFF, reading & 0xFF)
+    width = state.width if assume.next_cycle else after.width
+    return after, 100.0 * min(width, c.cycle_ms) / c.cycle_ms, width, 0
 
 
 def cycle(c: Constants, m: Memory, setpoint: int, reading: int) -> Memory:

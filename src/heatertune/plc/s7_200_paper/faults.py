@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.plc.controller import Words
 from heatertune.plc.cpu.s7_200.wiring import COUNTS
+from heatertune.plc.words import Words
 
 __all__ = ["faults"]
 

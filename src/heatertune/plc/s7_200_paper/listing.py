@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from heatertune.plc.controller import Words
 from heatertune.plc.cpu.s7_200.text import Network, block, program
+from heatertune.plc.words import Words
 
 __all__ = ["printed_program"]
 

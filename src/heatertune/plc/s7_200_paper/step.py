@@ -13,7 +13,7 @@ from heatertune.plc.cpu.s7_200.arithmetic import added, divided, high_word, mult
 from heatertune.plc.cpu.s7_200.wiring import WIDTH_APPLIES
 from heatertune.plc.open_points import Switch
 
-__all__ = ["FIRST_EDGE", "Assumptions", "Constants", "Memory", "counted", "power_pct", "rises", "scan"]
+__all__ = ["FIRST_EDGE", "Assumptions", "Constants", "Memory", "counted", "power_pct", "rises", "scan", "step"]
 
 #: S Q0.0,1 reaches I0.0 behind its input filter, some scans after the first
 FIRST_EDGE = 3
@@ -64,6 +64,12 @@ class Memory(NamedTuple):
     scans: int = 0  # counted up to the scan in which the edge of S Q0.0,1 is served
     overflow: bool = False  # SM1.1
     zero_division: bool = False  # SM1.3
+
+
+def step(c: Constants, state: Memory, setpoint: int, reading: int, begins: bool) -> tuple[Memory, float, int, int]:
+    """Compute one scan, see `heatertune.plc.core.Core`."""
+    after = scan(c, state, setpoint, reading, begins)
+    return after, power_pct(c, after.applied), after.applied, int(after.overflow) + 2 * int(after.zero_division)
 
 
 def counted(m: Memory) -> Memory:

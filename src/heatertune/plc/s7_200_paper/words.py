@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
-from heatertune.errors import NotRepresentable, OutOfRange
+from heatertune.errors import NotRepresentable
 from heatertune.pid.values import PidDesign
-from heatertune.plc.controller import Scaling, WordField, Words, check_fields
-from heatertune.plc.s7_200.words import MOST, ms_per_count, rounded, whole_cycle
+from heatertune.plc.cpu.s7_200.cycle import MOST, whole_cycle
+from heatertune.plc.cpu.s7_200.wiring import ms_per_count
+from heatertune.plc.ramp import Number
+from heatertune.plc.words import Scaling, WordField, Words, rounded
 
-__all__ = ["FIELDS", "check_words", "encode", "paper_words"]
+__all__ = ["FIELDS", "cycle_s", "paper_words", "values_of"]
 
 _HIGH_BYTE: Final = 256  # errors stand in the high byte of their words
 _CYCLE_STEP: Final = 100  # ms
@@ -24,20 +27,19 @@ FIELDS: Final[tuple[WordField, ...]] = (
 )
 
 
-def encode(design: PidDesign, scaling: Scaling) -> Words:
+def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
     """Return the constants that the paper's equation asks for, T = 1 PWM cycle; the program makes no PID of them.
 
     The PWM cycle is TA or, where the constants would not be words, the longest shorter one in tenths of a second.
 
     Raises:
-        NotRepresentable: an interval the timer cannot do, a constant that is no word at any cycle.
+        NotRepresentable: a constant that is no word at any cycle.
     """
     longest = whole_cycle(design.sample_time_s)
     for cycle in range(longest, 0, -_CYCLE_STEP):
         exact = _constants(design, scaling, cycle)
         if max(map(abs, exact.values())) <= MOST:
-            values = {name: rounded(value) for name, value in exact.items()} | {"T": 1, "CYCLE": cycle, "POT1": 0}
-            return Words(target="s7-200-paper", values=values, scaling=scaling, sample_time_s=cycle / 1000.0)
+            return {name: rounded(value) for name, value in exact.items()} | {"T": 1, "CYCLE": cycle, "POT1": 0}
     name, value = max(exact.items(), key=lambda pair: abs(pair[1]))
     raise NotRepresentable(f"constant {name}", value, f"up to {MOST}", "a smaller K would fit")
 
@@ -49,12 +51,9 @@ def _constants(design: PidDesign, scaling: Scaling, cycle: int) -> dict[str, flo
     return {"KP": gain, "KI": half, "KD": gain * design.derivative_time_s / seconds}
 
 
-def check_words(words: Words) -> None:
-    """Raise OutOfRange for the first word that is missing, unknown, not whole or out of range."""
-    check_fields(FIELDS, words)
-    cycle = words.whole["CYCLE"] / 1000.0
-    if abs(words.sample_time_s - cycle) > 1e-9:
-        raise OutOfRange("sample_time_s", words.sample_time_s, f"the PWM cycle, {cycle:g} s")
+def cycle_s(values: Mapping[str, Number]) -> float:
+    """Return the PWM cycle [s]."""
+    return values["CYCLE"] / 1000.0
 
 
 def paper_words(

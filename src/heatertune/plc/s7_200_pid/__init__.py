@@ -1,5 +1,1 @@
 """The PID instruction of an S7-200 (CPU 215, 216 and 22x) and its loop table; what is open stands in DIFFERENCES.md."""
-
-from heatertune.plc.s7_200_pid.controller import ROOM
-
-__all__ = ["ROOM"]

@@ -6,9 +6,10 @@ import struct
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.controller import Scaling, Words
-from heatertune.plc.s7_200.words import ticks_of, whole_cycle
-from heatertune.plc.s7_200_pid.words import NO_INTEGRAL, check_words
+from heatertune.plc.cpu.s7_200.cycle import ticks_of, whole_cycle
+from heatertune.plc.ramp import Number
+from heatertune.plc.s7_200_pid.words import NO_INTEGRAL
+from heatertune.plc.words import Words
 
 __all__ = ["from_image", "oddities", "to_image"]
 
@@ -26,30 +27,19 @@ def to_image(words: Words, *, extended: bool = False) -> bytes:
     return table + (_ID + _AUTO_TUNE if extended else b"")
 
 
-def from_image(image: bytes, *, sample_time_s: float, scaling: Scaling, source: str = "loop table") -> Words:
-    """Return the words of a loop table that was dumped from a controller.
-
-    Args:
-        image: 36 or 80 bytes.
-        sample_time_s: interval at which the PID instruction is called [s]; the table's Ts may be another.
-        scaling: sensor range; the table does not hold it.
-        source: name for error messages.
+def from_image(image: bytes, sample_time_s: float, source: str) -> dict[str, Number]:
+    """Return the values in a loop table of 36 or 80 bytes, whose Ts may be another than the sampling interval [s].
 
     Raises:
         InputError: another length, or 80 bytes without the mark of the extended table.
         NotRepresentable: an interval that the PWM program cannot do.
-        OutOfRange: a word out of its range, or no number.
     """
     if len(image) not in (_SHORT, _LONG):
         raise InputError(f"{source}: {len(image)} bytes; expected {_SHORT} or {_LONG} (loop table)")
     if len(image) == _LONG and image[_SHORT : _SHORT + 4] != _ID:
         raise InputError(f"{source}: {image[_SHORT:_SHORT + 4]!r} at byte {_SHORT}; expected {_ID!r} (extended table)")
     kc, ts, ti, td = struct.unpack(">4f", image[12:28])
-    cycle = whole_cycle(sample_time_s)
-    values = {"KC": kc, "TS": ts, "TI": min(ti, NO_INTEGRAL), "TD": td, **ticks_of(cycle)}
-    words = Words(target="s7-200-pid", values=values, scaling=scaling, sample_time_s=cycle / 1000.0)
-    check_words(words)
-    return words
+    return {"KC": kc, "TS": ts, "TI": min(ti, NO_INTEGRAL), "TD": td, **ticks_of(whole_cycle(sample_time_s))}
 
 
 def oddities(words: Words) -> tuple[str, ...]:

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from heatertune.plc.controller import Words
+from heatertune.plc.cpu.s7_200.cycle import cycle_ms
 from heatertune.plc.cpu.s7_200.ramp import ramp_begins, ramp_moves
 from heatertune.plc.cpu.s7_200.text import Network, block, count_ticks, program, pwm_registers, real, timed_interrupt
-from heatertune.plc.s7_200.words import cycle_ms
-from heatertune.plc.s7_200_pid.words import TABLE
+from heatertune.plc.s7_200_pid.words import SETPOINT, TABLE
+from heatertune.plc.words import Words
 
-__all__ = ["ASKED", "SETPOINT", "pid_program"]
+__all__ = ["ASKED", "pid_program"]
 
 #: where a program with a ramp finds the setpoint asked for, as an analog input word
 ASKED = "VW80"
-
-#: where the setpoint stands as a share of the range, written by the operator's panel
-SETPOINT = f"VD{TABLE + 4}"
 
 _WIDEST = "32000.0"  # an analog input at the end of its range
 _TICKS = "VW90"
@@ -45,7 +42,7 @@ def _initialisation(words: Words) -> list[Network]:
             "LD SM0.0", f"MOVR 0.0, VD{TABLE + 8}", f"MOVR 0.0, VD{TABLE + 28}", f"MOVW +1, {_TICKS}",
         ]),
         *([] if words.ramp is None else [ramp_begins(words.ramp, "AIW0", *_RAMP[1:])]),
-        pwm_registers(cycle_ms(words)),
+        pwm_registers(cycle_ms(words.whole)),
         timed_interrupt(words.whole["TICK"]),
     ]
 
@@ -57,7 +54,7 @@ def _interrupt(words: Words) -> list[Network]:
         *_setpoint(words),
         Network("setpoint: see VD104; PID", ["LD SM0.0", f"PID VB{TABLE}, 0"]),
         Network("pulse width; the cycle time is loaded once", [
-            "LD SM0.0", f"MOVR VD{TABLE + 8}, AC0", f"*R {real(cycle_ms(words))}, AC0", "ROUND AC0, AC0",
+            "LD SM0.0", f"MOVR VD{TABLE + 8}, AC0", f"*R {real(cycle_ms(words.whole))}, AC0", "ROUND AC0, AC0",
             "MOVW AC0, SMW70", "PLS 0", "MOVB 16#CA, SMB67",
         ]),
     ]

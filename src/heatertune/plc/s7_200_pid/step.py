@@ -10,13 +10,22 @@ in single precision, from left to right; see `heatertune.plc.cpu.s7_200.real.pid
 from __future__ import annotations
 
 import math
+import struct
 from typing import Annotated, Final, NamedTuple
 
+from heatertune.plc.core import Sensor
+from heatertune.plc.cpu.s7_200.cycle import Interrupted, Timed, run_cycle
 from heatertune.plc.cpu.s7_200.wiring import WIDTH_APPLIES
 from heatertune.plc.open_points import Switch
+from heatertune.plc.s7_200_pid.words import SETPOINT
 from heatertune.plc.single import divided, single
 
-__all__ = ["Assumptions", "Memory", "Table", "cycled"]
+__all__ = ["FULL", "STEP", "Assumptions", "Memory", "Table", "cycled", "listed", "measure", "step"]
+
+#: analog input word at the end of the range
+FULL: Final = 32000
+#: of a converter of 12 bits, left-justified
+STEP: Final = 8
 
 _SECONDS: Final = 60.0  # Ti and Td are in minutes
 
@@ -50,6 +59,35 @@ class Memory(NamedTuple):
     width: int = 0
     begun: bool = False
     overflow: bool = False  # SM1.1
+
+
+def measure(sensor: Sensor, temperature_degC: float) -> int:
+    """Return the analog input word of a temperature."""
+    share = (temperature_degC - sensor.low) / sensor.span
+    return STEP * int(min(max(share * sensor.counts, 0.0), float(sensor.counts)))
+
+
+def listed(
+    timed: Timed, state: Interrupted, setpoint: int, reading: int, _begins: bool
+) -> tuple[Interrupted, float, int, int]:
+    """Compute one PWM cycle by the statement list, see `heatertune.plc.core.Core`."""
+    share = int.from_bytes(struct.pack(">f", _share(setpoint)), "big")
+    state, power, width, bits = run_cycle(timed, state, {"AIW0": reading, SETPOINT: share})
+    return state, power, width, bits & 1
+
+
+def step(
+    p: tuple[Table, int, Assumptions], state: Memory, setpoint: int, reading: int, _begins: bool
+) -> tuple[Memory, float, int, int]:
+    """Compute the same without the listing."""
+    table, cycle, assume = p
+    after = cycled(table, cycle, state, _share(setpoint), _share(reading), assume.bumpless)
+    width = state.width if assume.next_cycle else after.width
+    return after, 100.0 * min(width, cycle) / cycle, width, int(after.overflow)
+
+
+def _share(word: int) -> float:
+    return divided(float(word), float(FULL))
 
 
 def cycled(t: Table, cycle_ms: int, m: Memory, setpoint: float, reading: float, bumpless: bool) -> Memory:

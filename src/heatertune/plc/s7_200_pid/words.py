@@ -1,21 +1,23 @@
-"""The words of a PID loop: encode, decode, check (System Manual C79000-G7076-C233-01, Table 9-19)."""
+"""The words of a PID loop (System Manual C79000-G7076-C233-01, Table 9-19)."""
 
 from __future__ import annotations
 
 import math
 from typing import Final
 
-from heatertune.errors import NotRepresentable, OutOfRange
+from heatertune.errors import OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.controller import Scaling, WordField, Words, check_fields
-from heatertune.plc.s7_200.words import FIELDS as PROGRAM_FIELDS
-from heatertune.plc.s7_200.words import check_cycle, ticks_of, whole_cycle
+from heatertune.plc.cpu.s7_200.cycle import TICK_FIELDS, ticks_of, whole_cycle
+from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
+from heatertune.plc.words import Scaling, WordField, Words
 
-__all__ = ["FIELDS", "NO_INTEGRAL", "TABLE", "check_words", "decode", "encode"]
+__all__ = ["FIELDS", "NO_INTEGRAL", "SETPOINT", "TABLE", "design_of", "values_of"]
 
 #: where the loop table begins in V memory
 TABLE: Final = 100
+#: where the setpoint stands as a share of the range, written by the operator's panel
+SETPOINT: Final = f"VD{TABLE + 4}"
 
 #: Ti [min] that stands for infinity, which cannot be typed in: the largest single
 NO_INTEGRAL: Final = 3.4028234663852886e38
@@ -31,40 +33,30 @@ FIELDS: Final[tuple[WordField, ...]] = (
               comment="integral-action time, min; 3.4e38: none"),
     WordField(name="TD", address=f"VD{TABLE + 24}", format="REAL", low=0.0, high=NO_INTEGRAL,
               comment="derivative-action time, min"),
-    *(field for field in PROGRAM_FIELDS if field.name in ("TICK", "TICKS")),
+    *TICK_FIELDS,
 )
 
 
-def encode(design: PidDesign, scaling: Scaling) -> Words:
-    """Return the words nearest to the design, each rounded once to single precision; TA is the PWM cycle.
-
-    Raises:
-        NotRepresentable: an interval the timer cannot do, a number beyond single precision.
-    """
+def values_of(design: PidDesign, scaling: Scaling) -> dict[str, Number]:
+    """Return the words of a design; TA is the PWM cycle."""
     cycle = whole_cycle(design.sample_time_s)
     ts = single(cycle / 1000.0)
     minutes = ts / design.sample_time_s / _MINUTE  # Ti and Td act by their ratio to the Ts that is stored
-    values = {
-        "KC": single(design.gain_pct_per_degC * scaling.span_degC / 100.0),
+    return {
+        "KC": design.gain_pct_per_degC * scaling.span_degC / 100.0,
         "TS": ts,
         "TI": min(single(design.integral_time_s * minutes), NO_INTEGRAL),
-        "TD": single(design.derivative_time_s * minutes),
+        "TD": design.derivative_time_s * minutes,
         **ticks_of(cycle),
     }
-    for field in FIELDS:
-        value = values[field.name]
-        if not field.low <= value <= field.high:
-            raise NotRepresentable(f"word {field.name}", value, field.rule, "an ordinary heater's would fit")
-    return Words(target="s7-200-pid", values=values, scaling=scaling, sample_time_s=cycle / 1000.0)
 
 
-def decode(words: Words) -> PidDesign:
+def design_of(words: Words) -> PidDesign:
     """Return the design that these words run: the times as the program's interrupt makes them.
 
     Raises:
-        OutOfRange: a word out of its range, or a gain of 0, which leaves no proportional part.
+        OutOfRange: a gain of 0, which leaves no proportional part.
     """
-    check_words(words)
     v, ta = words.values, words.sample_time_s
     if v["KC"] == 0.0:
         raise OutOfRange("word KC", 0.0, "not 0: the standard form needs a P part")
@@ -75,9 +67,3 @@ def decode(words: Words) -> PidDesign:
         sample_time_s=ta, structure=structure_of(tn, tv), method="as the PID instruction realises it",
         derivative_filter=0.0,
     )
-
-
-def check_words(words: Words) -> None:
-    """Raise OutOfRange for the first word that is missing, unknown, of the wrong kind or range, or makes no cycle."""
-    check_fields(FIELDS, words)
-    check_cycle(words)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from heatertune.plc.controller import Certificate, Words
 from heatertune.plc.cpu.s7_300 import awl
 from heatertune.plc.cpu.s7_300.ramp import WORD, ramp_begins, ramp_moves
 from heatertune.plc.s7_300.listing import STATEMENTS, VARIABLES
 from heatertune.plc.s7_300.words import FIELDS
+from heatertune.plc.words import Certificate, Words
 
 __all__ = ["export_words"]
 

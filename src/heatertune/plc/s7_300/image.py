@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from heatertune.plc.controller import Scaling, Words
 from heatertune.plc.cpu.s7_300 import memory
-from heatertune.plc.s7_300.words import FIELDS, check_words
+from heatertune.plc.ramp import Number
+from heatertune.plc.s7_300.words import FIELDS
+from heatertune.plc.words import Words
 
 __all__ = ["from_image", "oddities"]
 
@@ -16,25 +17,18 @@ _WRONG_CLOCK: Final = 1e-6
 _DAY: Final = 86_400_000.0
 
 
-def from_image(image: bytes, *, sample_time_s: float, scaling: Scaling, source: str = "DB") -> Words:
-    """Return the words of a dumped instance data block.
+def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, Number]:
+    """Return the values in a dumped instance data block of at least 26 bytes; what follows belongs to the block.
 
-    Args:
-        image: at least 26 bytes; what follows belongs to the block.
-        sample_time_s: interval at which the block is called [s], whatever SAMPLE says.
-        scaling: sensor range; the block does not hold it.
-        source: name for error messages.
+    An infinite RESET is read as 0: the document means the same by both.
 
     Raises:
         InputError: fewer than 26 bytes.
-        OutOfRange: a word outside its range. An infinite RESET is read as 0: the document means the same by both.
     """
     values = memory.read(image, FIELDS, source)
     if values["RESET"] == math.inf:
         values["RESET"] = 0.0
-    words = Words(target="s7-300", values=values, scaling=scaling, sample_time_s=sample_time_s)
-    check_words(words)
-    return words
+    return values
 
 
 def oddities(words: Words) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from heatertune.plc.cpu.s7_300.awl import real
-from heatertune.plc.cpu.s7_300.module import FULL_SCALE
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 
 __all__ = ["STATEMENTS", "VARIABLES"]
 

@@ -15,13 +15,14 @@ The exported block is the same program, instruction by instruction.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.cpu.s7_300.module import FULL_SCALE
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.cpu.s7_300.real import clamp, quotient, real
 from heatertune.plc.open_points import Switch
 
-__all__ = ["COLD", "Assumptions", "Parameters", "State", "call", "manual"]
+__all__ = ["COLD", "Assumptions", "Parameters", "State", "call", "manual", "scan", "step"]
 
 
 class Parameters(NamedTuple):
@@ -61,6 +62,27 @@ class State(NamedTuple):
 
 
 COLD: Final = State()
+
+
+def step(
+    parameters: tuple[Parameters, Assumptions], state: State, setpoint: int, reading: int, _begins: bool
+) -> tuple[State, float, int, int]:
+    """Compute one scan, see `heatertune.plc.core.Core`."""
+    return _outcome(call(parameters[0], parameters[1], state, setpoint, reading))
+
+
+def scan(
+    parameters: tuple[Parameters, Assumptions], state: State, inputs: Mapping[str, int]
+) -> tuple[State, float, int, int]:
+    """Compute one scan with SP and PV and, where named, mode_req and what the user wrote to OUT in manual."""
+    if inputs.get("mode_req", 1):
+        return step(parameters, state, inputs["SP"], inputs["PV"], True)
+    return _outcome(manual(state, inputs["PV"], inputs.get("OUT", state.output)))
+
+
+def _outcome(after: State) -> tuple[State, float, int, int]:
+    """Return the state, OUT in percent, OUT, and the flag."""
+    return after, min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0), after.output, int(after.overflow)
 
 
 def call(p: Parameters, assume: Assumptions, state: State, setpoint: int, reading: int) -> State:

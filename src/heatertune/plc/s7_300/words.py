@@ -1,17 +1,14 @@
-"""The four words of the tip's instance data block: encode, decode, check."""
+"""The four words of the tip's instance data block."""
 
 from __future__ import annotations
 
 import math
 from typing import Final
 
-from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.controller import FORMATS, Scaling, WordField, Words, check_fields
-from heatertune.plc.cpu.s7_300.timer import milliseconds
-from heatertune.plc.single import single
+from heatertune.plc.words import FORMATS, Scaling, WordField, Words
 
-__all__ = ["FIELDS", "check_words", "decode", "encode"]
+__all__ = ["FIELDS", "design_of", "values_of"]
 
 _MOST: Final = FORMATS["REAL"][1]
 
@@ -23,37 +20,25 @@ FIELDS: Final[tuple[WordField, ...]] = (
 )
 
 
-def encode(design: PidDesign, scaling: Scaling) -> Words:
-    """Return the words nearest to the design, each rounded once to single precision.
-
-    Raises:
-        NotRepresentable: a call interval OB35 cannot keep, a gain or time that single precision cannot hold.
-    """
-    sample = milliseconds(design.sample_time_s)
-    exact = {
+def values_of(design: PidDesign, scaling: Scaling) -> dict[str, float]:
+    """Return the words of a design."""
+    return {
         "GAIN": design.gain_pct_per_degC * scaling.span_degC / 100.0,
         "RATE": 1000.0 * design.derivative_time_s,
         "RESET": 0.0 if math.isinf(design.integral_time_s) else 1000.0 * design.integral_time_s,
+        "SAMPLE": float(round(1000.0 * design.sample_time_s)),
     }
-    values = {name: single(value) for name, value in exact.items()}
-    for name, value in exact.items():
-        if math.isinf(values[name]) or (values[name] == 0.0 and value != 0.0):
-            remedy = "a size between 1.2e-38 and 3.4e+38 would fit"
-            raise NotRepresentable(f"word {name}", value, "a number in single precision", remedy)
-    values["SAMPLE"] = float(sample)
-    return Words(target="s7-300", values=values, scaling=scaling, sample_time_s=sample / 1000.0)
 
 
-def decode(words: Words) -> PidDesign | None:
+def design_of(words: Words) -> PidDesign | None:
     """Return the design that these words run at their call interval; None for GAIN = 0, which has no P part.
 
     Where SAMPLE is not the call interval, the block integrates and differentiates with the wrong clock: TN and TV
     stretch by their ratio.
 
     Raises:
-        OutOfRange: a word out of its range; words whose times together leave the range of numbers.
+        OutOfRange: words whose times together leave the range of numbers.
     """
-    check_words(words)
     v = words.values
     if v["GAIN"] == 0.0:
         return None
@@ -65,10 +50,3 @@ def decode(words: Words) -> PidDesign | None:
         sample_time_s=words.sample_time_s, structure=structure_of(tn, tv), derivative_filter=0.0,
         method="as the words of the S7-300 PID tip realise it",
     )
-
-
-def check_words(words: Words) -> None:
-    """Raise OutOfRange for the first word that is missing, unknown, not single precision or outside its range."""
-    check_fields(FIELDS, words)
-    if not words.sample_time_s > 0.0:
-        raise OutOfRange("sample_time_s", words.sample_time_s, "> 0")

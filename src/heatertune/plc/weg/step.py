@@ -20,7 +20,7 @@ from typing import Annotated, Final, NamedTuple
 from heatertune.plc.open_points import Switch
 from heatertune.plc.single import divided, single
 
-__all__ = ["CLAMP", "COLD", "FREEZE", "Assumptions", "Block", "Inputs", "State", "block_of", "call"]
+__all__ = ["CLAMP", "COLD", "FREEZE", "Assumptions", "Block", "Inputs", "State", "block_of", "call", "scan", "step"]
 
 #: what becomes of the integral part while Output is at a limit
 CLAMP: Final = 0
@@ -98,6 +98,32 @@ class State(NamedTuple):
 
 
 COLD: Final = State()
+
+
+def step(
+    parameters: tuple[Block, Assumptions], state: State, setpoint: float, feedback: float, _begins: bool
+) -> tuple[State, float, float, int]:
+    """Compute one scan, see `heatertune.plc.core.Core`."""
+    automatic = Inputs(setpoint, feedback, setpoint, False, True)  # by hand: nothing, but a REAL like the others
+    return _outcome(parameters[0], call(parameters[0], parameters[1], state, automatic))
+
+
+def scan(
+    parameters: tuple[Block, Assumptions], state: State, inputs: Mapping[str, float]
+) -> tuple[State, float, float, int]:
+    """Compute one scan with SetPoint, Feedback and, where named, ManualSetPoint, SelectSetPoint and EN."""
+    block, assume = parameters
+    given = Inputs(
+        inputs["SetPoint"], inputs["Feedback"], inputs.get("ManualSetPoint", 0.0),
+        bool(inputs.get("SelectSetPoint", 0)), bool(inputs.get("EN", 1)),
+    )
+    return _outcome(block, call(block, assume, state, given))
+
+
+def _outcome(block: Block, after: State) -> tuple[State, float, float, int]:
+    """Return the state, Output as power, Output, and the flags as bits."""
+    bits = int(after.output >= block.maximum) + 2 * int(after.output <= block.minimum) + 4 * int(after.overflow)
+    return after, min(max(after.output, 0.0), 100.0), after.output, bits
 
 
 def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from heatertune.plc.controller import Certificate, Words
 from heatertune.plc.open_points import Switch
+from heatertune.plc.words import Certificate, Scaling, Words
 
-__all__ = ["COUNTS", "WIDTH_APPLIES", "ascii_only", "head", "inputs_of"]
+__all__ = ["COUNTS", "WIDTH_APPLIES", "ascii_only", "head", "inputs_of", "ms_per_count"]
 
 #: highest reading of the 8-bit temperature input and of the analog adjustment SMB28
 COUNTS: Final = 255
@@ -22,6 +22,11 @@ WIDTH_APPLIES: Final = Switch(
 def inputs_of(setpoint: int, reading: int) -> dict[str, int]:
     """Return what the CPU reads: PV on I0.1 to I0.7 and, bit 0, I1.0; I0.0 takes back Q0.0; SP on adjustment 0."""
     return {"IB0": reading & 0xFE | 1, "I1.0": reading & 1, "SMB28": setpoint & 0xFF}
+
+
+def ms_per_count(scaling: Scaling, cycle: int) -> float:
+    """Return the width [ms] per count that a gain of 1 %/°C asks for, the PWM cycle being so long [ms]."""
+    return cycle / 100.0 * scaling.span_degC / COUNTS
 
 
 def head(words: Words, certificate: Certificate) -> list[str]:

@@ -11,7 +11,8 @@ import io
 import struct
 from collections.abc import Iterable
 
-from heatertune.plc.controller import Certificate, Number, WordField, Words
+from heatertune.plc.ramp import Number
+from heatertune.plc.words import Certificate, WordField, Words
 
 __all__ = ["bits", "head", "literal", "real", "s5_time", "table", "text"]
 

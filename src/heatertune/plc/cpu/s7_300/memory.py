@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.controller import Number, WordField
+from heatertune.plc.ramp import Number
+from heatertune.plc.words import WordField
 
 __all__ = ["place", "read"]
 
