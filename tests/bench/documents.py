@@ -43,7 +43,8 @@ samples = 10
 
 def rich_model() -> FittedModel:
     """Return a fit with every field filled, its numbers none that any log gave."""
-    values, ci95 = {"gain_degC_per_pct": 0.37}, {"gain_degC_per_pct": Interval(low=0.35, high=None)}
+    values = {"gain_degC_per_pct": 0.37, "time_constant_s": 167.0, "dead_time_s": 12.0}
+    ci95 = {name: Interval(low=0.9 * value, high=None) for name, value in values.items()}
     halves = tuple(
         Half(window_s=(start, start + 300.0), values=values, ci95=ci95, ambient_degC=ambient, fit_pct=91.0, rmse_degC=0.2)
         for start, ambient in ((0.0, 22.0), (300.0, None)))
