@@ -188,7 +188,8 @@ def _tuple(kinds: tuple[Any, ...], value: Any, place: _Place) -> tuple[Any, ...]
 def _mapping(kinds: tuple[Any, ...], value: Any, place: _Place) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise place.wrong("an object", value)
-    return {name: _decoded(kinds[1], item, place.field(name)) for name, item in value.items()}
+    names, items = kinds
+    return {_decoded(names, name, place): _decoded(items, item, place.field(name)) for name, item in value.items()}
 
 
 _READERS: Final[dict[Any, Callable[[tuple[Any, ...], Any, _Place], Any]]] = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -121,8 +122,10 @@ def write_files(directory: str | Path, files: Mapping[str, str | bytes]) -> list
             temporary.write_bytes(data)
         for temporary, final in staged:
             temporary.replace(final)
-    except OSError as problem:
+    except (OSError, ValueError) as problem:  # ValueError: a name that no file can have
         for temporary, _ in staged:
-            temporary.unlink(missing_ok=True)
-        raise InputError(f"{problem.filename or folder}: cannot be written: {problem.strerror}") from problem
+            with contextlib.suppress(OSError, ValueError):
+                temporary.unlink(missing_ok=True)
+        place = getattr(problem, "filename", None) or folder
+        raise InputError(f"{place}: cannot be written: {getattr(problem, 'strerror', problem)}") from problem
     return [final for _, final in staged]

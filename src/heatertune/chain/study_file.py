@@ -146,7 +146,7 @@ def read_study(path: str | Path) -> Study:
         content = tomllib.loads(read_text(path))
     except OSError as problem:
         raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from problem
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+    except (ValueError, RecursionError) as problem:  # no UTF-8, no TOML, thousands of digits or brackets
         raise DocumentError(f"{path}: no TOML: {problem}") from problem
     for part in content:
         _demand_known(path, "part", part, _PARTS)

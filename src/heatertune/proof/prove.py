@@ -13,6 +13,7 @@ from heatertune.model.values import HeaterModel
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc.room import Room, Switch, Words, settings_of
 from heatertune.proof.criteria import Criterion, Limits, worst_of
+from heatertune.proof.document import digested
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge
 from heatertune.proof.loop import simulate
@@ -94,7 +95,7 @@ class Proof(Shown):
 
     def to_document(self) -> dict[str, Any]:
         """Return the JSON document; traces are not part of it, numbers that are not finite are null."""
-        return {
+        return digested({
             "schema": PROOF_SCHEMA,
             "verdict": self.verdict,
             "target": self.words.target,
@@ -122,7 +123,7 @@ class Proof(Shown):
             "faults": list(self.faults),
             "interlock": None if self.nominal.interlock is None else asdict(self.nominal.interlock),
             **self.heard.to_document(),
-        }
+        })
 
     def ramp_document(self) -> dict[str, float] | None:
         """Return the setpoint ramp as a JSON object, None without one."""
