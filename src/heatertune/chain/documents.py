@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune.chain.stages import holding
-from heatertune.chain.views import ComparisonView, LogView, PicturesView, WholeWordsView
-from heatertune.chain.words_file import WORDS_SCHEMA, demand_same_words
+from heatertune.chain.views import ComparisonView, LogView, PicturesView
+from heatertune.chain.words_file import WORDS_SCHEMA, WholeWordsView, demand_same_words
 from heatertune.codec import decode, encode, schema_of
 from heatertune.documents import read_document
 from heatertune.log.values import Log
@@ -73,6 +73,8 @@ def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
         path = directory / f"{name}.json"
         document = read_document(path, str(schema_of(view)))
         documents[name] = encode(decode(view, checked(document, path) if name == "proof" else document, path))
+    if documents["words"]["realised"] is not None:
+        decode(PidView, documents["words"]["realised"], directory / "words.json", "realised")
     demand_same_words(documents["words"], documents["proof"], directory / "proof.json")
     return documents
 

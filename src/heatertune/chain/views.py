@@ -1,58 +1,19 @@
-"""What log, words, pictures and comparison hold as documents, field by field as they are written."""
+"""What log, pictures and comparison hold as documents, field by field as they are written."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
 
 from heatertune.codec import OrUnknown, registered
 from heatertune.errors import DocumentError
-from heatertune.pid.document import PidView
-from heatertune.proof.document import RampView, ScalingView
 
-__all__ = ["ComparisonView", "LogView", "PicturesView", "WholeWordsView"]
+__all__ = ["ComparisonView", "LogView", "PicturesView"]
 
 Numbers = tuple[float, ...]
 
 _MOST = 1e9  # of any number in a picture
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FieldView:
-    """One word as it is typed in."""
-
-    name: str
-    address: str
-    format: str
-    low: float
-    high: float
-    comment: str
-
-
-@registered("heatertune/words/1")
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WholeWordsView:
-    """The document of words as `design` and `export-db` write it."""
-
-    target: str
-    words: Mapping[str, float]
-    fields: tuple[FieldView, ...]
-    sample_time_s: float
-    setpoint_degC: float
-    setpoint_units: float
-    setpoint_ramp: RampView | None
-    scaling: ScalingView
-    realised: PidView | None
-    files: tuple[str, ...]
-    verdict: str
-    forced: bool
-    search: Mapping[str, Any] | None
-
-    def __post_init__(self) -> None:
-        if set(self.words) != {each.name for each in self.fields}:
-            raise DocumentError("fields: others than the words")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.codec import decode
+from heatertune.codec import decode, registered
 from heatertune.documents import peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused
 from heatertune.plc import Certificate, Ramp, Scaling, Words, room
 from heatertune.proof.document import ScalingView, checked, digested
 from heatertune.proof.verdict import NOT_PROVEN, PROOF_SCHEMA, Heard, blocking, extent, told_of, verdict_line
 
-__all__ = ["WORDS_SCHEMA", "certificate", "demand_same_words", "export_again", "read_words"]
+__all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_again", "read_words"]
 
 WORDS_SCHEMA: Final = "heatertune/words/1"
 
@@ -35,6 +35,42 @@ class WordsView:
     scaling: ScalingView
     sample_time_s: float
     setpoint_ramp: WordsRampView | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldView:
+    """One word as it is typed in."""
+
+    name: str
+    address: str
+    format: str
+    low: float
+    high: float
+    comment: str
+
+
+@registered(WORDS_SCHEMA)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WholeWordsView:
+    """The document of words as `design` and `export-db` write it."""
+
+    target: str
+    words: Mapping[str, float]
+    fields: tuple[FieldView, ...]
+    sample_time_s: float
+    setpoint_degC: float
+    setpoint_units: float
+    setpoint_ramp: WordsRampView | None
+    scaling: ScalingView
+    realised: Mapping[str, Any] | None
+    files: tuple[str, ...]
+    verdict: str
+    forced: bool
+    search: Mapping[str, Any] | None
+
+    def __post_init__(self) -> None:
+        if set(self.words) != {each.name for each in self.fields}:
+            raise DocumentError("fields: others than the words")
 
 
 def read_words(path: str | Path, target: str) -> Words | None:
@@ -134,6 +170,7 @@ def export_again(
     beside = Path(path).with_name("proof.json")
     proof = read_document(beside, PROOF_SCHEMA)
     document = read_document(path, WORDS_SCHEMA)
+    decode(WholeWordsView, document, path)
     demand_same_words(document, proof, beside)
     proof = _accepting(checked(proof, beside), accept)
     found = certificate(proof, force=force)

@@ -125,7 +125,7 @@ def _split(path: Path, lines: Sequence[int], texts: Sequence[str], separator: st
             raise LogError("a quotation mark that is not closed", file=path, line=line)
     reader = csv.reader(texts, delimiter=separator, skipinitialspace=True)
     try:
-        return [[cell.strip() for cell in row] for row in reader]
+        return [[cell.strip() for cell in row] or [""] for row in reader]
     except csv.Error as problem:
         raise LogError(str(problem), file=path, line=lines[reader.line_num - 1]) from problem
 
