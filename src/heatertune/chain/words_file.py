@@ -49,6 +49,26 @@ class FieldView:
     comment: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnView:
+    """Ms over heaters drawn from the fit."""
+
+    count: int
+    median: float | None
+    p95: float | None
+    worst: float | None
+    unstable: int
+    told: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchNotesView:
+    """What is told of how words were found."""
+
+    notes: tuple[str, ...]
+    ms_drawn: DrawnView | None
+
+
 @registered(WORDS_SCHEMA)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WholeWordsView:
@@ -71,6 +91,8 @@ class WholeWordsView:
     def __post_init__(self) -> None:
         if set(self.words) != {each.name for each in self.fields}:
             raise DocumentError("fields: others than the words")
+        if self.search is not None:
+            decode(SearchNotesView, {name: self.search.get(name, "") for name in ("notes", "ms_drawn")}, "search")
 
 
 def read_words(path: str | Path, target: str) -> Words | None:
