@@ -35,6 +35,7 @@ from typing import Any, Final
 from heatertune import compiled
 from heatertune.cli import main, parser
 from tests.bench import messy
+from tests.bench.documents import write_all
 
 COUNTS: Final = {"logs": 20_000, "documents": 10_000, "options": 6_000}
 HANG_S: Final = 10
@@ -179,15 +180,13 @@ def _judged(status: int, told: str, case: Case) -> tuple[str, str]:
         if "Warning: " in told:
             return "warning on stderr", next(line for line in told.splitlines() if "Warning: " in line)[-120:]
         return ("refused" if errors else "accepted"), ""
-    if status != 2:
-        return "exit status", str(status)
-    if not errors or told.count("\n") != 1 or len(told.splitlines()) != 1:
-        return "refusal of several lines", _shape(told)
-    if len(told) > LONGEST:
-        return "refusal too long", _shape(told)
-    if case.out is not None and case.out.exists() and any(case.out.parent.rglob("*.part")):
-        return "half-written", str(case.arguments[0])
-    return "refused", ""
+    faults = {
+        "exit status": status != 2,
+        "refusal of several lines": not errors or told.count("\n") != 1 or len(told.splitlines()) != 1,
+        "refusal too long": len(told) > LONGEST,
+        "half-written": case.out is not None and case.out.exists() and any(case.out.parent.rglob("*.part")),
+    }
+    return next(((fault, _shape(told)) for fault, is_so in faults.items() if is_so), ("refused", ""))
 
 
 def _place(problem: BaseException) -> str:
@@ -201,13 +200,6 @@ def _shape(told: str) -> str:
 
 
 # ---- what the commands are given
-
-def words_of(folder: Path) -> None:
-    """Write the documents that all cases damage into a folder: a rich model, its design, words, their proof, a page."""
-    from tests.bench.documents import write_all
-
-    write_all(folder)
-
 
 class Attack:
     """Makes cases in a folder from what lies in `base`."""
@@ -556,7 +548,7 @@ def attack(folder: Path, counts: dict[str, int], *, seed: int = 1, moment_s: flo
     base, here = folder / "base", folder / "here"
     if not base.exists():
         base.mkdir()
-        words_of(base)
+        write_all(base)
     here.mkdir(exist_ok=True)
     made, clock, tallies = Attack(base, here, seed), Clock(moment_s), {kind: Tally() for kind in counts}
     cwd = Path.cwd()
@@ -608,7 +600,7 @@ def _main() -> int:
 def _one(folder: Path, given: argparse.Namespace) -> int:
     (folder / "base").mkdir()
     (folder / "here").mkdir()
-    words_of(folder / "base")
+    write_all(folder / "base")
     kind, _, number = given.only.partition(":")
     case = Attack(folder / "base", folder / "here", given.seed).case(kind, int(number))
     os.chdir(folder / "here")

@@ -5,13 +5,14 @@ import random
 import pytest
 
 from tests.bench import fuzz
+from tests.bench.documents import write_all
 
 
 @pytest.fixture(scope="module")
 def base(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fuzz")
     (folder / "base").mkdir()
-    fuzz.words_of(folder / "base")
+    write_all(folder / "base")
     return folder
 
 

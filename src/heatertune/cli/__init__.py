@@ -35,7 +35,7 @@ from heatertune.cli import (
     validate,
     verify,
 )
-from heatertune.cli.common import CommandParser
+from heatertune.cli.parsing import CommandParser
 from heatertune.cli.terminal import painted
 from heatertune.errors import ExportRefused, HeatertuneError, one_line
 

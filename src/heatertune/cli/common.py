@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from heatertune.errors import InputError
 
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from heatertune.plc import Scaling, Words
 
 __all__ = [
-    "CommandParser", "add_condition_options", "add_log_options", "add_model_options", "add_objective_options",
+    "add_condition_options", "add_log_options", "add_model_options", "add_objective_options",
     "add_proof_options", "add_ramp_option", "add_reading_options", "add_refine_option", "add_step_power_option",
     "add_switch_kind_option",
     "add_switch_option", "add_tuning_options", "add_words_option", "design_and_model", "fitting",
@@ -30,21 +29,6 @@ _STEP_POWER_PCT = 10.0
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
 INTERLOCKS = ("heater-fan",)
 PWM_RULES = ("pulsegen", "pid-compact")
-
-
-class CommandParser(argparse.ArgumentParser):
-    """A parser whose complaints are one line, with exit status 2, like every other bad input."""
-
-    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Return the options; "--option=--" has no value, argparse makes a list of it."""
-        for argument in sys.argv[1:] if args is None else args:
-            if argument.startswith("-") and argument.endswith("=--"):
-                self.error(f"argument {argument.removesuffix('=--')}: expected a value, got '--'")
-        return super().parse_args(args, namespace)
-
-    def error(self, message: str) -> NoReturn:
-        """Raise the complaint as an input error."""
-        raise InputError(f"{message} (see: {self.prog} --help)")
 
 
 def add_reading_options(command: argparse.ArgumentParser) -> None:
