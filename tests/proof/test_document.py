@@ -35,11 +35,18 @@ def _drop_everywhere(proof):
         del holder["criteria"]["overshoot"]
 
 
+def _drop_margins(proof):
+    for holder in (proof, *proof["runs"]):
+        for name in ("stability", "ms", "gain_margin", "phase_margin", "step_power"):
+            del holder["criteria"][name]
+
+
 #: what is changed → what is told of it
 CHANGES = [
     (lambda proof: proof.update(runs=[]), "runs: none"),
-    (lambda proof: proof.update(criteria={}), "criteria.overshoot: is missing"),
+    (lambda proof: proof.update(criteria={}), "criteria."),
     (_drop_everywhere, "criteria.overshoot: is missing"),
+    (_drop_margins, "criteria.ms: is missing"),
     (_raise_limit, "criteria.ms.limit: 9.0; limits.ms says otherwise"),
     (_worse_run, "criteria.overshoot.value"),
     (_broken_run, "runs[1].criteria.overshoot.ok: True; its value says otherwise"),

@@ -159,15 +159,18 @@ def _accepting(proof: Mapping[str, Any], accept: Sequence[str]) -> dict[str, Any
 
 
 def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where: str | Path) -> None:
-    """Refuse a proof (document) of other words than these (document).
+    """Refuse a proof (document) of other words than these (document), or one of a PID without its margins.
 
     Raises:
-        ExportRefused: it is.
+        ExportRefused: it is of other words.
+        DocumentError: they make a PID, whose margins the proof does not judge.
     """
     names = ("target", "words", "sample_time_s", "scaling", "setpoint_ramp")
     other = [name for name in names if proof.get(name) != words.get(name)]
     if other:
         raise ExportRefused(f"{where}: the proof of other words ({', '.join(other)}); prove these first")
+    if words.get("realised") is not None and "ms" not in (proof.get("criteria") or ()):
+        raise DocumentError(f"{where}: criteria.ms: is missing: no whole proof; prove the words again")
 
 
 def export_again(

@@ -69,7 +69,7 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0) -> 
         repairs.append(f"{count(len(numbered) - len(kept), 'line')} without readings (blank, comment) passed over.")
     lines, texts = [i for i, _ in kept], [line for _, line in kept]
     separator = _separator(texts[-_SAMPLE:])
-    rows = _without_empty_ends(_split(path, lines, texts, separator), repairs)
+    rows = _without_empty_ends([row or [""] for row in _split(path, lines, texts, separator)], repairs)
     begin = lines[0]
     header, above = take_header(path, lines, rows, repairs)
     comment: tuple[str, ...] = ()
@@ -125,7 +125,7 @@ def _split(path: Path, lines: Sequence[int], texts: Sequence[str], separator: st
             raise LogError("a quotation mark that is not closed", file=path, line=line)
     reader = csv.reader(texts, delimiter=separator, skipinitialspace=True)
     try:
-        return [[cell.strip() for cell in row] or [""] for row in reader]
+        return [[cell.strip() for cell in row] for row in reader]
     except csv.Error as problem:
         raise LogError(str(problem), file=path, line=lines[reader.line_num - 1]) from problem
 
