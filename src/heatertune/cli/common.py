@@ -7,6 +7,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from heatertune.errors import InputError
+from heatertune.units import check
 
 if TYPE_CHECKING:
     from heatertune.chain.words import Choice
@@ -25,6 +26,7 @@ __all__ = [
 
 _TOLERANCE_DEGC = 1.0
 _STEP_POWER_PCT = 10.0
+_LEAST_INTERVAL_S = 1e-3  # no controller for heaters is called more often
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
 INTERLOCKS = ("heater-fan",)
@@ -255,12 +257,17 @@ def sample_time(settings: argparse.Namespace) -> float | None:
 
     Raises:
         InputError: it is neither a number nor auto nor words.
+        OutOfRange: it is negative, or below a millisecond.
     """
     asked = settings.sample_time
+    if asked in ("auto", "words"):
+        return None
     try:
-        return None if asked in ("auto", "words") else float(asked)
+        seconds = float(asked)
     except ValueError as problem:
         raise InputError(f"--sample-time is {asked!r}; expected seconds, auto or words") from problem
+    check("sample_time_s", seconds, least=_LEAST_INTERVAL_S if seconds > 0.0 else 0.0)
+    return seconds
 
 
 def interval_by_words(settings: argparse.Namespace) -> bool:
