@@ -68,11 +68,11 @@ def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
         DocumentError: one is missing or is none, or the proof does not follow from its values.
         ExportRefused: the proof is of other words.
     """
-    documents: dict[str, dict[str, Any]] = {}
+    documents = {}
     for name, view in _VIEWS.items():
         path = directory / f"{name}.json"
         document = read_document(path, str(schema_of(view)))
-        value = decode(view, checked(document, path) if name == "proof" else document, path)
+        value: object = decode(view, checked(document, path) if name == "proof" else document, path)
         documents[name] = encode(value) | document  # with what it may leave out, its own numbers as they are written
     if documents["words"]["realised"] is not None:
         decode(PidView, documents["words"]["realised"], directory / "words.json", "realised")
