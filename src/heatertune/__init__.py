@@ -25,14 +25,14 @@ _HOMES = {
     **dict.fromkeys(("FittedModel", "Fopdt", "TwoLag"), "model.values"),
     **dict.fromkeys(("Actuator", "Limits", "Proof", "Scenario"), "proof"),
     **dict.fromkeys(("Scaling", "Words"), "plc"),
-    "Log": "log.values", "PidDesign": "pid.values", "by_hand": "model.by_hand", "controller": "proof.controller",
-    "fleet": "batch.fleets", "margins": "pid.loop.robustness", "simulate": "proof.controller", "study": "batch.studies",
+    "Log": "log.values", "PidDesign": "pid.values", "model_by_hand": "model.by_hand",
+    "fleet": "batch.fleets", "margins": "pid.loop.robustness", "simulate": "proof", "study": "batch.studies",
 }
 
 __all__ = [
     "Actuator", "FittedModel", "Fopdt", "Limits", "Log", "PidDesign", "Proof", "Scaling", "Scenario", "TwoLag", "Words",
-    "by_hand", "compare", "controller", "design", "encode", "export", "fit", "fit_together", "fleet", "margins", "plan",
-    "prove", "read_log", "simulate", "study", "tune", "validate", "write_report",
+    "compare", "design", "encode", "export", "fit", "fit_together", "fleet", "margins",
+    "model_by_hand", "plan", "prove", "read_log", "simulate", "study", "tune", "validate", "write_report",
 ]
 
 if TYPE_CHECKING:
@@ -53,13 +53,12 @@ if TYPE_CHECKING:
         write_report,
     )
     from heatertune.log.values import Log
-    from heatertune.model.by_hand import by_hand
+    from heatertune.model.by_hand import model_by_hand
     from heatertune.model.values import FittedModel, Fopdt, TwoLag
     from heatertune.pid.loop.robustness import margins
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
-    from heatertune.proof import Actuator, Limits, Proof, Scenario
-    from heatertune.proof.controller import controller, simulate
+    from heatertune.proof import Actuator, Limits, Proof, Scenario, simulate
 
 
 def __getattr__(name: str) -> Any:
