@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from heatertune.errors import InputError, NotRepresentable
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Certificate, Scaling, Words, room
+from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.s5_ob251.image import oddities, to_image
 from heatertune.plc.s5_ob251.step import (
     AUTO,
@@ -24,7 +24,7 @@ from heatertune.plc.s5_ob251.step import (
     call,
 )
 
-ROOM = room("s5-ob251")
+ROOM = controller_for("s5-ob251")
 
 
 def _parameters(**changed):

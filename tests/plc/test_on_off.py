@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Certificate, Scaling, Words, room
+from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.on_off.export import PROGRAM, intel_hex
 from heatertune.plc.replay import replay
 from heatertune.proof import Actuator, Scenario, prove, simulate
 
-ROOM = room("on-off")
+ROOM = controller_for("on-off")
 PASS = Certificate(verdict="PASS", lines=("proven in 3 runs",))
 
 

@@ -21,7 +21,7 @@ from heatertune.pid.search.integers import Found, Integers, Vector, best_integer
 from heatertune.pid.search.robust import TOLERANCE, Open
 from heatertune.pid.search.uncertain import draw_heaters, ms_over
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, Words, room
+from heatertune.plc import Scaling, Words, controller_for
 
 __all__ = ["WAYS", "Choice", "choose_words", "realised_as", "search_document", "tune_for_words"]
 
@@ -79,7 +79,7 @@ def choose_words(
     if way not in WAYS:
         raise UnknownName("way to find words", way, WAYS)
     choice, promise = _choice(design, target, fitted, scaling, way, progress), design.promise
-    if promise is None or room(target).decode(choice.words) is None:
+    if promise is None or controller_for(target).decode(choice.words) is None:
         return choice
     told = demand_kept(choice.words, promise, fitted, told_only=way == "rounded")
     return replace(choice, search={
@@ -126,7 +126,7 @@ def tune_for_words(
     """
     settings = {name: value for name, value in settings.items() if name != "sample_time_s"}
     usual = tune(fitted, target=target, scaling=scaling, progress=progress, **settings)
-    timer = room(target).timer
+    timer = controller_for(target).timer
     intervals = sorted({timer.round(share * usual.sample_time_s) for share in _INTERVALS} | {usual.sample_time_s})
     tried: list[tuple[float, float, PidDesign]] = []
     refused: NotRepresentable | None = None
@@ -152,8 +152,8 @@ def tune_for_words(
 def _why_rounded(design: PidDesign, rounded: Words, way: str, wished: _Measured) -> str | None:
     """Return why the words are rounded, None where the optimum is searched."""
     reasons = (
-        (room(rounded.target).decode(rounded) is None, "the controller is no PID"),
-        (room(rounded.target).integers is None,
+        (controller_for(rounded.target).decode(rounded) is None, "the controller is no PID"),
+        (controller_for(rounded.target).integers is None,
          "the controller holds single precision or milliseconds, so there is nothing to gain over rounding"),
         (way == "rounded", "asked for with --words rounded"),
         (way == "auto" and not design.method.startswith("optimum"),
@@ -187,7 +187,7 @@ def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float, step_po
 
     The D part at most doubles: load disturbances alone would ask for ever more of it, and noise would pay.
     """
-    found, names = room(rounded.target), _integers(rounded)
+    found, names = controller_for(rounded.target), _integers(rounded)
     start = tuple(rounded.whole[name] for name in names)
     largest = [_largest(rounded, name) for name in names]
     largest[2] = min(largest[2], max(2 * start[2], 2))
@@ -204,7 +204,7 @@ def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float, step_po
 
 def _largest(words: Words, name: str) -> int:
     """Return the largest value of a word that the controller allows, the others being as they are."""
-    found = room(words.target)
+    found = controller_for(words.target)
     low, high = words.whole[name], next(int(field.high) for field in found.fields if field.name == name)
     while low < high:
         middle = (low + high + 1) // 2
@@ -217,7 +217,7 @@ def _largest(words: Words, name: str) -> int:
 
 
 def _integers(words: Words) -> tuple[str, str, str]:
-    names = room(words.target).integers
+    names = controller_for(words.target).integers
     assert names is not None
     return names
 
@@ -258,8 +258,8 @@ def _plainly(rounded: Words, fitted: FittedModel, wished: _Measured, why: str) -
         f"; a load disturbance costs {_more(gap)} than the unrounded design, at Ms = {plain.ms:.5g}"
     )
     notes = [f"The words are rounded: {why}{told}."]
-    if plain is not None and room(rounded.target).integers is not None:
-        design = room(rounded.target).decode(rounded)
+    if plain is not None and controller_for(rounded.target).integers is not None:
+        design = controller_for(rounded.target).decode(rounded)
         assert design is not None
         notes += _told_about_coarse(rounded, design)
     return {
@@ -293,7 +293,7 @@ def search_document(choice: Choice, fitted: FittedModel, notes: Sequence[str] = 
 
 
 def _ms_drawn(words: Words, fitted: FittedModel) -> dict[str, Any] | None:
-    design = room(words.target).decode(words)
+    design = controller_for(words.target).decode(words)
     drawn = None if design is None else ms_over(draw_heaters(fitted), design)
     return None if drawn is None else {
         "count": drawn.count, "median": _finite(drawn.median), "p95": _finite(drawn.p95), "worst": _finite(drawn.worst),
@@ -317,7 +317,7 @@ def _told_about_coarse(words: Words, design: PidDesign) -> list[str]:
     if not 0 < value < _COARSE:
         return []
     ta = words.sample_time_s * _FINE / value
-    timer = room(words.target).timer
+    timer = controller_for(words.target).timer
     slower = math.ceil(ta / timer.step_s - 1e-9) * timer.step_s
     fine = f"TA = {slower:.6g} s makes it about {_FINE}"
     remedy = fine if slower <= timer.longest_s else "no TA of this timer makes it fine"
@@ -326,7 +326,7 @@ def _told_about_coarse(words: Words, design: PidDesign) -> list[str]:
 
 
 def _realised(words: Words, fitted: FittedModel) -> _Measured | None:
-    design = room(words.target).decode(words)
+    design = controller_for(words.target).decode(words)
     return None if design is None else _measured(fitted.plants, design)
 
 

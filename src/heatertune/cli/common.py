@@ -305,13 +305,14 @@ def target(settings: argparse.Namespace) -> str:
         UnknownName: --faithful for a target that has no such version.
     """
     from heatertune.errors import UnknownName  # noqa: PLC0415
-    from heatertune.plc import room  # noqa: PLC0415
+    from heatertune.plc import controller_for  # noqa: PLC0415
 
     if not settings.faithful:
         return str(settings.target)
-    faithful = room(settings.target).faithful
+    faithful = controller_for(settings.target).faithful
     if faithful is None:
-        raise UnknownName("target with --faithful", settings.target, [name for name in TARGETS if room(name).faithful])
+        with_one = [name for name in TARGETS if controller_for(name).faithful]
+        raise UnknownName("target with --faithful", settings.target, with_one)
     return faithful
 
 

@@ -39,9 +39,9 @@ def known_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | No
                 raise InputError(f"--{name} needs --controller: it tells what that controller holds")
         return None
     from heatertune.chain.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc import room  # noqa: PLC0415
+    from heatertune.plc import controller_for  # noqa: PLC0415
 
-    room(settings.controller)  # an unknown name is refused before the file is opened
+    controller_for(settings.controller)  # an unknown name is refused before the file is opened
     if settings.words is None:
         raise InputError("--controller needs --words: without its words a controller is not known")
     if len(logs) > 1:

@@ -23,9 +23,9 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.plc import TARGETS, room  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc import TARGETS, controller_for  # noqa: PLC0415 - the help must not wait for it
 
-    rooms = [room(name) for name in TARGETS]
+    rooms = [controller_for(name) for name in TARGETS]
     document = {
         "schema": "heatertune/targets/1",
         "targets": [

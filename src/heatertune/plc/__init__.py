@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from heatertune.plc.targets import TARGETS
 
 if TYPE_CHECKING:
-    from heatertune.plc.controller import Controller, controller_for, room
+    from heatertune.plc.controller import Controller, controller_for
     from heatertune.plc.core import Core, Running, Scan, Timing, count
     from heatertune.plc.open_points import Switch
     from heatertune.plc.ramp import Number, Ramp
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "TARGETS", "Certificate", "Controller", "Core", "Number", "Ramp", "Running", "Scaling", "Scan", "Switch", "Timing",
-    "WordField", "Words", "controller_for", "count", "room", "rounded",
+    "WordField", "Words", "controller_for", "count", "rounded",
 ]
 
 _FROM: Final = {
-    "controller": ("Controller", "controller_for", "room"),
+    "controller": ("Controller", "controller_for"),
     "core": ("Core", "Running", "Scan", "Timing", "count"),
     "open_points": ("Switch",),
     "ramp": ("Number", "Ramp"),

@@ -304,9 +304,6 @@ def controller_for(target: str) -> Controller:
     return _made(_CLASSES[target])
 
 
-room = controller_for
-
-
 @cache
 def _made(kind: type[Controller]) -> Controller:
     return kind()

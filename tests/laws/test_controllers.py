@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc import TARGETS, Certificate, Scaling, Words, room
+from heatertune.plc import TARGETS, Certificate, Scaling, Words, controller_for
 from heatertune.plc.words import FORMATS
 
-ROOMS = [room(name) for name in TARGETS]
+ROOMS = [controller_for(name) for name in TARGETS]
 rooms = pytest.mark.parametrize("which", ROOMS, ids=list(TARGETS))
 
 LEGAL = PidDesign(gain_pct_per_degC=2.0, integral_time_s=200.0, derivative_time_s=0.0, sample_time_s=5.0, structure="pi",
@@ -198,7 +198,7 @@ def test_the_same_words_and_certificate_always_give_the_same_bytes(which):
 
 def test_an_unknown_target_is_refused_with_the_known_ones():
     with pytest.raises(UnknownName, match=", ".join(TARGETS)):
-        room("s5-ob252")
+        controller_for("s5-ob252")
 
 
 @rooms
