@@ -11,10 +11,10 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange, UnknownN
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Controller, Core, Running, Scaling, Timing, WordField, Words, controller_for, count
-from heatertune.plc.words import kept_by, rounded, stored
+from heatertune.plc.words import kept_by, stored
 
 PLC = ROOT / "src" / "heatertune" / "plc"
-DESIGN = PidDesign(gain_pct_per_degC=1.5, integral_time_s=100.0, derivative_time_s=0.0, sample_time_s=2.0, structure="pi",
+DESIGN = PidDesign(gain_pct_per_degC=1.45, integral_time_s=100.0, derivative_time_s=0.0, sample_time_s=2.0, structure="pi",
                    method="")
 
 
@@ -25,7 +25,7 @@ def _parts(**changed):
         "fields": (WordField(name="K", address="1", format="INT", low=1, high=99, comment=""),),
         "timer": Timer(shortest_s=0.5, longest_s=10.0, step_s=0.5),
         "core": Core(step=lambda k, n, w, x, _: (n + 1, float(k * (w - x)), n, 0), measure=count, flags=()),
-        "values": staticmethod(lambda design, _: {"K": rounded(10.0 * design.gain_pct_per_degC)}),
+        "values": staticmethod(lambda design, _: {"K": 10.0 * design.gain_pct_per_degC}),
         "design": staticmethod(lambda _: None),
         "export": staticmethod(lambda words, _: {"k.txt": str(words.values["K"])}),
         "begin": lambda _self, words, _assume: Running(words.values["K"], 0),
@@ -150,6 +150,7 @@ def test_an_interval_is_kept_as_the_timer_counts_it():
     assert kept_by(Timer(shortest_s=0.1, longest_s=9.0, step_s=0.1), 0.1 + 0.2) == 0.3
 
 
+WHOLE = WordField(name="N", address="1", format="INT", low=-99, high=99, comment="")
 REAL = WordField(name="G", address="1", format="REAL", low=-3.4028234663852886e38, high=3.4028234663852886e38, comment="")
 
 
@@ -164,3 +165,15 @@ def test_a_real_is_rounded_once(exact, held):
 def test_a_real_that_would_be_infinite_or_nothing_is_refused(exact):
     with pytest.raises(NotRepresentable, match=r"word G would be .* a number in single precision; a size between"):
         stored(REAL, exact)
+
+
+@pytest.mark.parametrize(("exact", "held"), [(2.5, 3), (-2.5, -3), (2.49, 2), (98.6, 99), (0.4, 0)])
+def test_a_whole_word_is_rounded_once_halves_away_from_zero(exact, held):
+    word = stored(WHOLE, exact)
+    assert (word, type(word)) == (held, int)
+
+
+@pytest.mark.parametrize("exact", [99.5, -100, float("inf")])
+def test_a_whole_word_beyond_its_range_is_refused(exact):
+    with pytest.raises(NotRepresentable, match=r"word N would be .* a whole number -99…99"):
+        stored(WHOLE, exact)

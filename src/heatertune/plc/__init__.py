@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from heatertune.plc.core import Core, Running, Scan, Timing, count
     from heatertune.plc.open_points import Switch
     from heatertune.plc.ramp import Number, Ramp
-    from heatertune.plc.words import Certificate, Scaling, WordField, Words, rounded
+    from heatertune.plc.words import Certificate, Scaling, WordField, Words
 
 __all__ = [
     "TARGETS", "Certificate", "Controller", "Core", "Number", "Ramp", "Running", "Scaling", "Scan", "Switch", "Timing",
-    "WordField", "Words", "controller_for", "count", "rounded",
+    "WordField", "Words", "controller_for", "count",
 ]
 
 _FROM: Final = {
@@ -27,7 +27,7 @@ _FROM: Final = {
     "core": ("Core", "Running", "Scan", "Timing", "count"),
     "open_points": ("Switch",),
     "ramp": ("Number", "Ramp"),
-    "words": ("Certificate", "Scaling", "WordField", "Words", "rounded"),
+    "words": ("Certificate", "Scaling", "WordField", "Words"),
 }
 
 

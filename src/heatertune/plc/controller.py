@@ -106,10 +106,10 @@ class Controller(ABC):
     @staticmethod
     @abstractmethod
     def values(design: PidDesign, scaling: Scaling) -> Mapping[str, Number]:
-        """Return all words of a design whose TA the timer keeps: whole numbers rounded, REALs as they come out.
+        """Return all words of a design whose TA the timer keeps, as they come out; `encode` rounds them.
 
         Raises:
-            NotRepresentable: a word would leave its range, or rounding would switch a wanted part off.
+            NotRepresentable: rounding would switch a wanted part off, or what is more than a word out of its range.
         """
 
     @staticmethod

@@ -160,10 +160,17 @@ def kept_by(timer: Timer, sample_time_s: float) -> float:
 def stored(
     field: WordField, exact: Number, remedy: str = "a size between 1.4e-45 and 3.4e+38 would fit"
 ) -> Number:
-    """Return a number as its word holds it, a REAL rounded once; raise NotRepresentable for one that does not fit."""
-    word = single(exact) if field.format == "REAL" else exact
-    if math.isinf(word) or (word == 0.0 and exact != 0.0):
-        raise NotRepresentable(f"word {field.name}", exact, "a number in single precision", remedy)
+    """Return a number as its word holds it, rounded once: to single precision, or whole with halves away from zero.
+
+    Raises:
+        NotRepresentable: it leaves the word's range, or is a REAL that would be rounded to zero.
+    """
+    if field.format == "REAL":
+        word: Number = single(exact)
+        if math.isinf(word) or (word == 0.0 and exact != 0.0):
+            raise NotRepresentable(f"word {field.name}", exact, "a number in single precision", remedy)
+    else:
+        word = rounded(exact) if math.isfinite(exact) else exact
     if not field.low <= word <= field.high:
         raise NotRepresentable(f"word {field.name}", word, field.rule, "another design would fit")
     return word

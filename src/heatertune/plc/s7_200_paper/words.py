@@ -10,7 +10,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc.cpu.s7_200.cycle import MOST, whole_cycle
 from heatertune.plc.cpu.s7_200.wiring import ms_per_count
 from heatertune.plc.ramp import Number
-from heatertune.plc.words import Scaling, WordField, Words, rounded
+from heatertune.plc.words import Scaling, WordField, Words
 
 __all__ = ["FIELDS", "cycle_s", "paper_words", "values_of"]
 
@@ -27,7 +27,7 @@ FIELDS: Final[tuple[WordField, ...]] = (
 )
 
 
-def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
+def values_of(design: PidDesign, scaling: Scaling) -> dict[str, float]:
     """Return the constants that the paper's equation asks for, T = 1 PWM cycle; the program makes no PID of them.
 
     The PWM cycle is TA or, where the constants would not be words, the longest shorter one in tenths of a second.
@@ -39,7 +39,7 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
     for cycle in range(longest, 0, -_CYCLE_STEP):
         exact = _constants(design, scaling, cycle)
         if max(map(abs, exact.values())) <= MOST:
-            return {name: rounded(value) for name, value in exact.items()} | {"T": 1, "CYCLE": cycle, "POT1": 0}
+            return exact | {"T": 1, "CYCLE": cycle, "POT1": 0}
     name, value = max(exact.items(), key=lambda pair: abs(pair[1]))
     raise NotRepresentable(f"constant {name}", value, f"up to {MOST}", "a smaller K would fit")
 
