@@ -19,7 +19,7 @@ from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins, noise_gain
 from heatertune.pid.search.uncertain import draw_heaters
 from heatertune.pid.values import Promise
-from heatertune.plc import room
+from heatertune.plc import controller_for
 
 SLOW = Fopdt(gain_degC_per_pct=0.8, time_constant_s=480.0, dead_time_s=60.0, ambient_degC=22.0)
 FITTED = replace(model_by_hand(SLOW), ci95={
@@ -46,7 +46,7 @@ def ms_of(heater, loop):
 
 def peaks(words, peak=ms_of, heaters=None):
     """Return a peak on each heater, those drawn if none are given, in rising order."""
-    loop = room(words.target).decode(words)
+    loop = controller_for(words.target).decode(words)
     return sorted(peak(heater, loop) for heater in heaters or draw_heaters(FITTED))
 
 
@@ -84,7 +84,7 @@ def test_a_promise_tighter_than_the_candidates_limit_is_searched_on_to_the_best_
     assert peaks(found.words, peak)[-1] <= NEARLY * limit
     # by hand: with each TI the largest K that keeps both, found by halving, since both rise with K; the heaters that
     # are worst with one gain are with all near it
-    loop = room("s5-ob251").decode(found.words)
+    loop = controller_for("s5-ob251").decode(found.words)
     worst = sorted(draw_heaters(FITTED), key=lambda heater: peak(heater, loop))[-20:]
     costs = []
     for ti in (2, 3, 4):
@@ -92,12 +92,12 @@ def test_a_promise_tighter_than_the_candidates_limit_is_searched_on_to_the_best_
         while low < high:
             middle = (low + high + 1) // 2
             words = replace(found.words, values=dict(found.words.values) | {"K": middle, "TI": ti})
-            loop = room("s5-ob251").decode(words)
+            loop = controller_for("s5-ob251").decode(words)
             kept = margins(SLOW, loop).ms <= found.search["ms_limit"] and peaks(words, peak, worst)[-1] <= NEARLY * limit
             low, high = (middle, high) if kept else (low, middle - 1)
         if low > 2000:  # else none was kept
             words = replace(found.words, values=dict(found.words.values) | {"K": low, "TI": ti})
-            costs.append(iae_load(SLOW, room("s5-ob251").decode(words)))
+            costs.append(iae_load(SLOW, controller_for("s5-ob251").decode(words)))
     assert found.search["iae_load"] == pytest.approx(min(costs), rel=1e-3)
 
 

@@ -11,7 +11,7 @@ from heatertune.errors import ExportRefused, InputError, OutOfRange
 from heatertune.log.values import Log
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
-from heatertune.plc import Ramp, room
+from heatertune.plc import Ramp, controller_for
 
 #: overshoots from cold under the optimum for disturbances: its integral runs on at the limit (see test_refine)
 SLOW = model_by_hand(Fopdt(gain_degC_per_pct=0.8, time_constant_s=480.0, dead_time_s=60.0, ambient_degC=22.0))
@@ -150,4 +150,4 @@ def test_the_heater_follows_what_the_room_was_told(words):
     # OB251: 22 °C is 450 units, 40 °C is 818; a unit is 100/2047 °C
     rows = [450 + 9 * ((k + 1) // 2) for k in range(len(nominal.time_s))]
     assert nominal.followed_degC == pytest.approx(np.minimum(rows, 818) * 100.0 / 2047.0, abs=1e-9)
-    assert room("s5-ob251").measure(words, 40.0) == 818
+    assert controller_for("s5-ob251").measure(words, 40.0) == 818

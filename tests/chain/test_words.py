@@ -17,7 +17,7 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
-from heatertune.plc import room
+from heatertune.plc import controller_for
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 SLOW = Fopdt(gain_degC_per_pct=0.8, time_constant_s=480.0, dead_time_s=60.0, ambient_degC=22.0)
@@ -37,8 +37,8 @@ def test_where_rounding_decides_the_best_words_keep_the_limit_and_win_back_what_
     # reference tuning page: naive rounding breaks at TI words of 10 and less; solving K anew recovers most of it
     design, fitted = _optimum(SLOW, 1.0), model_by_hand(SLOW)
     choice = choose_words(design, "s5-ob251", fitted)
-    plain = room("s5-ob251").decode(encode(design, "s5-ob251"))
-    best = room("s5-ob251").decode(choice.words)
+    plain = controller_for("s5-ob251").decode(encode(design, "s5-ob251"))
+    best = controller_for("s5-ob251").decode(choice.words)
     wished = iae_load(SLOW, design)
     assert choice.words.values["TI"] < 10
     assert margins(SLOW, best).ms <= margins(SLOW, design).ms
@@ -113,7 +113,7 @@ def test_a_document_tells_ms_on_drawn_heaters_of_the_very_words():
     choice = choose_words(_optimum(HEATER, 4.0), "weg", fitted)
     document = search_document(choice, fitted, ["One more."])
     # an interval of ±25 % is ln(1.25)/1.96 = 0.1138 in standard deviations: Ms at these gains, heater by heater
-    real, draws = room("weg").decode(choice.words), np.random.default_rng(0).normal(0.0, 1.0, (200, 3))[:, 0]
+    real, draws = controller_for("weg").decode(choice.words), np.random.default_rng(0).normal(0.0, 1.0, (200, 3))[:, 0]
     gains = HEATER.gain_degC_per_pct * np.exp(draws * math.log(1.25) / 1.96)
     alone = sorted(margins(replace(HEATER, gain_degC_per_pct=gain), real).ms for gain in gains)
     drawn = document["ms_drawn"]

@@ -180,10 +180,6 @@ def test_the_s7_200_exports_its_program_and_on_request_the_papers_with_its_fault
     assert (status, "s7-200" in err) == (2, True)
 
 
-def test_the_command_line_knows_the_targets_without_loading_them():
-    assert tuple(TARGETS) == common.TARGETS
-
-
 def test_an_interlock_watches_the_proof_of_every_command(run, by_hand, tmp_path):
     conditions = ("--target", "s5-ob251", "--setpoint", 40)
     watched = (*conditions, "--interlock", "heater-fan")

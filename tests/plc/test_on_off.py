@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Certificate, Scaling, Words, room
-from heatertune.plc.bit_processor.export import PROGRAM, intel_hex
+from heatertune.plc import Certificate, Scaling, Words, controller_for
+from heatertune.plc.on_off.export import PROGRAM, intel_hex
 from heatertune.plc.replay import replay
 from heatertune.proof import Actuator, Scenario, prove, simulate
 
-ROOM = room("on-off")
+ROOM = controller_for("on-off")
 PASS = Certificate(verdict="PASS", lines=("proven in 3 runs",))
 
 
@@ -120,8 +120,8 @@ def test_the_files_hold_program_and_word():
 
 
 def test_the_listing_assembles_to_the_program():
-    from heatertune.plc.bit_processor.assembler import assemble  # noqa: PLC0415 - beside its only use
-    from heatertune.plc.bit_processor.programs import ON_OFF_NAMES  # noqa: PLC0415
+    from heatertune.plc.cpu.one_bit.assembler import assemble  # noqa: PLC0415 - beside its only use
+    from heatertune.plc.cpu.one_bit.programs import ON_OFF_NAMES  # noqa: PLC0415
 
     assert assemble(ROOM.export(_words(), PASS)["on_off_listing.txt"], ON_OFF_NAMES, operand_bits=4) == PROGRAM
 

@@ -9,7 +9,7 @@ import pytest
 from heatertune.compiled import bound
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.model.values import Fopdt
-from heatertune.plc.bit_processor.machine import State
+from heatertune.plc.cpu.one_bit.machine import State
 from heatertune.proof import Actuator, Interlock, Kick, Scenario, judge, prove, simulate
 from heatertune.proof.criteria import Limits
 from heatertune.proof.interlock import _BITS, INTERLOCKS, _scan

@@ -12,7 +12,7 @@ import pytest
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
-from heatertune.plc import TARGETS, Scaling, room
+from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.proof import Actuator, Interlock, Kick, Limits, Load, Scenario, judge, paper_scenario, prove, simulate
 from heatertune.proof import prove as proving
 from heatertune.proof.measured import Measured, columns_of
@@ -56,7 +56,7 @@ def conditions(chance):
 
 def words_of(target, chance):
     """Words from sluggish to unstable, some with a setpoint ramp."""
-    which = room(target)
+    which = controller_for(target)
     while True:
         design = PidDesign(
             gain_pct_per_degC=chance.uniform(0.5, 9.0), integral_time_s=chance.uniform(20.0, 200.0),
@@ -71,7 +71,7 @@ def words_of(target, chance):
 def drawn(target, seed):
     """What a proof is given: room, words, models, scenario, switch and limits."""
     chance = random.Random(seed)
-    return room(target), words_of(target, chance), heaters(chance, 2), *conditions(chance)
+    return controller_for(target), words_of(target, chance), heaters(chance, 2), *conditions(chance)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -92,7 +92,7 @@ def test_a_run_is_judged_by_the_meter_as_by_its_trace(target, seed):
 def test_traces_are_run_when_they_are_asked_for(monkeypatch):
     asked, run = [], proving.__globals__["simulate"]
     monkeypatch.setitem(proving.__globals__, "simulate", lambda *given: asked.append(given[5]) or run(*given))
-    which, chance = room("weg"), random.Random(1)
+    which, chance = controller_for("weg"), random.Random(1)
     scenario, actuator, limits = conditions(chance)
     proof = prove(which, words_of("weg", chance), heaters(chance, 2), scenario, actuator, limits)
     assert proof.to_document()["scenario"]["duration_s"] == scenario.duration_s
@@ -116,7 +116,7 @@ def test_a_listing_that_fails_fails_the_proof_whatever_its_direct_form_does(tent
 
 
 def test_an_interlock_is_judged_by_traces():
-    which, chance = room("s5-ob251"), random.Random(3)
+    which, chance = controller_for("s5-ob251"), random.Random(3)
     scenario, actuator, limits = conditions(chance)
     words, models = words_of("s5-ob251", chance), heaters(chance, 2)
     watch = Interlock(name="heater-fan", limit_degC=scenario.setpoint_degC - 5.0)

@@ -19,7 +19,7 @@ from heatertune.errors import InputError, LogError
 from heatertune.files import read_bytes, read_text
 from heatertune.log import read_log
 from heatertune.model.values import FittedModel
-from heatertune.plc import Scaling, room
+from heatertune.plc import Scaling, controller_for
 from heatertune.units import check
 
 __all__ = ["SCHEMA", "find_logs", "fleet"]
@@ -74,7 +74,7 @@ def fleet(
         InputError: no log found; as `heatertune.batch.engine`.
     """
     check("samples", samples, least=0)
-    room(target)  # an unknown one is refused before the long part
+    controller_for(target)  # an unknown one is refused before the long part
     folder, names = find_logs(logs)
     options: dict[str, Any] = {
         "target": target, "reading": dict(reading or {}), "fitting": dict(fitting or {}), "tuning": dict(tuning or {}),

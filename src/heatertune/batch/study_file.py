@@ -15,7 +15,7 @@ from heatertune.errors import DocumentError, UnknownName
 from heatertune.files import read_text
 from heatertune.pid.specs import OBJECTIVES
 from heatertune.pid.tune import METHODS, STRUCTURES
-from heatertune.plc import TARGETS, room
+from heatertune.plc import TARGETS, controller_for
 from heatertune.plc.open_points import settings_of
 from heatertune.proof.interlock import INTERLOCKS
 from heatertune.proof.pwm import RULES
@@ -242,6 +242,6 @@ def _check(where: str, case: Mapping[str, Any]) -> None:
     if "gain_degC_per_pct" in case and missing:
         raise DocumentError(f"{where}: no {missing[0]}; a model by hand needs {', '.join(_BY_HAND)}")
     try:
-        settings_of(room(case["target"]).switches, case.get("switches", {}))
+        settings_of(controller_for(case["target"]).switches, case.get("switches", {}))
     except UnknownName as problem:
         raise DocumentError(f"{where}: {case['target']}: {problem}") from problem

@@ -15,7 +15,7 @@ from heatertune.chain.samples import sample_document
 from heatertune.errors import HeatertuneError, LogError
 from heatertune.model.values import FittedModel, Fopdt
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, Words, room
+from heatertune.plc import Scaling, Words, controller_for
 from heatertune.proof import Proof
 from heatertune.proof.verdict import blocking, combined
 
@@ -79,7 +79,7 @@ def word_columns(targets: Iterable[str]) -> tuple[Column, ...]:
     """
     found: dict[str, Column] = {}
     for target in targets:
-        for field in room(target).fields:
+        for field in controller_for(target).fields:
             before = found.get(field.name)
             whole = field.format != "REAL" and (before is None or before.kind == "int")
             told = f"word {field.name} of {target}" if before is None else f"{before.what}, {target}"

@@ -15,7 +15,7 @@ from heatertune.chain.words import Choice, choose_words, tune_for_words
 from heatertune.errors import InputError, NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, room
+from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Actuator, Proof
 
 __all__ = ["Asked", "Closed", "closed", "plainly"]
@@ -164,7 +164,7 @@ def _changes(asked: Asked, first: Closed) -> Iterator[_Change]:
         for each, what in [_Change(still, ""), *robust]:
             yield _Change(replace(each, proving=proving), " and ".join(filter(None, (what, told))))
     broken = {each.name for each in first.proof.criteria if not each.ok}
-    if asked.setpoint_ramp is None and room(asked.target).ramped and "overshoot" in broken:
+    if asked.setpoint_ramp is None and controller_for(asked.target).ramped and "overshoot" in broken:
         ramped = replace(asked, setpoint_ramp="auto")
         yield _Change(ramped, "a setpoint ramp")
         if fast is not None:
@@ -175,7 +175,7 @@ def _faster(asked: Asked, first: Closed) -> Actuator | None:
     """Return a switch with a shorter period; None where the user chose one, or the controller makes the PWM itself."""
     chosen = asked.switch_kind is not None or asked.proving.get("actuator") is not None
     words = first.proof.words
-    if chosen or room(words.target).timing(words).pwm_period_s is not None:
+    if chosen or controller_for(words.target).timing(words).pwm_period_s is not None:
         return None
     period = default_pwm_period_s(words.sample_time_s, most_s=_FAST_S)
     return Actuator(pwm_period_s=period) if period < default_pwm_period_s(words.sample_time_s) else None

@@ -13,15 +13,12 @@ from heatertune.model.values import FittedModel, Fopdt
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.values import PidDesign
-from heatertune.plc import room
-from heatertune.plc.s7_200.paper import paper_words
+from heatertune.plc import controller_for
+from heatertune.plc.s7_200_paper.words import paper_words
 from heatertune.proof import Actuator, Proof, paper_scenario, prove, simulate
 from heatertune.proof.series import trace_series
 
-__all__ = ["BASELINE", "best_single_lag", "paper_runs", "price_of_doubt", "rivals"]
-
-#: what every tuned design is compared with
-BASELINE = "on-off"
+__all__ = ["best_single_lag", "paper_runs", "price_of_doubt", "rivals"]
 
 #: one rule of each kind; `tune` compares all of them without a proof
 RIVAL_RULES = ("simc", "amigo", "lambda", "ziegler-nichols")
@@ -46,8 +43,9 @@ def rivals(fitted: FittedModel, wished: PidDesign, proof: Proof) -> list[dict[st
         {"gain_pct_per_degC": design.gain_pct_per_degC, "integral_time_s": design.integral_time_s}
         | _rival(label, design, target, fitted, proof) for label, design in ruled
     ]
-    if target != BASELINE:
-        switching = _rival("two-level control, ±0.5 °C", wished, BASELINE, fitted, proof)
+    baseline = controller_for(target).baseline
+    if baseline is not None:
+        switching = _rival("two-level control, ±0.5 °C", wished, baseline, fitted, proof)
         found.append({"gain_pct_per_degC": None, "integral_time_s": None} | switching)
     return found
 
@@ -58,11 +56,11 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
         words = encode(design, target, scaling=proof.words.scaling)
     except NotRepresentable as problem:
         return {"label": label, "verdict": "not representable", "ms": None, "fails": [str(problem)]}
-    if proof.words.ramp is not None and room(target).ramped:
-        words = replace(words, ramp=room(target).ramp(words, proof.ramp_degC_per_min))
+    if proof.words.ramp is not None and controller_for(target).ramped:
+        words = replace(words, ramp=controller_for(target).ramp(words, proof.ramp_degC_per_min))
     actuator = Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s))
     found = prove(
-        room(target), words, holding(fitted, proof.scenario.setpoint_degC), proof.scenario, actuator,
+        controller_for(target), words, holding(fitted, proof.scenario.setpoint_degC), proof.scenario, actuator,
         proof.limits, margins,
         open_points=False, interlock=proof.interlock,
         known=proof.known if target == proof.words.target else None,
@@ -108,7 +106,7 @@ def paper_runs(fitted: FittedModel) -> dict[str, Any]:
     runs = []
     for label, settings in PAPER_RUNS.items():
         words = paper_words(**settings)
-        trace = simulate(room(words.target), words, model, scenario, switches={"rails": "edges_go_on"})
+        trace = simulate(controller_for(words.target), words, model, scenario, switches={"rails": "edges_go_on"})
         rests = [trace.course(start, end)[1] for start, end in ((kick - 200.0, kick), (2250.0, 2400.0))]
         peak = float(trace.course(0.0, kick)[1].max())
         runs.append({

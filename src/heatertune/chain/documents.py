@@ -17,7 +17,7 @@ from heatertune.model.view import ModelView
 from heatertune.pid import document as pid_document
 from heatertune.pid.document import PidView
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Words, room
+from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof, Trace, simulate, simulate_wish
 from heatertune.proof.document import ProofView, checked
 from heatertune.proof.series import curve_series, trace_series
@@ -41,7 +41,7 @@ def words_document(
     words: Words, proof: Proof, files: Mapping[str, str | bytes], search: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return the JSON document of words, in the order in which they are typed in, and how they were found."""
-    fields = room(words.target).fields
+    fields = controller_for(words.target).fields
     return {
         "schema": WORDS_SCHEMA,
         "target": words.target,
@@ -50,7 +50,7 @@ def words_document(
                    for f in fields],
         "sample_time_s": words.sample_time_s,
         "setpoint_degC": proof.scenario.setpoint_degC,
-        "setpoint_units": room(words.target).measure(words, proof.scenario.setpoint_degC),
+        "setpoint_units": controller_for(words.target).measure(words, proof.scenario.setpoint_degC),
         "setpoint_ramp": proof.ramp_document(),
         "scaling": {"low_degC": words.scaling.low_degC, "high_degC": words.scaling.high_degC},
         "realised": None if proof.design is None else pid_document.to_document(proof.design),
@@ -83,7 +83,7 @@ def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
 def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, Any]:
     """Return the series that the report draws: the runs, the wish, and the robustness of the words as realised."""
     models = holding(fitted, proof.scenario.setpoint_degC)
-    nominal, found = proof.nominal, room(proof.words.target)
+    nominal, found = proof.nominal, controller_for(proof.words.target)
     others = [
         trace_series(
             simulate(found, proof.words, model, nominal.scenario, nominal.actuator, interlock=nominal.interlock), label)
@@ -105,6 +105,7 @@ def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, 
 
 def _label_of(trace: Trace, models: Sequence[tuple[str, HeaterModel]]) -> str:
     label = next(label for label, model in models if model == trace.model)
-    defaults = {switch.name: switch.default for switch in room(trace.words.target).switches} if trace.words else {}
+    switches = controller_for(trace.words.target).switches if trace.words else ()
+    defaults = {switch.name: switch.default for switch in switches}
     changed = [f"{name} = {setting}" for name, setting in trace.switches.items() if setting != defaults.get(name)]
     return ", ".join([label, *changed])

@@ -12,7 +12,7 @@ from heatertune.errors import OutOfRange
 from heatertune.log.values import Log
 from heatertune.model.statistics import fit_pct
 from heatertune.model.values import FittedModel
-from heatertune.plc import Room, Words, room
+from heatertune.plc import Controller, Words, controller_for
 from heatertune.plc.replay import powers
 from heatertune.proof import Actuator, Scenario, simulate
 from heatertune.proof.prove import settings_to_prove
@@ -26,7 +26,7 @@ Array = npt.NDArray[np.float64]
 class RoomController:
     """A room with its words and one setting of its open points; see `heatertune.model.power.known_controller`."""
 
-    room: Room
+    room: Controller
     words: Words
     switches: Mapping[str, str]
 
@@ -58,7 +58,7 @@ def controllers(words: Words, known: Mapping[str, str] | None = None) -> list[Ro
     Raises:
         UnknownName: what is known is no switch or setting of the target.
     """
-    found = room(words.target)
+    found = controller_for(words.target)
     return [RoomController(room=found, words=words, switches=each) for each in settings_to_prove(found.switches, known)]
 
 

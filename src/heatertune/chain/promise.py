@@ -6,14 +6,14 @@ from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.search.robust import ROBUST, Broken, Open
 from heatertune.pid.values import Promise
-from heatertune.plc import Words, room
+from heatertune.plc import Words, controller_for
 
 __all__ = ["broken_by", "demand_kept"]
 
 
 def broken_by(words: Words, heaters: Open, promise: Promise) -> Broken | None:
     """Return where words break a promise, None where they keep it, are no PID controller, or have no heaters."""
-    design = room(words.target).decode(words)
+    design = controller_for(words.target).decode(words)
     return None if design is None else heaters.broken(promise, design)
 
 

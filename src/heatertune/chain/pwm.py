@@ -7,7 +7,7 @@ from dataclasses import replace
 from heatertune.chain.stages import ROOM_DEGC, default_setpoint
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Words, room
+from heatertune.plc import Words, controller_for
 from heatertune.proof import Actuator
 from heatertune.proof.period import propose_period
 
@@ -40,7 +40,7 @@ def with_pwm(
         setpoint_degC=default_setpoint(fitted) if setpoint_degC is None else setpoint_degC,
         ripple_degC_most=_OF_TOLERANCE * tolerance_degC,
     )
-    if words is not None and (own := room(words.target).timing(words).pwm_period_s) is not None:
+    if words is not None and (own := controller_for(words.target).timing(words).pwm_period_s) is not None:
         note = f"{words.target} makes the PWM itself, period {own:g} s; a switch behind it would get: {wanted.told}"
         return replace(design, notes=(*design.notes, note)), None
     return replace(design, notes=(*design.notes, wanted.told)), Actuator(

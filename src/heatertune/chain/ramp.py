@@ -13,7 +13,7 @@ from typing import Any, Final
 from heatertune.chain.stages import Told, labelled, prove
 from heatertune.errors import OutOfRange
 from heatertune.model.values import FittedModel
-from heatertune.plc import Ramp, Words, room
+from heatertune.plc import Ramp, Words, controller_for
 from heatertune.proof import Criterion, Proof, RunResult
 from heatertune.proof import prove as prove_run
 from heatertune.proof.scenario import conditions
@@ -44,7 +44,7 @@ def prove_ramped(
         InputError: a ramp for a room that has none, or as `prove`.
         OutOfRange, UnknownName: as `prove`; a rate that the room cannot have.
     """
-    options, found = dict(proving or {}), room(words.target)
+    options, found = dict(proving or {}), controller_for(words.target)
     if isinstance(ramp, float | int):
         words = replace(words, ramp=found.ramp(words, ramp))
     elif ramp is not None:
@@ -148,7 +148,7 @@ class _Search:
         scenario = self.plain.scenario
         stops = [each.time_s for each in scenario.disturbances]
         longest = (stops[0] if stops else scenario.duration_s) / 2.0
-        duration = 4.0 * room(self.plain.words.target).timing(self.plain.words).scan_s
+        duration = 4.0 * controller_for(self.plain.words.target).timing(self.plain.words).scan_s
         while duration < longest:
             yield duration
             duration *= _STEP
@@ -159,7 +159,7 @@ class _Search:
         scenario, words = self.plain.scenario, self.plain.words
         way = scenario.setpoint_degC - conditions(scenario, dict(labelled(self.fitted))[self.plain.runs[0].model])[1]
         try:
-            ramp: Ramp = room(words.target).ramp(words, 60.0 * way / duration_s)
+            ramp: Ramp = controller_for(words.target).ramp(words, 60.0 * way / duration_s)
         except OutOfRange:
             return None
         return replace(words, ramp=ramp)
@@ -167,7 +167,7 @@ class _Search:
     def _keeps(self, words: Words, watched: list[RunResult]) -> bool:
         plain, models = self.plain, dict(labelled(self.fitted))
         return all(
-            _overshoot(prove_run(room(words.target), words, [(run.model, models[run.model])], plain.scenario,
+            _overshoot(prove_run(controller_for(words.target), words, [(run.model, models[run.model])], plain.scenario,
                                  plain.actuator, plain.limits, known=run.switches, interlock=plain.interlock)).ok
             for run in watched
         )

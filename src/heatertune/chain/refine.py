@@ -20,7 +20,7 @@ from heatertune.pid.document import read_promise
 from heatertune.pid.loop.robustness import sensitivity_peaks
 from heatertune.pid.search.robust import Open
 from heatertune.pid.values import PidDesign, Promise
-from heatertune.plc import Words, room
+from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof
 
 __all__ = ["WORTH", "refine"]
@@ -72,7 +72,7 @@ def refine(
     Raises:
         InputError, OutOfRange, UnknownName: as `prove`.
     """
-    design, limit = room(choice.words.target).decode(choice.words), choice.search["ms_limit"]
+    design, limit = controller_for(choice.words.target).decode(choice.words), choice.search["ms_limit"]
     if design is None or limit is None or math.isinf(design.integral_time_s):
         return _told(choice, "The gains were not refined: that needs a stable controller with an I part.")
     progress(f"refining the gains in the loop of {choice.words.target}")
@@ -134,7 +134,7 @@ class _Loop:
             except NotRepresentable:
                 continue
             key = tuple(words.values.items())
-            real = room(target).decode(words)
+            real = controller_for(target).decode(words)
             if key in seen or real is None:
                 continue
             seen.add(key)

@@ -10,7 +10,7 @@ from heatertune.chain.stages import default_pwm_period_s, default_setpoint, hold
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
 from heatertune.pid.search.uncertain import spreads_of
-from heatertune.plc import Words, room
+from heatertune.plc import Words, controller_for
 from heatertune.proof import Actuator, Drawing, Limits, Spread, judge, prove_samples, replay, scenario_for
 from heatertune.proof.series import trace_series
 from heatertune.units import check
@@ -87,7 +87,7 @@ def _drawing(
         fitted, candidates=tuple(each for each in fitted.candidates if not each.part)), setpoint)]
     scenario = scenario_for(family, noise_degC=noise_degC, setpoint_degC=setpoint)
     return Drawing.of(
-        room(words.target), words, heaters, scenario,
+        controller_for(words.target), words, heaters, scenario,
         Spread(heater=spreads_of(fitted), least_dead_time_s=fitted.least_dead_time_s, **spread),
         actuator or Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s)), dict(known or {}),
     )

@@ -21,7 +21,7 @@ from heatertune.pid import document as pid_document
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, Words, room
+from heatertune.plc import Scaling, Words, controller_for
 from heatertune.proof import Actuator, Interlock, Limits, Proof, scenario_for
 from heatertune.proof import prove as prove_words
 from heatertune.proof.scenario import can_hold
@@ -166,7 +166,7 @@ def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel],
 
 
 def _laws() -> Sequence[Any]:
-    from heatertune.plc.s7_200.paper.laws import LAWS  # noqa: PLC0415 - compiles; only logs without power need it
+    from heatertune.plc.s7_200_paper.laws import LAWS  # noqa: PLC0415 - compiles; only logs without power need it
 
     return LAWS
 
@@ -186,9 +186,8 @@ def tune(
 
     timer = Timer()
     if target is not None:
-        found = room(target)
-        shortest, longest, step = found.sample_times_s
-        timer = Timer(shortest_s=shortest, longest_s=longest, step_s=step)
+        found = controller_for(target)
+        timer = found.timer
         settings = {"derivative_filter": found.derivative_filter,
                     "resolution_degC": (scaling or Scaling()).span_degC / found.counts} | settings
     inputs = {
@@ -216,7 +215,7 @@ def encode(design: PidDesign, target: str, *, scaling: Scaling | None = None) ->
         UnknownName: no such target.
         NotRepresentable: a word does not fit; the error tells the nearest change that would.
     """
-    return room(target).encode(design, scaling or Scaling())
+    return controller_for(target).encode(design, scaling or Scaling())
 
 
 def prove(
@@ -253,7 +252,7 @@ def prove(
     models = holding(fitted, setpoint)
     scenario = scenario_for([model for _, model in models], noise_degC=noise_degC, setpoint_degC=setpoint)
     return prove_words(
-        room(words.target), words, models[:1] if first_look else models, scenario, open_points=not first_look,
+        controller_for(words.target), words, models[:1] if first_look else models, scenario, open_points=not first_look,
         actuator=actuator or Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s)),
         limits=Limits(tolerance_degC=tolerance_degC, step_power_pct=step_power_pct), margins_of=margins, known=known,
         heard=Heard(findings=(*fitted.findings, *_unreached(fitted, len(models), setpoint)), accepted=tuple(accept),
@@ -322,4 +321,4 @@ def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str 
         raise ExportRefused("the proof was made for other words; prove these first")
     if not proof.open_points:
         raise ExportRefused("the proof is a first look under default settings; prove what the manual leaves open, too")
-    return dict(room(words.target).export(words, certificate(proof.to_document(), force=force)))
+    return dict(controller_for(words.target).export(words, certificate(proof.to_document(), force=force)))

@@ -10,7 +10,7 @@ from heatertune.chain.stages import Told, default_setpoint, encode, labelled, pr
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
-from heatertune.plc import TARGETS, Scaling, room
+from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.proof import Proof, Trace, judge, simulate_wish
 from heatertune.proof.series import trace_series
 
@@ -55,7 +55,7 @@ def compare(
 def _row(
     target: str, wished: PidDesign, fitted: FittedModel, scaling: Scaling | None, proving: Mapping[str, Any]
 ) -> dict[str, Any]:
-    told: dict[str, Any] = {"target": target, "title": room(target).title}
+    told: dict[str, Any] = {"target": target, "title": controller_for(target).title}
     try:
         words = encode(wished, target, scaling=scaling)
     except NotRepresentable as problem:

@@ -19,7 +19,7 @@ from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
-from heatertune.plc import room
+from heatertune.plc import controller_for
 from heatertune.proof import Proof
 
 __all__ = ["design", "dossier", "redraw", "write_report"]
@@ -46,7 +46,7 @@ def design(
     Raises:
         HeatertuneError: as the stages; nothing is written then.
     """
-    room(asked.target)  # an unknown target is refused before the long part
+    controller_for(asked.target)  # an unknown target is refused before the long part
     log = source if isinstance(source, Log) else read_log(source, **({"errata": True} | dict(reading or {})))
     fitted = fit(log, companions=True, progress=progress, **(fitting or {}))
     found = (plainly if as_is else closed)(fitted, asked, progress=progress)

@@ -20,20 +20,13 @@ from heatertune.pid.loop.robustness import sensitivity_peaks
 from heatertune.pid.search.integers import Found, Integers, Vector, best_integers
 from heatertune.pid.search.robust import TOLERANCE, Open
 from heatertune.pid.search.uncertain import draw_heaters, ms_over
-from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Room, Scaling, Words, room
+from heatertune.plc import Scaling, Words, controller_for
 
 __all__ = ["WAYS", "Choice", "choose_words", "realised_as", "search_document", "tune_for_words"]
 
 #: how words are found; auto: the optimum for a design that is an optimum itself, else what was asked for is kept
 WAYS: Final = ("auto", "optimum", "rounded")
-
-#: target → the whole numbers that make its controller: the one of the gain first, the one of the I part second
-INTEGERS: Final[Mapping[str, tuple[str, str, str]]] = {
-    "s5-ob251": ("K", "TI", "TD"),
-    "s7-200": ("KP", "KI", "KD"),
-}
 
 _COARSE: Final = 10  # below this one step of the word is more than a tenth, and rounding decides
 _FINE: Final = 20
@@ -86,7 +79,7 @@ def choose_words(
     if way not in WAYS:
         raise UnknownName("way to find words", way, WAYS)
     choice, promise = _choice(design, target, fitted, scaling, way, progress), design.promise
-    if promise is None or room(target).decode(choice.words) is None:
+    if promise is None or controller_for(target).decode(choice.words) is None:
         return choice
     told = demand_kept(choice.words, promise, fitted, told_only=way == "rounded")
     return replace(choice, search={
@@ -133,7 +126,7 @@ def tune_for_words(
     """
     settings = {name: value for name, value in settings.items() if name != "sample_time_s"}
     usual = tune(fitted, target=target, scaling=scaling, progress=progress, **settings)
-    timer = _timer(room(target))
+    timer = controller_for(target).timer
     intervals = sorted({timer.round(share * usual.sample_time_s) for share in _INTERVALS} | {usual.sample_time_s})
     tried: list[tuple[float, float, PidDesign]] = []
     refused: NotRepresentable | None = None
@@ -159,8 +152,8 @@ def tune_for_words(
 def _why_rounded(design: PidDesign, rounded: Words, way: str, wished: _Measured) -> str | None:
     """Return why the words are rounded, None where the optimum is searched."""
     reasons = (
-        (room(rounded.target).decode(rounded) is None, "the controller is no PID"),
-        (rounded.target not in INTEGERS,
+        (controller_for(rounded.target).decode(rounded) is None, "the controller is no PID"),
+        (controller_for(rounded.target).integers is None,
          "the controller holds single precision or milliseconds, so there is nothing to gain over rounding"),
         (way == "rounded", "asked for with --words rounded"),
         (way == "auto" and not design.method.startswith("optimum"),
@@ -194,7 +187,7 @@ def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float, step_po
 
     The D part at most doubles: load disturbances alone would ask for ever more of it, and noise would pay.
     """
-    found, names = room(rounded.target), INTEGERS[rounded.target]
+    found, names = controller_for(rounded.target), _integers(rounded)
     start = tuple(rounded.whole[name] for name in names)
     largest = [_largest(rounded, name) for name in names]
     largest[2] = min(largest[2], max(2 * start[2], 2))
@@ -211,7 +204,7 @@ def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float, step_po
 
 def _largest(words: Words, name: str) -> int:
     """Return the largest value of a word that the controller allows, the others being as they are."""
-    found = room(words.target)
+    found = controller_for(words.target)
     low, high = words.whole[name], next(int(field.high) for field in found.fields if field.name == name)
     while low < high:
         middle = (low + high + 1) // 2
@@ -223,8 +216,14 @@ def _largest(words: Words, name: str) -> int:
     return low
 
 
+def _integers(words: Words) -> tuple[str, str, str]:
+    names = controller_for(words.target).integers
+    assert names is not None
+    return names
+
+
 def _with(words: Words, values: Vector) -> Words:
-    return replace(words, values=dict(words.values) | dict(zip(INTEGERS[words.target], values, strict=True)))
+    return replace(words, values=dict(words.values) | dict(zip(_integers(words), values, strict=True)))
 
 
 def _chosen(rounded: Words, found: Found, fitted: FittedModel, design: PidDesign, wished: _Measured) -> Choice:
@@ -233,7 +232,7 @@ def _chosen(rounded: Words, found: Found, fitted: FittedModel, design: PidDesign
     plain, best = _realised(rounded, fitted), _realised(words, fitted)
     assert plain is not None
     assert best is not None
-    held = " and ".join(f"{name} = {words.values[name]}" for name in INTEGERS[words.target] if words.values[name])
+    held = " and ".join(f"{name} = {words.values[name]}" for name in _integers(words) if words.values[name])
     left = 100.0 * (1.0 - found.least / found.cost)
     proof = "no other words are better" if found.proven else f"no other words are better by more than {left:.2g} %"
     gap, gap_rounded = _gap(best, wished), _gap(plain, wished)
@@ -246,7 +245,7 @@ def _chosen(rounded: Words, found: Found, fitted: FittedModel, design: PidDesign
     return Choice(words=words, search={
         "way": "optimum", **_told(best, wished.iae_load), "ms_limit": wished.ms,
         "iae_load_wished": wished.iae_load, "proven": found.proven, "left_open_pct": left,
-        "rounded": {"words": {name: rounded.values[name] for name in INTEGERS[words.target]},
+        "rounded": {"words": {name: rounded.values[name] for name in _integers(words)},
                     "iae_load": _finite(plain.iae_load), "ms": _finite(plain.ms), "gap_pct": gap_rounded},
         "notes": notes,
     })
@@ -259,8 +258,8 @@ def _plainly(rounded: Words, fitted: FittedModel, wished: _Measured, why: str) -
         f"; a load disturbance costs {_more(gap)} than the unrounded design, at Ms = {plain.ms:.5g}"
     )
     notes = [f"The words are rounded: {why}{told}."]
-    if plain is not None and rounded.target in INTEGERS:
-        design = room(rounded.target).decode(rounded)
+    if plain is not None and controller_for(rounded.target).integers is not None:
+        design = controller_for(rounded.target).decode(rounded)
         assert design is not None
         notes += _told_about_coarse(rounded, design)
     return {
@@ -294,7 +293,7 @@ def search_document(choice: Choice, fitted: FittedModel, notes: Sequence[str] = 
 
 
 def _ms_drawn(words: Words, fitted: FittedModel) -> dict[str, Any] | None:
-    design = room(words.target).decode(words)
+    design = controller_for(words.target).decode(words)
     drawn = None if design is None else ms_over(draw_heaters(fitted), design)
     return None if drawn is None else {
         "count": drawn.count, "median": _finite(drawn.median), "p95": _finite(drawn.p95), "worst": _finite(drawn.worst),
@@ -313,20 +312,21 @@ def _told(found: _Measured | None, wished_iae: float | None) -> dict[str, Any]:
 
 def _told_about_coarse(words: Words, design: PidDesign) -> list[str]:
     """Return a warning where one step of the I part's word is coarse, and the TA that makes the word fine."""
-    name = INTEGERS[words.target][1]
+    name = _integers(words)[1]
     value = words.values[name]
     if not 0 < value < _COARSE:
         return []
     ta = words.sample_time_s * _FINE / value
-    _, longest, step = room(words.target).sample_times_s
-    slower = math.ceil(ta / step - 1e-9) * step
-    remedy = f"TA = {slower:.6g} s makes it about {_FINE}" if slower <= longest else "no TA of this timer makes it fine"
+    timer = controller_for(words.target).timer
+    slower = math.ceil(ta / timer.step_s - 1e-9) * timer.step_s
+    fine = f"TA = {slower:.6g} s makes it about {_FINE}"
+    remedy = fine if slower <= timer.longest_s else "no TA of this timer makes it fine"
     return [f"{name} = {value}: one step changes the I part by {100.0 / value:.0f} %, so rounding decides; {remedy} "
             f"(now {design.sample_time_s:g} s)."]
 
 
 def _realised(words: Words, fitted: FittedModel) -> _Measured | None:
-    design = room(words.target).decode(words)
+    design = controller_for(words.target).decode(words)
     return None if design is None else _measured(fitted.plants, design)
 
 
@@ -351,8 +351,3 @@ def _more(gap: float | None) -> str:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _timer(found: Room) -> Timer:
-    shortest, longest, step = found.sample_times_s
-    return Timer(shortest_s=shortest, longest_s=longest, step_s=step)

@@ -10,7 +10,7 @@ from typing import Any, Final
 from heatertune.codec import decode, registered
 from heatertune.documents import peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused
-from heatertune.plc import Certificate, Ramp, Scaling, Words, room
+from heatertune.plc import Certificate, Ramp, Scaling, Words, controller_for
 from heatertune.proof.document import ScalingView, checked, digested
 from heatertune.proof.verdict import NOT_PROVEN, PROOF_SCHEMA, Heard, blocking, extent, told_of, verdict_line
 
@@ -116,7 +116,7 @@ def read_words(path: str | Path, target: str) -> Words | None:
         scaling=Scaling(low_degC=view.scaling.low_degC, high_degC=view.scaling.high_degC),
         ramp=None if ramp is None else Ramp(step=ramp.step, calls=ramp.calls),
     )
-    room(target).check(words)
+    controller_for(target).check(words)
     return words
 
 
@@ -199,6 +199,6 @@ def export_again(
     demand_same_words(document, proof, beside)
     proof = _accepting(checked(proof, beside), accept)
     found = certificate(proof, force=force)
-    files = dict(room(target).export(words, found))
+    files = dict(controller_for(target).export(words, found))
     told = {"files": sorted(files), "verdict": found.verdict, "forced": found.forced}
     return {"words": document | told, "proof": proof, "files": files}

@@ -34,14 +34,14 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.chain.advice import advise  # noqa: PLC0415 - the help must not wait for it
     from heatertune.log import read_log  # noqa: PLC0415
     from heatertune.pid.document import read_design  # noqa: PLC0415
-    from heatertune.plc import room  # noqa: PLC0415
+    from heatertune.plc import controller_for  # noqa: PLC0415
     from heatertune.report.text import advice_table  # noqa: PLC0415
 
     design, model = read_design(settings.pid)
     if model is None:
         raise InputError(f"{settings.pid} holds no model to prove on; expected pid.json as written by tune")
     target, progress = common.target(settings), printing.Progress(settings)
-    room(target)  # an unknown target is refused before the log is read
+    controller_for(target)  # an unknown target is refused before the log is read
     log = None if settings.log == "proof" else read_log(settings.log, **common.reading(settings))
     printing.tell_taken(settings, [] if log is None else [log], progress)
     proving = common.proving(settings)

@@ -7,6 +7,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from heatertune.errors import InputError
+from heatertune.plc import TARGETS
 from heatertune.units import check
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ _TOLERANCE_DEGC = 1.0
 _STEP_POWER_PCT = 10.0
 _LEAST_INTERVAL_S = 1e-3  # no controller for heaters is called more often
 
-TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
 INTERLOCKS = ("heater-fan",)
 PWM_RULES = ("pulsegen", "pid-compact")
 
@@ -305,13 +305,15 @@ def target(settings: argparse.Namespace) -> str:
         UnknownName: --faithful for a target that has no such version.
     """
     from heatertune.errors import UnknownName  # noqa: PLC0415
-    from heatertune.plc import FAITHFUL  # noqa: PLC0415
+    from heatertune.plc import controller_for  # noqa: PLC0415
 
     if not settings.faithful:
         return str(settings.target)
-    if settings.target not in FAITHFUL:
-        raise UnknownName("target with --faithful", settings.target, FAITHFUL)
-    return FAITHFUL[settings.target]
+    faithful = controller_for(settings.target).faithful
+    if faithful is None:
+        with_one = [name for name in TARGETS if controller_for(name).faithful]
+        raise UnknownName("target with --faithful", settings.target, with_one)
+    return faithful
 
 
 def scaling(settings: argparse.Namespace) -> Scaling:

@@ -36,11 +36,11 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc import room  # noqa: PLC0415
+    from heatertune.plc import controller_for  # noqa: PLC0415
     from heatertune.report.text import summary  # noqa: PLC0415
 
     target, progress = common.target(settings), printing.Progress(settings)
-    room(target)  # an unknown target is refused before the log is read
+    controller_for(target)  # an unknown target is refused before the log is read
     log = chain.read_log(settings.log, **{"errata": True} | common.reading(settings))
     printing.tell_taken(settings, [log], progress)
     documents = chain.design(

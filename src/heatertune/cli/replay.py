@@ -7,6 +7,7 @@ from typing import Any
 
 from heatertune.cli import common, printing
 from heatertune.errors import InputError
+from heatertune.plc import TARGETS
 
 __all__ = ["add_to"]
 
@@ -21,7 +22,7 @@ def add_to(commands: Any) -> None:
         "controller's own units, setpoint and process variable first (their names: heatertune targets).",
     )
     command.add_argument("inputs", metavar="INPUTS", help="CSV file with a header, one row per scan")
-    command.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(common.TARGETS)}")
+    command.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(TARGETS)}")
     command.add_argument("--words", required=True, metavar="FILE", help="words.json as written by export-db")
     common.add_switch_option(command, "setting of an open point")
     printing.add_output_options(command)
@@ -30,10 +31,10 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.chain.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc import room  # noqa: PLC0415
+    from heatertune.plc import controller_for  # noqa: PLC0415
     from heatertune.plc.replay import read_inputs, replay  # noqa: PLC0415
 
-    found = room(settings.target)
+    found = controller_for(settings.target)
     words = read_words(settings.words, settings.target)
     if words is None:
         raise InputError(f"{settings.words}: no words; expected words.json as written by export-db")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from heatertune.plc import room
+from heatertune.plc import controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.report.html import bullets, steps, table, text_of, tick
 from heatertune.report.text import figure, ramp_note, search_notes, word
@@ -34,7 +34,7 @@ def words(documents: Documents) -> str:
         f"{figure(scale['low_degC'])}…{figure(scale['high_degC'])} °C; call every "
         f"{figure(found['sample_time_s'])} s. The setpoint of the proof, {figure(found['setpoint_degC'])} °C, is "
         f"{found['setpoint_units']} units.</p>"
-        f"{table(heads, rows, numeric=(3,), source=room(found['target']).title)}"
+        f"{table(heads, rows, numeric=(3,), source=controller_for(found['target']).title)}"
         f"{bullets([*ramp_note(found), *search_notes(found)])}<ul>{files}</ul>"
     )
 
@@ -71,10 +71,11 @@ def assumed(documents: Documents) -> str:
             ("shortest on time", "minimum_on_s", "--minimum-on"),
             ("shortest off time", "minimum_off_s", "--minimum-off"))]
     settings = [[each.name, each.default, ", ".join(each.settings), each.why]
-                for each in room(documents["words"]["target"]).switches]
+                for each in controller_for(documents["words"]["target"]).switches]
     open_points = (
         "<h3>What the manual leaves open</h3><p>The proof ran under every setting.</p>"
-        + table(["point", "default", "settings proven", "what is open"], settings, source="DIFFERENCES.md of the room")
+        + table(["point", "default", "settings proven", "what is open"], settings,
+                source="DIFFERENCES.md of the controller")
         if settings else ""
     )
     return (

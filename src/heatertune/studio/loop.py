@@ -12,7 +12,7 @@ from heatertune.model.values import FittedModel
 from heatertune.pid.loop.robustness import margins, worst
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
-from heatertune.plc import Words, room
+from heatertune.plc import Words, controller_for
 from heatertune.proof import Actuator, Proof, Trace, simulate_wish
 from heatertune.studio.settings import Settings, timer_of
 
@@ -93,7 +93,7 @@ def optimum(fitted: FittedModel, settings: Settings, progress: Told = str) -> Ga
 def _quick(fitted: FittedModel, settings: Settings) -> Gains:
     design = quick_tune(
         fitted.plants, structure=settings.structure, ms=settings.ms, sample_time_s=settings.sample_time_s,
-        timer=timer_of(settings.target), derivative_filter=room(settings.target).derivative_filter,
+        timer=timer_of(settings.target), derivative_filter=controller_for(settings.target).derivative_filter,
     )
     return Gains(design=design, words=chain.encode(design, settings.target, scaling=settings.scaling))
 

@@ -12,7 +12,7 @@ from heatertune.errors import OutOfRange
 from heatertune.model.values import FittedModel
 from heatertune.pid.timer import Timer
 from heatertune.pid.tune import STRUCTURES
-from heatertune.plc import TARGETS, Scaling, room
+from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.units import check
 
 __all__ = ["SLIDERS", "Settings", "Slider", "settings_for", "sliders_for", "timer_of"]
@@ -102,7 +102,7 @@ class Settings:
     @property
     def resolution_degC(self) -> float:
         """One step of the input module [°C]."""
-        return self.scaling.span_degC / room(self.target).counts
+        return self.scaling.span_degC / controller_for(self.target).counts
 
     @property
     def tuning(self) -> Mapping[str, Any]:
@@ -142,5 +142,4 @@ def sliders_for(fitted: FittedModel) -> tuple[Slider, ...]:
 
 def timer_of(target: str) -> Timer:
     """Return what a target's timer can do."""
-    shortest, longest, step = room(target).sample_times_s
-    return Timer(shortest_s=shortest, longest_s=longest, step_s=step)
+    return controller_for(target).timer
