@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from heatertune.chain.ramp import prove_ramped
-from heatertune.chain.stages import encode, export, fit_known, prove, tune
+from heatertune.chain.stages import encode, export, fit_known, tune
+from heatertune.proof import prove
 from heatertune.errors import ExportRefused, InputError, OutOfRange
 from heatertune.log.values import Log
 from heatertune.model.by_hand import model_by_hand

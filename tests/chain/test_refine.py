@@ -3,7 +3,8 @@
 import pytest
 
 from heatertune.chain.refine import WORTH, refine
-from heatertune.chain.stages import prove, tune
+from heatertune.proof import prove
+from heatertune.chain.stages import tune
 from heatertune.chain.words import choose_words
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt

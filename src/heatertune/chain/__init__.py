@@ -22,11 +22,12 @@ if TYPE_CHECKING:
     from heatertune.chain.closing import Asked, closed
     from heatertune.chain.experiment import plan
     from heatertune.chain.ramp import prove_ramped
-    from heatertune.chain.stages import encode, export, fit, fit_known, fit_together, prove, tune
+    from heatertune.chain.stages import encode, export, fit, fit_known, fit_together, tune
     from heatertune.chain.targets import compare
     from heatertune.chain.validation import validate
     from heatertune.chain.whole import design, write_report
     from heatertune.log import read_log
+    from heatertune.proof import prove
 
 _STAGES = "stages"
 _HOMES = {

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.chain.stages import holding
 from heatertune.chain.views import ComparisonView, LogView, PicturesView
 from heatertune.chain.words_file import WORDS_SCHEMA, WholeWordsView, demand_same_words
 from heatertune.codec import decode, encode, schema_of
@@ -20,6 +19,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, room
 from heatertune.proof import Proof, Trace, simulate, simulate_wish
 from heatertune.proof.document import ProofView, checked
+from heatertune.proof.heaters import holding
 from heatertune.proof.series import curve_series, trace_series
 
 __all__ = ["log_document", "pictures", "read_documents", "words_document"]

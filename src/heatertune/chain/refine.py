@@ -6,13 +6,13 @@ The linear optimum knows none of these, and the same gains can cost many times m
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, Final
 
 from heatertune.chain.promise import broken_by
-from heatertune.chain.stages import Told, encode, prove
+from heatertune.chain.stages import encode
 from heatertune.chain.words import Choice, realised_as
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
@@ -21,7 +21,9 @@ from heatertune.pid.loop.robustness import sensitivity_peaks
 from heatertune.pid.search.robust import Open
 from heatertune.pid.values import PidDesign, Promise
 from heatertune.plc import Words, room
-from heatertune.proof import Proof
+from heatertune.progress import Told
+from heatertune.proof import Proof, prove
+from heatertune.settings import Conditions
 
 __all__ = ["WORTH", "refine"]
 
@@ -55,7 +57,7 @@ class _Tried:
 
 
 def refine(
-    choice: Choice, fitted: FittedModel, *, proving: Mapping[str, Any] | None = None, progress: Told = str
+    choice: Choice, fitted: FittedModel, conditions: Conditions | None = None, *, progress: Told = str
 ) -> Choice:
     """Return words that keep what the proof asks for and whose IAE in its scenario is the least nearby.
 
@@ -66,7 +68,7 @@ def refine(
     Args:
         choice: the words to begin with.
         fitted: the heater and its candidates.
-        proving: options of `prove`.
+        conditions: of the proof.
         progress: told what begins.
 
     Raises:
@@ -76,7 +78,7 @@ def refine(
     if design is None or limit is None or math.isinf(design.integral_time_s):
         return _told(choice, "The gains were not refined: that needs a stable controller with an I part.")
     progress(f"refining the gains in the loop of {choice.words.target}")
-    loop = _Loop(choice=choice, fitted=fitted, proving=dict(proving or {}), ms=max(limit, choice.search["ms"] or limit))
+    loop = _Loop(choice=choice, fitted=fitted, conditions=conditions, ms=max(limit, choice.search["ms"] or limit))
     first = best = loop.run(choice.words, design)
     seen = {tuple(choice.words.values.items())}
     for step in _STEPS:
@@ -104,7 +106,7 @@ def refine(
 class _Loop:
     choice: Choice
     fitted: FittedModel
-    proving: dict[str, Any]
+    conditions: Conditions | None
     ms: float
     promise: Promise | None = field(init=False)
     drawn: Open | None = field(init=False)
@@ -115,7 +117,7 @@ class _Loop:
         object.__setattr__(self, "drawn", None if promise is None else Open.of(self.fitted, promise.way))
 
     def run(self, words: Words, design: PidDesign) -> _Tried:
-        proof: Proof = prove(words, self.fitted, **self.proving)
+        proof: Proof = prove(words, self.fitted, self.conditions)
         cost = next(criterion.value for criterion in proof.criteria if criterion.name == "iae")
         broken = frozenset(criterion.name for criterion in proof.criteria if not criterion.ok)
         excess = max(0.0, max(criterion.strain for criterion in proof.criteria) - 1.0)

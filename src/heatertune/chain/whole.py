@@ -10,7 +10,7 @@ from heatertune import cache
 from heatertune.chain.closing import Asked, closed, plainly
 from heatertune.chain.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.chain.documents import log_document, pictures, read_documents, words_document
-from heatertune.chain.stages import Told, export, fit
+from heatertune.chain.stages import export, fit
 from heatertune.chain.words import search_document
 from heatertune.documents import plain, to_json, write_files
 from heatertune.log import read_log
@@ -20,14 +20,16 @@ from heatertune.model.values import FittedModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
 from heatertune.plc import room
+from heatertune.progress import Told
 from heatertune.proof import Proof
+from heatertune.settings import FitSettings, ReadSettings
 
 __all__ = ["design", "dossier", "redraw", "write_report"]
 
 
 def design(
-    source: str | Path | Log, asked: Asked, *, out: str | Path, reading: Mapping[str, Any] | None = None,
-    fitting: Mapping[str, Any] | None = None, as_is: bool = False, force: bool = False, progress: Told = str,
+    source: str | Path | Log, asked: Asked, *, out: str | Path, read: ReadSettings | None = None,
+    fitted_with: FitSettings | None = None, as_is: bool = False, force: bool = False, progress: Told = str,
 ) -> dict[str, dict[str, Any]]:
     """Run the whole chain, write every stage's document, the export files and the report; return the documents.
 
@@ -37,8 +39,8 @@ def design(
         source: a log's file, "table3" / "table4", or what `read_log` returned.
         asked: what the design is asked for.
         out: directory for the results.
-        reading: options of `read_log`; misprints of a built-in table are corrected.
-        fitting: options of `fit`.
+        read: how the log is read; misprints of a built-in table are corrected.
+        fitted_with: what is known beside the log.
         as_is: the plain design, even where another one would pass, see `closed`.
         force: export whatever the verdict.
         progress: told what begins.
@@ -47,8 +49,8 @@ def design(
         HeatertuneError: as the stages; nothing is written then.
     """
     room(asked.target)  # an unknown target is refused before the long part
-    log = source if isinstance(source, Log) else read_log(source, **({"errata": True} | dict(reading or {})))
-    fitted = fit(log, companions=True, progress=progress, **(fitting or {}))
+    log = source if isinstance(source, Log) else read_log(source, read, errata=True)
+    fitted = fit(log, fitted_with, companions=True, progress=progress)
     found = (plainly if as_is else closed)(fitted, asked, progress=progress)
     proof = found.proof
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 
 from heatertune import cache
 from heatertune.chain.promise import broken_by, demand_kept
-from heatertune.chain.stages import Told, encode, tune
+from heatertune.chain.stages import encode, tune
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.document import promise_document
@@ -23,6 +24,8 @@ from heatertune.pid.search.uncertain import draw_heaters, ms_over
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Room, Scaling, Words, room
+from heatertune.progress import Told
+from heatertune.settings import TuneSettings
 
 __all__ = ["WAYS", "Choice", "choose_words", "realised_as", "search_document", "tune_for_words"]
 
@@ -123,7 +126,8 @@ def _choice(
 
 
 def tune_for_words(
-    fitted: FittedModel, *, target: str, scaling: Scaling | None = None, progress: Told = str, **settings: Any
+    fitted: FittedModel, settings: TuneSettings | None = None, *, target: str, scaling: Scaling | None = None,
+    progress: Told = str,
 ) -> PidDesign:
     """Return the design at the sampling interval, out of five around TRdom/10, whose words cost the least load IAE.
 
@@ -131,15 +135,14 @@ def tune_for_words(
         UnknownName, OutOfRange, InputError: as `tune`.
         NotRepresentable: the words fit at none of the intervals.
     """
-    settings = {name: value for name, value in settings.items() if name != "sample_time_s"}
-    usual = tune(fitted, target=target, scaling=scaling, progress=progress, **settings)
+    at = partial(tune, fitted, settings, target=target, scaling=scaling, progress=progress)
+    usual = at(sample_time_s=None)
     timer = _timer(room(target))
     intervals = sorted({timer.round(share * usual.sample_time_s) for share in _INTERVALS} | {usual.sample_time_s})
     tried: list[tuple[float, float, PidDesign]] = []
     refused: NotRepresentable | None = None
     for ta in intervals:
-        design = usual if ta == usual.sample_time_s else tune(
-            fitted, target=target, scaling=scaling, progress=progress, sample_time_s=ta, **settings)
+        design = usual if ta == usual.sample_time_s else at(sample_time_s=ta)
         try:
             choice = choose_words(design, target, fitted, scaling=scaling, progress=progress)
         except NotRepresentable as problem:

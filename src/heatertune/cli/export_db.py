@@ -61,9 +61,9 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     if settings.refine and choice is not None:
         from heatertune.chain.refine import refine  # noqa: PLC0415
 
-        choice = refine(choice, fitted, proving=common.proving(settings))
+        choice = refine(choice, fitted, common.conditions(settings))
         words = choice.words
-    proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=common.proving(settings),
+    proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), common.conditions(settings),
                                       progress=progress)
     for note in notes:
         progress(note)

@@ -6,8 +6,10 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from heatertune import options
 from heatertune.cli import common
 from heatertune.errors import InputError
+from heatertune.settings import Conditions
 
 if TYPE_CHECKING:
     from heatertune.log.values import Log
@@ -22,7 +24,8 @@ def add_known_options(command: argparse.ArgumentParser) -> None:
     known.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(common.TARGETS)}")
     known.add_argument("--words", metavar="FILE", help="its words: words.json as written by export-db")
     known.add_argument("--setpoint", type=float, metavar="°C", help="its setpoint, where the log does not hold it [°C]")
-    common.add_switch_option(known, "setting of an open point, where you know it")
+    options.add(known, Conditions, "switches",
+                help="setting of an open point, where you know it (see: heatertune targets); may be repeated")
 
 
 def known_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | None:

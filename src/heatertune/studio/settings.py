@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final
+from typing import Final
 
-from heatertune.chain.stages import default_setpoint, labelled
 from heatertune.errors import OutOfRange
 from heatertune.model.values import FittedModel
 from heatertune.pid.timer import Timer
 from heatertune.pid.tune import STRUCTURES
 from heatertune.plc import TARGETS, Scaling, room
+from heatertune.proof.heaters import default_setpoint, labelled
+from heatertune.settings import TuneSettings
 from heatertune.units import check
 
 __all__ = ["SLIDERS", "Settings", "Slider", "settings_for", "sliders_for", "timer_of"]
@@ -105,9 +105,9 @@ class Settings:
         return self.scaling.span_degC / room(self.target).counts
 
     @property
-    def tuning(self) -> Mapping[str, Any]:
-        """What the gains depend on."""
-        return {name: getattr(self, name) for name in ("target", "structure", "ms", "sample_time_s")}
+    def tuned(self) -> TuneSettings:
+        """What the design is asked for."""
+        return TuneSettings(structure=self.structure, ms=self.ms, sample_time_s=self.sample_time_s)
 
 
 assert {slider.field for slider in SLIDERS} <= {each.name for each in fields(Settings)}
