@@ -19,6 +19,7 @@ __all__ = ["Option", "add", "checked", "merged", "of", "option", "options_of"]
 
 _T = TypeVar("_T")
 _METAVARS: Final = {"s": "S"}
+_OPTIONS: Final[dict[type, dict[str, Option]]] = {}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,17 +142,20 @@ class Option:
             raise InputError(f"{self.flag} is {given!r}; expected seconds, {expected}") from problem
 
 
-def option(default: Any, kind: type, what: str, **known: Any) -> Any:
-    """Return the field of a dataclass that is an option; further arguments are the attributes of `Option`."""
-    metadata = {"option": Option(kind=kind, default=default, what=what, **known)}
+def option(default: Any, kind: type, what: str, **more: Any) -> Any:
+    """Return the field of a dataclass that is an option; `more` are further attributes of `Option`."""
+    metadata = {"option": Option(kind=kind, default=default, what=what, **more)}
     return field(default_factory=dict, metadata=metadata) if kind is dict else field(default=default, metadata=metadata)
 
 
 def options_of(kind: type) -> dict[str, Option]:
     """Return the options of a dataclass, by the names of their fields."""
-    named = {each.name: each.metadata["option"] for each in fields(kind) if "option" in each.metadata}
-    return {name: replace(known, name=name, dest=known.dest or known.flag.strip("-").replace("-", "_"))
-            for name, known in named.items()}
+    if kind not in _OPTIONS:
+        declared = {one.name: one.metadata["option"] for one in fields(kind)}
+        _OPTIONS[kind] = {
+            name: replace(one, name=name, dest=one.dest or one.flag.strip("-").replace("-", "_"))
+            for name, one in declared.items()}
+    return _OPTIONS[kind]
 
 
 def checked(settings: Any) -> None:
@@ -162,24 +166,23 @@ def checked(settings: Any) -> None:
         InputError: an option without the one it needs.
     """
     options = options_of(type(settings))
-    for name, known in options.items():
-        known.check(getattr(settings, name), name)
-    _demand_needed(options, {name: getattr(settings, name) for name in options}, {name: name for name in options})
+    for name, one in options.items():
+        one.check(getattr(settings, name), name)
+    _demand_needed(options, {name: getattr(settings, name) for name in options}, "name")
 
 
-def _demand_needed(options: Mapping[str, Option], values: Mapping[str, Any], called: Mapping[str, str]) -> None:
-    for needed in dict.fromkeys(known.needs for known in options.values() if known.needs):
-        needing = [known for known in options.values() if known.needs == needed]
-        if values[needed] is None and any(values[known.name] != known.default for known in needing):
-            names = [called[known.name] for known in needing]
-            raise InputError(f"{', '.join(names[:-1])} and {names[-1]} need {called[needed]}")
+def _demand_needed(options: Mapping[str, Option], values: Mapping[str, Any], called: str) -> None:
+    for needed in dict.fromkeys(one.needs for one in options.values() if one.needs):
+        needing = [one for one in options.values() if one.needs == needed]
+        if values[needed] is None and any(values[one.name] != one.default for one in needing):
+            names = [getattr(one, called) for one in needing]
+            raise InputError(f"{', '.join(names[:-1])} and {names[-1]} need {getattr(options[needed], called)}")
 
 
 def merged(kind: type[_T], settings: _T | None, changed: Mapping[str, Any]) -> _T:
     """Return settings (None: the defaults) with some of them changed; errors as `checked`."""
     given: Any = kind() if settings is None else settings
-    merged_: _T = replace(given, **changed)
-    return merged_
+    return kind(**{name: getattr(given, name) for name in options_of(kind)} | changed)
 
 
 def add(group: Any, kind: type, *names: str, but: Sequence[str] = (), **told: str) -> None:
@@ -192,9 +195,9 @@ def add(group: Any, kind: type, *names: str, but: Sequence[str] = (), **told: st
         but: those left out.
         told: what `add_argument` is told otherwise here.
     """
-    for name, known in options_of(kind).items():
-        if known.flag and name not in but and (not names or name in names):
-            group.add_argument(known.flag, **known.arguments | told)
+    for name, one in options_of(kind).items():
+        if one.flag and name not in but and (not names or name in names):
+            group.add_argument(one.flag, **one.arguments | told)
 
 
 def of(kind: type[_T], given: Namespace) -> _T:
@@ -204,15 +207,13 @@ def of(kind: type[_T], given: Namespace) -> _T:
         InputError: as `checked`, in the words of the command line.
     """
     options = options_of(kind)
-    values = {name: known.read(getattr(given, known.dest)) for name, known in options.items()
-              if hasattr(given, known.dest)}
-    held = {name: values.get(name, known.default) for name, known in options.items()}
-    _demand_needed(options, held, {name: known.flag for name, known in options.items()})
+    values = {name: one.read(getattr(given, one.dest)) for name, one in options.items() if hasattr(given, one.dest)}
+    _demand_needed(options, {name: values.get(name, one.default) for name, one in options.items()}, "flag")
     return kind(**values)
 
 
 def _pairs(flag: str, given: Sequence[str]) -> dict[str, str]:
-    pairs = [each.partition("=") for each in given]
+    pairs = [text.partition("=") for text in given]
     for name, equals, _ in pairs:
         if not equals:
             raise InputError(f"{flag} {name!r} has no setting; expected NAME=SETTING")

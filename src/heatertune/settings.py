@@ -21,8 +21,8 @@ def _step_power() -> Any:
         above=0.0, infinite=True, instead=("10", ""))
 
 
-def _time(default: float | None, what: str, flag: str, **known: Any) -> Any:
-    return option(default, float, what, unit="s", flag=flag, **({"least": 0.0} | known))
+def _time(default: float | None, what: str, flag: str, **more: Any) -> Any:
+    return option(default, float, what, unit="s", flag=flag, **({"least": 0.0} | more))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

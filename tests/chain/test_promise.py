@@ -128,7 +128,7 @@ def test_refining_looks_only_at_words_that_keep_it(design):
     search = {"robust": {"way": "worst", "limits": {"ms": 1.6}}}
     near = {}
     for name, found in (("held", search), ("free", {})):
-        loop = _Loop(choice=Choice(words=rounded, search=found), fitted=FITTED, proving={}, ms=3.0)
+        loop = _Loop(choice=Choice(words=rounded, search=found), fitted=FITTED, conditions=None, ms=3.0)
         near[name] = [words for words, _ in loop.around(design, 0.15, set())]
     kept = [words for words in near["free"] if peaks(words)[-1] <= NEARLY * 1.6]
     assert near["held"] == kept

@@ -8,6 +8,7 @@ import pytest
 
 from heatertune.batch.zone import zone_row
 from heatertune.chain import words as chain_words
+from heatertune.chain.closing import Asked
 from heatertune.chain.stages import encode, tune
 from heatertune.chain.words import choose_words, search_document, tune_for_words
 from heatertune.errors import NotRepresentable, UnknownName
@@ -18,6 +19,7 @@ from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.plc import room
+from heatertune.settings import Conditions, TuneSettings
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 SLOW = Fopdt(gain_degC_per_pct=0.8, time_constant_s=480.0, dead_time_s=60.0, ambient_degC=22.0)
@@ -133,7 +135,8 @@ def test_a_row_of_a_table_which_shows_no_drawn_heaters_draws_none(monkeypatch):
         raise AssertionError("drawn for nobody")
 
     monkeypatch.setattr(chain_words, "draw_heaters", refuse)
-    row = zone_row("zone", lambda: _open(HEATER), target="weg", tuning={"method": "simc"}, proving={"setpoint_degC": 40.0})
+    row = zone_row("zone", lambda: _open(HEATER), Asked(
+        target="weg", tuned=TuneSettings(method="simc"), conditions=Conditions(setpoint_degC=40.0)))
     assert row["runs"] > 0, "the words were proven"
     with pytest.raises(AssertionError, match="for nobody"):
         search_document(choose_words(_optimum(HEATER, 4.0), "weg", _open(HEATER)), _open(HEATER))

@@ -13,7 +13,18 @@ from heatertune.errors import NotRepresentable
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, room
-from heatertune.proof import Actuator, Interlock, Kick, Limits, Load, Scenario, judge, paper_scenario, prove_models, simulate
+from heatertune.proof import (
+    Actuator,
+    Interlock,
+    Kick,
+    Limits,
+    Load,
+    Scenario,
+    judge,
+    paper_scenario,
+    prove_models,
+    simulate,
+)
 from heatertune.proof import prove_models as proving
 from heatertune.proof.measured import Measured, columns_of
 from heatertune.proof.meter import TOTALS
