@@ -176,16 +176,17 @@ def _demand_needed(options: Mapping[str, Option], values: Mapping[str, Any], cal
         needing = [one for one in options.values() if one.needs == needed]
         if values[needed] is None and any(values[one.name] != one.default for one in needing):
             names = [getattr(one, called) for one in needing]
-            raise InputError(f"{', '.join(names[:-1])} and {names[-1]} need {getattr(options[needed], called)}")
+            told = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+            raise InputError(f"{told} need {getattr(options[needed], called)}")
 
 
-def merged(kind: type[_T], settings: _T | None, changed: Mapping[str, Any]) -> _T:
+def merged(kind: type[_T], settings: _T | None, changed: dict[str, Any]) -> _T:
     """Return settings (None: the defaults) with some of them changed; errors as `checked`."""
     given: Any = kind() if settings is None else settings
     return kind(**{name: getattr(given, name) for name in options_of(kind)} | changed)
 
 
-def add(group: Any, kind: type, *names: str, but: Sequence[str] = (), **told: str) -> None:
+def add(group: Any, kind: type, *names: str, but: Sequence[str] = (), **told: Any) -> None:
     """Add the flags of a dataclass of options to a parser or a group of one.
 
     Args:
