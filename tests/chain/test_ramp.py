@@ -79,7 +79,8 @@ def test_the_ramp_found_is_the_fastest(words, found):
 
 @pytest.mark.parametrize("setpoint", [36.0, 40.0, 46.0])
 def test_where_the_step_is_a_real_the_ramp_found_is_the_fastest_within_3_percent(setpoint):
-    options = {"setpoint_degC": setpoint, "known": {"order": "as_printed", "edge": "output_zero", "filter": "implicit"}}
+    options = Conditions(
+        setpoint_degC=setpoint, switches={"order": "as_printed", "edge": "output_zero", "filter": "implicit"})
     words = encode(tune(SLOW, target="weg", sample_time_s=10.0), "weg")
     proof, _ = prove_ramped(words, SLOW, "auto", options)
     assert proof.verdict == "PASS"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,9 @@ from heatertune.options import merged
 from heatertune.settings import ReadSettings
 from heatertune.units import degF_to_degC, kelvin_to_degC
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
 __all__ = ["read_log"]
 
 _TO_DEGC: Final[dict[str, Callable[[Any], Any]]] = {
@@ -39,7 +42,8 @@ _POSSIBLE_DEGC: Final = (-90.0, 2000.0)  # colder than any place on earth; hotte
 
 
 def read_log(
-    source: str | Path, settings: ReadSettings | None = None, *, content: bytes | None = None, **changed: Any
+    source: str | Path | IO[Any] | DataFrame, settings: ReadSettings | None = None, *, content: bytes | None = None,
+    **changed: Any,
 ) -> Log:
     """Read a temperature log.
 
@@ -48,7 +52,7 @@ def read_log(
     say, or the options. What was taken as what is in `Log.taken`, what was changed or assumed in `Log.repairs`.
 
     Args:
-        source: path of a CSV file, or "table3" / "table4", the paper's tables.
+        source: path of a CSV file, an open one, a table of pandas, or "table3" / "table4", the paper's tables.
         settings: how the file is to be read; None: all is found out.
         content: of the file, where it lies on another machine; `source` then only names it.
         changed: fields of `ReadSettings` that are other than in `settings`.
@@ -58,6 +62,8 @@ def read_log(
         UnknownName: a unit that does not exist.
     """
     asked = merged(ReadSettings, settings, changed)
+    if not isinstance(source, str | Path):
+        source, content = _handed(source)
     named = isinstance(source, str) and source.lower() in BUILT_IN and content is None
     table = built_in(str(source).lower()) if named else None
     sheet, doubts = _opened(Path(source), table, content, asked.skip_rows, asked.errata)
@@ -95,6 +101,16 @@ def read_log(
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above)},
     )
     return _log(source, table, sheet.file, found, tuple(repairs), tuple(doubts), taken)
+
+
+def _handed(source: Any) -> tuple[str, bytes]:
+    """Return name and content of an open file, or of a table of pandas as a file would hold it."""
+    if hasattr(source, "to_csv"):
+        counted = source.index.name is None and source.index.dtype.kind in "iu"
+        return "frame", str(source.to_csv(index=not counted, index_label=source.index.name or "time")).encode()
+    content = source.read()
+    name = getattr(source, "name", "file")
+    return str(name), content.encode() if isinstance(content, str) else content
 
 
 def _opened(
