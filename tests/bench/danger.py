@@ -26,11 +26,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
 
 from heatertune import cache
-from heatertune.chain.closing import Asked, closed
 from heatertune.chain.stages import fit
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
 from heatertune.plc import Scaling
+from heatertune.proof.closing import Asked, closed
 from heatertune.settings import Conditions, TuneSettings
 from tests.bench import heaters, truth
 

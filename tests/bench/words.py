@@ -11,8 +11,6 @@ import time
 
 import numpy as np
 
-from heatertune.chain.stages import encode
-from heatertune.chain.words import choose_words
 from heatertune.errors import HeatertuneError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
@@ -20,6 +18,8 @@ from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.plc import Scaling, Words, room
+from heatertune.plc.choose import choose_words
+from heatertune.plc.design import encode
 
 TARGET = "s5-ob251"
 

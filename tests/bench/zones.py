@@ -20,7 +20,7 @@ import numpy as np
 
 from heatertune.batch import in_processes
 from heatertune.batch.fleets import fleet
-from heatertune.chain.closing import Asked
+from heatertune.proof.closing import Asked
 
 ROWS, SPACING_S, STEP_S = 240, 11.0, 0.5
 

@@ -3,9 +3,9 @@
 import pytest
 
 from heatertune.chain import prove
-from heatertune.chain.closing import Asked, closed, plainly
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
+from heatertune.proof.closing import Asked, closed, plainly
 from heatertune.settings import Conditions, TuneSettings
 
 #: a slow heater with a long dead time: the optimum at Ms 1.6 overshoots by more than the limit

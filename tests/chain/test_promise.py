@@ -7,9 +7,6 @@ from dataclasses import replace
 
 import pytest
 
-from heatertune.chain.refine import _Loop
-from heatertune.chain.stages import encode, tune
-from heatertune.chain.words import Choice, choose_words
 from heatertune.errors import DocumentError, NotRepresentable
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.intervals import Interval
@@ -20,6 +17,9 @@ from heatertune.pid.loop.robustness import margins, noise_gain
 from heatertune.pid.search.uncertain import draw_heaters
 from heatertune.pid.values import Promise
 from heatertune.plc import room
+from heatertune.plc.choose import Choice, choose_words
+from heatertune.plc.design import encode, tune
+from heatertune.proof.refine import _Loop
 
 SLOW = Fopdt(gain_degC_per_pct=0.8, time_constant_s=480.0, dead_time_s=60.0, ambient_degC=22.0)
 FITTED = replace(model_by_hand(SLOW), ci95={

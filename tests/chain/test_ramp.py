@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.chain.ramp import prove_ramped
-from heatertune.chain.stages import encode, export, fit_known, tune
+from heatertune.chain.stages import export, fit_known
 from heatertune.errors import ExportRefused, InputError, OutOfRange
 from heatertune.log.values import Log
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Ramp, room
+from heatertune.plc.design import encode, tune
 from heatertune.proof import prove
+from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.settings import Conditions
 
 #: overshoots from cold under the optimum for disturbances: its integral runs on at the limit (see test_refine)

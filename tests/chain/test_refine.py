@@ -2,14 +2,14 @@
 
 import pytest
 
-from heatertune.chain.refine import WORTH, refine
-from heatertune.chain.stages import tune
-from heatertune.chain.words import choose_words
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc import room
+from heatertune.plc.choose import choose_words
+from heatertune.plc.design import tune
 from heatertune.proof import prove
+from heatertune.proof.refine import WORTH, refine
 from heatertune.settings import Conditions
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)

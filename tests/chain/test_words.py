@@ -8,9 +8,6 @@ import pytest
 
 from heatertune.batch.zone import zone_row
 from heatertune.chain import words as chain_words
-from heatertune.chain.closing import Asked
-from heatertune.chain.stages import encode, tune
-from heatertune.chain.words import choose_words, search_document, tune_for_words
 from heatertune.errors import NotRepresentable, UnknownName
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.intervals import Interval
@@ -19,6 +16,9 @@ from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.plc import room
+from heatertune.plc.choose import choose_words, search_document, tune_for_words
+from heatertune.plc.design import encode, tune
+from heatertune.proof.closing import Asked
 from heatertune.settings import Conditions, TuneSettings
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)

@@ -8,12 +8,12 @@ import pytest
 from tests.conftest import ROOT, heater_log
 
 from heatertune.batch.zone import zone_row
-from heatertune.chain.closing import Asked
-from heatertune.chain.samples import sample_document
 from heatertune.errors import InputError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, Words
+from heatertune.proof.closing import Asked
+from heatertune.proof.drawn import sample_document
 from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
 
 #: a rule instead of the optimum, and one structure: what is tested is the fleet, not the search

@@ -2,12 +2,12 @@
 
 import pytest
 
-from heatertune.chain.words_file import certificate
 from heatertune.errors import ExportRefused, UnknownName
 from heatertune.model.findings import KINDS, Finding
 from heatertune.pid.loop.robustness import margins
 from heatertune.proof import Actuator, paper_scenario, prove_models
 from heatertune.proof.verdict import Heard, combined, told_of, verdict_line
+from heatertune.proof.words_file import certificate
 
 PWM = Actuator(pwm_period_s=10.0)
 PAPER = paper_scenario(duration_s=3000.0)

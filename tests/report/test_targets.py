@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 from heatertune.chain import compare, prove
-from heatertune.chain.stages import encode
 from heatertune.documents import plain
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import TARGETS
+from heatertune.plc.design import encode
 from heatertune.report.targets import plot_targets, render_targets, targets_table
 from heatertune.settings import Conditions
 

@@ -13,13 +13,13 @@ from typing import Any, Final, NamedTuple
 from heatertune import cache
 from heatertune.batch import Batch, Column, Progress, Row, Workers, run, silent
 from heatertune.batch.zone import HEAD, RESULT, lost_row, word_columns, zone_row
-from heatertune.chain.closing import Asked
 from heatertune.chain.stages import fit
 from heatertune.errors import InputError, LogError
 from heatertune.files import read_bytes, read_text
 from heatertune.log import read_log
 from heatertune.model.values import FittedModel
 from heatertune.plc import room
+from heatertune.proof.closing import Asked
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.units import check
 

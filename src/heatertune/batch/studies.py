@@ -13,7 +13,6 @@ from typing import Any, Final, NamedTuple, TypeVar
 from heatertune.batch import Batch, Column, Progress, Row, Workers, run, silent
 from heatertune.batch.study_file import KEYS, Study, read_study
 from heatertune.batch.zone import HEAD, RESULT, lost_row, word_columns, zone_row
-from heatertune.chain.closing import Asked
 from heatertune.chain.stages import fit
 from heatertune.documents import read_document
 from heatertune.errors import DocumentError
@@ -26,6 +25,7 @@ from heatertune.model.document import from_document
 from heatertune.model.values import FittedModel, Fopdt, TwoLag
 from heatertune.options import options_of
 from heatertune.plc import Scaling
+from heatertune.proof.closing import Asked
 from heatertune.settings import Conditions, FitSettings, TuneSettings
 
 __all__ = ["SCHEMA", "study"]

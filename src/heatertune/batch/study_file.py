@@ -10,12 +10,12 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from heatertune.chain.words import WAYS
 from heatertune.errors import DocumentError, OutOfRange, UnknownName
 from heatertune.files import read_text
 from heatertune.options import options_of
 from heatertune.pid.tune import METHODS
 from heatertune.plc import TARGETS, room
+from heatertune.plc.choose import WAYS
 from heatertune.plc.open_points import settings_of
 from heatertune.settings import Conditions, FitSettings, TuneSettings
 

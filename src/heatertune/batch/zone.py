@@ -10,13 +10,13 @@ from typing import Any, Final
 
 from heatertune import cache
 from heatertune.batch.values import Column, Row
-from heatertune.chain.closing import Asked, closed
-from heatertune.chain.samples import sample_document
 from heatertune.errors import HeatertuneError, LogError
 from heatertune.model.values import FittedModel, Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, room
 from heatertune.proof import Proof
+from heatertune.proof.closing import Asked, closed
+from heatertune.proof.drawn import sample_document
 from heatertune.proof.verdict import blocking, combined
 
 __all__ = ["HEAD", "RESULT", "lost_row", "word_columns", "zone_row"]

@@ -7,8 +7,6 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from heatertune import cache
-from heatertune.chain.known import closed_again, controllers
-from heatertune.chain.words_file import certificate
 from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
 from heatertune.log.values import Log
@@ -16,20 +14,16 @@ from heatertune.model import document as model_document
 from heatertune.model.temperature.pool import pool_candidates
 from heatertune.model.values import FittedModel
 from heatertune.options import merged
-from heatertune.pid import document as pid_document
-from heatertune.pid.timer import Timer
-from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, Words, room
+from heatertune.plc import Words, room
 from heatertune.progress import Told
-from heatertune.proof import Proof, prove
-from heatertune.settings import FitSettings, TuneSettings
+from heatertune.proof import Proof
+from heatertune.proof.known import closed_again, controllers
+from heatertune.proof.words_file import certificate
+from heatertune.settings import FitSettings
 
 __all__ = [
-    "Told", "encode", "export", "fit", "fit_known", "fit_together", "prove", "tune",
+    "export", "fit", "fit_known", "fit_together",
 ]
-
-#: of a model's document, what is told and no design depends on
-_TOLD = ("residuals", "notes", "hypotheses", "whiteness", "input_crosscorrelation", "held_out", "halves", "logs")
 
 
 def fit(
@@ -139,57 +133,6 @@ def _laws() -> Sequence[Any]:
     from heatertune.plc.s7_200.paper.laws import LAWS  # noqa: PLC0415 - compiles; only logs without power need it
 
     return LAWS
-
-
-def tune(
-    fitted: FittedModel, settings: TuneSettings | None = None, *, target: str | None = None,
-    scaling: Scaling | None = None, progress: Told = str, **changed: Any,
-) -> PidDesign:
-    """Find K, TN, TV and TA; with a target, TA is what its timer can do, and a reading as fine as its input's.
-
-    Args:
-        fitted: the heater and its candidates.
-        settings: what is asked for; None: the defaults.
-        target: the controller; None: any.
-        scaling: sensor range.
-        progress: told what begins.
-        changed: fields of `TuneSettings` that are other than in `settings`.
-
-    Raises:
-        UnknownName, OutOfRange, InputError: as `heatertune.pid.tune.tune`.
-    """
-    from heatertune.pid.tune import tune as tune_model  # noqa: PLC0415 - compiles; a proof needs no search
-
-    asked = merged(TuneSettings, settings, changed)
-    held: dict[str, Any] = {}
-    if target is not None:
-        its = room(target)
-        shortest, longest, step = its.sample_times_s
-        held = {"timer": Timer(shortest_s=shortest, longest_s=longest, step_s=step),
-                "derivative_filter": its.derivative_filter,
-                "resolution_degC": (scaling or Scaling()).span_degC / its.counts}
-    inputs = {"model": _essence(fitted), "settings": asdict(asked), "held": {name: repr(held[name]) for name in held}}
-
-    def run() -> dict[str, Any]:
-        return pid_document.to_document(tune_model(fitted, asked, progress=progress, **held))
-
-    return pid_document.from_document(cache.cached("tune", inputs, run, progress=progress))
-
-
-def _essence(fitted: FittedModel) -> dict[str, Any]:
-    """Return what a design depends on: the working model and the candidates."""
-    document = model_document.to_document(fitted)
-    return {key: document[key] for key in document if key not in _TOLD}
-
-
-def encode(design: PidDesign, target: str, *, scaling: Scaling | None = None) -> Words:
-    """Round a design to the words of a target.
-
-    Raises:
-        UnknownName: no such target.
-        NotRepresentable: a word does not fit; the error tells the nearest change that would.
-    """
-    return room(target).encode(design, scaling or Scaling())
 
 
 def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str | bytes]:

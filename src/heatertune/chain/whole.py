@@ -7,11 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from heatertune import cache
-from heatertune.chain.closing import Asked, closed, plainly
-from heatertune.chain.comparison import paper_runs, price_of_doubt, rivals
-from heatertune.chain.documents import log_document, pictures, read_documents, words_document
+from heatertune.chain.documents import log_document, read_documents, words_document
 from heatertune.chain.stages import export, fit
-from heatertune.chain.words import search_document
 from heatertune.documents import plain, to_json, write_files
 from heatertune.log import read_log
 from heatertune.log.values import Log
@@ -20,8 +17,12 @@ from heatertune.model.values import FittedModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
 from heatertune.plc import room
+from heatertune.plc.choose import search_document
 from heatertune.progress import Told
 from heatertune.proof import Proof
+from heatertune.proof.closing import Asked, closed, plainly
+from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
+from heatertune.proof.pictures import pictures
 from heatertune.settings import FitSettings, ReadSettings
 
 __all__ = ["design", "dossier", "redraw", "write_report"]

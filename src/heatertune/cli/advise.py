@@ -31,10 +31,10 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.chain.advice import advise  # noqa: PLC0415 - the help must not wait for it
     from heatertune.log import read_log  # noqa: PLC0415
     from heatertune.pid.document import read_design  # noqa: PLC0415
     from heatertune.plc import room  # noqa: PLC0415
+    from heatertune.proof.advice import advise  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import advice_table  # noqa: PLC0415
 
     design, model = read_design(settings.pid)

@@ -11,10 +11,10 @@ from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSetti
 
 if TYPE_CHECKING:
     from heatertune.chain import Asked
-    from heatertune.chain.words import Choice
     from heatertune.model.values import FittedModel
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
+    from heatertune.plc.choose import Choice
 
 __all__ = [
     "add_condition_options", "add_log_options", "add_model_options", "add_proof_options", "add_ramp_option",
@@ -175,8 +175,8 @@ def words_and_model(settings: argparse.Namespace) -> tuple[Words, Choice | None,
         InputError: the file holds no model and none is given by hand; words of another target.
         NotRepresentable, OutOfRange: the words do not fit.
     """
-    from heatertune.chain.words import choose_words  # noqa: PLC0415
-    from heatertune.chain.words_file import read_words  # noqa: PLC0415
+    from heatertune.plc.choose import choose_words  # noqa: PLC0415
+    from heatertune.proof.words_file import read_words  # noqa: PLC0415
 
     words = read_words(settings.pid, target(settings))
     if words is not None:

@@ -40,8 +40,8 @@ def known_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | No
             if getattr(settings, name):
                 raise InputError(f"--{name} needs --controller: it tells what that controller holds")
         return None
-    from heatertune.chain.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
     from heatertune.plc import room  # noqa: PLC0415
+    from heatertune.proof.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
 
     room(settings.controller)  # an unknown name is refused before the file is opened
     if settings.words is None:

@@ -32,9 +32,9 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.chain.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
     from heatertune.plc import room  # noqa: PLC0415
     from heatertune.plc.replay import read_inputs, replay  # noqa: PLC0415
+    from heatertune.proof.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
 
     found = room(settings.target)
     words = read_words(settings.words, settings.target)

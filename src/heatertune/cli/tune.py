@@ -37,11 +37,11 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.chain.pwm import with_pwm  # noqa: PLC0415
-    from heatertune.chain.words import tune_for_words  # noqa: PLC0415
     from heatertune.pid.alternatives import alternatives  # noqa: PLC0415
     from heatertune.pid.document import to_document  # noqa: PLC0415
     from heatertune.pid.forms import other_forms  # noqa: PLC0415
+    from heatertune.plc.choose import tune_for_words  # noqa: PLC0415
+    from heatertune.proof.pwm_period import with_pwm  # noqa: PLC0415
     from heatertune.report.text import alternatives_table, design_lines, forms_lines  # noqa: PLC0415
 
     fitted = common.model_from(settings, settings.model)

@@ -50,8 +50,8 @@ def _add_sample_options(command: argparse.ArgumentParser) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.chain.samples import replay_document, sample_document  # noqa: PLC0415
     from heatertune.proof.document import digested  # noqa: PLC0415
+    from heatertune.proof.drawn import replay_document, sample_document  # noqa: PLC0415
     from heatertune.proof.verdict import combined, verdict_line  # noqa: PLC0415
     from heatertune.report.text import criteria_table, ramp_note, samples_table  # noqa: PLC0415
 

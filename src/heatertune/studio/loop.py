@@ -6,18 +6,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from heatertune import chain
-from heatertune.chain.words import choose_words, search_document
 from heatertune.model.values import FittedModel
 from heatertune.pid.loop.robustness import margins, worst
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, room
+from heatertune.plc.choose import choose_words, search_document
+from heatertune.plc.design import timer_of
 from heatertune.progress import Told
 from heatertune.proof import Proof, Trace, simulate_wish
 from heatertune.proof.fitted import default_pwm_period_s
 from heatertune.proof.pwm import HALF_WAVE_S
 from heatertune.settings import Conditions
-from heatertune.studio.settings import Settings, timer_of
+from heatertune.studio.settings import Settings
 
 __all__ = ["Gains", "Look", "first_look", "full_proof", "optimum"]
 
@@ -29,7 +30,7 @@ class Gains:
     Attributes:
         design: as wished.
         words: what the controller will hold.
-        search: how the words were found, see `heatertune.chain.words.search_document`; None: each rounded on its own.
+        search: how the words were found, see `heatertune.plc.choose.search_document`; None: each rounded on its own.
     """
 
     design: PidDesign

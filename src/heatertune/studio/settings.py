@@ -8,14 +8,13 @@ from typing import Final
 
 from heatertune.errors import OutOfRange
 from heatertune.model.values import FittedModel
-from heatertune.pid.timer import Timer
 from heatertune.pid.tune import STRUCTURES
 from heatertune.plc import TARGETS, Scaling, room
 from heatertune.proof.heaters import default_setpoint, labelled
 from heatertune.settings import TuneSettings
 from heatertune.units import check
 
-__all__ = ["SLIDERS", "Settings", "Slider", "settings_for", "sliders_for", "timer_of"]
+__all__ = ["SLIDERS", "Settings", "Slider", "settings_for", "sliders_for"]
 
 _SENSOR_STEP: Final = 50.0  # sensors are sold in such ranges [°C]
 _ABOVE: Final = 1.25  # sensor range over the highest temperature that is meant
@@ -138,9 +137,3 @@ def sliders_for(fitted: FittedModel) -> tuple[Slider, ...]:
         else replace(slider, low=ends[slider.field][0], high=max(ends[slider.field][1], ends[slider.field][0] + 1.0))
         for slider in SLIDERS
     )
-
-
-def timer_of(target: str) -> Timer:
-    """Return what a target's timer can do."""
-    shortest, longest, step = room(target).sample_times_s
-    return Timer(shortest_s=shortest, longest_s=longest, step_s=step)

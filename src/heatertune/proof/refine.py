@@ -11,9 +11,6 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, Final
 
-from heatertune.chain.promise import broken_by
-from heatertune.chain.stages import encode
-from heatertune.chain.words import Choice, realised_as
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.document import read_promise
@@ -21,6 +18,9 @@ from heatertune.pid.loop.robustness import sensitivity_peaks
 from heatertune.pid.search.robust import Open
 from heatertune.pid.values import PidDesign, Promise
 from heatertune.plc import Words, room
+from heatertune.plc.choose import Choice, realised_as
+from heatertune.plc.design import encode
+from heatertune.plc.promise import broken_by
 from heatertune.progress import Told
 from heatertune.proof import Proof, prove
 from heatertune.settings import Conditions

@@ -10,13 +10,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from heatertune.chain.stages import encode
 from heatertune.errors import InputError, NotRepresentable
 from heatertune.log.values import Log
 from heatertune.model.values import FittedModel
 from heatertune.model.windows import undisturbed
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Scaling
+from heatertune.plc.design import encode
 from heatertune.plc.weg.advice import ADVICE, Change, Gains, Symptom, changed
 from heatertune.progress import Told
 from heatertune.proof import Proof, prove

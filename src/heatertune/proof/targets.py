@@ -7,11 +7,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from heatertune.chain.stages import encode
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, Words, room
+from heatertune.plc.design import encode
 from heatertune.progress import Told
 from heatertune.proof import Proof, Trace, judge, prove, simulate_wish
 from heatertune.proof.heaters import default_setpoint, labelled

@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from heatertune.chain.stages import encode, tune
 from heatertune.errors import NotRepresentable
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import FittedModel, Fopdt
@@ -14,6 +13,7 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.values import PidDesign
 from heatertune.plc import room
+from heatertune.plc.design import encode, tune
 from heatertune.plc.s7_200.paper import paper_words
 from heatertune.proof import Actuator, Proof, paper_scenario, prove_models, simulate
 from heatertune.proof.fitted import default_pwm_period_s

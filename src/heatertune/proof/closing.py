@@ -7,18 +7,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
-from heatertune.chain.pwm import with_pwm
-from heatertune.chain.ramp import prove_ramped
-from heatertune.chain.refine import refine
-from heatertune.chain.stages import tune
-from heatertune.chain.words import Choice, choose_words, tune_for_words
 from heatertune.errors import InputError, NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, room
+from heatertune.plc.choose import Choice, choose_words, tune_for_words
+from heatertune.plc.design import tune
 from heatertune.progress import Told
 from heatertune.proof import Proof
 from heatertune.proof.fitted import default_pwm_period_s
+from heatertune.proof.pwm_period import with_pwm
+from heatertune.proof.refine import refine
+from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.settings import Conditions, TuneSettings
 
 __all__ = ["Asked", "Closed", "closed", "plainly"]

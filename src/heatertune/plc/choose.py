@@ -11,8 +11,6 @@ from typing import Any, Final
 import numpy as np
 
 from heatertune import cache
-from heatertune.chain.promise import broken_by, demand_kept
-from heatertune.chain.stages import encode, tune
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.document import promise_document
@@ -21,9 +19,10 @@ from heatertune.pid.loop.robustness import sensitivity_peaks
 from heatertune.pid.search.integers import Found, Integers, Vector, best_integers
 from heatertune.pid.search.robust import TOLERANCE, Open
 from heatertune.pid.search.uncertain import draw_heaters, ms_over
-from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Room, Scaling, Words, room
+from heatertune.plc import Scaling, Words, room
+from heatertune.plc.design import encode, timer_of, tune
+from heatertune.plc.promise import broken_by, demand_kept
 from heatertune.progress import Told
 from heatertune.settings import TuneSettings
 
@@ -137,7 +136,7 @@ def tune_for_words(
     """
     at = partial(tune, fitted, settings, target=target, scaling=scaling, progress=progress)
     usual = at(sample_time_s=None)
-    timer = _timer(room(target))
+    timer = timer_of(target)
     intervals = sorted({timer.round(share * usual.sample_time_s) for share in _INTERVALS} | {usual.sample_time_s})
     tried: list[tuple[float, float, PidDesign]] = []
     refused: NotRepresentable | None = None
@@ -354,8 +353,3 @@ def _more(gap: float | None) -> str:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _timer(found: Room) -> Timer:
-    shortest, longest, step = found.sample_times_s
-    return Timer(shortest_s=shortest, longest_s=longest, step_s=step)
