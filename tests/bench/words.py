@@ -68,7 +68,7 @@ def compare(heaters=200, seed=5, *, brute=True):
             real = room(TARGET).decode(words)
             row += [iae_load(plant, real) / wished, margins(plant, real).ms / ms]
         better = max(0.0, 1.0 - best_near(choice.words, plant, ms) / (row[3] * wished)) if brute else 0.0
-        rows.append([*row, choice.search.get("proven", False), better])
+        rows.append([*row, choice.search.optimum is not None and choice.search.optimum.proven, better])
     return np.array(rows, dtype=float)
 
 

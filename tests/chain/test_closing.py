@@ -31,8 +31,8 @@ def test_a_design_that_fails_is_closed_by_a_more_robust_one_and_the_price_is_tol
     found = closed(fitted, asked)
     assert found.proof.verdict == "PASS"
     assert prove(found.proof.words, fitted, asked.conditions).verdict == "PASS"
-    assert found.choice.search["ms"] < first.choice.search["ms"]
-    price = 100.0 * (found.choice.search["iae_load"] / first.choice.search["iae_load"] - 1.0)
+    assert found.choice.search.realised.ms < first.choice.search.realised.ms
+    price = 100.0 * (found.choice.search.realised.iae_load / first.choice.search.realised.iae_load - 1.0)
     assert f"costs {price:.2g} % more IAE" in found.notes[0]
     assert found.proof.heard.remarks[-1].startswith("with Ms <= ")
 

@@ -42,10 +42,10 @@ def test_gains_that_wind_up_are_mended_and_the_whole_proof_says_so(target):
     after = prove(found.words, fitted, PROVING)
     assert after.verdict == "PASS"
     assert _iae(after) < (1.0 - WORTH) * _iae(before)
-    assert margins(SLOW, room(target).decode(found.words)).ms <= choice.search["ms_limit"]
-    assert found.search["way"] == "refined"
-    assert "overshoot is kept now" in found.search["notes"][-1]
-    assert f"to {_iae(after):.4g} °C·s" in found.search["notes"][-1]
+    assert margins(SLOW, room(target).decode(found.words)).ms <= choice.search.ms_limit
+    assert found.search.way == "refined"
+    assert "overshoot is kept now" in found.search.notes[-1]
+    assert f"to {_iae(after):.4g} °C·s" in found.search.notes[-1]
 
 
 @pytest.mark.long
@@ -53,7 +53,7 @@ def test_gains_that_are_right_already_are_left_alone():
     fitted, choice = _chosen(HEATER, "s5-ob251")
     found = refine(choice, fitted, PROVING)
     assert found.words == choice.words
-    assert "none was changed" in found.search["notes"][-1]
+    assert "none was changed" in found.search.notes[-1]
     # no neighbour within the limit on Ms is worth it, judged here one by one
     design, least = room("s5-ob251").decode(choice.words), _iae(prove(choice.words, fitted, PROVING))
     for gain in (0.8, 1.0, 1.2):
@@ -62,7 +62,7 @@ def test_gains_that_are_right_already_are_left_alone():
             values |= {"K": round(values["K"] * gain), "TI": round(values["TI"] * ti)}
             near = type(choice.words)(target="s5-ob251", values=values, scaling=choice.words.scaling,
                                       sample_time_s=design.sample_time_s)
-            if margins(HEATER, room("s5-ob251").decode(near)).ms <= choice.search["ms_limit"]:
+            if margins(HEATER, room("s5-ob251").decode(near)).ms <= choice.search.ms_limit:
                 assert _iae(prove(near, fitted, PROVING)) > (1.0 - WORTH) * least
 
 
@@ -72,4 +72,4 @@ def test_a_controller_that_is_no_pid_is_not_refined():
     choice = choose_words(design, "on-off", fitted)
     found = refine(choice, fitted, PROVING)
     assert found.words == choice.words
-    assert "not refined" in found.search["notes"][-1]
+    assert "not refined" in found.search.notes[-1]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from heatertune.model.values import FittedModel
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
-    from heatertune.plc.choose import Choice
+    from heatertune.plc.choose import WordChoice
 
 __all__ = [
     "add_condition_options", "add_log_options", "add_model_options", "add_proof_options", "add_ramp_option",
@@ -168,7 +168,7 @@ def scaling(settings: argparse.Namespace) -> Scaling:
     return Scaling(low_degC=settings.range[0], high_degC=settings.range[1])
 
 
-def words_and_model(settings: argparse.Namespace) -> tuple[Words, Choice | None, FittedModel]:
+def words_and_model(settings: argparse.Namespace) -> tuple[Words, WordChoice | None, FittedModel]:
     """Return the words of a design or words file, how they were found (None: given), and the model to prove them on.
 
     Raises:

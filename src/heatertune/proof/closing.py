@@ -11,7 +11,7 @@ from heatertune.errors import InputError, NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, room
-from heatertune.plc.choose import Choice, choose_words, tune_for_words
+from heatertune.plc.choose import WordChoice, choose_words, tune_for_words
 from heatertune.plc.design import tune
 from heatertune.progress import Told
 from heatertune.proof import Proof
@@ -31,7 +31,7 @@ _NOTHING_PCT: Final = 0.05  # more IAE than this is told
 
 
 #: a design and its words
-Made = tuple[PidDesign, Choice]
+Made = tuple[PidDesign, WordChoice]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +73,7 @@ class Closed:
     """
 
     wished: PidDesign
-    choice: Choice
+    choice: WordChoice
     proof: Proof
     notes: tuple[str, ...]
 
@@ -178,8 +178,8 @@ def _faster(asked: Asked, first: Closed) -> float | None:
 
 
 def _told(first: Closed, found: Closed, what: str) -> str:
-    costs = [each.choice.search["iae_load"] for each in (first, found)]
-    more = None if None in costs else 100.0 * (costs[1] / costs[0] - 1.0)
+    before, after = first.choice.search.realised.iae_load, found.choice.search.realised.iae_load
+    more = None if before is None or after is None else 100.0 * (after / before - 1.0)
     dearer = more is not None and more > _NOTHING_PCT
     price = "" if more is None else f"; a load disturbance costs {more:.2g} % more IAE" if dearer else "; IAE stays"
     return f"The optimum as asked for fails ({_broken(first)}); with {what} every limit is kept{price}."

@@ -114,7 +114,12 @@ class Proof(Shown):
     @property
     def worst(self) -> Trace:
         """Trace of the run whose criteria strain their limits most."""
-        return self.traced(_worst(self.runs))
+        return self.traced(self.worst_run)
+
+    @property
+    def worst_run(self) -> int:
+        """Number of the run whose criteria strain their limits most."""
+        return _worst(self.runs)
 
     @property
     def verdict(self) -> str:

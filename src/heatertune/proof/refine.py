@@ -7,18 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Final
 
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
-from heatertune.pid.document import read_promise
 from heatertune.pid.loop.robustness import sensitivity_peaks
 from heatertune.pid.search.robust import Open
-from heatertune.pid.values import PidDesign, Promise
+from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, room
-from heatertune.plc.choose import Choice, realised_as
+from heatertune.plc.choose import WordChoice, realised_as
 from heatertune.plc.design import encode
 from heatertune.plc.promise import broken_by
 from heatertune.progress import Told
@@ -57,8 +56,8 @@ class _Tried:
 
 
 def refine(
-    choice: Choice, fitted: FittedModel, conditions: Conditions | None = None, *, progress: Told = str
-) -> Choice:
+    choice: WordChoice, fitted: FittedModel, conditions: Conditions | None = None, *, progress: Told = str
+) -> WordChoice:
     """Return words that keep what the proof asks for and whose IAE in its scenario is the least nearby.
 
     The IAE is the worst over the heaters. K and TN are changed together by factors, and only where that saves `WORTH`
@@ -74,11 +73,14 @@ def refine(
     Raises:
         InputError, OutOfRange, UnknownName: as `prove`.
     """
-    design, limit = room(choice.words.target).decode(choice.words), choice.search["ms_limit"]
+    design, limit = room(choice.words.target).decode(choice.words), choice.search.ms_limit
     if design is None or limit is None or math.isinf(design.integral_time_s):
-        return _told(choice, "The gains were not refined: that needs a stable controller with an I part.")
+        return choice.told("The gains were not refined: that needs a stable controller with an I part.")
     progress(f"refining the gains in the loop of {choice.words.target}")
-    loop = _Loop(choice=choice, fitted=fitted, conditions=conditions, ms=max(limit, choice.search["ms"] or limit))
+    promise = choice.search.promise
+    loop = _Loop(
+        choice=choice, fitted=fitted, conditions=conditions, ms=max(limit, choice.search.realised.ms or limit),
+        drawn=None if promise is None else Open.of(fitted, promise.way))
     first = best = loop.run(choice.words, design)
     seen = {tuple(choice.words.values.items())}
     for step in _STEPS:
@@ -91,30 +93,24 @@ def refine(
     saved = 1.0 - best.cost / first.cost
     mended = sorted(first.broken - best.broken)
     if saved < WORTH and not mended:
-        return _told(choice, f"In the loop of the proof no gains nearby cost {WORTH:.0%} less IAE: none was changed.")
+        return choice.told(f"In the loop of the proof no gains nearby cost {WORTH:.0%} less IAE: none was changed.")
     kept = f"; {' and '.join(mended)} is kept now" if mended else ""
     told = (
         f"Refined in the loop of the proof, limits, anti-windup and PWM included: K by {_factor(best, first, 'gain')}, "
         f"TN by {_factor(best, first, 'time')}; the worst IAE of the scenario goes from {first.cost:.4g} "
         f"to {best.cost:.4g} °C·s{kept}."
     )
-    real = realised_as(best.words, fitted, choice.search["iae_load_wished"])
-    return _told(replace(choice, words=best.words), told, way="refined", **real)
+    real = realised_as(best.words, fitted, choice.search.iae_load_wished)
+    return replace(choice, words=best.words, search=replace(choice.search, way="refined", realised=real)).told(told)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Loop:
-    choice: Choice
+    choice: WordChoice
     fitted: FittedModel
     conditions: Conditions | None
     ms: float
-    promise: Promise | None = field(init=False)
-    drawn: Open | None = field(init=False)
-
-    def __post_init__(self) -> None:
-        promise = read_promise(self.choice.search.get("robust"))
-        object.__setattr__(self, "promise", promise)
-        object.__setattr__(self, "drawn", None if promise is None else Open.of(self.fitted, promise.way))
+    drawn: Open | None
 
     def run(self, words: Words, design: PidDesign) -> _Tried:
         proof: Proof = prove(words, self.fitted, self.conditions)
@@ -146,13 +142,10 @@ class _Loop:
 
     def keeps(self, words: Words) -> bool:
         """Return whether words keep what the choice to begin with promises on drawn heaters."""
-        return self.promise is None or self.drawn is None or broken_by(words, self.drawn, self.promise) is None
+        promise = self.choice.search.promise
+        return promise is None or self.drawn is None or broken_by(words, self.drawn, promise) is None
 
 
 def _factor(best: _Tried, first: _Tried, what: str) -> str:
     name = "gain_pct_per_degC" if what == "gain" else "integral_time_s"
     return f"{getattr(best.design, name) / getattr(first.design, name):.3g}"
-
-
-def _told(choice: Choice, note: str, **changed: Any) -> Choice:
-    return replace(choice, search={**choice.search, **changed, "notes": [*choice.search["notes"], note]})
