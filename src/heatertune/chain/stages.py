@@ -44,10 +44,10 @@ def fit(
         InputError, OutOfRange: as `heatertune.model.fit.fit`.
     """
     asked = merged(FitSettings, settings, changed)
-    fitted = _fit_one(log, asdict(asked) | {"thorough": thorough}, progress)
+    fitted = _fit_one(log, asked, progress, thorough=thorough)
     if not companions:
         return fitted
-    others = [_fit_one(read_log(name, errata=True), {}, progress) for name in log.same_heater]
+    others = [_fit_one(read_log(name, errata=True), FitSettings(), progress) for name in log.same_heater]
     return pool_candidates(fitted, others)
 
 
@@ -61,11 +61,11 @@ def fit_together(
     """
     from heatertune.model.fit import fit_together as fit_logs  # noqa: PLC0415 - compiles; a proof needs no fit
 
-    given = asdict(merged(FitSettings, settings, changed))
+    given = merged(FitSettings, settings, changed)
     laws = () if any(log.power_pct is not None for log in logs) else _laws()
     return _kept(
-        "fit-together", {"logs": [_columns(log) for log in logs], **given},
-        lambda: fit_logs(logs, laws=laws, progress=progress, **given), progress,
+        "fit-together", {"logs": [_columns(log) for log in logs], **asdict(given)},
+        lambda: fit_logs(logs, given, laws=laws, progress=progress), progress,
     )
 
 
@@ -93,28 +93,28 @@ def fit_known(
     from heatertune.model.fit import fit_known as fit_log_known  # noqa: PLC0415 - compiles; a proof needs no fit
 
     tried = controllers(words, known)
-    asked = merged(FitSettings, settings, changed)
-    given = asdict(asked) | {"setpoint_degC": setpoint_degC, "power_before_pct": asked.power_before_pct or 0.0}
-    inputs = _columns(log) | given | {
+    given = merged(FitSettings, settings, changed)
+    inputs = _columns(log) | asdict(given) | {
+        "setpoint_degC": setpoint_degC,
         "target": words.target, "words": dict(words.values), "sample_time_s": words.sample_time_s,
         "range": [words.scaling.low_degC, words.scaling.high_degC], "switches": [dict(each.switches) for each in tried],
     }
 
     def run() -> FittedModel:
-        found = fit_log_known(log, tried, progress=progress, **given)
+        found = fit_log_known(log, tried, given, setpoint_degC=setpoint_degC, progress=progress)
         return replace(found, notes=(*found.notes, closed_again(log, found, tried, setpoint_degC)))
 
     return _kept("fit-known", inputs, run, progress)
 
 
-def _fit_one(log: Log, settings: Mapping[str, Any], progress: Told) -> FittedModel:
+def _fit_one(log: Log, given: FitSettings, progress: Told, *, thorough: bool = False) -> FittedModel:
     def run() -> FittedModel:
         from heatertune.model.fit import fit as fit_log  # noqa: PLC0415 - compiles; what is kept needs no fit
 
         laws = _laws() if log.power_pct is None else ()
-        return fit_log(log, laws=laws, progress=progress, **settings)
+        return fit_log(log, given, laws=laws, thorough=thorough, progress=progress)
 
-    return _kept("fit", _columns(log) | dict(settings), run, progress)
+    return _kept("fit", _columns(log) | asdict(given) | {"thorough": thorough}, run, progress)
 
 
 def _columns(log: Log) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,19 +21,38 @@ from heatertune.plc import room
 from heatertune.plc.choose import search_document
 from heatertune.progress import Told
 from heatertune.proof import Proof
-from heatertune.proof.closing import Asked, closed, plainly
+from heatertune.proof.closing import Asked, Closed, closed, plainly
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.proof.pictures import pictures
 from heatertune.settings import FitSettings, ReadSettings
 
-__all__ = ["design", "dossier", "redraw", "write_report"]
+__all__ = ["ChainResult", "design", "dossier", "redraw", "write_report"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChainResult:
+    """What a design came to.
+
+    Attributes:
+        log: as it was read.
+        fitted: the heater behind it.
+        closed: the design, its words and their proof.
+        files: for the PLC, name → content; none where the verdict is not PASS and the export was not forced.
+        documents: of all stages, as JSON holds them.
+    """
+
+    log: Log
+    fitted: FittedModel
+    closed: Closed
+    files: Mapping[str, str | bytes]
+    documents: Mapping[str, Mapping[str, Any]]
 
 
 def design(
     source: str | Path | Log, asked: Asked, *, out: str | Path, read: ReadSettings | None = None,
     fitted_with: FitSettings | None = None, as_is: bool = False, force: bool = False, progress: Told = str,
-) -> dict[str, dict[str, Any]]:
-    """Run the whole chain, write every stage's document, the export files and the report; return the documents.
+) -> ChainResult:
+    """Run the whole chain, write every stage's document, the export files and the report.
 
     A verdict that is not PASS writes documents and report but no export files, unless `force` is given.
 
@@ -59,7 +79,7 @@ def design(
     documents = dossier(log, fitted, found.wished, proof, files,
                         search=search_document(found.choice, fitted, found.notes))
     _write(documents, files, out)
-    return documents
+    return ChainResult(log=log, fitted=fitted, closed=found, files=files, documents=documents)
 
 
 def write_report(

@@ -46,11 +46,11 @@ def _run(settings: argparse.Namespace) -> int:
     room(common.target(settings))  # an unknown target is refused before the log is read
     log = chain.read_log(settings.log, common.reading(settings), errata=True)
     printing.tell_taken(settings, [log], progress)
-    documents = chain.design(
+    result = chain.design(
         log, out=settings.out, fitted_with=options.of(FitSettings, settings), as_is=settings.as_is,
         force=settings.force, progress=progress,
         asked=replace(common.asked(settings), refined=settings.refine, switch_kind=settings.switch_kind,
                       setpoint_ramp=common.setpoint_ramp(settings)),
     )
-    printing.output(settings, documents, lambda: f"{summary(documents)}\nwritten to {settings.out}")
-    return 0 if documents["proof"]["verdict"] == "PASS" else 1
+    printing.output(settings, result.documents, lambda: f"{summary(result.documents)}\nwritten to {settings.out}")
+    return 0 if result.closed.proof.verdict == "PASS" else 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from heatertune import chain
@@ -104,6 +104,4 @@ def _quick(fitted: FittedModel, settings: Settings) -> Gains:
 
 def _conditions(settings: Settings, words: Words) -> Conditions:
     period = settings.pwm_period_s or default_pwm_period_s(words.sample_time_s)
-    return Conditions(
-        setpoint_degC=settings.setpoint_degC, noise_degC=settings.noise_degC, pwm_period_s=period,
-        pwm_resolution_s=min(HALF_WAVE_S, period))
+    return replace(settings.assumed, pwm_period_s=period, pwm_resolution_s=min(HALF_WAVE_S, period))
