@@ -18,7 +18,8 @@ from heatertune.pid.search.robust import Open
 from heatertune.pid.search.uncertain import draw_heaters
 from heatertune.pid.values import Promise
 from heatertune.plc import room
-from heatertune.plc.choose import Realised, WordChoice, WordSearch, choose_words
+from heatertune.plc.choice import Realised, WordChoice, WordSearch
+from heatertune.plc.choose import choose_words
 from heatertune.plc.design import encode, tune
 from heatertune.proof.refine import _Loop
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from heatertune.batch.zone import zone_row
-from heatertune.chain import words as chain_words
 from heatertune.errors import NotRepresentable, UnknownName
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.intervals import Interval
@@ -15,7 +14,7 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
-from heatertune.plc import room
+from heatertune.plc import choose, room
 from heatertune.plc.choose import choose_words, search_document, tune_for_words
 from heatertune.plc.design import encode, tune
 from heatertune.proof.closing import Asked
@@ -134,7 +133,7 @@ def test_a_row_of_a_table_which_shows_no_drawn_heaters_draws_none(monkeypatch):
     def refuse(*_):
         raise AssertionError("drawn for nobody")
 
-    monkeypatch.setattr(chain_words, "draw_heaters", refuse)
+    monkeypatch.setattr(choose, "draw_heaters", refuse)
     row = zone_row("zone", lambda: _open(HEATER), Asked(
         target="weg", tuned=TuneSettings(method="simc"), conditions=Conditions(setpoint_degC=40.0)))
     assert row["runs"] > 0, "the words were proven"

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from heatertune.model.values import FittedModel
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
-    from heatertune.plc.choose import WordChoice
+    from heatertune.plc.choice import WordChoice
 
 __all__ = [
     "add_condition_options", "add_log_options", "add_model_options", "add_proof_options", "add_ramp_option",

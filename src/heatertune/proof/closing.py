@@ -11,7 +11,8 @@ from heatertune.errors import InputError, NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, room
-from heatertune.plc.choose import WordChoice, choose_words, tune_for_words
+from heatertune.plc.choice import WordChoice
+from heatertune.plc.choose import choose_words, tune_for_words
 from heatertune.plc.design import tune
 from heatertune.progress import Told
 from heatertune.proof import Proof

@@ -17,7 +17,8 @@ from heatertune.pid.loop.robustness import sensitivity_peaks
 from heatertune.pid.search.robust import Open
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, room
-from heatertune.plc.choose import WordChoice, realised_as
+from heatertune.plc.choice import WordChoice
+from heatertune.plc.choose import realised_as
 from heatertune.plc.design import encode
 from heatertune.plc.promise import broken_by
 from heatertune.progress import Told
