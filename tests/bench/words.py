@@ -11,8 +11,6 @@ import time
 
 import numpy as np
 
-from heatertune.chain.stages import encode
-from heatertune.chain.words import choose_words
 from heatertune.errors import HeatertuneError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
@@ -20,6 +18,8 @@ from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.plc import Scaling, Words, controller_for
+from heatertune.plc.choose import choose_words
+from heatertune.plc.design import encode
 
 TARGET = "s5-ob251"
 
@@ -68,7 +68,7 @@ def compare(heaters=200, seed=5, *, brute=True):
             real = controller_for(TARGET).decode(words)
             row += [iae_load(plant, real) / wished, margins(plant, real).ms / ms]
         better = max(0.0, 1.0 - best_near(choice.words, plant, ms) / (row[3] * wished)) if brute else 0.0
-        rows.append([*row, choice.search.get("proven", False), better])
+        rows.append([*row, choice.search.optimum is not None and choice.search.optimum.proven, better])
     return np.array(rows, dtype=float)
 
 

@@ -7,9 +7,8 @@ import subprocess
 
 import pytest
 
-from heatertune.cli import COMMANDS, common
+from heatertune.cli import COMMANDS
 from heatertune.plc import TARGETS
-from heatertune.proof.interlock import INTERLOCKS
 
 HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
 
@@ -240,10 +239,6 @@ def test_one_of_several_runs_can_be_asked_for(run, tmp_path):
     told = json.loads(run("fit", log, "--run", 2, "--json")[1] or "{}")
     assert "run 3" in run("fit", log, "--run", 3)[2]
     assert told["schema"] == "heatertune/model/2"
-
-
-def test_the_command_line_knows_the_interlocks():
-    assert common.INTERLOCKS == INTERLOCKS
 
 
 def test_two_level_control_goes_through_every_command(run, by_hand, tmp_path):

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from heatertune.chain.known import closed_again, controllers
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.log.values import Log
 from heatertune.model.fit import fit_known
@@ -14,6 +13,7 @@ from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Actuator, Scenario, simulate
+from heatertune.proof.known import closed_again, controllers
 
 ONE = Fopdt(gain_degC_per_pct=0.6, time_constant_s=300.0, dead_time_s=25.0, ambient_degC=22.0)
 TWO = TwoLag(gain_degC_per_pct=0.6, time_constant_s=300.0, second_time_constant_s=60.0, dead_time_s=12.0,

@@ -16,16 +16,18 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import UnknownName
+from heatertune.options import options_of
 from heatertune.plc.cpu.one_bit.assembler import assemble
 from heatertune.plc.cpu.one_bit.machine import START, State, Wiring, scan
 from heatertune.plc.cpu.one_bit.programs import HEATER, HEATER_NAMES
 from heatertune.proof.pwm import INSTANT_S
+from heatertune.settings import Conditions
 from heatertune.units import check
 
 __all__ = ["INTERLOCKS", "Interlock"]
 
 #: names on the command line
-INTERLOCKS: Final = ("heater-fan",)
+INTERLOCKS: Final = tuple(options_of(Conditions)["interlock"].choices)
 
 _SCAN_S: Final = 0.01
 

@@ -39,7 +39,7 @@ from heatertune.proof.trace import Trace
 from heatertune.proof.verdict import NOT_PROVEN, PROOF_SCHEMA, Heard, blocking, combined
 from heatertune.show import Shown
 
-__all__ = ["Proof", "RunResult", "prove", "settings_to_prove"]
+__all__ = ["Proof", "RunResult", "prove_models", "settings_to_prove"]
 
 _ALL_TOGETHER: Final = 8  # up to so many combinations of settings all are run
 
@@ -115,7 +115,12 @@ class Proof(Shown):
     @property
     def worst(self) -> Trace:
         """Trace of the run whose criteria strain their limits most."""
-        return self.traced(_worst(self.runs))
+        return self.traced(self.worst_run)
+
+    @property
+    def worst_run(self) -> int:
+        """Number of the run whose criteria strain their limits most."""
+        return _worst(self.runs)
 
     @property
     def verdict(self) -> str:
@@ -160,7 +165,7 @@ class Proof(Shown):
         return None if self.words.ramp is None else asdict(self.words.ramp) | {"degC_per_min": self.ramp_degC_per_min}
 
 
-def prove(
+def prove_models(
     room: Controller,
     words: Words,
     models: Sequence[tuple[str, HeaterModel]],

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 
 from heatertune import cache
-from heatertune.chain.promise import broken_by, demand_kept
-from heatertune.chain.stages import Told, encode, tune
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.pid.document import promise_document
 from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import sensitivity_peaks
 from heatertune.pid.search.integers import Found, Integers, Vector, best_integers
@@ -22,8 +20,13 @@ from heatertune.pid.search.robust import TOLERANCE, Open
 from heatertune.pid.search.uncertain import draw_heaters, ms_over
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
+from heatertune.plc.choice import Optimum, Realised, WordChoice, WordSearch
+from heatertune.plc.design import encode, timer_of, tune
+from heatertune.plc.promise import broken_by, demand_kept
+from heatertune.progress import Told
+from heatertune.settings import TuneSettings
 
-__all__ = ["WAYS", "Choice", "choose_words", "realised_as", "search_document", "tune_for_words"]
+__all__ = ["WAYS", "choose_words", "realised_as", "search_document", "tune_for_words"]
 
 #: how words are found; auto: the optimum for a design that is an optimum itself, else what was asked for is kept
 WAYS: Final = ("auto", "optimum", "rounded")
@@ -31,20 +34,6 @@ WAYS: Final = ("auto", "optimum", "rounded")
 _COARSE: Final = 10  # below this one step of the word is more than a tenth, and rounding decides
 _FINE: Final = 20
 _INTERVALS: Final = (0.5, 0.7, 1.0, 1.4, 2.0)  # times TRdom/10
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
-    """Words, and how they were found.
-
-    Attributes:
-        words: what the PLC will hold.
-        search: way, iae_load and ms of the words and of plain rounding, the gap to the unrounded design, what is
-            proven, and notes, one sentence each; `search_document` adds what only a reader asks for.
-    """
-
-    words: Words
-    search: Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +47,7 @@ class _Measured:
 def choose_words(
     design: PidDesign, target: str, fitted: FittedModel, *, scaling: Scaling | None = None, way: str = "auto",
     progress: Told = str,
-) -> Choice:
+) -> WordChoice:
     """Return the words of a design for a target.
 
     The optimum is searched over all whole numbers the controller can hold, on every candidate model, under the Ms that
@@ -82,18 +71,17 @@ def choose_words(
     if promise is None or controller_for(target).decode(choice.words) is None:
         return choice
     told = demand_kept(choice.words, promise, fitted, told_only=way == "rounded")
-    return replace(choice, search={
-        **choice.search, "robust": promise_document(promise), "notes": [*choice.search["notes"], told]})
+    return replace(choice, search=replace(choice.search, promise=promise)).told(told)
 
 
 def _choice(
     design: PidDesign, target: str, fitted: FittedModel, scaling: Scaling | None, way: str, progress: Told
-) -> Choice:
+) -> WordChoice:
     rounded = encode(design, target, scaling=scaling)
     wished = _measured(fitted.plants, design)
     why = _why_rounded(design, rounded, way, wished)
     if why is not None:
-        return Choice(words=rounded, search=_plainly(rounded, fitted, wished, why))
+        return _plainly(rounded, fitted, wished, why)
     inputs = {
         "words": dict(rounded.values), "target": target, "range": [rounded.scaling.low_degC, rounded.scaling.high_degC],
         "sample_time_s": rounded.sample_time_s, "ms": wished.ms, "plants": [repr(plant) for plant in fitted.plants],
@@ -110,13 +98,14 @@ def _choice(
     if kept["words"] is None:
         also = "" if design.promise is None else " and the limits on the drawn heaters"
         why = f"no words keep Ms <= {wished.ms:.5g}{also} at TA = {rounded.sample_time_s:g} s"
-        return Choice(words=rounded, search=_plainly(rounded, fitted, wished, why))
+        return _plainly(rounded, fitted, wished, why)
     found = Found(words=tuple(kept["words"]), cost=kept["cost"], least=kept["least"], boxes=kept["boxes"])
     return _chosen(rounded, found, fitted, design, wished)
 
 
 def tune_for_words(
-    fitted: FittedModel, *, target: str, scaling: Scaling | None = None, progress: Told = str, **settings: Any
+    fitted: FittedModel, settings: TuneSettings | None = None, *, target: str, scaling: Scaling | None = None,
+    progress: Told = str,
 ) -> PidDesign:
     """Return the design at the sampling interval, out of five around TRdom/10, whose words cost the least load IAE.
 
@@ -124,21 +113,20 @@ def tune_for_words(
         UnknownName, OutOfRange, InputError: as `tune`.
         NotRepresentable: the words fit at none of the intervals.
     """
-    settings = {name: value for name, value in settings.items() if name != "sample_time_s"}
-    usual = tune(fitted, target=target, scaling=scaling, progress=progress, **settings)
-    timer = controller_for(target).timer
+    at = partial(tune, fitted, settings, target=target, scaling=scaling, progress=progress)
+    usual = at(sample_time_s=None)
+    timer = timer_of(target)
     intervals = sorted({timer.round(share * usual.sample_time_s) for share in _INTERVALS} | {usual.sample_time_s})
     tried: list[tuple[float, float, PidDesign]] = []
     refused: NotRepresentable | None = None
     for ta in intervals:
-        design = usual if ta == usual.sample_time_s else tune(
-            fitted, target=target, scaling=scaling, progress=progress, sample_time_s=ta, **settings)
+        design = usual if ta == usual.sample_time_s else at(sample_time_s=ta)
         try:
             choice = choose_words(design, target, fitted, scaling=scaling, progress=progress)
         except NotRepresentable as problem:
             refused = problem
             continue
-        cost = choice.search["iae_load"]
+        cost = choice.search.realised.iae_load
         tried.append((math.inf if cost is None else cost, ta, design))
     if not tried:
         assert refused is not None
@@ -226,7 +214,7 @@ def _with(words: Words, values: Vector) -> Words:
     return replace(words, values=dict(words.values) | dict(zip(_integers(words), values, strict=True)))
 
 
-def _chosen(rounded: Words, found: Found, fitted: FittedModel, design: PidDesign, wished: _Measured) -> Choice:
+def _chosen(rounded: Words, found: Found, fitted: FittedModel, design: PidDesign, wished: _Measured) -> WordChoice:
     assert found.words is not None
     words = _with(rounded, found.words)
     plain, best = _realised(rounded, fitted), _realised(words, fitted)
@@ -242,16 +230,16 @@ def _chosen(rounded: Words, found: Found, fitted: FittedModel, design: PidDesign
         f"The search looked at {found.boxes} boxes of words and ruled out the rest by bounds: {proof}.",
         *_told_about_coarse(words, design),
     ]
-    return Choice(words=words, search={
-        "way": "optimum", **_told(best, wished.iae_load), "ms_limit": wished.ms,
-        "iae_load_wished": wished.iae_load, "proven": found.proven, "left_open_pct": left,
-        "rounded": {"words": {name: rounded.values[name] for name in _integers(words)},
-                    "iae_load": _finite(plain.iae_load), "ms": _finite(plain.ms), "gap_pct": gap_rounded},
-        "notes": notes,
-    })
+    return WordChoice(words=words, search=WordSearch(
+        way="optimum", realised=_told(best, wished.iae_load), ms_limit=wished.ms, iae_load_wished=wished.iae_load,
+        notes=tuple(notes), optimum=Optimum(
+            proven=found.proven, left_open_pct=left,
+            rounded_words={name: rounded.values[name] for name in _integers(words)},
+            rounded=_told(plain, wished.iae_load)),
+    ))
 
 
-def _plainly(rounded: Words, fitted: FittedModel, wished: _Measured, why: str) -> dict[str, Any]:
+def _plainly(rounded: Words, fitted: FittedModel, wished: _Measured, why: str) -> WordChoice:
     plain = _realised(rounded, fitted)
     gap = None if plain is None else _gap(plain, wished)
     told = "" if plain is None or math.isinf(plain.iae_load) else (
@@ -262,21 +250,17 @@ def _plainly(rounded: Words, fitted: FittedModel, wished: _Measured, why: str) -
         design = controller_for(rounded.target).decode(rounded)
         assert design is not None
         notes += _told_about_coarse(rounded, design)
-    return {
-        "way": "rounded", **_told(plain, wished.iae_load), "ms_limit": _finite(wished.ms),
-        "iae_load_wished": _finite(wished.iae_load), "notes": notes,
-    }
+    return WordChoice(words=rounded, search=WordSearch(
+        way="rounded", realised=_told(plain, wished.iae_load), ms_limit=_finite(wished.ms),
+        iae_load_wished=_finite(wished.iae_load), notes=tuple(notes)))
 
 
-def realised_as(words: Words, fitted: FittedModel, wished_iae: float | None) -> dict[str, Any]:
-    """Return what words are on the heaters: mean load IAE, gap to the wished one, and Ms.
-
-    Numbers that are not finite, and all of them for a controller that is no PID, are None.
-    """
+def realised_as(words: Words, fitted: FittedModel, wished_iae: float | None) -> Realised:
+    """Return what words are on the heaters, beside the mean load IAE that was wished for."""
     return _told(_realised(words, fitted), wished_iae)
 
 
-def search_document(choice: Choice, fitted: FittedModel, notes: Sequence[str] = ()) -> dict[str, Any]:
+def search_document(choice: WordChoice, fitted: FittedModel, notes: Sequence[str] = ()) -> dict[str, Any]:
     """Return how words were found as a JSON object for a reader: with Ms over heaters drawn from the fit.
 
     Args:
@@ -287,8 +271,8 @@ def search_document(choice: Choice, fitted: FittedModel, notes: Sequence[str] = 
     Returns:
         `choice.search` with ms_drawn (None: no PID, or no interval to draw from) and the notes.
     """
-    return {
-        **choice.search, "ms_drawn": _ms_drawn(choice.words, fitted), "notes": [*choice.search["notes"], *notes],
+    return choice.search.to_document() | {
+        "ms_drawn": _ms_drawn(choice.words, fitted), "notes": [*choice.search.notes, *notes],
     }
 
 
@@ -303,11 +287,11 @@ def _ms_drawn(words: Words, fitted: FittedModel) -> dict[str, Any] | None:
     }
 
 
-def _told(found: _Measured | None, wished_iae: float | None) -> dict[str, Any]:
+def _told(found: _Measured | None, wished_iae: float | None) -> Realised:
     if found is None:
-        return {"iae_load": None, "gap_pct": None, "ms": None}
+        return Realised(iae_load=None, gap_pct=None, ms=None)
     gap = None if wished_iae is None else _gap(found, _Measured(iae_load=wished_iae, ms=1.0))
-    return {"iae_load": _finite(found.iae_load), "gap_pct": gap, "ms": _finite(found.ms)}
+    return Realised(iae_load=_finite(found.iae_load), gap_pct=gap, ms=_finite(found.ms))
 
 
 def _told_about_coarse(words: Words, design: PidDesign) -> list[str]:

@@ -3,33 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Final, NamedTuple
 
-from heatertune.chain.pwm import with_pwm
-from heatertune.chain.ramp import prove_ramped
-from heatertune.chain.refine import refine
-from heatertune.chain.stages import Told, default_pwm_period_s, tune
-from heatertune.chain.words import Choice, choose_words, tune_for_words
 from heatertune.errors import InputError, NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
-from heatertune.proof import Actuator, Proof
+from heatertune.plc.choice import WordChoice
+from heatertune.plc.choose import choose_words, tune_for_words
+from heatertune.plc.design import tune
+from heatertune.progress import Told
+from heatertune.proof import Proof
+from heatertune.proof.fitted import default_pwm_period_s
+from heatertune.proof.pwm_period import with_pwm
+from heatertune.proof.refine import refine
+from heatertune.proof.setpoint_ramp import prove_ramped
+from heatertune.settings import Conditions, TuneSettings
 
 __all__ = ["Asked", "Closed", "closed", "plainly"]
 
 #: tried in turn, each below what was asked for: the more robust loop overshoots less and is slower
 _TIGHTER_MS: Final = (1.5, 1.4, 1.3)
-_MS: Final = 1.6  # where nothing is said
 #: PWM period that a solid-state relay takes well and a contactor does not [s]
 _FAST_S: Final = 2.5
 _NOTHING_PCT: Final = 0.05  # more IAE than this is told
 
 
 #: a design and its words
-Made = tuple[PidDesign, Choice]
+Made = tuple[PidDesign, WordChoice]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,19 +42,19 @@ class Asked:
     Attributes:
         target: the controller.
         scaling: sensor range; None: 0…100 °C.
-        tuning: options of `tune`.
-        proving: options of `prove`.
+        tuned: how the design is found.
+        conditions: of the proof.
         words_by: how the words are found, see `choose_words`.
         interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
-        switch_kind: "relay" or "ssr": the PWM period is proposed for it, see `with_pwm`; a given actuator stays.
+        switch_kind: "relay" or "ssr": the PWM period is proposed for it, see `with_pwm`; a given PWM period stays.
         refined: whether the gains are refined in the loop of the proof, see `refine`.
         setpoint_ramp: [°C/min], "auto" or "none", see `prove_ramped`; None: one is taken where nothing else helps.
     """
 
     target: str
     scaling: Scaling | None = None
-    tuning: Mapping[str, Any]
-    proving: Mapping[str, Any]
+    tuned: TuneSettings = field(default_factory=TuneSettings)
+    conditions: Conditions = field(default_factory=Conditions)
     words_by: str = "auto"
     interval_by_words: bool = False
     switch_kind: str | None = None
@@ -71,7 +74,7 @@ class Closed:
     """
 
     wished: PidDesign
-    choice: Choice
+    choice: WordChoice
     proof: Proof
     notes: tuple[str, ...]
 
@@ -89,23 +92,21 @@ def plainly(
         stage: told "design", "words" and "proof".
     """
     wished, choice = _made(fitted, asked, progress, stage) if made is None else made
-    conditions = dict(asked.proving)
+    conditions = asked.conditions
     if asked.switch_kind is not None:
-        shared = {name: conditions[name] for name in ("setpoint_degC", "tolerance_degC") if name in conditions}
-        wished, actuator = with_pwm(wished, fitted, asked.switch_kind, words=choice.words, **shared)
-        conditions = {"actuator": actuator} | conditions
+        wished, conditions = with_pwm(wished, fitted, asked.switch_kind, conditions, words=choice.words)
     if asked.refined:
-        choice = refine(choice, fitted, proving=conditions, progress=progress)
+        choice = refine(choice, fitted, conditions, progress=progress)
     stage("proof")
     progress(f"proving the words on {len(fitted.plants)} possible heaters")
-    proof, notes = prove_ramped(choice.words, fitted, asked.setpoint_ramp, proving=conditions, progress=progress)
+    proof, notes = prove_ramped(choice.words, fitted, asked.setpoint_ramp, conditions, progress=progress)
     return Closed(wished=wished, choice=choice, proof=proof, notes=tuple(notes))
 
 
 def _made(fitted: FittedModel, asked: Asked, progress: Told, stage: Told) -> Made:
     stage("design")
     find = tune_for_words if asked.interval_by_words else tune
-    wished = find(fitted, target=asked.target, scaling=asked.scaling, progress=progress, **asked.tuning)
+    wished = find(fitted, asked.tuned, target=asked.target, scaling=asked.scaling, progress=progress)
     stage("words")
     return wished, choose_words(
         wished, asked.target, fitted, scaling=asked.scaling, way=asked.words_by, progress=progress)
@@ -120,14 +121,14 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
     Raises:
         HeatertuneError: as the stages on the plain design.
     """
-    made = {_ms(asked): _made(fitted, asked, progress, stage)}
+    made = {asked.tuned.ms: _made(fitted, asked, progress, stage)}
     still = replace(asked, setpoint_ramp=asked.setpoint_ramp or "none")
-    first = plainly(fitted, still, made=made[_ms(asked)], progress=progress, stage=stage)
+    first = plainly(fitted, still, made=made[asked.tuned.ms], progress=progress, stage=stage)
     if first.proof.verdict != "FAIL":
         return first
     for changed in _changes(asked, first):
         progress(f"{_broken(first)} fails: trying {changed.what}")
-        ms = _ms(changed.asked)
+        ms = changed.asked.tuned.ms
         try:
             made[ms] = made.get(ms) or _made(fitted, changed.asked, progress, str)
             found = plainly(fitted, changed.asked, made=made[ms], progress=progress)
@@ -140,10 +141,6 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
     return first
 
 
-def _ms(asked: Asked) -> float:
-    return float(asked.tuning.get("ms", _MS))
-
-
 class _Change(NamedTuple):
     asked: Asked
     what: str
@@ -153,37 +150,37 @@ def _changes(asked: Asked, first: Closed) -> Iterator[_Change]:
     """Return what is tried, the least first."""
     still = replace(asked, setpoint_ramp=asked.setpoint_ramp or "none")
     by_optimum = first.wished.method.startswith("optimum") and math.isfinite(first.wished.integral_time_s)
-    ms = _ms(asked)
-    robust = [_Change(replace(still, tuning={**asked.tuning, "ms": tighter}), f"Ms <= {tighter:g}")
+    ms = asked.tuned.ms
+    robust = [_Change(replace(still, tuned=replace(asked.tuned, ms=tighter)), f"Ms <= {tighter:g}")
               for tighter in _TIGHTER_MS if by_optimum and tighter < ms]
     yield from robust
     fast = _faster(asked, first)
     if fast is not None:
-        proving = {**asked.proving, "actuator": fast}
-        told = f"a PWM period of {fast.pwm_period_s:.3g} s (a solid-state relay)"
+        conditions = replace(asked.conditions, pwm_period_s=fast)
+        told = f"a PWM period of {fast:.3g} s (a solid-state relay)"
         for each, what in [_Change(still, ""), *robust]:
-            yield _Change(replace(each, proving=proving), " and ".join(filter(None, (what, told))))
+            yield _Change(replace(each, conditions=conditions), " and ".join(filter(None, (what, told))))
     broken = {each.name for each in first.proof.criteria if not each.ok}
     if asked.setpoint_ramp is None and controller_for(asked.target).ramped and "overshoot" in broken:
         ramped = replace(asked, setpoint_ramp="auto")
         yield _Change(ramped, "a setpoint ramp")
         if fast is not None:
-            yield _Change(replace(ramped, proving=proving), f"a setpoint ramp and {told}")
+            yield _Change(replace(ramped, conditions=conditions), f"a setpoint ramp and {told}")
 
 
-def _faster(asked: Asked, first: Closed) -> Actuator | None:
-    """Return a switch with a shorter period; None where the user chose one, or the controller makes the PWM itself."""
-    chosen = asked.switch_kind is not None or asked.proving.get("actuator") is not None
+def _faster(asked: Asked, first: Closed) -> float | None:
+    """Return a shorter PWM period [s]; None where the user chose one, or the controller makes the PWM itself."""
+    chosen = asked.switch_kind is not None or asked.conditions.pwm_period_s is not None
     words = first.proof.words
     if chosen or controller_for(words.target).timing(words).pwm_period_s is not None:
         return None
     period = default_pwm_period_s(words.sample_time_s, most_s=_FAST_S)
-    return Actuator(pwm_period_s=period) if period < default_pwm_period_s(words.sample_time_s) else None
+    return period if period < default_pwm_period_s(words.sample_time_s) else None
 
 
 def _told(first: Closed, found: Closed, what: str) -> str:
-    costs = [each.choice.search["iae_load"] for each in (first, found)]
-    more = None if None in costs else 100.0 * (costs[1] / costs[0] - 1.0)
+    before, after = first.choice.search.realised.iae_load, found.choice.search.realised.iae_load
+    more = None if before is None or after is None else 100.0 * (after / before - 1.0)
     dearer = more is not None and more > _NOTHING_PCT
     price = "" if more is None else f"; a load disturbance costs {more:.2g} % more IAE" if dearer else "; IAE stays"
     return f"The optimum as asked for fails ({_broken(first)}); with {what} every limit is kept{price}."

@@ -6,22 +6,24 @@ The linear optimum knows none of these, and the same gains can cost many times m
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Final
 
-from heatertune.chain.promise import broken_by
-from heatertune.chain.stages import Told, encode, prove
-from heatertune.chain.words import Choice, realised_as
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
-from heatertune.pid.document import read_promise
 from heatertune.pid.loop.robustness import sensitivity_peaks
 from heatertune.pid.search.robust import Open
-from heatertune.pid.values import PidDesign, Promise
+from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
-from heatertune.proof import Proof
+from heatertune.plc.choice import WordChoice
+from heatertune.plc.choose import realised_as
+from heatertune.plc.design import encode
+from heatertune.plc.promise import broken_by
+from heatertune.progress import Told
+from heatertune.proof import Proof, prove
+from heatertune.settings import Conditions
 
 __all__ = ["WORTH", "refine"]
 
@@ -55,8 +57,8 @@ class _Tried:
 
 
 def refine(
-    choice: Choice, fitted: FittedModel, *, proving: Mapping[str, Any] | None = None, progress: Told = str
-) -> Choice:
+    choice: WordChoice, fitted: FittedModel, conditions: Conditions | None = None, *, progress: Told = str
+) -> WordChoice:
     """Return words that keep what the proof asks for and whose IAE in its scenario is the least nearby.
 
     The IAE is the worst over the heaters. K and TN are changed together by factors, and only where that saves `WORTH`
@@ -66,17 +68,20 @@ def refine(
     Args:
         choice: the words to begin with.
         fitted: the heater and its candidates.
-        proving: options of `prove`.
+        conditions: of the proof.
         progress: told what begins.
 
     Raises:
         InputError, OutOfRange, UnknownName: as `prove`.
     """
-    design, limit = controller_for(choice.words.target).decode(choice.words), choice.search["ms_limit"]
+    design, limit = controller_for(choice.words.target).decode(choice.words), choice.search.ms_limit
     if design is None or limit is None or math.isinf(design.integral_time_s):
-        return _told(choice, "The gains were not refined: that needs a stable controller with an I part.")
+        return choice.told("The gains were not refined: that needs a stable controller with an I part.")
     progress(f"refining the gains in the loop of {choice.words.target}")
-    loop = _Loop(choice=choice, fitted=fitted, proving=dict(proving or {}), ms=max(limit, choice.search["ms"] or limit))
+    promise = choice.search.promise
+    loop = _Loop(
+        choice=choice, fitted=fitted, conditions=conditions, ms=max(limit, choice.search.realised.ms or limit),
+        drawn=None if promise is None else Open.of(fitted, promise.way))
     first = best = loop.run(choice.words, design)
     seen = {tuple(choice.words.values.items())}
     for step in _STEPS:
@@ -89,33 +94,27 @@ def refine(
     saved = 1.0 - best.cost / first.cost
     mended = sorted(first.broken - best.broken)
     if saved < WORTH and not mended:
-        return _told(choice, f"In the loop of the proof no gains nearby cost {WORTH:.0%} less IAE: none was changed.")
+        return choice.told(f"In the loop of the proof no gains nearby cost {WORTH:.0%} less IAE: none was changed.")
     kept = f"; {' and '.join(mended)} is kept now" if mended else ""
     told = (
         f"Refined in the loop of the proof, limits, anti-windup and PWM included: K by {_factor(best, first, 'gain')}, "
         f"TN by {_factor(best, first, 'time')}; the worst IAE of the scenario goes from {first.cost:.4g} "
         f"to {best.cost:.4g} °C·s{kept}."
     )
-    real = realised_as(best.words, fitted, choice.search["iae_load_wished"])
-    return _told(replace(choice, words=best.words), told, way="refined", **real)
+    real = realised_as(best.words, fitted, choice.search.iae_load_wished)
+    return replace(choice, words=best.words, search=replace(choice.search, way="refined", realised=real)).told(told)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Loop:
-    choice: Choice
+    choice: WordChoice
     fitted: FittedModel
-    proving: dict[str, Any]
+    conditions: Conditions | None
     ms: float
-    promise: Promise | None = field(init=False)
-    drawn: Open | None = field(init=False)
-
-    def __post_init__(self) -> None:
-        promise = read_promise(self.choice.search.get("robust"))
-        object.__setattr__(self, "promise", promise)
-        object.__setattr__(self, "drawn", None if promise is None else Open.of(self.fitted, promise.way))
+    drawn: Open | None
 
     def run(self, words: Words, design: PidDesign) -> _Tried:
-        proof: Proof = prove(words, self.fitted, **self.proving)
+        proof: Proof = prove(words, self.fitted, self.conditions)
         cost = next(criterion.value for criterion in proof.criteria if criterion.name == "iae")
         broken = frozenset(criterion.name for criterion in proof.criteria if not criterion.ok)
         excess = max(0.0, max(criterion.strain for criterion in proof.criteria) - 1.0)
@@ -144,13 +143,10 @@ class _Loop:
 
     def keeps(self, words: Words) -> bool:
         """Return whether words keep what the choice to begin with promises on drawn heaters."""
-        return self.promise is None or self.drawn is None or broken_by(words, self.drawn, self.promise) is None
+        promise = self.choice.search.promise
+        return promise is None or self.drawn is None or broken_by(words, self.drawn, promise) is None
 
 
 def _factor(best: _Tried, first: _Tried, what: str) -> str:
     name = "gain_pct_per_degC" if what == "gain" else "integral_time_s"
     return f"{getattr(best.design, name) / getattr(first.design, name):.3g}"
-
-
-def _told(choice: Choice, note: str, **changed: Any) -> Choice:
-    return replace(choice, search={**choice.search, **changed, "notes": [*choice.search["notes"], note]})

@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from heatertune.chain.stages import default_pwm_period_s, encode, holding, labelled, tune
 from heatertune.errors import NotRepresentable
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import FittedModel, Fopdt
@@ -14,8 +13,11 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
+from heatertune.plc.design import encode, tune
 from heatertune.plc.s7_200_paper.words import paper_words
-from heatertune.proof import Actuator, Proof, paper_scenario, prove, simulate
+from heatertune.proof import Actuator, Proof, paper_scenario, prove_models, simulate
+from heatertune.proof.fitted import default_pwm_period_s
+from heatertune.proof.heaters import holding, labelled
 from heatertune.proof.series import trace_series
 
 __all__ = ["best_single_lag", "paper_runs", "price_of_doubt", "rivals"]
@@ -59,7 +61,7 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
     if proof.words.ramp is not None and controller_for(target).ramped:
         words = replace(words, ramp=controller_for(target).ramp(words, proof.ramp_degC_per_min))
     actuator = Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s))
-    found = prove(
+    found = prove_models(
         controller_for(target), words, holding(fitted, proof.scenario.setpoint_degC), proof.scenario, actuator,
         proof.limits, margins,
         open_points=False, interlock=proof.interlock,

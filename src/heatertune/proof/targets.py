@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
-from heatertune.chain.stages import Told, default_setpoint, encode, labelled, prove
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
-from heatertune.plc import TARGETS, Scaling, controller_for
-from heatertune.proof import Proof, Trace, judge, simulate_wish
+from heatertune.plc import TARGETS, Scaling, Words, controller_for
+from heatertune.plc.design import encode
+from heatertune.progress import Told
+from heatertune.proof import Proof, Trace, judge, prove, simulate_wish
+from heatertune.proof.heaters import default_setpoint, labelled
 from heatertune.proof.series import trace_series
+from heatertune.settings import Conditions
 
 __all__ = ["SCHEMA", "compare"]
 
@@ -22,8 +26,8 @@ _NAMES = ("overshoot", "settling_time", "steady_offset", "recovery_time", "iae")
 
 
 def compare(
-    wished: PidDesign, fitted: FittedModel, *, scaling: Scaling | None = None,
-    proving: Mapping[str, Any] | None = None, progress: Told = str,
+    wished: PidDesign, fitted: FittedModel, conditions: Conditions | None = None, *, scaling: Scaling | None = None,
+    first_look: bool = False, progress: Told = str,
 ) -> dict[str, Any]:
     """Return the document of one design on all targets, on the model that fits best.
 
@@ -34,8 +38,9 @@ def compare(
     Args:
         wished: the design.
         fitted: the heater and its candidates.
+        conditions: of the proofs.
         scaling: sensor range.
-        proving: options of `prove`.
+        first_look: as for `prove`.
         progress: told what begins.
 
     Raises:
@@ -44,23 +49,24 @@ def compare(
     rows = []
     for number, target in enumerate(TARGETS, 1):
         progress(f"proving the words of {target} ({number} of {len(TARGETS)})")
-        rows.append(_row(target, wished, fitted, scaling, proving or {}))
+        rows.append(_row(target, wished, scaling, partial(prove, fitted=fitted, conditions=conditions,
+                                                          first_look=first_look)))
     label, model = labelled(fitted)[0]
-    asked = (proving or {}).get("setpoint_degC")
+    asked = None if conditions is None else conditions.setpoint_degC
     setpoint = default_setpoint(fitted) if asked is None else asked
     return {"schema": SCHEMA, "model": label, "setpoint_degC": setpoint,
             "gain_degC_per_pct": model.gain_degC_per_pct, "rows": rows}
 
 
 def _row(
-    target: str, wished: PidDesign, fitted: FittedModel, scaling: Scaling | None, proving: Mapping[str, Any]
+    target: str, wished: PidDesign, scaling: Scaling | None, proven: Callable[[Words], Proof]
 ) -> dict[str, Any]:
     told: dict[str, Any] = {"target": target, "title": controller_for(target).title}
     try:
         words = encode(wished, target, scaling=scaling)
     except NotRepresentable as problem:
         return told | {"verdict": "not representable", "why": str(problem)}
-    proof = prove(words, fitted, **proving)
+    proof = proven(words)
     nominal = proof.nominal
     same = replace(wished, derivative_filter=_filter(proof))
     wish = simulate_wish(same, nominal.model, nominal.scenario, nominal.actuator)

@@ -6,17 +6,18 @@ The gains stay those of the optimum, and with them what a disturbance costs; the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
-from heatertune.chain.stages import Told, labelled, prove
 from heatertune.errors import OutOfRange
 from heatertune.model.values import FittedModel
 from heatertune.plc import Ramp, Words, controller_for
-from heatertune.proof import Criterion, Proof, RunResult
-from heatertune.proof import prove as prove_run
-from heatertune.proof.scenario import conditions
+from heatertune.progress import Told
+from heatertune.proof import Criterion, Proof, RunResult, prove, prove_models
+from heatertune.proof.heaters import labelled
+from heatertune.proof.scenario import conditions as conditions_of
+from heatertune.settings import Conditions
 
 __all__ = ["prove_ramped"]
 
@@ -26,7 +27,7 @@ _MOST_ROUNDS: Final = 6
 
 
 def prove_ramped(
-    words: Words, fitted: FittedModel, ramp: float | str | None = None, *, proving: Mapping[str, Any] | None = None,
+    words: Words, fitted: FittedModel, ramp: float | str | None = None, conditions: Conditions | None = None, *,
     progress: Told = str,
 ) -> tuple[Proof, list[str]]:
     """Return the proof of words with a setpoint ramp, its words with the ramp, and what is to be told about it.
@@ -37,19 +38,19 @@ def prove_ramped(
         ramp: [°C/min]; "none": at once; "auto": the fastest that keeps the limit on overshoot in every run, where
             that is broken without one; None: as the words have it, and, where nothing but that limit is broken, told
             what "auto" would find.
-        proving: options of `prove`.
+        conditions: of the proof.
         progress: told what begins.
 
     Raises:
         InputError: a ramp for a room that has none, or as `prove`.
         OutOfRange, UnknownName: as `prove`; a rate that the room cannot have.
     """
-    options, found = dict(proving or {}), controller_for(words.target)
+    found = controller_for(words.target)
     if isinstance(ramp, float | int):
         words = replace(words, ramp=found.ramp(words, ramp))
     elif ramp is not None:
         words = replace(words, ramp=None)
-    plain = prove(words, fitted, **options)
+    plain = prove(words, fitted, conditions)
     if words.ramp is not None or ramp == "none":
         return plain, []
     broken = [criterion.name for criterion in plain.criteria if not criterion.ok]
@@ -57,7 +58,7 @@ def prove_ramped(
     if not helps or not found.ramped:
         return plain, [_why_none(plain, broken, ramped=found.ramped)] if ramp == "auto" else []
     progress("looking for the fastest setpoint ramp that keeps the limit on overshoot")
-    ramped = _Search(plain=plain, fitted=fitted, proving=options).fastest()
+    ramped = _Search(plain=plain, fitted=fitted, conditions=conditions).fastest()
     if ramped is None:
         return plain, ["No setpoint ramp that ends half way to the disturbance keeps the limit on overshoot."]
     told = _told(plain, ramped)
@@ -103,7 +104,7 @@ def _overshoot(proof: Proof | RunResult) -> Criterion:
 class _Search:
     plain: Proof
     fitted: FittedModel
-    proving: dict[str, Any]
+    conditions: Conditions | None
 
     def fastest(self) -> Proof | None:
         """Return the proof with the fastest ramp found.
@@ -117,7 +118,7 @@ class _Search:
             words = self._fastest_on(watched)
             if words is None:
                 return None
-            proof = prove(words, self.fitted, **self.proving)
+            proof = prove(words, self.fitted, self.conditions)
             if _overshoot(proof).ok:
                 return proof
             watched.append(_worst(proof))
@@ -157,7 +158,7 @@ class _Search:
     def _with(self, duration_s: float) -> Words | None:
         """Return the words with a ramp that takes so long on the nominal heater; None where the room cannot have it."""
         scenario, words = self.plain.scenario, self.plain.words
-        way = scenario.setpoint_degC - conditions(scenario, dict(labelled(self.fitted))[self.plain.runs[0].model])[1]
+        way = scenario.setpoint_degC - conditions_of(scenario, dict(labelled(self.fitted))[self.plain.runs[0].model])[1]
         try:
             ramp: Ramp = controller_for(words.target).ramp(words, 60.0 * way / duration_s)
         except OutOfRange:
@@ -167,8 +168,9 @@ class _Search:
     def _keeps(self, words: Words, watched: list[RunResult]) -> bool:
         plain, models = self.plain, dict(labelled(self.fitted))
         return all(
-            _overshoot(prove_run(controller_for(words.target), words, [(run.model, models[run.model])], plain.scenario,
-                                 plain.actuator, plain.limits, known=run.switches, interlock=plain.interlock)).ok
+            _overshoot(prove_models(controller_for(words.target), words, [(run.model, models[run.model])],
+                                    plain.scenario, plain.actuator, plain.limits, known=run.switches,
+                                    interlock=plain.interlock)).ok
             for run in watched
         )
 

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 
-from heatertune.chain.stages import Told, encode, labelled, prove
 from heatertune.errors import InputError, NotRepresentable
 from heatertune.log.values import Log
 from heatertune.model.values import FittedModel
 from heatertune.model.windows import undisturbed
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Scaling
+from heatertune.plc.design import encode
 from heatertune.plc.weg.advice import ADVICE, Change, Gains, Symptom, changed
-from heatertune.proof import Proof
+from heatertune.progress import Told
+from heatertune.proof import Proof, prove
+from heatertune.proof.heaters import labelled
 from heatertune.proof.symptoms import Response, observe
 from heatertune.proof.verdict import NOT_PROVEN
+from heatertune.settings import Conditions
 
 __all__ = ["SCHEMA", "advise"]
 
@@ -37,9 +41,8 @@ _LAGS: Final = 3.0  # time constants after which a heater has done 95 % of a ste
 
 
 def advise(
-    design: PidDesign, fitted: FittedModel, log: Log | None = None, *, target: str = "weg",
-    setpoint_degC: float | None = None, scaling: Scaling | None = None, until_s: float | None = None,
-    tolerance_degC: float = 1.0, proving: Mapping[str, Any] | None = None, progress: Told = str,
+    design: PidDesign, fitted: FittedModel, log: Log | None = None, conditions: Conditions | None = None, *,
+    target: str = "weg", scaling: Scaling | None = None, until_s: float | None = None, progress: Told = str,
 ) -> dict[str, Any]:
     """Return the symptom, and every step of the advice with the proof before and after it.
 
@@ -47,12 +50,10 @@ def advise(
         design: that ran, or is to run.
         fitted: the heater to prove on.
         log: the response; None: the one of the design's own proof.
+        conditions: of the proof; its setpoint is that of the log, too; None: as logged.
         target: the controller whose words are proven.
-        setpoint_degC: setpoint of the log, and of the proof; None: as logged.
         scaling: sensor range.
         until_s: last instant of the log to look at [s]; None: up to a disturbance.
-        tolerance_degC: how far from the setpoint is still right [°C].
-        proving: other options of `chain.prove`.
         progress: told what begins.
 
     Raises:
@@ -61,18 +62,20 @@ def advise(
         NotRepresentable: the design itself does not fit the target.
     """
     seen_log = None if log is None else _part(log, until_s)
-    setpoint = _setpoint(seen_log) if setpoint_degC is None and seen_log is not None else setpoint_degC
-    options = {"setpoint_degC": setpoint, "tolerance_degC": tolerance_degC} | dict(proving or {})
+    assumed = conditions or Conditions()
+    if assumed.setpoint_degC is None and seen_log is not None:
+        assumed = replace(assumed, setpoint_degC=_setpoint(seen_log))
+    proven = partial(_proven, fitted, assumed, target, scaling)
     progress("proving the design as it is")
-    before = prove(encode(design, target, scaling=scaling), fitted, **options)
+    before = proven(design)
     expected = max(m.dead_time_s + _LAGS * sum(m.lags_s) for _, m in labelled(fitted))
-    seen = _observed(seen_log, before, setpoint, expected, tolerance_degC)
+    seen = _observed(seen_log, before, assumed, expected)
     gains, aim = _gains(design), _AIM[seen.symptom]
     cases = [_case("as it is", gains, before)]
     for label, changes in _steps(seen.symptom):
         progress(f"proving {label}")
         after = changed(gains, changes)
-        cases.append(_tried(label, gains, after, design, target, scaling, fitted, options))
+        cases.append(_tried(label, gains, after, design, proven))
         cases[-1]["effect"] = _effect(cases[0], cases[-1], aim)
     return {
         "schema": SCHEMA, "target": target, "log": None if log is None else log.name,
@@ -97,17 +100,21 @@ def _setpoint(log: Log) -> float:
     return float(log.setpoint_degC[-1])
 
 
-def _observed(
-    log: Log | None, before: Proof, setpoint_degC: float | None, expected_s: float, tolerance_degC: float
-) -> Response:
-    if log is not None and setpoint_degC is not None:
-        time, temperature, setpoint = log.time_s, log.temperature_degC, setpoint_degC
+def _proven(
+    fitted: FittedModel, assumed: Conditions, target: str, scaling: Scaling | None, design: PidDesign
+) -> Proof:
+    return prove(encode(design, target, scaling=scaling), fitted, assumed)
+
+
+def _observed(log: Log | None, before: Proof, assumed: Conditions, expected_s: float) -> Response:
+    if log is not None and assumed.setpoint_degC is not None:
+        time, temperature, setpoint = log.time_s, log.temperature_degC, assumed.setpoint_degC
     else:
         trace = before.nominal
         stop = [each.time_s for each in trace.scenario.disturbances] or [math.inf]
         keep = trace.time_s < stop[0]
         time, temperature, setpoint = trace.time_s[keep], trace.temperature_degC[keep], trace.setpoint_degC
-    return observe(time, temperature, setpoint, expected_s=expected_s, tolerance_degC=tolerance_degC)
+    return observe(time, temperature, setpoint, expected_s=expected_s, tolerance_degC=assumed.tolerance_degC)
 
 
 def _steps(symptom: Symptom) -> list[tuple[str, tuple[Change, ...]]]:
@@ -123,8 +130,7 @@ def _gains(design: PidDesign) -> Gains:
 
 
 def _tried(
-    label: str, gains: Gains, after: Gains, design: PidDesign, target: str, scaling: Scaling | None,
-    fitted: FittedModel, options: Mapping[str, Any],
+    label: str, gains: Gains, after: Gains, design: PidDesign, proven: Callable[[PidDesign], Proof]
 ) -> dict[str, Any]:
     if after == gains:
         return _case(label, after, None) | {"verdict": "nothing changes"}
@@ -134,7 +140,7 @@ def _tried(
         structure=structure_of(tn, after.kd), method=f"WEG's advice: {label}", iae_load=None, iae_setpoint=None,
     )
     try:
-        return _case(label, after, prove(encode(wished, target, scaling=scaling), fitted, **options))
+        return _case(label, after, proven(wished))
     except NotRepresentable as problem:
         return _case(label, after, None) | {"verdict": "not representable", "why": str(problem)}
 
