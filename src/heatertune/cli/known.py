@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from heatertune import options
 from heatertune.errors import InputError
-from heatertune.plc.targets import TARGETS
+from heatertune.plc import TARGETS
 from heatertune.settings import Conditions
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import Any
 from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.errors import InputError
-from heatertune.plc.targets import TARGETS
+from heatertune.plc import TARGETS
 from heatertune.settings import Conditions
 
 __all__ = ["add_to"]
