@@ -1,4 +1,4 @@
-"""A room as the known controller of a log: handed to the fit, then closed around the fitted heater as a check."""
+"""The known controller of a log: handed to the fit, then closed around the fitted heater as a check."""
 
 from __future__ import annotations
 
@@ -17,52 +17,56 @@ from heatertune.plc.replay import powers
 from heatertune.proof import Actuator, Scenario, simulate
 from heatertune.proof.prove import settings_to_prove
 
-__all__ = ["RoomController", "closed_again", "controllers"]
+__all__ = ["KnownController", "closed_again", "controllers"]
 
 Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RoomController:
-    """A room with its words and one setting of its open points; see `heatertune.model.power.known_controller`."""
+class KnownController:
+    """A controller with its words and one setting of its open points; see `heatertune.model.power.known_controller`."""
 
-    room: Controller
+    controller: Controller
     words: Words
     switches: Mapping[str, str]
 
     @property
     def name(self) -> str:
-        """The room, and the settings that are not its defaults."""
-        changed = [f"{s.name} = {self.switches[s.name]}" for s in self.room.switches
+        """The controller, and the settings that are not its defaults."""
+        changed = [f"{s.name} = {self.switches[s.name]}" for s in self.controller.switches
                    if self.switches[s.name] != s.default]
-        return ", ".join([self.room.name, *changed])
+        return ", ".join([self.controller.name, *changed])
 
     @property
     def interval_s(self) -> float:
         """Interval between two scans [s]."""
-        return self.room.timing(self.words).scan_s
+        return self.controller.timing(self.words).scan_s
 
     @property
     def resolution_degC(self) -> float:
         """Step of the input module [°C]."""
-        return self.words.scaling.span_degC / self.room.counts
+        return self.words.scaling.span_degC / self.controller.counts
 
     def power_pct(self, temperature_degC: Array, setpoint_degC: Array) -> Array:
         """Return the power after each scan, from the cold state on [%]."""
-        return np.array(powers(self.room, self.words, temperature_degC.tolist(), setpoint_degC.tolist(), self.switches))
+        temperatures, setpoints = temperature_degC.tolist(), setpoint_degC.tolist()
+        return np.array(powers(self.controller, self.words, temperatures, setpoints, self.switches))
 
 
-def controllers(words: Words, known: Mapping[str, str] | None = None) -> list[RoomController]:
+def controllers(words: Words, known: Mapping[str, str] | None = None) -> list[KnownController]:
     """Return the words' controller under every setting of its open points, but for those that are known.
 
     Raises:
         UnknownName: what is known is no switch or setting of the target.
     """
-    found = controller_for(words.target)
-    return [RoomController(room=found, words=words, switches=each) for each in settings_to_prove(found.switches, known)]
+    controller = controller_for(words.target)
+    return [
+        KnownController(controller=controller, words=words, switches=switches)
+        for switches in settings_to_prove(controller.switches, known)
+    ]
 
 
-def closed_again(log: Log, fitted: FittedModel, tried: Sequence[RoomController], setpoint_degC: float | None) -> str:
+def closed_again(log: Log, fitted: FittedModel, tried: Sequence[KnownController], setpoint_degC: float | None) -> str:
     """Return how well the loop of the best model and its controller, closed in simulation, repeats the log."""
     if setpoint_degC is None:
         assert log.setpoint_degC is not None
@@ -70,15 +74,15 @@ def closed_again(log: Log, fitted: FittedModel, tried: Sequence[RoomController],
             return "The loop was not closed again in simulation: the setpoint changes."
         setpoint_degC = float(log.setpoint_degC[0])
     best = fitted.hypotheses[0]
-    controller = next(each for each in tried if best.law == f"{each.name} replayed")
+    closed = next(one for one in tried if best.law == f"{one.name} replayed")
     start, end = best.window_s
     part = log.window(start, end)
     try:
         scenario = Scenario(
             setpoint_degC=setpoint_degC, duration_s=end - start, start_degC=float(part.temperature_degC[0]),
         )
-        actuator = Actuator(pwm_period_s=controller.words.sample_time_s)
-        trace = simulate(controller.room, controller.words, best.model, scenario, actuator, controller.switches)
+        actuator = Actuator(pwm_period_s=closed.words.sample_time_s)
+        trace = simulate(closed.controller, closed.words, best.model, scenario, actuator, closed.switches)
     except OutOfRange as problem:
         return f"The loop was not closed again in simulation: {problem}."
     repeated = trace.temperature_at(part.time_s - start)
