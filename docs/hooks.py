@@ -66,7 +66,7 @@ def service(target: str) -> str:
 
 def python() -> str:
     """Return the directives from which mkdocstrings draws the Python reference: chain, what is free to all, stages."""
-    steps = ("stages", "whole", "ramp", "samples", "validation", "experiment", "targets", "advice")
+    steps = sorted(path.stem for path in (SOURCE / "chain").glob("*.py") if path.stem != "__init__")
     names = [*(f"chain.{name}" for name in steps), "batch.fleets", "batch.studies"]
     return "\n".join(f"::: heatertune.{name}\n    options:\n      toc_label: {name}\n"
                      for name in (*names, "units", "errors", *modules()))
