@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from heatertune.plc.bit_processor.machine import State
+from heatertune.plc.cpu.one_bit.machine import State
 
 from heatertune.compiled import bound
 from heatertune.errors import OutOfRange, UnknownName

@@ -5,8 +5,7 @@ import pytest
 from heatertune.errors import OutOfRange
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
-from heatertune.plc import TARGETS
-from heatertune.plc.design import timer_of
+from heatertune.plc import TARGETS, controller_for
 from heatertune.studio.settings import SLIDERS, Settings, settings_for, sliders_for
 
 
@@ -56,7 +55,7 @@ def test_the_setpoint_stays_within_what_every_heater_can_hold(heater):
 
 def test_every_target_has_its_timer():
     for target in TARGETS:
-        timer = timer_of(target)
+        timer = controller_for(target).timer
         assert 0.0 < timer.step_s <= timer.longest_s
         assert timer.shortest_s <= timer.longest_s
-    assert timer_of("s5-ob251").longest_s > 60.0
+    assert controller_for("s5-ob251").timer.longest_s > 60.0

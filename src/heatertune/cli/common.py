@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.errors import InputError
+from heatertune.plc.targets import TARGETS
 from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
 
 if TYPE_CHECKING:
@@ -22,8 +23,6 @@ __all__ = [
     "asked", "conditions", "design_and_model", "interval_by_words", "model_from", "proof_asked", "reading",
     "sample_time", "scaling", "setpoint_ramp", "target", "words_and_model",
 ]
-
-TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
 
 
 def add_reading_options(command: argparse.ArgumentParser) -> None:

@@ -21,7 +21,7 @@ from heatertune.pid.search.uncertain import draw_heaters, ms_over
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.choice import Optimum, Realised, WordChoice, WordSearch
-from heatertune.plc.design import encode, timer_of, tune
+from heatertune.plc.design import encode, tune
 from heatertune.plc.promise import broken_by, demand_kept
 from heatertune.progress import Told
 from heatertune.settings import TuneSettings
@@ -115,7 +115,7 @@ def tune_for_words(
     """
     at = partial(tune, fitted, settings, target=target, scaling=scaling, progress=progress)
     usual = at(sample_time_s=None)
-    timer = timer_of(target)
+    timer = controller_for(target).timer
     intervals = sorted({timer.round(share * usual.sample_time_s) for share in _INTERVALS} | {usual.sample_time_s})
     tried: list[tuple[float, float, PidDesign]] = []
     refused: NotRepresentable | None = None

@@ -10,13 +10,12 @@ from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
 from heatertune.options import merged
 from heatertune.pid import document as pid_document
-from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.progress import Told
 from heatertune.settings import TuneSettings
 
-__all__ = ["encode", "timer_of", "tune"]
+__all__ = ["encode", "tune"]
 
 #: of a model's document, what is told and no design depends on
 _TOLD: Final = (
@@ -46,7 +45,7 @@ def tune(
     held: dict[str, Any] = {}
     if target is not None:
         its = controller_for(target)
-        held = {"timer": timer_of(target), "derivative_filter": its.derivative_filter,
+        held = {"timer": its.timer, "derivative_filter": its.derivative_filter,
                 "resolution_degC": (scaling or Scaling()).span_degC / its.counts}
     inputs = {"model": _essence(fitted), "settings": asdict(asked), "held": {name: repr(held[name]) for name in held}}
 
@@ -70,8 +69,3 @@ def encode(design: PidDesign, target: str, *, scaling: Scaling | None = None) ->
         NotRepresentable: a word does not fit; the error tells the nearest change that would.
     """
     return controller_for(target).encode(design, scaling or Scaling())
-
-
-def timer_of(target: str) -> Timer:
-    """Return what a target's timer can do; raise UnknownName where there is none of this name."""
-    return controller_for(target).timer

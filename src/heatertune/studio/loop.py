@@ -12,7 +12,6 @@ from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.choose import choose_words, search_document
-from heatertune.plc.design import timer_of
 from heatertune.progress import Told
 from heatertune.proof import Proof, Trace, simulate_wish
 from heatertune.proof.fitted import default_pwm_period_s
@@ -95,9 +94,10 @@ def optimum(fitted: FittedModel, settings: Settings, progress: Told = str) -> Ga
 
 
 def _quick(fitted: FittedModel, settings: Settings) -> Gains:
+    its = controller_for(settings.target)
     design = quick_tune(
         fitted.plants, structure=settings.structure, ms=settings.ms, sample_time_s=settings.sample_time_s,
-        timer=timer_of(settings.target), derivative_filter=controller_for(settings.target).derivative_filter,
+        timer=its.timer, derivative_filter=its.derivative_filter,
     )
     return Gains(design=design, words=chain.encode(design, settings.target, scaling=settings.scaling))
 
