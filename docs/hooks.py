@@ -66,10 +66,10 @@ def service(target: str) -> str:
 
 def python() -> str:
     """Return the directives from which mkdocstrings draws the Python reference: chain, what is free to all, stages."""
-    steps = ("stages", "whole", "ramp", "samples", "validation", "experiment", "targets", "advice")
+    steps = ("stages", "whole", "validation", "experiment")
     names = [*(f"chain.{name}" for name in steps), "batch.fleets", "batch.studies"]
     return "\n".join(f"::: heatertune.{name}\n    options:\n      toc_label: {name}\n"
-                     for name in (*names, "units", "errors", *modules()))
+                     for name in (*names, "settings", "options", "units", "errors", *modules()))
 
 
 def modules() -> list[str]:
