@@ -69,7 +69,7 @@ def python() -> str:
     steps = sorted(path.stem for path in (SOURCE / "chain").glob("*.py") if path.stem != "__init__")
     names = [*(f"chain.{name}" for name in steps), "batch.fleets", "batch.studies"]
     return "\n".join(f"::: heatertune.{name}\n    options:\n      toc_label: {name}\n"
-                     for name in (*names, "units", "errors", *modules()))
+                     for name in (*names, "settings", "options", "units", "errors", *modules()))
 
 
 def modules() -> list[str]:

@@ -19,7 +19,7 @@ from heatertune.units import LARGEST
 KINDS = (ReadSettings, FitSettings, TuneSettings, Conditions)
 NUMBERS = [(kind, name) for kind in KINDS for name, one in options.options_of(kind).items() if one.kind in (float, int)]
 #: what no heater, no switch and no controller has; 0, 1 and 100 are ordinary somewhere
-WILD = (math.nan, -math.inf, 1e308, -1e308, "12", [1.0])
+WILD = (math.nan, -math.inf, 1e308, -1e308, 10**400, "12", [1.0])
 
 
 @pytest.mark.parametrize(("kind", "name"), NUMBERS)

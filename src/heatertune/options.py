@@ -9,7 +9,7 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any, Final, TypeVar
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
@@ -83,14 +83,16 @@ class Option:
                 self._check_number(number, called)
 
     def _check_number(self, value: Any, called: str) -> None:
-        if not isinstance(value, Real):
-            raise OutOfRange(called, value, "a number")
+        if not isinstance(value, Integral if self.kind is int else Real):
+            raise OutOfRange(called, value, "a whole number" if self.kind is int else "a number")
         if self.or_zero and value == 0.0:
             return
         try:
             check(called, float(value), above=self.above, least=self.least, most=self.most, infinite=self.infinite)
         except OutOfRange as problem:
             raise OutOfRange(called, value, ("0, or " if self.or_zero else "") + problem.rule) from None
+        except OverflowError:  # a whole number of hundreds of digits
+            raise OutOfRange(called, value, "a finite number") from None
 
     @property
     def meaning(self) -> str:

@@ -5,11 +5,11 @@ from itertools import product
 
 import numpy as np
 import pytest
-from heatertune.plc.bit_processor.machine import State
 
 from heatertune.compiled import bound
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.model.values import Fopdt
+from heatertune.plc.cpu.one_bit.machine import State
 from heatertune.proof import Actuator, Interlock, Kick, Scenario, judge, prove_models, simulate
 from heatertune.proof.criteria import Limits
 from heatertune.proof.interlock import _BITS, INTERLOCKS, _scan

@@ -172,7 +172,7 @@ def test_a_name_no_disk_can_hold_is_an_input_error(step_log):
 
 
 def test_a_design_that_no_word_can_hold_names_the_change_that_would_fit(session):
-    session.change(target="s7-200-pid", sample_time_s=1e-6)
+    session.change(target="s7-200-pid", sample_time_s=1e-3)
     with pytest.raises((NotRepresentable, OutOfRange)):
         first_look(session.fitted, session.settings)
 

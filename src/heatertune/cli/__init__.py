@@ -58,8 +58,8 @@ exit status: 0 success, 1 a verdict of FAIL or NOT PROVEN, 2 bad input (one line
 """
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the parser of all commands."""
+def parser(only: str | None = None) -> argparse.ArgumentParser:
+    """Return the parser of all commands; where `only` is one of them, of that one: the others' options take time."""
     top = CommandParser(
         prog="heatertune",
         description="From a temperature log to PLC words that have been proven before they reach the heater.",
@@ -68,7 +68,8 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"heatertune {__version__}")
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=CommandParser)
-    for command in COMMANDS:
+    named = {command.__name__.rpartition(".")[2].replace("_", "-"): command for command in COMMANDS}
+    for command in [named[only]] if only in named else COMMANDS:
         command.add_to(commands)
     return top
 
@@ -79,7 +80,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):  # a name that is no text is shown escaped
             stream.reconfigure(errors="backslashreplace")
     try:
-        settings = parser().parse_args(arguments)
+        given = sys.argv[1:] if arguments is None else arguments
+        settings = parser(given[0] if given else None).parse_args(given)
         return int(settings.run(settings))
     except ExportRefused as problem:
         print(painted(f"error: {problem}", sys.stderr), file=sys.stderr)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.errors import InputError
-from heatertune.plc import TARGETS
+from heatertune.plc.targets import TARGETS
 from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
 
 if TYPE_CHECKING:

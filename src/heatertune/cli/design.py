@@ -43,13 +43,13 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.report.text import summary  # noqa: PLC0415
 
     progress = printing.Progress(settings)
-    controller_for(common.target(settings))  # an unknown target is refused before the log is read
+    asked, beside = common.asked(settings), options.of(FitSettings, settings)  # refused before the log is read
+    controller_for(asked.target)
     log = chain.read_log(settings.log, common.reading(settings), errata=True)
     printing.tell_taken(settings, [log], progress)
     result = chain.design(
-        log, out=settings.out, fitted_with=options.of(FitSettings, settings), as_is=settings.as_is,
-        force=settings.force, progress=progress,
-        asked=replace(common.asked(settings), refined=settings.refine, switch_kind=settings.switch_kind,
+        log, out=settings.out, fitted_with=beside, as_is=settings.as_is, force=settings.force, progress=progress,
+        asked=replace(asked, refined=settings.refine, switch_kind=settings.switch_kind,
                       setpoint_ramp=common.setpoint_ramp(settings)),
     )
     printing.output(settings, result.documents, lambda: f"{summary(result.documents)}\nwritten to {settings.out}")

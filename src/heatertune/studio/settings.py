@@ -68,7 +68,7 @@ class Settings:
         noise_degC: standard deviation of the sensor's noise [°C].
 
     Raises:
-        OutOfRange: a value without meaning.
+        OutOfRange, UnknownName: a value without meaning.
     """
 
     target: str = "s5-ob251"
