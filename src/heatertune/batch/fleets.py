@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
@@ -58,7 +59,7 @@ def fleet(
         target: the controller of all zones.
         out: Parquet file; the meaning of every column is kept in it.
         workers: where the zones are done.
-        resume: go on where a run with the same options was stopped.
+        resume: go on where a run with the same options was stopped; logs that have changed since are done again.
         reading: options of `read_log`.
         fitting: options of `fit`.
         tuning: options of `tune`.
@@ -81,7 +82,7 @@ def fleet(
         "proving": dict(proving or {}), "scaling": asdict(scaling or Scaling()), "words_by": words_by,
         "interval_by_words": interval_by_words, "samples": samples,
     }
-    listed = hashlib.sha256("\n".join(names).encode()).hexdigest()
+    listed = hashlib.sha256(json.dumps(names).encode()).hexdigest()
     batch = Batch(
         do=_zone, shared=options, cases=names, sent=partial(_sent, folder), lost=lost_row,
         columns=(*_COLUMNS, *word_columns([target])),
