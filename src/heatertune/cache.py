@@ -16,8 +16,9 @@ from functools import cache as remember
 from pathlib import Path
 from typing import Any
 
-from heatertune.documents import to_json, write_files
+from heatertune.documents import to_json
 from heatertune.errors import InputError
+from heatertune.writing import write_files
 
 __all__ = ["cached", "folder", "source_digest", "unused"]
 

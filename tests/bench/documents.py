@@ -8,16 +8,18 @@ import numpy as np
 
 from heatertune import chain
 from heatertune.chain.whole import dossier
-from heatertune.documents import to_json, write_files
+from heatertune.documents import to_json
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.findings import Finding
+from heatertune.model.intervals import Interval
 from heatertune.model.judgement import Half, HeldOut, InputCorrelation, Validation
-from heatertune.model.values import Candidate, FittedModel, Fopdt, Interval, OneLog, Outcome, Residuals, TwoLag
+from heatertune.model.values import Candidate, FittedModel, Fopdt, OneLog, Outcome, Residuals, TwoLag
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import Margins, PidDesign, Promise
 from heatertune.plc import room
+from heatertune.writing import write_files
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 DESIGN = PidDesign(

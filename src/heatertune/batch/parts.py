@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune.batch.values import Chunk, Row
-from heatertune.documents import read_document, to_json, write_files
+from heatertune.documents import read_document, to_json
 from heatertune.errors import DocumentError, InputError
+from heatertune.writing import write_files
 
 __all__ = ["Parts"]
 

@@ -12,7 +12,7 @@ from heatertune.chain.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.chain.documents import log_document, pictures, read_documents, words_document
 from heatertune.chain.stages import Told, export, fit
 from heatertune.chain.words import search_document
-from heatertune.documents import plain, to_json, write_files
+from heatertune.documents import plain, to_json
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
@@ -21,6 +21,7 @@ from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
 from heatertune.plc import room
 from heatertune.proof import Proof
+from heatertune.writing import write_files
 
 __all__ = ["design", "dossier", "redraw", "write_report"]
 
