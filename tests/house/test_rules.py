@@ -12,7 +12,7 @@ import heatertune
 
 SOURCE = ROOT / "src" / "heatertune"
 STAGES = ("log", "model", "pid", "plc", "proof", "report")
-FREE = ("units", "errors", "documents", "codec", "files", "cache", "compiled", "show")
+FREE = ("units", "errors", "documents", "codec", "files", "writing", "cache", "compiled", "show")
 MODULES = sorted(SOURCE.rglob("*.py"))
 
 

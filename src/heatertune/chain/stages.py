@@ -161,8 +161,8 @@ def _columns(log: Log) -> dict[str, Any]:
 
 def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel], progress: Told) -> FittedModel:
     """Return what was found before for the same inputs, else what `run` finds."""
-    document = cache.cached(stage, inputs, lambda: model_document.to_document(run()), progress=progress)
-    return model_document.from_document(document)
+    return cache.cached(stage, inputs, lambda: model_document.to_document(run()), model_document.from_document,
+                        progress=progress)
 
 
 def _laws() -> Sequence[Any]:
@@ -200,7 +200,7 @@ def tune(
     def run() -> dict[str, Any]:
         return pid_document.to_document(tune_model(fitted, timer=timer, progress=progress, **settings))
 
-    return pid_document.from_document(cache.cached("tune", inputs, run, progress=progress))
+    return cache.cached("tune", inputs, run, pid_document.from_document, progress=progress)
 
 
 def _essence(fitted: FittedModel) -> dict[str, Any]:

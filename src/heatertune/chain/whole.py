@@ -11,7 +11,9 @@ from heatertune.chain.closing import Asked, closed, plainly
 from heatertune.chain.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.chain.documents import log_document, pictures, read_documents, words_document
 from heatertune.chain.stages import Told, export, fit
+from heatertune.chain.views import ComparisonView
 from heatertune.chain.words import search_document
+from heatertune.codec import decode
 from heatertune.documents import plain, to_json
 from heatertune.log import read_log
 from heatertune.log.values import Log
@@ -91,8 +93,13 @@ def dossier(
         "price": price_of_doubt(fitted, wished),
         "rivals": rivals(fitted, wished, proof),
         "paper": paper_runs(fitted) if log.same_heater else None,
-    })
+    }, _compared)
     return documents
+
+
+def _compared(document: dict[str, Any]) -> dict[str, Any]:
+    decode(ComparisonView, document, "comparison")
+    return document
 
 
 def redraw(directory: str | Path) -> dict[str, dict[str, Any]]:
