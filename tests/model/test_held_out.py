@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from tests.model.twins import DEAD, GAIN, LAG, doublet, logged
 
+from heatertune.codec import decode, encode
 from heatertune.documents import to_json
-from heatertune.model import judgement_document
+from heatertune.model.document import ValidationView
 from heatertune.model.intervals import Interval
 from heatertune.model.judgement import Half, Validation, disagreeing
 from heatertune.model.power.held_out import halves, held_out
@@ -101,9 +102,12 @@ def test_what_is_foretold_worse_than_fitted_is_told_with_the_worst_window():
 
 def test_the_checks_survive_their_document():
     found = judged(*_problem(_log()))
-    document = json.loads(to_json(judgement_document.to_document(found)))
-    assert judgement_document.from_document(document) == found
+
+    def written(checks):
+        return json.loads(to_json(encode(ValidationView.of(checks))))
+
+    document = written(found)
+    assert decode(ValidationView, document, "checks").value == found
     assert set(document["input_crosscorrelation"]) == {"largest", "at_lag_s", "limit", "ok"}
     bare = Validation(ljung_box=1.0, input_correlation=None, held_out=found.held_out, halves=None)
-    assert judgement_document.from_document(json.loads(to_json(judgement_document.to_document(bare)))) == bare
-    assert judgement_document.from_document({}) is None
+    assert decode(ValidationView, written(bare), "checks").value == bare

@@ -12,8 +12,8 @@ from heatertune.chain.words_file import WORDS_SCHEMA, WholeWordsView, demand_sam
 from heatertune.codec import decode, encode, schema_of
 from heatertune.documents import read_document
 from heatertune.log.values import Log
+from heatertune.model.document import ModelView
 from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.model.view import ModelView
 from heatertune.pid import document as pid_document
 from heatertune.pid.document import PidView
 from heatertune.pid.values import PidDesign

@@ -12,9 +12,9 @@ from heatertune.codec import OrInfinite, decode, registered
 from heatertune.documents import plain, read_document
 from heatertune.errors import DocumentError
 from heatertune.model.document import SCHEMA as MODEL_SCHEMA
+from heatertune.model.document import ModelView
 from heatertune.model.document import to_document as model_to_document
 from heatertune.model.values import FittedModel
-from heatertune.model.view import ModelView
 from heatertune.pid.values import Margins, PidDesign, Promise, structure_of
 
 __all__ = ["SCHEMA", "PidView", "from_document", "promise_document", "read_design", "read_promise", "to_document"]
