@@ -51,7 +51,7 @@ def words_document(
         "sample_time_s": words.sample_time_s,
         "setpoint_degC": proof.scenario.setpoint_degC,
         "setpoint_units": room(words.target).measure(words, proof.scenario.setpoint_degC),
-        "setpoint_ramp": proof.ramp_document(),
+        "setpoint_ramp": encode(proof.setpoint_ramp),
         "scaling": {"low_degC": words.scaling.low_degC, "high_degC": words.scaling.high_degC},
         "realised": None if proof.design is None else pid_document.to_document(proof.design),
         "files": sorted(files),

@@ -32,6 +32,8 @@ SCHEMA = "heatertune/model/2"
 
 Pair = tuple[float | None, float | None]
 
+_MOST = 1e150  # of any reading: its square is a number, too
+
 _FIELDS = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
 
 
@@ -268,6 +270,10 @@ class _Residuals:
         lengths = {len(series) for series in (self.time_s, self.measured_degC, self.simulated_degC)}
         if len(lengths) > 1:
             raise DocumentError(f"series of {', '.join(map(str, sorted(lengths)))} readings; expected as many in each")
+        for each in fields(self):
+            numbers = np.abs(np.asarray(getattr(self, each.name), dtype=np.float64))
+            if np.any((numbers > _MOST) & (numbers < np.inf)):
+                raise DocumentError(f"{each.name}: a number beyond ±{_MOST:g}")
 
     @property
     def value(self) -> Residuals:
