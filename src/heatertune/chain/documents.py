@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune.chain.stages import holding
-from heatertune.chain.views import ComparisonView, LogView, PicturesView
-from heatertune.chain.words_file import WORDS_SCHEMA, WholeWordsView, demand_same_words
-from heatertune.codec import decode, encode, schema_of
-from heatertune.documents import read_document
+from heatertune.chain.views import ComparisonView, CurveView, LogView, OtherRunView, PicturesView, SeriesView, TakenView
+from heatertune.chain.words_file import FieldView, WholeWordsView, demand_same_words
+from heatertune.codec import built, decode, encode, schema_of
+from heatertune.documents import plain, read_document
 from heatertune.log.values import Log
 from heatertune.model.document import ModelView
 from heatertune.model.values import FittedModel, HeaterModel
@@ -32,33 +32,23 @@ _VIEWS: Final[Mapping[str, type]] = {
 
 def log_document(log: Log) -> dict[str, Any]:
     """Return the JSON document of a log as it was understood."""
-    names = ("name", "source", "time_s", "temperature_degC", "power_pct", "setpoint_degC", "repairs", "doubts")
-    taken = None if log.taken is None else log.taken.document()
-    return {"schema": "heatertune/log/1"} | {name: getattr(log, name) for name in names} | {"taken": taken}
+    taken = None if log.taken is None else decode(TakenView, plain(log.taken.document()), log.name)
+    document: dict[str, Any] = encode(built(LogView, log, taken=taken))
+    return document
 
 
 def words_document(
     words: Words, proof: Proof, files: Mapping[str, str | bytes], search: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return the JSON document of words, in the order in which they are typed in, and how they were found."""
-    fields = room(words.target).fields
-    return {
-        "schema": WORDS_SCHEMA,
-        "target": words.target,
-        "words": dict(words.values),
-        "fields": [{name: getattr(f, name) for name in ("name", "address", "format", "low", "high", "comment")}
-                   for f in fields],
-        "sample_time_s": words.sample_time_s,
-        "setpoint_degC": proof.scenario.setpoint_degC,
-        "setpoint_units": room(words.target).measure(words, proof.scenario.setpoint_degC),
-        "setpoint_ramp": encode(proof.setpoint_ramp),
-        "scaling": {"low_degC": words.scaling.low_degC, "high_degC": words.scaling.high_degC},
-        "realised": None if proof.design is None else pid_document.to_document(proof.design),
-        "files": sorted(files),
-        "verdict": proof.verdict,
-        "forced": bool(files) and proof.verdict != "PASS",
-        "search": None if search is None else dict(search),
-    }
+    target, setpoint = room(words.target), proof.scenario.setpoint_degC
+    fields = tuple(built(FieldView, field) for field in target.fields)
+    document: dict[str, Any] = encode(built(
+        WholeWordsView, words, proof, words=words.values, fields=fields, setpoint_degC=setpoint,
+        setpoint_units=target.measure(words, setpoint),
+        realised=None if proof.design is None else pid_document.to_document(proof.design), files=tuple(sorted(files)),
+        forced=bool(files) and proof.verdict != "PASS", search=None if search is None else plain(search)))
+    return document
 
 
 def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
@@ -89,18 +79,16 @@ def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, 
             simulate(found, proof.words, model, nominal.scenario, nominal.actuator, interlock=nominal.interlock), label)
         for label, model in models[1:]
     ]
-    return {
-        "schema": "heatertune/pictures/1",
-        "kick_s": nominal.scenario.disturbances[0].time_s,
-        "ms_limit": proof.limits.ms,
-        "nominal": trace_series(nominal, proof.runs[0].label),
-        "worst": trace_series(proof.worst, _label_of(proof.worst, models)),
-        "others": [{name: run[name] for name in ("label", "time_s", "temperature_degC")} for run in others],
-        "wish": trace_series(
-            simulate_wish(wished, models[0][1], nominal.scenario, nominal.actuator,
-                          ramp_degC_per_min=proof.ramp_degC_per_min), "wished"),
-        "curves": [] if proof.design is None else curve_series(proof.design, models),
-    }
+    wish = simulate_wish(wished, models[0][1], nominal.scenario, nominal.actuator,
+                         ramp_degC_per_min=proof.ramp_degC_per_min)
+    document: dict[str, Any] = encode(PicturesView(
+        kick_s=nominal.scenario.disturbances[0].time_s, ms_limit=proof.limits.ms,
+        nominal=SeriesView(**trace_series(nominal, proof.runs[0].label)),
+        worst=SeriesView(**trace_series(proof.worst, _label_of(proof.worst, models))),
+        others=tuple(built(OtherRunView, SeriesView(**run)) for run in others),
+        wish=SeriesView(**trace_series(wish, "wished")),
+        curves=() if proof.design is None else tuple(CurveView(**run) for run in curve_series(proof.design, models))))
+    return document
 
 
 def _label_of(trace: Trace, models: Sequence[tuple[str, HeaterModel]]) -> str:

@@ -13,8 +13,8 @@ from heatertune.chain.documents import log_document, pictures, read_documents, w
 from heatertune.chain.stages import Told, export, fit
 from heatertune.chain.views import ComparisonView
 from heatertune.chain.words import search_document
-from heatertune.codec import decode
-from heatertune.documents import plain, to_json
+from heatertune.codec import decode, encode
+from heatertune.documents import to_json
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
@@ -79,27 +79,20 @@ def dossier(
     search: Mapping[str, Any] | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Return the documents of all stages, as JSON holds them: a report drawn now is one drawn later from the files."""
-    documents: dict[str, dict[str, Any]] = plain({
+    documents: dict[str, dict[str, Any]] = {
         "log": log_document(log),
         "model": model_document.to_document(fitted),
         "pid": pid_document.to_document(wished, fitted),
         "words": words_document(proof.words, proof, files, search),
         "proof": proof.to_document(),
         "pictures": pictures(wished, fitted, proof),
-    })
+    }
     inputs = {name: documents[name] for name in ("model", "pid", "words", "proof")} | {"same_heater": log.same_heater}
-    documents["comparison"] = cache.cached("comparison", inputs, lambda: {
-        "schema": "heatertune/comparison/1",
-        "price": price_of_doubt(fitted, wished),
-        "rivals": rivals(fitted, wished, proof),
-        "paper": paper_runs(fitted) if log.same_heater else None,
-    }, _compared)
+    documents["comparison"] = cache.cached("comparison", inputs, lambda: encode(ComparisonView(
+        price=price_of_doubt(fitted, wished), rivals=rivals(fitted, wished, proof),
+        paper=paper_runs(fitted) if log.same_heater else None,
+    )), lambda kept: encode(decode(ComparisonView, kept, "comparison")))
     return documents
-
-
-def _compared(document: dict[str, Any]) -> dict[str, Any]:
-    decode(ComparisonView, document, "comparison")
-    return document
 
 
 def redraw(directory: str | Path) -> dict[str, dict[str, Any]]:
