@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from tests.model.twins import DEAD, GAIN, LAG, doublet, logged
 
-from heatertune.codec import decode, encode
 from heatertune.documents import to_json
-from heatertune.model.document import ValidationView
+from heatertune.model.document import from_document, to_document
+from heatertune.model.fit import fit
 from heatertune.model.intervals import Interval
 from heatertune.model.judgement import Half, Validation, disagreeing
 from heatertune.model.power.held_out import halves, held_out
@@ -100,14 +100,33 @@ def test_what_is_foretold_worse_than_fitted_is_told_with_the_worst_window():
     assert f"to 60 % only (fit: 99 %), worst from {start:.4g} to {end:.4g} s" in told
 
 
-def test_the_checks_survive_their_document():
-    found = judged(*_problem(_log()))
+@pytest.mark.parametrize("bare", [False, True])
+def test_the_checks_survive_their_document(bare):
+    fitted = fit(_log())
+    found = fitted.validation
+    if bare:
+        found = Validation(ljung_box=1.0, input_correlation=None, held_out=found.held_out, halves=None)
+    document = json.loads(to_json(to_document(replace(fitted, validation=found))))
+    assert set(document["input_crosscorrelation"] or ()) == (set() if bare else {"largest", "at_lag_s", "limit", "ok"})
+    assert from_document(document).validation == found
 
-    def written(checks):
-        return json.loads(to_json(encode(ValidationView.of(checks))))
 
-    document = written(found)
-    assert decode(ValidationView, document, "checks").value == found
-    assert set(document["input_crosscorrelation"]) == {"largest", "at_lag_s", "limit", "ok"}
-    bare = Validation(ljung_box=1.0, input_correlation=None, held_out=found.held_out, halves=None)
-    assert decode(ValidationView, written(bare), "checks").value == bare
+def test_a_half_in_which_a_coarse_sensor_never_moves_is_none():
+    time = np.arange(0.0, 800.0, 4.0)
+    heated = logged(time, np.where((time > 40.0) & (time < 200.0), 20.0, 0.0), lag=60.0)
+    coarse = replace(heated, temperature_degC=5.0 * np.round(heated.temperature_degC / 5.0))
+    assert np.ptp(coarse.temperature_degC[100:]) == 0.0
+    fitted = fit(coarse)
+    assert fitted.validation.halves is None
+    assert np.isfinite(fitted.validation.held_out.fit_pct)
+    assert from_document(to_document(fitted)).model == fitted.model
+
+
+def test_where_all_that_moved_lies_in_the_first_window_the_others_are_measured_by_that():
+    time = np.arange(0.0, 1200.0, 4.0)
+    heated = logged(time, np.where(time > 8.0, 50.0, 0.0), lag=20.0, dead=4.0)
+    still = replace(heated, temperature_degC=np.round(heated.temperature_degC))
+    assert np.ptp(still.temperature_degC[50:]) == 0.0
+    fitted = fit(still)
+    assert 95.0 < fitted.validation.held_out.fit_pct <= 100.0  # within half a degree of a rise of 25 °C
+    assert from_document(to_document(fitted)).model == fitted.model

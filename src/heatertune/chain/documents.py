@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.chain.stages import holding
-from heatertune.chain.views import ComparisonView, CurveView, LogView, OtherRunView, PicturesView, SeriesView, TakenView
-from heatertune.chain.words_file import FieldView, WholeWordsView, demand_same_words
 from heatertune.codec import built, decode, encode, schema_of
 from heatertune.documents import plain, read_document
 from heatertune.log.values import Log
 from heatertune.model.document import ModelView
-from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.document import PidView
-from heatertune.pid.values import PidDesign
-from heatertune.plc import Words, room
-from heatertune.proof import Proof, Trace, simulate, simulate_wish
+from heatertune.plc import Words, controller_for
+from heatertune.proof import Proof
 from heatertune.proof.document import ProofView, checked
-from heatertune.proof.series import curve_series, trace_series
+from heatertune.proof.views import ComparisonView, LogView, PicturesView, TakenView
+from heatertune.proof.words_file import FieldView, WholeWordsView, demand_same_words
 
-__all__ = ["log_document", "pictures", "read_documents", "words_document"]
+__all__ = ["log_document", "read_documents", "words_document"]
 
 _VIEWS: Final[Mapping[str, type]] = {
     "log": LogView, "model": ModelView, "pid": PidView, "words": WholeWordsView, "proof": ProofView,
@@ -41,7 +37,7 @@ def words_document(
     words: Words, proof: Proof, files: Mapping[str, str | bytes], search: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return the JSON document of words, in the order in which they are typed in, and how they were found."""
-    target, setpoint = room(words.target), proof.scenario.setpoint_degC
+    target, setpoint = controller_for(words.target), proof.scenario.setpoint_degC
     fields = tuple(built(FieldView, field) for field in target.fields)
     document: dict[str, Any] = encode(built(
         WholeWordsView, words, proof, words=words.values, fields=fields, setpoint_degC=setpoint,
@@ -68,31 +64,3 @@ def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
         decode(PidView, documents["words"]["realised"], directory / "words.json", "realised")
     demand_same_words(documents["words"], documents["proof"], directory / "proof.json")
     return documents
-
-
-def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, Any]:
-    """Return the series that the report draws: the runs, the wish, and the robustness of the words as realised."""
-    models = holding(fitted, proof.scenario.setpoint_degC)
-    nominal, found = proof.nominal, room(proof.words.target)
-    others = [
-        trace_series(
-            simulate(found, proof.words, model, nominal.scenario, nominal.actuator, interlock=nominal.interlock), label)
-        for label, model in models[1:]
-    ]
-    wish = simulate_wish(wished, models[0][1], nominal.scenario, nominal.actuator,
-                         ramp_degC_per_min=proof.ramp_degC_per_min)
-    document: dict[str, Any] = encode(PicturesView(
-        kick_s=nominal.scenario.disturbances[0].time_s, ms_limit=proof.limits.ms,
-        nominal=SeriesView(**trace_series(nominal, proof.runs[0].label)),
-        worst=SeriesView(**trace_series(proof.worst, _label_of(proof.worst, models))),
-        others=tuple(built(OtherRunView, SeriesView(**run)) for run in others),
-        wish=SeriesView(**trace_series(wish, "wished")),
-        curves=() if proof.design is None else tuple(CurveView(**run) for run in curve_series(proof.design, models))))
-    return document
-
-
-def _label_of(trace: Trace, models: Sequence[tuple[str, HeaterModel]]) -> str:
-    label = next(label for label, model in models if model == trace.model)
-    defaults = {switch.name: switch.default for switch in room(trace.words.target).switches} if trace.words else {}
-    changed = [f"{name} = {setting}" for name, setting in trace.switches.items() if setting != defaults.get(name)]
-    return ", ".join([label, *changed])
