@@ -1,7 +1,8 @@
 """Results of slow stages, kept on disk: a fit of the same numbers by the same program is read, not run.
 
 The key is the SHA-256 of everything that went in and of heatertune's own source. `HEATERTUNE_CACHE` moves the folder;
-set to the empty text it switches the cache off. A folder that cannot be written is no error: the stage runs.
+set to the empty text it switches the cache off. A folder that cannot be written is no error: the stage runs. So it does
+where a file is in any doubt: each begins with the cache's schema and the digest of its document.
 """
 
 from __future__ import annotations
@@ -10,49 +11,72 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache as remember
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, TypeVar
 
-from heatertune.documents import to_json, write_files
-from heatertune.errors import InputError
+from heatertune.documents import to_json
+from heatertune.errors import HeatertuneError, InputError
+from heatertune.files import read_bytes
+from heatertune.writing import write_files
 
 __all__ = ["cached", "folder", "source_digest", "unused"]
+
+T = TypeVar("T")
+
+_SCHEMA: Final = "heatertune/cache/1"
 
 _unused: ContextVar[bool] = ContextVar("unused", default=False)
 
 
 def cached(
-    stage: str, inputs: Mapping[str, Any], run: Callable[[], dict[str, Any]], *, progress: Callable[[str], object] = str
-) -> dict[str, Any]:
-    """Return the stage's document: from disk where it was made before, else by `run`.
+    stage: str, inputs: Mapping[str, Any], run: Callable[[], dict[str, Any]], read: Callable[[dict[str, Any]], T], *,
+    progress: Callable[[str], object] = str,
+) -> T:
+    """Return the value of a stage's document: from disk where it was made before, else made by `run`.
 
     Args:
         stage: name of the stage, the beginning of the file's name.
         inputs: all that decides the result, as JSON can hold it (arrays included).
         run: makes the document.
+        read: gives the value of a document; raises HeatertuneError where it is none.
         progress: told when a result is read instead of computed.
     """
     place = None if _unused.get() else folder()
     if place is None:
         # through the same text as a result that is kept: a switched-off cache changes no number
-        return dict(json.loads(to_json(run())))
+        return read(json.loads(to_json(run())))
     told = json.dumps(inputs, sort_keys=True, default=lambda array: array.tolist())  # keeps nan apart from null
     key = hashlib.sha256((source_digest() + stage + told).encode()).hexdigest()[:32]
     name = f"{stage}-{key}.json"
-    kept = _read(place / name)
-    if kept is not None:
+    with suppress(OSError, ValueError, RecursionError, HeatertuneError):
+        value = read(_document(read_bytes(place / name)))
         progress(f"{stage}: read from the cache")
-        return kept
+        return value
     # the text, not the value, is what a later run will see: both runs get the same
     text = to_json(run())
     try:
-        write_files(place, {name: text})
+        write_files(place, {name: _head(text.encode()) + text.encode()})
     except InputError:
         progress(f"{stage}: the cache {place} cannot be written")
-    return dict(json.loads(text))
+    return read(json.loads(text))
+
+
+def _head(text: bytes) -> bytes:
+    return f"{_SCHEMA} sha256:{hashlib.sha256(text).hexdigest()}\n".encode()
+
+
+def _document(kept: bytes) -> dict[str, Any]:
+    """Return the document of a kept file; raise ValueError where it is not as it was written."""
+    text = kept[len(_head(b"")):]
+    if kept != _head(text) + text:
+        raise ValueError("the file was changed")
+    document = json.loads(text)
+    if not isinstance(document, dict):
+        raise ValueError("no JSON object")
+    return document
 
 
 @contextmanager
@@ -75,14 +99,6 @@ def folder() -> Path | None:
         return (Path(base) if base else Path.home() / ".cache") / "heatertune"
     except RuntimeError:
         return None
-
-
-def _read(path: Path) -> dict[str, Any] | None:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return content if isinstance(content, dict) else None
 
 
 @remember

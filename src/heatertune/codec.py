@@ -23,7 +23,9 @@ from typing import Annotated, Any, Final, Literal, TypeVar, Union, cast, get_arg
 
 from heatertune.errors import DocumentError, InputError
 
-__all__ = ["Null", "OrInfinite", "OrUnknown", "decode", "encode", "registered", "schema_of"]
+__all__ = [
+    "FLAT", "LEFT_OUT", "Null", "OrInfinite", "OrUnknown", "built", "decode", "encode", "registered", "schema_of",
+]
 
 T = TypeVar("T")
 
@@ -36,6 +38,11 @@ class Null:
 
     value: float
 
+
+#: metadata of a field in whose place the document holds the fields of its dataclass, or nothing where it is None
+FLAT: Final = types.MappingProxyType({"flat": True})
+#: metadata of a field that the document holds only where it is something: not None, not empty
+LEFT_OUT: Final = types.MappingProxyType({"left_out": True})
 
 OrInfinite = Annotated[float, Null(math.inf)]
 OrUnknown = Annotated[float, Null(math.nan)]
@@ -63,12 +70,30 @@ def schema_of(kind: type) -> str | None:
     return _SCHEMAS.get(kind)
 
 
+def built(kind: type[T], *sources: object, **given: Any) -> T:
+    """Return a dataclass whose fields are given or, else, attributes of that name of the first source that has one.
+
+    So a value is made of its view and a view of its value: what they share needs no line.
+    """
+    for name in (each.name for each in fields(cast("Any", kind)) if each.init and each.name not in given):
+        held = [item for source in sources if hasattr(source, name) and not callable(item := getattr(source, name))]
+        if held:
+            given[name] = held[0]
+    return kind(**given)
+
+
 def encode(value: Any) -> Any:
     """Return a value as JSON holds it: fields in their order, enums by name, numbers that are not finite as None."""
     if is_dataclass(value) and not isinstance(value, type):
         schema = _SCHEMAS.get(type(value))
-        head = {} if schema is None else {"schema": schema}
-        return head | {each.name: encode(getattr(value, each.name)) for each in fields(value)}
+        made: dict[str, Any] = {} if schema is None else {"schema": schema}
+        for each in fields(value):
+            item = getattr(value, each.name)
+            if "flat" in each.metadata:
+                made |= {} if item is None else encode(item)
+            elif "left_out" not in each.metadata or item not in (None, ()):
+                made[each.name] = encode(item)
+        return made
     if isinstance(value, Mapping):
         return {str(key): encode(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -199,30 +224,33 @@ _READERS: Final[dict[Any, Callable[[tuple[Any, ...], Any, _Place], Any]]] = {
 
 
 @cache
-def _shape(kind: type) -> tuple[dict[str, Any], frozenset[str]]:
-    """Return the fields of a dataclass with their types, and those that a document may not leave out."""
+def _shape(kind: type) -> tuple[dict[str, Any], frozenset[str], dict[str, Any]]:
+    """Return the fields of a dataclass with their types, those that a document must hold, and those that lie flat."""
     hints = get_type_hints(kind, include_extras=True)
     own = [each for each in fields(kind) if each.init]
     needed = frozenset(each.name for each in own if each.default is MISSING and each.default_factory is MISSING)
-    return {each.name: hints[each.name] for each in own}, needed
+    groups = {each.name: get_args(hints[each.name])[0] for each in own if "flat" in each.metadata}
+    return {each.name: hints[each.name] for each in own if each.name not in groups}, needed, groups
 
 
 def _object(kind: Any, value: Any, place: _Place) -> Any:
     if not isinstance(value, dict):
         raise place.wrong("an object", value)
-    kinds, needed = _shape(kind)
-    rest = value
-    if (schema := schema_of(kind)) is not None:
-        if value.get("schema") != schema:
-            raise place.error(f"schema is {value.get('schema')!r}; expected {schema!r}")
-        rest = {name: item for name, item in value.items() if name != "schema"}
+    rest = dict(value)
+    if (schema := schema_of(kind)) is not None and rest.pop("schema", None) != schema:
+        raise place.error(f"schema is {value.get('schema')!r}; expected {schema!r}")
+    kinds, needed, groups = _shape(kind)
+    made = {}
+    for name, group in groups.items():
+        if part := {inner: rest.pop(inner) for inner in _shape(group)[0] if inner in rest}:
+            made[name] = _object(group, part, place)
     for name in rest:
         if name not in kinds:
             raise place.field(name).error("no such field")
     for name in kinds:
         if name in needed and name not in rest:
             raise place.field(name).error("is missing")
-    made = {name: _decoded(kinds[name], item, place.field(name)) for name, item in rest.items()}
+    made |= {name: _decoded(kinds[name], item, place.field(name)) for name, item in rest.items()}
     try:
         return kind(**made)
     except InputError as problem:

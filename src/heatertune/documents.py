@@ -1,19 +1,17 @@
-"""JSON documents between stages, and files that are written whole or not at all."""
+"""JSON documents between stages."""
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from heatertune.errors import DocumentError, InputError
+from heatertune.errors import DocumentError
 from heatertune.files import read_text
 
-__all__ = ["number", "optional_number", "peek_schema", "plain", "read_document", "text", "to_json", "write_files"]
+__all__ = ["number", "optional_number", "peek_schema", "plain", "read_document", "text", "to_json"]
 
 
 def to_json(document: Mapping[str, Any]) -> str:
@@ -103,29 +101,3 @@ def text(document: Mapping[str, Any], field: str, where: str | Path) -> str:
     if not isinstance(value, str):
         raise DocumentError(f"{where}: {field} is {value!r}; expected a text")
     return value
-
-
-def write_files(directory: str | Path, files: Mapping[str, str | bytes]) -> list[Path]:
-    """Write all files, each under a temporary name first, then renamed; return their paths.
-
-    Raises:
-        InputError: the directory cannot be made or written.
-    """
-    folder = Path(directory)
-    staged: list[tuple[Path, Path]] = []
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in files.items():
-            data = content if isinstance(content, bytes) else content.encode("utf-8", errors="backslashreplace")
-            temporary = folder / f".{name}.{os.getpid()}.part"
-            staged.append((temporary, folder / name))
-            temporary.write_bytes(data)
-        for temporary, final in staged:
-            temporary.replace(final)
-    except (OSError, ValueError) as problem:  # ValueError: a name that no file can have
-        for temporary, _ in staged:
-            with contextlib.suppress(OSError, ValueError):
-                temporary.unlink(missing_ok=True)
-        place = getattr(problem, "filename", None) or folder
-        raise InputError(f"{place}: cannot be written: {getattr(problem, 'strerror', problem)}") from problem
-    return [final for _, final in staged]

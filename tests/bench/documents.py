@@ -8,7 +8,7 @@ import numpy as np
 
 from heatertune import chain
 from heatertune.chain.whole import dossier
-from heatertune.documents import to_json, write_files
+from heatertune.documents import to_json
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.by_hand import model_by_hand
@@ -19,6 +19,7 @@ from heatertune.model.values import Candidate, FittedModel, Fopdt, OneLog, Outco
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import Margins, PidDesign, Promise
 from heatertune.plc import controller_for
+from heatertune.writing import write_files
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 DESIGN = PidDesign(

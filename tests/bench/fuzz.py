@@ -92,8 +92,9 @@ class Clock:
     computing: bool = False
 
     def rings(self, _: int, frame: FrameType | None) -> None:
-        if any("importlib" in each.f_code.co_filename or "numba" in each.f_code.co_filename
-               for each, _ in traceback.walk_stack(frame)):  # an import or a compiler left half-way stays so
+        # an import or a compiler left half-way stays so; what is raised in a weak reference's callback is lost
+        if any(name in each.f_code.co_filename for each, _ in traceback.walk_stack(frame)
+               for name in ("importlib", "numba", "weakref")):
             signal.setitimer(signal.ITIMER_REAL, 0.1)
             return
         raise Accepted if self.computing else Hung

@@ -1,3 +1,4 @@
+import dataclasses
 import json
 import math
 import os
@@ -142,11 +143,74 @@ def test_parts_are_neither_overwritten_nor_mixed_with_those_of_another_run(out):
     assert run(batch_of(9), out, workers=at_once, resume=True)["rows"] == 9
 
 
+def part_of(out, number):
+    return next(out.with_name(f"{out.name}.parts").glob(f"{number:09d}-*.jsonl"))
+
+
+def test_what_has_changed_since_it_was_done_is_done_again_and_nothing_else(out):
+    """A part is of what its case held when it was sent: `held` stands for the contents of files."""
+    held = list(range(6))
+    batch = dataclasses.replace(batch_of(6), sent=held.__getitem__)
+    with pytest.raises(KeyboardInterrupt):
+        run(batch, out, workers=stopped_after(4))
+    held[1] = 10
+    again = []
+
+    def watched(chunks, do):
+        for chunk in chunks:
+            again.append(chunk.start)
+            yield chunk, do(chunk.cases)
+
+    assert run(batch, out, workers=watched, resume=True)["done_again"] == 1
+    assert again == [1, 4, 5]
+    assert [row["name"] for row in rows_of(out)] == ["n0", "n10", "n2", "n3", "n4", "n5"]
+    held[5] = 12
+    assert run(batch, out, workers=at_once, resume=True)["rows"] == 6
+    assert [row["name"] for row in rows_of(out)][5] == "n12", "a finished table of other contents is another table"
+
+
+def test_a_row_may_hold_anything_that_breaks_lines_elsewhere(out):
+    """U+2028, U+0085 and a form feed end a line for `str.splitlines`, not for a part."""
+    odd = "a\u2028b\x85c\x0cd\re\nf\udcff"
+
+    def named(chunks, do):
+        for chunk in chunks:
+            yield chunk, [row | {"reason": odd} for row in do(chunk.cases)]
+
+    run(batch_of(3), out, workers=named)
+    assert [row["reason"] for row in rows_of(out)] == [odd.replace("\udcff", "\\udcff")] * 3
+
+
+HOLDER = """
+import sys
+from pathlib import Path
+from heatertune.batch.lock import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_of_two_runs_on_one_table_the_second_is_refused_and_a_dead_ones_lock_is_taken(out):
+    """The first is a real process that holds the lock until it is killed."""
+    with subprocess.Popen([sys.executable, "-c", HOLDER, str(out)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                          text=True) as first:
+        assert first.stdout.readline() == "held\n"
+        with pytest.raises(InputError, match=rf"another run writes it \(process {first.pid}\)") as refused:
+            run(batch_of(3), out, workers=at_once)
+        first.kill()
+        first.wait(timeout=30.0)
+    assert "\n" not in str(refused.value)
+    assert (out.parent / f".{out.name}.lock").exists(), "left by the dead one"
+    assert run(batch_of(3), out, workers=at_once)["rows"] == 3
+    assert [path.name for path in out.parent.iterdir()] == [out.name]
+
+
 @pytest.mark.parametrize("content", ["", '{"name": "n2', '{"name": "n2"}'])
 def test_a_part_that_a_power_cut_left_unfinished_is_made_again(out, content):
     with pytest.raises(KeyboardInterrupt):
         run(batch_of(5), out, workers=stopped_after(4))
-    (out.parent / "table.parquet.parts" / "000000002.jsonl").write_text(content)
+    part_of(out, 2).write_text(content)
     run(batch_of(5), out, workers=at_once, resume=True)
     assert rows_of(out) == [expected_row(k) for k in range(5)]
 
@@ -154,8 +218,8 @@ def test_a_part_that_a_power_cut_left_unfinished_is_made_again(out, content):
 def test_a_part_that_is_no_part_is_named(out):
     with pytest.raises(KeyboardInterrupt):
         run(batch_of(5), out, workers=stopped_after(4))
-    (out.parent / "table.parquet.parts" / "000000002.jsonl").write_text('{"name": "n2"}}\n')
-    with pytest.raises(DocumentError, match=r"000000002.jsonl: no part of a table; remove it"):
+    part_of(out, 2).write_text('{"name": "n2"}}\n')
+    with pytest.raises(DocumentError, match=r"000000002-\w+.jsonl: no part of a table; remove it"):
         run(batch_of(5), out, workers=at_once, resume=True)
 
 
@@ -259,7 +323,7 @@ def test_killed_twenty_times_at_random_it_does_nothing_twice_and_writes_the_same
     command = [sys.executable, "-m", "tests.chain.batch_work", json.dumps(told)]
     chance, kills, folder = random.Random(6), 0, out.with_name(f"{out.name}.parts")
     while kills < 20 and not out.exists():
-        finished = {int(path.stem) for path in folder.glob("[0-9]*.jsonl")}
+        finished = {int(path.stem[:9]) for path in folder.glob("[0-9]*.jsonl")}
         before = len(diary.read_text())
         process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
         try:

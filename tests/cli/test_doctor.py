@@ -104,19 +104,19 @@ def test_where_no_result_is_kept_machine_code_still_is(monkeypatch, tmp_path):
     # a worker of a fleet keeps no zone's results, but must not compile the loop anew
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path))
     with cache.unused():
-        assert cache.cached("stage", {"a": 1}, lambda: {"b": 2}) == {"b": 2}
+        assert cache.cached("stage", {"a": 1}, lambda: {"b": 2}, dict) == {"b": 2}
         assert cache.folder() == tmp_path
     assert not list(tmp_path.iterdir())
-    cache.cached("stage", {"a": 1}, lambda: {"b": 2})
+    cache.cached("stage", {"a": 1}, lambda: {"b": 2}, dict)
     with cache.unused():
-        assert cache.cached("stage", {"a": 1}, lambda: {"b": 3}) == {"b": 3}, "nothing is read either"
+        assert cache.cached("stage", {"a": 1}, lambda: {"b": 3}, dict) == {"b": 3}, "nothing is read either"
 
 
 def test_the_cache_counts_what_it_keeps(monkeypatch, tmp_path):
     place = tmp_path / "not" / "yet"
     monkeypatch.setenv("HEATERTUNE_CACHE", str(place))
     assert health._results().ok, "it can be made"
-    cache.cached("stage", {"a": 1}, lambda: {"b": 2})
+    cache.cached("stage", {"a": 1}, lambda: {"b": 2}, dict)
     assert "1 results, 0.0 MB" in health._results().found
 
 

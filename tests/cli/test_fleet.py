@@ -14,6 +14,7 @@ from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, Words
 from heatertune.proof.closing import Asked
 from heatertune.proof.drawn import sample_document
+from heatertune.report.text import outcome_lines
 from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
 
 #: a rule instead of the optimum, and one structure: what is tested is the fleet, not the search
@@ -163,6 +164,36 @@ def test_a_log_that_vanished_is_a_row(logs):
 
     row = zone_row("gone.csv", lambda: _fitted({"read": ReadSettings(), "fitted_with": FitSettings()}, _sent(str(logs), "gone.csv")), Asked(target="weg"))
     assert row == {"name": "gone.csv", "outcome": "no log", "reason": "gone.csv: cannot be read: No such file or directory"}
+
+
+def test_a_log_of_any_name_is_a_row_and_one_that_changed_is_done_again(tmp_path):
+    """The names hold U+2028, which ends a line for `str.splitlines`, and a byte that is no UTF-8."""
+    from heatertune.batch.fleets import fleet  # noqa: PLC0415 - the slow libraries, beside their only use
+
+    folder, out = tmp_path / "logs", tmp_path / "fleet.parquet"
+    folder.mkdir()
+    for name in ("a\u2028b.csv", "c\udcff.csv", "d.csv"):
+        (folder / name).write_text("no log")
+
+    def stopped(chunks, do):
+        for chunk in chunks:
+            yield chunk, do(chunk.cases)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fleet(folder, Asked(target="s7-300"), out=out, workers=stopped)
+    (folder / "d.csv").write_text("")
+
+    def here(chunks, do):
+        yield from ((chunk, do(chunk.cases)) for chunk in chunks)
+
+    summary = fleet(folder, Asked(target="s7-300"), out=out, workers=here, resume=True)
+    assert summary["done_again"] == 1
+    assert "changed since the run that was stopped: 1" in outcome_lines(summary)
+    rows = pyarrow.parquet.read_table(out).to_pylist()
+    assert [row["name"] for row in rows] == ["a\u2028b.csv", "c\\udcff.csv", "d.csv"]
+    assert rows[2]["reason"] == "d.csv: the file is empty; expected rows of time and temperature"
+    assert rows[0]["reason"] != rows[2]["reason"]
 
 
 def test_a_zone_is_proven_on_drawn_heaters_too():

@@ -12,7 +12,8 @@ import heatertune
 
 SOURCE = ROOT / "src" / "heatertune"
 STAGES = ("log", "model", "pid", "plc", "proof", "report")
-FREE = ("units", "errors", "options", "progress", "settings", "documents", "codec", "files", "cache", "compiled", "show")
+FREE = ("units", "errors", "options", "progress", "settings", "documents", "codec", "files", "writing", "cache", "compiled",
+        "show")
 MODULES = sorted(SOURCE.rglob("*.py"))
 
 

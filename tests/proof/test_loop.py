@@ -15,6 +15,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Ramp
 from heatertune.proof import Actuator, Kick, Load, Scenario, simulate, simulate_wish
 from heatertune.proof.ideal import _law_of, _State, _step
+from heatertune.proof.loop import noise_of
 
 FAST = Actuator(pwm_period_s=10.0)
 
@@ -211,6 +212,11 @@ def test_the_same_seed_gives_the_same_run(tenths, words, heater):
 
     assert np.array_equal(run(1), run(1))
     assert not np.array_equal(run(1), run(2))
+
+
+def test_minus_zero_is_no_noise():
+    scenarios = [Scenario(setpoint_degC=53.3, duration_s=100.0, noise_degC=noise) for noise in (0.0, -0.0)]
+    assert np.array_equal(*(noise_of(scenario, 5) for scenario in scenarios))
 
 
 def test_noise_has_the_deviation_asked_for_and_is_not_in_the_true_temperature(constant, words, heater):

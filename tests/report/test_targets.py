@@ -65,3 +65,11 @@ def test_a_controller_that_cannot_hold_the_design_stays_in_the_table_with_its_re
     assert "realised" in rows["s7-300"]
     told = targets_table({"model": "by hand", "setpoint_degC": 40.0, "rows": list(rows.values())})
     assert "s7-200: integral-action time TN" in told
+
+
+def test_where_no_controller_holds_the_design_there_is_no_picture(document):
+    refused = [{"target": "weg", "title": "a controller", "verdict": "not representable", "why": "too large"}]
+    assert "<svg" in render_targets(document)
+    shown = render_targets({**document, "rows": refused})
+    assert "<svg" not in shown
+    assert "too large" in shown

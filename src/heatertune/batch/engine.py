@@ -13,6 +13,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
 
+from heatertune.batch.lock import locked
 from heatertune.batch.parts import Parts
 from heatertune.batch.table import demand_parquet, read_note, write_table
 from heatertune.batch.values import Batch, Chunk, Progress, Row, Task, Workers, silent
@@ -44,45 +45,45 @@ def run(
         progress: told how many cases are done, and how many there are.
 
     Returns:
-        table (path), rows, outcomes (outcome → number, by name), examples (outcome → first rows: name, reason).
+        table (path), rows, outcomes (outcome → number, by name), examples (outcome → first rows: name, reason), and,
+        where there are some, done_again: number of rows that a stopped run had made of what has changed since.
 
     Raises:
-        InputError: pyarrow is missing, no case, parts in the way (see `Parts.open`), a folder that cannot be written,
-            a worker that runs another program.
+        InputError: pyarrow is missing, no case, another run writes the table, parts in the way (see `Parts.open`), a
+            folder that cannot be written, a worker that runs another program.
     """
     demand_parquet()
     if not batch.cases:
         raise InputError(f"{out}: no case to do")
-    table, identity = Path(out), {**batch.identity, "program": _program()}
+    with locked(Path(out)):
+        return {"table": str(out), **_run(batch, Path(out), workers, progress, resume=resume)}
+
+
+def _run(batch: Batch, table: Path, workers: Workers, progress: Progress, *, resume: bool) -> dict[str, Any]:
+    identity = {**batch.identity, "program": _program()}
     parts = Parts(table, len(batch.cases))
-    mark = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
-    if resume and not parts.folder.exists():
-        note = read_note(table)
-        if note is not None and note.get("mark") == mark:  # finished, and the parts are gone
-            return {"table": str(out), **note["summary"]}
-    parts.open(identity, resume=resume)
-    _work(batch, parts, workers, progress)
-    summary = _Summary()
-    write_table(table, batch.columns, summary.watch(parts.rows()), lambda: {"mark": mark, "summary": summary.told()})
-    parts.remove()
-    return {"table": str(out), **summary.told()}
-
-
-def _work(batch: Batch, parts: Parts, workers: Workers, progress: Progress) -> None:
-    """Make the parts that are missing."""
-    missing = list(parts.missing())
-    done = parts.total - sum(map(parts.length, missing))
-    progress(done, parts.total)
-    task = partial(_task, batch.do, batch.shared, _program())
 
     def chunk(start: int) -> Chunk:
         return Chunk(start, [batch.sent(batch.cases[k]) for k in range(start, start + parts.length(start))])
 
+    def mark() -> str:
+        return hashlib.sha256(json.dumps([identity, parts.contents()], sort_keys=True).encode()).hexdigest()
+
+    missing = list(parts.missing(map(chunk, parts.starts())) if resume else parts.starts())
+    if resume and not parts.folder.exists():
+        note = read_note(table)
+        if note is not None and note.get("mark") == mark():  # finished, and the parts are gone
+            return dict(note["summary"])
+    parts.open(identity, resume=resume)
+    progress(done := parts.total - sum(map(parts.length, missing)), parts.total)
+    task = partial(_task, batch.do, batch.shared, _program())
     for finished, rows in workers(map(chunk, missing), task) if missing else ():
-        found = _one_by_one(batch, finished, workers, task) if rows is None else rows
-        parts.write(finished.start, found)
-        done += len(found)
-        progress(done, parts.total)
+        parts.write(finished, _one_by_one(batch, finished, workers, task) if rows is None else rows)
+        progress(done := done + len(finished.cases), parts.total)
+    summary = _Summary()
+    write_table(table, batch.columns, summary.watch(parts.rows()), lambda: {"mark": mark(), "summary": summary.told()})
+    parts.remove()
+    return summary.told() | ({"done_again": parts.outdated} if parts.outdated else {})
 
 
 def _one_by_one(batch: Batch, chunk: Chunk, workers: Workers, task: Task) -> list[Row]:

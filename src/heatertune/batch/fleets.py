@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
@@ -58,7 +59,7 @@ def fleet(
         asked: what each design is asked for.
         out: Parquet file; the meaning of every column is kept in it.
         workers: where the zones are done.
-        resume: go on where a run with the same options was stopped.
+        resume: go on where a run with the same options was stopped; logs that have changed since are done again.
         read: how the logs are read.
         fitted_with: what is known beside them.
         samples: on how many drawn heaters each zone's words are proven as well; 0: none.
@@ -75,7 +76,7 @@ def fleet(
         "asked": asked, "read": read or ReadSettings(), "fitted_with": fitted_with or FitSettings(),
         "samples": samples,
     }
-    listed = hashlib.sha256("\n".join(names).encode()).hexdigest()
+    listed = hashlib.sha256(json.dumps(names).encode()).hexdigest()
     batch = Batch(
         do=_zone, shared=options, cases=names, sent=partial(_sent, folder), lost=lost_row,
         columns=(*_COLUMNS, *word_columns([asked.target])),

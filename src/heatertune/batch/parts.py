@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import islice
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.batch.values import Row
-from heatertune.documents import read_document, to_json, write_files
+from heatertune.batch.values import Chunk, Row
+from heatertune.documents import read_document, to_json
 from heatertune.errors import DocumentError, InputError
+from heatertune.writing import write_files
 
 __all__ = ["Parts"]
 
@@ -19,24 +20,28 @@ _SCHEMA: Final = "heatertune/parts/1"
 _MANIFEST: Final = "manifest.json"
 _MOST_CASES: Final = 16  # of a chunk: a kill costs no more than these again
 _MANY: Final = 2000  # chunks, from which on they grow
+_DIGITS: Final = 9  # of the number that a part's name begins with
 
 
 class Parts:
     """The folder `<table>.parts`: a manifest, and one file of JSON lines per finished chunk.
 
-    A part comes into being by a rename, so one that is there is whole. Which cases make a chunk depends on their
-    number alone.
+    Which cases make a chunk depends on their number alone; a part's name tells what they held, so one whose cases have
+    changed since is no part of the table any more.
 
     Attributes:
         folder: of the parts.
         total: number of cases.
         size: cases of a chunk, the last one excepted.
+        outdated: number of cases that were done before they changed; they are missing again.
     """
 
     def __init__(self, table: Path, total: int) -> None:
         self.folder = table.with_name(f"{table.name}.parts")
         self.total = total
         self.size = min(max(total // _MANY, 1), _MOST_CASES)
+        self.outdated = 0
+        self._names: dict[int, str] = {}
 
     def open(self, identity: Mapping[str, Any], *, resume: bool) -> None:
         """Make the folder, or find it as a stopped run left it.
@@ -61,15 +66,26 @@ class Parts:
         else:
             write_files(self.folder, {_MANIFEST: to_json({"schema": _SCHEMA, "identity": identity})})
 
-    def missing(self) -> Iterator[int]:
-        """Return the number of the first case of each chunk that is not finished."""
-        return (start for start in range(0, self.total, self.size) if not self._whole(start))
+    def starts(self) -> range:
+        """Return the number of the first case of each chunk."""
+        return range(0, self.total, self.size)
 
-    def write(self, start: int, rows: Sequence[Row]) -> None:
-        """Keep the rows of the chunk that begins with this case."""
+    def missing(self, chunks: Iterable[Chunk]) -> Iterator[int]:
+        """Return the numbers of the first cases of those chunks that are not finished as they are now."""
+        before = {path.name for path in self.folder.glob("[0-9]*.jsonl")}
+        began = {name[:_DIGITS] for name in before}
+        for chunk in chunks:
+            name = self._named(chunk)
+            if name in before and self._whole(name, len(chunk.cases)):
+                continue
+            self.outdated += len(chunk.cases) if name not in before and name[:_DIGITS] in began else 0
+            yield chunk.start
+
+    def write(self, chunk: Chunk, rows: Sequence[Row]) -> None:
+        """Keep the rows of a chunk."""
         # a number that is not finite is kept as such: "never settled" is no missing value
         lines = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows)
-        write_files(self.folder, {self._name(start): lines})
+        write_files(self.folder, {self._named(chunk): lines})
 
     def rows(self) -> Iterator[Row]:
         """Return all rows in order.
@@ -77,13 +93,17 @@ class Parts:
         Raises:
             DocumentError: a part is no longer as it was written.
         """
-        for start in range(0, self.total, self.size):
-            path = self.folder / self._name(start)
+        for start in self.starts():
+            path = self.folder / self._names[start]
             try:
-                found = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+                rows = [json.loads(line) for line in path.read_bytes().split(b"\n")[:-1]]
             except (OSError, ValueError) as problem:
                 raise DocumentError(f"{path}: no part of a table; remove it, --resume makes it again") from problem
-            yield from found
+            yield from rows
+
+    def contents(self) -> list[str]:
+        """Return what tells the contents of all chunks, as they were done, from others."""
+        return [self._names[start] for start in self.starts()]
 
     def remove(self) -> None:
         """Remove the folder; a kill meanwhile leaves none that looks like parts of a stopped run."""
@@ -96,16 +116,19 @@ class Parts:
         """Return the number of cases of the chunk that begins with this one."""
         return min(self.size, self.total - start)
 
-    def _whole(self, start: int) -> bool:
+    def _whole(self, name: str, rows: int) -> bool:
         """Return whether a part is there with all its rows: a power cut may leave a name without its content."""
-        path = self.folder / self._name(start)
-        if not path.is_file():
+        try:
+            lines = (self.folder / name).read_bytes().split(b"\n")
+        except OSError:
             return False
-        with path.open("rb") as file:
-            return sum(line.endswith(b"}\n") for line in islice(file, self.size + 1)) == self.length(start)
+        return len(lines) == rows + 1 and all(line.endswith(b"}") for line in lines[:-1])
 
-    def _name(self, start: int) -> str:
-        return f"{start:09d}.jsonl"
+    def _named(self, chunk: Chunk) -> str:
+        """Return the name of a chunk's part, and keep it in mind."""
+        content = sha256(repr(chunk.cases).encode(errors="backslashreplace")).hexdigest()[:32]
+        name = self._names[chunk.start] = f"{chunk.start:0{_DIGITS}d}-{content}.jsonl"
+        return name
 
 
 def _differences(found: object, identity: Mapping[str, Any]) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import fields
@@ -56,7 +55,7 @@ def study(
         path: STUDY.toml, see `read_study`; files it names lie beside it.
         out: Parquet file; a setting is the column ``case_<key>``, the meaning of every column is kept in the table.
         workers: where the cases are done.
-        resume: go on where a run of the same study was stopped.
+        resume: go on where a run of the same study was stopped; cases whose files have changed since are done again.
         progress: told how many cases are done, and how many there are.
 
     Raises:
@@ -78,10 +77,7 @@ def study(
 
     batch = Batch(
         do=_row, shared={}, cases=range(len(cases)), sent=sent, lost=lost, columns=_columns(cases),
-        identity={
-            "fixed": cases.fixed, "grid": cases.grid, "case": cases.listed,
-            "files": {name: hashlib.sha256(repr(content).encode()).hexdigest() for name, content in files.items()},
-        },
+        identity={"fixed": cases.fixed, "grid": cases.grid, "case": cases.listed},
     )
     return {"schema": SCHEMA} | run(batch, out, workers=workers, resume=resume, progress=progress)
 

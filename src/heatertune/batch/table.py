@@ -54,7 +54,7 @@ def write_table(
         with arrow.parquet.ParquetWriter(temporary, schema) as writer:
             for group in _groups(rows):
                 writer.write_table(arrow.Table.from_pylist(group, schema=schema))
-            writer.add_key_value_metadata({_NOTE: json.dumps(note(), ensure_ascii=False)})
+            writer.add_key_value_metadata({_NOTE: _bytes(json.dumps(note(), ensure_ascii=False))})
         temporary.replace(path)
     except OSError as problem:
         raise InputError(f"{path}: cannot be written: {problem.strerror or problem}") from problem
@@ -75,4 +75,9 @@ def read_note(path: Path) -> dict[str, Any] | None:
 def _groups(rows: Iterable[Row]) -> Iterator[list[Row]]:
     left = iter(rows)
     while group := list(islice(left, _GROUP)):
-        yield group
+        yield [{name: _bytes(cell) if isinstance(cell, str) else cell for name, cell in row.items()} for row in group]
+
+
+def _bytes(text: str) -> bytes:
+    """Return a text as UTF-8; a name that is none is escaped where it is not."""
+    return text.encode(errors="backslashreplace")

@@ -59,7 +59,8 @@ class Batch:
         sent: case → what a worker gets, which may not see the files of this machine.
         lost: (case, why) → row of a case whose process died.
         columns: of the table; every row has an "outcome".
-        identity: JSON object of all that decides the table: options and cases.
+        identity: JSON object of all that decides the table, but for what the cases hold as sent, which a run that goes
+            on looks at case by case.
     """
 
     do: Callable[[Mapping[str, Any], Any], Row]

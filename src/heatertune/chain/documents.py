@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.chain.views import ComparisonView, LogView, PicturesView
-from heatertune.codec import decode, encode, schema_of
-from heatertune.documents import read_document
+from heatertune.codec import built, decode, encode, schema_of
+from heatertune.documents import plain, read_document
 from heatertune.log.values import Log
-from heatertune.model.view import ModelView
+from heatertune.model.document import ModelView
 from heatertune.pid import document as pid_document
 from heatertune.pid.document import PidView
 from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof
 from heatertune.proof.document import ProofView, checked
-from heatertune.proof.words_file import WORDS_SCHEMA, WholeWordsView, demand_same_words
+from heatertune.proof.views import ComparisonView, LogView, PicturesView, TakenView
+from heatertune.proof.words_file import FieldView, WholeWordsView, demand_same_words
 
 __all__ = ["log_document", "read_documents", "words_document"]
 
@@ -28,33 +28,23 @@ _VIEWS: Final[Mapping[str, type]] = {
 
 def log_document(log: Log) -> dict[str, Any]:
     """Return the JSON document of a log as it was understood."""
-    names = ("name", "source", "time_s", "temperature_degC", "power_pct", "setpoint_degC", "repairs", "doubts")
-    taken = None if log.taken is None else log.taken.document()
-    return {"schema": "heatertune/log/1"} | {name: getattr(log, name) for name in names} | {"taken": taken}
+    taken = None if log.taken is None else decode(TakenView, plain(log.taken.document()), log.name)
+    document: dict[str, Any] = encode(built(LogView, log, taken=taken))
+    return document
 
 
 def words_document(
     words: Words, proof: Proof, files: Mapping[str, str | bytes], search: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return the JSON document of words, in the order in which they are typed in, and how they were found."""
-    fields = controller_for(words.target).fields
-    return {
-        "schema": WORDS_SCHEMA,
-        "target": words.target,
-        "words": dict(words.values),
-        "fields": [{name: getattr(f, name) for name in ("name", "address", "format", "low", "high", "comment")}
-                   for f in fields],
-        "sample_time_s": words.sample_time_s,
-        "setpoint_degC": proof.scenario.setpoint_degC,
-        "setpoint_units": controller_for(words.target).measure(words, proof.scenario.setpoint_degC),
-        "setpoint_ramp": proof.ramp_document(),
-        "scaling": {"low_degC": words.scaling.low_degC, "high_degC": words.scaling.high_degC},
-        "realised": None if proof.design is None else pid_document.to_document(proof.design),
-        "files": sorted(files),
-        "verdict": proof.verdict,
-        "forced": bool(files) and proof.verdict != "PASS",
-        "search": None if search is None else dict(search),
-    }
+    target, setpoint = controller_for(words.target), proof.scenario.setpoint_degC
+    fields = tuple(built(FieldView, field) for field in target.fields)
+    document: dict[str, Any] = encode(built(
+        WholeWordsView, words, proof, words=words.values, fields=fields, setpoint_degC=setpoint,
+        setpoint_units=target.measure(words, setpoint),
+        realised=None if proof.design is None else pid_document.to_document(proof.design), files=tuple(sorted(files)),
+        forced=bool(files) and proof.verdict != "PASS", search=None if search is None else plain(search)))
+    return document
 
 
 def read_documents(directory: Path) -> dict[str, dict[str, Any]]:

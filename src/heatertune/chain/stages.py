@@ -125,8 +125,8 @@ def _columns(log: Log) -> dict[str, Any]:
 
 def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel], progress: Told) -> FittedModel:
     """Return what was found before for the same inputs, else what `run` finds."""
-    document = cache.cached(stage, inputs, lambda: model_document.to_document(run()), progress=progress)
-    return model_document.from_document(document)
+    return cache.cached(stage, inputs, lambda: model_document.to_document(run()), model_document.from_document,
+                        progress=progress)
 
 
 def _laws() -> Sequence[Any]:

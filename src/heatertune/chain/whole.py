@@ -10,7 +10,8 @@ from typing import Any
 from heatertune import cache
 from heatertune.chain.documents import log_document, read_documents, words_document
 from heatertune.chain.stages import export, fit
-from heatertune.documents import plain, to_json, write_files
+from heatertune.codec import decode, encode
+from heatertune.documents import to_json
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
@@ -24,7 +25,9 @@ from heatertune.proof import Proof
 from heatertune.proof.closing import Asked, Closed, closed, plainly
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.proof.pictures import pictures
+from heatertune.proof.views import ComparisonView
 from heatertune.settings import FitSettings, ReadSettings
+from heatertune.writing import write_files
 
 __all__ = ["ChainResult", "design", "dossier", "redraw", "write_report"]
 
@@ -99,21 +102,19 @@ def dossier(
     search: Mapping[str, Any] | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Return the documents of all stages, as JSON holds them: a report drawn now is one drawn later from the files."""
-    documents: dict[str, dict[str, Any]] = plain({
+    documents: dict[str, dict[str, Any]] = {
         "log": log_document(log),
         "model": model_document.to_document(fitted),
         "pid": pid_document.to_document(wished, fitted),
         "words": words_document(proof.words, proof, files, search),
         "proof": proof.to_document(),
         "pictures": pictures(wished, fitted, proof),
-    })
+    }
     inputs = {name: documents[name] for name in ("model", "pid", "words", "proof")} | {"same_heater": log.same_heater}
-    documents["comparison"] = cache.cached("comparison", inputs, lambda: {
-        "schema": "heatertune/comparison/1",
-        "price": price_of_doubt(fitted, wished),
-        "rivals": rivals(fitted, wished, proof),
-        "paper": paper_runs(fitted) if log.same_heater else None,
-    })
+    documents["comparison"] = cache.cached("comparison", inputs, lambda: encode(ComparisonView(
+        price=price_of_doubt(fitted, wished), rivals=rivals(fitted, wished, proof),
+        paper=paper_runs(fitted) if log.same_heater else None,
+    )), lambda kept: encode(decode(ComparisonView, kept, "comparison")))
     return documents
 
 

@@ -29,8 +29,9 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.documents import plain, to_json, write_files  # noqa: PLC0415
+    from heatertune.documents import plain, to_json  # noqa: PLC0415
     from heatertune.report.targets import render_targets, targets_table  # noqa: PLC0415
+    from heatertune.writing import write_files  # noqa: PLC0415
 
     design, fitted = common.design_and_model(settings)
     document = plain(chain.compare(

@@ -33,10 +33,11 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.documents import to_json, write_files  # noqa: PLC0415
+    from heatertune.documents import to_json  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
     from heatertune.proof.words_file import export_again  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import words_table  # noqa: PLC0415
+    from heatertune.writing import write_files  # noqa: PLC0415
 
     again = None if common.proof_asked(settings) else export_again(
         settings.pid, common.target(settings), force=settings.force, accept=settings.accept)

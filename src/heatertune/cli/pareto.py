@@ -61,9 +61,9 @@ def _run(settings: argparse.Namespace) -> int:
 
 
 def _draw(document: dict[str, Any], path: str, suffix: str) -> None:
-    from heatertune.documents import write_files  # noqa: PLC0415
     from heatertune.report.plots import plot_pareto  # noqa: PLC0415
     from heatertune.report.style import to_png, to_svg  # noqa: PLC0415
+    from heatertune.writing import write_files  # noqa: PLC0415
 
     figure = plot_pareto(document)
     picture: str | bytes = to_svg(figure) if suffix == ".svg" else to_png(figure)

@@ -88,7 +88,8 @@ def output(settings: argparse.Namespace, document: Mapping[str, Any], summary: C
 
 def save(path: str | None, document: Mapping[str, Any]) -> None:
     """Write the document to a file, whole or not at all; nothing without a path."""
-    from heatertune.documents import to_json, write_files  # noqa: PLC0415
+    from heatertune.documents import to_json  # noqa: PLC0415
+    from heatertune.writing import write_files  # noqa: PLC0415
 
     if path is not None:
         target = Path(path)

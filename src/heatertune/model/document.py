@@ -1,60 +1,45 @@
-"""FittedModel ↔ the JSON document that `heatertune fit` writes."""
+"""FittedModel ↔ the JSON document that `heatertune fit` writes: its fields in order, and their values.
+
+The document is flat for its readers: each parameter has its interval beside it, `dead_time_s` and `dead_time_s_ci95`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from heatertune.codec import decode
+from heatertune.codec import FLAT, LEFT_OUT, OrUnknown, built, decode, encode, registered
 from heatertune.documents import plain, read_document
-from heatertune.model import judgement_document
+from heatertune.errors import DocumentError
+from heatertune.model.by_hand import model_by_hand
+from heatertune.model.findings import Finding
 from heatertune.model.intervals import Interval
-from heatertune.model.values import Candidate, FittedModel, TwoLag
-from heatertune.model.view import SCHEMA, ModelView
+from heatertune.model.judgement import Half, HeldOut, InputCorrelation, Validation, disagreeing
+from heatertune.model.validation import LJUNG_BOX_95
+from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, OneLog, Outcome, Residuals, TwoLag
 
-__all__ = ["SCHEMA", "from_document", "read_model", "to_document"]
+__all__ = [
+    "SCHEMA", "CorrelationView", "ModelView", "ValidationView", "WhitenessView", "from_document", "read_model",
+    "to_document",
+]
 
-#: what is known of the log a model was fitted to
-_LOGGED = ("setpoint_degC", "log_interval_s", "least_dead_time_s", "reading_step_degC")
+#: those of the first held no ends of intervals and no findings
+SCHEMA = "heatertune/model/2"
+
+Pair = tuple[float | None, float | None]
+
+_MOST = 1e150  # of any reading: its square is a number, too
+
 _FIELDS = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
 
 
 def to_document(fitted: FittedModel) -> dict[str, Any]:
     """Return the document; the keys of the working FOPDT stand at its top, each with `<name>_ci95`."""
-    document: dict[str, Any] = {"schema": SCHEMA}
-    for name in _FIELDS:
-        document[name] = getattr(fitted.model, name)
-        document[f"{name}_ci95"] = _pair(fitted.ci95.get(name))
-    document |= {
-        "fit_pct": fitted.fit_pct,
-        "outcome": fitted.outcome.name,
-        "outcome_text": fitted.outcome.value,
-        "method": fitted.method,
-        "combinations": {
-            name: {"value": value, "ci95": _pair(found)} for name, (value, found) in fitted.combinations.items()
-        },
-        "candidates": [_candidate_document(candidate) for candidate in fitted.candidates],
-        "hypotheses": [_candidate_document(candidate) for candidate in fitted.hypotheses],
-        "notes": list(fitted.notes),
-        "log_told": list(fitted.log_told),
-        "findings": [{"name": each.name, "effect": each.kind.effect, "told": each.told} for each in fitted.findings],
-        **{name: getattr(fitted, name) for name in _LOGGED},
-        "assumed": dict(fitted.assumed),
-    }
-    if fitted.logs:
-        document["logs"] = [judgement_document.log_document(each) for each in fitted.logs]
-    if fitted.validation is not None:
-        document |= judgement_document.to_document(fitted.validation)
-    if fitted.residuals is not None:
-        document["residuals"] = {
-            "time_s": fitted.residuals.time_s,
-            "measured_degC": fitted.residuals.measured_degC,
-            "simulated_degC": np.round(fitted.residuals.simulated_degC, 4),
-            "autocorrelation": np.round(fitted.residuals.autocorrelation, 4),
-        }
+    document: dict[str, Any] = encode(ModelView.of(fitted))
     return document
 
 
@@ -72,30 +57,332 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "model") -
     return decode(ModelView, plain(document), where).value
 
 
-def _candidate_document(candidate: Candidate) -> dict[str, Any]:
-    plant = candidate.model
-    document: dict[str, Any] = {name: getattr(plant, name) for name in _FIELDS}
-    if isinstance(plant, TwoLag):
-        document["second_time_constant_s"] = plant.second_time_constant_s
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Reduced:
+    time_constant_s: float
+    dead_time_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CandidateView:
+    """A candidate or hypothesis; the two reductions are for readers alone."""
+
+    gain_degC_per_pct: float
+    time_constant_s: float
+    dead_time_s: float
+    ambient_degC: float | None = None
+    second_time_constant_s: float | None = field(default=None, metadata=LEFT_OUT)
+    half_rule: _Reduced | None = field(default=None, metadata=LEFT_OUT)
+    matched: _Reduced | None = field(default=None, metadata=LEFT_OUT)
+    log: str
+    window_s: tuple[float, float]
+    law: str
+    controller: Mapping[str, float] = field(default_factory=dict)
+    fit_pct: OrUnknown
+    rmse_degC: OrUnknown
+    delta_bic: OrUnknown
+    fits_pct: Mapping[str, float] = field(default_factory=dict)
+    hold_out_rmse_degC: float | None = None
+    cross_rmse_degC: float | None = None
+    on_bound: tuple[str, ...] = ()
+    part: str = ""
+
+    @classmethod
+    def of(cls, candidate: Candidate) -> CandidateView:
+        """Return what is written of a candidate."""
+        plant = candidate.model
+        if isinstance(plant, Fopdt):
+            return built(cls, candidate, plant)
         from heatertune.model.reduction import matched  # noqa: PLC0415 - an optimiser; reading needs none
 
-        for name, reduced in (("half_rule", plant.half_rule()), ("matched", matched(plant))):
-            document[name] = {field: getattr(reduced, field) for field in ("time_constant_s", "dead_time_s")}
-    return document | {
-        "log": candidate.log,
-        "window_s": candidate.window_s,
-        "law": candidate.law,
-        "controller": dict(candidate.controller),
-        "fit_pct": candidate.fit_pct,
-        "rmse_degC": candidate.rmse_degC,
-        "delta_bic": candidate.delta_bic,
-        "fits_pct": dict(candidate.fits_pct),
-        "hold_out_rmse_degC": candidate.hold_out_rmse_degC,
-        "cross_rmse_degC": candidate.cross_rmse_degC,
-        "on_bound": list(candidate.on_bound),
-        "part": candidate.part,
-    }
+        return built(cls, candidate, plant, half_rule=built(_Reduced, plant.half_rule()),
+                     matched=built(_Reduced, matched(plant)))
+
+    def __post_init__(self) -> None:
+        _ = self.value
+
+    @property
+    def value(self) -> Candidate:
+        """The candidate."""
+        return built(Candidate, self, model=_heater(self))
 
 
-def _pair(found: Interval | None) -> list[float | None] | None:
-    return None if found is None else [found.low, found.high]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CombinationView:
+    """An identifiable combination of parameters."""
+
+    value: float
+    ci95: Pair | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FindingView:
+    """A finding; its effect follows from its name."""
+
+    name: str
+    effect: str = ""
+    told: str
+
+    def __post_init__(self) -> None:
+        _ = self.value
+
+    @property
+    def value(self) -> Finding:
+        """The finding."""
+        return built(Finding, self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneLogView:
+    """What one of several logs says; `alone` holds its own parameters, each with its interval."""
+
+    name: str
+    fit_pct: float
+    alone_fit_pct: float
+    ambient_degC: float
+    drift_degC_per_s: float
+    noise_degC: float
+    alone: Mapping[str, float | Pair]
+
+    def __post_init__(self) -> None:
+        _ = self.value
+
+    @property
+    def value(self) -> OneLog:
+        """What the log says."""
+        values, ci95 = _parameters(self.alone)
+        return built(OneLog, self, values=values, ci95=ci95)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WhitenessView:
+    """The whiteness of residuals with its limit."""
+
+    ljung_box: float
+    limit: float
+    ok: bool
+
+    @classmethod
+    def of(cls, ljung_box: float) -> WhitenessView:
+        """Return what is written of a Ljung–Box statistic."""
+        return cls(ljung_box=ljung_box, limit=LJUNG_BOX_95, ok=ljung_box <= LJUNG_BOX_95)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CorrelationView:
+    """The correlation of residuals and power with its limit."""
+
+    largest: float
+    at_lag_s: float
+    limit: float
+    ok: bool = True
+
+    @classmethod
+    def of(cls, found: InputCorrelation | None) -> CorrelationView | None:
+        """Return what is written of it."""
+        return None if found is None else built(cls, found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Window:
+    start_s: float
+    end_s: float
+    rmse_degC: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _HeldOut:
+    fit_pct: float
+    rmse_degC: float
+    windows: tuple[_Window, ...]
+
+    @property
+    def value(self) -> HeldOut:
+        return built(HeldOut, self, windows_s=tuple((each.start_s, each.end_s) for each in self.windows),
+                     rmses_degC=tuple(each.rmse_degC for each in self.windows))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Half:
+    window_s: tuple[float, float]
+    ambient_degC: float | None
+    fit_pct: float
+    rmse_degC: float
+    gain_degC_per_pct: float
+    gain_degC_per_pct_ci95: Pair
+    time_constant_s: float
+    time_constant_s_ci95: Pair
+    dead_time_s: float
+    dead_time_s_ci95: Pair
+
+    @property
+    def value(self) -> Half:
+        shown = [name for parameter in _FIELDS[:3] for name in (parameter, f"{parameter}_ci95")]
+        values, ci95 = _parameters({name: getattr(self, name) for name in shown})
+        return built(Half, self, values=values, ci95=ci95)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Halves:
+    parts: tuple[_Half, _Half]
+    disagree: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValidationView:
+    """Checks of the working model; what could not be checked is null."""
+
+    whiteness: WhitenessView
+    input_crosscorrelation: CorrelationView | None = None
+    held_out: _HeldOut
+    halves: _Halves | None = None
+
+    @classmethod
+    def of(cls, found: Validation) -> ValidationView:
+        """Return what is written of them."""
+        held, halves = found.held_out, found.halves
+        windows = tuple(_Window(start_s=start, end_s=end, rmse_degC=rmse)
+                        for (start, end), rmse in zip(held.windows_s, held.rmses_degC, strict=True))
+        return cls(
+            whiteness=WhitenessView.of(found.ljung_box), held_out=built(_HeldOut, held, windows=windows),
+            input_crosscorrelation=CorrelationView.of(found.input_correlation),
+            halves=None if halves is None else _Halves(
+                parts=(_half(halves[0]), _half(halves[1])), disagree=disagreeing(halves)))
+
+    @property
+    def value(self) -> Validation:
+        """The checks."""
+        seen, halves = self.input_crosscorrelation, self.halves
+        return Validation(
+            ljung_box=self.whiteness.ljung_box, held_out=self.held_out.value,
+            input_correlation=None if seen is None else built(InputCorrelation, seen),
+            halves=None if halves is None else (halves.parts[0].value, halves.parts[1].value))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Residuals:
+    time_s: tuple[OrUnknown, ...]
+    measured_degC: tuple[OrUnknown, ...]
+    simulated_degC: tuple[OrUnknown, ...]
+    autocorrelation: tuple[OrUnknown, ...]
+
+    def __post_init__(self) -> None:
+        lengths = {len(series) for series in (self.time_s, self.measured_degC, self.simulated_degC)}
+        if len(lengths) > 1:
+            raise DocumentError(f"series of {', '.join(map(str, sorted(lengths)))} readings; expected as many in each")
+        for each in fields(self):
+            numbers = np.abs(np.asarray(getattr(self, each.name), dtype=np.float64))
+            if np.any((numbers > _MOST) & (numbers < np.inf)):
+                raise DocumentError(f"{each.name}: a number beyond ±{_MOST:g}")
+
+    @property
+    def value(self) -> Residuals:
+        return Residuals(**{each.name: np.array(getattr(self, each.name), dtype=np.float64) for each in fields(self)})
+
+
+@registered(SCHEMA)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelView:
+    """The document of a model; one that holds only the heater is a model given by hand."""
+
+    gain_degC_per_pct: float
+    gain_degC_per_pct_ci95: Pair | None = None
+    time_constant_s: float
+    time_constant_s_ci95: Pair | None = None
+    dead_time_s: float
+    dead_time_s_ci95: Pair | None = None
+    ambient_degC: float | None = None
+    ambient_degC_ci95: Pair | None = None
+    second_time_constant_s: float | None = field(default=None, metadata=LEFT_OUT)
+    fit_pct: float | None = None
+    outcome: Outcome = Outcome.BY_HAND
+    outcome_text: str = ""
+    method: str = "given by hand"
+    combinations: Mapping[str, CombinationView] = field(default_factory=dict)
+    candidates: tuple[CandidateView, ...] = ()
+    hypotheses: tuple[CandidateView, ...] = ()
+    notes: tuple[str, ...] = ()
+    log_told: tuple[str, ...] = ()
+    findings: tuple[FindingView, ...] = ()
+    setpoint_degC: float | None = None
+    log_interval_s: float | None = None
+    least_dead_time_s: float | None = None
+    reading_step_degC: float | None = None
+    assumed: Mapping[str, float] = field(default_factory=dict)
+    logs: tuple[OneLogView, ...] = field(default=(), metadata=LEFT_OUT)
+    validation: ValidationView | None = field(default=None, metadata=FLAT)
+    residuals: _Residuals | None = field(default=None, metadata=LEFT_OUT)
+
+    @classmethod
+    def of(cls, fitted: FittedModel) -> ModelView:
+        """Return what is written of a model."""
+        rest, checks = fitted.residuals, fitted.validation
+        return built(
+            cls, fitted, fitted.model, **{f"{name}_ci95": _pair(fitted.ci95.get(name)) for name in _FIELDS},
+            outcome_text=fitted.outcome.value,
+            combinations={name: CombinationView(value=value, ci95=_pair(ci95))
+                          for name, (value, ci95) in fitted.combinations.items()},
+            candidates=tuple(map(CandidateView.of, fitted.candidates)),
+            hypotheses=tuple(map(CandidateView.of, fitted.hypotheses)),
+            findings=tuple(built(FindingView, each, effect=each.kind.effect) for each in fitted.findings),
+            logs=tuple(built(OneLogView, each, alone=_side_by_side(each.values, each.ci95)) for each in fitted.logs),
+            validation=None if checks is None else ValidationView.of(checks),
+            residuals=None if rest is None else built(
+                _Residuals, rest, simulated_degC=np.round(rest.simulated_degC, 4),
+                autocorrelation=np.round(rest.autocorrelation, 4)))
+
+    def __post_init__(self) -> None:
+        _ = self.value
+
+    @property
+    def value(self) -> FittedModel:
+        """The model."""
+        model = _heater(self)
+        if not self.candidates:
+            return model_by_hand(model)
+        if not isinstance(model, Fopdt):
+            raise DocumentError("second_time_constant_s: the working model has one lag")
+        return built(
+            FittedModel, self, model=model, ci95={name: _interval(getattr(self, f"{name}_ci95")) for name in _FIELDS},
+            combinations={name: (each.value, _interval(each.ci95) or Interval(low=None, high=None))
+                          for name, each in self.combinations.items()},
+            candidates=tuple(each.value for each in self.candidates),
+            hypotheses=tuple(each.value for each in self.hypotheses),
+            residuals=None if self.residuals is None else self.residuals.value,
+            validation=None if self.validation is None else self.validation.value,
+            logs=tuple(each.value for each in self.logs), findings=tuple(each.value for each in self.findings),
+            log_interval_s=self.log_interval_s or 0.0, least_dead_time_s=self.least_dead_time_s or 0.0,
+            reading_step_degC=self.reading_step_degC or 0.0)
+
+
+def _heater(view: CandidateView | ModelView) -> HeaterModel:
+    return built(Fopdt, view) if view.second_time_constant_s is None else built(TwoLag, view)
+
+
+def _half(half: Half) -> _Half:
+    return built(_Half, half, **_side_by_side(half.values, half.ci95))
+
+
+def _pair(interval: Interval | None) -> Pair | None:
+    return None if interval is None else (interval.low, interval.high)
+
+
+def _interval(pair: Pair | None) -> Interval | None:
+    return None if pair is None else Interval(low=pair[0], high=pair[1])
+
+
+def _side_by_side(values: Mapping[str, float], ci95: Mapping[str, Interval]) -> dict[str, Any]:
+    """Return parameters as they stand in a document, each with its interval."""
+    return {key: item for name, interval in ci95.items()
+            for key, item in ((name, values[name]), (f"{name}_ci95", (interval.low, interval.high)))}
+
+
+def _parameters(flat: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Interval]]:
+    """Return the values and intervals of parameters that stand side by side."""
+    names = [name for name in flat if not name.endswith("_ci95")]
+    if sorted(flat) != sorted([*names, *(f"{name}_ci95" for name in names)]):
+        raise DocumentError(f"{', '.join(flat)}; expected each parameter with its interval, its name and _ci95")
+    if any(isinstance(flat[name], tuple) or not isinstance(flat[f"{name}_ci95"], tuple) for name in names):
+        raise DocumentError("a parameter is no number, or its interval no pair")
+    return ({name: flat[name] for name in names},
+            {name: Interval(low=low, high=high) for name in names for low, high in [flat[f"{name}_ci95"]]})

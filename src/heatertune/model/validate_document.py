@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from heatertune.model.judgement_document import correlation_document, whiteness_document
+from heatertune.codec import encode
+from heatertune.model.document import CorrelationView, WhitenessView
 from heatertune.model.validate import Run, Verdict
 
 __all__ = ["SCHEMA", "to_document"]
@@ -34,6 +35,6 @@ def to_document(verdict: Verdict, least_fit_pct: float) -> dict[str, Any]:
 def _run_document(run: Run) -> dict[str, Any]:
     names = ("label", "ambient_degC", "fit_pct", "bias_degC", "rmse_degC", "free_fit_pct", "free_ambient_degC")
     return {name: getattr(run, name) for name in names} | {
-        "whiteness": whiteness_document(run.ljung_box),
-        "input_crosscorrelation": correlation_document(run.input_correlation),
+        "whiteness": encode(WhitenessView.of(run.ljung_box)),
+        "input_crosscorrelation": encode(CorrelationView.of(run.input_correlation)),
     }

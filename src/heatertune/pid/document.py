@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from heatertune.codec import OrInfinite, decode, registered
+from heatertune.codec import LEFT_OUT, OrInfinite, built, decode, encode, registered
 from heatertune.documents import plain, read_document
 from heatertune.errors import DocumentError
 from heatertune.model.document import SCHEMA as MODEL_SCHEMA
-from heatertune.model.document import to_document as model_to_document
+from heatertune.model.document import ModelView
 from heatertune.model.values import FittedModel
-from heatertune.model.view import ModelView
 from heatertune.pid.values import Margins, PidDesign, Promise, structure_of
 
 __all__ = ["SCHEMA", "PidView", "from_document", "promise_document", "read_design", "read_promise", "to_document"]
@@ -37,7 +36,7 @@ class PromiseView:
     @property
     def value(self) -> Promise:
         """The promise."""
-        return Promise(way=self.way, limits=self.limits)
+        return built(Promise, self)
 
 
 @registered(SCHEMA)
@@ -62,52 +61,35 @@ class PidView:
     notes: tuple[str, ...] = ()
     robust: PromiseView | None = None
     step_power_limit_pct_per_degC: OrInfinite = math.inf
-    model: ModelView | None = None
-    forms: Any = None
-    alternatives: Any = None
+    model: ModelView | None = field(default=None, metadata=LEFT_OUT)
+    forms: Any = field(default=None, metadata=LEFT_OUT)
+    alternatives: Any = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         if self.structure not in ("", self.value.structure):
             raise DocumentError(f"structure: {self.structure!r}; TN and TV make it {self.value.structure!r}")
 
+    @classmethod
+    def of(cls, design: PidDesign, model: FittedModel | None = None) -> PidView:
+        """Return what is written of a design, and of the model it was made for."""
+        return built(
+            cls, design, design.margins, robust=None if design.promise is None else built(PromiseView, design.promise),
+            model=None if model is None else ModelView.of(model))
+
     @property
     def value(self) -> PidDesign:
         """The design."""
-        tn, tv, phase = self.integral_time_s, self.derivative_time_s or 0.0, self.phase_margin_deg
-        return PidDesign(
-            gain_pct_per_degC=self.gain_pct_per_degC, integral_time_s=tn, derivative_time_s=tv,
-            sample_time_s=self.sample_time_s, structure=structure_of(tn, tv), method=self.method,
-            margins=None if phase is None else Margins(
-                ms=self.ms, mt=self.mt, gain_margin=self.gain_margin, phase_margin_deg=phase),
-            iae_load=self.iae_load, iae_setpoint=self.iae_setpoint, mks=self.mks, notes=self.notes,
+        tv = self.derivative_time_s or 0.0
+        return built(
+            PidDesign, self, derivative_time_s=tv, structure=structure_of(self.integral_time_s, tv),
+            margins=None if self.phase_margin_deg is None else built(Margins, self),
             derivative_filter=0.5 if self.derivative_filter is None else self.derivative_filter,
-            promise=None if self.robust is None else self.robust.value,
-            step_power_limit_pct_per_degC=self.step_power_limit_pct_per_degC)
+            promise=None if self.robust is None else self.robust.value)
 
 
 def to_document(design: PidDesign, model: FittedModel | None = None) -> dict[str, Any]:
     """Return the document; an integral time that is infinite is null."""
-    document: dict[str, Any] = {
-        "schema": SCHEMA,
-        "gain_pct_per_degC": design.gain_pct_per_degC,
-        "integral_time_s": design.integral_time_s,
-        "derivative_time_s": design.derivative_time_s,
-        "sample_time_s": design.sample_time_s,
-        "derivative_filter": design.derivative_filter,
-        "structure": design.structure,
-        "method": design.method,
-        "ms": None, "mt": None, "gain_margin": None, "phase_margin_deg": None,
-        "iae_load": design.iae_load,
-        "iae_setpoint": design.iae_setpoint,
-        "mks": design.mks,
-        "notes": list(design.notes),
-        "robust": promise_document(design.promise),
-        "step_power_limit_pct_per_degC": _finite(design.step_power_limit_pct_per_degC),
-    }
-    if design.margins is not None:
-        document |= {name: getattr(design.margins, name) for name in ("ms", "mt", "gain_margin", "phase_margin_deg")}
-    if model is not None:
-        document["model"] = model_to_document(model)
+    document: dict[str, Any] = encode(PidView.of(design, model))
     return document
 
 
@@ -131,13 +113,9 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "design") 
     return decode(PidView, plain(document), where).value
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
 def promise_document(promise: Promise | None) -> dict[str, Any] | None:
     """Return the promise as JSON holds it."""
-    return None if promise is None else {"way": promise.way, "limits": dict(promise.limits)}
+    return None if promise is None else encode(built(PromiseView, promise))
 
 
 def read_promise(document: Any, where: str | Path = "design") -> Promise | None:

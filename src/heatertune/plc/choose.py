@@ -94,7 +94,7 @@ def _choice(
         return {"words": found.words, "cost": found.cost, "least": found.least, "boxes": found.boxes}
 
     progress(f"searching the whole numbers of {target}")
-    kept = cache.cached("words", inputs, run, progress=progress)
+    kept = cache.cached("words", inputs, run, dict, progress=progress)
     if kept["words"] is None:
         also = "" if design.promise is None else " and the limits on the drawn heaters"
         why = f"no words keep Ms <= {wished.ms:.5g}{also} at TA = {rounded.sample_time_s:g} s"

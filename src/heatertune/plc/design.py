@@ -52,7 +52,7 @@ def tune(
     def run() -> dict[str, Any]:
         return pid_document.to_document(tune_model(fitted, asked, progress=progress, **held))
 
-    return pid_document.from_document(cache.cached("tune", inputs, run, progress=progress))
+    return cache.cached("tune", inputs, run, pid_document.from_document, progress=progress)
 
 
 def _essence(fitted: FittedModel) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from heatertune.proof import Actuator, Proof, paper_scenario, prove_models, simu
 from heatertune.proof.fitted import default_pwm_period_s
 from heatertune.proof.heaters import holding, labelled
 from heatertune.proof.series import trace_series
+from heatertune.proof.views import PaperRunView, PaperView, RivalView, SeriesView
 
 __all__ = ["best_single_lag", "paper_runs", "price_of_doubt", "rivals"]
 
@@ -36,28 +37,25 @@ PAPER_RUNS: dict[str, dict[str, Any]] = {
 }
 
 
-def rivals(fitted: FittedModel, wished: PidDesign, proof: Proof) -> list[dict[str, Any]]:
+def rivals(fitted: FittedModel, wished: PidDesign, proof: Proof) -> tuple[RivalView, ...]:
     """Return how other designs fare in the same proof: rules on the best single-lag model alone, two-level control."""
     alone, target = best_single_lag(fitted), proof.words.target
     heater = f"{alone.gain_degC_per_pct:.3g} °C/%, {alone.lags_s[0]:.3g} s, {alone.dead_time_s:.3g} s"
     ruled = [(f"{rule} on {heater}", tune(model_by_hand(alone), target=target, method=rule)) for rule in RIVAL_RULES]
-    found = [
-        {"gain_pct_per_degC": design.gain_pct_per_degC, "integral_time_s": design.integral_time_s}
-        | _rival(label, design, target, fitted, proof) for label, design in ruled
-    ]
+    compared = [replace(_rival(label, design, target, fitted, proof), gain_pct_per_degC=design.gain_pct_per_degC,
+                        integral_time_s=design.integral_time_s) for label, design in ruled]
     baseline = controller_for(target).baseline
     if baseline is not None:
-        switching = _rival("two-level control, ±0.5 °C", wished, baseline, fitted, proof)
-        found.append({"gain_pct_per_degC": None, "integral_time_s": None} | switching)
-    return found
+        compared.append(_rival("two-level control, ±0.5 °C", wished, baseline, fitted, proof))
+    return tuple(compared)
 
 
-def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proof: Proof) -> dict[str, Any]:
+def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proof: Proof) -> RivalView:
     """Return how a design fares on a target in another one's proof, with its ramp, open points at their defaults."""
     try:
         words = encode(design, target, scaling=proof.words.scaling)
     except NotRepresentable as problem:
-        return {"label": label, "verdict": "not representable", "ms": None, "fails": [str(problem)]}
+        return RivalView(label=label, verdict="not representable", ms=None, fails=(str(problem),))
     if proof.words.ramp is not None and controller_for(target).ramped:
         words = replace(words, ramp=controller_for(target).ramp(words, proof.ramp_degC_per_min))
     actuator = Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s))
@@ -68,8 +66,8 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
         known=proof.known if target == proof.words.target else None,
     )
     ms = next((criterion.value for criterion in found.criteria if criterion.name == "ms"), None)
-    fails = [criterion.name for criterion in found.criteria if not criterion.ok]
-    return {"label": label, "verdict": found.verdict, "ms": ms, "fails": fails}
+    fails = tuple(criterion.name for criterion in found.criteria if not criterion.ok)
+    return RivalView(label=label, verdict=found.verdict, ms=ms, fails=fails)
 
 
 def price_of_doubt(fitted: FittedModel, wished: PidDesign) -> str | None:
@@ -97,7 +95,7 @@ def best_single_lag(fitted: FittedModel) -> Fopdt:
     return found
 
 
-def paper_runs(fitted: FittedModel) -> dict[str, Any]:
+def paper_runs(fitted: FittedModel) -> PaperView:
     """Return what the paper's own settings do: its program as printed, gain 20 %, 60 %, and with an I part.
 
     Cycle time, sensor range and Ki are assumptions; updates are taken to go on at the limits, as the paper's logs show.
@@ -111,16 +109,14 @@ def paper_runs(fitted: FittedModel) -> dict[str, Any]:
         trace = simulate(controller_for(words.target), words, model, scenario, switches={"rails": "edges_go_on"})
         rests = [trace.course(start, end)[1] for start, end in ((kick - 200.0, kick), (2250.0, 2400.0))]
         peak = float(trace.course(0.0, kick)[1].max())
-        runs.append({
-            "label": label,
-            "overshoot_degC": max(0.0, peak - scenario.setpoint_degC),
-            "offset_degC": scenario.setpoint_degC - float(rests[0].mean()),
-            "offset_after_degC": scenario.setpoint_degC - float(rests[1].mean()),
-            "series": trace_series(trace, label),
-        })
+        runs.append(PaperRunView(
+            label=label, overshoot_degC=max(0.0, peak - scenario.setpoint_degC),
+            offset_degC=scenario.setpoint_degC - float(rests[0].mean()),
+            offset_after_degC=scenario.setpoint_degC - float(rests[1].mean()),
+            series=SeriesView(**trace_series(trace, label))))
     told = (
         f"The program as printed on {model.gain_degC_per_pct:.3g} °C/%, {model.time_constant_s:.3g} s, "
         f"{model.dead_time_s:.3g} s, setpoint {scenario.setpoint_degC:g} °C. Assumed, because the paper does not print "
         "them: PWM cycle 2 s, sensor 0…140 °C, Ki = 1 with T = 40."
     )
-    return {"told": told, "runs": runs}
+    return PaperView(told=told, runs=tuple(runs))

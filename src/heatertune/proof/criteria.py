@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Any, Final, Literal
 
+from heatertune.codec import OrInfinite, built, encode
 from heatertune.settings import Conditions
 from heatertune.units import check
 
@@ -55,17 +56,34 @@ class Criterion:
             return max(0.0, used / allowed)
         return 0.0 if self.ok else math.inf
 
+    @property
+    def view(self) -> CriterionView:
+        """What is written of it."""
+        return built(CriterionView, self, bound=">=" if self.at_least else "<=")
+
     def to_document(self) -> dict[str, Any]:
         """Return the JSON object; a number that is not finite is null."""
-        return {
-            "value": self.value if math.isfinite(self.value) else None,
-            "limit": self.limit,
-            "bound": ">=" if self.at_least else "<=",
-            "ok": self.ok,
-            "unit": self.unit,
-            "where": self.where,
-            "what": self.what,
-        }
+        document: dict[str, Any] = encode(self.view)
+        return document
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CriterionView:
+    """A criterion as documents hold it, the worst over all runs; null is infinite."""
+
+    value: OrInfinite
+    limit: float | None
+    bound: Literal["<=", ">="]
+    ok: bool
+    unit: str
+    where: str
+    what: str
+
+    def keeps(self, value: float) -> bool:
+        """Return whether a run's value keeps the limit."""
+        if self.limit is None:
+            return True
+        return value >= self.limit if self.bound == ">=" else value <= self.limit
 
 
 def worst_of(found: Iterable[Criterion]) -> Criterion:

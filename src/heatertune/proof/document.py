@@ -8,19 +8,22 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from heatertune.codec import decode, registered
+from heatertune.codec import LEFT_OUT, OrInfinite, decode, encode, registered
 from heatertune.documents import plain
 from heatertune.errors import DocumentError
-from heatertune.model.findings import KINDS
-from heatertune.proof.verdict import ASSUMED, NOT_PROVEN, PROOF_SCHEMA, blocking, combined
+from heatertune.plc import Scaling
+from heatertune.proof.criteria import CriterionView, Limits
+from heatertune.proof.interlock import Interlock
+from heatertune.proof.pwm import Actuator
+from heatertune.proof.scenario import Scenario
+from heatertune.proof.verdict import ASSUMED, NOT_PROVEN, PROOF_SCHEMA, HeardView, blocking, combined
 
-__all__ = ["ProofView", "checked", "digested"]
+__all__ = ["OutcomeView", "ProofView", "RampView", "RunView", "checked", "digested"]
 
 Verdict = Literal["PASS", "FAIL", "NOT PROVEN"]
 
@@ -41,30 +44,10 @@ _AT_LEAST: Final = ("stability", "gain_margin", "phase_margin")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CriterionView:
-    """The worst of one criterion over all runs; null is infinite."""
-
-    value: float | None
-    limit: float | None
-    bound: Literal["<=", ">="]
-    ok: bool
-    unit: str
-    where: str
-    what: str
-
-    def keeps(self, value: float | None) -> bool:
-        """Return whether a run's value keeps the limit."""
-        if self.limit is None:
-            return True
-        number = math.inf if value is None else value
-        return number >= self.limit if self.bound == ">=" else number <= self.limit
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class OutcomeView:
     """One criterion of one run."""
 
-    value: float | None
+    value: OrInfinite
     ok: bool
 
 
@@ -79,111 +62,47 @@ class RunView:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KickView:
-    """A step of the temperature, or of the power."""
-
-    time_s: float
-    temperature_degC: float | None = None
-    power_pct: float | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScenarioView:
-    """What happened in each run."""
-
-    setpoint_degC: float
-    duration_s: float
-    ambient_degC: float | None
-    start_degC: float | None
-    disturbances: tuple[KickView, ...]
-    noise_degC: float
-    seed: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ActuatorView:
-    """The switch."""
-
-    pwm_period_s: float
-    resolution_s: float
-    minimum_on_s: float
-    minimum_off_s: float
-    minimum_rule: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InterlockView:
-    """What watched the heater."""
-
-    name: str
-    limit_degC: float
-    fan_stops_s: float | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RampView:
     """The setpoint ramp."""
 
-    step: float
+    step: int | float
     calls: int
     degC_per_min: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScalingView:
-    """Temperatures at the lowest and the highest reading."""
-
-    low_degC: float
-    high_degC: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeardView:
-    """A finding of the fit, and whether the user accepted it."""
-
-    name: Literal[tuple(KINDS)]  # type: ignore[valid-type]  # the kinds are declared once
-    effect: str
-    told: str
-    accepted: bool
-
-    def __post_init__(self) -> None:
-        effect = KINDS[self.name].effect
-        if self.effect != effect:
-            raise DocumentError(f"effect: {self.effect!r}; a finding {self.name} {effect}")
-        if self.accepted and effect != "blocks":
-            raise DocumentError(f"accepted: a finding {self.name} blocks nothing")
 
 
 @registered(PROOF_SCHEMA)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProofView:
-    """The document of a proof.
-
-    Raises:
-        DocumentError: what it says does not follow from its values.
-    """
+    """The document of a proof; see `checked` for what it has to say of itself."""
 
     verdict: Verdict
     target: str
     words: Mapping[str, float | str]
     sample_time_s: float
-    scaling: ScalingView
+    scaling: Scaling
     setpoint_ramp: RampView | None
     criteria: Mapping[str, CriterionView]
     runs: tuple[RunView, ...]
-    scenario: ScenarioView
-    actuator: ActuatorView
-    limits: Mapping[str, float | tuple[str, ...] | None]
+    scenario: Scenario
+    actuator: Actuator
+    limits: Limits
     known: Mapping[str, str]
     faults: tuple[str, ...]
-    interlock: InterlockView | None
+    interlock: Interlock | None
     findings: tuple[HeardView, ...]
     assumed: Mapping[Literal[tuple(ASSUMED)], float]  # type: ignore[valid-type]  # declared once
     remarks: tuple[str, ...]
-    samples: Mapping[str, Any] | None = field(default=None)
+    samples: Mapping[str, Any] | None = field(default=None, metadata=LEFT_OUT)
     digest: str
 
-    def __post_init__(self) -> None:
+    def demand_whole(self, where: str | Path) -> None:
+        """Refuse a proof that lacks criteria, or says what does not follow from its values, by DocumentError."""
+        try:
+            self._check()
+        except DocumentError as problem:
+            raise DocumentError(f"{where}: {problem}") from problem
+
+    def _check(self) -> None:
         if not self.runs:
             raise DocumentError("runs: none; a proof without a run proves nothing")
         self._demand_all_criteria()
@@ -224,12 +143,12 @@ class ProofView:
     def _check_criterion(self, at: str, name: str, criterion: CriterionView) -> None:
         if criterion.bound != (">=" if name in _AT_LEAST else "<="):
             raise DocumentError(f"{at}.bound: {criterion.bound!r}; the other way round is right")
-        if name in _LIMITS and criterion.limit != self.limits.get(_LIMITS[name]):
+        if name in _LIMITS and criterion.limit != getattr(self.limits, _LIMITS[name]):
             raise DocumentError(f"{at}.limit: {criterion.limit}; limits.{_LIMITS[name]} says otherwise")
-        values = [math.inf if value is None else value for value in (run.criteria[name].value for run in self.runs)]
+        values = [run.criteria[name].value for run in self.runs]
         worst = min(values) if criterion.bound == ">=" else max(values)
-        if worst != (math.inf if criterion.value is None else criterion.value):
-            raise DocumentError(f"{at}.value: {criterion.value}; the worst run has {worst:g}")
+        if worst != criterion.value:
+            raise DocumentError(f"{at}.value: {encode(criterion.value)}; the worst run has {worst:g}")
         if criterion.ok != criterion.keeps(criterion.value):
             raise DocumentError(f"{at}.ok: {criterion.ok}; its value says otherwise")
 
@@ -254,6 +173,7 @@ def checked(proof: Mapping[str, Any], where: str | Path) -> dict[str, Any]:
     """
     try:
         view = decode(ProofView, dict(proof), where)
+        view.demand_whole(where)
     except DocumentError as problem:
         raise DocumentError(f"{problem}: no whole proof; prove the words again") from problem
     if view.digest != digested(proof)["digest"]:

@@ -136,7 +136,7 @@ def run_loop(
 
 def noise_of(scenario: Scenario, scans: int) -> Array:
     """Return the noise of a proof's readings, the same in each of its runs [°C], shape (scans,)."""
-    return np.random.default_rng(scenario.seed).normal(0.0, scenario.noise_degC, scans)
+    return np.random.default_rng(scenario.seed).normal(0.0, abs(scenario.noise_degC), scans)  # -0.0
 
 
 def scans_of(controller: InLoop, scenario: Scenario) -> int:

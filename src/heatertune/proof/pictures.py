@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from heatertune.codec import built, encode
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.proof.heaters import holding
 from heatertune.proof.ideal import simulate_wish
 from heatertune.proof.prove import Proof
 from heatertune.proof.series import curve_series, trace_series
+from heatertune.proof.views import CurveView, OtherRunView, PicturesView, SeriesView
 
 __all__ = ["pictures"]
 
@@ -19,15 +21,13 @@ def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, 
     nominal, models = proof.nominal, holding(fitted, proof.scenario.setpoint_degC)
     first_of = {run.model: number for number, run in reversed(list(enumerate(proof.runs)))}
     others = [trace_series(proof.traced(first_of[label]), label) for label, _ in models[1:]]
-    return {
-        "schema": "heatertune/pictures/1",
-        "kick_s": nominal.scenario.disturbances[0].time_s,
-        "ms_limit": proof.limits.ms,
-        "nominal": trace_series(nominal, proof.runs[0].label),
-        "worst": trace_series(proof.worst, proof.runs[proof.worst_run].label),
-        "others": [{name: run[name] for name in ("label", "time_s", "temperature_degC")} for run in others],
-        "wish": trace_series(
-            simulate_wish(wished, models[0][1], nominal.scenario, nominal.actuator,
-                          ramp_degC_per_min=proof.ramp_degC_per_min), "wished"),
-        "curves": [] if proof.design is None else curve_series(proof.design, models),
-    }
+    wish = simulate_wish(wished, models[0][1], nominal.scenario, nominal.actuator,
+                         ramp_degC_per_min=proof.ramp_degC_per_min)
+    document: dict[str, Any] = encode(PicturesView(
+        kick_s=nominal.scenario.disturbances[0].time_s, ms_limit=proof.limits.ms,
+        nominal=SeriesView(**trace_series(nominal, proof.runs[0].label)),
+        worst=SeriesView(**trace_series(proof.worst, proof.runs[proof.worst_run].label)),
+        others=tuple(built(OtherRunView, SeriesView(**run)) for run in others),
+        wish=SeriesView(**trace_series(wish, "wished")),
+        curves=() if proof.design is None else tuple(CurveView(**run) for run in curve_series(proof.design, models))))
+    return document

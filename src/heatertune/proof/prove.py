@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cache as remember
 from itertools import product
 from typing import Any, Final
 
 import numpy as np
 
+from heatertune.codec import built, encode
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import Margins, PidDesign
@@ -18,7 +19,7 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import Switch, settings_of
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Criterion, Limits, worst_of
-from heatertune.proof.document import digested
+from heatertune.proof.document import OutcomeView, ProofView, RampView, RunView, digested
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge, of_words
 from heatertune.proof.loop import (
@@ -36,7 +37,7 @@ from heatertune.proof.metered import metered
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario, conditions
 from heatertune.proof.trace import Trace
-from heatertune.proof.verdict import NOT_PROVEN, PROOF_SCHEMA, Heard, blocking, combined
+from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, combined
 from heatertune.show import Shown
 
 __all__ = ["Proof", "RunResult", "prove_models", "settings_to_prove"]
@@ -128,41 +129,19 @@ class Proof(Shown):
         heard = [NOT_PROVEN] if blocking(self.heard.to_document()) else []
         return combined([*(each.verdict for each in self.runs), *heard])
 
+    @property
+    def setpoint_ramp(self) -> RampView | None:
+        """The words' setpoint ramp as documents hold it, None without one."""
+        ramp = self.words.ramp
+        return None if ramp is None else built(RampView, ramp, degC_per_min=self.ramp_degC_per_min)
+
     def to_document(self) -> dict[str, Any]:
         """Return the JSON document; traces are not part of it, numbers that are not finite are null."""
-        return digested({
-            "schema": PROOF_SCHEMA,
-            "verdict": self.verdict,
-            "target": self.words.target,
-            "words": dict(self.words.values),
-            "sample_time_s": self.words.sample_time_s,
-            "scaling": asdict(self.words.scaling),
-            "setpoint_ramp": self.ramp_document(),
-            "criteria": {each.name: each.to_document() for each in self.criteria},
-            "runs": [
-                {
-                    "model": run.model,
-                    "switches": dict(run.switches),
-                    "verdict": run.verdict,
-                    "criteria": {
-                        each.name: {"value": each.value if math.isfinite(each.value) else None, "ok": each.ok}
-                        for each in run.criteria
-                    },
-                }
-                for run in self.runs
-            ],
-            "scenario": asdict(self.scenario),
-            "actuator": asdict(self.actuator),
-            "limits": asdict(self.limits),
-            "known": dict(self.known),
-            "faults": list(self.faults),
-            "interlock": None if self.interlock is None else asdict(self.interlock),
-            **self.heard.to_document(),
-        })
-
-    def ramp_document(self) -> dict[str, float] | None:
-        """Return the setpoint ramp as a JSON object, None without one."""
-        return None if self.words.ramp is None else asdict(self.words.ramp) | {"degC_per_min": self.ramp_degC_per_min}
+        runs = (built(RunView, run, criteria={each.name: built(OutcomeView, each) for each in run.criteria})
+                for run in self.runs)
+        return digested(encode(built(
+            ProofView, self, self.words, self.heard, words=self.words.values, runs=tuple(runs),
+            criteria={each.name: each.view for each in self.criteria}, findings=self.heard.views, digest="")))
 
 
 def prove_models(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from heatertune.codec import encode
 from heatertune.proof.criteria import Limits
 from heatertune.proof.measured import columns_of
 from heatertune.proof.samples import Drawing, Spread, measure
@@ -36,12 +36,6 @@ class Spot:
     p99: float
     worst: float
     passing: float
-
-    def to_document(self) -> dict[str, Any]:
-        """Return the JSON object; a number that is not finite is null."""
-        told = asdict(self)
-        del told["name"]
-        return {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in told.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,12 +66,9 @@ class SampleProof:
         return "PASS" if self.passing >= self.quantile else "FAIL"
 
     def to_document(self) -> dict[str, Any]:
-        """Return the JSON object."""
-        return {
-            "verdict": self.verdict, "count": self.count, "seed": self.seed, "quantile": self.quantile,
-            "passing": self.passing, "worst_seed": self.worst_seed, "spread": asdict(self.spread),
-            "criteria": {spot.name: spot.to_document() for spot in self.criteria},
-        }
+        """Return the JSON object; numbers that are not finite are null."""
+        document: dict[str, Any] = {"verdict": self.verdict, **encode(self)}
+        return document | {"criteria": {spot.pop("name"): spot for spot in document["criteria"]}}
 
 
 def prove_samples(

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, Literal
 
-from heatertune.errors import UnknownName
+from heatertune.codec import built, encode
+from heatertune.errors import DocumentError, UnknownName
 from heatertune.log.cells import count
 from heatertune.model.findings import KINDS, Finding
 
 __all__ = [
-    "ASSUMED", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "blocking", "combined", "extent", "told_of", "verdict_line",
+    "ASSUMED", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "extent", "told_of",
+    "verdict_line",
 ]
 
 #: of a proof's document; those of the first did not hear the fit
@@ -21,6 +23,23 @@ NOT_PROVEN: Final = "NOT PROVEN"
 
 #: what a user may know beside the log → how a certificate says it
 ASSUMED: Final = {"dead_time_at_most_s": "dead time at most {:g} s", "sensor_delay_s": "sensor delay of {:g} s"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeardView:
+    """A finding of the fit, and whether the user accepted it."""
+
+    name: Literal[tuple(KINDS)]  # type: ignore[valid-type]  # the kinds are declared once
+    effect: str
+    told: str
+    accepted: bool
+
+    def __post_init__(self) -> None:
+        effect = KINDS[self.name].effect
+        if self.effect != effect:
+            raise DocumentError(f"effect: {self.effect!r}; a finding {self.name} {effect}")
+        if self.accepted and effect != "blocks":
+            raise DocumentError(f"accepted: a finding {self.name} blocks nothing")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,14 +67,15 @@ class Heard:
             if name not in blocks:
                 raise UnknownName("finding to accept", name, blocks)
 
+    @property
+    def views(self) -> tuple[HeardView, ...]:
+        """What is written of the findings."""
+        return tuple(built(HeardView, each, effect=each.kind.effect, accepted=each.name in self.accepted)
+                     for each in self.findings)
+
     def to_document(self) -> dict[str, Any]:
         """Return "findings", "assumed" and "remarks" of a proof's document."""
-        return {
-            "findings": [{"name": each.name, "effect": each.kind.effect, "told": each.told,
-                          "accepted": each.name in self.accepted} for each in self.findings],
-            "assumed": dict(self.assumed),
-            "remarks": list(self.remarks),
-        }
+        return {"findings": encode(self.views), "assumed": dict(self.assumed), "remarks": list(self.remarks)}
 
 
 def combined(verdicts: Iterable[str]) -> str:

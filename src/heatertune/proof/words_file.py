@@ -11,7 +11,7 @@ from heatertune.codec import decode, registered
 from heatertune.documents import peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused
 from heatertune.plc import Certificate, Ramp, Scaling, Words, controller_for
-from heatertune.proof.document import ScalingView, checked, digested
+from heatertune.proof.document import checked, digested
 from heatertune.proof.verdict import NOT_PROVEN, PROOF_SCHEMA, Heard, blocking, extent, told_of, verdict_line
 
 __all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_again", "read_words"]
@@ -32,7 +32,7 @@ class WordsRampView:
 class WordsView:
     """What the words of a document need to be read as words; these themselves the room checks."""
 
-    scaling: ScalingView
+    scaling: Scaling
     sample_time_s: float
     setpoint_ramp: WordsRampView | None
 
@@ -81,7 +81,7 @@ class WholeWordsView:
     setpoint_degC: float
     setpoint_units: float
     setpoint_ramp: WordsRampView | None
-    scaling: ScalingView
+    scaling: Scaling
     realised: Mapping[str, Any] | None
     files: tuple[str, ...]
     verdict: str
@@ -113,7 +113,7 @@ def read_words(path: str | Path, target: str) -> Words | None:
     ramp = view.setpoint_ramp
     words = Words(
         target=target, values=document["words"], sample_time_s=view.sample_time_s,
-        scaling=Scaling(low_degC=view.scaling.low_degC, high_degC=view.scaling.high_degC),
+        scaling=view.scaling,
         ramp=None if ramp is None else Ramp(step=ramp.step, calls=ramp.calls),
     )
     controller_for(target).check(words)
@@ -169,7 +169,7 @@ def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where:
     other = [name for name in names if proof.get(name) != words.get(name)]
     if other:
         raise ExportRefused(f"{where}: the proof of other words ({', '.join(other)}); prove these first")
-    if words.get("realised") is not None and "ms" not in (proof.get("criteria") or ()):
+    if words.get("realised") is not None and "ms" not in proof["criteria"]:
         raise DocumentError(f"{where}: criteria.ms: is missing: no whole proof; prove the words again")
 
 
@@ -193,11 +193,11 @@ def export_again(
     if words is None:
         return None
     beside = Path(path).with_name("proof.json")
-    proof = read_document(beside, PROOF_SCHEMA)
     document = read_document(path, WORDS_SCHEMA)
     decode(WholeWordsView, document, path)
+    proof = checked(read_document(beside, PROOF_SCHEMA), beside)
     demand_same_words(document, proof, beside)
-    proof = _accepting(checked(proof, beside), accept)
+    proof = _accepting(proof, accept)
     found = certificate(proof, force=force)
     files = dict(controller_for(target).export(words, found))
     told = {"files": sorted(files), "verdict": found.verdict, "forced": found.forced}

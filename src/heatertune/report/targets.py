@@ -37,10 +37,12 @@ def render_targets(document: Document) -> str:
     body = (
         f"<p>{text_of(_where(document))}. {text_of(_legend(document))}</p>"
         f"{html_table(_HEADS, _rows(document), numeric=_NUMERIC)}<ul>{reasons}</ul>"
-        + picture(plot_targets(_proven(document)),
-                  "Left: temperature on each controller, and of the unrounded design with the same switch (dashed). "
-                  "Right: their difference, each on its own scale.", moves=False)
     )
+    if proven := _proven(document):
+        body += picture(
+            plot_targets(proven),
+            "Left: temperature on each controller, and of the unrounded design with the same switch (dashed). "
+            "Right: their difference, each on its own scale.", moves=False)
     return page("One design on every controller", body)
 
 

@@ -277,6 +277,8 @@ def outcome_lines(summary: Document) -> str:
                   f"{outcome}: {each['name']}: {each['reason']}" for each in examples]
         more = summary["outcomes"][outcome] - len(examples)
         lines += [f"{outcome}: and {more} more"] if more else []
+    again = summary.get("done_again", 0)
+    lines += [f"done again, for what they read has changed since the run that was stopped: {again}"] if again else []
     return "\n".join([*lines, f"written to {summary['table']}"])
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import chain
 
-from heatertune.codec import OrUnknown, registered
+from heatertune.codec import registered
 from heatertune.errors import DocumentError
 
 __all__ = ["ComparisonView", "LogView", "PicturesView"]
@@ -76,10 +76,13 @@ class OtherRunView:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SeriesView(OtherRunView):
+class SeriesView:
     """A run: temperature at even instants, power asked for, switching instants."""
 
+    label: str
     setpoint_degC: float
+    time_s: Numbers
+    temperature_degC: Numbers
     followed_degC: Numbers | None
     asked_time_s: Numbers
     asked_pct: Numbers
@@ -87,12 +90,12 @@ class SeriesView(OtherRunView):
     edge_pct: Numbers
 
     def __post_init__(self) -> None:
-        OtherRunView.__post_init__(self)
+        _demand_drawable(time_s=self.time_s, temperature_degC=self.temperature_degC)
         _demand_drawable(setpoint_degC=(self.setpoint_degC,))
         _demand_drawable(asked_time_s=self.asked_time_s, asked_pct=self.asked_pct)
         if self.followed_degC is not None:
             _demand_drawable(asked_time_s=self.asked_time_s, followed_degC=self.followed_degC)
-        if self.edge_s or self.edge_pct:
+        if len(self.edge_s) or len(self.edge_pct):
             _demand_drawable(edge_s=self.edge_s, edge_pct=self.edge_pct)
 
 
@@ -111,7 +114,7 @@ class CurveView:
         _demand_drawable(omega=self.omega, sensitivity=self.sensitivity)
         if any(value <= 0.0 for value in self.omega):
             raise DocumentError("omega: expected frequencies above 0")
-        if self.real or self.imaginary:
+        if len(self.real) or len(self.imaginary):
             _demand_drawable(real=self.real, imaginary=self.imaginary)
 
 
@@ -138,11 +141,11 @@ class PicturesView:
 class RivalView:
     """What another design does in the same proof."""
 
+    gain_pct_per_degC: float | None = None
+    integral_time_s: float | None = None
     label: str
-    gain_pct_per_degC: float | None
-    integral_time_s: float | None
     verdict: str
-    ms: OrUnknown
+    ms: float | None
     fails: tuple[str, ...]
 
 
@@ -177,7 +180,7 @@ class ComparisonView:
 
 def _demand_drawable(**series: Numbers) -> None:
     """Refuse series of a picture that are empty, of different lengths, or whose numbers no axis can hold."""
-    if len({len(numbers) for numbers in series.values()}) > 1 or not all(series.values()):
+    if len({len(numbers) for numbers in series.values()}) > 1 or not all(map(len, series.values())):
         told = ", ".join(f"{len(numbers)} of {name}" for name, numbers in series.items())
         raise DocumentError(f"{told}; expected as many of each, and at least one")
     if not all(abs(number) <= _MOST for number in chain(*series.values())):

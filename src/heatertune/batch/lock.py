@@ -1,0 +1,64 @@
+"""One run at a time writes a table: whoever comes second is refused, and a dead run's lock is nobody's."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from heatertune.errors import InputError
+
+__all__ = ["locked"]
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _take(file: IO[str]) -> None:
+        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+else:
+    import fcntl
+
+    def _take(file: IO[str]) -> None:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+@contextmanager
+def locked(table: Path) -> Iterator[None]:
+    """Hold the lock of a table within the block.
+
+    The system holds it for the process, not the file: with the process ends the lock, however that ended.
+
+    Raises:
+        InputError: another run holds it, or the file beside the table cannot be written.
+    """
+    path = table.with_name(f".{table.name}.lock")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.open("a+", encoding="utf-8")
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be written: {problem.strerror}") from problem
+    with file:
+        _demand(file, path, table)
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
+
+
+def _demand(file: IO[str], path: Path, table: Path) -> None:
+    """Lock an open file that is still the one of this name: its last owner takes it away when it ends."""
+    try:
+        _take(file)
+        mine = path.exists() and os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except OSError:
+        mine = False
+    if not mine:
+        file.seek(0)
+        raise InputError(f"{table}: another run writes it ({file.read() or 'just begun'}); wait for its end, or give "
+                         "another table")
+    file.truncate(0)
+    file.write(f"process {os.getpid()}")
+    file.flush()
