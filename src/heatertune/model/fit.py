@@ -158,6 +158,17 @@ def fit_together(
     Each log has its own ambient and initial state, and without power its own controller and setpoint; the heater is
     one.
 
+    Args:
+        logs: of one heater, each with a name of its own.
+        laws: hypotheses about the controllers, needed where the power was not logged.
+        ambient_degC: of every log, as in `fit` [°C].
+        power_before_pct: of every log, as in `fit` [%].
+        until_s: last instant to use of every log, as in `fit` [s].
+        dead_time_at_most_s: of the one heater, as in `fit` [s].
+        sensor_delay_s: of the one sensor, as in `fit` [s].
+        seed: of the random starts and the bootstrap.
+        progress: called with a short message when a stage begins.
+
     Raises:
         InputError: some logs with power and some without, two logs of one name; without power: no laws, or
             power_before; with power: as `fit`.
