@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from heatertune.cli import parser
-from heatertune.plc import TARGETS, room
+from heatertune.plc import TARGETS, controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.units import NOMENCLATURE
 
@@ -40,13 +40,13 @@ def nomenclature() -> str:
 
 
 def controllers() -> str:
-    """Return what every room says of itself, and its DIFFERENCES.md."""
+    """Return what every controller says of itself, and its DIFFERENCES.md."""
     return "\n".join(_controller(name, package) for name, package in TARGETS.items())
 
 
 def _controller(name: str, package: str) -> str:
-    each = room(name)
-    low, high, step = each.sample_times_s
+    each = controller_for(name)
+    low, high, step = each.timer.shortest_s, each.timer.longest_s, each.timer.step_s
     words = "\n".join(f"| {f.address} | {f.name} | {f.format} | {f.low:.6g} … {f.high:.6g} | {f.comment} |"
                       for f in each.fields)
     told = "\n".join([*(f"- can: {can}" for can in each.can), *(f"- can't: {cannot}" for cannot in each.cannot)])
@@ -57,7 +57,7 @@ def _controller(name: str, package: str) -> str:
 
 
 def service(target: str) -> str:
-    """Return how a controller is put into service: the text of its room, as the report has it."""
+    """Return how a controller is put into service: the text of its folder, as the report has it."""
     told = commissioning(target)
     parts = [f"**{title}**\n\n" + "\n".join(f"{i}. {step}" for i, step in enumerate(items, 1))
              for title, items in told.steps.items()]

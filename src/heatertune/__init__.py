@@ -25,12 +25,14 @@ _HOMES = {
     **dict.fromkeys(("FittedModel", "Fopdt", "TwoLag"), "model.values"),
     **dict.fromkeys(("Actuator", "Limits", "Proof", "Scenario"), "proof"),
     **dict.fromkeys(("Scaling", "Words"), "plc"),
-    "Log": "log.values", "PidDesign": "pid.values", "model_by_hand": "model.by_hand",
+    **dict.fromkeys(("Conditions", "FitSettings", "ReadSettings", "TuneSettings"), "settings"),
+    "Asked": "proof.closing", "Log": "log.values", "PidDesign": "pid.values", "model_by_hand": "model.by_hand",
     "fleet": "batch.fleets", "margins": "pid.loop.robustness", "simulate": "proof", "study": "batch.studies",
 }
 
 __all__ = [
-    "Actuator", "FittedModel", "Fopdt", "Limits", "Log", "PidDesign", "Proof", "Scaling", "Scenario", "TwoLag", "Words",
+    "Actuator", "Asked", "Conditions", "FitSettings", "FittedModel", "Fopdt", "Limits", "Log", "PidDesign", "Proof",
+    "ReadSettings", "Scaling", "Scenario", "TuneSettings", "TwoLag", "Words",
     "compare", "design", "encode", "export", "fit", "fit_together", "fleet", "margins",
     "model_by_hand", "plan", "prove", "read_log", "simulate", "study", "tune", "validate", "write_report",
 ]
@@ -59,6 +61,8 @@ if TYPE_CHECKING:
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
     from heatertune.proof import Actuator, Limits, Proof, Scenario, simulate
+    from heatertune.proof.closing import Asked
+    from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
 
 
 def __getattr__(name: str) -> Any:

@@ -26,11 +26,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
 
 from heatertune import cache
-from heatertune.chain.closing import Asked, closed
 from heatertune.chain.stages import fit
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
 from heatertune.plc import Scaling
+from heatertune.proof.closing import Asked, closed
+from heatertune.settings import Conditions, TuneSettings
 from tests.bench import heaters, truth
 
 TARGETS = ("s5-ob251", "s7-300", "fb41", "weg", "s7-200")
@@ -119,9 +120,9 @@ def asked_for(target, low, high, structure, plain):
     Who reads its messages asks for a switch that is fast enough, and for no tighter band than a hundredth of the
     sensor's range; `plain`: for nothing.
     """
-    extras = {} if plain else {"tolerance_degC": max(1.0, 0.01 * (high - low))}
-    return Asked(target=target, scaling=Scaling(low_degC=low, high_degC=high), tuning={"structure": structure},
-                 proving=extras, switch_kind=None if plain else "ssr")
+    assumed = Conditions() if plain else Conditions(tolerance_degC=max(1.0, 0.01 * (high - low)))
+    return Asked(target=target, scaling=Scaling(low_degC=low, high_degC=high), tuned=TuneSettings(structure=structure),
+                 conditions=assumed, switch_kind=None if plain else "ssr")
 
 
 class Watch:

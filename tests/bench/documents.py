@@ -18,7 +18,7 @@ from heatertune.model.judgement import Half, HeldOut, InputCorrelation, Validati
 from heatertune.model.values import Candidate, FittedModel, Fopdt, OneLog, Outcome, Residuals, TwoLag
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import Margins, PidDesign, Promise
-from heatertune.plc import room
+from heatertune.plc import controller_for
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 DESIGN = PidDesign(
@@ -92,7 +92,7 @@ def write_all(folder: Path) -> None:
     documents |= {
         "model": model_document.to_document(fitted), "pid": pid_document.to_document(DESIGN, fitted),
         "bare": model_document.to_document(bare)}
-    inputs = list(room("s5-ob251").inputs)[:2]
+    inputs = list(controller_for("s5-ob251").inputs)[:2]
     log = own_log()
     rows = (f"{t:g},{y:.2f},{0 if t < 20 else 80},45" for t, y in zip(log.time_s, log.temperature_degC, strict=True))
     write_files(folder, {

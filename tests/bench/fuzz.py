@@ -46,11 +46,11 @@ _MEMORY: Final = 6 << 30
 #: where a command stops reading what it was given and begins to compute; the last ones serve or fork and are never run
 _DOORS: Final = (
     "heatertune.chain.stages:fit", "heatertune.chain.stages:fit_known", "heatertune.chain.stages:fit_together",
-    "heatertune.chain.stages:tune", "heatertune.chain.stages:prove", "heatertune.chain.words:tune_for_words",
-    "heatertune.chain.words:choose_words", "heatertune.chain.ramp:prove_ramped", "heatertune.chain.targets:compare",
-    "heatertune.chain.experiment:plan", "heatertune.chain.whole:design", "heatertune.chain.advice:advise",
-    "heatertune.chain.samples:sample_document", "heatertune.chain.samples:replay_document",
-    "heatertune.pid.pareto:front", "heatertune.chain.refine:refine", "heatertune.report:render",
+    "heatertune.chain.stages:tune", "heatertune.chain.stages:prove", "heatertune.plc.choose:tune_for_words",
+    "heatertune.plc.choose:choose_words", "heatertune.proof.setpoint_ramp:prove_ramped", "heatertune.proof.targets:compare",
+    "heatertune.chain.experiment:plan", "heatertune.chain.whole:design", "heatertune.proof.advice:advise",
+    "heatertune.proof.drawn:sample_document", "heatertune.proof.drawn:replay_document",
+    "heatertune.pid.pareto:front", "heatertune.proof.refine:refine", "heatertune.report:render",
 )
 _SHUT: Final = (
     "heatertune.batch.studies:run", "heatertune.batch.fleets:run", "heatertune.studio.server:serve",

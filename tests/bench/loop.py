@@ -25,11 +25,11 @@ import yardsticks
 from heatertune import compiled
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, room
-from heatertune.plc.room import Core
+from heatertune.plc import Scaling, controller_for
+from heatertune.plc.core import Core
 from heatertune.proof import Actuator, Drawing, Kick, Limits, Scenario, Spread
 from heatertune.proof.kernel import LOAD, Batch, Record
-from heatertune.proof.loop import controller_of, pulses_of, ring_size, run_compiled, run_plainly
+from heatertune.proof.loop import in_loop, pulses_of, ring_size, run_compiled, run_plainly
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter, no_meter
 from heatertune.proof.samples import measure
 
@@ -77,9 +77,9 @@ class Ours:
     @classmethod
     def of(cls, target):
         """Return a room that holds the words of the same PI."""
-        which = room(target)
+        which = controller_for(target)
         words = which.encode(DESIGN, Scaling())
-        c = controller_of(which, words, CASE.setpoint, {each.name: each.default for each in which.switches}, direct=True)
+        c = in_loop(which, words, CASE.setpoint, {each.name: each.default for each in which.switches}, direct=True)
         return cls(c.core, (c.parameters, c.state, c.sensor), c.setpoints(0, 1)[0])
 
     def given(self, *, calls=CASE.calls, resolution=yardsticks.RESOLUTION_S, loops=LOOPS, keeps=False, measures=False):
@@ -158,7 +158,7 @@ def check(others):
 
 def samples(target, count, workers):
     """Return seconds of wall clock that many samples take, drawn, run and measured."""
-    which = room(target)
+    which = controller_for(target)
     drawing = Drawing.of(which, which.encode(DESIGN, Scaling()), [HEATER], SCENARIO, Spread(heater=(0.1, 0.1, 0.2)),
                          Actuator(pwm_period_s=10.0))
     return least(lambda: measure(drawing, Limits(), count, workers=workers), 2, time.perf_counter) / 1e9
@@ -178,7 +178,7 @@ def memory(target):
 
 def samples_once(target, count):
     """Run samples and return the bytes of what they leave."""
-    which = room(target)
+    which = controller_for(target)
     drawing = Drawing.of(which, which.encode(DESIGN, Scaling()), [HEATER], SCENARIO, Spread(), Actuator(pwm_period_s=10.0))
     found = measure(drawing, Limits(), count)
     return sum(each.nbytes for each in (found.rows, found.phases, found.totals, found.ripple))

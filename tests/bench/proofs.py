@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tes
 
 from heatertune.compiled import decide
 from heatertune.plc import TARGETS
-from heatertune.proof import judge, prove, simulate
+from heatertune.proof import judge, prove_models, simulate
 from tests.proof.test_metered import NEAR, drawn
 
 _LEAST = 5  # each proof is timed so often, and the least counts
@@ -46,9 +46,9 @@ def compared(target, seed):
         return [judge(simulate(which, words, dict(models)[run.model], scenario, actuator, run.switches), limits)
                 for run in proof.runs]
 
-    proof = prove(*given)  # what is to be compiled is
+    proof = prove_models(*given)  # what is to be compiled is
     by_traces()
-    spent, longer = least(lambda: prove(*given)), least(by_traces)
+    spent, longer = least(lambda: prove_models(*given)), least(by_traces)
     pairs = [pair for run, own in zip(proof.runs, by_traces(), strict=True) for pair in zip(run.criteria, own, strict=False)]
     furthest = max(apart(one.value, other.value) for one, other in pairs)
     return len(proof.runs), spent, longer, furthest, sum(one.ok != other.ok for one, other in pairs)

@@ -11,15 +11,15 @@ import time
 
 import numpy as np
 
-from heatertune.chain.stages import encode
-from heatertune.chain.words import choose_words
 from heatertune.errors import HeatertuneError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
-from heatertune.plc import Scaling, Words, room
+from heatertune.plc import Scaling, Words, controller_for
+from heatertune.plc.choose import choose_words
+from heatertune.plc.design import encode
 
 TARGET = "s5-ob251"
 
@@ -40,7 +40,7 @@ def best_near(words, plant, ms):
         values = dict(words.values) | {"K": words.values["K"] + dk, "TI": words.values["TI"] + dt}
         if min(values["K"], values["TI"]) < 1 or values["K"] > 32767:
             continue
-        design = room(TARGET).decode(
+        design = controller_for(TARGET).decode(
             Words(target=TARGET, values=values, scaling=words.scaling, sample_time_s=words.sample_time_s))
         if margins(plant, design).ms <= ms:
             best = min(best, iae_load(plant, design))
@@ -65,10 +65,10 @@ def compare(heaters=200, seed=5, *, brute=True):
         wished, ms = iae_load(plant, design), margins(plant, design).ms
         row = [rounded.values["TI"]]
         for words in (rounded, choice.words):
-            real = room(TARGET).decode(words)
+            real = controller_for(TARGET).decode(words)
             row += [iae_load(plant, real) / wished, margins(plant, real).ms / ms]
         better = max(0.0, 1.0 - best_near(choice.words, plant, ms) / (row[3] * wished)) if brute else 0.0
-        rows.append([*row, choice.search.get("proven", False), better])
+        rows.append([*row, choice.search.optimum is not None and choice.search.optimum.proven, better])
     return np.array(rows, dtype=float)
 
 

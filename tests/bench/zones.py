@@ -20,6 +20,7 @@ import numpy as np
 
 from heatertune.batch import in_processes
 from heatertune.batch.fleets import fleet
+from heatertune.proof.closing import Asked
 
 ROWS, SPACING_S, STEP_S = 240, 11.0, 0.5
 
@@ -61,7 +62,7 @@ def run(folder, zones, target, samples, jobs):
     """Return seconds, processor seconds of the pool, and how the zones ended."""
     write_logs(folder / f"logs{zones}", zones)
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    summary = fleet(folder / f"logs{zones}", target=target, out=folder / f"fleet{zones}.parquet",
+    summary = fleet(folder / f"logs{zones}", Asked(target=target), out=folder / f"fleet{zones}.parquet",
                     workers=in_processes(jobs), samples=samples)
     spent = time.perf_counter() - begun
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

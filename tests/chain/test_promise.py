@@ -7,9 +7,6 @@ from dataclasses import replace
 
 import pytest
 
-from heatertune.chain.refine import _Loop
-from heatertune.chain.stages import encode, tune
-from heatertune.chain.words import Choice, choose_words
 from heatertune.errors import DocumentError, NotRepresentable
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.intervals import Interval
@@ -17,9 +14,14 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.document import from_document, to_document
 from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins, noise_gain
+from heatertune.pid.search.robust import Open
 from heatertune.pid.search.uncertain import draw_heaters
 from heatertune.pid.values import Promise
-from heatertune.plc import room
+from heatertune.plc import controller_for
+from heatertune.plc.choice import Realised, WordChoice, WordSearch
+from heatertune.plc.choose import choose_words
+from heatertune.plc.design import encode, tune
+from heatertune.proof.refine import _Loop
 
 SLOW = Fopdt(gain_degC_per_pct=0.8, time_constant_s=480.0, dead_time_s=60.0, ambient_degC=22.0)
 FITTED = replace(model_by_hand(SLOW), ci95={
@@ -46,7 +48,7 @@ def ms_of(heater, loop):
 
 def peaks(words, peak=ms_of, heaters=None):
     """Return a peak on each heater, those drawn if none are given, in rising order."""
-    loop = room(words.target).decode(words)
+    loop = controller_for(words.target).decode(words)
     return sorted(peak(heater, loop) for heater in heaters or draw_heaters(FITTED))
 
 
@@ -57,13 +59,13 @@ def test_where_rounding_breaks_it_the_words_found_keep_it_and_rounded_ones_tell_
     assert worst > 1.02 * 1.6
     told = choose_words(design, "s5-ob251", FITTED, way="rounded")
     assert told.words == rounded
-    assert f"Ms is {worst:.4g}, {100.0 * (worst / 1.6 - 1.0):.2g} % above 1.6" in told.search["notes"][-1]
+    assert f"Ms is {worst:.4g}, {100.0 * (worst / 1.6 - 1.0):.2g} % above 1.6" in told.search.notes[-1]
     found = choose_words(design, "s5-ob251", FITTED)
     assert found.words != rounded
     assert peaks(found.words)[-1] <= NEARLY * 1.6
-    assert found.search["notes"][-1] == (
+    assert found.search.notes[-1] == (
         "Of the 200 heaters drawn from the fit, all of them keep the limits with the words too.")
-    assert found.search["robust"] == {"way": "worst", "limits": {"ms": 1.6}}
+    assert found.search.to_document()["robust"] == {"way": "worst", "limits": {"ms": 1.6}}
 
 
 def test_with_p95_one_in_twenty_may_break_it(design):
@@ -84,7 +86,7 @@ def test_a_promise_tighter_than_the_candidates_limit_is_searched_on_to_the_best_
     assert peaks(found.words, peak)[-1] <= NEARLY * limit
     # by hand: with each TI the largest K that keeps both, found by halving, since both rise with K; the heaters that
     # are worst with one gain are with all near it
-    loop = room("s5-ob251").decode(found.words)
+    loop = controller_for("s5-ob251").decode(found.words)
     worst = sorted(draw_heaters(FITTED), key=lambda heater: peak(heater, loop))[-20:]
     costs = []
     for ti in (2, 3, 4):
@@ -92,13 +94,13 @@ def test_a_promise_tighter_than_the_candidates_limit_is_searched_on_to_the_best_
         while low < high:
             middle = (low + high + 1) // 2
             words = replace(found.words, values=dict(found.words.values) | {"K": middle, "TI": ti})
-            loop = room("s5-ob251").decode(words)
-            kept = margins(SLOW, loop).ms <= found.search["ms_limit"] and peaks(words, peak, worst)[-1] <= NEARLY * limit
+            loop = controller_for("s5-ob251").decode(words)
+            kept = margins(SLOW, loop).ms <= found.search.ms_limit and peaks(words, peak, worst)[-1] <= NEARLY * limit
             low, high = (middle, high) if kept else (low, middle - 1)
         if low > 2000:  # else none was kept
             words = replace(found.words, values=dict(found.words.values) | {"K": low, "TI": ti})
-            costs.append(iae_load(SLOW, room("s5-ob251").decode(words)))
-    assert found.search["iae_load"] == pytest.approx(min(costs), rel=1e-3)
+            costs.append(iae_load(SLOW, controller_for("s5-ob251").decode(words)))
+    assert found.search.realised.iae_load == pytest.approx(min(costs), rel=1e-3)
 
 
 def test_words_that_cannot_keep_it_are_refused_with_what_would_help(design):
@@ -106,29 +108,32 @@ def test_words_that_cannot_keep_it_are_refused_with_what_would_help(design):
     with pytest.raises(NotRepresentable, match=r"Ms of the words .* \(95 % of them\) would be 1\.\d+, allowed <= 0\.99"):
         choose_words(asked, "s5-ob251", FITTED)
     told = choose_words(asked, "s5-ob251", FITTED, way="rounded")
-    assert "Rounding breaks the limits" in told.search["notes"][-1]
+    assert "Rounding breaks the limits" in told.search.notes[-1]
 
 
 def test_a_controller_without_whole_numbers_is_held_to_it_as_well(design):
-    assert choose_words(design, "weg", FITTED).search["notes"][-1].startswith("Of the 200 heaters")
+    assert choose_words(design, "weg", FITTED).search.notes[-1].startswith("Of the 200 heaters")
     with pytest.raises(NotRepresentable, match="drawn"):
         choose_words(replace(design, promise=Promise(way="worst", limits={"ms": 1.5})), "weg", FITTED)
 
 
 def test_without_intervals_nothing_can_be_told_and_without_a_promise_nothing_is(design):
     blind = choose_words(design, "s5-ob251", model_by_hand(SLOW))
-    assert "cannot be told" in blind.search["notes"][-1]
+    assert "cannot be told" in blind.search.notes[-1]
     plain = choose_words(replace(design, promise=None), "s5-ob251", FITTED)
-    assert "robust" not in plain.search
-    assert not any("keep the limits with the words" in note for note in plain.search["notes"])
+    assert plain.search.promise is None
+    assert not any("keep the limits with the words" in note for note in plain.search.notes)
 
 
 def test_refining_looks_only_at_words_that_keep_it(design):
     rounded = encode(design, "s5-ob251")
-    search = {"robust": {"way": "worst", "limits": {"ms": 1.6}}}
+    search = WordSearch(
+        way="rounded", realised=Realised(iae_load=None, gap_pct=None, ms=None), ms_limit=None, iae_load_wished=None, notes=())
+    held = replace(search, promise=Promise(way="worst", limits={"ms": 1.6}))
     near = {}
-    for name, found in (("held", search), ("free", {})):
-        loop = _Loop(choice=Choice(words=rounded, search=found), fitted=FITTED, proving={}, ms=3.0)
+    for name, found in (("held", held), ("free", search)):
+        loop = _Loop(choice=WordChoice(words=rounded, search=found), fitted=FITTED, conditions=None, ms=3.0,
+                     drawn=Open.of(FITTED, "worst"))
         near[name] = [words for words, _ in loop.around(design, 0.15, set())]
     kept = [words for words in near["free"] if peaks(words)[-1] <= NEARLY * 1.6]
     assert near["held"] == kept

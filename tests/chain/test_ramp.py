@@ -5,17 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.chain.ramp import prove_ramped
-from heatertune.chain.stages import encode, export, fit_known, prove, tune
+from heatertune.chain.stages import export, fit_known
 from heatertune.errors import ExportRefused, InputError, OutOfRange
 from heatertune.log.values import Log
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
-from heatertune.plc import Ramp, room
+from heatertune.plc import Ramp, controller_for
+from heatertune.plc.design import encode, tune
+from heatertune.proof import prove
+from heatertune.proof.setpoint_ramp import prove_ramped
+from heatertune.settings import Conditions
 
 #: overshoots from cold under the optimum for disturbances: its integral runs on at the limit (see test_refine)
 SLOW = model_by_hand(Fopdt(gain_degC_per_pct=0.8, time_constant_s=480.0, dead_time_s=60.0, ambient_degC=22.0))
-PROVING = {"setpoint_degC": 40.0}
+PROVING = Conditions(setpoint_degC=40.0)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -32,12 +35,12 @@ def words():
 
 @pytest.fixture(scope="module")
 def plain(words):
-    return prove(words, SLOW, **PROVING)
+    return prove(words, SLOW, PROVING)
 
 
 @pytest.fixture(scope="module")
 def found(words):
-    return prove_ramped(words, SLOW, "auto", proving=PROVING)
+    return prove_ramped(words, SLOW, "auto", PROVING)
 
 
 def _of(proof, name):
@@ -70,29 +73,30 @@ def test_the_ramp_found_is_the_fastest(words, found):
     # the search promises 3 %, and whole units realise a rate within 5 %
     rate = found[0].ramp_degC_per_min
     for factor in (1.1, 1.5, 4.0):
-        faster, _ = prove_ramped(words, SLOW, factor * rate, proving=PROVING)
+        faster, _ = prove_ramped(words, SLOW, factor * rate, PROVING)
         assert faster.ramp_degC_per_min == pytest.approx(factor * rate, rel=0.05)
         assert _broken(faster) == ["overshoot"], factor
 
 
 @pytest.mark.parametrize("setpoint", [36.0, 40.0, 46.0])
 def test_where_the_step_is_a_real_the_ramp_found_is_the_fastest_within_3_percent(setpoint):
-    options = {"setpoint_degC": setpoint, "known": {"order": "as_printed", "edge": "output_zero", "filter": "implicit"}}
+    options = Conditions(
+        setpoint_degC=setpoint, switches={"order": "as_printed", "edge": "output_zero", "filter": "implicit"})
     words = encode(tune(SLOW, target="weg", sample_time_s=10.0), "weg")
-    proof, _ = prove_ramped(words, SLOW, "auto", proving=options)
+    proof, _ = prove_ramped(words, SLOW, "auto", options)
     assert proof.verdict == "PASS"
-    faster, _ = prove_ramped(words, SLOW, 1.032 * proof.ramp_degC_per_min, proving=options)
+    faster, _ = prove_ramped(words, SLOW, 1.032 * proof.ramp_degC_per_min, options)
     assert _broken(faster) == ["overshoot"]
 
 
 def test_without_being_asked_it_is_proposed_only(words, plain, found):
-    proof, notes = prove_ramped(words, SLOW, proving=PROVING)
+    proof, notes = prove_ramped(words, SLOW, conditions=PROVING)
     assert proof.words == words
     assert _of(proof, "overshoot").value == _of(plain, "overshoot").value
     assert notes == [found[1][0].replace("With", "Only the overshoot fails. --setpoint-ramp auto would mend it: with")]
-    again, silent = prove_ramped(found[0].words, SLOW, "none", proving=PROVING)
+    again, silent = prove_ramped(found[0].words, SLOW, "none", PROVING)
     assert (again.words, silent) == (words, [])
-    as_they_are, silent = prove_ramped(found[0].words, SLOW, proving=PROVING)
+    as_they_are, silent = prove_ramped(found[0].words, SLOW, conditions=PROVING)
     assert (as_they_are.words, silent) == (found[0].words, [])
 
 
@@ -116,25 +120,25 @@ def test_words_proven_with_a_ramp_are_not_exported_without_it_nor_the_other_way_
 def test_auto_says_why_there_is_no_ramp():
     quick = model_by_hand(Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0))
     words = encode(tune(quick, target="s5-ob251"), "s5-ob251")
-    proof, notes = prove_ramped(words, quick, "auto", proving=PROVING)
+    proof, notes = prove_ramped(words, quick, "auto", PROVING)
     assert proof.words.ramp is None
     assert notes == [f"No setpoint ramp is needed: the worst overshoot without one is "
                      f"{_of(proof, 'overshoot').value:.3g} %, within its limit."]
     wild = replace(words, values=dict(words.values) | {"TI": 12 * words.values["TI"]})
-    proof, notes = prove_ramped(wild, quick, "auto", proving=PROVING)
+    proof, notes = prove_ramped(wild, quick, "auto", PROVING)
     assert {"overshoot", "ms"} <= set(_broken(proof))
     assert proof.words == wild
     assert "keeps the limit on overshoot" in notes[0] or "mends the overshoot alone" in notes[0]
-    proof, notes = prove_ramped(words, quick, "auto", proving=PROVING | {"step_power_pct": 0.01})
+    proof, notes = prove_ramped(words, quick, "auto", replace(PROVING, step_power_pct=0.01))
     assert "overshoot" not in _broken(proof)
     assert "mends nothing but overshoot, and" in notes[0]
     two_level = encode(tune(quick, target="on-off"), "on-off")
-    proof, notes = prove_ramped(two_level, quick, "auto", proving=PROVING)
+    proof, notes = prove_ramped(two_level, quick, "auto", PROVING)
     assert (proof.words, notes) == (two_level, ["on-off has no setpoint ramp."])
     with pytest.raises(InputError, match="on-off has no setpoint ramp"):
-        prove_ramped(two_level, quick, 3.0, proving=PROVING)
+        prove_ramped(two_level, quick, 3.0, PROVING)
     with pytest.raises(OutOfRange, match="setpoint_ramp_degC_per_min = -3"):
-        prove_ramped(words, quick, -3.0, proving=PROVING)
+        prove_ramped(words, quick, -3.0, PROVING)
 
 
 def test_a_log_cannot_be_fitted_to_words_with_a_ramp(words):
@@ -146,8 +150,8 @@ def test_a_log_cannot_be_fitted_to_words_with_a_ramp(words):
 
 def test_the_heater_follows_what_the_room_was_told(words):
     ramp = Ramp(step=9, calls=2)
-    nominal = prove(replace(words, ramp=ramp), SLOW, **PROVING).nominal
+    nominal = prove(replace(words, ramp=ramp), SLOW, PROVING).nominal
     # OB251: 22 °C is 450 units, 40 °C is 818; a unit is 100/2047 °C
     rows = [450 + 9 * ((k + 1) // 2) for k in range(len(nominal.time_s))]
     assert nominal.followed_degC == pytest.approx(np.minimum(rows, 818) * 100.0 / 2047.0, abs=1e-9)
-    assert room("s5-ob251").measure(words, 40.0) == 818
+    assert controller_for("s5-ob251").measure(words, 40.0) == 818

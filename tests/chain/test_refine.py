@@ -2,17 +2,19 @@
 
 import pytest
 
-from heatertune.chain.refine import WORTH, refine
-from heatertune.chain.stages import prove, tune
-from heatertune.chain.words import choose_words
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.loop.robustness import margins
-from heatertune.plc import room
+from heatertune.plc import controller_for
+from heatertune.plc.choose import choose_words
+from heatertune.plc.design import tune
+from heatertune.proof import prove
+from heatertune.proof.refine import WORTH, refine
+from heatertune.settings import Conditions
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 SLOW = Fopdt(gain_degC_per_pct=0.8, time_constant_s=480.0, dead_time_s=60.0, ambient_degC=22.0)
-PROVING = {"setpoint_degC": 40.0}
+PROVING = Conditions(setpoint_degC=40.0)
 
 
 @pytest.fixture(autouse=True)
@@ -34,40 +36,40 @@ def _iae(proof):
 def test_gains_that_wind_up_are_mended_and_the_whole_proof_says_so(target):
     # the linear optimum overshoots on this heater because the integral runs on at the limit
     fitted, choice = _chosen(SLOW, target)
-    before = prove(choice.words, fitted, **PROVING)
+    before = prove(choice.words, fitted, PROVING)
     assert [criterion.name for criterion in before.criteria if not criterion.ok] == ["overshoot"]
-    found = refine(choice, fitted, proving=PROVING)
-    after = prove(found.words, fitted, **PROVING)
+    found = refine(choice, fitted, PROVING)
+    after = prove(found.words, fitted, PROVING)
     assert after.verdict == "PASS"
     assert _iae(after) < (1.0 - WORTH) * _iae(before)
-    assert margins(SLOW, room(target).decode(found.words)).ms <= choice.search["ms_limit"]
-    assert found.search["way"] == "refined"
-    assert "overshoot is kept now" in found.search["notes"][-1]
-    assert f"to {_iae(after):.4g} °C·s" in found.search["notes"][-1]
+    assert margins(SLOW, controller_for(target).decode(found.words)).ms <= choice.search.ms_limit
+    assert found.search.way == "refined"
+    assert "overshoot is kept now" in found.search.notes[-1]
+    assert f"to {_iae(after):.4g} °C·s" in found.search.notes[-1]
 
 
 @pytest.mark.long
 def test_gains_that_are_right_already_are_left_alone():
     fitted, choice = _chosen(HEATER, "s5-ob251")
-    found = refine(choice, fitted, proving=PROVING)
+    found = refine(choice, fitted, PROVING)
     assert found.words == choice.words
-    assert "none was changed" in found.search["notes"][-1]
+    assert "none was changed" in found.search.notes[-1]
     # no neighbour within the limit on Ms is worth it, judged here one by one
-    design, least = room("s5-ob251").decode(choice.words), _iae(prove(choice.words, fitted, **PROVING))
+    design, least = controller_for("s5-ob251").decode(choice.words), _iae(prove(choice.words, fitted, PROVING))
     for gain in (0.8, 1.0, 1.2):
         for ti in (0.8, 1.0, 1.25):
             values = dict(choice.words.values)
             values |= {"K": round(values["K"] * gain), "TI": round(values["TI"] * ti)}
             near = type(choice.words)(target="s5-ob251", values=values, scaling=choice.words.scaling,
                                       sample_time_s=design.sample_time_s)
-            if margins(HEATER, room("s5-ob251").decode(near)).ms <= choice.search["ms_limit"]:
-                assert _iae(prove(near, fitted, **PROVING)) > (1.0 - WORTH) * least
+            if margins(HEATER, controller_for("s5-ob251").decode(near)).ms <= choice.search.ms_limit:
+                assert _iae(prove(near, fitted, PROVING)) > (1.0 - WORTH) * least
 
 
 def test_a_controller_that_is_no_pid_is_not_refined():
     fitted = model_by_hand(HEATER)
     design = tune(fitted, sample_time_s=4.0)
     choice = choose_words(design, "on-off", fitted)
-    found = refine(choice, fitted, proving=PROVING)
+    found = refine(choice, fitted, PROVING)
     assert found.words == choice.words
-    assert "not refined" in found.search["notes"][-1]
+    assert "not refined" in found.search.notes[-1]

@@ -7,9 +7,8 @@ import subprocess
 
 import pytest
 
-from heatertune.cli import COMMANDS, common
+from heatertune.cli import COMMANDS
 from heatertune.plc import TARGETS
-from heatertune.proof.interlock import INTERLOCKS
 
 HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
 
@@ -180,10 +179,6 @@ def test_the_s7_200_exports_its_program_and_on_request_the_papers_with_its_fault
     assert (status, "s7-200" in err) == (2, True)
 
 
-def test_the_command_line_knows_the_targets_without_loading_them():
-    assert tuple(TARGETS) == common.TARGETS
-
-
 def test_an_interlock_watches_the_proof_of_every_command(run, by_hand, tmp_path):
     conditions = ("--target", "s5-ob251", "--setpoint", 40)
     watched = (*conditions, "--interlock", "heater-fan")
@@ -244,10 +239,6 @@ def test_one_of_several_runs_can_be_asked_for(run, tmp_path):
     told = json.loads(run("fit", log, "--run", 2, "--json")[1] or "{}")
     assert "run 3" in run("fit", log, "--run", 3)[2]
     assert told["schema"] == "heatertune/model/2"
-
-
-def test_the_command_line_knows_the_interlocks():
-    assert common.INTERLOCKS == INTERLOCKS
 
 
 def test_two_level_control_goes_through_every_command(run, by_hand, tmp_path):

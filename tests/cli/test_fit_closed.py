@@ -6,12 +6,12 @@ import json
 import numpy as np
 import pytest
 
-from heatertune.chain.words_file import WORDS_SCHEMA
 from heatertune.documents import to_json
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, room
+from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Actuator, Scenario, simulate
+from heatertune.proof.words_file import WORDS_SCHEMA
 
 HEATER = Fopdt(gain_degC_per_pct=0.6, time_constant_s=300.0, dead_time_s=25.0, ambient_degC=22.0)
 DESIGN = PidDesign(gain_pct_per_degC=8.0, integral_time_s=240.0, derivative_time_s=0.0, sample_time_s=6.0,
@@ -22,7 +22,7 @@ DESIGN = PidDesign(gain_pct_per_degC=8.0, integral_time_s=240.0, derivative_time
 def known(tmp_path_factory):
     """A log of a simulated FB41 loop at 50 °C, and the words it ran."""
     folder = tmp_path_factory.mktemp("known")
-    found = room("fb41")
+    found = controller_for("fb41")
     words = found.encode(DESIGN, Scaling())
     trace = simulate(found, words, HEATER, Scenario(setpoint_degC=50.0, duration_s=1800.0, noise_degC=0.05),
                      Actuator(pwm_period_s=6.0))

@@ -1,17 +1,20 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import pyarrow.parquet
 import pytest
 from tests.conftest import ROOT, heater_log
 
 from heatertune.batch.zone import zone_row
-from heatertune.chain.samples import sample_document
 from heatertune.errors import InputError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, Words
+from heatertune.proof.closing import Asked
+from heatertune.proof.drawn import sample_document
+from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
 
 #: a rule instead of the optimum, and one structure: what is tested is the fleet, not the search
 QUICK = ("--target", "s7-300", "--method", "simc", "--setpoint", 45)
@@ -158,15 +161,15 @@ def test_a_log_that_vanished_is_a_row(logs):
     from heatertune.batch.fleets import _fitted, _sent  # noqa: PLC0415 - the slow libraries, beside their only use
     from heatertune.batch.zone import zone_row  # noqa: PLC0415
 
-    row = zone_row("gone.csv", lambda: _fitted({"reading": {}, "fitting": {}}, _sent(str(logs), "gone.csv")), target="weg")
+    row = zone_row("gone.csv", lambda: _fitted({"read": ReadSettings(), "fitted_with": FitSettings()}, _sent(str(logs), "gone.csv")), Asked(target="weg"))
     assert row == {"name": "gone.csv", "outcome": "no log", "reason": "gone.csv: cannot be read: No such file or directory"}
 
 
 def test_a_zone_is_proven_on_drawn_heaters_too():
     # the samples of `verify --samples` on the same words: chain.samples, whose figures tests/proof/test_compiled.py holds
     heater = model_by_hand(Fopdt(gain_degC_per_pct=0.5, time_constant_s=120.0, dead_time_s=10.0, ambient_degC=20.0))
-    asked = {"target": "weg", "tuning": {"method": "simc"}}
-    plain, row = zone_row("zone", lambda: heater, **asked), zone_row("zone", lambda: heater, **asked, samples=20)
+    asked = Asked(target="weg", tuned=TuneSettings(method="simc"))
+    plain, row = zone_row("zone", lambda: heater, asked), zone_row("zone", lambda: heater, asked, samples=20)
     words = Words(target="weg", values=json.loads(row["words"]), scaling=Scaling(), sample_time_s=row["sample_time_s"])
     found = sample_document(words, heater, 20)
     assert row["samples"] == 20
@@ -176,7 +179,7 @@ def test_a_zone_is_proven_on_drawn_heaters_too():
     assert "samples" not in plain
     # a load nobody can hold: power goes with the square of a mains voltage that is far too low on most samples
     weak = model_by_hand(Fopdt(gain_degC_per_pct=0.26, time_constant_s=120.0, dead_time_s=10.0, ambient_degC=20.0))
-    failed = zone_row("weak", lambda: weak, **asked, samples=20, proving={"setpoint_degC": 44.0})
+    failed = zone_row("weak", lambda: weak, replace(asked, conditions=Conditions(setpoint_degC=44.0)), samples=20)
     assert failed["outcome"] == "FAIL"
     assert "of 20 samples keep every limit" in failed["reason"]
 
@@ -187,7 +190,7 @@ def test_a_fault_of_the_program_is_a_row():
     def broken():
         raise ZeroDivisionError("float division by zero")
 
-    assert zone_row("oven.csv", broken, target="weg") == {
+    assert zone_row("oven.csv", broken, Asked(target="weg")) == {
         "name": "oven.csv", "outcome": "crashed", "reason": "no fit: ZeroDivisionError: float division by zero"}
 
 

@@ -51,7 +51,7 @@ def test_the_command_it_shows_gives_the_same_log_with_nothing_assumed(run, tmp_p
             continue
         document = json.loads(out)
         again = shlex.split(document["command"])[1:]
-        log = read_log(path, **reading(parser().parse_args(again)))
+        log = read_log(path, reading(parser().parse_args(again)))
         assert messy.differs(log, found.truth) == ""
         repeated = json.loads(run(*again, "--json")[1])
         assert (repeated["command"], repeated["first_rows"]) == (document["command"], document["first_rows"])

@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import asdict
 from itertools import product
 
 import pyarrow.parquet
@@ -9,6 +10,8 @@ from tests.conftest import ROOT
 
 from heatertune.batch.study_file import KEYS, read_study
 from heatertune.errors import DocumentError
+from heatertune.options import options_of
+from heatertune.settings import FitSettings
 
 HAND = """
 [fixed]
@@ -162,13 +165,13 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
         "range_low_degC": 10.0, "range_high_degC": 90.0, "switches": {"a": "b"}, "setpoint_degC": 50.0,
         "noise_degC": 0.1, "tolerance_degC": 0.7, "pwm_period_s": 8.0, "pwm_resolution_s": 0.25, "minimum_on_s": 0.5,
         "minimum_off_s": 0.75, "pwm_rule": "pid-compact", "interlock": "heater-fan", "limit_degC": 80.0,
-        "fan_stops_s": 99.0, "samples": 3,
+        "fan_stops_s": 99.0, "samples": 3, "robust": "none", "step_power_pct": 9.0,
     }
-    assert {*settings, "log", "model", "power_before_pct", "until_s"} == set(KEYS), "no key is forgotten here"
+    assert {*settings, "log", "model", *options_of(FitSettings)} == set(KEYS), "no key is forgotten here"
     seen = {}
 
-    def instead(name, find, **given):
-        seen.update(given, heater=find().plants[0])
+    def instead(name, find, asked, *, samples):
+        seen.update(asked=asked, samples=samples, heater=find().plants[0])
         return {"name": name, "outcome": "PASS", "reason": None}
 
     monkeypatch.setattr(studies, "zone_row", instead)
@@ -177,27 +180,23 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
     assert row["case_switches"] == '{"a": "b"}'
     assert (seen["heater"].gain_degC_per_pct, *seen["heater"].lags_s) == (0.5, 100.0, 9.0)
     assert (seen["heater"].dead_time_s, seen["heater"].ambient_degC) == (5.0, 21.0)
-    assert (seen["target"], seen["words_by"], seen["samples"]) == ("fb41", "rounded", 3)
-    assert (seen["scaling"].low_degC, seen["scaling"].high_degC) == (10.0, 90.0)
-    assert seen["tuning"] == {name: settings[name] for name in (
-        "structure", "method", "closed_loop_s", "objective", "weight", "ms", "mt", "mks", "sample_time_s")}
-    actuator = seen["proving"].pop("actuator")
-    assert (actuator.pwm_period_s, actuator.resolution_s, actuator.minimum_on_s, actuator.minimum_off_s,
-            actuator.minimum_rule) == (8.0, 0.25, 0.5, 0.75, "carry")
-    assert seen["proving"] == {
-        "known": {"a": "b"}, "setpoint_degC": 50.0, "noise_degC": 0.1, "tolerance_degC": 0.7, "interlock": "heater-fan",
-        "limit_degC": 80.0, "fan_stops_s": 99.0}
+    asked = seen["asked"]
+    assert (asked.target, asked.words_by, seen["samples"]) == ("fb41", "rounded", 3)
+    assert (asked.scaling.low_degC, asked.scaling.high_degC) == (10.0, 90.0)
+    for part in (asked.tuned, asked.conditions):
+        assert asdict(part) == {name: settings.get(name, ()) for name in asdict(part)}
+    assert "accept" not in KEYS
 
 
 def test_the_fit_of_a_log_is_asked_for_once_and_told_what_is_known(monkeypatch):
     from heatertune.batch import studies  # noqa: PLC0415 - the slow libraries, beside their only use
 
     asked = []
-    monkeypatch.setattr(studies, "fit", lambda log, **given: asked.append((log.name, given)))
+    monkeypatch.setattr(studies, "fit", lambda log, given: asked.append((log.name, given)))
     content = "\n".join(["time [s];T [°C];power [%]", *(f"{k};{20 + k};50" for k in range(30))]).encode()
     settings = {"log": "own.csv", "target": "weg", "ambient_degC": 19.0, "power_before_pct": 3.0, "until_s": 25.0}
     for k in range(3):
         studies._heater(studies.Case(k, "", settings | {"ms": 1.4 + k}, content))
-    assert asked == [("own", {"ambient_degC": 19.0, "power_before_pct": 3.0, "until_s": 25.0})]
+    assert asked == [("own", FitSettings(ambient_degC=19.0, power_before_pct=3.0, until_s=25.0))]
     studies._heater(studies.Case(3, "", {"log": "table4", "target": "weg"}, None))
-    assert asked[1:] == [("table4", {})]
+    assert asked[1:] == [("table4", FitSettings())]

@@ -13,7 +13,7 @@ from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import to_document
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, room
+from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Actuator, Scenario, simulate
 
 TRUE = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=20.0)
@@ -58,7 +58,7 @@ def test_a_model_that_does_not_hold_ends_with_status_1_and_says_by_what(run, day
 
 @pytest.mark.long
 def test_a_log_without_power_is_judged_through_its_known_controller(run, day):
-    found = room("fb41")
+    found = controller_for("fb41")
     words = found.encode(PidDesign(gain_pct_per_degC=6.0, integral_time_s=150.0, derivative_time_s=0.0,
                                    sample_time_s=4.0, structure="pi", method="by hand"), Scaling())
     trace = simulate(found, words, TRUE, Scenario(setpoint_degC=50.0, duration_s=1500.0, noise_degC=0.05),

@@ -131,7 +131,7 @@ def test_the_reference_is_what_the_program_says_of_itself(site):
     commands, python = words("commands.html"), (site / "reference" / "python.html").read_text(encoding="utf-8")
     for command in COMMANDS:
         assert " ".join(command._EXAMPLE.split()) in " ".join(commands.split())
-    for name in ("chain.stages.fit", "log.values.Log", "plc.room.Room", "proof.prove.Proof", "units.check"):
+    for name in ("chain.stages.fit", "log.values.Log", "plc.controller.Controller", "proof.prove.Proof", "units.check"):
         assert f'id="heatertune.{name}"' in python
     controllers, nomenclature = words("controllers.html"), words("nomenclature.html")
     assert all(f"\n{name}\n" in controllers or name in controllers for name in TARGETS)

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.plc.bit_processor import programs as p
-from heatertune.plc.bit_processor.assembler import Names, assemble, disassemble
-from heatertune.plc.bit_processor.instructions import MNEMONICS, Instruction, Op, Program, from_image, from_words
-from heatertune.plc.bit_processor.machine import MOST_STEPS, START, State, Wiring, scan
-from heatertune.plc.bit_processor.microprogram import OFF, ROM, Unit, clock
+from heatertune.plc.cpu.one_bit import programs as p
+from heatertune.plc.cpu.one_bit.assembler import Names, assemble, disassemble
+from heatertune.plc.cpu.one_bit.instructions import MNEMONICS, Instruction, Op, Program, from_image, from_words
+from heatertune.plc.cpu.one_bit.machine import MOST_STEPS, START, State, Wiring, scan
+from heatertune.plc.cpu.one_bit.microprogram import OFF, ROM, Unit, clock
 
 BITS = [False, True]
 

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heatertune.pid.values import PidDesign
-from heatertune.plc import TARGETS, Scaling, room
-from heatertune.plc.room import FORMATS
+from heatertune.plc import TARGETS, Scaling, controller_for
+from heatertune.plc.words import FORMATS
 
-LISTED = [name for name in TARGETS if room(name).direct is not None]
+LISTED = [name for name in TARGETS if controller_for(name).direct is not None]
 DESIGN = PidDesign(gain_pct_per_degC=1.4, integral_time_s=150.0, derivative_time_s=4.0, sample_time_s=2.0, structure="pid",
                    method="")
 
@@ -24,13 +24,13 @@ def _values_of(field):
 
 def test_every_room_that_runs_a_listing_has_a_direct_form():
     assert sorted(LISTED) == ["on-off", "s7-200", "s7-200-paper", "s7-200-pid"]
-    assert all(room(name).core.compiles for name in TARGETS if name not in LISTED)
+    assert all(controller_for(name).core.compiles for name in TARGETS if name not in LISTED)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("target", LISTED)
 def test_the_direct_form_is_the_listing_for_any_words_inputs_and_settings(target):
-    which = room(target)
+    which = controller_for(target)
     legal = which.encode(DESIGN, Scaling())
     ranges = [FORMATS[which.inputs[name]] for name in ("SP", "PV")]
     usual = st.tuples(*(st.integers(0, min(int(high), 32000)) for _, high in ranges))

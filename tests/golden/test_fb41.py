@@ -14,12 +14,12 @@ from scipy.signal import lfilter
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc import Certificate, Scaling, Words, room
-from heatertune.plc.room import holds
-from heatertune.plc.s7_300.fb41.algorithm import Assumptions, call
+from heatertune.plc import Certificate, Scaling, Words, controller_for
+from heatertune.plc.fb41.step import Assumptions, call
+from heatertune.plc.words import holds
 from heatertune.proof import Actuator, Kick, Scenario, simulate
 
-ROOM = room("fb41")
+ROOM = controller_for("fb41")
 HEATER = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.0, ambient_degC=24.0)
 
 #: the block's interface as STEP 7 shows it: name, type, default (the defaults of the standard parameter table)

@@ -9,9 +9,9 @@ from scipy.signal import lfilter
 
 from heatertune.errors import InputError, NotRepresentable
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Certificate, Scaling, Words, room
-from heatertune.plc.s5_ob251.image import from_image, oddities, to_image
-from heatertune.plc.s5_ob251.recursion import (
+from heatertune.plc import Certificate, Scaling, Words, controller_for
+from heatertune.plc.s5_ob251.image import oddities, to_image
+from heatertune.plc.s5_ob251.step import (
     AUTO,
     COLD,
     GESCHW,
@@ -24,7 +24,7 @@ from heatertune.plc.s5_ob251.recursion import (
     call,
 )
 
-ROOM = room("s5-ob251")
+ROOM = controller_for("s5-ob251")
 
 
 def _parameters(**changed):
@@ -197,7 +197,7 @@ def test_the_image_is_49_words_high_byte_first_at_the_manuals_places():
     assert {n: int.from_bytes(image[2 * n : 2 * n + 2], "big") for n in (1, 3, 5, 7, 11, 14, 16, 22, 48)} == {
         1: 3031, 3: 1024, 5: 57, 7: 0, 11: 33, 14: 2047, 16: 0, 22: 0, 48: 0,
     }
-    assert from_image(image, sample_time_s=17.0, scaling=Scaling()) == words
+    assert ROOM.read_image(image, sample_time_s=17.0, scaling=Scaling(), source="DB") == words
     assert oddities(words) == ()
 
 
@@ -206,7 +206,7 @@ def test_a_dump_of_a_running_controller_is_read_and_its_oddities_told():
     cells[1], cells[3], cells[5], cells[7], cells[11], cells[14] = -1600 & 0xFFFF, 1000, 6, 4, 0xA530 | 1, 2047
     cells[22], cells[48] = 777, 1500  # inputs and output of the moment
     dump = b"".join(cell.to_bytes(2, "big") for cell in cells)
-    words = from_image(dump, sample_time_s=10.0, scaling=Scaling())
+    words = ROOM.read_image(dump, sample_time_s=10.0, scaling=Scaling(), source="DB")
     assert (words.values["K"], words.values["STEU"]) == (-1600, 0x31)
     told = " ".join(oddities(words))
     for part in ("TI is 6", "8 % of TN", "R is 1000", "K is -1600 with a derivative part"):
@@ -220,7 +220,7 @@ def test_a_dump_of_a_running_controller_is_read_and_its_oddities_told():
 @pytest.mark.parametrize("size", [0, 96, 99])
 def test_a_dump_that_is_too_short_or_torn_is_refused(size):
     with pytest.raises(InputError, match=f"DB: {size} bytes; expected 98"):
-        from_image(bytes(size), sample_time_s=1.0, scaling=Scaling())
+        ROOM.read_image(bytes(size), sample_time_s=1.0, scaling=Scaling(), source="DB")
 
 
 def test_the_listing_holds_49_words_and_tells_verdict_and_force():

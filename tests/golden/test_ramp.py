@@ -16,10 +16,10 @@ from tests.golden.test_fb41 import _stub
 from tests.plc.st_machine import FunctionBlock
 
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Certificate, Ramp, Scaling, room
+from heatertune.plc import Certificate, Ramp, Scaling, controller_for
+from heatertune.plc.cpu.s7_200 import assemble
+from heatertune.plc.fb41.step import scaled
 from heatertune.plc.ramp import course
-from heatertune.plc.s7_200.machine import assemble
-from heatertune.plc.s7_300.fb41.algorithm import scaled
 
 PASS = Certificate(verdict="PASS")
 #: where the setpoint asked for goes in a run: (calls, share of the range); up, down, up before it has arrived, and to rest
@@ -29,11 +29,11 @@ JOURNEY = ((40, 0.5), (60, 0.3), (7, 0.6), (50, 0.31), (20, 0.31))
 def _words(target, ramp, scaling=None):
     design = PidDesign(gain_pct_per_degC=3.0, integral_time_s=300.0, derivative_time_s=0.0, sample_time_s=4.0,
                        structure="pi", method="")
-    return replace(room(target).encode(design, scaling or Scaling()), ramp=ramp)
+    return replace(controller_for(target).encode(design, scaling or Scaling()), ramp=ramp)
 
 
 def _export(words, name):
-    return room(words.target).export(words, PASS)[name]
+    return controller_for(words.target).export(words, PASS)[name]
 
 
 def _asked(full):
@@ -108,7 +108,7 @@ def test_the_fb41_source_moves_sp_int_to_the_bits_of_the_room(awlsim, ramp):
     answer = awlsim(_stub(_export(words, "fb41_cont_c.awl")), rows, block=41, asked=20, restart=5000)
     at = answer["offsets"]["SP_INT"][0]
     found = [bytes.fromhex(row)[at:at + 4] for row in answer["rows"]]
-    parameters, _ = room("fb41").start(words, {}).parameters
+    parameters, _ = controller_for("fb41").start(words, {}).parameters
     told = [struct.pack(">f", scaled(parameters, each)[0]) for each in _followed(ramp, 5000, _asked(27648))]
     assert found == told
     # 13824 of 27648 is the middle of the range: (250.3 − 17.7)/2
@@ -145,7 +145,7 @@ def test_a_broken_sensor_at_the_start_does_not_poison_the_structured_text():
 
 
 def test_the_ramped_setpoint_is_wired_to_wegs_block():
-    files = room("weg").export(_words("weg", Ramp(step=0.5)), PASS)
+    files = controller_for("weg").export(_words("weg", Ramp(step=0.5)), PASS)
     for content in files.values():
         assert "SetPoint := HeaterRamp," in content
         assert "SetPoint := HeaterSetPoint," not in content
@@ -159,7 +159,7 @@ def _loaded(running, text):
 
 @pytest.mark.parametrize("ramp", [Ramp(step=3), Ramp(step=7, calls=3)])
 def test_the_s7_200_program_makes_the_setpoints_that_the_room_was_told(ramp):
-    words, found = _words("s7-200", ramp), room("s7-200")
+    words, found = _words("s7-200", ramp), controller_for("s7-200")
     told = made = found.start(words, {})
     made = _loaded(made, _export(words, "s7_200_program.awl"))
     readings, asked = _readings(61, 255), _asked(255)
@@ -176,7 +176,7 @@ def test_the_s7_200_program_makes_the_setpoints_that_the_room_was_told(ramp):
 @pytest.mark.parametrize("switches", [{}, {"first_call": "setpoint_kept"}])
 @pytest.mark.parametrize("ramp", [Ramp(step=400), Ramp(step=900, calls=3)])
 def test_the_program_around_the_pid_instruction_makes_the_setpoints_that_the_room_was_told(ramp, switches):
-    words, found = _words("s7-200-pid", ramp), room("s7-200-pid")
+    words, found = _words("s7-200-pid", ramp), controller_for("s7-200-pid")
     told = made = found.start(words, switches)
     made = _loaded(made, _export(words, "s7_200_pid.awl"))
     readings, asked = _readings(7600, 32000), _asked(32000)
@@ -201,9 +201,9 @@ def _readings(begin, full):
 @pytest.mark.parametrize("target", ["s5-ob251", "s7-200", "s7-200-pid", "s7-300", "fb41", "weg"])
 def test_without_a_ramp_nothing_of_it_is_exported(target):
     words = _words(target, None)
-    whole = isinstance(room(target).measure(words, 50.0), int)
-    ramped = room(target).export(replace(words, ramp=Ramp(step=2 if whole else 0.5, calls=2)), PASS)
-    plain = room(target).export(words, PASS)
+    whole = isinstance(controller_for(target).measure(words, 50.0), int)
+    ramped = controller_for(target).export(replace(words, ramp=Ramp(step=2 if whole else 0.5, calls=2)), PASS)
+    plain = controller_for(target).export(words, PASS)
     assert set(plain) <= set(ramped)
     told = [name for name in ramped if plain.get(name) != ramped[name]]
     assert told, "the ramp is in the export"

@@ -10,19 +10,19 @@ import pytest
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc import Certificate, Scaling, Words, room
-from heatertune.plc.s7_200 import program as repaired
+from heatertune.plc import Certificate, Scaling, Words, controller_for
+from heatertune.plc.cpu.s7_200 import COLD, assemble, run
+from heatertune.plc.cpu.s7_200.arithmetic import added, divided, high_word, multiplied
+from heatertune.plc.s7_200 import step as repaired
 from heatertune.plc.s7_200.listing import repaired_program
-from heatertune.plc.s7_200.machine import COLD, assemble, run
-from heatertune.plc.s7_200.machine.arithmetic import added, divided, high_word, multiplied
-from heatertune.plc.s7_200.paper import paper_words
-from heatertune.plc.s7_200.paper import program as printed
-from heatertune.plc.s7_200.paper.faults import faults
-from heatertune.plc.s7_200.paper.listing import printed_program
+from heatertune.plc.s7_200_paper import step as printed
+from heatertune.plc.s7_200_paper.faults import faults
+from heatertune.plc.s7_200_paper.listing import printed_program
+from heatertune.plc.s7_200_paper.words import paper_words
 from heatertune.proof import Scenario, simulate
 
-ROOM = room("s7-200")
-PAPER = room("s7-200-paper")
+ROOM = controller_for("s7-200")
+PAPER = controller_for("s7-200-paper")
 PLAIN = printed.Constants(kp=20, ki=0, kd=0, t=1, cycle_ms=1000, pot1=0)
 HEATER = Fopdt(gain_degC_per_pct=0.4, time_constant_s=150.0, dead_time_s=10.0, ambient_degC=20.0)
 
@@ -267,7 +267,7 @@ def test_the_feedback_on_i0_0_does_not_reach_the_reading():
 
 @pytest.mark.parametrize(("target", "others"), [("s7-200", {}), ("s7-200-pid", {"first_call": "setpoint_kept"})])
 def test_a_width_may_apply_one_cycle_later(target, others):
-    which = room(target)
+    which = controller_for(target)
     words = which.encode(_design(), Scaling())
     widths = []
     for setting in ("this_cycle", "next_cycle"):

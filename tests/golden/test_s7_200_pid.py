@@ -12,13 +12,13 @@ from heatertune.cli import main
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc import Certificate, Scaling, Words, room
-from heatertune.plc.s7_200.machine import COLD, assemble, run
-from heatertune.plc.s7_200.pid.image import to_image
-from heatertune.plc.s7_200.pid.words import NO_INTEGRAL
+from heatertune.plc import Certificate, Scaling, Words, controller_for
+from heatertune.plc.cpu.s7_200 import COLD, assemble, run
+from heatertune.plc.s7_200_pid.image import to_image
+from heatertune.plc.s7_200_pid.words import NO_INTEGRAL
 from heatertune.proof import Scenario, simulate
 
-ROOM = room("s7-200-pid")
+ROOM = controller_for("s7-200-pid")
 F = np.float32
 
 

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from heatertune.errors import InputError, NotRepresentable, OutOfRange, UnknownName
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc import Certificate, Scaling, Words, room
-from heatertune.plc.s7_300.real import real
-from heatertune.plc.s7_300.tip.algorithm import COLD, Assumptions, Parameters, State, call, manual
+from heatertune.plc import Certificate, Scaling, Words, controller_for
+from heatertune.plc.cpu.s7_300.real import real
+from heatertune.plc.s7_300.step import COLD, Assumptions, Parameters, State, call, manual
 from heatertune.proof import Actuator, Kick, Scenario, simulate
 
-ROOM = room("s7-300")
+ROOM = controller_for("s7-300")
 PASS = Certificate(verdict="PASS")
 HEATER = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.0, ambient_degC=24.0)
 reals = st.integers(0, 2**32 - 1).map(lambda pattern: struct.unpack(">f", pattern.to_bytes(4, "big"))[0])

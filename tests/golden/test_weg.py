@@ -10,12 +10,12 @@ import pytest
 
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc import Certificate, Scaling, Words, room
+from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.replay import replay
 from heatertune.plc.single import single
-from heatertune.plc.weg.block import Assumptions, Inputs, State, block_of, call
+from heatertune.plc.weg.step import Assumptions, Inputs, State, block_of, call
 
-ROOM = room("weg")
+ROOM = controller_for("weg")
 LINEAR = {"edge": "runs_at_once", "history": "zero"}
 
 #: the ST example of the manual; its setpoint filter is slower than nothing and faster than Ts

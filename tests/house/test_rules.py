@@ -12,7 +12,7 @@ import heatertune
 
 SOURCE = ROOT / "src" / "heatertune"
 STAGES = ("log", "model", "pid", "plc", "proof", "report")
-FREE = ("units", "errors", "documents", "codec", "files", "cache", "compiled", "show")
+FREE = ("units", "errors", "options", "progress", "settings", "documents", "codec", "files", "cache", "compiled", "show")
 MODULES = sorted(SOURCE.rglob("*.py"))
 
 
@@ -94,10 +94,10 @@ def test_no_file_names_a_path_of_somebodys_machine():
 
 
 def test_the_switches_of_every_room_are_the_table_of_its_differences():
-    from heatertune.plc import TARGETS, room  # noqa: PLC0415 - beside its only use
+    from heatertune.plc import TARGETS, controller_for  # noqa: PLC0415 - beside its only use
 
     for name, package in TARGETS.items():
         text = (SOURCE.joinpath(*package.split(".")[1:]) / "DIFFERENCES.md").read_text(encoding="utf-8")
         _, _, table = text.partition("| switch | settings (default first) | what is open |\n| --- | --- | --- |\n")
-        rows = [f"| {switch.name} | {', '.join(switch.settings)} | {switch.why} |" for switch in room(name).switches]
+        rows = [f"| {switch.name} | {', '.join(switch.settings)} | {switch.why} |" for switch in controller_for(name).switches]
         assert table.split("\n\n")[0].splitlines() == rows, name

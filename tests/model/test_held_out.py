@@ -109,3 +109,24 @@ def test_the_checks_survive_their_document(bare):
     document = json.loads(to_json(to_document(replace(fitted, validation=found))))
     assert set(document["input_crosscorrelation"] or ()) == (set() if bare else {"largest", "at_lag_s", "limit", "ok"})
     assert from_document(document).validation == found
+
+
+def test_a_half_in_which_a_coarse_sensor_never_moves_is_none():
+    time = np.arange(0.0, 800.0, 4.0)
+    heated = logged(time, np.where((time > 40.0) & (time < 200.0), 20.0, 0.0), lag=60.0)
+    coarse = replace(heated, temperature_degC=5.0 * np.round(heated.temperature_degC / 5.0))
+    assert np.ptp(coarse.temperature_degC[100:]) == 0.0
+    fitted = fit(coarse)
+    assert fitted.validation.halves is None
+    assert np.isfinite(fitted.validation.held_out.fit_pct)
+    assert from_document(to_document(fitted)).model == fitted.model
+
+
+def test_where_all_that_moved_lies_in_the_first_window_the_others_are_measured_by_that():
+    time = np.arange(0.0, 1200.0, 4.0)
+    heated = logged(time, np.where(time > 8.0, 50.0, 0.0), lag=20.0, dead=4.0)
+    still = replace(heated, temperature_degC=np.round(heated.temperature_degC))
+    assert np.ptp(still.temperature_degC[50:]) == 0.0
+    fitted = fit(still)
+    assert 95.0 < fitted.validation.held_out.fit_pct <= 100.0  # within half a degree of a rise of 25 °C
+    assert from_document(to_document(fitted)).model == fitted.model

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from heatertune.model.temperature.kernel import simulate_many
 from heatertune.model.temperature.law import STEP
-from heatertune.plc.s7_200.paper.laws import LAWS
+from heatertune.plc.s7_200_paper.laws import LAWS
 
 
 @cfunc(STEP)

@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from heatertune.chain.known import closed_again, controllers
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.log.values import Log
 from heatertune.model.fit import fit_known
 from heatertune.model.power.known_controller import records, replayed
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, room
+from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Actuator, Scenario, simulate
+from heatertune.proof.known import closed_again, controllers
 
 ONE = Fopdt(gain_degC_per_pct=0.6, time_constant_s=300.0, dead_time_s=25.0, ambient_degC=22.0)
 TWO = TwoLag(gain_degC_per_pct=0.6, time_constant_s=300.0, second_time_constant_s=60.0, dead_time_s=12.0,
@@ -24,17 +24,17 @@ SETPOINT = 50.0
 
 
 def _words(target):
-    return room(target).encode(DESIGN, Scaling())
+    return controller_for(target).encode(DESIGN, Scaling())
 
 
 def _trace(target, plant, *, switches=None, noise=0.05):
     scenario = Scenario(setpoint_degC=SETPOINT, duration_s=1800.0, noise_degC=noise, seed=3)
-    return simulate(room(target), _words(target), plant, scenario, Actuator(pwm_period_s=6.0), switches)
+    return simulate(controller_for(target), _words(target), plant, scenario, Actuator(pwm_period_s=6.0), switches)
 
 
 def _log(trace, target):
     """The readings the controller saw, in the middle of their counts, as a display shows them."""
-    step = 100.0 / room(target).counts
+    step = 100.0 / controller_for(target).counts
     return Log(name="twin", source="proof.simulate", time_s=trace.time_s, temperature_degC=trace.reading_degC + step / 2)
 
 
@@ -77,7 +77,7 @@ def test_a_wrong_setting_of_an_open_point_is_ruled_out_by_the_log():
 def test_readings_cut_by_half_a_step_are_told_and_mended():
     trace = _trace("s5-ob251", ONE)
     log = _log(trace, "s5-ob251")
-    step = 100.0 / room("s5-ob251").counts
+    step = 100.0 / controller_for("s5-ob251").counts
     shifted = replace(log, temperature_degC=log.temperature_degC - step)
     fitted = fit_known(shifted, controllers(_words("s5-ob251")), setpoint_degC=SETPOINT)
     assert fitted.model.gain_degC_per_pct == pytest.approx(ONE.gain_degC_per_pct, rel=0.1)

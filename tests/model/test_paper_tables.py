@@ -16,7 +16,7 @@ from heatertune.model.values import Fopdt, Outcome, TwoLag
 from heatertune.model.windows import disturbance_s
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.tune import tune
-from heatertune.plc.s7_200.paper.laws import LAWS
+from heatertune.plc.s7_200_paper.laws import LAWS
 
 pytestmark = pytest.mark.long
 

@@ -6,7 +6,7 @@ from heatertune.log.values import Log
 from heatertune.model.temperature.closed_loop import Hypothesis, Segment
 from heatertune.model.temperature.search import EARLY, fit_all
 from heatertune.model.validation import LJUNG_BOX_95, constant_rmse, cross_rmse, hold_out_rmse, ljung_box
-from heatertune.plc.s7_200.paper.laws import LAWS
+from heatertune.plc.s7_200_paper.laws import LAWS
 
 NOISE = 0.1
 

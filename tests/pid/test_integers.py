@@ -16,7 +16,7 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.bounds import _norms, bounds_of
 from heatertune.pid.search.integers import Integers, best_integers
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, room
+from heatertune.plc import Scaling, controller_for
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0)
 OTHER = TwoLag(gain_degC_per_pct=0.83, time_constant_s=378.0, second_time_constant_s=108.0, dead_time_s=9.2)
@@ -30,7 +30,7 @@ def _pid(gain, tn, tv=0.0, ta=4.0, past=0.5):
 
 def _problem(target, design, plants, ranges, ms=1.6):
     """Return the search over a room's whole numbers; ranges of those that are not 0."""
-    found, names = room(target), NAMES[target]
+    found, names = controller_for(target), NAMES[target]
     words = found.encode(design, Scaling())
 
     def decode(values):

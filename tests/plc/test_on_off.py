@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Certificate, Scaling, Words, room
-from heatertune.plc.bit_processor.export import PROGRAM, intel_hex
+from heatertune.plc import Certificate, Scaling, Words, controller_for
+from heatertune.plc.on_off.export import PROGRAM, intel_hex
 from heatertune.plc.replay import replay
-from heatertune.proof import Actuator, Scenario, prove, simulate
+from heatertune.proof import Actuator, Scenario, prove_models, simulate
 
-ROOM = room("on-off")
+ROOM = controller_for("on-off")
 PASS = Certificate(verdict="PASS", lines=("proven in 3 runs",))
 
 
@@ -74,7 +74,7 @@ def test_the_loop_swings_as_a_relay_with_dead_time_does():
 def test_a_proof_of_a_controller_without_a_law_has_no_margins():
     heater = Fopdt(gain_degC_per_pct=0.5, time_constant_s=400.0, dead_time_s=2.0, ambient_degC=20.0)
     scenario = Scenario(setpoint_degC=40.0, duration_s=3000.0)
-    proof = prove(ROOM, _words(), [("one", heater)], scenario, Actuator(pwm_period_s=1.0), margins_of=lambda *_: 1 / 0)
+    proof = prove_models(ROOM, _words(), [("one", heater)], scenario, Actuator(pwm_period_s=1.0), margins_of=lambda *_: 1 / 0)
     assert (proof.design, proof.verdict) == (None, "PASS")
 
 
@@ -120,8 +120,8 @@ def test_the_files_hold_program_and_word():
 
 
 def test_the_listing_assembles_to_the_program():
-    from heatertune.plc.bit_processor.assembler import assemble  # noqa: PLC0415 - beside its only use
-    from heatertune.plc.bit_processor.programs import ON_OFF_NAMES  # noqa: PLC0415
+    from heatertune.plc.cpu.one_bit.assembler import assemble  # noqa: PLC0415 - beside its only use
+    from heatertune.plc.cpu.one_bit.programs import ON_OFF_NAMES  # noqa: PLC0415
 
     assert assemble(ROOM.export(_words(), PASS)["on_off_listing.txt"], ON_OFF_NAMES, operand_bits=4) == PROGRAM
 

@@ -11,7 +11,7 @@ import pytest
 
 from heatertune.errors import UnknownName
 from heatertune.pid.values import PidDesign
-from heatertune.plc import TARGETS, Room, Scaling, Switch, Words, room
+from heatertune.plc import TARGETS, Controller, Scaling, Switch, Words, controller_for
 from heatertune.plc.open_points import NothingOpen, assumed, declared
 from heatertune.plc.replay import replay
 
@@ -33,7 +33,7 @@ class Case:
         return f"{self.target} {self.switch}"
 
     def of(self, settings):
-        return [scan.output for scan in replay(room(self.target), _words(self), self.rows, settings)]
+        return [scan.output for scan in replay(controller_for(self.target), _words(self), self.rows, settings)]
 
 
 def _words(case):
@@ -80,7 +80,7 @@ def _tip(switch, gain, rate, reset, sample, sp, pv, outputs):
 
 def _fb41(switch, changed, errors, outputs):
     """GAIN = 1, limits 0…100; SP_INT − PV is the error, as PV_PER = 0 is 0 °C."""
-    words = dict(room("fb41").encode(DESIGN, Scaling()).values)
+    words = dict(controller_for("fb41").encode(DESIGN, Scaling()).values)
     words |= {"CYCLE": 1000, "GAIN": 1.0, "P_SEL": 1, "I_SEL": 1, "D_SEL": 0} | changed
     return Case(target="fb41", switch=switch, words=words, rows=_columns(SP_INT=errors, PV_PER=[0] * len(errors)),
                 outputs=outputs)
@@ -170,7 +170,7 @@ CASES = [
 
 def test_every_setting_of_every_room_has_a_case_and_no_two_settings_of_one_give_the_same():
     described = [(case.target, case.switch, tuple(case.outputs)) for case in CASES]
-    assert sorted(described) == sorted((name, s.name, s.settings) for name in TARGETS for s in room(name).switches)
+    assert sorted(described) == sorted((name, s.name, s.settings) for name in TARGETS for s in controller_for(name).switches)
     for case in CASES:
         assert all(one != other for one, other in combinations(case.outputs.values(), 2)), case
 
@@ -182,10 +182,10 @@ def test_every_setting_does_what_the_source_says_of_it(case):
     assert case.of({}) == pytest.approx(next(iter(case.outputs.values())), rel=1e-7), "the first is the default"
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if room(case.target).direct is not None], ids=str)
+@pytest.mark.parametrize("case", [case for case in CASES if controller_for(case.target).direct is not None], ids=str)
 def test_it_does_so_without_the_listing_too(case):
     for setting, expected in case.outputs.items():
-        core, running = room(case.target).start_directly(_words(case), {case.switch: setting})
+        core, running = controller_for(case.target).start_directly(_words(case), {case.switch: setting})
         outputs = []
         for row in case.rows:
             running, scan = core.run(running, row["SP"], row["PV"], cycle_start=bool(row.get("CYCLE_START", 1)))
@@ -195,9 +195,9 @@ def test_it_does_so_without_the_listing_too(case):
 
 @pytest.mark.parametrize("target", TARGETS)
 def test_no_room_starts_under_a_switch_or_setting_that_it_does_not_have(target):
-    which = room(target)
+    which = controller_for(target)
     words = which.encode(DESIGN, Scaling())
-    assert type(which).start is Room.start
+    assert type(which).start is Controller.start
     unknown = [({"colour": "red"}, "colour")] + [({switch.name: "red"}, switch.name) for switch in which.switches]
     for given, named in unknown:
         for door in (which.start, which.start_directly):

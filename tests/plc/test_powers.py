@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import pytest
 
 from heatertune.errors import UnknownName
+from heatertune.plc.core import Scan, Timing
 from heatertune.plc.open_points import Switch, settings_of
 from heatertune.plc.replay import powers
-from heatertune.plc.room import Scaling, Scan, Timing, Words
+from heatertune.plc.words import Scaling, Words
 
 WORDS = Words(target="counting", values={}, scaling=Scaling(), sample_time_s=1.0)
 

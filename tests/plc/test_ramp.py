@@ -11,19 +11,19 @@ from hypothesis import strategies as st
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.pid.values import PidDesign
-from heatertune.plc import TARGETS, Ramp, Scaling, room
+from heatertune.plc import TARGETS, Ramp, Scaling, controller_for
 from heatertune.plc.ramp import course, moved, nearest
 
 DESIGN = PidDesign(gain_pct_per_degC=3.0, integral_time_s=300.0, derivative_time_s=0.0, sample_time_s=4.0, structure="pi",
                    method="")
-RAMPED = [name for name in TARGETS if room(name).ramped]
+RAMPED = [name for name in TARGETS if controller_for(name).ramped]
 words_ = st.integers(-2047, 2047)
 ramps = st.builds(Ramp, step=st.integers(1, 300), calls=st.integers(1, 7))
 singles = st.floats(0.0, 1000.0, width=32)
 
 
 def _words(target, scaling=None):
-    return room(target).encode(DESIGN, scaling or Scaling())
+    return controller_for(target).encode(DESIGN, scaling or Scaling())
 
 
 @pytest.mark.parametrize(("ramp", "begin", "asked", "rows"), [
@@ -99,37 +99,37 @@ def test_a_ramp_of_reals_moves_by_a_count_or_more_and_no_oftener_than_it_must(pe
 ])
 def test_a_rate_becomes_the_units_of_the_room(target, ramp, rate):
     words = _words(target)
-    assert room(target).ramp(words, 3.0) == ramp
-    assert room(target).ramp_degC_per_min(replace(words, ramp=ramp)) == pytest.approx(rate, rel=1e-6)
-    assert room(target).ramp_degC_per_min(words) == math.inf
+    assert controller_for(target).ramp(words, 3.0) == ramp
+    assert controller_for(target).ramp_degC_per_min(replace(words, ramp=ramp)) == pytest.approx(rate, rel=1e-6)
+    assert controller_for(target).ramp_degC_per_min(words) == math.inf
 
 
 def test_the_rate_holds_for_every_sensor_range():
     # 200 °C of range: 10.235 units per °C, so 0.2 °C are 2.047 units
-    assert room("s5-ob251").ramp(_words("s5-ob251", Scaling(low_degC=-50.0, high_degC=150.0)), 3.0) == Ramp(step=2)
+    assert controller_for("s5-ob251").ramp(_words("s5-ob251", Scaling(low_degC=-50.0, high_degC=150.0)), 3.0) == Ramp(step=2)
 
 
 @pytest.mark.parametrize("target", RAMPED)
 @pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf, 1e5, 1e-9])
 def test_a_rate_that_is_no_ramp_is_refused_by_name(target, rate):
     with pytest.raises(OutOfRange, match="ramp"):
-        room(target).ramp(_words(target), rate)
+        controller_for(target).ramp(_words(target), rate)
 
 
 def test_the_fastest_rate_named_in_the_refusal_is_the_sensors_range_in_one_call():
     with pytest.raises(OutOfRange, match=r"< 1500, the sensor's whole range"):
-        room("s5-ob251").ramp(_words("s5-ob251"), 1500.0)
-    assert room("s5-ob251").ramp(_words("s5-ob251"), 1490.0).step == 2033
+        controller_for("s5-ob251").ramp(_words("s5-ob251"), 1500.0)
+    assert controller_for("s5-ob251").ramp(_words("s5-ob251"), 1490.0).step == 2033
 
 
 def test_only_two_controllers_have_no_ramp_and_say_so():
     assert sorted(set(TARGETS) - set(RAMPED)) == ["on-off", "s7-200-paper"]
     for name in ("on-off", "s7-200-paper"):
-        assert any("no setpoint ramp" in line for line in room(name).cannot)
+        assert any("no setpoint ramp" in line for line in controller_for(name).cannot)
         with pytest.raises(InputError, match=f"{name} has no setpoint ramp"):
-            room(name).ramp(_words(name), 3.0)
+            controller_for(name).ramp(_words(name), 3.0)
         with pytest.raises(InputError, match=f"{name} has no setpoint ramp"):
-            room(name).check_ramp(replace(_words(name), ramp=Ramp(step=1)))
+            controller_for(name).check_ramp(replace(_words(name), ramp=Ramp(step=1)))
 
 
 @pytest.mark.parametrize(("target", "step"), [
@@ -138,7 +138,7 @@ def test_only_two_controllers_have_no_ramp_and_say_so():
 ])
 def test_a_ramp_that_the_setpoint_word_cannot_follow_is_refused(target, step):
     with pytest.raises(OutOfRange, match="ramp step"):
-        room(target).check_ramp(replace(_words(target), ramp=Ramp(step=step)))
+        controller_for(target).check_ramp(replace(_words(target), ramp=Ramp(step=step)))
 
 
 @pytest.mark.parametrize("bad", [{"step": 0}, {"step": -3}, {"step": math.nan}, {"step": 0.1}, {"step": 1, "calls": 0},

@@ -4,7 +4,7 @@ import pytest
 from heatertune.errors import LogError, UnknownName
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
-from heatertune.plc import TARGETS, Scaling, room
+from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.plc.replay import read_inputs, replay
 from heatertune.proof import Actuator, Scenario, simulate
 
@@ -16,7 +16,7 @@ HEATER = Fopdt(gain_degC_per_pct=0.4, time_constant_s=150.0, dead_time_s=10.0, a
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_closed_loop_replayed_from_its_readings_gives_the_same_power(target):
     # the loop is the second implementation here: it calls the room through another door
-    which = room(target)
+    which = controller_for(target)
     words = which.encode(DESIGN, Scaling())
     trace = simulate(which, words, HEATER, Scenario(setpoint_degC=45.0, duration_s=600.0), Actuator(pwm_period_s=5.0))
     setpoint, reading = list(which.inputs)[:2]
@@ -32,14 +32,14 @@ def test_a_closed_loop_replayed_from_its_readings_gives_the_same_power(target):
 
 
 def test_all_inputs_of_ob251_reach_it():
-    which = room("s5-ob251")
+    which = controller_for("s5-ob251")
     words = which.encode(DESIGN, Scaling())
     rows = [{"W": 100, "X": 100, "STEU": 32, "YH": 800}] * 4 + [{"W": 100, "X": 100, "STEU": 4}, {"W": 100, "X": 100, "Z": 50, "STEU": 1}]
     assert [scan.output for scan in replay(which, words, rows)] == [400, 600, 700, 800, 0, 50]
 
 
 def test_switches_are_looked_up_by_name():
-    which = room("s5-ob251")
+    which = controller_for("s5-ob251")
     words = which.encode(DESIGN, Scaling())
     with pytest.raises(UnknownName, match="rounding"):
         replay(which, words, [], {"colour": "red"})
@@ -55,5 +55,5 @@ def test_inputs_that_cannot_be_are_refused_by_line_and_column(tmp_path, text, na
     path = tmp_path / "inputs.csv"
     path.write_text(text)
     with pytest.raises(LogError, match=r"inputs\.csv") as caught:
-        read_inputs(path, room("s5-ob251"))
+        read_inputs(path, controller_for("s5-ob251"))
     assert named in str(caught.value)

@@ -6,8 +6,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heatertune.plc.room import Sensor, holds
+from heatertune.plc.core import Sensor
 from heatertune.plc.single import divided, is_single, narrowed, single
+from heatertune.plc.words import holds
 
 singles = st.floats(width=32, allow_nan=False)
 

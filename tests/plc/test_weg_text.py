@@ -18,12 +18,12 @@ from xsdata.formats.dataclass.parsers.config import ParserConfig
 
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc import Certificate, Scaling, Words, room
+from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.replay import replay
 from heatertune.plc.weg.export import literal
 from heatertune.proof import Actuator, Kick, Scenario, simulate
 
-ROOM = room("weg")
+ROOM = controller_for("weg")
 HEATER = Fopdt(gain_degC_per_pct=0.4, time_constant_s=150.0, dead_time_s=10.0, ambient_degC=20.0)
 
 

@@ -6,8 +6,9 @@ import pytest
 
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign, structure_of
+from heatertune.plc.core import Core, Running, Timing
 from heatertune.plc.open_points import Switch, settings_of
-from heatertune.plc.room import Core, Running, Scaling, Timing, Words
+from heatertune.plc.words import Scaling, Words
 
 
 @dataclass(frozen=True)

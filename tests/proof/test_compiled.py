@@ -14,10 +14,10 @@ from heatertune import compiled as machine
 from heatertune.compiled import compiled, worth_compiling
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
-from heatertune.plc import TARGETS, Scaling, room
+from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.plc.single import narrowed, single
 from heatertune.proof import Actuator, Kick, Limits, Load, Scenario, judge, simulate
-from heatertune.proof.loop import controller_of, run_loop
+from heatertune.proof.loop import in_loop, run_loop
 from heatertune.proof.measured import columns_of
 from heatertune.proof.metered import _medians
 from heatertune.proof.sampled import prove_samples
@@ -79,7 +79,7 @@ def _running(draw, which, legal):
     except ValueError:
         words = legal
     switches = {each.name: draw(st.sampled_from(each.settings)) for each in which.switches}
-    controller = controller_of(which, words, 50.0, switches, direct=True)
+    controller = in_loop(which, words, 50.0, switches, direct=True)
     degrees = st.floats(-50.0, 1500.0)
     return controller, draw(st.lists(st.tuples(degrees, degrees, st.booleans()), min_size=1, max_size=12))
 
@@ -87,7 +87,7 @@ def _running(draw, which, legal):
 @pytest.mark.long
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_step_is_the_same_compiled_and_plain_bit_for_bit(target):
-    which = room(target)
+    which = controller_for(target)
     legal = which.encode(PI, Scaling())
     core, _ = which.start_directly(legal, {})
     step, measured = compiled(core.step), compiled(core.measure)
@@ -118,7 +118,7 @@ def test_a_step_is_the_same_compiled_and_plain_bit_for_bit(target):
 @pytest.mark.long
 @pytest.mark.parametrize("target", LOOPS)
 def test_a_loop_is_the_same_compiled_and_plain_bit_for_bit(target, monkeypatch):
-    which = room(target)
+    which = controller_for(target)
     legal = which.encode(PI, Scaling())
 
     @settings(max_examples=40, deadline=None)
@@ -128,7 +128,7 @@ def test_a_loop_is_the_same_compiled_and_plain_bit_for_bit(target, monkeypatch):
         switches, scenario = running[0].switches, replace(SCENARIO, seed=seed, setpoint_degC=setpoint)
         plain = simulate(which, words, heater, scenario, PWM, switches)
         _way(monkeypatch, True)
-        _same(plain, run_loop(controller_of(which, words, setpoint, switches, direct=True), heater, scenario, PWM))
+        _same(plain, run_loop(in_loop(which, words, setpoint, switches, direct=True), heater, scenario, PWM))
         _way(monkeypatch, False)
 
     holds_for_any_words_and_settings()
@@ -137,7 +137,7 @@ def test_a_loop_is_the_same_compiled_and_plain_bit_for_bit(target, monkeypatch):
 @pytest.mark.long
 @pytest.mark.parametrize("target", ["fb41", "s7-200-pid"])  # most state; own PWM. Each compiler's run costs seconds
 def test_a_short_loop_of_other_kinds_of_room_is_the_same_compiled_and_plain_bit_for_bit(target, monkeypatch):
-    which = room(target)
+    which = controller_for(target)
     words = which.encode(PI, Scaling())
     scenario = replace(SCENARIO, start_degC=47.0, duration_s=120.0, disturbances=(Kick(time_s=60.3, temperature_degC=-8.8),))
     for heater, seed in zip(HEATERS, (3, 4), strict=True):
@@ -145,7 +145,7 @@ def test_a_short_loop_of_other_kinds_of_room_is_the_same_compiled_and_plain_bit_
         assert len(plain.edge_time_s) >= 3, "the heater is switched"
         _way(monkeypatch, True)
         settings_ = {each.name: each.default for each in which.switches}
-        controller = controller_of(which, words, scenario.setpoint_degC, settings_, direct=True)
+        controller = in_loop(which, words, scenario.setpoint_degC, settings_, direct=True)
         _same(plain, run_loop(controller, heater, replace(scenario, seed=seed), PWM))
         _way(monkeypatch, False)
 
@@ -154,7 +154,7 @@ def test_a_short_loop_of_other_kinds_of_room_is_the_same_compiled_and_plain_bit_
 @pytest.mark.parametrize("period", [10.0, 1.0])  # the last scan, at 1500 s, also asks for the period from 1501 s on
 @pytest.mark.parametrize("target", LOOPS)
 def test_what_is_measured_is_what_judge_finds_on_the_trace_of_the_same_sample(target, period, at_once):
-    which, limits = room(target), Limits(tolerance_degC=0.7, pwm_ripple_degC=0.3, iae_degC_s=4000.0)
+    which, limits = controller_for(target), Limits(tolerance_degC=0.7, pwm_ripple_degC=0.3, iae_degC_s=4000.0)
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(heater=(0.1, 0.1, 0.2)),
                          Actuator(pwm_period_s=period))
     columns = columns_of(measure(drawing, limits, 70, seed=5, workers=2), limits)
@@ -168,7 +168,7 @@ def test_what_is_measured_is_what_judge_finds_on_the_trace_of_the_same_sample(ta
 
 @pytest.mark.long
 def test_what_is_measured_is_the_same_compiled_and_plain_bit_for_bit(monkeypatch):
-    which, limits = room("weg"), Limits()
+    which, limits = controller_for("weg"), Limits()
     spread = Spread(heater=(0.1, 0.1, 0.2), jitter_s=0.05)
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, spread, PWM)
     parts = []
@@ -180,7 +180,7 @@ def test_what_is_measured_is_the_same_compiled_and_plain_bit_for_bit(monkeypatch
 
 
 def test_a_sample_depends_on_its_seed_alone():
-    which, limits = room("s5-ob251"), Limits()
+    which, limits = controller_for("s5-ob251"), Limits()
     short = replace(SCENARIO, duration_s=1200.0)
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], short, Spread(heater=(0.1, 0.1, 0.2)), PWM)
     many, alone = measure(drawing, limits, 36, seed=3, workers=3), measure(drawing, limits, 1, seed=36, workers=1)
@@ -191,7 +191,7 @@ def test_a_sample_depends_on_its_seed_alone():
 
 @pytest.mark.parametrize("seed", [0, 7, 2**64 + 5])
 def test_what_is_drawn_is_of_a_philox_generator_of_the_seeds_key_whatever_was_drawn_before(seed):
-    which = room("s5-ob251")
+    which = controller_for("s5-ob251")
     noisy = replace(SCENARIO, noise_degC=0.1, disturbances=())
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], noisy, Spread(heater=(0.1, 0.2, 0.3)), PWM)
     generator = np.random.Generator(np.random.Philox(key=seed))  # drawn from in the order that samples.py tells
@@ -207,7 +207,7 @@ def test_what_is_drawn_is_of_a_philox_generator_of_the_seeds_key_whatever_was_dr
 
 
 def test_late_scans_read_the_temperature_of_their_own_instants():
-    which = room("weg")
+    which = controller_for("weg")
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(jitter_s=0.7), PWM)
     for seed in (4, 5):  # the heater of one lag and that of two
         trace = replay(drawing, seed)
@@ -219,7 +219,7 @@ def test_late_scans_read_the_temperature_of_their_own_instants():
 
 @pytest.mark.parametrize("target", LOOPS)
 def test_a_samples_ramp_begins_at_its_own_first_reading_noise_included(target):
-    which, limits = room(target), Limits()
+    which, limits = controller_for(target), Limits()
     words = which.encode(PI, Scaling())
     words = replace(words, ramp=which.ramp(words, 2.0))
     noisy = replace(SCENARIO, noise_degC=2.0, duration_s=1200.0)
@@ -234,14 +234,14 @@ def test_a_samples_ramp_begins_at_its_own_first_reading_noise_included(target):
 
 
 def test_each_sample_has_its_own_delays():
-    which = room("weg")
+    which = controller_for("weg")
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(jitter_s=0.7), PWM)
     many, alone = measure(drawing, Limits(), 3, workers=1), measure(drawing, Limits(), 1, seed=2, workers=1)
     assert np.array_equal(many.phases[2], alone.phases[0])
 
 
 def test_the_draw_has_the_spread_that_it_tells():
-    which = room("s5-ob251")
+    which = controller_for("s5-ob251")
     spread = Spread(heater=(0.1, 0.2, 3.0), least_dead_time_s=9.0)
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], SCENARIO, spread, PWM)
     rows, factors = zip(*((row, sizes) for row, sizes, _, _ in (drawing.sample(seed, 1) for seed in range(4000))), strict=True)
@@ -263,7 +263,7 @@ def test_the_draw_has_the_spread_that_it_tells():
 
 
 def test_the_verdict_falls_where_more_than_the_share_allowed_breaks_a_limit():
-    which = room("s5-ob251")
+    which = controller_for("s5-ob251")
     short = replace(SCENARIO, duration_s=1200.0)
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, short, Spread(), PWM)
     values = _values(drawing, Limits(), 40, "iae")

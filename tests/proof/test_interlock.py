@@ -5,12 +5,12 @@ from itertools import product
 
 import numpy as np
 import pytest
+from heatertune.plc.bit_processor.machine import State
 
 from heatertune.compiled import bound
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.model.values import Fopdt
-from heatertune.plc.bit_processor.machine import State
-from heatertune.proof import Actuator, Interlock, Kick, Scenario, judge, prove, simulate
+from heatertune.proof import Actuator, Interlock, Kick, Scenario, judge, prove_models, simulate
 from heatertune.proof.criteria import Limits
 from heatertune.proof.interlock import _BITS, INTERLOCKS, _scan
 from heatertune.proof.kernel import LOAD, Clock, Events, Record, run
@@ -114,7 +114,7 @@ def test_a_limit_below_the_setpoint_fails_the_proof(tenths, words, heater):
     scenario = Scenario(setpoint_degC=50.0, duration_s=2000.0, disturbances=(Kick(time_s=1200.0, temperature_degC=-3.0),))
 
     def proven(limit):
-        return prove(tenths, words(gain=6.0), [("one", heater)], scenario, PWM, interlock=_interlock(limit))
+        return prove_models(tenths, words(gain=6.0), [("one", heater)], scenario, PWM, interlock=_interlock(limit))
 
     passed, failed = proven(80.0), proven(45.0)
     assert (passed.verdict, failed.verdict) == ("PASS", "FAIL")
@@ -122,7 +122,7 @@ def test_a_limit_below_the_setpoint_fails_the_proof(tenths, words, heater):
     assert (trips[passed].value, trips[passed].ok) == (0.0, True)
     assert (trips[failed].value, trips[failed].ok) == (1.0, False)
     assert failed.to_document()["interlock"] == {"name": "heater-fan", "limit_degC": 45.0, "fan_stops_s": None}
-    free = prove(tenths, words(gain=6.0), [("one", heater)], scenario, PWM)
+    free = prove_models(tenths, words(gain=6.0), [("one", heater)], scenario, PWM)
     assert free.to_document()["interlock"] is None
     assert "interlock_trips" not in free.to_document()["criteria"]
 

@@ -12,9 +12,20 @@ import pytest
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
-from heatertune.plc import TARGETS, Scaling, room
-from heatertune.proof import Actuator, Interlock, Kick, Limits, Load, Scenario, judge, paper_scenario, prove, simulate
-from heatertune.proof import prove as proving
+from heatertune.plc import TARGETS, Scaling, controller_for
+from heatertune.proof import (
+    Actuator,
+    Interlock,
+    Kick,
+    Limits,
+    Load,
+    Scenario,
+    judge,
+    paper_scenario,
+    prove_models,
+    simulate,
+)
+from heatertune.proof import prove_models as proving
 from heatertune.proof.measured import Measured, columns_of
 from heatertune.proof.meter import TOTALS
 
@@ -56,7 +67,7 @@ def conditions(chance):
 
 def words_of(target, chance):
     """Words from sluggish to unstable, some with a setpoint ramp."""
-    which = room(target)
+    which = controller_for(target)
     while True:
         design = PidDesign(
             gain_pct_per_degC=chance.uniform(0.5, 9.0), integral_time_s=chance.uniform(20.0, 200.0),
@@ -71,14 +82,14 @@ def words_of(target, chance):
 def drawn(target, seed):
     """What a proof is given: room, words, models, scenario, switch and limits."""
     chance = random.Random(seed)
-    return room(target), words_of(target, chance), heaters(chance, 2), *conditions(chance)
+    return controller_for(target), words_of(target, chance), heaters(chance, 2), *conditions(chance)
 
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_run_is_judged_by_the_meter_as_by_its_trace(target, seed):
     which, words, models, scenario, actuator, limits = drawn(target, seed)
-    for run in prove(which, words, models, scenario, actuator, limits).runs:
+    for run in prove_models(which, words, models, scenario, actuator, limits).runs:
         trace = simulate(which, words, dict(models)[run.model], scenario, actuator, run.switches)
         own = judge(trace, limits, where=run.label)
         for metered, traced in zip(run.criteria, own, strict=False):  # the last, the step's power, is of the words alone
@@ -92,9 +103,9 @@ def test_a_run_is_judged_by_the_meter_as_by_its_trace(target, seed):
 def test_traces_are_run_when_they_are_asked_for(monkeypatch):
     asked, run = [], proving.__globals__["simulate"]
     monkeypatch.setitem(proving.__globals__, "simulate", lambda *given: asked.append(given[5]) or run(*given))
-    which, chance = room("weg"), random.Random(1)
+    which, chance = controller_for("weg"), random.Random(1)
     scenario, actuator, limits = conditions(chance)
-    proof = prove(which, words_of("weg", chance), heaters(chance, 2), scenario, actuator, limits)
+    proof = prove_models(which, words_of("weg", chance), heaters(chance, 2), scenario, actuator, limits)
     assert proof.to_document()["scenario"]["duration_s"] == scenario.duration_s
     assert asked == []
     assert proof.nominal is proof.nominal
@@ -109,18 +120,18 @@ def test_a_listing_that_fails_fails_the_proof_whatever_its_direct_form_does(tent
     core, running = tenths.core, tenths.start(words(), {})
     listing = replace(tenths, direct=lambda *_: (core, running), overflows_above=545 if late else 530)
     paper, actuator = paper_scenario(duration_s=3000.0), Actuator(pwm_period_s=10.0)
-    assert prove(tenths, words(), models, paper, actuator).verdict == "PASS"
-    proof = prove(listing, words(), models, paper, actuator)
+    assert prove_models(tenths, words(), models, paper, actuator).verdict == "PASS"
+    proof = prove_models(listing, words(), models, paper, actuator)
     assert [each.name for each in proof.criteria if not each.ok] == ["overflow"]
     assert [run.verdict for run in proof.runs] == (["PASS", "FAIL"] if late else ["FAIL"])
 
 
 def test_an_interlock_is_judged_by_traces():
-    which, chance = room("s5-ob251"), random.Random(3)
+    which, chance = controller_for("s5-ob251"), random.Random(3)
     scenario, actuator, limits = conditions(chance)
     words, models = words_of("s5-ob251", chance), heaters(chance, 2)
     watch = Interlock(name="heater-fan", limit_degC=scenario.setpoint_degC - 5.0)
-    proof = prove(which, words, models, scenario, actuator, limits, interlock=watch)
+    proof = prove_models(which, words, models, scenario, actuator, limits, interlock=watch)
     for run in proof.runs:
         trace = simulate(which, words, dict(models)[run.model], scenario, actuator, run.switches, watch)
         assert np.isfinite(trace.cut_s)

@@ -9,7 +9,7 @@ from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc.open_points import Switch
-from heatertune.proof import Actuator, Limits, Scenario, judge, paper_scenario, prove, simulate
+from heatertune.proof import Actuator, Limits, Scenario, judge, paper_scenario, prove_models, simulate
 from heatertune.proof.prove import settings_to_prove
 
 PWM = Actuator(pwm_period_s=10.0)
@@ -28,7 +28,7 @@ def slower(heater):
 
 
 def test_sane_words_pass(tenths, words, heater, slower):
-    proof = prove(tenths, words(), [("best", heater), ("second", slower)], PAPER, PWM, margins_of=margins)
+    proof = prove_models(tenths, words(), [("best", heater), ("second", slower)], PAPER, PWM, margins_of=margins)
     assert proof.verdict == "PASS"
     assert [run.verdict for run in proof.runs] == ["PASS", "PASS"]
     assert all(each.ok for each in proof.criteria)
@@ -36,7 +36,7 @@ def test_sane_words_pass(tenths, words, heater, slower):
 
 def test_words_that_are_unstable_on_one_model_fail_and_say_where(tenths, words, heater):
     late = replace(heater, dead_time_s=80.0)
-    proof = prove(tenths, words(gain=15.0), [("best", heater), ("late", late)], PAPER, PWM, margins_of=margins)
+    proof = prove_models(tenths, words(gain=15.0), [("best", heater), ("late", late)], PAPER, PWM, margins_of=margins)
     found = {each.name: each for each in proof.criteria}
     assert proof.verdict == "FAIL"
     assert [run.verdict for run in proof.runs] == ["PASS", "FAIL"]
@@ -49,13 +49,13 @@ def test_words_that_are_unstable_on_one_model_fail_and_say_where(tenths, words, 
 
 
 def test_an_unstable_loop_fails_without_margins_too(tenths, words, heater):
-    proof = prove(tenths, words(gain=60.0), [("best", replace(heater, dead_time_s=80.0))], PAPER, PWM)
+    proof = prove_models(tenths, words(gain=60.0), [("best", replace(heater, dead_time_s=80.0))], PAPER, PWM)
     assert proof.verdict == "FAIL"
     assert "ms" not in {each.name for each in proof.criteria}
 
 
 def test_every_model_runs_under_every_setting(switched, words, heater, slower):
-    proof = prove(switched, words(), [("best", heater), ("second", slower)], PAPER, PWM)
+    proof = prove_models(switched, words(), [("best", heater), ("second", slower)], PAPER, PWM)
     assert len(proof.runs) == 16
     assert proof.runs[0].label == "best"
     assert {run.label for run in proof.runs} >= {
@@ -68,7 +68,7 @@ def test_the_worst_setting_counts(switched, words, heater):
         setting: judge(simulate(switched, words(tn=60), heater, PAPER, PWM, {"integral": setting}), Limits())
         for setting in ("off at the limit", "never off")
     }
-    proof = prove(switched, words(tn=60), [("best", heater)], PAPER, PWM)
+    proof = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM)
     *found_, step_power = proof.criteria  # the last one is of the words alone, whatever their setting
     assert step_power.name == "step_power"
     for mild, hard, found in zip(*alone.values(), found_, strict=True):
@@ -79,7 +79,7 @@ def test_the_worst_setting_counts(switched, words, heater):
 
 
 def test_the_worst_trace_is_the_run_that_strains_its_limits_most(switched, words, heater, slower):
-    proof = prove(switched, words(tn=60), [("best", heater), ("second", slower)], PAPER, PWM)
+    proof = prove_models(switched, words(tn=60), [("best", heater), ("second", slower)], PAPER, PWM)
     hardest = max(proof.runs, key=lambda run: run.strains)
     model = {"best": heater, "second": slower}[hardest.model]
     again = simulate(switched, words(tn=60), model, PAPER, PWM, hardest.switches)
@@ -87,12 +87,12 @@ def test_the_worst_trace_is_the_run_that_strains_its_limits_most(switched, words
 
 
 def test_where_nothing_is_worse_the_nominal_run_is_the_worst(tenths, words, heater):
-    proof = prove(tenths, words(), [("best", heater), ("the same", heater)], PAPER, PWM)
+    proof = prove_models(tenths, words(), [("best", heater), ("the same", heater)], PAPER, PWM)
     assert proof.worst is proof.nominal
 
 
 def test_an_overflow_fails(tenths, words, heater):
-    proof = prove(replace(tenths, overflows_above=530), words(), [("best", heater)], PAPER, PWM)
+    proof = prove_models(replace(tenths, overflows_above=530), words(), [("best", heater)], PAPER, PWM)
     assert [each.name for each in proof.criteria if not each.ok] == ["overflow"]
     assert proof.verdict == "FAIL"
 
@@ -111,7 +111,7 @@ def test_settings_are_combined_where_they_are_few_and_else_varied_singly(sizes, 
 
 def test_the_document_is_json_and_tells_what_was_proven(tenths, words, heater):
     late = replace(heater, dead_time_s=80.0)
-    proof = prove(tenths, words(gain=15.0), [("late", late)], PAPER, PWM, margins_of=margins)
+    proof = prove_models(tenths, words(gain=15.0), [("late", late)], PAPER, PWM, margins_of=margins)
     document = json.loads(json.dumps(proof.to_document(), allow_nan=False))
     assert (document["schema"], document["verdict"]) == ("heatertune/proof/2", "FAIL")
     assert document["words"] == {"K": 15000, "TN": 110}
@@ -126,13 +126,13 @@ def test_the_document_is_json_and_tells_what_was_proven(tenths, words, heater):
 
 def test_a_proof_needs_a_model(tenths, words):
     with pytest.raises(InputError, match="at least one model"):
-        prove(tenths, words(), [], PAPER, PWM)
+        prove_models(tenths, words(), [], PAPER, PWM)
 
 
 def test_a_model_that_cannot_hold_the_setpoint_is_named(tenths, words, heater):
     weak = Fopdt(gain_degC_per_pct=0.2, time_constant_s=100.0, dead_time_s=5.0, ambient_degC=24.0)
     with pytest.raises(InputError, match=r"model weak: setpoint_degC = 53\.3 .* < 44 "):
-        prove(tenths, words(), [("best", heater), ("weak", weak)], PAPER, PWM)
+        prove_models(tenths, words(), [("best", heater), ("weak", weak)], PAPER, PWM)
 
 
 def test_pwm_ripple_and_mean_are_the_closed_form(constant, words, heater):

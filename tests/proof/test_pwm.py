@@ -2,9 +2,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from heatertune.cli.common import PWM_RULES
 from heatertune.errors import OutOfRange, UnknownName
+from heatertune.options import options_of
 from heatertune.proof.pwm import RULES, Actuator, on_time, pid_compact, pulsegen, switched_by
+from heatertune.settings import Conditions
 
 powers = st.lists(st.floats(0.0, 100.0), min_size=1, max_size=40)
 
@@ -64,7 +65,7 @@ def test_a_rule_by_name_is_the_blocks_switch():
         pwm_period_s=10.0, call_interval_s=0.5, minimum_on_s=1.2, minimum_off_s=2.0
     )
     assert switched_by(None, **times) == Actuator(**times)
-    assert tuple(RULES) == PWM_RULES
+    assert tuple(RULES) == options_of(Conditions)["pwm_rule"].choices
     with pytest.raises(UnknownName, match="pulsegen, pid-compact"):
         switched_by("relay", pwm_period_s=1.0)
     with pytest.raises(OutOfRange, match="one P_B_TM"):

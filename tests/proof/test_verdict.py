@@ -2,12 +2,12 @@
 
 import pytest
 
-from heatertune.chain.words_file import certificate
 from heatertune.errors import ExportRefused, UnknownName
 from heatertune.model.findings import KINDS, Finding
 from heatertune.pid.loop.robustness import margins
-from heatertune.proof import Actuator, paper_scenario, prove
+from heatertune.proof import Actuator, paper_scenario, prove_models
 from heatertune.proof.verdict import Heard, combined, told_of, verdict_line
+from heatertune.proof.words_file import certificate
 
 PWM = Actuator(pwm_period_s=10.0)
 PAPER = paper_scenario(duration_s=3000.0)
@@ -18,7 +18,7 @@ OTHERS = [name for name, kind in KINDS.items() if kind.effect != "blocks"]
 @pytest.fixture
 def proven(tenths, words, heater):
     def proven(*, gain=4.0, **heard):
-        return prove(tenths, words(gain=gain), [("best", heater)], PAPER, PWM, margins_of=margins, heard=Heard(**heard))
+        return prove_models(tenths, words(gain=gain), [("best", heater)], PAPER, PWM, margins_of=margins, heard=Heard(**heard))
 
     return proven
 
@@ -94,7 +94,7 @@ def test_a_step_of_the_reading_may_move_a_tenth_of_the_power(tenths, words, heat
     design = tenths.decode(words(gain=4.0))
     parts = 1.0 + design.sample_time_s / design.integral_time_s
     for step, expected in ((0.0, 0.1 * 4.0 * parts), (2.0, 2.0 * 4.0 * parts), (4.0, 4.0 * 4.0 * parts)):
-        proof = prove(tenths, words(gain=4.0), [("best", heater)], PAPER, PWM, reading_step_degC=step)
+        proof = prove_models(tenths, words(gain=4.0), [("best", heater)], PAPER, PWM, reading_step_degC=step)
         found = {each.name: each for each in proof.criteria}["step_power"]
         assert found.value == pytest.approx(expected, rel=1e-12)
         assert found.ok is (expected <= 10.0)

@@ -10,7 +10,7 @@ from tests.report.conftest import DESIGN
 
 from heatertune import chain
 from heatertune.errors import UnknownName
-from heatertune.plc import TARGETS, room
+from heatertune.plc import TARGETS, controller_for
 from heatertune.plc.commissioning import SECTIONS, commissioning
 from heatertune.report import render
 from heatertune.report.html import coded, table, text_of, tick
@@ -72,7 +72,7 @@ def test_the_page_is_well_formed_and_fetches_nothing(page, seen):
 
 
 def test_every_word_stands_in_typing_order_with_its_address_and_format_and_a_box(documents, seen):
-    fields = room("s5-ob251").fields
+    fields = controller_for("s5-ob251").fields
     rows = [row for row in seen.rows if len(row) == 6 and row[1].startswith("DW")]
     expected = [[f.address, f.name, str(documents["words"]["words"][f.name]), f.format, f.comment] for f in fields]
     assert [row[1:] for row in rows] == expected
@@ -204,7 +204,7 @@ def test_every_room_tells_how_it_is_put_into_service(target):
 
 @pytest.mark.parametrize("target", TARGETS)
 def test_the_files_and_addresses_that_the_steps_name_are_those_of_the_export(target):
-    found = room(target)
+    found = controller_for(target)
     told = " ".join(step for items in commissioning(target).steps.values() for step in items)
     words = chain.encode(DESIGN, target)
     from heatertune.plc import Certificate  # noqa: PLC0415 - beside its only use

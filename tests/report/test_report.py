@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from heatertune import chain
-from heatertune.chain.documents import pictures
 from heatertune.documents import plain
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Ramp
+from heatertune.proof.pictures import pictures
 from heatertune.report import plots
 from heatertune.report.style import LOOK, to_svg
 from heatertune.report.text import criteria_table, criterion_value, design_lines, ramp_note, table

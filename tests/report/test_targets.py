@@ -2,13 +2,14 @@ import numpy as np
 import pytest
 
 from heatertune.chain import compare, prove
-from heatertune.chain.stages import encode
 from heatertune.documents import plain
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import TARGETS
+from heatertune.plc.design import encode
 from heatertune.report.targets import plot_targets, render_targets, targets_table
+from heatertune.settings import Conditions
 
 HEATER = model_by_hand(Fopdt(gain_degC_per_pct=0.4, time_constant_s=150.0, dead_time_s=10.0, ambient_degC=20.0))
 
@@ -20,7 +21,7 @@ def _design(tn=150.0):
 
 @pytest.fixture(scope="module")
 def document():
-    return plain(compare(_design(), HEATER, proving={"setpoint_degC": 40.0}))
+    return plain(compare(_design(), HEATER, Conditions(setpoint_degC=40.0)))
 
 
 def test_every_target_has_a_row_with_the_figures_of_its_own_proof(document):
@@ -58,7 +59,7 @@ def test_the_table_and_the_picture_show_every_controller(document):
 
 
 def test_a_controller_that_cannot_hold_the_design_stays_in_the_table_with_its_reason():
-    rows = {row["target"]: row for row in compare(_design(tn=np.inf), HEATER, proving={"setpoint_degC": 40.0})["rows"]}
+    rows = {row["target"]: row for row in compare(_design(tn=np.inf), HEATER, Conditions(setpoint_degC=40.0))["rows"]}
     assert rows["s7-200"]["verdict"] == "not representable"
     assert "--structure pi" in rows["s7-200"]["why"]
     assert "realised" in rows["s7-300"]

@@ -6,7 +6,8 @@ from heatertune.errors import OutOfRange
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import TARGETS
-from heatertune.studio.settings import SLIDERS, Settings, settings_for, sliders_for, timer_of
+from heatertune.plc.design import timer_of
+from heatertune.studio.settings import SLIDERS, Settings, settings_for, sliders_for
 
 
 @pytest.mark.parametrize("wrong", [

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict
 from functools import partial
 from glob import glob, has_magic
 from pathlib import Path, PurePath
@@ -19,7 +18,9 @@ from heatertune.errors import InputError, LogError
 from heatertune.files import read_bytes, read_text
 from heatertune.log import read_log
 from heatertune.model.values import FittedModel
-from heatertune.plc import Scaling, room
+from heatertune.plc import controller_for
+from heatertune.proof.closing import Asked
+from heatertune.settings import FitSettings, ReadSettings
 from heatertune.units import check
 
 __all__ = ["SCHEMA", "find_logs", "fleet"]
@@ -43,10 +44,9 @@ class Zone(NamedTuple):
 
 
 def fleet(
-    logs: str | Path, *, target: str, out: str | Path, workers: Workers, resume: bool = False,
-    reading: Mapping[str, Any] | None = None, fitting: Mapping[str, Any] | None = None,
-    tuning: Mapping[str, Any] | None = None, proving: Mapping[str, Any] | None = None, scaling: Scaling | None = None,
-    words_by: str = "auto", interval_by_words: bool = False, samples: int = 0, progress: Progress = silent,
+    logs: str | Path, asked: Asked, *, out: str | Path, workers: Workers, resume: bool = False,
+    read: ReadSettings | None = None, fitted_with: FitSettings | None = None, samples: int = 0,
+    progress: Progress = silent,
 ) -> dict[str, Any]:
     """Take every log through the chain and write one row per log, sorted by name; return the summary.
 
@@ -55,17 +55,12 @@ def fleet(
 
     Args:
         logs: a folder (searched through), a pattern with ``*``, or a text file with one path per line.
-        target: the controller of all zones.
+        asked: what each design is asked for.
         out: Parquet file; the meaning of every column is kept in it.
         workers: where the zones are done.
         resume: go on where a run with the same options was stopped.
-        reading: options of `read_log`.
-        fitting: options of `fit`.
-        tuning: options of `tune`.
-        proving: options of `prove`.
-        scaling: sensor range.
-        words_by: how the words are found, see `choose_words`.
-        interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
+        read: how the logs are read.
+        fitted_with: what is known beside them.
         samples: on how many drawn heaters each zone's words are proven as well; 0: none.
         progress: told how many zones are done, and how many there are.
 
@@ -74,17 +69,16 @@ def fleet(
         InputError: no log found; as `heatertune.batch.engine`.
     """
     check("samples", samples, least=0)
-    room(target)  # an unknown one is refused before the long part
+    controller_for(asked.target)  # an unknown one is refused before the long part
     folder, names = find_logs(logs)
     options: dict[str, Any] = {
-        "target": target, "reading": dict(reading or {}), "fitting": dict(fitting or {}), "tuning": dict(tuning or {}),
-        "proving": dict(proving or {}), "scaling": asdict(scaling or Scaling()), "words_by": words_by,
-        "interval_by_words": interval_by_words, "samples": samples,
+        "asked": asked, "read": read or ReadSettings(), "fitted_with": fitted_with or FitSettings(),
+        "samples": samples,
     }
     listed = hashlib.sha256("\n".join(names).encode()).hexdigest()
     batch = Batch(
         do=_zone, shared=options, cases=names, sent=partial(_sent, folder), lost=lost_row,
-        columns=(*_COLUMNS, *word_columns([target])),
+        columns=(*_COLUMNS, *word_columns([asked.target])),
         identity={name: repr(value) for name, value in options.items()} | {"logs": listed},
     )
     return {"schema": SCHEMA} | run(batch, out, workers=workers, resume=resume, progress=progress)
@@ -136,16 +130,12 @@ def _sent(folder: str, name: str) -> Zone:
 
 def _zone(options: Mapping[str, Any], zone: Zone) -> Row:
     """Return the row of one log; this runs on the worker."""
-    return zone_row(
-        zone.name, partial(_fitted, options, zone), target=options["target"], scaling=Scaling(**options["scaling"]),
-        tuning=options["tuning"], proving=options["proving"], words_by=options["words_by"],
-        interval_by_words=options["interval_by_words"], samples=options["samples"],
-    )
+    return zone_row(zone.name, partial(_fitted, options, zone), options["asked"], samples=options["samples"])
 
 
 def _fitted(options: Mapping[str, Any], zone: Zone) -> FittedModel:
     if zone.content is None:
         raise LogError(str(zone.problem), file=zone.name)
-    log = read_log(zone.name, content=zone.content, **options["reading"])
+    log = read_log(zone.name, options["read"], content=zone.content)
     with cache.unused():
-        return fit(log, **options["fitting"])
+        return fit(log, options["fitted_with"])

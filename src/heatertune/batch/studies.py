@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import fields
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 from heatertune.batch import Batch, Column, Progress, Row, Workers, run, silent
 from heatertune.batch.study_file import KEYS, Study, read_study
@@ -22,21 +23,18 @@ from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.document import from_document
 from heatertune.model.values import FittedModel, Fopdt, TwoLag
+from heatertune.options import options_of
 from heatertune.plc import Scaling
-from heatertune.proof.pwm import switched_by
+from heatertune.proof.closing import Asked
+from heatertune.settings import Conditions, FitSettings, TuneSettings
 
 __all__ = ["SCHEMA", "study"]
 
 SCHEMA: Final = "heatertune/study/1"
 
-_FITTING: Final = ("ambient_degC", "power_before_pct", "until_s")
-_TUNING: Final = ("structure", "method", "closed_loop_s", "objective", "weight", "ms", "mt", "mks", "sample_time_s")
-_PROVING: Final = ("setpoint_degC", "noise_degC", "tolerance_degC", "interlock", "limit_degC", "fan_stops_s")
+_T = TypeVar("_T")
+
 _RANGE: Final = {"range_low_degC": "low_degC", "range_high_degC": "high_degC"}
-_SWITCH: Final = {
-    "pwm_period_s": "pwm_period_s", "pwm_resolution_s": "resolution_s", "minimum_on_s": "minimum_on_s",
-    "minimum_off_s": "minimum_off_s",
-}
 
 
 class Case(NamedTuple):
@@ -131,21 +129,16 @@ def _labelled(case: Case, row: Row) -> Row:
 def _row(shared: Mapping[str, Any], case: Case) -> Row:  # noqa: ARG001 - the cases of a study share nothing
     """Return the row of one case; this runs on the worker."""
     settings = case.settings
-    scaling = Scaling(**{field: settings[key] for key, field in _RANGE.items() if key in settings})
-    return _labelled(case, zone_row(
-        case.name, partial(_heater, case), target=settings["target"], scaling=scaling, tuning=_given(settings, _TUNING),
-        proving=_proving(settings), words_by=settings.get("words", "auto"), samples=settings.get("samples", 0),
-    ))
+    sensor = Scaling(**{field: settings[key] for key, field in _RANGE.items() if key in settings})
+    asked = Asked(
+        target=settings["target"], scaling=sensor, tuned=_of(TuneSettings, settings),
+        conditions=_of(Conditions, settings), words_by=settings.get("words", "auto"))
+    return _labelled(case, zone_row(case.name, partial(_heater, case), asked, samples=settings.get("samples", 0)))
 
 
-def _given(settings: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
-    return {name: settings[name] for name in names if name in settings}
-
-
-def _proving(settings: Mapping[str, Any]) -> dict[str, Any]:
-    found = _given(settings, _PROVING) | {"known": settings.get("switches", {})}
-    switch = {field: settings[key] for key, field in _SWITCH.items() if key in settings}
-    return found if not switch else found | {"actuator": switched_by(settings.get("pwm_rule"), **switch)}
+def _of(kind: type[_T], settings: Mapping[str, Any]) -> _T:
+    """Return a dataclass of options as a case sets them."""
+    return kind(**{name: settings[name] for name in options_of(kind) if name in settings})
 
 
 def _heater(case: Case) -> FittedModel:
@@ -154,13 +147,13 @@ def _heater(case: Case) -> FittedModel:
     if "model" in settings:
         return from_document(case.content)
     if "log" in settings:
-        return _fitted(settings["log"], case.content, tuple(_given(settings, _FITTING).items()))
-    plant = _given(settings, ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"))
+        return _fitted(settings["log"], case.content, _of(FitSettings, settings))
+    plant = {each.name: settings[each.name] for each in fields(Fopdt) if each.name in settings}
     second = settings.get("second_time_constant_s")
     return model_by_hand(Fopdt(**plant) if second is None else TwoLag(**plant, second_time_constant_s=second))
 
 
 @lru_cache(maxsize=16)
-def _fitted(name: str, content: bytes | None, fitting: tuple[tuple[str, Any], ...]) -> FittedModel:
+def _fitted(name: str, content: bytes | None, given: FitSettings) -> FittedModel:
     """Return the fit of a log; the cases that share it come one after the other."""
-    return fit(read_log(name, content=content, errata=True), **dict(fitting))
+    return fit(read_log(name, content=content, errata=True), given)

@@ -10,15 +10,14 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from heatertune.chain.words import WAYS
-from heatertune.errors import DocumentError, UnknownName
+from heatertune.errors import DocumentError, OutOfRange, UnknownName
 from heatertune.files import read_text
-from heatertune.pid.specs import OBJECTIVES
-from heatertune.pid.tune import METHODS, STRUCTURES
-from heatertune.plc import TARGETS, room
+from heatertune.options import options_of
+from heatertune.pid.tune import METHODS
+from heatertune.plc import TARGETS, controller_for
+from heatertune.plc.choose import WAYS
 from heatertune.plc.open_points import settings_of
-from heatertune.proof.interlock import INTERLOCKS
-from heatertune.proof.pwm import RULES
+from heatertune.settings import Conditions, FitSettings, TuneSettings
 
 __all__ = ["KEYS", "Key", "Study", "read_study"]
 
@@ -35,6 +34,13 @@ def _float(what: str) -> Key:
     return Key("float", what)
 
 
+def _keys(kind: type) -> dict[str, Key]:
+    """Return the keys of a dataclass of options; texts that may be repeated are no setting of a case."""
+    kinds = {float: "float", int: "int", str: "text", dict: "table"}
+    return {name: Key(kinds[each.kind], each.meaning, each.choices) for name, each in options_of(kind).items()
+            if each.kind in kinds}
+
+
 #: every key of a study, in the order of the chain
 KEYS: Final[Mapping[str, Key]] = {
     "log": Key("text", "a log to fit: a CSV file, table3 or table4"),
@@ -43,34 +49,13 @@ KEYS: Final[Mapping[str, Key]] = {
     "time_constant_s": _float("its time constant [s]"),
     "second_time_constant_s": _float("its second time constant [s]"),
     "dead_time_s": _float("its dead time [s]"),
-    "ambient_degC": _float("temperature without power, of a model by hand or known to the fit [°C]"),
-    "power_before_pct": _float("power before the log's first reading [%]"),
-    "until_s": _float("last instant of the log to use [s]"),
+    **_keys(FitSettings),
     "target": Key("text", "the controller", tuple(TARGETS)),
-    "structure": Key("text", "parts that act", STRUCTURES),
-    "method": Key("text", "optimum or a rule", METHODS),
-    "closed_loop_s": _float("closed-loop time constant of a rule [s]"),
-    "objective": Key("text", "what the optimum minimises", tuple(OBJECTIVES)),
-    "weight": _float("share of the setpoint IAE"),
-    "ms": _float("largest Ms of the optimum"),
-    "mt": _float("largest Mt of the optimum"),
-    "mks": _float("largest Mks of the optimum [%/°C]"),
-    "sample_time_s": _float("sampling interval TA [s]"),
+    **_keys(TuneSettings) | {"method": _keys(TuneSettings)["method"]._replace(known=METHODS)},
     "words": Key("text", "how the words are found", WAYS),
     "range_low_degC": _float("temperature at the sensor's lowest reading [°C]"),
     "range_high_degC": _float("temperature at the sensor's highest reading [°C]"),
-    "switches": Key("table", "settings of points that the manual leaves open"),
-    "setpoint_degC": _float("setpoint of the proof [°C]"),
-    "noise_degC": _float("sensor noise, standard deviation [°C]"),
-    "tolerance_degC": _float("how far from the setpoint is still right [°C]"),
-    "pwm_period_s": _float("PWM period [s]"),
-    "pwm_resolution_s": _float("the on time is a multiple of it [s]"),
-    "minimum_on_s": _float("shortest on time [s]"),
-    "minimum_off_s": _float("shortest off time [s]"),
-    "pwm_rule": Key("text", "block that makes the PWM", tuple(RULES)),
-    "interlock": Key("text", "what may open the heater's circuit", tuple(INTERLOCKS)),
-    "limit_degC": _float("temperature at which it does [°C]"),
-    "fan_stops_s": _float("instant at which its fan fails [s]"),
+    **_keys(Conditions),
     "samples": Key("int", "drawn heaters on which the words are proven, too"),
 }
 
@@ -83,9 +68,8 @@ _BY_HAND: Final = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
 #: key → the one without which it means nothing
 _NEEDS: Final = {
     "second_time_constant_s": "gain_degC_per_pct", "time_constant_s": "gain_degC_per_pct",
-    "dead_time_s": "gain_degC_per_pct", "power_before_pct": "log", "until_s": "log",
-    "pwm_resolution_s": "pwm_period_s", "minimum_on_s": "pwm_period_s", "minimum_off_s": "pwm_period_s",
-    "pwm_rule": "pwm_period_s", "limit_degC": "interlock", "fan_stops_s": "interlock",
+    "dead_time_s": "gain_degC_per_pct", **{name: "log" for name in _keys(FitSettings) if name != "ambient_degC"},
+    **{name: each.needs for name, each in options_of(Conditions).items() if each.needs},
 }
 
 
@@ -194,7 +178,18 @@ def _table(where: str, found: object) -> dict[str, Any]:
 
 
 def _setting(where: str, key: str, value: Any) -> Any:
-    """Return a setting, numbers as floats."""
+    """Return a setting in its range, numbers as floats."""
+    setting = _of_kind(where, key, value)
+    try:
+        for kind in (FitSettings, TuneSettings, Conditions):
+            if key in options_of(kind):
+                options_of(kind)[key].check(setting, key)
+    except OutOfRange as problem:
+        raise DocumentError(f"{where}: {problem}") from problem
+    return setting
+
+
+def _of_kind(where: str, key: str, value: Any) -> Any:
     kind, _, known = KEYS[key]
     if kind == "float" and isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
         return float(value)
@@ -242,6 +237,6 @@ def _check(where: str, case: Mapping[str, Any]) -> None:
     if "gain_degC_per_pct" in case and missing:
         raise DocumentError(f"{where}: no {missing[0]}; a model by hand needs {', '.join(_BY_HAND)}")
     try:
-        settings_of(room(case["target"]).switches, case.get("switches", {}))
+        settings_of(controller_for(case["target"]).switches, case.get("switches", {}))
     except UnknownName as problem:
         raise DocumentError(f"{where}: {case['target']}: {problem}") from problem

@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, Final
 
 from heatertune import cache
 from heatertune.batch.values import Column, Row
-from heatertune.chain.closing import Asked, closed
-from heatertune.chain.samples import sample_document
 from heatertune.errors import HeatertuneError, LogError
 from heatertune.model.values import FittedModel, Fopdt
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, Words, room
+from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof
+from heatertune.proof.closing import Asked, closed
+from heatertune.proof.drawn import sample_document
 from heatertune.proof.verdict import blocking, combined
 
 __all__ = ["HEAD", "RESULT", "lost_row", "word_columns", "zone_row"]
@@ -79,7 +79,7 @@ def word_columns(targets: Iterable[str]) -> tuple[Column, ...]:
     """
     found: dict[str, Column] = {}
     for target in targets:
-        for field in room(target).fields:
+        for field in controller_for(target).fields:
             before = found.get(field.name)
             whole = field.format != "REAL" and (before is None or before.kind == "int")
             told = f"word {field.name} of {target}" if before is None else f"{before.what}, {target}"
@@ -87,11 +87,7 @@ def word_columns(targets: Iterable[str]) -> tuple[Column, ...]:
     return tuple(found.values())
 
 
-def zone_row(
-    name: str, find: Callable[[], FittedModel], *, target: str, scaling: Scaling | None = None,
-    tuning: Mapping[str, Any] | None = None, proving: Mapping[str, Any] | None = None, words_by: str = "auto",
-    interval_by_words: bool = False, samples: int = 0,
-) -> Row:
+def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked, *, samples: int = 0) -> Row:
     """Take a heater through the chain; what cannot be done is told in the row, never raised.
 
     Nothing but what `find` finds is kept in the cache: a million designs would fill the disk.
@@ -99,12 +95,7 @@ def zone_row(
     Args:
         name: of the row.
         find: reads and fits the log, or reads the model.
-        target: the controller.
-        scaling: sensor range.
-        tuning: options of `tune`.
-        proving: options of `prove`.
-        words_by: how the words are found, see `choose_words`.
-        interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
+        asked: what the design is asked for; no setpoint ramp is looked for.
         samples: on how many drawn heaters the words are proven as well, see `sample_document`.
     """
     row: Row = {"name": name}
@@ -113,16 +104,14 @@ def zone_row(
         fitted = find()
         row |= _model(fitted)
         with cache.unused():
-            conditions, begun = proving or {}, list[str]()
+            begun = list[str]()
             try:
-                found = closed(fitted, Asked(
-                    target=target, scaling=scaling, tuning=tuning or {}, proving=conditions, words_by=words_by,
-                    interval_by_words=interval_by_words, setpoint_ramp="none"), stage=begun.append)
+                found = closed(fitted, replace(asked, setpoint_ramp="none"), stage=begun.append)
             finally:
                 stage = f"no {begun[-1]}"
             words = found.proof.words
             row |= _design(found.wished) | _words(words) | _proof(found.proof)
-            return row | _sampled(row, sample_document(words, fitted, samples, **conditions)) if samples else row
+            return row | _sampled(row, sample_document(words, fitted, samples, asked.conditions)) if samples else row
     except HeatertuneError as problem:
         return row | {"outcome": "no log" if isinstance(problem, LogError) else stage, "reason": str(problem)}
     except Exception as problem:  # one zone must not stop the others, whatever is wrong in the program

@@ -19,27 +19,28 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from heatertune.chain.closing import Asked, closed
     from heatertune.chain.experiment import plan
-    from heatertune.chain.ramp import prove_ramped
-    from heatertune.chain.stages import encode, export, fit, fit_known, fit_together, prove, tune
-    from heatertune.chain.targets import compare
+    from heatertune.chain.stages import export, fit, fit_known, fit_together
     from heatertune.chain.validation import validate
     from heatertune.chain.whole import design, write_report
     from heatertune.log import read_log
+    from heatertune.plc.design import encode, tune
+    from heatertune.proof import prove
+    from heatertune.proof.closing import Asked, closed
+    from heatertune.proof.setpoint_ramp import prove_ramped
+    from heatertune.proof.targets import compare
 
-_STAGES = "stages"
 _HOMES = {
-    "Asked": "closing", "closed": "closing",
-    "compare": "targets", "design": "whole", "plan": "experiment", "prove_ramped": "ramp",
-    "validate": "validation", "write_report": "whole",
+    **dict.fromkeys(("export", "fit", "fit_known", "fit_together"), "chain.stages"),
+    **dict.fromkeys(("design", "write_report"), "chain.whole"), "plan": "chain.experiment",
+    "validate": "chain.validation", "read_log": "log", **dict.fromkeys(("encode", "tune"), "plc.design"),
+    "prove": "proof", **dict.fromkeys(("Asked", "closed"), "proof.closing"), "prove_ramped": "proof.setpoint_ramp",
+    "compare": "proof.targets",
 }
 
 
 def __getattr__(name: str) -> Any:
     """Import a function when it is first used: an export needs no fit, and a worker no report."""
-    if name == "read_log":
-        return import_module("heatertune.log").read_log
-    if name in __all__:
-        return getattr(import_module(f"heatertune.chain.{_HOMES.get(name, _STAGES)}"), name)
+    if name in _HOMES:
+        return getattr(import_module(f"heatertune.{_HOMES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

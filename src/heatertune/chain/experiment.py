@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from heatertune.chain.stages import ROOM_DEGC
 from heatertune.errors import InputError
 from heatertune.model.experiment.doublet import Plan, best_step
 from heatertune.model.experiment.fisher import Noise
@@ -16,6 +15,7 @@ from heatertune.model.experiment.plan import propose
 from heatertune.model.experiment.prior import QUANTITIES, Conditions, Prior, prior_by_hand, prior_of
 from heatertune.model.experiment.relay import RelayPlan
 from heatertune.model.values import FittedModel
+from heatertune.proof.heaters import ROOM_DEGC
 
 __all__ = ["PLAN_SCHEMA", "noise_of", "plan"]
 

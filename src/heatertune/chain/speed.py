@@ -15,7 +15,7 @@ from heatertune.log.values import Log
 from heatertune.model.fit import fit
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, room
+from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, simulate
 from heatertune.proof.samples import measure
 from heatertune.units import check
@@ -47,7 +47,7 @@ def speed_document(target: str, samples: int = 1000, *, progress: Callable[[str]
         NotRepresentable: a room that cannot hold an ordinary PI, every second.
     """
     check("samples", samples, least=100)
-    which = room(target)
+    which = controller_for(target)
     design = PidDesign(gain_pct_per_degC=3.0, integral_time_s=150.0, derivative_time_s=0.0, sample_time_s=1.0,
                        structure="pi", method="")
     words = which.encode(design, Scaling())

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from heatertune.chain.known import controllers
 from heatertune.log.values import Log
 from heatertune.model.power.known_controller import replayed
 from heatertune.model.validate import LEAST_FIT_PCT, Verdict
 from heatertune.model.validate import validate as judge
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words
+from heatertune.proof.known import controllers
 
 __all__ = ["validate"]
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from heatertune import cache
-from heatertune.chain.closing import Asked, closed, plainly
-from heatertune.chain.comparison import paper_runs, price_of_doubt, rivals
-from heatertune.chain.documents import log_document, pictures, read_documents, words_document
-from heatertune.chain.stages import Told, export, fit
-from heatertune.chain.words import search_document
+from heatertune.chain.documents import log_document, read_documents, words_document
+from heatertune.chain.stages import export, fit
 from heatertune.documents import plain, to_json, write_files
 from heatertune.log import read_log
 from heatertune.log.values import Log
@@ -19,17 +17,42 @@ from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
-from heatertune.plc import room
+from heatertune.plc import controller_for
+from heatertune.plc.choose import search_document
+from heatertune.progress import Told
 from heatertune.proof import Proof
+from heatertune.proof.closing import Asked, Closed, closed, plainly
+from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
+from heatertune.proof.pictures import pictures
+from heatertune.settings import FitSettings, ReadSettings
 
-__all__ = ["design", "dossier", "redraw", "write_report"]
+__all__ = ["ChainResult", "design", "dossier", "redraw", "write_report"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChainResult:
+    """What a design came to.
+
+    Attributes:
+        log: as it was read.
+        fitted: the heater behind it.
+        closed: the design, its words and their proof.
+        files: for the PLC, name → content; none where the verdict is not PASS and the export was not forced.
+        documents: of all stages, as JSON holds them.
+    """
+
+    log: Log
+    fitted: FittedModel
+    closed: Closed
+    files: Mapping[str, str | bytes]
+    documents: Mapping[str, Mapping[str, Any]]
 
 
 def design(
-    source: str | Path | Log, asked: Asked, *, out: str | Path, reading: Mapping[str, Any] | None = None,
-    fitting: Mapping[str, Any] | None = None, as_is: bool = False, force: bool = False, progress: Told = str,
-) -> dict[str, dict[str, Any]]:
-    """Run the whole chain, write every stage's document, the export files and the report; return the documents.
+    source: str | Path | Log, asked: Asked, *, out: str | Path, read: ReadSettings | None = None,
+    fitted_with: FitSettings | None = None, as_is: bool = False, force: bool = False, progress: Told = str,
+) -> ChainResult:
+    """Run the whole chain, write every stage's document, the export files and the report.
 
     A verdict that is not PASS writes documents and report but no export files, unless `force` is given.
 
@@ -37,8 +60,8 @@ def design(
         source: a log's file, "table3" / "table4", or what `read_log` returned.
         asked: what the design is asked for.
         out: directory for the results.
-        reading: options of `read_log`; misprints of a built-in table are corrected.
-        fitting: options of `fit`.
+        read: how the log is read; misprints of a built-in table are corrected.
+        fitted_with: what is known beside the log.
         as_is: the plain design, even where another one would pass, see `closed`.
         force: export whatever the verdict.
         progress: told what begins.
@@ -46,9 +69,9 @@ def design(
     Raises:
         HeatertuneError: as the stages; nothing is written then.
     """
-    room(asked.target)  # an unknown target is refused before the long part
-    log = source if isinstance(source, Log) else read_log(source, **({"errata": True} | dict(reading or {})))
-    fitted = fit(log, companions=True, progress=progress, **(fitting or {}))
+    controller_for(asked.target)  # an unknown target is refused before the long part
+    log = source if isinstance(source, Log) else read_log(source, read, errata=True)
+    fitted = fit(log, fitted_with, companions=True, progress=progress)
     found = (plainly if as_is else closed)(fitted, asked, progress=progress)
     proof = found.proof
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
@@ -56,7 +79,7 @@ def design(
     documents = dossier(log, fitted, found.wished, proof, files,
                         search=search_document(found.choice, fitted, found.notes))
     _write(documents, files, out)
-    return documents
+    return ChainResult(log=log, fitted=fitted, closed=found, files=files, documents=documents)
 
 
 def write_report(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import common, printing
+from heatertune.cli import printing
+from heatertune.plc import TARGETS
 
 __all__ = ["add_to"]
 
@@ -19,7 +20,7 @@ def add_to(commands: Any) -> None:
         description="Time the closed loop of a controller, plain and compiled, a proof on samples and a fit. It takes "
         "some ten seconds; the first time a loop is compiled, some more.",
     )
-    command.add_argument("--target", default="s5-ob251", metavar="NAME", help=f"one of {', '.join(common.TARGETS)}")
+    command.add_argument("--target", default="s5-ob251", metavar="NAME", help=f"one of {', '.join(TARGETS)}")
     command.add_argument("--samples", type=int, default=1000, metavar="N",
                          help="how many samples of 3,000 s are run on one processor and on all (default 1000)")
     printing.add_output_options(command)

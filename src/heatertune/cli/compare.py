@@ -34,7 +34,7 @@ def _run(settings: argparse.Namespace) -> int:
 
     design, fitted = common.design_and_model(settings)
     document = plain(chain.compare(
-        design, fitted, scaling=common.scaling(settings), proving=common.proving(settings),
+        design, fitted, common.conditions(settings), scaling=common.scaling(settings),
         progress=printing.Progress(settings),
     ))
     if settings.out is not None:

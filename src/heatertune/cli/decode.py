@@ -32,14 +32,14 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.pid.document import to_document  # noqa: PLC0415
-    from heatertune.plc import TARGETS, room  # noqa: PLC0415
+    from heatertune.plc import TARGETS, controller_for  # noqa: PLC0415
     from heatertune.report.text import criteria_table, design_lines  # noqa: PLC0415
     from heatertune.units import check  # noqa: PLC0415
 
     check("--called-every", settings.called_every, above=0.0)
-    found = room(common.target(settings))
-    if found.read_image is None or found.oddities is None:
-        known = ", ".join(name for name in TARGETS if room(name).read_image is not None)
+    found = controller_for(common.target(settings))
+    if found.image is None or found.oddities is None:
+        known = ", ".join(name for name in TARGETS if controller_for(name).image is not None)
         raise InputError(f"a dump of {found.name} cannot be decoded; known: {known}")
     image, scaling = _bytes(settings.dump), common.scaling(settings)
     words = found.read_image(image, sample_time_s=settings.called_every, scaling=scaling, source=settings.dump)
@@ -51,7 +51,7 @@ def _run(settings: argparse.Namespace) -> int:
     }
     if settings.model is not None or settings.gain is not None:
         fitted = common.model_from(settings, settings.model)
-        document["proof"] = chain.prove(words, fitted, **common.proving(settings)).to_document()
+        document["proof"] = chain.prove(words, fitted, common.conditions(settings)).to_document()
     proof = document["proof"]
 
     def told() -> str:

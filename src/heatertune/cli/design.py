@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import Any
 
+from heatertune import options
 from heatertune.cli import common, printing
+from heatertune.settings import FitSettings
 
 __all__ = ["add_to"]
 
@@ -36,22 +39,18 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc import room  # noqa: PLC0415
+    from heatertune.plc import controller_for  # noqa: PLC0415
     from heatertune.report.text import summary  # noqa: PLC0415
 
-    target, progress = common.target(settings), printing.Progress(settings)
-    room(target)  # an unknown target is refused before the log is read
-    log = chain.read_log(settings.log, **{"errata": True} | common.reading(settings))
+    progress = printing.Progress(settings)
+    controller_for(common.target(settings))  # an unknown target is refused before the log is read
+    log = chain.read_log(settings.log, common.reading(settings), errata=True)
     printing.tell_taken(settings, [log], progress)
-    documents = chain.design(
-        log, out=settings.out, fitting=common.fitting(settings), as_is=settings.as_is, force=settings.force,
-        progress=progress,
-        asked=chain.Asked(
-            target=target, scaling=common.scaling(settings), tuning=common.tuning(settings),
-            proving=common.proving(settings), words_by=settings.words,
-            interval_by_words=common.interval_by_words(settings), refined=settings.refine,
-            switch_kind=settings.switch_kind, setpoint_ramp=common.setpoint_ramp(settings),
-        ),
+    result = chain.design(
+        log, out=settings.out, fitted_with=options.of(FitSettings, settings), as_is=settings.as_is,
+        force=settings.force, progress=progress,
+        asked=replace(common.asked(settings), refined=settings.refine, switch_kind=settings.switch_kind,
+                      setpoint_ramp=common.setpoint_ramp(settings)),
     )
-    printing.output(settings, documents, lambda: f"{summary(documents)}\nwritten to {settings.out}")
-    return 0 if documents["proof"]["verdict"] == "PASS" else 1
+    printing.output(settings, result.documents, lambda: f"{summary(result.documents)}\nwritten to {settings.out}")
+    return 0 if result.closed.proof.verdict == "PASS" else 1

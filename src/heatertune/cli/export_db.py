@@ -33,9 +33,9 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.chain.words_file import export_again  # noqa: PLC0415 - the help must not wait for it
     from heatertune.documents import to_json, write_files  # noqa: PLC0415
     from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
+    from heatertune.proof.words_file import export_again  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import words_table  # noqa: PLC0415
 
     again = None if common.proof_asked(settings) else export_again(
@@ -54,16 +54,16 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     """Return the words of a design, proven: documents and files."""
     from heatertune import chain  # noqa: PLC0415 - words that are proven already need none of it
     from heatertune.chain.documents import words_document  # noqa: PLC0415
-    from heatertune.chain.words import search_document  # noqa: PLC0415
+    from heatertune.plc.choose import search_document  # noqa: PLC0415
 
     progress = printing.Progress(settings)
     words, choice, fitted = common.words_and_model(settings)
     if settings.refine and choice is not None:
-        from heatertune.chain.refine import refine  # noqa: PLC0415
+        from heatertune.proof.refine import refine  # noqa: PLC0415
 
-        choice = refine(choice, fitted, proving=common.proving(settings))
+        choice = refine(choice, fitted, common.conditions(settings))
         words = choice.words
-    proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=common.proving(settings),
+    proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), common.conditions(settings),
                                       progress=progress)
     for note in notes:
         progress(note)

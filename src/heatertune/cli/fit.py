@@ -6,8 +6,10 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.cli.known import add_known_options, known_words
+from heatertune.settings import FitSettings
 
 if TYPE_CHECKING:
     from heatertune.log.values import Log
@@ -42,7 +44,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.report.text import hypothesis_table, model_lines  # noqa: PLC0415
 
     progress = printing.Progress(settings)
-    logs = [chain.read_log(name, **common.reading(settings)) for name in settings.log]
+    logs = [chain.read_log(name, common.reading(settings)) for name in settings.log]
     printing.tell_taken(settings, logs, progress)
     document = to_document(_fitted(settings, logs, progress))
     printing.save(settings.out, document)
@@ -55,12 +57,12 @@ def _run(settings: argparse.Namespace) -> int:
 def _fitted(settings: argparse.Namespace, logs: Sequence[Log], progress: printing.Progress) -> FittedModel:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
 
-    given = common.fitting(settings)
+    given = options.of(FitSettings, settings)
     words = known_words(settings, logs)
     if words is not None:
-        known = common.switches(settings)
+        its = common.conditions(settings)
         return chain.fit_known(
-            logs[0], words, setpoint_degC=settings.setpoint, known=known, progress=progress, **given)
+            logs[0], words, given, setpoint_degC=its.setpoint_degC, known=its.switches, progress=progress)
     if len(logs) == 1:
-        return chain.fit(logs[0], thorough=settings.hypotheses, progress=progress, **given)
-    return chain.fit_together(logs, progress=progress, **given)
+        return chain.fit(logs[0], given, thorough=settings.hypotheses, progress=progress)
+    return chain.fit_together(logs, given, progress=progress)

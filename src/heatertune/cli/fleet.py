@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from heatertune import options
 from heatertune.cli import batch, common, printing
+from heatertune.settings import FitSettings
 
 __all__ = ["add_to"]
 
@@ -37,11 +39,9 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.report.text import outcome_lines  # noqa: PLC0415
 
     document = fleet(
-        settings.logs, target=common.target(settings), out=settings.out, workers=batch.workers(settings),
-        resume=settings.resume, reading=common.reading(settings), fitting=common.fitting(settings),
-        tuning=common.tuning(settings), proving=common.proving(settings), scaling=common.scaling(settings),
-        words_by=settings.words, interval_by_words=common.interval_by_words(settings), samples=settings.samples,
-        progress=batch.Bar(settings, "zones"),
+        settings.logs, common.asked(settings), out=settings.out, workers=batch.workers(settings),
+        resume=settings.resume, read=common.reading(settings), fitted_with=options.of(FitSettings, settings),
+        samples=settings.samples, progress=batch.Bar(settings, "zones"),
     )
     printing.output(settings, document, lambda: outcome_lines(document))
     return 0

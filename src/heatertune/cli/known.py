@@ -6,8 +6,10 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from heatertune.cli import common
+from heatertune import options
 from heatertune.errors import InputError
+from heatertune.plc.targets import TARGETS
+from heatertune.settings import Conditions
 
 if TYPE_CHECKING:
     from heatertune.log.values import Log
@@ -19,10 +21,11 @@ __all__ = ["add_known_options", "known_words"]
 def add_known_options(command: argparse.ArgumentParser) -> None:
     """Add --controller, --words, --setpoint and --switch."""
     known = command.add_argument_group("a log without power, of a controller you know")
-    known.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(common.TARGETS)}")
+    known.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(TARGETS)}")
     known.add_argument("--words", metavar="FILE", help="its words: words.json as written by export-db")
     known.add_argument("--setpoint", type=float, metavar="°C", help="its setpoint, where the log does not hold it [°C]")
-    common.add_switch_option(known, "setting of an open point, where you know it")
+    options.add(known, Conditions, "switches",
+                help="setting of an open point, where you know it (see: heatertune targets); may be repeated")
 
 
 def known_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | None:
@@ -37,10 +40,10 @@ def known_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | No
             if getattr(settings, name):
                 raise InputError(f"--{name} needs --controller: it tells what that controller holds")
         return None
-    from heatertune.chain.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc import room  # noqa: PLC0415
+    from heatertune.plc import controller_for  # noqa: PLC0415
+    from heatertune.proof.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
 
-    room(settings.controller)  # an unknown name is refused before the file is opened
+    controller_for(settings.controller)  # an unknown name is refused before the file is opened
     if settings.words is None:
         raise InputError("--controller needs --words: without its words a controller is not known")
     if len(logs) > 1:

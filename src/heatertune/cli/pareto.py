@@ -6,8 +6,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.errors import InputError
+from heatertune.settings import TuneSettings
 
 __all__ = ["add_to"]
 
@@ -31,7 +33,7 @@ def add_to(commands: Any) -> None:
     group.add_argument("--points", type=int, default=9, help="how many limits (default: 9)")
     group.add_argument("--sample-time", default="0", metavar="S",
                        help="sampling interval TA [s]; 0: continuous (default); auto: TRdom/10 half way")
-    common.add_objective_options(group)
+    options.add(group, TuneSettings, "objective", "weight", "mt", "mks")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 

@@ -38,7 +38,7 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
 
-    log = chain.read_log(settings.log, **common.reading(settings))
+    log = chain.read_log(settings.log, common.reading(settings))
     if settings.until is not None:
         log = log.window(float(log.time_s[0]), settings.until)
     document = _document(settings.log, log)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.errors import InputError
+from heatertune.plc.targets import TARGETS
+from heatertune.settings import Conditions
 
 __all__ = ["add_to"]
 
@@ -21,23 +24,24 @@ def add_to(commands: Any) -> None:
         "controller's own units, setpoint and process variable first (their names: heatertune targets).",
     )
     command.add_argument("inputs", metavar="INPUTS", help="CSV file with a header, one row per scan")
-    command.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(common.TARGETS)}")
+    command.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(TARGETS)}")
     command.add_argument("--words", required=True, metavar="FILE", help="words.json as written by export-db")
-    common.add_switch_option(command, "setting of an open point")
+    options.add(
+        command, Conditions, "switches", help="setting of an open point (see: heatertune targets); may be repeated")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.chain.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc import room  # noqa: PLC0415
+    from heatertune.plc import controller_for  # noqa: PLC0415
     from heatertune.plc.replay import read_inputs, replay  # noqa: PLC0415
+    from heatertune.proof.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
 
-    found = room(settings.target)
+    found = controller_for(settings.target)
     words = read_words(settings.words, settings.target)
     if words is None:
         raise InputError(f"{settings.words}: no words; expected words.json as written by export-db")
-    scans = replay(found, words, read_inputs(settings.inputs, found), common.switches(settings))
+    scans = replay(found, words, read_inputs(settings.inputs, found), common.conditions(settings).switches)
     rows = [
         {"scan": k, "output": scan.output, "power_pct": round(scan.power_pct, 6)}
         | {name: int(is_set) for name, is_set in scan.flags.items()}

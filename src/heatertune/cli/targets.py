@@ -23,9 +23,9 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.plc import TARGETS, room  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc import TARGETS, controller_for  # noqa: PLC0415 - the help must not wait for it
 
-    rooms = [room(name) for name in TARGETS]
+    rooms = [controller_for(name) for name in TARGETS]
     document = {
         "schema": "heatertune/targets/1",
         "targets": [
@@ -34,7 +34,9 @@ def _run(settings: argparse.Namespace) -> int:
                 "title": each.title,
                 "can": each.can,
                 "cannot": each.cannot,
-                "sample_time_s": dict(zip(("shortest", "longest", "step"), each.sample_times_s, strict=True)),
+                "sample_time_s": {
+                    "shortest": each.timer.shortest_s, "longest": each.timer.longest_s, "step": each.timer.step_s,
+                },
                 "words": [{"name": f.name, "address": f.address, "low": f.low, "high": f.high, "format": f.format}
                           for f in each.fields],
                 "inputs": dict(each.inputs),

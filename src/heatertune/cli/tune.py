@@ -6,8 +6,10 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
+from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.errors import InputError
+from heatertune.settings import TuneSettings
 
 __all__ = ["add_to"]
 
@@ -26,7 +28,7 @@ def add_to(commands: Any) -> None:
     common.add_switch_kind_option(command)
     common.add_model_options(command)
     common.add_tuning_options(command)
-    common.add_step_power_option(command)
+    options.add(command, TuneSettings, "step_power_pct")
     command.add_argument("--second-opinion", action="store_true",
                          help="have python-control compute Ms, too (takes seconds to load)")
     printing.add_output_options(command)
@@ -35,11 +37,11 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.chain.pwm import with_pwm  # noqa: PLC0415
-    from heatertune.chain.words import tune_for_words  # noqa: PLC0415
     from heatertune.pid.alternatives import alternatives  # noqa: PLC0415
     from heatertune.pid.document import to_document  # noqa: PLC0415
     from heatertune.pid.forms import other_forms  # noqa: PLC0415
+    from heatertune.plc.choose import tune_for_words  # noqa: PLC0415
+    from heatertune.proof.pwm_period import with_pwm  # noqa: PLC0415
     from heatertune.report.text import alternatives_table, design_lines, forms_lines  # noqa: PLC0415
 
     fitted = common.model_from(settings, settings.model)
@@ -47,7 +49,8 @@ def _run(settings: argparse.Namespace) -> int:
     if by_words and settings.target is None:
         raise InputError("--sample-time words needs --target: the words are its own")
     find = tune_for_words if by_words else chain.tune
-    design = find(fitted, target=settings.target, progress=printing.Progress(settings), **common.tuning(settings))
+    asked = options.of(TuneSettings, settings)
+    design = find(fitted, asked, target=settings.target, progress=printing.Progress(settings))
     if settings.switch_kind is not None:
         design, _ = with_pwm(design, fitted, settings.switch_kind)
     if settings.second_opinion:

@@ -43,12 +43,12 @@ def _run(settings: argparse.Namespace) -> int:
 
     progress = printing.Progress(settings)
     model = read_model(settings.model)
-    log = chain.read_log(settings.log, **common.reading(settings))
+    log = chain.read_log(settings.log, common.reading(settings))
     printing.tell_taken(settings, [log], progress)
     verdict = chain.validate(
         model, log, words=known_words(settings, [log]), setpoint_degC=settings.setpoint,
-        known=common.switches(settings), ambient_degC=settings.ambient, power_before_pct=settings.power_before,
-        until_s=settings.until, least_fit_pct=settings.least_fit,
+        known=common.conditions(settings).switches, ambient_degC=settings.ambient,
+        power_before_pct=settings.power_before, until_s=settings.until, least_fit_pct=settings.least_fit,
     )
     document = to_document(verdict, settings.least_fit)
     printing.save(settings.out, document)

@@ -50,25 +50,25 @@ def _add_sample_options(command: argparse.ArgumentParser) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.chain.samples import replay_document, sample_document  # noqa: PLC0415
     from heatertune.proof.document import digested  # noqa: PLC0415
+    from heatertune.proof.drawn import replay_document, sample_document  # noqa: PLC0415
     from heatertune.proof.verdict import combined, verdict_line  # noqa: PLC0415
     from heatertune.report.text import criteria_table, ramp_note, samples_table  # noqa: PLC0415
 
     words, _, fitted = common.words_and_model(settings)
-    proving, spread = common.proving(settings), _spread(settings)
+    conditions, spread = common.conditions(settings), _spread(settings)
     if settings.replay is not None:
         if settings.setpoint_ramp is not None:
             raise InputError("--replay runs the words with the ramp they have; --setpoint-ramp would be another proof")
-        document = replay_document(words, fitted, settings.replay, spread=spread, **proving)
+        document = replay_document(words, fitted, settings.replay, conditions, spread=spread)
         printing.output(settings, document, lambda: f"{criteria_table(document)}\nVERDICT {document['verdict']}")
         return 0 if document["verdict"] == "PASS" else 1
-    proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), proving=proving)
+    proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), conditions)
     document, verdicts = proof.to_document(), [proof.verdict]
     if settings.samples is not None:
         document["samples"] = sample_document(
-            proof.words, fitted, settings.samples, seed=settings.seed, quantile=settings.quantile, spread=spread,
-            **proving,
+            proof.words, fitted, settings.samples, conditions, seed=settings.seed, quantile=settings.quantile,
+            spread=spread,
         )
         verdicts.append(document["samples"]["verdict"])
     verdict = document["verdict"] = combined(verdicts)

@@ -10,10 +10,10 @@ from typing import IO, TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.errors import LogError, OutOfRange, UnknownName
+from heatertune.errors import LogError, OutOfRange
 from heatertune.log.care import no_readings, one_run, tell_gaps
 from heatertune.log.cells import Sheet, count, plain_cells, read_sheet
-from heatertune.log.clock import TIME_UNITS, forwards, seconds, with_dates
+from heatertune.log.clock import forwards, seconds, with_dates
 from heatertune.log.columns import Columns, find_columns, with_names
 from heatertune.log.names import ROLES
 from heatertune.log.numbers import Array, numbers, refused
@@ -24,7 +24,9 @@ from heatertune.log.tags import Tags, by_tags
 from heatertune.log.taken import Taken
 from heatertune.log.told import Unit, taken_of
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC, Log
-from heatertune.units import check, degF_to_degC, kelvin_to_degC
+from heatertune.options import merged
+from heatertune.settings import ReadSettings
+from heatertune.units import degF_to_degC, kelvin_to_degC
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -40,27 +42,8 @@ _POSSIBLE_DEGC: Final = (-90.0, 2000.0)  # colder than any place on earth; hotte
 
 
 def read_log(
-    source: str | Path | IO[Any] | DataFrame,
-    *,
-    time_column: str | int | None = None,
-    temperature_column: str | int | None = None,
-    power_column: str | int | None = None,
-    setpoint_column: str | int | None = None,
-    date_column: str | int | None = None,
-    temperature_unit: str | None = None,
-    power_full_scale: float | None = None,
-    time_unit: str | None = None,
-    sample_time_s: float | None = None,
-    tag: str | None = None,
-    power_tag: str | None = None,
-    setpoint_tag: str | None = None,
-    tag_column: str | int | None = None,
-    quality_column: str | int | None = None,
-    skip_rows: int = 0,
-    run: int | None = None,
-    skip_empty: bool = False,
-    errata: bool = False,
-    content: bytes | None = None,
+    source: str | Path | IO[Any] | DataFrame, settings: ReadSettings | None = None, *, content: bytes | None = None,
+    **changed: Any,
 ) -> Log:
     """Read a temperature log.
 
@@ -70,54 +53,40 @@ def read_log(
 
     Args:
         source: path of a CSV file, an open one, a table of pandas, or "table3" / "table4", the paper's tables.
-        time_column: name or number (1 = first) of the column of the time; likewise the other columns.
-        temperature_column: of the temperature; of a long table, of the values.
-        power_column: of the heater power; "none": there is none.
-        setpoint_column: of the setpoint; "none": there is none.
-        date_column: of the date, where the time column holds the time of day alone; "none": there is none.
-        temperature_unit: "degC", "degF" or "K".
-        power_full_scale: reading at full power.
-        time_unit: "s", "ms", "min", "h" or "d".
-        sample_time_s: interval of a log without a time column [s].
-        tag: the temperature's, where rows of several tags stand below one another.
-        power_tag: the power's, in a long table; "none": there is none.
-        setpoint_tag: the setpoint's, in a long table; "none": there is none.
-        tag_column: of the tags.
-        quality_column: of the quality flags; "none": they are not looked at.
-        skip_rows: lines at the beginning of the file that are passed over.
-        run: which of several runs in one file, 1 = first; by default the longest.
-        skip_empty: whether rows without a temperature (empty, NaN) are left out instead of refused.
-        errata: whether the known misprints of a built-in table are corrected.
+        settings: how the file is to be read; None: all is found out.
         content: of the file, where it lies on another machine; `source` then only names it.
+        changed: fields of `ReadSettings` that are other than in `settings`.
 
     Raises:
         LogError: what cannot be understood, with file, line, column and value.
         UnknownName: a unit that does not exist.
     """
+    asked = merged(ReadSettings, settings, changed)
     if not isinstance(source, str | Path):
         source, content = _handed(source)
-    _check(temperature_unit, time_unit, power_full_scale, sample_time_s, skip_rows)
     named = isinstance(source, str) and source.lower() in BUILT_IN and content is None
     table = built_in(str(source).lower()) if named else None
-    sheet, doubts = _opened(Path(source), table, content, skip_rows, errata)
-    given = (time_column, temperature_column, power_column, setpoint_column)
+    sheet, doubts = _opened(Path(source), table, content, asked.skip_rows, asked.errata)
+    given = (asked.time_column, asked.temperature_column, asked.power_column, asked.setpoint_column)
     wanted = {role: column for role, column in zip(ROLES, given, strict=True) if column is not None}
-    asked = Tags(temperature=tag, power=power_tag, setpoint=setpoint_tag, column=tag_column, quality=quality_column,
-                 value=temperature_column, time=time_column, date=date_column)
-    tagged = by_tags(sheet, asked, time_unit)
+    tags = Tags(
+        temperature=asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag, column=asked.tag_column,
+        quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column, date=asked.date_column)
+    tagged = by_tags(sheet, tags, asked.time_unit)
     sheet = plain_cells(tagged.sheet) if tagged.is_long else tagged.sheet
-    columns = find_columns(sheet, tagged.wanted or wanted, counted=sample_time_s is not None)
-    sheet, columns = with_dates(sheet, columns, None if tagged.is_long else date_column)
+    columns = find_columns(sheet, tagged.wanted or wanted, counted=asked.sample_time_s is not None)
+    sheet, columns = with_dates(sheet, columns, None if tagged.is_long else asked.date_column)
     repairs = [*sheet.repairs, *columns.told]
-    time, clock = seconds(sheet, columns, time_unit, sample_time_s, repairs)
+    time, clock = seconds(sheet, columns, asked.time_unit, asked.sample_time_s, repairs)
     sheet, time = forwards(sheet, time, repairs)
-    sheet, time, chosen_run = one_run(sheet, time, run, repairs)
-    raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves such rows out)", holes=skip_empty)
+    sheet, time, chosen_run = one_run(sheet, time, asked.run, repairs)
+    raw = numbers(
+        sheet, columns, "temperature", "a number (--skip-empty leaves such rows out)", holes=asked.skip_empty)
     kept, repeats = kept_rows(sheet, columns, time, repairs)
     kept &= ~no_readings(sheet, columns, raw, time, repairs)
-    unit = _temperature_unit(sheet, columns, temperature_unit, raw[kept], repairs, doubts)
+    unit = _temperature_unit(sheet, columns, asked.temperature_unit, raw[kept], repairs, doubts)
     setpoint, filled = _setpoint(sheet, columns, unit.name, repairs)
-    power = power_of(sheet, columns, power_full_scale, repairs, doubts)
+    power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts)
     found = {
         "time_s": time, "temperature_degC": _temperature(sheet, columns, "temperature", unit, raw, kept),
         "setpoint_degC": setpoint, "power_pct": None if power is None else power.percent,
@@ -128,23 +97,10 @@ def read_log(
     taken = taken_of(
         table.name if table else Path(source).name, sheet, columns, tagged, time=time[kept], clock=clock,
         temperature=unit, power=power, repeats=repeats, filled=filled, read=len(time),
-        options={"sample_time_s": sample_time_s, "run": chosen_run, "skip_empty": skip_empty, "errata": errata,
-                 "skip_rows": max(skip_rows, sheet.above)},
+        options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
+                 "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above)},
     )
     return _log(source, table, sheet.file, found, tuple(repairs), tuple(doubts), taken)
-
-
-def _check(
-    temperature_unit: str | None, time_unit: str | None, power_full_scale: float | None, sample_time_s: float | None,
-    skip_rows: int,
-) -> None:
-    for kind, unit, known in (("temperature unit", temperature_unit, _TO_DEGC), ("time unit", time_unit, TIME_UNITS)):
-        if unit is not None and unit not in known:
-            raise UnknownName(kind, unit, known)
-    for name, number in (("power_full_scale", power_full_scale), ("sample_time_s", sample_time_s)):
-        if number is not None:
-            check(name, number, above=0.0)
-    check("skip_rows", skip_rows, least=0)
 
 
 def _handed(source: Any) -> tuple[str, bytes]:

@@ -26,6 +26,8 @@ from heatertune.model.temperature.fit_temperature import fit_temperature
 from heatertune.model.temperature.law import ControllerLaw
 from heatertune.model.values import FittedModel, Outcome
 from heatertune.model.windows import undisturbed
+from heatertune.options import merged
+from heatertune.settings import FitSettings
 from heatertune.units import check
 
 __all__ = ["fit", "fit_known", "fit_together", "model_by_hand"]
@@ -33,39 +35,33 @@ __all__ = ["fit", "fit_known", "fit_together", "model_by_hand"]
 
 def fit(
     log: Log,
+    settings: FitSettings | None = None,
     *,
     laws: Sequence[ControllerLaw] = (),
-    ambient_degC: float | Bounds | None = None,
-    power_before_pct: float | None = None,
-    until_s: float | None = None,
-    dead_time_at_most_s: float | None = None,
-    sensor_delay_s: float = 0.0,
     thorough: bool = False,
     seed: int = 1,
     progress: Callable[[str], object] = str,
+    **changed: Any,
 ) -> FittedModel:
     """Identify the heater behind a log.
 
     Args:
         log: with power, the power is believed; without, the controller laws are run inside the fit.
+        settings: what is known beside the log; None: nothing.
         laws: hypotheses about the controller, needed where the power was not logged.
-        ambient_degC: ambient temperature where it is known, or its lowest and highest value [°C].
-        power_before_pct: power before the first reading [%], where it differs from the first logged one.
-        until_s: last instant to use [s]; by default all, or without power all up to the first disturbance.
-        dead_time_at_most_s: no dead time is longer, as the user knows; only with power [s].
-        sensor_delay_s: by which the sensor is known to lag behind; no dead time below it is believed [s].
         thorough: carry every controller hypothesis to the end, however far behind it is.
         seed: of the random starts and the bootstrap.
         progress: called with a short message when a stage begins.
+        changed: fields of `FitSettings` that are other than in `settings`.
 
     Raises:
         InputError: the power never changes, or neither power nor laws are there, or power_before without power.
         OutOfRange: fewer than 20 readings are left, an ambient above all readings, a power outside 0…100 %.
     """
-    bounds = _bounds(ambient_degC)
-    _check_given(log, bounds, power_before_pct)
-    delays = DelaysKnown(dead_time_at_most_s=dead_time_at_most_s, sensor_delay_s=sensor_delay_s)
-    used, notes = _used(log, until_s)
+    given = merged(FitSettings, settings, changed)
+    bounds, delays = _bounds(given.ambient_degC), _delays(given)
+    _check_given(log, bounds, given.power_before_pct)
+    used, notes = _used(log, given.until_s)
     if used.power_pct is None:
         _demand_laws(log, laws)
         _refuse_bound(log, delays)
@@ -73,7 +69,7 @@ def fit(
         found = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
     else:
         progress(f"{log.name}: fitting one and two lags to the logged power")
-        found = _fit_logged(used, bounds, power_before_pct, seed, delays)
+        found = _fit_logged(used, bounds, given.power_before_pct, seed, delays)
         found = with_relay(used, found, ambient_degC=_single(bounds))
         loop = loop_told(used)
         notes += tuple(each.sentence for each in loop)
@@ -84,42 +80,35 @@ def fit(
 def fit_known(
     log: Log,
     controllers: Sequence[KnownController],
+    settings: FitSettings | None = None,
     *,
     setpoint_degC: float | None = None,
-    ambient_degC: float | Bounds | None = None,
-    power_before_pct: float = 0.0,
-    until_s: float | None = None,
-    dead_time_at_most_s: float | None = None,
-    sensor_delay_s: float = 0.0,
     seed: int = 1,
     progress: Callable[[str], object] = str,
+    **changed: Any,
 ) -> FittedModel:
     """Identify the heater behind a log without power whose controller is known; see `known_controller`.
 
     Args:
         log: without power, its first reading at the controller's first scan.
         controllers: the controller under each setting of what its manual leaves open, at least one.
+        settings: as in `fit`; without a power before the first reading there was none: the controller starts cold.
         setpoint_degC: constant setpoint [°C]; None: as logged.
-        ambient_degC: as in `fit`.
-        power_before_pct: power before the first reading [%]; the controller starts cold.
-        until_s: as in `fit`.
-        dead_time_at_most_s: as in `fit`.
-        sensor_delay_s: as in `fit`.
         seed: as in `fit`.
         progress: as in `fit`.
+        changed: as in `fit`.
 
     Raises:
         InputError: as `known_controller.replayed`, or the power never changes.
         OutOfRange: as `fit`.
     """
-    bounds = _bounds(ambient_degC)
+    asked = merged(FitSettings, settings, changed)
+    bounds, delays, power_before = _bounds(asked.ambient_degC), _delays(asked), asked.power_before_pct or 0.0
     _check_given(log, bounds, None)
-    check("power_before_pct", power_before_pct, least=0.0, most=100.0)
-    delays = DelaysKnown(dead_time_at_most_s=dead_time_at_most_s, sensor_delay_s=sensor_delay_s)
-    used, notes = _used(log, until_s)
+    used, notes = _used(log, asked.until_s)
     progress(f"{log.name}: running {controllers[0].name.partition(',')[0]} on the logged readings")
     known = _single(bounds)
-    given: dict[str, Any] = {"ambient_degC": known, "power_before_pct": power_before_pct}
+    given: dict[str, Any] = {"ambient_degC": known, "power_before_pct": power_before}
     rated = rate(records(used, controllers, setpoint_degC), **given)
     if not rated:
         raise InputError(f"{log.name}: on these readings the controller's power never changes; is the setpoint right?")
@@ -129,7 +118,7 @@ def fit_known(
     if offset != 0.0:
         rated = rate(records(used, controllers, setpoint_degC, offset), **given)
     candidates, hypotheses = compare(rated)
-    found = _fit_logged(rated[0].log, bounds, power_before_pct, seed, delays, believed=True)
+    found = _fit_logged(rated[0].log, bounds, power_before, seed, delays, believed=True)
     loop = loop_told(rated[0].log)
     told = replay_notes(used, controllers, hypotheses, offset)
     family = (*candidates, *(replace(each, law=hypotheses[0].law) for each in found.candidates if each.part))
@@ -143,15 +132,12 @@ def fit_known(
 
 def fit_together(
     logs: Sequence[Log],
+    settings: FitSettings | None = None,
     *,
     laws: Sequence[ControllerLaw] = (),
-    ambient_degC: float | Bounds | None = None,
-    power_before_pct: float | None = None,
-    until_s: float | None = None,
-    dead_time_at_most_s: float | None = None,
-    sensor_delay_s: float = 0.0,
     seed: int = 1,
     progress: Callable[[str], object] = str,
+    **changed: Any,
 ) -> FittedModel:
     """Identify the one heater behind several logs, all with power or all without; arguments as in `fit`.
 
@@ -174,8 +160,8 @@ def fit_together(
             power_before; with power: as `fit`.
         OutOfRange: as `fit`.
     """
-    bounds = _bounds(ambient_degC)
-    delays = DelaysKnown(dead_time_at_most_s=dead_time_at_most_s, sensor_delay_s=sensor_delay_s)
+    given = merged(FitSettings, settings, changed)
+    bounds, delays = _bounds(given.ambient_degC), _delays(given)
     powered = [log for log in logs if log.power_pct is not None]
     if powered and len(powered) < len(logs):
         other = next(log for log in logs if log.power_pct is None)
@@ -183,8 +169,8 @@ def fit_together(
                          "that all hold it, or none, are fitted together")
     parts, notes = [], []
     for log in logs:
-        _check_given(log, bounds, power_before_pct)
-        used, told = _used(log, until_s)
+        _check_given(log, bounds, given.power_before_pct)
+        used, told = _used(log, given.until_s)
         parts.append(used)
         notes += [f"{log.name}: {note}" for note in told]
     names = [log.name for log in logs]
@@ -192,7 +178,7 @@ def fit_together(
         raise InputError(f"{', '.join(names)}: one log given twice says nothing new; give different ones")
     progress(f"fitting one heater to {' and '.join(names)}")
     if powered:
-        found = _together(parts, bounds, power_before_pct, seed, delays)
+        found = _together(parts, bounds, given.power_before_pct, seed, delays)
     else:
         for log in logs:
             _demand_laws(log, laws)
@@ -226,6 +212,10 @@ def _together(
     fitted = fit_logs(explanations, open_start=power_before_pct is None, seed=seed,
                       least_dead_time_s=delays.least_dead_time_s(parts))
     return replace(fitted, notes=(*notes, *fitted.notes), findings=(*fitted.findings, *findings_of(loops)))
+
+
+def _delays(given: FitSettings) -> DelaysKnown:
+    return DelaysKnown(dead_time_at_most_s=given.dead_time_at_most_s, sensor_delay_s=given.sensor_delay_s)
 
 
 def _bounds(ambient_degC: float | Bounds | None) -> Bounds | None:

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import HeaterModel, TwoLag
+from heatertune.settings import TuneSettings
 from heatertune.units import check
 
 __all__ = ["OBJECTIVES", "Specs", "is_boundless", "refuse_boundless"]
@@ -22,6 +23,10 @@ OBJECTIVES: Final[dict[str, str]] = {
     "iae": "the same as load",
     "ise": "∫e² dt after a load step of 1 % power [°C²·s]; sampled loops only",
 }
+
+
+#: where nothing is said
+_ASKED: Final = TuneSettings()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,10 +47,10 @@ class Specs:
         InputError: a weight with another objective than load.
     """
 
-    ms: float = 1.6
-    mt: float = math.inf
-    mks: float = math.inf
-    objective: str = "load"
+    ms: float = _ASKED.ms
+    mt: float = _ASKED.mt
+    mks: float = _ASKED.mks
+    objective: str = _ASKED.objective
     weight: float | None = None
 
     def __post_init__(self) -> None:

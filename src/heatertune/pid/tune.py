@@ -6,9 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.options import merged, options_of
 from heatertune.pid.continuous.tune import tune_continuous
 from heatertune.pid.explain import explain
 from heatertune.pid.loop.response import dominant_time_s, iae_load, iae_setpoint
@@ -17,15 +19,16 @@ from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.scheduling import told_about_faces
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.search.optimum import polish
-from heatertune.pid.search.robust import ROBUST, Guarded, Open, guarded
+from heatertune.pid.search.robust import Guarded, Open, guarded
 from heatertune.pid.specs import Specs, refuse_boundless
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign, Promise
+from heatertune.settings import TuneSettings
 from heatertune.units import check
 
 __all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "tune"]
 
-STRUCTURES = ("p", "pi", "pid")
+STRUCTURES = options_of(TuneSettings)["structure"].choices
 METHODS = ("optimum", *RULES)
 
 _SAMPLES_PER_TRDOM = 10.0  # S5-115U manual, section 11.2.3: TA ≈ TRdom/10
@@ -36,50 +39,25 @@ _WHOLE = 1e-9  # of a timer's step: rounding
 
 
 def tune(
-    fitted: FittedModel,
-    *,
-    method: str = "optimum",
-    structure: str = "pi",
-    ms: float = 1.6,
-    mt: float = math.inf,
-    mks: float = math.inf,
-    objective: str = "load",
-    weight: float | None = None,
-    sample_time_s: float | None = None,
-    closed_loop_s: float | None = None,
-    timer: Timer | None = None,
-    derivative_filter: float = 0.5,
-    robust: str = "none",
-    step_power_pct: float = 10.0,
-    resolution_degC: float = 0.0,
-    progress: Callable[[str], object] = str,
+    fitted: FittedModel, settings: TuneSettings | None = None, *, timer: Timer | None = None,
+    derivative_filter: float = 0.5, resolution_degC: float = 0.0, progress: Callable[[str], object] = str,
+    **changed: Any,
 ) -> PidDesign:
     """Find K, TN, TV and TA for a heater and all its candidate models.
 
-    The optimum minimises the mean of the objective of the sampled loop over the candidates, subject to Ms ≤ `ms`,
-    Mt ≤ `mt` and Mks ≤ `mks` on each. A rule is applied to the working FOPDT, and its margins are reported for the
-    worst candidate.
+    The optimum minimises the mean of the objective of the sampled loop over the candidates, subject to the limits on
+    Ms, Mt and Mks on each. A rule is applied to the working FOPDT, and its margins are reported for the worst
+    candidate.
     TA = TRdom/10 of the fastest candidate's closed loop, iterated until it rests.
 
     Args:
         fitted: model and candidates.
-        method: "optimum" or the name of a rule.
-        structure: "p", "pi" or "pid".
-        ms: limit of the maximum sensitivity, for the optimum.
-        mt: limit of the maximum complementary sensitivity, for the optimum.
-        mks: limit of the noise gain from reading to power, for the optimum [%/°C].
-        objective: of the optimum, one of `heatertune.pid.specs.OBJECTIVES`.
-        weight: share of the setpoint in the objective load, see `Specs`.
-        sample_time_s: TA where it is given [s], None to find it, 0 for the continuous loop.
-        closed_loop_s: closed-loop time constant of a rule that leaves it open [s], None for the rule's own.
+        settings: what is asked for; None: the defaults.
         timer: what the target's timer can do.
         derivative_filter: weight of its past in the target's derivative part, see `PidDesign`.
-        robust: over which heaters drawn from the fit the optimum keeps its limits besides the candidates, one of
-            `heatertune.pid.search.robust.ROBUST`; TA is that of the design without them.
-        step_power_pct: most power that one step of the reading may move [%]; the step is that of the log (or its noise)
-            or the controller's own.
         resolution_degC: of the controller's reading [°C]; 0 where it is not known.
         progress: called with a short message when a round begins.
+        changed: fields of `TuneSettings` that are other than in `settings`.
 
     Raises:
         UnknownName: no such method, structure, objective or way to be robust.
@@ -87,22 +65,21 @@ def tune(
         InputError: no design keeps the limits, or the rule does not give the structure or take the closed-loop time, or
             a rule is to be robust, or the fit has no intervals to draw from.
     """
-    _refuse_nonsense(method, structure, robust, closed_loop_s)
-    plants = fitted.plants
-    specs = Specs(ms=ms, mt=mt, mks=mks, objective=objective, weight=weight)
+    asked = merged(TuneSettings, settings, changed)
+    method, structure, robust, closed_loop_s = asked.method, asked.structure, asked.robust, asked.closed_loop_s
+    _refuse_nonsense(asked)
+    plants, sample_time_s = fitted.plants, asked.sample_time_s
+    specs = Specs(ms=asked.ms, mt=asked.mt, mks=asked.mks, objective=asked.objective, weight=asked.weight)
     specs.refuse_contradictions(plants, structure)
-    check("step_power_pct", step_power_pct, above=0.0, infinite=True)
     step = max(fitted.reading_step_degC, resolution_degC)
-    step_power = step_power_pct / step if step > 0.0 else math.inf
-    if sample_time_s is not None:
-        check("sample_time_s", sample_time_s, least=0.0)
+    step_power = asked.step_power_pct / step if step > 0.0 else math.inf
     if sample_time_s == 0.0:
         return tune_continuous(
             fitted, method=method, structure=structure, specs=specs, closed_loop_s=closed_loop_s, robust=robust
         )
     check("derivative_filter", derivative_filter, least=0.0, most=0.99)
     if method == "optimum":
-        refuse_boundless(plants, structure, mks)
+        refuse_boundless(plants, structure, asked.mks)
     one_round = (
         _rule_round(fitted, method, structure, derivative_filter, closed_loop_s) if method in RULES
         else _search_round(plants, structure, specs, derivative_filter, step_power)
@@ -126,16 +103,13 @@ def _alone(problem: Problem, plant: HeaterModel) -> tuple[PidDesign, Callable[[P
     return search(own), own.cost
 
 
-def _refuse_nonsense(method: str, structure: str, robust: str, closed_loop_s: float | None) -> None:
-    for kind, name, known in (
-        ("tuning method", method, METHODS), ("structure", structure, STRUCTURES), ("way to be robust", robust, ROBUST)
-    ):
-        if name not in known:
-            raise UnknownName(kind, name, known)
-    if closed_loop_s is not None and method == "optimum":
+def _refuse_nonsense(asked: TuneSettings) -> None:
+    if asked.method not in METHODS:
+        raise UnknownName("tuning method", asked.method, METHODS)
+    if asked.closed_loop_s is not None and asked.method == "optimum":
         raise InputError("the optimum takes no closed-loop time constant; give --ms, or a rule with --method")
-    if robust != "none" and method != "optimum":
-        raise InputError(f"the rule {method} has no limits to keep; --robust goes with --method optimum")
+    if asked.robust != "none" and asked.method != "optimum":
+        raise InputError(f"the rule {asked.method} has no limits to keep; --robust goes with --method optimum")
 
 
 def _improved(

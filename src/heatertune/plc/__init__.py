@@ -1,48 +1,42 @@
-"""Design → words → text; one room per controller, each with the same four doors."""
+"""Design → words → text: one class per controller, in a folder named as the target.
+
+What stands here is imported when it is first used: who only asks for the names of the targets waits for no arithmetic.
+"""
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
-from heatertune.errors import UnknownName
-from heatertune.plc.open_points import Switch
-from heatertune.plc.ramp import Ramp
-from heatertune.plc.room import (
-    Certificate,
-    Number,
-    Room,
-    Scaling,
-    Scan,
-    Timing,
-    WordField,
-    Words,
-)
+from heatertune.plc.targets import TARGETS
+
+if TYPE_CHECKING:
+    from heatertune.plc.controller import Controller, controller_for
+    from heatertune.plc.core import Core, Running, Scan, Timing, count
+    from heatertune.plc.open_points import Switch
+    from heatertune.plc.ramp import Number, Ramp
+    from heatertune.plc.words import Certificate, Scaling, WordField, Words, rounded
 
 __all__ = [
-    "FAITHFUL", "TARGETS", "Certificate", "Number", "Ramp", "Room", "Scaling", "Scan", "Switch", "Timing",
-    "WordField", "Words", "room",
+    "TARGETS", "Certificate", "Controller", "Core", "Number", "Ramp", "Running", "Scaling", "Scan", "Switch", "Timing",
+    "WordField", "Words", "controller_for", "count", "rounded",
 ]
 
-#: name on the command line → package of the room (which has a value ROOM)
-TARGETS: Final[dict[str, str]] = {
-    "s5-ob251": "heatertune.plc.s5_ob251",
-    "s7-200": "heatertune.plc.s7_200",
-    "s7-200-paper": "heatertune.plc.s7_200.paper",
-    "s7-200-pid": "heatertune.plc.s7_200.pid",
-    "s7-300": "heatertune.plc.s7_300.tip",
-    "fb41": "heatertune.plc.s7_300.fb41",
-    "weg": "heatertune.plc.weg",
-    "on-off": "heatertune.plc.bit_processor",
+_FROM: Final = {
+    "controller": ("Controller", "controller_for"),
+    "core": ("Core", "Running", "Scan", "Timing", "count"),
+    "open_points": ("Switch",),
+    "ramp": ("Number", "Ramp"),
+    "words": ("Certificate", "Scaling", "WordField", "Words", "rounded"),
 }
 
-#: target → the same as its source prints it, faults included
-FAITHFUL: Final[dict[str, str]] = {"s7-200": "s7-200-paper"}
+
+def __getattr__(name: str) -> Any:
+    for module, names in _FROM.items():
+        if name in names:
+            return getattr(import_module(f"heatertune.plc.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-def room(target: str) -> Room:
-    """Return the room of a target; raise UnknownName with the known ones."""
-    if target not in TARGETS:
-        raise UnknownName("target", target, TARGETS)
-    found: Room = import_module(TARGETS[target]).ROOM
-    return found
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,4 +1,4 @@
-"""How a controller is put into service, step by step: the text lives with its room, report and manual draw from it."""
+"""How a controller is put into service, step by step: the text lives in its folder, report and manual draw from it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from importlib.resources import files
 from typing import Final
 
 from heatertune.errors import UnknownName
-from heatertune.plc import TARGETS
+from heatertune.plc.targets import TARGETS
 
 __all__ = ["SECTIONS", "Commissioning", "commissioning"]
 
-#: what every room's COMMISSIONING.md tells, in this order
+#: what every controller's COMMISSIONING.md tells, in this order
 SECTIONS: Final = (
     "Where the words go", "The first minutes", "If it oscillates", "If it is sluggish", "If it does not heat",
     "How to go back",
@@ -33,7 +33,7 @@ class Commissioning:
 
 
 def commissioning(target: str) -> Commissioning:
-    """Return the steps of a target, read from its room's COMMISSIONING.md; raise UnknownName with the known ones."""
+    """Return the steps of a target, read from its COMMISSIONING.md; raise UnknownName with the known ones."""
     if target not in TARGETS:
         raise UnknownName("target", target, TARGETS)
     head, *parts = files(TARGETS[target]).joinpath("COMMISSIONING.md").read_text(encoding="utf-8").split("\n## ")

@@ -1,11 +1,12 @@
 """Model + words → Trace → verdict: the closed loop with PWM, sensor and the PLC's own arithmetic."""
 
 from heatertune.proof.criteria import Criterion, Limits
+from heatertune.proof.fitted import prove
 from heatertune.proof.ideal import simulate_wish
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge
 from heatertune.proof.loop import simulate
-from heatertune.proof.prove import Proof, RunResult, prove
+from heatertune.proof.prove import Proof, RunResult, prove_models
 from heatertune.proof.pwm import Actuator, pid_compact, pulsegen
 from heatertune.proof.sampled import SampleProof, prove_samples
 from heatertune.proof.samples import Drawing, Spread, replay
@@ -30,6 +31,7 @@ __all__ = [
     "paper_scenario",
     "pid_compact",
     "prove",
+    "prove_models",
     "prove_samples",
     "pulsegen",
     "replay",

@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Final
 
+from heatertune.settings import Conditions
 from heatertune.units import check
 
 __all__ = ["Criterion", "Limits", "worst_of"]
+
+#: where nothing is said
+_ASSUMED: Final = Conditions()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +110,7 @@ class Limits:
 
     overshoot_pct: float | None = 20.0
     settling_s: float | None = None
-    tolerance_degC: float = 1.0
+    tolerance_degC: float = _ASSUMED.tolerance_degC
     tolerance_resolutions: float = 2.0
     steady_share: float = 0.2
     pwm_ripple_degC: float | None = None
@@ -121,7 +125,7 @@ class Limits:
     ms: float | None = 2.0
     gain_margin: float | None = 1.7
     phase_margin_deg: float | None = 30.0
-    step_power_pct: float | None = 10.0
+    step_power_pct: float | None = _ASSUMED.step_power_pct
 
     def __post_init__(self) -> None:
         for each in fields(self):

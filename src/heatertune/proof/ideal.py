@@ -7,8 +7,8 @@ from typing import Final, NamedTuple
 
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import PidDesign
-from heatertune.plc.room import Core
-from heatertune.proof.loop import Controller, run_loop
+from heatertune.plc.core import Core
+from heatertune.proof.loop import InLoop, run_loop
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.trace import Trace
@@ -44,7 +44,7 @@ def simulate_wish(
         InputError, OutOfRange: as `simulate`.
     """
     per_scan, asked = ramp_degC_per_min / 60.0 * design.sample_time_s, scenario.setpoint_degC
-    controller = Controller(
+    controller = InLoop(
         core=_CORE, parameters=_law_of(design), state=_State(0.0, 0.0, 0.0), sensor=0.0,
         setpoints=lambda first, scans: [_on_the_way(first, asked, (k + 1) * per_scan) for k in range(scans)],
         scan_s=design.sample_time_s,

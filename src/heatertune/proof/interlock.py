@@ -2,7 +2,7 @@
 
 The bit processor's heater program (E. Hryniewicz, M. Chmiel, Przegląd Elektrotechniczny 88(9a), 2012, below figure 9)
 runs every 10 ms. Its output H is a contact in series with the switch that the controller drives. Its buttons A (fan)
-and B (heater) are pressed during the first scan and never again; see plc/bit_processor/DIFFERENCES.md.
+and B (heater) are pressed during the first scan and never again; see plc/on_off/DIFFERENCES.md.
 """
 
 from __future__ import annotations
@@ -16,16 +16,18 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import UnknownName
-from heatertune.plc.bit_processor.assembler import assemble
-from heatertune.plc.bit_processor.machine import START, State, Wiring, scan
-from heatertune.plc.bit_processor.programs import HEATER, HEATER_NAMES
+from heatertune.options import options_of
+from heatertune.plc.cpu.one_bit.assembler import assemble
+from heatertune.plc.cpu.one_bit.machine import START, State, Wiring, scan
+from heatertune.plc.cpu.one_bit.programs import HEATER, HEATER_NAMES
 from heatertune.proof.pwm import INSTANT_S
+from heatertune.settings import Conditions
 from heatertune.units import check
 
 __all__ = ["INTERLOCKS", "Interlock"]
 
 #: names on the command line
-INTERLOCKS: Final = ("heater-fan",)
+INTERLOCKS: Final = tuple(options_of(Conditions)["interlock"].choices)
 
 _SCAN_S: Final = 0.01
 

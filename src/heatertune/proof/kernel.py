@@ -89,7 +89,7 @@ class Batch(NamedTuple):
 
 
 def step(_parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_start: bool) -> tuple[Any, ...]:
-    """Stand in for a controller's own, see `heatertune.plc.room.Core` and `heatertune.compiled.bound`."""
+    """Stand in for a controller's own, see `heatertune.plc.core.Core` and `heatertune.compiled.bound`."""
     raise NotImplementedError
 
 

@@ -13,10 +13,12 @@ import numpy.typing as npt
 from heatertune.compiled import bound, compiled, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
+from heatertune.plc.controller import Controller
+from heatertune.plc.core import Core
 from heatertune.plc.open_points import settings_of
-from heatertune.plc.ramp import course
-from heatertune.plc.room import Core, Number, Room, Words
+from heatertune.plc.ramp import Number, course
 from heatertune.plc.single import narrowed
+from heatertune.plc.words import Words
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import JUMP, LOAD, Batch, Record, run, run_all
 from heatertune.proof.meter import Meter, no_meter
@@ -25,8 +27,22 @@ from heatertune.proof.scenario import Kick, Scenario, conditions, temperatures
 from heatertune.proof.trace import Trace
 
 __all__ = [
-    "Controller", "actuator_of", "check_words", "controller_of", "events_of", "noise_of", "plant_row", "pulses_of",
-    "ring_size", "run_compiled", "run_loop", "run_plainly", "run_with", "scans_of", "setpoints_of", "simulate",
+    "InLoop",
+    "actuator_of",
+    "check_words",
+    "events_of",
+    "in_loop",
+    "noise_of",
+    "plant_row",
+    "pulses_of",
+    "ring_size",
+    "run_compiled",
+    "run_loop",
+    "run_plainly",
+    "run_with",
+    "scans_of",
+    "setpoints_of",
+    "simulate",
     "traced",
 ]
 
@@ -36,7 +52,7 @@ _PLC_RESOLUTION_S: Final = 0.001  # pulse width register in milliseconds: S7-200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Controller:
+class InLoop:
     """A controller as the loop sees it.
 
     Attributes:
@@ -65,7 +81,7 @@ class Controller:
 
 
 def simulate(
-    room: Room, words: Words, model: HeaterModel, scenario: Scenario,
+    room: Controller, words: Words, model: HeaterModel, scenario: Scenario,
     actuator: Actuator | None = None, switches: Mapping[str, str] | None = None, interlock: Interlock | None = None,
 ) -> Trace:
     """Return what the heater does when the PLC runs these words.
@@ -87,7 +103,7 @@ def simulate(
     check_words(room, words, scenario)
 
     def run_from_cold(cut_s: float) -> Trace:
-        controller = controller_of(room, words, scenario.setpoint_degC, switches or {})
+        controller = in_loop(room, words, scenario.setpoint_degC, switches or {})
         return run_loop(controller, model, scenario, actuator, cut_s=cut_s)
 
     trace = run_from_cold(math.inf)
@@ -98,7 +114,7 @@ def simulate(
     return replace(trace if math.isinf(cut_s) else run_from_cold(cut_s), interlock=interlock, cut_s=cut_s)
 
 
-def check_words(room: Room, words: Words, scenario: Scenario) -> None:
+def check_words(room: Controller, words: Words, scenario: Scenario) -> None:
     """Raise OutOfRange where the room cannot have such words, or their sensor does not see the setpoint."""
     room.check(words)
     room.check_ramp(words)
@@ -109,7 +125,7 @@ def check_words(room: Room, words: Words, scenario: Scenario) -> None:
 
 
 def run_loop(
-    controller: Controller, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, *,
+    controller: InLoop, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, *,
     cut_s: float = math.inf,
 ) -> Trace:
     """Return the trace of any controller, the heater kept off from `cut_s` on [s]; errors as in `simulate`."""
@@ -123,13 +139,13 @@ def noise_of(scenario: Scenario, scans: int) -> Array:
     return np.random.default_rng(scenario.seed).normal(0.0, scenario.noise_degC, scans)
 
 
-def scans_of(controller: Controller, scenario: Scenario) -> int:
+def scans_of(controller: InLoop, scenario: Scenario) -> int:
     """Return the number of scans; the last one comes at the end or just after it."""
     return math.ceil(scenario.duration_s / controller.scan_s - INSTANT_S) + 1
 
 
 def traced(
-    controller: Controller, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, noise_degC: Array,
+    controller: InLoop, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, noise_degC: Array,
     late_s: Array, *, cut_s: float = math.inf,
 ) -> Trace:
     """Return the trace of one run whose noise and delay are given, able to hold the setpoint or not; see `Clock`."""
@@ -169,7 +185,7 @@ def traced(
     )
 
 
-def run_with(controller: Controller, given: tuple[Any, ...], scans: int) -> tuple[int, int]:
+def run_with(controller: InLoop, given: tuple[Any, ...], scans: int) -> tuple[int, int]:
     """Run the kernel with a controller, compiled where that pays; `given` are `run_all`'s arguments from the batch on.
 
     `scans` tells how much work it is.
@@ -211,7 +227,7 @@ def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
     return found
 
 
-def actuator_of(controller: Controller, given: Actuator | None) -> Actuator:
+def actuator_of(controller: InLoop, given: Actuator | None) -> Actuator:
     """Return the switch: the controller's own PWM, else the one given; raise InputError where there is none."""
     if controller.pwm_period_s is not None:
         period = controller.pwm_period_s
@@ -253,7 +269,7 @@ def events_of(
     return table[..., 0].copy(), table[..., 1].astype(np.int64), table[..., 2].copy()
 
 
-def setpoints_of(controller: Controller, first_degC: Sequence[float], scans: int) -> npt.NDArray[Any]:
+def setpoints_of(controller: InLoop, first_degC: Sequence[float], scans: int) -> npt.NDArray[Any]:
     """Return the setpoints of runs that first see these temperatures, shape (n, scans); without a ramp one row."""
     moves = controller.words is None or controller.words.ramp is not None
     firsts = [controller.core.measure(controller.sensor, each) for each in (first_degC if moves else first_degC[:1])]
@@ -270,9 +286,9 @@ def ring_size(pulses: int) -> int:
     return 1 << (pulses - 1).bit_length()
 
 
-def controller_of(
-    room: Room, words: Words, setpoint_degC: float, switches: Mapping[str, str], *, direct: bool = False
-) -> Controller:
+def in_loop(
+    room: Controller, words: Words, setpoint_degC: float, switches: Mapping[str, str], *, direct: bool = False
+) -> InLoop:
     """Return a room that runs words, its switches set; `direct`: without its listing, where that can be.
 
     Raises:
@@ -284,7 +300,7 @@ def controller_of(
     low, high = words.scaling.low_degC, words.scaling.high_degC
     lowest = room.measure(words, low)
     unit = (high - low) / (room.measure(words, high) - lowest)
-    return Controller(
+    return InLoop(
         core=core,
         parameters=running.parameters,
         state=running.state,

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from heatertune.proof.criteria import Limits
 from heatertune.proof.kernel import PHASE, REST, Batch, Record
-from heatertune.proof.loop import Controller, events_of, pulses_of, ring_size, run_with, scans_of, setpoints_of
+from heatertune.proof.loop import InLoop, events_of, pulses_of, ring_size, run_with, scans_of, setpoints_of
 from heatertune.proof.measured import Measured, band_of, rest_of
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter
 from heatertune.proof.pwm import Actuator
@@ -19,7 +19,7 @@ Array = npt.NDArray[np.float64]
 
 
 def metered(
-    controller: Controller, rows: Array, scenario: Scenario, actuator: Actuator, limits: Limits, noise_degC: Array,
+    controller: InLoop, rows: Array, scenario: Scenario, actuator: Actuator, limits: Limits, noise_degC: Array,
     late_s: Array, sizes: Array | None = None,
 ) -> Measured:
     """Run a controller on heaters and return what the kernel's meter found.

@@ -14,17 +14,18 @@ import numpy as np
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import Margins, PidDesign
+from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import Switch, settings_of
-from heatertune.plc.room import Room, Words
+from heatertune.plc.words import Words
 from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.document import digested
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge, of_words
 from heatertune.proof.loop import (
-    Controller,
+    InLoop,
     actuator_of,
     check_words,
-    controller_of,
+    in_loop,
     noise_of,
     plant_row,
     scans_of,
@@ -38,7 +39,7 @@ from heatertune.proof.trace import Trace
 from heatertune.proof.verdict import NOT_PROVEN, PROOF_SCHEMA, Heard, blocking, combined
 from heatertune.show import Shown
 
-__all__ = ["Proof", "RunResult", "prove", "settings_to_prove"]
+__all__ = ["Proof", "RunResult", "prove_models", "settings_to_prove"]
 
 _ALL_TOGETHER: Final = 8  # up to so many combinations of settings all are run
 
@@ -114,7 +115,12 @@ class Proof(Shown):
     @property
     def worst(self) -> Trace:
         """Trace of the run whose criteria strain their limits most."""
-        return self.traced(_worst(self.runs))
+        return self.traced(self.worst_run)
+
+    @property
+    def worst_run(self) -> int:
+        """Number of the run whose criteria strain their limits most."""
+        return _worst(self.runs)
 
     @property
     def verdict(self) -> str:
@@ -159,8 +165,8 @@ class Proof(Shown):
         return None if self.words.ramp is None else asdict(self.words.ramp) | {"degC_per_min": self.ramp_degC_per_min}
 
 
-def prove(
-    room: Room,
+def prove_models(
+    room: Controller,
     words: Words,
     models: Sequence[tuple[str, HeaterModel]],
     scenario: Scenario,
@@ -202,7 +208,7 @@ def prove(
     limits, design = limits or Limits(), room.decode(words)
     settings = settings_to_prove(room.switches, known or {})[: None if open_points else 1]
     _check(room, words, models, scenario)
-    controllers = [controller_of(room, words, scenario.setpoint_degC, each, direct=True) for each in settings]
+    controllers = [in_loop(room, words, scenario.setpoint_degC, each, direct=True) for each in settings]
     switch = actuator_of(controllers[0], actuator)
     runs = list(product(models, settings))
     labels = [_label(name, room.switches, switches) for (name, _), switches in runs]
@@ -264,7 +270,7 @@ def settings_to_prove(switches: Sequence[Switch], known: Mapping[str, str] | Non
     return [default, *(each for each in varied if each != default)]
 
 
-def _check(room: Room, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario) -> None:
+def _check(room: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario) -> None:
     """Raise what `simulate` would, with the model's label."""
     for name, model in models:
         try:
@@ -275,7 +281,7 @@ def _check(room: Room, words: Words, models: Sequence[tuple[str, HeaterModel]], 
 
 
 def _metered(
-    controllers: Sequence[Controller], models: Sequence[tuple[str, HeaterModel]], scenario: Scenario,
+    controllers: Sequence[InLoop], models: Sequence[tuple[str, HeaterModel]], scenario: Scenario,
     actuator: Actuator, limits: Limits, labels: Sequence[str],
 ) -> list[tuple[Criterion, ...]]:
     """Return the criteria of each model with each controller, and no trace: many times as fast."""

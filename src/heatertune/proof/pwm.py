@@ -9,7 +9,7 @@ from typing import Final
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.units import check
 
-__all__ = ["INSTANT_S", "RULES", "Actuator", "on_time", "pid_compact", "pulsegen", "switched_by"]
+__all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "on_time", "pid_compact", "pulsegen", "switched_by"]
 
 #: instants closer than this are one instant [s]: far above rounding, far below a PLC's tick
 INSTANT_S: Final = 1e-9
@@ -18,7 +18,8 @@ INSTANT_S: Final = 1e-9
 RULES: Final = {"pulsegen": "drop", "pid-compact": "carry"}
 
 _RULES: Final = ("drop", "carry")
-_HALF_WAVE_S: Final = 0.01
+#: of 50 Hz mains [s]
+HALF_WAVE_S: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +41,7 @@ class Actuator:
     """
 
     pwm_period_s: float
-    resolution_s: float = _HALF_WAVE_S
+    resolution_s: float = HALF_WAVE_S
     minimum_on_s: float = 0.0
     minimum_off_s: float = 0.0
     minimum_rule: str = "drop"
@@ -97,7 +98,7 @@ def pid_compact(
 
 
 def switched_by(
-    rule: str | None, *, pwm_period_s: float, resolution_s: float = _HALF_WAVE_S, minimum_on_s: float = 0.0,
+    rule: str | None, *, pwm_period_s: float, resolution_s: float = HALF_WAVE_S, minimum_on_s: float = 0.0,
     minimum_off_s: float = 0.0,
 ) -> Actuator:
     """Return the switch of a named block, or a plain one that drops what is too short.

@@ -30,9 +30,10 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
-from heatertune.plc.room import Room, Words
+from heatertune.plc.controller import Controller
+from heatertune.plc.words import Words
 from heatertune.proof.criteria import Limits
-from heatertune.proof.loop import Controller, actuator_of, controller_of, plant_row, scans_of, traced
+from heatertune.proof.loop import InLoop, actuator_of, in_loop, plant_row, scans_of, traced
 from heatertune.proof.measured import Measured, joined
 from heatertune.proof.metered import metered
 from heatertune.proof.pwm import Actuator
@@ -97,7 +98,7 @@ class Drawing:
         OutOfRange: an ambient that may reach the setpoint, a jitter as long as a scan.
     """
 
-    controller: Controller
+    controller: InLoop
     heaters: Sequence[HeaterModel]
     scenario: Scenario
     actuator: Actuator
@@ -118,13 +119,13 @@ class Drawing:
 
     @classmethod
     def of(
-        cls, room: Room, words: Words, heaters: Sequence[HeaterModel], scenario: Scenario, spread: Spread,
+        cls, room: Controller, words: Words, heaters: Sequence[HeaterModel], scenario: Scenario, spread: Spread,
         actuator: Actuator | None = None, switches: dict[str, str] | None = None,
     ) -> Drawing:
         """Return the drawing of a room that runs words; errors as in `simulate`."""
         room.check(words)
         room.check_ramp(words)
-        controller = controller_of(room, words, scenario.setpoint_degC, switches or {}, direct=True)
+        controller = in_loop(room, words, scenario.setpoint_degC, switches or {}, direct=True)
         switch = actuator_of(controller, actuator)
         return cls(controller=controller, heaters=heaters, scenario=scenario, actuator=switch, spread=spread)
 

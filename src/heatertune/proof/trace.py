@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.values import HeaterModel
-from heatertune.plc.room import Words
+from heatertune.plc.words import Words
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.plant import advance, turning_times
 from heatertune.proof.pwm import Actuator

@@ -13,7 +13,7 @@ from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Words, room
+from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof, Trace
 from heatertune.report.html import bullets, table, text_of
 from heatertune.report.pictures import drawn
@@ -100,7 +100,7 @@ def _constants(design: PidDesign) -> list[tuple[str, str, str]]:
 
 @card.register
 def _words(value: Words) -> str:
-    found = room(value.target)
+    found = controller_for(value.target)
     rows = [(each.address, each.name, word(value.values[each.name]), each.comment) for each in found.fields]
     scale = (f"<p>Called every {figure(value.sample_time_s)} s; sensor {figure(value.scaling.low_degC)} … "
              f"{figure(value.scaling.high_degC)} °C.</p>")

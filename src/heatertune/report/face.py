@@ -13,7 +13,7 @@ from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Words, room
+from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof, Trace
 from heatertune.proof.verdict import verdict_line
 from heatertune.report.cards import card
@@ -72,7 +72,7 @@ def _design(value: PidDesign) -> str:
 
 @summary.register
 def _words(value: Words) -> str:
-    controller = room(value.target)
+    controller = controller_for(value.target)
     rows = [("address", "word", "value", "meaning"), *(
         (each.address, each.name, word(value.values[each.name]), each.comment) for each in controller.fields)]
     return (f"{controller.title}\n{table(rows, right=(2,))}\ncalled every {figure(value.sample_time_s)} s; sensor "

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from heatertune.model.findings import KINDS
-from heatertune.plc import room
+from heatertune.plc import controller_for
 from heatertune.proof.verdict import blocking, told_of
 from heatertune.report import plots, record
 from heatertune.report.html import bullets, page, picture, table, text_of
@@ -163,7 +163,7 @@ def _design(documents: Documents) -> str:
         "The words as realised, on every model: the Nyquist curve has to stay out of the inner circle, |S| below the "
         "limit; dashed: Ms as designed, before rounding.",
     )
-    target = room(documents["words"]["target"]).title
+    target = controller_for(documents["words"]["target"]).title
     chosen = table(["", "wished", "realised by the words", "unit"], rows, numeric=(1, 2),
                    source=f"wished: {pid['method']}; realised: the words read as {target} reads them")
     return (

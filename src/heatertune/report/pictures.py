@@ -12,7 +12,7 @@ from heatertune.log.values import Log
 from heatertune.model.values import FittedModel
 from heatertune.pid.reaction import reaction
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Words, room
+from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof, Trace
 from heatertune.report.style import LOOK, key, label_levels, new_figure
 
@@ -101,7 +101,7 @@ def _design(value: PidDesign) -> Sequence[Panel]:
 
 @panels.register
 def _words(value: Words) -> Sequence[Panel]:
-    design = room(value.target).decode(value)
+    design = controller_for(value.target).decode(value)
     if design is None:
         raise ValueError(f"the words of {value.target} are no PID constants")
     return panels(design)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from heatertune.plc import room
+from heatertune.options import options_of
+from heatertune.plc import controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.report.html import bullets, steps, table, text_of, tick
 from heatertune.report.text import figure, ramp_note, search_notes, word
+from heatertune.settings import Conditions
 
 __all__ = ["assumed", "limits", "signature", "site", "words"]
 
@@ -34,7 +36,7 @@ def words(documents: Documents) -> str:
         f"{figure(scale['low_degC'])}…{figure(scale['high_degC'])} °C; call every "
         f"{figure(found['sample_time_s'])} s. The setpoint of the proof, {figure(found['setpoint_degC'])} °C, is "
         f"{found['setpoint_units']} units.</p>"
-        f"{table(heads, rows, numeric=(3,), source=room(found['target']).title)}"
+        f"{table(heads, rows, numeric=(3,), source=controller_for(found['target']).title)}"
         f"{bullets([*ramp_note(found), *search_notes(found)])}<ul>{files}</ul>"
     )
 
@@ -56,25 +58,24 @@ def assumed(documents: Documents) -> str:
     rows = [
         ["sensor at the lowest reading", figure(scale["low_degC"]), "°C", "--range"],
         ["sensor at the highest reading", figure(scale["high_degC"]), "°C", "--range"],
-        ["setpoint", figure(story["setpoint_degC"]), "°C", "--setpoint, else where the log was used"],
-        ["sensor noise, standard deviation", figure(story["noise_degC"]), "°C", "--noise"],
-        ["tolerance around the setpoint", figure(limit["tolerance_degC"]), "°C", "--tolerance"],
+        _row("setpoint_degC", story["setpoint_degC"]),
+        _row("noise_degC", story["noise_degC"]),
+        _row("tolerance_degC", limit["tolerance_degC"]),
         ["duration of the proof", figure(story["duration_s"]), "s", "from the slowest model"],
     ]
     rows += [[f"disturbance at {figure(each['time_s'])} s", figure(each["temperature_degC"]), "°C",
               "as in the paper's record, in times that suit the slowest model"] for each in story["disturbances"]
              if each.get("temperature_degC") is not None]
     if switch is not None:
-        rows += [[name, figure(switch[key]), "s", option] for name, key, option in (
-            ("PWM period", "pwm_period_s", "--pwm-period, else from TA"),
-            ("PWM resolution", "resolution_s", "--pwm-resolution, else a half-wave of 50 Hz mains"),
-            ("shortest on time", "minimum_on_s", "--minimum-on"),
-            ("shortest off time", "minimum_off_s", "--minimum-off"))]
+        rows += [_row(name, switch[key]) for name, key in (
+            ("pwm_period_s", "pwm_period_s"), ("pwm_resolution_s", "resolution_s"), ("minimum_on_s", "minimum_on_s"),
+            ("minimum_off_s", "minimum_off_s"))]
     settings = [[each.name, each.default, ", ".join(each.settings), each.why]
-                for each in room(documents["words"]["target"]).switches]
+                for each in controller_for(documents["words"]["target"]).switches]
     open_points = (
         "<h3>What the manual leaves open</h3><p>The proof ran under every setting.</p>"
-        + table(["point", "default", "settings proven", "what is open"], settings, source="DIFFERENCES.md of the room")
+        + table(["point", "default", "settings proven", "what is open"], settings,
+                source="DIFFERENCES.md of the controller")
         if settings else ""
     )
     return (
@@ -82,6 +83,12 @@ def assumed(documents: Documents) -> str:
         + table(["", "value", "unit", "given by"], rows, numeric=(1,), source="options of the command, else defaults")
         + open_points
     )
+
+
+def _row(name: str, value: float) -> list[str]:
+    """Return what one of the `Conditions` was, with its unit and where it came from."""
+    its = options_of(Conditions)[name]
+    return [its.label or its.what, figure(value), its.unit, its.given_by]
 
 
 def limits(documents: Documents) -> str:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from heatertune import chain
-from heatertune.chain.stages import Told, default_pwm_period_s
-from heatertune.chain.words import choose_words, search_document
 from heatertune.model.values import FittedModel
 from heatertune.pid.loop.robustness import margins, worst
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
-from heatertune.plc import Words, room
-from heatertune.proof import Actuator, Proof, Trace, simulate_wish
-from heatertune.studio.settings import Settings, timer_of
+from heatertune.plc import Words, controller_for
+from heatertune.plc.choose import choose_words, search_document
+from heatertune.plc.design import timer_of
+from heatertune.progress import Told
+from heatertune.proof import Proof, Trace, simulate_wish
+from heatertune.proof.fitted import default_pwm_period_s
+from heatertune.proof.pwm import HALF_WAVE_S
+from heatertune.settings import Conditions
+from heatertune.studio.settings import Settings
 
 __all__ = ["Gains", "Look", "first_look", "full_proof", "optimum"]
 
@@ -26,7 +30,7 @@ class Gains:
     Attributes:
         design: as wished.
         words: what the controller will hold.
-        search: how the words were found, see `heatertune.chain.words.search_document`; None: each rounded on its own.
+        search: how the words were found, see `heatertune.plc.choose.search_document`; None: each rounded on its own.
     """
 
     design: PidDesign
@@ -63,7 +67,7 @@ def first_look(fitted: FittedModel, settings: Settings, gains: Gains | None = No
         OutOfRange, InputError: the heater cannot hold the setpoint, the sensor does not see it, …
     """
     gains = gains or _quick(fitted, settings)
-    proof = chain.prove(gains.words, fitted, first_look=True, **_conditions(settings, gains.words))
+    proof = chain.prove(gains.words, fitted, _conditions(settings, gains.words), first_look=True)
     real, nominal = proof.design, proof.nominal
     return Look(
         settings=settings, gains=gains, realised=real, proof=proof,
@@ -75,7 +79,7 @@ def first_look(fitted: FittedModel, settings: Settings, gains: Gains | None = No
 
 def full_proof(fitted: FittedModel, look: Look) -> Proof:
     """Return the proof of the same words on every heater under every open point; errors as in `first_look`."""
-    return chain.prove(look.gains.words, fitted, **_conditions(look.settings, look.gains.words))
+    return chain.prove(look.gains.words, fitted, _conditions(look.settings, look.gains.words))
 
 
 def optimum(fitted: FittedModel, settings: Settings, progress: Told = str) -> Gains:
@@ -85,7 +89,7 @@ def optimum(fitted: FittedModel, settings: Settings, progress: Told = str) -> Ga
         InputError: no design keeps the limits.
         NotRepresentable: as in `first_look`.
     """
-    design = chain.tune(fitted, progress=progress, **settings.tuning)
+    design = chain.tune(fitted, settings.tuned, target=settings.target, progress=progress)
     choice = choose_words(design, settings.target, fitted, scaling=settings.scaling, progress=progress)
     return Gains(design=design, words=choice.words, search=search_document(choice, fitted))
 
@@ -93,14 +97,11 @@ def optimum(fitted: FittedModel, settings: Settings, progress: Told = str) -> Ga
 def _quick(fitted: FittedModel, settings: Settings) -> Gains:
     design = quick_tune(
         fitted.plants, structure=settings.structure, ms=settings.ms, sample_time_s=settings.sample_time_s,
-        timer=timer_of(settings.target), derivative_filter=room(settings.target).derivative_filter,
+        timer=timer_of(settings.target), derivative_filter=controller_for(settings.target).derivative_filter,
     )
     return Gains(design=design, words=chain.encode(design, settings.target, scaling=settings.scaling))
 
 
-def _conditions(settings: Settings, words: Words) -> dict[str, Any]:
+def _conditions(settings: Settings, words: Words) -> Conditions:
     period = settings.pwm_period_s or default_pwm_period_s(words.sample_time_s)
-    return {
-        "setpoint_degC": settings.setpoint_degC, "noise_degC": settings.noise_degC,
-        "actuator": Actuator(pwm_period_s=period, resolution_s=min(0.01, period)),
-    }
+    return replace(settings.assumed, pwm_period_s=period, pwm_resolution_s=min(HALF_WAVE_S, period))

@@ -118,7 +118,7 @@ class Session:
         return self._gains.get(self._words_key())
 
     def _words_key(self) -> Ticket:
-        return self._heater, tuple(self.settings.tuning.items()), self.settings.scaling
+        return self._heater, self.settings.target, self.settings.tuned, self.settings.scaling
 
     def known_look(self) -> bool:
         """Show the loop of the settings where it is remembered; return whether it is."""
@@ -135,7 +135,7 @@ class Session:
 
     def optimum_done(self, ticket: Ticket, gains: Gains) -> bool:
         """Take an optimum for the settings of a ticket; return whether these are still the ones in front."""
-        _keep(self._gains, (ticket[0], tuple(ticket[1].tuning.items()), ticket[1].scaling), gains)
+        _keep(self._gains, (ticket[0], ticket[1].target, ticket[1].tuned, ticket[1].scaling), gains)
         return ticket[:2] == self.ticket[:2]
 
     def proof_done(self, ticket: Ticket, proof: Proof) -> bool:

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final
+from typing import Final
 
-from heatertune.chain.stages import default_setpoint, labelled
 from heatertune.errors import OutOfRange
 from heatertune.model.values import FittedModel
-from heatertune.pid.timer import Timer
-from heatertune.pid.tune import STRUCTURES
-from heatertune.plc import TARGETS, Scaling, room
+from heatertune.plc import TARGETS, Scaling, controller_for
+from heatertune.proof.heaters import default_setpoint, labelled
+from heatertune.settings import Conditions, TuneSettings
 from heatertune.units import check
 
-__all__ = ["SLIDERS", "Settings", "Slider", "settings_for", "sliders_for", "timer_of"]
+__all__ = ["SLIDERS", "Settings", "Slider", "settings_for", "sliders_for"]
 
 _SENSOR_STEP: Final = 50.0  # sensors are sold in such ranges [°C]
+#: where nothing is said
+_ASKED: Final = TuneSettings()
 _ABOVE: Final = 1.25  # sensor range over the highest temperature that is meant
 
 
@@ -72,8 +72,8 @@ class Settings:
     """
 
     target: str = "s5-ob251"
-    structure: str = "pi"
-    ms: float = 1.6
+    structure: str = _ASKED.structure
+    ms: float = _ASKED.ms
     sample_time_s: float | None = None
     pwm_period_s: float | None = None
     setpoint_degC: float | None = None
@@ -82,17 +82,11 @@ class Settings:
     noise_degC: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, known in (("target", TARGETS), ("structure", STRUCTURES)):
-            if getattr(self, name) not in known:
-                raise OutOfRange(name, getattr(self, name), f"one of {', '.join(known)}")
-        check("ms", self.ms, above=1.0)
-        for name in ("sample_time_s", "pwm_period_s"):
-            if (value := getattr(self, name)) is not None:
-                check(name, value, above=0.0)
-        if self.setpoint_degC is not None:
-            check("setpoint_degC", self.setpoint_degC, least=-273.15)
-        check("noise_degC", self.noise_degC, least=0.0)
-        _ = self.scaling
+        if self.target not in TARGETS:
+            raise OutOfRange("target", self.target, f"one of {', '.join(TARGETS)}")
+        if self.sample_time_s is not None:  # 0 means a continuous design elsewhere
+            check("sample_time_s", self.sample_time_s, above=0.0)
+        _ = self.scaling, self.tuned, self.assumed
 
     @property
     def scaling(self) -> Scaling:
@@ -102,12 +96,18 @@ class Settings:
     @property
     def resolution_degC(self) -> float:
         """One step of the input module [°C]."""
-        return self.scaling.span_degC / room(self.target).counts
+        return self.scaling.span_degC / controller_for(self.target).counts
 
     @property
-    def tuning(self) -> Mapping[str, Any]:
-        """What the gains depend on."""
-        return {name: getattr(self, name) for name in ("target", "structure", "ms", "sample_time_s")}
+    def assumed(self) -> Conditions:
+        """What the proof assumes."""
+        return Conditions(
+            setpoint_degC=self.setpoint_degC, noise_degC=self.noise_degC, pwm_period_s=self.pwm_period_s)
+
+    @property
+    def tuned(self) -> TuneSettings:
+        """What the design is asked for."""
+        return TuneSettings(structure=self.structure, ms=self.ms, sample_time_s=self.sample_time_s)
 
 
 assert {slider.field for slider in SLIDERS} <= {each.name for each in fields(Settings)}
@@ -138,9 +138,3 @@ def sliders_for(fitted: FittedModel) -> tuple[Slider, ...]:
         else replace(slider, low=ends[slider.field][0], high=max(ends[slider.field][1], ends[slider.field][0] + 1.0))
         for slider in SLIDERS
     )
-
-
-def timer_of(target: str) -> Timer:
-    """Return what a target's timer can do."""
-    shortest, longest, step = room(target).sample_times_s
-    return Timer(shortest_s=shortest, longest_s=longest, step_s=step)

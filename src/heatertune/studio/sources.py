@@ -8,12 +8,12 @@ from pathlib import Path
 
 from heatertune import chain
 from heatertune.chain.documents import read_documents
-from heatertune.chain.stages import Told
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.log.tables import BUILT_IN
 from heatertune.log.values import Log
 from heatertune.model.document import from_document
 from heatertune.model.values import FittedModel
+from heatertune.progress import Told
 from heatertune.studio.settings import Settings
 
 __all__ = ["Source", "fit_log", "read_dropped", "read_source"]

@@ -9,7 +9,7 @@ from heatertune.log.values import Log
 from heatertune.model.document import to_document
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
-from heatertune.plc import room
+from heatertune.plc import controller_for
 from heatertune.proof import Proof
 from heatertune.proof.verdict import verdict_line
 from heatertune.report.html import bullets, table, text_of
@@ -50,7 +50,7 @@ def words(look: Look) -> str:
     """Return the words in the order in which they are typed in, as HTML."""
     held = look.gains.words
     rows = [[each.address, each.name, word(held.values[each.name]), each.comment]
-            for each in room(held.target).fields]
+            for each in controller_for(held.target).fields]
     return table(["address", "word", "value", "meaning"], rows, numeric=(2,))
 
 
@@ -102,7 +102,7 @@ def notes(look: Look) -> str:
     """Return how the gains and the words were found and how the loop is switched, as HTML."""
     held, search = look.gains.words, look.gains.search
     settings, actuator = look.settings, look.proof.actuator
-    own = room(held.target).timing(held).pwm_period_s is not None
+    own = controller_for(held.target).timing(held).pwm_period_s is not None
     told = [
         f"Gains: {look.gains.design.method}.",
         *([] if search is None else search["notes"]),

@@ -40,8 +40,10 @@ def held_out(problem: PowerProblem, fit: PowerFit) -> HeldOut:
         foretold[place] = _foretold(problem, fit, kept)[place]
     seen = np.concatenate(places)
     error = foretold - record
+    still = np.ptp(record[seen]) == 0.0  # all that moved came before: the error is measured by that
     return HeldOut(
-        fit_pct=fit_pct(record[seen], foretold[seen]), rmse_degC=_rms(error[seen]),
+        fit_pct=100.0 * (1.0 - _rms(error[seen]) / float(np.std(record))) if still
+        else fit_pct(record[seen], foretold[seen]), rmse_degC=_rms(error[seen]),
         windows_s=tuple((float(time[place[0]]), float(time[place[-1]])) for place in places),
         rmses_degC=tuple(_rms(error[place]) for place in places),
     )
@@ -77,10 +79,12 @@ def sides(problem: PowerProblem) -> tuple[Rows, Rows]:
 
 
 def half_of(problem: PowerProblem, rows: Rows) -> PowerProblem | None:
-    """Return the problem on a half of its readings, None where these are too few."""
+    """Return the problem on a half of its readings, None where these are too few or all the same."""
     if np.count_nonzero(rows) < _FEWEST:
         return None
     part = _part(problem, rows).thinned(_READINGS)
+    if np.ptp(part.readings.temperature_degC) == 0.0:
+        return None
     start, end = float(part.readings.time_s[0]), float(part.readings.time_s[-1])
     # a load that began before is ambient, but for its start, which the free initial state takes
     return replace(part, loads_s=tuple(t for t in problem.loads_s if start < t < end),

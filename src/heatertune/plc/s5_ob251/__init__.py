@@ -1,5 +1,1 @@
 """The PID controller OB251 of the SIMATIC S5-115U; what the manual leaves open stands in DIFFERENCES.md."""
-
-from heatertune.plc.s5_ob251.room import ROOM
-
-__all__ = ["ROOM"]

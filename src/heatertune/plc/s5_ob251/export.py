@@ -5,10 +5,10 @@ from __future__ import annotations
 import csv
 import io
 
-from heatertune.plc.room import Certificate, Words
 from heatertune.plc.s5_ob251.image import LENGTH, to_image
 from heatertune.plc.s5_ob251.ramp import ramp_listing
 from heatertune.plc.s5_ob251.words import FIELDS, FULL_SCALE
+from heatertune.plc.words import Certificate, Words
 
 __all__ = ["export_words"]
 

@@ -6,8 +6,8 @@ import struct
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.room import Scaling, Words, check_fields
 from heatertune.plc.s5_ob251.words import FACTOR, FIELDS, GAIN_WITH_D
+from heatertune.plc.words import Words
 
 __all__ = ["LENGTH", "from_image", "oddities", "to_image"]
 
@@ -27,27 +27,18 @@ def to_image(words: Words) -> bytes:
     return struct.pack(f">{LENGTH}H", *cells)
 
 
-def from_image(image: bytes, *, sample_time_s: float, scaling: Scaling, source: str = "DB") -> Words:
-    """Return the words of a DB that was dumped from a controller.
-
-    Args:
-        image: at least 98 bytes; more words than 49 are allowed and not looked at.
-        sample_time_s: interval at which OB251 is called [s]; the DB does not hold it.
-        scaling: sensor range; the DB does not hold it either.
-        source: name for error messages.
+def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, int]:
+    """Return the values in a DB of at least 98 bytes; more words than 49 are allowed and not looked at.
 
     Raises:
         InputError: fewer than 98 bytes, or half a word.
-        OutOfRange: a word outside its range.
     """
     if len(image) < 2 * LENGTH or len(image) % 2:
         raise InputError(f"{source}: {len(image)} bytes; expected {2 * LENGTH} (49 words) or more, in whole words")
     cells = struct.unpack(f">{LENGTH}h", image[: 2 * LENGTH])
     values = {name: cells[place] for name, place in _PLACES.items()}
     values["STEU"] &= _USER_BITS
-    words = Words(target="s5-ob251", values=values, scaling=scaling, sample_time_s=sample_time_s)
-    check_fields(FIELDS, words)
-    return words
+    return values
 
 
 def oddities(words: Words) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 from heatertune.plc.ramp import Ramp
-from heatertune.plc.room import Certificate
+from heatertune.plc.words import Certificate
 
 __all__ = ["ramp_listing"]
 

@@ -1,4 +1,4 @@
-"""The words of the controller DB: encode, decode, check (S5-115U manual, tables 11-10 and 11-11)."""
+"""The words of the controller DB (S5-115U manual, tables 11-10 and 11-11)."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.room import Scaling, WordField, Words, check_fields
-from heatertune.plc.s5_ob251.recursion import AUTO, NO_Z
+from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE, NO_Z
+from heatertune.plc.words import Scaling, WordField, Words, rounded
 
-__all__ = ["FIELDS", "FULL_SCALE", "GAIN_WITH_D", "check_words", "decode", "encode"]
+__all__ = ["FIELDS", "FULL_SCALE", "GAIN_WITH_D", "consistent", "design_of", "values_of"]
 
 #: K, R and TI are multiples of this; the manual's 0.001 is its round value (footnote of table 11-11)
 FACTOR: Final = 1024
-#: units at the upper end of the sensor range and at full power
-FULL_SCALE: Final = 2047
 
 #: largest K with a derivative part (table 11-11, footnote)
 GAIN_WITH_D: Final = 1500
@@ -32,20 +30,17 @@ FIELDS: Final[tuple[WordField, ...]] = (
     WordField(name="BGUG", address="DW16", format="KF", low=-2047, high=2047, comment="lower limit, units"),
 )
 
-TIMER: Final = (0.01, 600.0, 0.01)  # OB10 to OB13: 10 ms to 10 min
 
-
-def encode(design: PidDesign, scaling: Scaling) -> Words:
+def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
     """Return the words nearest to the design, each rounded once, halves away from zero.
 
     Raises:
         NotRepresentable: a word would leave its range, or rounding would switch a wanted part off.
     """
     ta = design.sample_time_s
-    _demand_timer(ta)
-    gain = _round(FACTOR * _units_gain(scaling) * design.gain_pct_per_degC)
-    ti = 0 if math.isinf(design.integral_time_s) else _round(FACTOR * ta / design.integral_time_s)
-    td = _round(design.derivative_time_s / ta)
+    gain = rounded(FACTOR * _units_gain(scaling) * design.gain_pct_per_degC)
+    ti = 0 if math.isinf(design.integral_time_s) else rounded(FACTOR * ta / design.integral_time_s)
+    td = rounded(design.derivative_time_s / ta)
     if math.isfinite(design.integral_time_s):
         _demand_part("TI", FACTOR * ta / design.integral_time_s, ti, 9999, _slower(ta, design.integral_time_s))
     if design.derivative_time_s > 0.0:
@@ -55,19 +50,17 @@ def encode(design: PidDesign, scaling: Scaling) -> Words:
     if abs(gain) > limit or gain == 0:
         wider = f"a sensor range of {scaling.span_degC * limit / max(abs(gain), 1):.3g} °C or a smaller K would fit"
         raise NotRepresentable("word K", gain, f"1…{limit} in size", wider)
-    values = {
+    return {
         "K": gain, "R": FACTOR, "TI": ti, "TD": td, "W": 0, "STEU": AUTO | NO_Z, "YH": 0, "BGOG": FULL_SCALE,
         "BGUG": 0,
     }
-    return Words(target="s5-ob251", values=values, scaling=scaling, sample_time_s=ta)
 
 
-def decode(words: Words) -> PidDesign:
+def design_of(words: Words) -> PidDesign:
     """Return the design that these words run: K and R together, TN and TV in seconds.
 
     Without the R part there is no proportional part and no standard form; such words are refused.
     """
-    check_words(words)
     v, ta = words.whole, words.sample_time_s
     if v["K"] == 0 or v["R"] == 0:
         raise OutOfRange("word K" if v["K"] == 0 else "word R", 0, "not 0: the standard form needs a P part")
@@ -84,9 +77,8 @@ def decode(words: Words) -> PidDesign:
     )
 
 
-def check_words(words: Words) -> None:
-    """Raise OutOfRange for the first word that is missing, unknown, not whole or outside its range."""
-    check_fields(FIELDS, words)
+def consistent(words: Words) -> None:
+    """Raise OutOfRange for limits that are upside down, and for a K that is too large with a D part."""
     if words.whole["BGUG"] > words.whole["BGOG"]:
         raise OutOfRange("word BGUG", words.whole["BGUG"], f"<= BGOG = {words.whole['BGOG']}")
     limit = GAIN_WITH_D
@@ -99,10 +91,6 @@ def _units_gain(scaling: Scaling) -> float:
     return (FULL_SCALE / 100.0) / (FULL_SCALE / scaling.span_degC)
 
 
-def _round(value: float) -> int:
-    return int(math.copysign(math.floor(abs(value) + 0.5), value))
-
-
 def _slower(ta: float, tn: float) -> str:
     return f"a slower TA of at least {math.ceil(100.0 * 0.5 * tn / FACTOR) / 100.0:g} s would fit (now {ta:g} s)"
 
@@ -112,11 +100,3 @@ def _demand_part(name: str, exact: float, word: int, most: int, remedy: str) -> 
         raise NotRepresentable(f"word {name}", exact, f"1…{most} (0 switches the part off)", remedy)
     if word > most:
         raise NotRepresentable(f"word {name}", exact, f"1…{most}", "a faster TA would fit" if name == "TI" else remedy)
-
-
-def _demand_timer(ta: float) -> None:
-    low, high, step = TIMER
-    steps = ta / step
-    if not low <= ta <= high or abs(steps - round(steps)) > 1e-6:
-        nearest = min(max(round(steps) * step, low), high)
-        raise NotRepresentable("sampling interval TA", ta, "10 ms…10 min in steps of 10 ms", f"{nearest:g} s would fit")

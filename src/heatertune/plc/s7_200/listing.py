@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from heatertune.plc.room import Words
-from heatertune.plc.s7_200.ramp import ramp_begins, ramp_moves
-from heatertune.plc.s7_200.text import Network, block, count_ticks, program, pwm_registers, timed_interrupt
+from heatertune.plc.cpu.s7_200.ramp import ramp_begins, ramp_moves
+from heatertune.plc.cpu.s7_200.text import Network, block, count_ticks, program, pwm_registers, timed_interrupt
+from heatertune.plc.words import Words
 
 __all__ = ["repaired_program"]
 

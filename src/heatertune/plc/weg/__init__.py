@@ -1,5 +1,1 @@
 """WEG's PID block in the SCA06 Ladder; what its manual leaves open stands in DIFFERENCES.md."""
-
-from heatertune.plc.weg.room import ROOM
-
-__all__ = ["ROOM"]

@@ -8,11 +8,11 @@ from __future__ import annotations
 from decimal import Decimal
 from typing import Final
 
-from heatertune.plc.room import Certificate, Words
 from heatertune.plc.single import single
 from heatertune.plc.weg.plcopen import project
 from heatertune.plc.weg.source import BLOCK_NAME, function_block
 from heatertune.plc.weg.words import FIELDS
+from heatertune.plc.words import Certificate, Words
 
 __all__ = ["export_words", "literal"]
 

@@ -1,0 +1,221 @@
+"""An option is one field: name, unit, range, default, help, flag and what it needs are declared where its value is.
+
+A frozen dataclass of options refuses what is out of range when it is made (`checked`); the command line, the keys of
+a study and the rows of a record are read from the same declaration (`options_of`).
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from numbers import Real
+from typing import Any, Final, TypeVar
+
+from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.units import check
+
+__all__ = ["Option", "add", "checked", "merged", "of", "option", "options_of"]
+
+_T = TypeVar("_T")
+_METAVARS: Final = {"s": "S"}
+_OPTIONS: Final[dict[type, dict[str, Option]]] = {}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Option:
+    """What is known of one option.
+
+    Attributes:
+        name: of the field, with its unit at the end.
+        kind: float, int, str, bool, tuple (texts, one for each time it is given) or dict (name → setting).
+        default: where nothing is said.
+        what: its meaning, a few words.
+        unit: of its value.
+        help: on the command line, where that is more than `what` and unit.
+        instead: what is taken where nothing is said, as the help and as the record say it; empty: they do not.
+        label: in the record, where that is not `what`.
+        flag: on the command line; empty: it has none.
+        dest: of the flag.
+        metavar: of the flag; empty: the unit's.
+        choices: texts it may be.
+        automatic: texts on the command line that leave a number to the program.
+        several: whether the flag takes one number or more.
+        above, least, most, infinite: range of a number, as `heatertune.units.check` takes it.
+        or_zero: whether 0 may be below `least`.
+        needs: name of the option without which it means nothing.
+    """
+
+    name: str = ""
+    kind: type
+    default: Any
+    what: str
+    unit: str = ""
+    help: str = ""
+    instead: tuple[str, str] = ("", "")
+    label: str = ""
+    flag: str = ""
+    dest: str = ""
+    metavar: str = ""
+    choices: Sequence[str] = ()
+    automatic: Sequence[str] = ()
+    several: bool = False
+    above: float | None = None
+    least: float | None = None
+    most: float | None = None
+    infinite: bool = False
+    or_zero: bool = False
+    needs: str = ""
+
+    def check(self, value: Any, called: str) -> None:
+        """Refuse a value that the option cannot have; `called` is how the user calls it.
+
+        Raises:
+            OutOfRange: a number out of range, or none.
+            UnknownName: a text that is not one of the choices.
+        """
+        if value is None and self.default is None:
+            return
+        if self.choices and value not in self.choices:
+            raise UnknownName(called.replace("_", " "), str(value), self.choices)
+        if self.kind in (float, int):
+            for number in value if self.several and isinstance(value, tuple) else (value,):
+                self._check_number(number, called)
+
+    def _check_number(self, value: Any, called: str) -> None:
+        if not isinstance(value, Real):
+            raise OutOfRange(called, value, "a number")
+        if self.or_zero and value == 0.0:
+            return
+        try:
+            check(called, float(value), above=self.above, least=self.least, most=self.most, infinite=self.infinite)
+        except OutOfRange as problem:
+            raise OutOfRange(called, value, ("0, or " if self.or_zero else "") + problem.rule) from None
+
+    @property
+    def meaning(self) -> str:
+        """What it is, with its unit."""
+        return f"{self.what} [{self.unit}]" if self.unit else self.what
+
+    @property
+    def given_by(self) -> str:
+        """Where its value comes from, as the record says it."""
+        return f"{self.flag}, else {self.instead[1]}" if self.instead[1] else self.flag
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """What `add_argument` is told."""
+        default = f" (default: {self.instead[0]})" if self.instead[0] else ""
+        help_ = f"{self.help or self.meaning}{default}".replace("%", "%%")
+        told: dict[str, Any] = {"dest": self.dest, "help": help_}
+        if self.kind is bool:
+            return told | {"action": "store_true"}
+        told |= {"default": self.automatic[0] if self.automatic else self.default}
+        if self.choices:
+            return told | {"choices": tuple(self.choices)}
+        told["metavar"] = self.metavar or _METAVARS.get(self.unit, self.unit) or None
+        if self.kind in (tuple, dict):
+            return told | {"action": "append", "default": []}
+        several = {"nargs": "+"} if self.several else {}
+        return told | several | ({} if self.automatic or self.kind is str else {"type": self.kind})
+
+    def read(self, given: Any) -> Any:
+        """Return the value of what the command line holds; errors as `check`, and `InputError` for what is none."""
+        if self.kind is dict:
+            given = _pairs(self.flag, given)
+        elif self.kind is tuple:
+            given = tuple(given)
+        elif self.several and given is not None:
+            if len(given) > 2:
+                raise InputError(f"{self.flag} has {len(given)} values; expected one, or LOW HIGH")
+            given = given[0] if len(given) == 1 else tuple(given)
+        elif self.automatic:
+            given = self._number(given)
+        self.check(given, self.flag)
+        return given
+
+    def _number(self, given: str) -> float | None:
+        try:
+            return None if given in self.automatic else float(given)
+        except ValueError as problem:
+            expected = ", ".join(self.automatic[:-1]) + f" or {self.automatic[-1]}"
+            raise InputError(f"{self.flag} is {given!r}; expected seconds, {expected}") from problem
+
+
+def option(default: Any, kind: type, what: str, **more: Any) -> Any:
+    """Return the field of a dataclass that is an option; `more` are further attributes of `Option`."""
+    metadata = {"option": Option(kind=kind, default=default, what=what, **more)}
+    return field(default_factory=dict, metadata=metadata) if kind is dict else field(default=default, metadata=metadata)
+
+
+def options_of(kind: type) -> dict[str, Option]:
+    """Return the options of a dataclass, by the names of their fields."""
+    if kind not in _OPTIONS:
+        declared = {one.name: one.metadata["option"] for one in fields(kind)}
+        _OPTIONS[kind] = {
+            name: replace(one, name=name, dest=one.dest or one.flag.strip("-").replace("-", "_"))
+            for name, one in declared.items()}
+    return _OPTIONS[kind]
+
+
+def checked(settings: Any) -> None:
+    """Refuse what a dataclass of options cannot hold; its `__post_init__` calls this.
+
+    Raises:
+        OutOfRange, UnknownName: as `Option.check`.
+        InputError: an option without the one it needs.
+    """
+    options = options_of(type(settings))
+    for name, one in options.items():
+        one.check(getattr(settings, name), name)
+    _demand_needed(options, {name: getattr(settings, name) for name in options}, "name")
+
+
+def _demand_needed(options: Mapping[str, Option], values: Mapping[str, Any], called: str) -> None:
+    for needed in dict.fromkeys(one.needs for one in options.values() if one.needs):
+        needing = [one for one in options.values() if one.needs == needed]
+        if values[needed] is None and any(values[one.name] != one.default for one in needing):
+            names = [getattr(one, called) for one in needing]
+            told = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+            raise InputError(f"{told} need {getattr(options[needed], called)}")
+
+
+def merged(kind: type[_T], settings: _T | None, changed: dict[str, Any]) -> _T:
+    """Return settings (None: the defaults) with some of them changed; errors as `checked`."""
+    given: Any = kind() if settings is None else settings
+    return kind(**{name: getattr(given, name) for name in options_of(kind)} | changed)
+
+
+def add(group: Any, kind: type, *names: str, but: Sequence[str] = (), **told: Any) -> None:
+    """Add the flags of a dataclass of options to a parser or a group of one.
+
+    Args:
+        group: where they are shown.
+        kind: the dataclass.
+        names: of the fields whose flags are added; none: all.
+        but: those left out.
+        told: what `add_argument` is told otherwise here.
+    """
+    for name, one in options_of(kind).items():
+        if one.flag and name not in but and (not names or name in names):
+            group.add_argument(one.flag, **one.arguments | told)
+
+
+def of(kind: type[_T], given: Namespace) -> _T:
+    """Return a dataclass of options as the command line has them; flags that a command does not have are not given.
+
+    Raises:
+        InputError: as `checked`, in the words of the command line.
+    """
+    options = options_of(kind)
+    values = {name: one.read(getattr(given, one.dest)) for name, one in options.items() if hasattr(given, one.dest)}
+    _demand_needed(options, {name: values.get(name, one.default) for name, one in options.items()}, "flag")
+    return kind(**values)
+
+
+def _pairs(flag: str, given: Sequence[str]) -> dict[str, str]:
+    pairs = [text.partition("=") for text in given]
+    for name, equals, _ in pairs:
+        if not equals:
+            raise InputError(f"{flag} {name!r} has no setting; expected NAME=SETTING")
+    return {name: setting for name, _, setting in pairs}

@@ -1,0 +1,309 @@
+"""A controller: one class that says what it is, and inherits what all controllers do alike.
+
+Every method here is abstract or final. The final ones go between design, words and text, and run scans; what they need
+of one controller, its class says: attributes, the methods that are abstract, and, where it can do more, those that are
+None here. Proof and chain know controllers through this file alone.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
+from typing import Any, ClassVar, Final, NamedTuple, cast, final
+
+from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.pid.timer import Timer
+from heatertune.pid.values import PidDesign
+from heatertune.plc.core import Core, Running, Scan, Sensor, Timing
+from heatertune.plc.open_points import NothingOpen, Switch, assumed, declared
+from heatertune.plc.ramp import Number, Ramp, nearest
+from heatertune.plc.single import single
+from heatertune.plc.targets import TARGETS
+from heatertune.plc.words import Certificate, Scaling, WordField, Words, check_fields, kept_by, stored
+from heatertune.units import check
+
+__all__ = ["Controller", "controller_for", "no_pid"]
+
+#: target → its class, entered where the class is made
+_CLASSES: Final[dict[str, type[Controller]]] = {}
+
+
+class Controller(ABC):
+    """One controller, as `class Ob251(Controller, name="s5-ob251")`; the class registers itself under its name.
+
+    Attributes:
+        name: on the command line.
+        title: controller, manual and edition.
+        fields: the words, in the order in which they are typed in.
+        inputs: what one scan reads, in the controller's units: name → format; the first two are setpoint and reading.
+        can: what the controller can do, one sentence each.
+        cannot: what it can't do, or what is left out here, one sentence each.
+        counts: steps of the input module over the sensor range.
+        timer: the sampling intervals that the target's timer can make.
+        core: what `step` and `measure` compute.
+        assumptions: what the manual leaves open, see `heatertune.plc.open_points`.
+        derivative_filter: weight of its own past in the derivative part, see `PidDesign`; ½ where there is none.
+        scans_per_period: scans in one period of the PWM that the controller makes itself, which is its sampling
+            interval; None: one scan per sampling interval, and the PWM is an actuator behind the output.
+        ramped: whether the export brings the program of a setpoint ramp along.
+        integers: the whole numbers that make its control law and that a search may move: the word of the gain first,
+            the one of the I part second, the one of the D part third; None: there is nothing to gain over rounding.
+        faithful: target that is the same as its source prints it, faults included; None: there is none.
+        baseline: target of the two-level control that a report holds it against; None: it is that one.
+        interval_s: values → the sampling interval that the words themselves hold [s]; None: they hold none, or another
+            than the real one is allowed.
+        consistent: raises OutOfRange for words that each are in range, but not together; None: all go together.
+        image: (memory of a running controller, sample_time_s, source) → values; raises InputError where its length is
+            wrong; None: words cannot be read back.
+        oddities: what is odd about a running controller's words, one sentence each; None without `image`.
+        faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
+        direct: for a core that runs a listing, which no compiler takes: words and assumptions → a core that gives the
+            same power, output and flags, and its parameters and cold state; None: the core itself compiles, or none
+            does.
+        scan_all: (parameters, state, all inputs) → what the core's `step` gives, those not named being as the words
+            have them; None: there are no inputs but `step`'s.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    fields: ClassVar[tuple[WordField, ...]]
+    inputs: ClassVar[Mapping[str, str]]
+    can: ClassVar[tuple[str, ...]]
+    cannot: ClassVar[tuple[str, ...]]
+    counts: ClassVar[int]
+    timer: ClassVar[Timer]
+    core: ClassVar[Core]
+    assumptions: ClassVar[type[NamedTuple]] = NothingOpen
+    derivative_filter: ClassVar[float] = 0.5
+    scans_per_period: ClassVar[int | None] = None
+    ramped: ClassVar[bool] = False
+    integers: ClassVar[tuple[str, str, str] | None] = None
+    faithful: ClassVar[str | None] = None
+    baseline: ClassVar[str | None] = "on-off"
+    interval_s: ClassVar[staticmethod[[Mapping[str, Number]], float] | None] = None
+    consistent: ClassVar[staticmethod[[Words], None] | None] = None
+    image: ClassVar[staticmethod[[bytes, float, str], Mapping[str, Number]] | None] = None
+    oddities: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
+    faults: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
+    direct: ClassVar[staticmethod[[Words, Any], tuple[Core, Running]] | None] = None
+    scan_all: ClassVar[staticmethod[[Any, Any, Mapping[str, Any]], tuple[Any, float, Any, int]] | None] = None
+
+    def __init_subclass__(cls, *, name: str) -> None:
+        """Register the class; raise TypeError where it does not say what it must, or takes another's name."""
+        super().__init_subclass__()
+        cls.name = name
+        unsaid = [attribute for attribute in Controller.__annotations__ if not hasattr(cls, attribute)]
+        if unsaid:
+            raise TypeError(f"{cls.__name__} does not say its {', '.join(unsaid)}")
+        if name in TARGETS and cls.__module__ != f"{TARGETS[name]}.controller":
+            raise TypeError(f"{cls.__name__}: {name} is a controller of heatertune; take another name")
+        declared(cls.assumptions)
+        _CLASSES[name] = cls
+
+    @staticmethod
+    @abstractmethod
+    def values(design: PidDesign, scaling: Scaling) -> Mapping[str, Number]:
+        """Return all words of a design whose TA the timer keeps: whole numbers rounded, REALs as they come out.
+
+        Raises:
+            NotRepresentable: a word would leave its range, or rounding would switch a wanted part off.
+        """
+
+    @staticmethod
+    @abstractmethod
+    def design(words: Words) -> PidDesign | None:
+        """Return the design that words run, which have been checked; None where the controller is no PID.
+
+        Raises:
+            OutOfRange: words that have no standard form.
+        """
+
+    @staticmethod
+    @abstractmethod
+    def export(words: Words, certificate: Certificate) -> Mapping[str, str | bytes]:
+        """Return file name → content; the same words and certificate always give the same bytes."""
+
+    @abstractmethod
+    def begin(self, words: Words, assume: Any) -> Running:
+        """Return the cold state under the assumptions, a value of `assumptions`."""
+
+    @property
+    @final
+    def switches(self) -> tuple[Switch, ...]:
+        """What the manual leaves open, as users see it."""
+        return tuple(declared(self.assumptions).values())
+
+    @final
+    def encode(self, design: PidDesign, scaling: Scaling) -> Words:
+        """Return the words nearest to a design, each rounded once.
+
+        Raises:
+            NotRepresentable: TA is no interval of the timer, or a word does not fit; it tells what would.
+        """
+        kept, fields = kept_by(self.timer, design.sample_time_s), {field.name: field for field in self.fields}
+        values = {name: stored(fields[name], value) for name, value in self.values(design, scaling).items()}
+        held = kept if self.interval_s is None else self.interval_s(values)
+        return Words(target=self.name, values=values, scaling=scaling, sample_time_s=held)
+
+    @final
+    def decode(self, words: Words) -> PidDesign | None:
+        """Return the design that words run; None where the controller, or what they make of it, is no PID.
+
+        Raises:
+            OutOfRange: as `check`; words that have no standard form.
+        """
+        self.check(words)
+        return self.design(words)
+
+    @final
+    def check(self, words: Words) -> None:
+        """Raise OutOfRange naming the first word that is missing, unknown, of the wrong kind or out of its range."""
+        check_fields(self.fields, words)
+        if self.consistent is not None:
+            self.consistent(words)
+        check("sample_time_s", words.sample_time_s, above=0.0)
+        held = words.sample_time_s if self.interval_s is None else self.interval_s(words.values)
+        if abs(words.sample_time_s - held) > 1e-9:
+            raise OutOfRange("sample_time_s", words.sample_time_s, f"what the words hold, {held:g} s")
+
+    @final
+    def read_image(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:
+        """Return the words in the memory of a running controller.
+
+        Args:
+            image: bytes of the memory, as `image` takes them.
+            sample_time_s: interval at which it is called [s], whatever the words say.
+            scaling: sensor range; no memory holds it.
+            source: name for error messages.
+
+        Raises:
+            InputError: a memory of the wrong length, or of a controller whose words cannot be read back.
+            OutOfRange: a word outside its field's range; what words mean together `check` and `oddities` tell.
+        """
+        if self.image is None:
+            raise InputError(f"{source}: words of {self.name} cannot be read back")
+        values = self.image(image, sample_time_s, source)
+        words = Words(target=self.name, values=values, scaling=scaling, sample_time_s=sample_time_s)
+        check_fields(self.fields, words)
+        return words
+
+    @final
+    def timing(self, words: Words) -> Timing:
+        """Return when the controller wants to be called."""
+        ta, scans = words.sample_time_s, self.scans_per_period
+        return Timing(scan_s=ta) if scans is None else Timing(scan_s=ta / scans, pwm_period_s=ta)
+
+    @final
+    def ramp(self, words: Words, rate_degC_per_min: float) -> Ramp:
+        """Return the setpoint ramp that comes near a rate [°C/min].
+
+        Raises:
+            InputError: this controller has no ramp.
+            OutOfRange: a rate that is not positive, so slow that the word would not move, or so fast that one step
+                crosses the sensor's range.
+        """
+        if not self.ramped:
+            raise InputError(f"{self.name} has no setpoint ramp (see: heatertune targets)")
+        check("setpoint_ramp_degC_per_min", rate_degC_per_min, above=0.0)
+        low, high = self._ends(words)
+        per_degree = (high - low) / words.scaling.span_degC
+        per_call = rate_degC_per_min / 60.0 * self.timing(words).scan_s * per_degree
+        ramp = nearest(per_call, whole=isinstance(high, int), least=(high - low) / self.counts)
+        if not ramp.step < high - low:
+            fastest = 60.0 * words.scaling.span_degC / self.timing(words).scan_s
+            raise OutOfRange("setpoint_ramp_degC_per_min", rate_degC_per_min,
+                             f"< {fastest:.4g}, the sensor's whole range in one call")
+        return ramp
+
+    @final
+    def ramp_degC_per_min(self, words: Words) -> float:
+        """Return how fast the words' ramp moves the setpoint [°C/min], infinite without one."""
+        if words.ramp is None:
+            return math.inf
+        low, high = self._ends(words)
+        per_call = words.ramp.step * words.scaling.span_degC / (high - low) / words.ramp.calls
+        return 60.0 * per_call / self.timing(words).scan_s
+
+    @final
+    def check_ramp(self, words: Words) -> None:
+        """Raise OutOfRange for a ramp that the setpoint word cannot follow, InputError where it has none."""
+        if words.ramp is None:
+            return
+        if not self.ramped:
+            raise InputError(f"{self.name} has no setpoint ramp (see: heatertune targets)")
+        low, high = self._ends(words)
+        least = 1 if isinstance(high, int) else single((high - low) / self.counts)
+        if isinstance(words.ramp.step, int) != isinstance(high, int) or not least <= words.ramp.step < high - low:
+            kind = "a whole number" if isinstance(high, int) else "a number in single precision"
+            raise OutOfRange("ramp step", words.ramp.step, f"{kind} from {least:.4g} to below {high - low:g}")
+
+    def _ends(self, words: Words) -> tuple[Number, Number]:
+        return self.measure(words, words.scaling.low_degC), self.measure(words, words.scaling.high_degC)
+
+    @final
+    def sensor(self, words: Words) -> Sensor:
+        """Return the input module as the core's `measure` takes it."""
+        return Sensor(words.scaling.low_degC, words.scaling.span_degC, self.counts)
+
+    @final
+    def measure(self, words: Words, temperature_degC: float) -> Number:
+        """Return the reading for a temperature, quantised and limited as the input module does [units]."""
+        return cast("Number", self.core.measure(self.sensor(words), temperature_degC))
+
+    @final
+    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
+        """Return the controller in the cold state for these settings; switches not named have their default.
+
+        Raises:
+            UnknownName: a switch or setting that is not there.
+        """
+        return self.begin(words, assumed(self.assumptions, switches))
+
+    @final
+    def start_directly(self, words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:
+        """Return what `start` does, without the listing where that can be, and the core that runs it."""
+        if self.direct is None:
+            return self.core, self.start(words, switches)
+        return self.direct(words, assumed(self.assumptions, switches))
+
+    @final
+    def step(
+        self, running: Running, setpoint: Any, reading: Any, *, cycle_start: bool = True
+    ) -> tuple[Running, Scan]:
+        """Run one scan; pure, total for every bit pattern.
+
+        `setpoint` and `reading` are in the controller's units; `cycle_start` tells a controller that makes
+        its own PWM that a PWM period begins with this scan.
+        """
+        return self.core.run(running, setpoint, reading, cycle_start=cycle_start)
+
+    @final
+    def scan(self, running: Running, inputs: Mapping[str, Any]) -> tuple[Running, Scan]:
+        """Run one scan on all of its inputs; those not named stay as the words have them. Pure, as `step`."""
+        if self.scan_all is None:
+            setpoint, reading, *_ = self.inputs
+            begins = bool(inputs.get("CYCLE_START", 1))
+            return self.step(running, inputs[setpoint], inputs[reading], cycle_start=begins)
+        state, *outcome = self.scan_all(running.parameters, running.state, inputs)
+        return Running(running.parameters, state), self.core.told(outcome)
+
+
+def no_pid(words: Words) -> None:
+    """Return None: the `design` of a controller that is no PID."""
+
+
+def controller_for(target: str) -> Controller:
+    """Return the controller of a target; raise UnknownName with those there are."""
+    if target in TARGETS:
+        import_module(f"{TARGETS[target]}.controller")
+    if target not in _CLASSES:
+        raise UnknownName("target", target, TARGETS | _CLASSES)
+    return _made(_CLASSES[target])
+
+
+@cache
+def _made(kind: type[Controller]) -> Controller:
+    return kind()

@@ -1,0 +1,92 @@
+"""How a controller computes: one scan as a plain function of numbers, and what goes with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from heatertune.plc.ramp import Number
+
+__all__ = ["Core", "Running", "Scan", "Sensor", "Timing", "count"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """When the controller wants to be called.
+
+    Attributes:
+        scan_s: interval between two calls of `step` [s].
+        pwm_period_s: PWM period where the controller makes the PWM itself [s], else None (the PWM
+            is an actuator behind the controller's output).
+    """
+
+    scan_s: float
+    pwm_period_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scan:
+    """What one scan gave.
+
+    Attributes:
+        power_pct: heater power asked for, 0…100 % of full power.
+        output: the same in the controller's own units.
+        flags: the controller's flags after the scan, name → set?
+    """
+
+    power_pct: float
+    output: Number
+    flags: Mapping[str, bool] = field(default_factory=dict)
+
+
+class Sensor(NamedTuple):
+    """The input module: lowest temperature and span [°C], and its highest count."""
+
+    low: float
+    span: float
+    counts: int
+
+
+def count(sensor: Sensor, temperature_degC: float) -> int:
+    """Return the count of a temperature, cut towards zero as a converter does, limited to 0…`counts`."""
+    return int(min(max((temperature_degC - sensor.low) * sensor.counts / sensor.span, 0.0), float(sensor.counts)))
+
+
+class Running(NamedTuple):
+    """A controller that runs: what its words and switches made of its core's parameters, and its memory."""
+
+    parameters: Any
+    state: Any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Core:
+    """How a controller computes, as plain functions of numbers and named tuples that a compiler takes as they are.
+
+    Attributes:
+        step: (parameters, state, setpoint, reading, whether a PWM period begins) → (state, power 0…100 %, output in
+            the controller's units, flags as bits in the order of `flags`); total for every bit pattern.
+        measure: (sensor, temperature [°C]) → reading.
+        flags: names of the flags, the lowest bit first.
+        compiles: whether a compiler takes it.
+        singles: whether all floats of parameters, state and setpoint are REALs: a compiled step may then be given them
+            in single precision.
+    """
+
+    step: Callable[[Any, Any, Any, Any, bool], tuple[Any, float, Any, int]]
+    measure: Callable[[Any, float], Any]
+    flags: tuple[str, ...]
+    compiles: bool = True
+    singles: bool = False
+
+    def run(self, running: Running, setpoint: Any, reading: Any, *, cycle_start: bool) -> tuple[Running, Scan]:
+        """Run one scan."""
+        state, *told = self.step(running.parameters, running.state, setpoint, reading, cycle_start)
+        return Running(running.parameters, state), self.told(told)
+
+    def told(self, told: Sequence[Any]) -> Scan:
+        """Return what `step` told beside the state, the flags by name."""
+        power_pct, output, bits = told
+        flags = {name: bool(bits >> place & 1) for place, name in enumerate(self.flags)}
+        return Scan(power_pct=power_pct, output=output, flags=flags)

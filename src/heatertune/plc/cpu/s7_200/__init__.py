@@ -1,0 +1,6 @@
+"""Statement list → what an S7-200 does with it."""
+
+from heatertune.plc.cpu.s7_200.assembler import assemble
+from heatertune.plc.cpu.s7_200.cpu import COLD, Program, State, run
+
+__all__ = ["COLD", "Program", "State", "assemble", "run"]

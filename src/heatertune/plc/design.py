@@ -1,0 +1,77 @@
+"""A design for a target: tuned for its timer and its input, and rounded to its words."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any, Final
+
+from heatertune import cache
+from heatertune.model import document as model_document
+from heatertune.model.values import FittedModel
+from heatertune.options import merged
+from heatertune.pid import document as pid_document
+from heatertune.pid.timer import Timer
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Scaling, Words, controller_for
+from heatertune.progress import Told
+from heatertune.settings import TuneSettings
+
+__all__ = ["encode", "timer_of", "tune"]
+
+#: of a model's document, what is told and no design depends on
+_TOLD: Final = (
+    "residuals", "notes", "hypotheses", "whiteness", "input_crosscorrelation", "held_out", "halves", "logs")
+
+
+def tune(
+    fitted: FittedModel, settings: TuneSettings | None = None, *, target: str | None = None,
+    scaling: Scaling | None = None, progress: Told = str, **changed: Any,
+) -> PidDesign:
+    """Find K, TN, TV and TA; with a target, TA is what its timer can do, and a reading as fine as its input's.
+
+    Args:
+        fitted: the heater and its candidates.
+        settings: what is asked for; None: the defaults.
+        target: the controller; None: any.
+        scaling: sensor range.
+        progress: told what begins.
+        changed: fields of `TuneSettings` that are other than in `settings`.
+
+    Raises:
+        UnknownName, OutOfRange, InputError: as `heatertune.pid.tune.tune`.
+    """
+    from heatertune.pid.tune import tune as tune_model  # noqa: PLC0415 - compiles; a proof needs no search
+
+    asked = merged(TuneSettings, settings, changed)
+    held: dict[str, Any] = {}
+    if target is not None:
+        its = controller_for(target)
+        held = {"timer": timer_of(target), "derivative_filter": its.derivative_filter,
+                "resolution_degC": (scaling or Scaling()).span_degC / its.counts}
+    inputs = {"model": _essence(fitted), "settings": asdict(asked), "held": {name: repr(held[name]) for name in held}}
+
+    def run() -> dict[str, Any]:
+        return pid_document.to_document(tune_model(fitted, asked, progress=progress, **held))
+
+    return pid_document.from_document(cache.cached("tune", inputs, run, progress=progress))
+
+
+def _essence(fitted: FittedModel) -> dict[str, Any]:
+    """Return what a design depends on: the working model and the candidates."""
+    document = model_document.to_document(fitted)
+    return {key: document[key] for key in document if key not in _TOLD}
+
+
+def encode(design: PidDesign, target: str, *, scaling: Scaling | None = None) -> Words:
+    """Round a design to the words of a target.
+
+    Raises:
+        UnknownName: no such target.
+        NotRepresentable: a word does not fit; the error tells the nearest change that would.
+    """
+    return controller_for(target).encode(design, scaling or Scaling())
+
+
+def timer_of(target: str) -> Timer:
+    """Return what a target's timer can do; raise UnknownName where there is none of this name."""
+    return controller_for(target).timer

@@ -1,0 +1,62 @@
+"""The controller CONT_C."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from heatertune.plc.controller import Controller
+from heatertune.plc.core import Core, Running, count
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, TIMER
+from heatertune.plc.cpu.s7_300.real import quotient, real
+from heatertune.plc.fb41.export import export_words
+from heatertune.plc.fb41.image import from_image, oddities
+from heatertune.plc.fb41.step import Assumptions, Parameters, restart, scan, step
+from heatertune.plc.fb41.words import FIELDS, consistent, design_of, values_of
+from heatertune.plc.ramp import Number
+from heatertune.plc.words import Words
+
+__all__ = ["ContC"]
+
+
+class ContC(Controller, name="fb41"):
+    """The standard block CONT_C, called from OB35; the PWM is an actuator behind LMN."""
+
+    title = "SIMATIC S7-300/400, FB41 CONT_C (Standard Library; SFB41 of the CPU 31xC)"
+    can = (
+        "P, PI, PD and PID in single precision with a filtered derivative of the error; PV and setpoint in °C",
+        "dead band, limits, feed-forward DISV, manual with a smooth return",
+        "setpoint ramp in whole analog values: OB35 of the export leads SP_INT",
+    )
+    cannot = (
+        "no PWM of its own: FB43 PULSEGEN or a switch behind LMN is proven with it (--pwm-rule pulsegen)",
+        "no setpoint weights: the block has none", "PV_IN is left out: the reading comes from PV_PER",
+    )
+    fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, FULL_SCALE
+    #: SP_PER is a setpoint as an analog value; SP_INT, where given, is the block's own input
+    inputs: ClassVar = {
+        "SP_PER": "INT", "PV_PER": "INT", "SP_INT": "REAL", "MAN_ON": "BOOL", "MAN": "REAL", "DISV": "REAL",
+        "INT_HOLD": "BOOL", "COM_RST": "BOOL",
+    }
+    ramped = True
+    core = Core(step=step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"))
+    values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
+    export, image, oddities = staticmethod(export_words), staticmethod(from_image), staticmethod(oddities)
+    scan_all = staticmethod(scan)
+
+    def begin(self, words: Words, assume: Assumptions) -> Running:
+        """Return the state after OB100's call with COM_RST."""
+        parameters = _parameters(words.values)
+        return Running((parameters, assume), restart(parameters))
+
+
+def _parameters(v: Mapping[str, Number]) -> Parameters:
+    """Return the words as the block computes with them: TIME in ms becomes REAL in s."""
+    seconds = {name: quotient(real(v[name])[0], 1000.0)[0] for name in ("CYCLE", "TI", "TD", "TM_LAG")}
+    return Parameters(
+        cycle=seconds["CYCLE"], gain=v["GAIN"], ti=seconds["TI"], td=seconds["TD"], tm_lag=seconds["TM_LAG"],
+        dead_band=v["DEADB_W"], upper=v["LMN_HLM"], lower=v["LMN_LLM"], pv_factor=v["PV_FAC"], pv_offset=v["PV_OFF"],
+        lmn_factor=v["LMN_FAC"], lmn_offset=v["LMN_OFF"], initial=v["I_ITLVAL"], disturbance=v["DISV"],
+        manual=v["MAN"], man_on=bool(v["MAN_ON"]), p_sel=bool(v["P_SEL"]), i_sel=bool(v["I_SEL"]),
+        int_hold=bool(v["INT_HOLD"]), i_itl_on=bool(v["I_ITL_ON"]), d_sel=bool(v["D_SEL"]),
+    )

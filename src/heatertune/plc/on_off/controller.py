@@ -1,0 +1,48 @@
+"""The controller that switches between two levels, run by the bit processor."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from heatertune.plc.controller import Controller, no_pid
+from heatertune.plc.core import Core, Running, count
+from heatertune.plc.cpu.one_bit.machine import START
+from heatertune.plc.on_off.export import export_words, from_image
+from heatertune.plc.on_off.step import Memory, listed, step
+from heatertune.plc.on_off.words import COUNTS, FIELDS, TIMER, consistent, oddities, values_of
+from heatertune.plc.open_points import NothingOpen
+from heatertune.plc.words import Words
+
+__all__ = ["OnOff"]
+
+_FLAGS = ("overflow", "endless")
+
+
+def _direct(words: Words, _assume: NothingOpen) -> tuple[Core, Running]:
+    return _DIRECT, Running(words.whole["BAND"], Memory())
+
+
+_DIRECT = Core(step=step, measure=count, flags=_FLAGS)
+
+
+class OnOff(Controller, name="on-off"):
+    """Two-level control; the switch behind the output is an actuator, always on or off for a whole scan."""
+
+    title = "bit processor, two-level control (Hryniewicz, Chmiel, Przegląd Elektrotechniczny 88(9a), 2012, Ex. 3)"
+    can = ("switch the heater fully on below SP − BAND and off above SP + BAND",)
+    cannot = (
+        "no PID: of a design only TA is taken, as the scan interval",
+        "the temperature swings around the setpoint, the more the longer the dead time",
+        "no setpoint ramp in its program",
+    )
+    fields, timer, counts = FIELDS, TIMER, COUNTS
+    inputs: ClassVar = {"SP": "INT", "PV": "INT"}
+    baseline = None
+    core = Core(step=listed, measure=count, flags=_FLAGS, compiles=False)
+    values, design, consistent = staticmethod(values_of), staticmethod(no_pid), staticmethod(consistent)
+    export, direct = staticmethod(export_words), staticmethod(_direct)
+    image, oddities = staticmethod(from_image), staticmethod(oddities)
+
+    def begin(self, words: Words, assume: NothingOpen) -> Running:  # noqa: ARG002 - the same for all
+        """Return the state after power-on: heater off."""
+        return Running(words.whole["BAND"], START)

@@ -1,0 +1,89 @@
+"""The two-level control as a listing, as CSV of its word, and as the memory holds it (binary and Intel HEX).
+
+The memory is this project's choice, as the document prints none: the 16 lines of the program, one byte each, then
+BAND as a 16-bit number, high byte first.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Final
+
+from heatertune.errors import InputError
+from heatertune.plc.cpu.one_bit.assembler import disassemble
+from heatertune.plc.cpu.one_bit.programs import ON_OFF_NAMES
+from heatertune.plc.on_off.step import PROGRAM
+from heatertune.plc.on_off.words import COUNTS, FIELDS
+from heatertune.plc.words import Certificate, Words
+
+__all__ = ["export_words", "from_image", "intel_hex", "to_image"]
+
+_RECORD: Final = 16  # data bytes in a line of Intel HEX
+
+
+def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+    """Return all files; the same words and certificate give the same bytes."""
+    image = to_image(words)
+    return {
+        "on_off_listing.txt": _listing(words, certificate),
+        "on_off_words.csv": _csv(words),
+        "on_off_rom.hex": intel_hex(image),
+        "on_off_rom.bin": image,
+    }
+
+
+def to_image(words: Words) -> bytes:
+    """Return the memory: program, then BAND."""
+    return PROGRAM.image + words.whole["BAND"].to_bytes(2, "big")
+
+
+def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, int]:
+    """Return BAND from a memory of 18 bytes that was read back.
+
+    Raises:
+        InputError: another length, or another program than the two-level control.
+    """
+    program, size = PROGRAM.image, len(PROGRAM.image) + 2
+    if len(image) != size:
+        raise InputError(f"{source}: {len(image)} bytes; expected {size}: {size - 2} lines of program, then BAND")
+    for line, (byte, expected) in enumerate(zip(image, program, strict=False)):
+        if byte != expected:
+            raise InputError(f"{source}: line {line} of the program is {byte:02X}; expected {expected:02X}")
+    return {"BAND": int.from_bytes(image[size - 2 :], "big", signed=True)}
+
+
+def intel_hex(image: bytes, *, start: int = 0) -> str:
+    """Return bytes as Intel HEX (Hexadecimal Object File Format Specification, revision A, 1988), 8-bit records."""
+    records = [
+        _record(start + k, 0, image[k : k + _RECORD]) for k in range(0, len(image), _RECORD)
+    ]
+    return "\n".join([*records, _record(0, 1, b"")]) + "\n"
+
+
+def _record(address: int, kind: int, data: bytes) -> str:
+    body = bytes([len(data), *address.to_bytes(2, "big"), kind, *data])
+    return f":{body.hex().upper()}{-sum(body) & 0xFF:02X}"
+
+
+def _listing(words: Words, certificate: Certificate) -> str:
+    scale, band = words.scaling, words.whole["BAND"]
+    head = [
+        "two-level control of a heater, for the bit processor of Hryniewicz and Chmiel (2012)",
+        f"sensor {scale.low_degC:g}…{scale.high_degC:g} °C = 0…{COUNTS} counts in register 1 (PV)",
+        f"setpoint in counts in register 0 (SP): {COUNTS}/{scale.span_degC:g}·(°C − {scale.low_degC:g}), whole part",
+        f"register 2 (BAND) = {band} counts = {band * scale.span_degC / COUNTS:.3g} °C",
+        f"one scan every {words.sample_time_s:g} s; output 0 (OUT) switches the heater",
+        *certificate.head,
+    ]
+    rows = zip(disassemble(PROGRAM, ON_OFF_NAMES).splitlines(), PROGRAM.words, strict=True)
+    body = [f"{line.ljust(28)}; {word >> 4:04b} {word & 15:04b}" for line, word in rows]
+    return "\n".join([*(f"; {line}" for line in head), *body]) + "\n"
+
+
+def _csv(words: Words) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["address", "word", "format", "value", "comment"])
+    writer.writerows([f.address, f.name, f.format, words.whole[f.name], f.comment] for f in FIELDS)
+    return text.getvalue()

@@ -1,0 +1,48 @@
+"""The two-level control, as the bit processor runs it and directly: off above SP + BAND, on below SP − BAND."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from heatertune.plc.cpu.one_bit.assembler import assemble
+from heatertune.plc.cpu.one_bit.machine import State, Wiring, scan
+from heatertune.plc.cpu.one_bit.programs import ON_OFF, ON_OFF_NAMES
+
+__all__ = ["PROGRAM", "Memory", "listed", "step"]
+
+#: lines and addresses fit four bits
+PROGRAM: Final = assemble(ON_OFF, ON_OFF_NAMES, operand_bits=4)
+
+_OUT: Final = ON_OFF_NAMES.bits["OUT"]
+_WIRING: Final = Wiring(results={ON_OFF_NAMES.bits["AC1<AC2"]: -1, ON_OFF_NAMES.bits["AC1>AC2"]: 1})
+
+
+class Memory(NamedTuple):
+    """What the direct form keeps from scan to scan."""
+
+    is_on: bool = False
+
+
+def listed(band: int, state: State, setpoint: int, reading: int, _begins: bool) -> tuple[State, float, int, int]:
+    """Compute one scan by the program, see `heatertune.plc.core.Core`."""
+    after = scan(PROGRAM, _WIRING, state, registers=(setpoint, reading, band))
+    is_on = after.is_on(_OUT)
+    return after, 100.0 if is_on else 0.0, int(is_on), int(after.overflow) + 2 * int(after.endless)
+
+
+def step(band: int, state: Memory, setpoint: int, reading: int, _begins: bool) -> tuple[Memory, float, int, int]:
+    """Compute the same without the program, all in 16 bits."""
+    w, x, b = _word(setpoint), _word(reading), _word(band)
+    above, below = w + b, w - b
+    overflow = above != _word(above)
+    is_on = state.is_on
+    if x > _word(above):
+        is_on = False
+    else:
+        overflow = overflow or below != _word(below)
+        is_on = is_on or x < _word(below)
+    return Memory(is_on), 100.0 if is_on else 0.0, int(is_on), int(overflow)
+
+
+def _word(number: int) -> int:
+    return ((number + 0x8000) & 0xFFFF) - 0x8000

@@ -1,0 +1,49 @@
+"""The controller OB251."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from heatertune.pid.timer import Timer
+from heatertune.plc.controller import Controller
+from heatertune.plc.core import Core, Running, count
+from heatertune.plc.s5_ob251.export import export_words
+from heatertune.plc.s5_ob251.image import from_image, oddities
+from heatertune.plc.s5_ob251.step import COLD, Assumptions, Parameters, scan, step
+from heatertune.plc.s5_ob251.words import FACTOR, FIELDS, FULL_SCALE, consistent, design_of, values_of
+from heatertune.plc.words import Words
+
+__all__ = ["Ob251"]
+
+
+class Ob251(Controller, name="s5-ob251"):
+    """OB251: words in 1024ths, output and limits in units; the PWM is an actuator behind YA."""
+
+    title = "SIMATIC S5-115U, OB251 (manual 4NEB 811 6130, section 11.2.3)"
+    can = (
+        "P, PI and PID; feed-forward of Z; manual with a bumpless return; position or velocity algorithm",
+        "derivative of the control error, or of XZ",
+        "setpoint ramp: the export brings the function block that moves W",
+    )
+    cannot = (
+        "no PWM of its own: a switch behind YA is proven with it",
+        "TV is a whole multiple of TA; K is limited to ±1500/1024 units per unit with a D part",
+    )
+    fields, assumptions, counts = FIELDS, Assumptions, FULL_SCALE
+    timer = Timer(shortest_s=0.01, longest_s=600.0, step_s=0.01)  # OB10 to OB13
+    inputs: ClassVar = {"W": "KF", "X": "KF", "Z": "KF", "XZ": "KF", "YH": "KF", "STEU": "KM"}
+    integers = ("K", "TI", "TD")
+    ramped = True
+    core = Core(step=step, measure=count, flags=("upper limit", "lower limit"))
+    values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
+    export, image, oddities = staticmethod(export_words), staticmethod(from_image), staticmethod(oddities)
+    scan_all = staticmethod(scan)
+
+    def begin(self, words: Words, assume: Assumptions) -> Running:
+        """Return the cold state: DW18 to DW48 cleared."""
+        v = words.whole
+        parameters = Parameters(
+            gain=v["K"] / FACTOR, r=v["R"] / FACTOR, ti=v["TI"] / FACTOR, td=float(v["TD"]), steu=v["STEU"],
+            manual=v["YH"], upper=v["BGOG"], lower=v["BGUG"],
+        )
+        return Running((parameters, assume), COLD)

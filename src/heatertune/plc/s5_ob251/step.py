@@ -1,0 +1,174 @@
+"""One call of OB251, in the order of the manual (S5-115U, section 11.2.3).
+
+    XW_k = W_k − X_k                         U = XW, or XZ where STEU bit 1 is set
+    dP_k = R·(XW_k − XW_{k−1})
+    dI_k = TI·XW_k
+    dD_k = ½·(TD·(U_k − 2U_{k−1} + U_{k−2}) + dD_{k−1})
+    dY_k = K·(dP_k + dI_k + dD_k) + (Z_k − Z_{k−1}, where STEU bit 5 is not set)
+
+The ½ was lost in the scans of the manual; without it D would never decay. All words are multiples of 1/1024 or whole,
+so IEEE doubles hold every sum exactly but for dD, whose halving runs out of digits after some fifty calls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Final, NamedTuple
+
+from heatertune.plc.open_points import Switch
+
+__all__ = [
+    "AUTO", "COLD", "FULL_SCALE", "GESCHW", "HANDART", "NO_Z", "REG_AUS", "XZ_EIN", "Assumptions", "Parameters",
+    "State", "call", "scan", "step",
+]
+
+#: units at the upper end of the sensor range and at full power
+FULL_SCALE: Final = 2047
+
+#: bits of the control word STEU (table 11-10)
+AUTO: Final = 1
+XZ_EIN: Final = 2
+REG_AUS: Final = 4
+GESCHW: Final = 8
+HANDART: Final = 16
+NO_Z: Final = 32
+
+_APPROACH = 4  # calls in which a position controller reaches YH
+
+
+class Parameters(NamedTuple):
+    """The words of the controller DB as the algorithm uses them; limits and inputs are whole units."""
+
+    gain: float  # K·R is the proportional part
+    r: float
+    ti: float
+    td: float
+    steu: int
+    manual: int  # YH
+    upper: int  # BGOG
+    lower: int  # BGUG
+
+
+class Assumptions(NamedTuple):
+    """What the manual leaves open, see DIFFERENCES.md."""
+
+    sum_is_limited: Annotated[bool, Switch(
+        name="sum", means={"unlimited": False, "limited": True},
+        why="whether Y_{k−1} is kept before or after the limiter; the 928B's DB keeps it before",
+    )] = False
+    flag_of_same_call: Annotated[bool, Switch(
+        name="integral_off", means={"previous_call": False, "same_call": True},
+        why='"at a limit" of which call takes the integral action out',
+    )] = False
+    inward_allowed: Annotated[bool, Switch(
+        name="integral_inward", means={"off": False, "on": True},
+        why="whether integral action that leads back from the limit stays on; the manual gives no direction",
+    )] = False
+    whole_increments: Annotated[bool, Switch(
+        name="rounding", means={"fraction_kept": False, "whole_increments": True},
+        why="whether dY keeps its fraction in the sum; the 928B calculates in floating point",
+    )] = False
+
+
+class State(NamedTuple):
+    """What DW18 to DW48 keep from call to call (names of the 928B's DB where the 115U's book has none)."""
+
+    error: float = 0.0  # XW_{k−1}
+    error_change: float = 0.0  # PW_{k−1}
+    substitute: float = 0.0  # XZ_{k−1}
+    substitute_change: float = 0.0  # PZ_{k−1}
+    derivative: float = 0.0  # dD_{k−1}
+    disturbance: float = 0.0  # Z_{k−1}
+    total: float = 0.0  # Y_{k−1}, before the limiter
+    output: int = 0  # YA
+    at_limit: int = 0  # +1 upper, −1 lower, 0 inside
+    approach: int = 0  # calls since the switch to manual
+
+
+COLD: Final = State()
+
+
+def step(
+    parameters: tuple[Parameters, Assumptions], state: State, w: int, x: int, _begins: bool
+) -> tuple[State, float, int, int]:
+    """Compute one scan, see `heatertune.plc.core.Core`."""
+    return _outcome(call(parameters[0], parameters[1], state, w, x, 0, 0))
+
+
+def scan(
+    parameters: tuple[Parameters, Assumptions], state: State, inputs: Mapping[str, int]
+) -> tuple[State, float, int, int]:
+    """Compute one scan with W, X and, where named, Z, XZ, YH and STEU."""
+    p, assume = parameters
+    p = p._replace(manual=inputs.get("YH", p.manual), steu=inputs.get("STEU", p.steu))
+    return _outcome(call(p, assume, state, inputs["W"], inputs["X"], inputs.get("Z", 0), inputs.get("XZ", 0)))
+
+
+def _outcome(after: State) -> tuple[State, float, int, int]:
+    """Return the state, YA in percent, YA, and the limits as bits."""
+    power = min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0)
+    return after, power, after.output, int(after.at_limit > 0) + 2 * int(after.at_limit < 0)
+
+
+def call(
+    p: Parameters, assume: Assumptions, state: State, w: int, x: int, z: int = 0, xz: int = 0
+) -> State:
+    """Return the state after one call; its `output` is YA (position) or dY (velocity)."""
+    if p.steu & REG_AUS:
+        return COLD
+    error = float(w - x)
+    change = error - state.error
+    if p.steu & XZ_EIN:
+        substitute = float(xz)
+        substitute_change = substitute - state.substitute
+        curvature = substitute_change - state.substitute_change
+    else:
+        substitute, substitute_change = state.substitute, state.substitute_change
+        curvature = change - state.error_change
+    disturbance = state.disturbance if p.steu & NO_Z else float(z)
+    if p.steu & AUTO:
+        derivative = 0.5 * (p.td * curvature + state.derivative)
+        other = p.gain * (p.r * change + derivative) + (disturbance - state.disturbance)
+        total, output, at_limit = _automatic(p, assume, state, other, p.gain * p.ti * error)
+        approach = 0
+    else:
+        derivative, at_limit = 0.0, 0
+        output, approach = _manual(p, state)
+        total = float(output)
+    return State(
+        error, change, substitute, substitute_change, derivative, disturbance, total, output, at_limit, approach
+    )
+
+
+def _automatic(
+    p: Parameters, assume: Assumptions, state: State, other: float, integral: float
+) -> tuple[float, int, int]:
+    """Add the increments, limit, and keep the integral action out while at a limit: Y, YA and the side."""
+    before = 0.0 if p.steu & GESCHW else state.total
+    at_limit = _side(p, before + _whole(assume, other + integral)) if assume.flag_of_same_call else state.at_limit
+    outward = at_limit * integral > 0.0 if assume.inward_allowed else at_limit != 0
+    increment = _whole(assume, other if outward else other + integral)
+    total = before + increment
+    limited = min(max(total, float(p.lower)), float(p.upper))
+    return limited if assume.sum_is_limited else total, int(limited), _side(p, total)  # YA is cut towards zero
+
+
+def _manual(p: Parameters, state: State) -> tuple[int, int]:
+    """Hold the output or approach YH, the algorithm not being computed: YA and the calls since the switch."""
+    approach = state.approach
+    if p.steu & GESCHW:
+        wanted = 0 if p.steu & HANDART else p.manual
+    elif p.steu & HANDART:
+        wanted = state.output
+    else:
+        wanted = p.manual if approach + 1 >= _APPROACH else int((p.manual + state.output) / 2.0)
+        approach = min(approach + 1, _APPROACH)
+    return min(max(wanted, p.lower), p.upper), approach
+
+
+def _side(p: Parameters, total: float) -> int:
+    return int(total >= p.upper) - int(total <= p.lower)
+
+
+def _whole(assume: Assumptions, increment: float) -> float:
+    return float(int(increment)) if assume.whole_increments else increment

@@ -1,0 +1,56 @@
+"""The controller of the repaired program; its step runs the statement list that is exported."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+from heatertune.plc.controller import Controller
+from heatertune.plc.core import Core, Running, count
+from heatertune.plc.cpu.s7_200 import assemble
+from heatertune.plc.cpu.s7_200.cycle import TIMER, Interrupted, Timed, check_cycle, cycle_ms, cycle_s
+from heatertune.plc.cpu.s7_200.wiring import COUNTS
+from heatertune.plc.s7_200.export import export_words
+from heatertune.plc.s7_200.listing import repaired_program
+from heatertune.plc.s7_200.step import Assumptions, Constants, Memory, listed, step
+from heatertune.plc.s7_200.words import FIELDS, design_of, values_of
+from heatertune.plc.words import Words
+
+__all__ = ["S7200"]
+
+_FLAGS = ("SM1.1", "SM1.3")
+
+
+def _direct(words: Words, assume: Assumptions) -> tuple[Core, Running]:
+    v = words.whole
+    constants = Constants(v["KP"], v["KI"], v["KD"], v["SCALE"], cycle_ms(v))
+    return _DIRECT, Running((constants, assume), Memory())
+
+
+_DIRECT = Core(step=step, measure=count, flags=_FLAGS)
+
+
+class S7200(Controller, name="s7-200"):
+    """The paper's PID/PWM program, repaired: whole numbers; the program computes once in each PWM cycle."""
+
+    title = "SIMATIC S7-200 CPU 214, PID/PWM program (Alia, Am. J. Appl. Sci. 4(5), 2007, Table 2), repaired"
+    can = (
+        "PI and PID in whole numbers, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",
+        "free of overflow for every pair of setpoint and reading", "setpoint ramp in whole counts",
+    )
+    cannot = ("no P alone: the pulse width accumulates", "8-bit readings, no manual mode")
+    fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, COUNTS
+    inputs: ClassVar = {"SP": "BYTE", "PV": "BYTE"}
+    derivative_filter = 0.0
+    scans_per_period = 1
+    integers = ("KP", "KI", "KD")
+    faithful = "s7-200-paper"
+    ramped = True
+    core = Core(step=listed, measure=count, flags=_FLAGS, compiles=False)
+    values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(check_cycle)
+    interval_s, export, direct = staticmethod(cycle_s), staticmethod(export_words), staticmethod(_direct)
+
+    def begin(self, words: Words, assume: Assumptions) -> Running:
+        """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""
+        program = assemble(repaired_program(replace(words, ramp=None)))
+        return Running(Timed(program, cycle_ms(words.whole), "VW30", assume.next_cycle), Interrupted())

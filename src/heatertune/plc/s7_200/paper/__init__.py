@@ -1,6 +1,0 @@
-"""The paper's PID/PWM program as printed, its faults included; what it leaves open stands in DIFFERENCES.md."""
-
-from heatertune.plc.s7_200.paper.room import ROOM
-from heatertune.plc.s7_200.paper.words import paper_words
-
-__all__ = ["ROOM", "paper_words"]

@@ -1,0 +1,71 @@
+"""The program around the PID instruction as statement list: loop table at VB100, AIW0 in, PWM on Q0.0 out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from heatertune.plc.cpu.s7_200.cycle import cycle_ms
+from heatertune.plc.cpu.s7_200.ramp import ramp_begins, ramp_moves
+from heatertune.plc.cpu.s7_200.text import Network, block, count_ticks, program, pwm_registers, real, timed_interrupt
+from heatertune.plc.s7_200_pid.words import SETPOINT, TABLE
+from heatertune.plc.words import Words
+
+__all__ = ["ASKED", "pid_program"]
+
+#: where a program with a ramp finds the setpoint asked for, as an analog input word
+ASKED = "VW80"
+
+_WIDEST = "32000.0"  # an analog input at the end of its range
+_TICKS = "VW90"
+#: setpoint asked for, setpoint on the ramp, countdown
+_RAMP = (ASKED, "VW82", "VW84")
+
+
+def pid_program(words: Words, head: Sequence[str] = ()) -> str:
+    """Return the program; the same words and head give the same bytes."""
+    first = Network("first scan", ["LD SM0.1", "CALL SBR0"])
+    return program(
+        block("OB1", "PID instruction with PWM output", [first], head),
+        block("SBR0", "loop table, PWM on Q0.0, timed interrupt", _initialisation(words)),
+        block("INT0", "one sampling interval: PID, pulse width", _interrupt(words)),
+    )
+
+
+def _initialisation(words: Words) -> list[Network]:
+    v = words.values
+    named = zip(("KC", "TS", "TI", "TD"), range(TABLE + 12, TABLE + 28, 4), strict=True)
+    return [
+        Network("loop table: gain, sampling interval, times in minutes", [
+            "LD SM0.0", *[f"MOVR {real(v[name])}, VD{place}" for name, place in named],
+        ]),
+        Network("output and bias begin at 0", [
+            "LD SM0.0", f"MOVR 0.0, VD{TABLE + 8}", f"MOVR 0.0, VD{TABLE + 28}", f"MOVW +1, {_TICKS}",
+        ]),
+        *([] if words.ramp is None else [ramp_begins(words.ramp, "AIW0", *_RAMP[1:])]),
+        pwm_registers(cycle_ms(words.whole)),
+        timed_interrupt(words.whole["TICK"]),
+    ]
+
+
+def _interrupt(words: Words) -> list[Network]:
+    return [
+        *count_ticks(_TICKS, f"{words.whole['TICKS']:+d}"),
+        Network("process variable as a share of the range", _share("AIW0", f"VD{TABLE}")),
+        *_setpoint(words),
+        Network("setpoint: see VD104; PID", ["LD SM0.0", f"PID VB{TABLE}, 0"]),
+        Network("pulse width; the cycle time is loaded once", [
+            "LD SM0.0", f"MOVR VD{TABLE + 8}, AC0", f"*R {real(cycle_ms(words.whole))}, AC0", "ROUND AC0, AC0",
+            "MOVW AC0, SMW70", "PLS 0", "MOVB 16#CA, SMB67",
+        ]),
+    ]
+
+
+def _share(word: str, place: str) -> list[str]:
+    return ["LD SM0.0", f"ITD {word}, AC0", "DTR AC0, AC0", f"/R {_WIDEST}, AC0", f"MOVR AC0, {place}"]
+
+
+def _setpoint(words: Words) -> list[Network]:
+    """Return how a ramp leads the setpoint; without one the operator's panel writes it itself."""
+    if words.ramp is None:
+        return []
+    return [*ramp_moves(words.ramp, *_RAMP), Network("setpoint as a share of the range", _share(_RAMP[1], SETPOINT))]

@@ -1,0 +1,43 @@
+"""The controller of the PID tip."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from heatertune.plc.controller import Controller
+from heatertune.plc.core import Core, Running, count
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, TIMER
+from heatertune.plc.s7_300.export import export_words
+from heatertune.plc.s7_300.image import from_image, oddities
+from heatertune.plc.s7_300.step import COLD, Assumptions, Parameters, scan, step
+from heatertune.plc.s7_300.words import FIELDS, design_of, values_of
+from heatertune.plc.words import Words
+
+__all__ = ["PidTip"]
+
+
+class PidTip(Controller, name="s7-300"):
+    """The PID of the application tip, called from OB35; the PWM is an actuator behind OUT."""
+
+    title = "SIMATIC S7-300/400, application tip PID No. 2 (Siemens, V1.0, 11/96)"
+    can = (
+        "P, PI, PD and PID in single precision; derivative of the reading, not filtered; I, ID and D with GAIN = 0",
+        "exported as a whole STL program, with a setpoint ramp in whole analog values where one is asked for",
+    )
+    cannot = (
+        "no PWM of its own: a switch behind OUT is proven with it",
+        "no feed-forward, no dead band, no derivative filter",
+    )
+    fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, FULL_SCALE
+    inputs: ClassVar = {"SP": "INT", "PV": "INT", "mode_req": "BOOL", "OUT": "INT"}
+    derivative_filter = 0.0
+    ramped = True
+    core = Core(step=step, measure=count, flags=("overflow",))
+    values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
+    image, oddities, scan_all = staticmethod(from_image), staticmethod(oddities), staticmethod(scan)
+
+    def begin(self, words: Words, assume: Assumptions) -> Running:
+        """Return the state after OB100."""
+        v = words.values
+        parameters = Parameters(gain=v["GAIN"], rate=v["RATE"], reset=v["RESET"], sample=v["SAMPLE"])
+        return Running((parameters, assume), COLD)

@@ -1,5 +1,0 @@
-"""The standard block FB41 CONT_C (SFB41 of the CPU 31xC); what is not documented stands in DIFFERENCES.md."""
-
-from heatertune.plc.s7_300.fb41.room import ROOM
-
-__all__ = ["ROOM"]

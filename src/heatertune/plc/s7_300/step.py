@@ -1,0 +1,132 @@
+"""One call of the tip's function block in REAL, in the document's order (PID tip No. 2, V1.0, 11/96, formulas 2.1–2.9).
+
+    SP = raw_SP/27648    PV = raw_PV/27648    Error = SP − PV
+    MP = Gain·Error
+    CI = Gain·(Sample/Reset)    MI = Bias + CI·Error
+    CD = Gain·(Rate/Sample)     MD = CD·(PV_{n−1} − PV_n)
+    Output = MP + MI + MD, from left to right
+    Bias := MI;  1 − (MP + MD) where Output > 1;  −(MP + MD) where Output < 0; what was adjusted is clamped to 0…1
+    Output clamped to 0…1; OUT = Output·27648 as an INT
+
+Gain = 0 leaves Gain out of CI and CD; Reset = 0 takes the integral part out. What is not a number is clamped to 0.
+The exported block is the same program, instruction by instruction.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Final, NamedTuple
+
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
+from heatertune.plc.cpu.s7_300.real import clamp, quotient, real
+from heatertune.plc.open_points import Switch
+
+__all__ = ["COLD", "Assumptions", "Parameters", "State", "call", "manual", "scan", "step"]
+
+
+class Parameters(NamedTuple):
+    """The four words of the instance data block; times in ms."""
+
+    gain: float
+    rate: float
+    reset: float
+    sample: float
+
+
+class Assumptions(NamedTuple):
+    """What the document leaves open, see DIFFERENCES.md."""
+
+    truncates: Annotated[bool, Switch(
+        name="conversion", means={"rnd": False, "trunc": True},
+        why="whether OUT is rounded (halves to even) or cut when it becomes an INT",
+    )] = False
+    bias_always_clamped: Annotated[bool, Switch(
+        name="bias_clamp", means={"adjusted": False, "always": True},
+        why='the document clamps "the adjusted bias": whether one that was not adjusted is clamped to 0…1 as well',
+    )] = False
+    starts_at_zero: Annotated[bool, Switch(
+        name="first_reading", means={"taken": False, "zero": True},
+        why="whether PV_{n−1} of the first call is that call's reading, or 0 with a kick of the derivative part",
+    )] = False
+
+
+class State(NamedTuple):
+    """What the instance data block keeps from call to call."""
+
+    bias: float = 0.0
+    reading: float = 0.0  # PV_{n−1}, normalised
+    started: bool = False
+    output: int = 0  # OUT
+    overflow: bool = False
+
+
+COLD: Final = State()
+
+
+def step(
+    parameters: tuple[Parameters, Assumptions], state: State, setpoint: int, reading: int, _begins: bool
+) -> tuple[State, float, int, int]:
+    """Compute one scan, see `heatertune.plc.core.Core`."""
+    return _outcome(call(parameters[0], parameters[1], state, setpoint, reading))
+
+
+def scan(
+    parameters: tuple[Parameters, Assumptions], state: State, inputs: Mapping[str, int]
+) -> tuple[State, float, int, int]:
+    """Compute one scan with SP and PV and, where named, mode_req and what the user wrote to OUT in manual."""
+    if inputs.get("mode_req", 1):
+        return step(parameters, state, inputs["SP"], inputs["PV"], True)
+    return _outcome(manual(state, inputs["PV"], inputs.get("OUT", state.output)))
+
+
+def _outcome(after: State) -> tuple[State, float, int, int]:
+    """Return the state, OUT in percent, OUT, and the flag."""
+    return after, min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0), after.output, int(after.overflow)
+
+
+def call(p: Parameters, assume: Assumptions, state: State, setpoint: int, reading: int) -> State:
+    """Return the state after one call in automatic."""
+    sp, os = quotient(setpoint, FULL_SCALE)
+    pv, os = quotient(reading, FULL_SCALE, os)
+    before = state.reading if state.started or assume.starts_at_zero else pv
+    ci, cd, os = _coefficients(p, os)
+    error, os = real(sp - pv, os)
+    mp, os = real(p.gain * error, os)
+    mi, os = real(ci * error, os)
+    mi, os = real(mi + state.bias, os)
+    md, os = real(before - pv, os)
+    md, os = real(cd * md, os)
+    output, os = real(mp + mi, os)
+    output, os = real(output + md, os)
+    other, os = real(mp + md, os)
+    bias, os = _bias(assume, output, mi, other, os)
+    scaled, os = real(clamp(output, 0.0, 1.0) * FULL_SCALE, os)
+    return State(bias, pv, True, math.trunc(scaled) if assume.truncates else round(scaled), os)
+
+
+def manual(state: State, reading: int, output: int | None = None) -> State:
+    """Return the state after one call in manual: the user's OUT stays, and the bias follows it."""
+    out = state.output if output is None else output
+    bias, os = quotient(out, FULL_SCALE)
+    pv, os = quotient(reading, FULL_SCALE, os)
+    return State(bias=clamp(bias, 0.0, 1.0), reading=pv, started=True, output=out, overflow=os)
+
+
+def _coefficients(p: Parameters, os: bool) -> tuple[float, float, bool]:
+    """Return CI, CD and OS."""
+    factor, ci = p.gain if p.gain != 0.0 else 1.0, 0.0
+    if p.reset != 0.0:
+        ci, os = quotient(p.sample, p.reset, os)
+        ci, os = real(ci * factor, os)
+    cd, os = quotient(p.rate, p.sample, os)
+    cd, os = real(cd * factor, os)
+    return ci, cd, os
+
+
+def _bias(assume: Assumptions, output: float, mi: float, other: float, os: bool) -> tuple[float, bool]:
+    """Adjust the bias so that the output ends at its limit (formulas 2.8 and 2.9); OS comes with it."""
+    if 0.0 <= output <= 1.0:
+        return (clamp(mi, 0.0, 1.0) if assume.bias_always_clamped else mi), os
+    adjusted, os = real((1.0 if output > 1.0 else 0.0) - other, os)
+    return clamp(adjusted, 0.0, 1.0), os

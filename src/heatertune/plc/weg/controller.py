@@ -1,0 +1,52 @@
+"""The controller in WEG's PID block."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from heatertune.pid.timer import Timer
+from heatertune.plc.controller import Controller
+from heatertune.plc.core import Core, Running, Sensor, count
+from heatertune.plc.single import single
+from heatertune.plc.weg.export import export_words
+from heatertune.plc.weg.step import COLD, Assumptions, block_of, scan, step
+from heatertune.plc.weg.words import FIELDS, consistent, design_of, interval_s, values_of
+from heatertune.plc.words import Words
+
+__all__ = ["Weg"]
+
+
+def _measure(sensor: Sensor, temperature_degC: float) -> float:
+    return single(sensor.low + sensor.span * count(sensor, temperature_degC) / sensor.counts)
+
+
+class Weg(Controller, name="weg"):
+    """WEG's PID block in single precision, temperatures in °C; the PWM is an actuator behind Output."""
+
+    title = "WEG SCA06 Ladder, block PID (WPS help; equation of the CFW501 programming manual V1.8x)"
+    can = (
+        "P, PI, PD and PID in single precision, academic or parallel form, direct or reverse action",
+        "setpoint filter of first order, limits of the output, manual output, enabling; Ts of 1 to 65535 ms",
+        "setpoint ramp by statements before the block's call",
+    )
+    cannot = (
+        "no derivative filter: noise and steps of the reading reach the output times K*TV/TA",
+        "TauSetPoint does not soften a start: the filter begins at the setpoint (the proof tries both readings)",
+        "no PWM of its own: a switch behind Output is proven with it",
+        "an integral step below half a digit of the sum is lost: a slower Ts makes it larger",
+    )
+    fields, assumptions = FIELDS, Assumptions
+    timer = Timer(shortest_s=0.001, longest_s=65.535, step_s=0.001)  # milliseconds as UINT
+    inputs: ClassVar = {
+        "SetPoint": "REAL", "Feedback": "REAL", "ManualSetPoint": "REAL", "SelectSetPoint": "BOOL", "EN": "BOOL",
+    }
+    counts = 4095  # of the 12-bit input module that is assumed
+    derivative_filter = 0.0
+    ramped = True
+    core = Core(step=step, measure=_measure, flags=("upper limit", "lower limit", "overflow"), singles=True)
+    values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
+    interval_s, export, scan_all = staticmethod(interval_s), staticmethod(export_words), staticmethod(scan)
+
+    def begin(self, words: Words, assume: Assumptions) -> Running:
+        """Return the state before EN has ever been TRUE."""
+        return Running((block_of(words.values, assume), assume), COLD)

@@ -1,0 +1,228 @@
+"""One call of the block, in single precision, one rounding per operation, in the order of the lines.
+
+Academic form (WEG, CFW501 programming manual V1.8x, external PID; the SCA06's own picture is lost):
+
+    u(k) = i(k−1) + Kp·[(1 + Ki·Ts + Kd/Ts)·e(k) − (Kd/Ts)·e(k−1)]        i(k) = i(k−1) + Kp·Ki·Ts·e(k)
+
+Parallel form, by analogy:
+
+    u(k) = i(k−1) + [(Kp + Ki·Ts + Kd/Ts)·e(k) − (Kd/Ts)·e(k−1)]          i(k) = i(k−1) + Ki·Ts·e(k)
+
+e(k) is the filtered setpoint minus Feedback, or the reverse; Ts in seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Final, NamedTuple
+
+from heatertune.plc.open_points import Switch
+from heatertune.plc.single import divided, single
+
+__all__ = ["CLAMP", "COLD", "FREEZE", "Assumptions", "Block", "Inputs", "State", "block_of", "call", "scan", "step"]
+
+#: what becomes of the integral part while Output is at a limit
+CLAMP: Final = 0
+FREEZE: Final = 1
+SUM_ON: Final = 2
+
+
+class Assumptions(NamedTuple):
+    """What the manual leaves open, see DIFFERENCES.md."""
+
+    anti_windup: Annotated[int, Switch(
+        name="anti_windup", means={"clamp": CLAMP, "freeze": FREEZE, "none": SUM_ON},
+        why="what becomes of i at a limit: held so that Kp·e + i is within the limits; kept as it was; summed on",
+    )] = CLAMP
+    manual_unlimited: Annotated[bool, Switch(
+        name="manual", means={"limited": False, "unlimited": True},
+        why="whether ManualSetPoint is held within MinimumOutput and MaximumOutput",
+    )] = False
+    bumpless: Annotated[bool, Switch(
+        name="manual_return", means={"held": False, "bumpless": True},
+        why="while ManualSetPoint is the output: filter, e(k−1) and i wait; or follow, i being Output − Kp·e",
+    )] = False
+    exact_filter: Annotated[bool, Switch(
+        name="filter", means={"implicit": False, "exact": True},
+        why="share of the way per call: Ts/(Tau + Ts), or 1 − exp(−Ts/Tau)",
+    )] = False
+    by_parts: Annotated[bool, Switch(
+        name="order", means={"as_printed": False, "by_parts": True},
+        why="order of the operations, each of which rounds: the printed bracket, or (P + I) + D",
+    )] = False
+    runs_at_once: Annotated[bool, Switch(
+        name="edge", means={"output_zero": False, "runs_at_once": True},
+        why="whether the scan of EN's positive edge ends with Output zero, or goes on to compute it",
+    )] = False
+    zero_history: Annotated[bool, Switch(
+        name="history", means={"present": False, "zero": True},
+        why="at that edge: filter at SetPoint and e(k−1) = e(k), or both zero; i is zero either way",
+    )] = False
+
+
+class Block(NamedTuple):
+    """The words as the block uses them, and what follows from them alone."""
+
+    kp: float
+    minimum: float
+    maximum: float
+    parallel: bool
+    reverse: bool
+    share: float  # of the way to SetPoint that the filter goes in one call
+    ki_ts: float
+    kd_by_ts: float
+    now: float  # factor of e(k) in the bracket
+    growth: float  # of the integral part per unit of e(k)
+
+
+class Inputs(NamedTuple):
+    """What one call reads."""
+
+    setpoint: float
+    feedback: float
+    manual: float = 0.0
+    select_manual: bool = False
+    enable: bool = True
+
+
+class State(NamedTuple):
+    """What the instance keeps from call to call; all finite."""
+
+    enabled: bool = False
+    reference: float = 0.0  # filtered setpoint
+    error: float = 0.0  # e(k−1)
+    integral: float = 0.0  # i(k−1)
+    output: float = 0.0
+    overflow: bool = False  # a number of the last call was not finite
+
+
+COLD: Final = State()
+
+
+def step(
+    parameters: tuple[Block, Assumptions], state: State, setpoint: float, feedback: float, _begins: bool
+) -> tuple[State, float, float, int]:
+    """Compute one scan, see `heatertune.plc.core.Core`."""
+    automatic = Inputs(setpoint, feedback, setpoint, False, True)  # by hand: nothing, but a REAL like the others
+    return _outcome(parameters[0], call(parameters[0], parameters[1], state, automatic))
+
+
+def scan(
+    parameters: tuple[Block, Assumptions], state: State, inputs: Mapping[str, float]
+) -> tuple[State, float, float, int]:
+    """Compute one scan with SetPoint, Feedback and, where named, ManualSetPoint, SelectSetPoint and EN."""
+    block, assume = parameters
+    given = Inputs(
+        inputs["SetPoint"], inputs["Feedback"], inputs.get("ManualSetPoint", 0.0),
+        bool(inputs.get("SelectSetPoint", 0)), bool(inputs.get("EN", 1)),
+    )
+    return _outcome(block, call(block, assume, state, given))
+
+
+def _outcome(block: Block, after: State) -> tuple[State, float, float, int]:
+    """Return the state, Output as power, Output, and the flags as bits."""
+    bits = int(after.output >= block.maximum) + 2 * int(after.output <= block.minimum) + 4 * int(after.overflow)
+    return after, min(max(after.output, 0.0), 100.0), after.output, bits
+
+
+def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
+    """Return the block for its words; total for any of them."""
+    kp, parallel = float(values["Kp"]), values["Type"] != 0  # a REAL may be given as a whole number
+    ts, tau = divided(values["Ts"], 1000.0), values["TauSetPoint"]
+    ki_ts, kd_by_ts = single(values["Ki"] * ts), divided(values["Kd"], ts)
+    return Block(
+        kp=kp, minimum=float(values["MinimumOutput"]), maximum=float(values["MaximumOutput"]), parallel=parallel,
+        reverse=values["Action"] != 0,
+        share=_exact_share(ts, tau) if assume.exact_filter else divided(ts, single(tau + ts)),
+        ki_ts=ki_ts, kd_by_ts=kd_by_ts,
+        now=single(single((kp if parallel else 1.0) + ki_ts) + kd_by_ts),
+        growth=ki_ts if parallel else single(kp * ki_ts),
+    )
+
+
+def call(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
+    """Return the state after one call; total for all inputs.
+
+    An error that is not finite (a broken sensor, an overflow) leaves the memory as it was and, but for manual, asks for
+    the lower limit.
+    """
+    if not x.enable:
+        return State(False, state.reference, state.error, state.integral, state.output, False)
+    starts = not state.enabled
+    before = _begun(assume, x) if starts else state
+    reference = single(before.reference + single(b.share * single(x.setpoint - before.reference)))
+    error = single(x.feedback - reference) if b.reverse else single(reference - x.feedback)
+    forced = _forced(b, assume, x.manual)
+    if not math.isfinite(error):
+        output = forced if x.select_manual else b.minimum
+        return State(state.enabled, state.reference, state.error, state.integral, output, True)
+    if starts and not assume.zero_history:
+        before = State(before.enabled, before.reference, error, before.integral, before.output, before.overflow)
+    if starts and not assume.runs_at_once:
+        return before
+    if x.select_manual:
+        return _manual(b, assume, before, forced, reference, error)
+    return _automatic(b, assume, before, reference, error)
+
+
+def _begun(assume: Assumptions, x: Inputs) -> State:
+    """Return the memory at a positive edge of EN: Output and the integral part zero."""
+    zero = single(0.0)  # as a number this would be in double precision where it is compiled
+    return State(True, zero if assume.zero_history else x.setpoint, zero, zero, zero, False)
+
+
+def _forced(b: Block, assume: Assumptions, asked: float) -> float:
+    free = assume.manual_unlimited and math.isfinite(asked)
+    return asked if free else _limited(b, asked)
+
+
+def _manual(b: Block, assume: Assumptions, s: State, output: float, reference: float, error: float) -> State:
+    """Leave the memory as it is, or lead it so that the return to automatic is without a bump."""
+    if not assume.bumpless:
+        return State(s.enabled, s.reference, s.error, s.integral, output, False)
+    integral = single(output - single(b.kp * error))
+    return State(s.enabled, reference, error, _kept(s.integral, integral), output, False)
+
+
+def _automatic(b: Block, assume: Assumptions, s: State, reference: float, error: float) -> State:
+    growth = single(b.growth * error)
+    wanted = _by_parts(b, s, error, growth) if assume.by_parts else _as_printed(b, s, error)
+    output = _limited(b, wanted)
+    integral = single(s.integral + growth)
+    if output != wanted and assume.anti_windup == FREEZE:
+        integral = s.integral
+    elif assume.anti_windup == CLAMP and b.ki_ts != 0.0:  # without Ki, nothing would lead it on again
+        proportional = single(b.kp * error)
+        lowest, highest = single(b.minimum - proportional), single(b.maximum - proportional)
+        integral = min(max(integral, lowest), highest)
+    return State(s.enabled, reference, error, _kept(s.integral, integral), output, not math.isfinite(wanted))
+
+
+def _as_printed(b: Block, s: State, error: float) -> float:
+    bracket = single(single(b.now * error) - single(b.kd_by_ts * s.error))
+    return single(s.integral + (bracket if b.parallel else single(b.kp * bracket)))
+
+
+def _by_parts(b: Block, s: State, error: float, growth: float) -> float:
+    proportional = single(b.kp * error)
+    derivative = single(b.kd_by_ts * single(error - s.error))
+    if not b.parallel:
+        derivative = single(b.kp * derivative)
+    return single(single(proportional + single(s.integral + growth)) + derivative)
+
+
+def _limited(b: Block, value: float) -> float:
+    """Return the value within the limits; what is not a number is the lower one: the heater goes off."""
+    if not value >= b.minimum:
+        return b.minimum
+    return b.maximum if value > b.maximum else value
+
+
+def _kept(old: float, new: float) -> float:
+    return new if math.isfinite(new) else old
+
+
+def _exact_share(ts: float, tau: float) -> float:
+    """Return 1 − exp(−Ts/Tau)."""
+    return single(1.0 - single(math.exp(-divided(ts, tau))))

@@ -1,0 +1,174 @@
+"""The numbers a controller holds: formats, fields, words, and what makes a design fit them, each said once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, cast
+
+from heatertune.errors import NotRepresentable, OutOfRange
+from heatertune.pid.timer import Timer
+from heatertune.plc.ramp import Number, Ramp
+from heatertune.plc.single import is_single, single
+from heatertune.show import Shown
+from heatertune.units import check
+
+__all__ = [
+    "FORMATS", "Certificate", "Scaling", "WordField", "Words", "check_fields", "holds", "kept_by", "rounded", "stored",
+]
+
+#: format of a number in a controller → smallest and largest value; what is not REAL is whole
+FORMATS: Final[Mapping[str, tuple[float, float]]] = {
+    "BOOL": (0, 1),
+    "BYTE": (0, 255),
+    "INT": (-32768, 32767),
+    "WORD": (0, 65535),
+    "UINT": (0, 65535),
+    "KF": (-32768, 32767),
+    "KM": (0, 65535),
+    "TIME": (-2147483648, 2147483647),
+    "REAL": (-3.4028234663852886e38, 3.4028234663852886e38),
+}
+
+
+#: of a sensor range [°C]: below, a reading is noise alone; no furnace is hotter than the upper one
+_LEAST_SPAN_DEGC: Final = 1e-3
+_MOST_SPAN_DEGC: Final = 1e5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scaling:
+    """How the temperature becomes the controller's number: a linear sensor range.
+
+    Attributes:
+        low_degC, high_degC: the temperatures at the lowest and highest reading [°C].
+
+    Raises:
+        OutOfRange: a range that is empty or upside down.
+    """
+
+    low_degC: float = 0.0
+    high_degC: float = 100.0
+
+    def __post_init__(self) -> None:
+        check("low_degC", self.low_degC, least=-273.15)
+        check("high_degC", self.high_degC)
+        if not self.high_degC > self.low_degC:
+            raise OutOfRange("high_degC", self.high_degC, f"> low_degC = {self.low_degC:g}")
+        check("high_degC - low_degC", self.span_degC, least=_LEAST_SPAN_DEGC, most=_MOST_SPAN_DEGC)
+
+    @property
+    def span_degC(self) -> float:
+        """Width of the range [°C]."""
+        return self.high_degC - self.low_degC
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WordField:
+    """One word of a controller: its place, format (see `FORMATS`), range and meaning."""
+
+    name: str
+    address: str
+    format: str
+    low: float
+    high: float
+    comment: str
+
+    @property
+    def rule(self) -> str:
+        """What a value must be, as told to people."""
+        kind = "a number in single precision" if self.format == "REAL" else "a whole number"
+        return f"{kind} {self.low:.9g}…{self.high:.9g}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Words(Shown):
+    """The numbers the PLC will hold, for one target.
+
+    Attributes:
+        target: the controller's name.
+        values: word name → number as stored, REALs in single precision.
+        scaling: the sensor range the words were made for.
+        sample_time_s: interval at which the controller is called [s].
+        ramp: how the program around the controller moves its setpoint; None: at once.
+    """
+
+    target: str
+    values: Mapping[str, Number]
+    scaling: Scaling
+    sample_time_s: float
+    ramp: Ramp | None = None
+
+    @property
+    def whole(self) -> Mapping[str, int]:
+        """The values, for a controller that holds whole numbers only."""
+        return cast("Mapping[str, int]", self.values)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certificate:
+    """What an export says about its proof.
+
+    Attributes:
+        verdict: "PASS", "FAIL" or "NOT PROVEN".
+        lines: one line per fact (models proven on, worst criterion, …); no date, no locale.
+        forced: whether the words left although the verdict is not PASS.
+    """
+
+    verdict: str
+    lines: tuple[str, ...] = ()
+    forced: bool = False
+
+    @property
+    def head(self) -> tuple[str, ...]:
+        """The verdict and the facts, one line each, for the head of an exported file."""
+        forced = " - FORCED in spite of it" if self.forced else ""
+        return (f"verdict of the proof: {self.verdict}{forced}", *self.lines)
+
+
+def holds(format_: str, value: object) -> bool:
+    """Return whether a number can be stored in a format: whole or in single precision, and in its range."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    low, high = FORMATS[format_]
+    return low <= value <= high and (is_single(value) if format_ == "REAL" else isinstance(value, int))
+
+
+def check_fields(fields: tuple[WordField, ...], words: Words) -> None:
+    """Raise OutOfRange for the first word that is missing, unknown, of the wrong kind or outside its field's range."""
+    names = [each.name for each in fields]
+    unknown = sorted(set(words.values) - set(names))
+    if unknown:
+        raise OutOfRange(f"word {unknown[0]}", words.values[unknown[0]], f"one of {', '.join(names)}")
+    for each in fields:
+        value = words.values.get(each.name)
+        if value is None or not holds(each.format, value) or not each.low <= value <= each.high:
+            raise OutOfRange(f"word {each.name}", value, each.rule)
+
+
+def kept_by(timer: Timer, sample_time_s: float) -> float:
+    """Return a sampling interval as a timer keeps it; raise NotRepresentable, with the nearest one, where it cannot."""
+    low, high, step = timer.shortest_s, timer.longest_s, timer.step_s
+    steps = round(min(max(sample_time_s, low), high) / step)
+    if not abs(sample_time_s / step - steps) <= 1e-6:
+        raise NotRepresentable("sampling interval TA", sample_time_s, f"{low:g}…{high:g} s in steps of {step:g} s",
+                               f"{steps * step:g} s would fit")
+    return round(1000.0 * sample_time_s) / 1000.0
+
+
+def stored(
+    field: WordField, exact: Number, remedy: str = "a size between 1.4e-45 and 3.4e+38 would fit"
+) -> Number:
+    """Return a number as its word holds it, a REAL rounded once; raise NotRepresentable for one that does not fit."""
+    word = single(exact) if field.format == "REAL" else exact
+    if math.isinf(word) or (word == 0.0 and exact != 0.0):
+        raise NotRepresentable(f"word {field.name}", exact, "a number in single precision", remedy)
+    if not field.low <= word <= field.high:
+        raise NotRepresentable(f"word {field.name}", word, field.rule, "another design would fit")
+    return word
+
+
+def rounded(value: float) -> int:
+    """Return the nearest whole number, halves away from zero."""
+    return int(math.copysign(math.floor(abs(value) + 0.5), value))

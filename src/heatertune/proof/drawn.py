@@ -1,0 +1,94 @@
+"""A proof on many drawn heaters: model + words → quantiles, and one sample again by its seed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+from heatertune.errors import InputError
+from heatertune.model.values import FittedModel
+from heatertune.pid.search.uncertain import spreads_of
+from heatertune.plc import Words, controller_for
+from heatertune.proof import Drawing, Limits, Spread, judge, prove_samples, replay, scenario_for
+from heatertune.proof.fitted import actuator_for
+from heatertune.proof.heaters import default_setpoint, holding
+from heatertune.proof.series import trace_series
+from heatertune.settings import Conditions
+from heatertune.units import check
+
+__all__ = ["SCHEMA", "replay_document", "sample_document"]
+
+SCHEMA: Final = "heatertune/sample/1"
+_MOST_SAMPLES: Final = 10_000_000
+
+
+def sample_document(
+    words: Words, fitted: FittedModel, count: int, conditions: Conditions | None = None, *, seed: int = 0,
+    quantile: float = 0.95,
+    spread: Mapping[str, float] | None = None,
+) -> dict[str, Any]:
+    """Return the verdict on many samples of the proof that `heatertune.chain.prove` makes, as its JSON object.
+
+    Args:
+        words: what the PLC will hold.
+        fitted: the heater; its candidates and intervals are drawn from.
+        count: how many samples.
+        conditions: as for `prove`.
+        seed: of the first one.
+        quantile: share of the samples that must keep every limit.
+        spread: what else is drawn how wide, see `heatertune.proof.Spread`; what is missing has its default.
+
+    Raises:
+        InputError: an interlock, which samples do not have; or as `prove`.
+        OutOfRange, UnknownName: as `prove`, or a spread, count or quantile without meaning.
+    """
+    check("samples", count, least=1, most=_MOST_SAMPLES)
+    assumed = conditions or Conditions()
+    drawing = _drawing(words, fitted, spread or {}, assumed)
+    return prove_samples(drawing, _limits(assumed), count, seed=seed, quantile=quantile).to_document()
+
+
+def replay_document(
+    words: Words, fitted: FittedModel, seed: int, conditions: Conditions | None = None, *,
+    spread: Mapping[str, float] | None = None,
+) -> dict[str, Any]:
+    """Return the one sample that has this seed: its heater, criteria and trace, as a JSON object.
+
+    Raises:
+        InputError, OutOfRange, UnknownName: as `sample_document`.
+    """
+    assumed = conditions or Conditions()
+    trace = replay(_drawing(words, fitted, spread or {}, assumed), seed)
+    found = judge(trace, _limits(assumed))
+    model = trace.model
+    return {
+        "schema": SCHEMA, "seed": seed, "verdict": "PASS" if all(each.ok for each in found) else "FAIL",
+        "target": words.target, "words": dict(words.values),
+        "heater": {
+            "gain_degC_per_pct": model.gain_degC_per_pct, "lags_s": list(model.lags_s),
+            "dead_time_s": model.dead_time_s, "ambient_degC": model.ambient_degC,
+        },
+        "criteria": {each.name: each.to_document() for each in found}, "faults": [],
+        "trace": trace_series(trace, f"sample {seed}"),
+    }
+
+
+def _limits(assumed: Conditions) -> Limits:
+    """Return what a sample must keep; the power that a step moves is the same on each: the proof judges it."""
+    return Limits(tolerance_degC=assumed.tolerance_degC)
+
+
+def _drawing(words: Words, fitted: FittedModel, spread: Mapping[str, float], assumed: Conditions) -> Drawing:
+    if assumed.interlock is not None:
+        raise InputError("samples are run without an interlock: leave out --interlock, or --samples and --replay")
+    setpoint = default_setpoint(fitted) if assumed.setpoint_degC is None else assumed.setpoint_degC
+    family = [model for _, model in holding(fitted, setpoint)]
+    heaters = [model for _, model in holding(replace(
+        fitted, candidates=tuple(each for each in fitted.candidates if not each.part)), setpoint)]
+    scenario = scenario_for(family, noise_degC=assumed.noise_degC, setpoint_degC=setpoint)
+    return Drawing.of(
+        controller_for(words.target), words, heaters, scenario,
+        Spread(heater=spreads_of(fitted), least_dead_time_s=fitted.least_dead_time_s, **spread),
+        actuator_for(assumed, words), dict(assumed.switches),
+    )

@@ -1,0 +1,94 @@
+"""Words, the heaters that a fit leaves possible, and what is assumed → the proof."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from heatertune.model.values import FittedModel, Outcome
+from heatertune.options import merged
+from heatertune.pid.loop.robustness import margins
+from heatertune.plc import Words, controller_for
+from heatertune.proof.criteria import Limits
+from heatertune.proof.heaters import default_setpoint, holding, unreached
+from heatertune.proof.interlock import Interlock
+from heatertune.proof.prove import Proof, prove_models
+from heatertune.proof.pwm import Actuator, switched_by
+from heatertune.proof.scenario import scenario_for
+from heatertune.proof.verdict import Heard
+from heatertune.settings import Conditions
+
+__all__ = ["actuator_for", "default_pwm_period_s", "limits_of", "prove"]
+
+
+def prove(
+    words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool = False,
+    **changed: Any,
+) -> Proof:
+    """Run the words in the closed loop on every candidate model, under every open point of the manual.
+
+    Without a setpoint, the loop is proven where the log says that the heater was used, or, without a log, half way
+    between ambient and full power on the weakest model.
+
+    Args:
+        words: what the PLC will hold.
+        fitted: the heater and its candidates.
+        conditions: what is assumed; None: the defaults.
+        first_look: only the nominal model under the default settings, in the same scenario; `export` refuses it.
+        changed: fields of `Conditions` that are other than in `conditions`.
+
+    Raises:
+        InputError, OutOfRange: as `heatertune.proof.prove_models`.
+        UnknownName: no such interlock, switch or setting, or no finding to accept.
+    """
+    asked = merged(Conditions, conditions, changed)
+    setpoint = default_setpoint(fitted) if asked.setpoint_degC is None else asked.setpoint_degC
+    models = holding(fitted, setpoint)
+    scenario = scenario_for([model for _, model in models], noise_degC=asked.noise_degC, setpoint_degC=setpoint)
+    return prove_models(
+        controller_for(words.target), words, models[:1] if first_look else models, scenario, actuator_for(asked, words),
+        limits_of(asked), margins, open_points=not first_look, known=asked.switches, interlock=_interlock(asked, words),
+        heard=Heard(findings=(*fitted.findings, *unreached(fitted, len(models), setpoint)), accepted=asked.accept,
+                    assumed=fitted.assumed, remarks=tuple(_remarks(words, fitted))),
+        reading_step_degC=fitted.reading_step_degC,
+    )
+
+
+def actuator_for(conditions: Conditions, words: Words) -> Actuator:
+    """Return the switch behind the controller; without a PWM period, TA in parts up to 10 s.
+
+    Raises:
+        OutOfRange, UnknownName: as `switched_by`.
+    """
+    if conditions.pwm_period_s is None:
+        return Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s))
+    resolution = {} if conditions.pwm_resolution_s is None else {"resolution_s": conditions.pwm_resolution_s}
+    return switched_by(
+        conditions.pwm_rule, pwm_period_s=conditions.pwm_period_s, minimum_on_s=conditions.minimum_on_s,
+        minimum_off_s=conditions.minimum_off_s, **resolution)
+
+
+def limits_of(conditions: Conditions) -> Limits:
+    """Return what the loop must keep."""
+    return Limits(tolerance_degC=conditions.tolerance_degC, step_power_pct=conditions.step_power_pct)
+
+
+def default_pwm_period_s(sample_time_s: float, *, most_s: float = 10.0) -> float:
+    """Return TA, or the largest whole part of it up to the most: each sample then holds whole PWM periods [s]."""
+    return sample_time_s / max(1, math.ceil(sample_time_s / most_s))
+
+
+def _interlock(conditions: Conditions, words: Words) -> Interlock | None:
+    if conditions.interlock is None:
+        return None
+    limit = words.scaling.high_degC if conditions.limit_degC is None else conditions.limit_degC
+    return Interlock(name=conditions.interlock, limit_degC=limit, fan_stops_s=conditions.fan_stops_s)
+
+
+def _remarks(words: Words, fitted: FittedModel) -> Iterator[str]:
+    """Return what stands on the verdict's line beside the findings of the fit."""
+    if fitted.outcome is Outcome.BY_HAND:
+        yield "the model was given by hand"
+    if words.sample_time_s < fitted.log_interval_s:
+        yield f"TA {words.sample_time_s:g} s is below the log's interval of {fitted.log_interval_s:g} s"

@@ -1,0 +1,51 @@
+"""The PWM period that suits a design and the switch behind it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from heatertune.model.values import FittedModel
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Words, controller_for
+from heatertune.proof.heaters import ROOM_DEGC, default_setpoint
+from heatertune.proof.period import propose_period
+from heatertune.proof.pwm import HALF_WAVE_S
+from heatertune.settings import Conditions
+
+__all__ = ["with_pwm"]
+
+_OF_TOLERANCE = 0.2  # ripple, peak to peak: a fifth of the half band leaves the rest to the loop
+
+
+def with_pwm(
+    design: PidDesign, fitted: FittedModel, kind: str, conditions: Conditions | None = None, *,
+    words: Words | None = None,
+) -> tuple[PidDesign, Conditions]:
+    """Return the design with a note on the PWM period, and the conditions with that period, where they have none.
+
+    They stay as they are where the target makes the PWM itself, with TA as its period: there is nothing to choose.
+
+    Args:
+        design: what was tuned.
+        fitted: the heater and its candidates.
+        kind: "relay" or "ssr".
+        conditions: of the proof: where the loop rests, and the band, of which the ripple may take a fifth.
+        words: what the controller will hold; None: a switch behind its output.
+
+    Raises:
+        UnknownName: no such kind of switch.
+    """
+    assumed = conditions or Conditions()
+    setpoint = assumed.setpoint_degC
+    wanted = propose_period(
+        fitted.plants, kind=kind, sample_time_s=design.sample_time_s, ambient_degC=ROOM_DEGC,
+        setpoint_degC=default_setpoint(fitted) if setpoint is None else setpoint,
+        ripple_degC_most=_OF_TOLERANCE * assumed.tolerance_degC,
+    )
+    if words is not None and (own := controller_for(words.target).timing(words).pwm_period_s) is not None:
+        note = f"{words.target} makes the PWM itself, period {own:g} s; a switch behind it would get: {wanted.told}"
+        return replace(design, notes=(*design.notes, note)), assumed
+    if assumed.pwm_period_s is None:
+        resolution = min(HALF_WAVE_S, wanted.period_s)
+        assumed = replace(assumed, pwm_period_s=wanted.period_s, pwm_resolution_s=resolution)
+    return replace(design, notes=(*design.notes, wanted.told)), assumed

@@ -1,0 +1,152 @@
+"""The last step of tuning, in the proof's own loop: limits, anti-windup, PWM and rounding as the target has them.
+
+The linear optimum knows none of these, and the same gains can cost many times more under another anti-windup rule.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any, Final
+
+from heatertune.errors import NotRepresentable
+from heatertune.model.values import FittedModel
+from heatertune.pid.loop.robustness import sensitivity_peaks
+from heatertune.pid.search.robust import Open
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Words, controller_for
+from heatertune.plc.choice import WordChoice
+from heatertune.plc.choose import realised_as
+from heatertune.plc.design import encode
+from heatertune.plc.promise import broken_by
+from heatertune.progress import Told
+from heatertune.proof import Proof, prove
+from heatertune.settings import Conditions
+
+__all__ = ["WORTH", "refine"]
+
+#: gains are changed only where the scenario then costs less by this share
+WORTH: Final = 0.05
+
+_STEPS: Final = (0.3, 0.15, 0.07)  # of ln K and ln TN
+_MOST_ROUNDS: Final = 12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Tried:
+    """Words and what they run, judged over the heaters.
+
+    Attributes:
+        broken: the criteria that they break.
+        excess: by how much the worst of them, as a share of its limit.
+        cost: worst IAE [°C·s].
+    """
+
+    words: Words
+    design: PidDesign
+    broken: frozenset[str]
+    excess: float
+    cost: float
+
+    @property
+    def order(self) -> tuple[float, float]:
+        """What is to be least: first what is broken, then the cost."""
+        return self.excess, self.cost
+
+
+def refine(
+    choice: WordChoice, fitted: FittedModel, conditions: Conditions | None = None, *, progress: Told = str
+) -> WordChoice:
+    """Return words that keep what the proof asks for and whose IAE in its scenario is the least nearby.
+
+    The IAE is the worst over the heaters. K and TN are changed together by factors, and only where that saves `WORTH`
+    or mends a criterion. The limit on Ms stays that of the choice, and no criterion may break that
+    the words to begin with keep. Each step is a whole proof: all heaters, all open points of the manual.
+
+    Args:
+        choice: the words to begin with.
+        fitted: the heater and its candidates.
+        conditions: of the proof.
+        progress: told what begins.
+
+    Raises:
+        InputError, OutOfRange, UnknownName: as `prove`.
+    """
+    design, limit = controller_for(choice.words.target).decode(choice.words), choice.search.ms_limit
+    if design is None or limit is None or math.isinf(design.integral_time_s):
+        return choice.told("The gains were not refined: that needs a stable controller with an I part.")
+    progress(f"refining the gains in the loop of {choice.words.target}")
+    promise = choice.search.promise
+    loop = _Loop(
+        choice=choice, fitted=fitted, conditions=conditions, ms=max(limit, choice.search.realised.ms or limit),
+        drawn=None if promise is None else Open.of(fitted, promise.way))
+    first = best = loop.run(choice.words, design)
+    seen = {tuple(choice.words.values.items())}
+    for step in _STEPS:
+        for _ in range(_MOST_ROUNDS):
+            tried = [loop.run(*near) for near in loop.around(best.design, step, seen)]
+            better = min((t for t in tried if t.broken <= first.broken), key=lambda t: t.order, default=best)
+            if better.order >= best.order:
+                break
+            best = better
+    saved = 1.0 - best.cost / first.cost
+    mended = sorted(first.broken - best.broken)
+    if saved < WORTH and not mended:
+        return choice.told(f"In the loop of the proof no gains nearby cost {WORTH:.0%} less IAE: none was changed.")
+    kept = f"; {' and '.join(mended)} is kept now" if mended else ""
+    told = (
+        f"Refined in the loop of the proof, limits, anti-windup and PWM included: K by {_factor(best, first, 'gain')}, "
+        f"TN by {_factor(best, first, 'time')}; the worst IAE of the scenario goes from {first.cost:.4g} "
+        f"to {best.cost:.4g} °C·s{kept}."
+    )
+    real = realised_as(best.words, fitted, choice.search.iae_load_wished)
+    return replace(choice, words=best.words, search=replace(choice.search, way="refined", realised=real)).told(told)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Loop:
+    choice: WordChoice
+    fitted: FittedModel
+    conditions: Conditions | None
+    ms: float
+    drawn: Open | None
+
+    def run(self, words: Words, design: PidDesign) -> _Tried:
+        proof: Proof = prove(words, self.fitted, self.conditions)
+        cost = next(criterion.value for criterion in proof.criteria if criterion.name == "iae")
+        broken = frozenset(criterion.name for criterion in proof.criteria if not criterion.ok)
+        excess = max(0.0, max(criterion.strain for criterion in proof.criteria) - 1.0)
+        return _Tried(words=words, design=design, broken=broken, excess=excess, cost=cost)
+
+    def around(self, design: PidDesign, step: float, seen: set[Any]) -> Iterator[tuple[Words, PidDesign]]:
+        """Return the words a step away that are new, fit the target and keep the limit on Ms."""
+        target, scaling = self.choice.words.target, self.choice.words.scaling
+        for gain, time in product((-step, 0.0, step), repeat=2):
+            changed = replace(
+                design, gain_pct_per_degC=design.gain_pct_per_degC * math.exp(gain),
+                integral_time_s=design.integral_time_s * math.exp(time),
+            )
+            try:
+                words = encode(changed, target, scaling=scaling)
+            except NotRepresentable:
+                continue
+            key = tuple(words.values.items())
+            real = controller_for(target).decode(words)
+            if key in seen or real is None:
+                continue
+            seen.add(key)
+            worst = max(sensitivity_peaks(plant, real)[0] for plant in self.fitted.plants)
+            if worst <= self.ms and self.keeps(words):
+                yield words, real
+
+    def keeps(self, words: Words) -> bool:
+        """Return whether words keep what the choice to begin with promises on drawn heaters."""
+        promise = self.choice.search.promise
+        return promise is None or self.drawn is None or broken_by(words, self.drawn, promise) is None
+
+
+def _factor(best: _Tried, first: _Tried, what: str) -> str:
+    name = "gain_pct_per_degC" if what == "gain" else "integral_time_s"
+    return f"{getattr(best.design, name) / getattr(first.design, name):.3g}"

@@ -1,0 +1,95 @@
+"""One design on every controller: what each one's number format and arithmetic make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from heatertune.errors import NotRepresentable
+from heatertune.model.values import FittedModel
+from heatertune.pid.values import PidDesign
+from heatertune.plc import TARGETS, Scaling, Words, controller_for
+from heatertune.plc.design import encode
+from heatertune.progress import Told
+from heatertune.proof import Proof, Trace, judge, prove, simulate_wish
+from heatertune.proof.heaters import default_setpoint, labelled
+from heatertune.proof.series import trace_series
+from heatertune.settings import Conditions
+
+__all__ = ["SCHEMA", "compare"]
+
+SCHEMA = "heatertune/compare/1"
+
+_NAMES = ("overshoot", "settling_time", "steady_offset", "recovery_time", "iae")
+
+
+def compare(
+    wished: PidDesign, fitted: FittedModel, conditions: Conditions | None = None, *, scaling: Scaling | None = None,
+    first_look: bool = False, progress: Told = str,
+) -> dict[str, Any]:
+    """Return the document of one design on all targets, on the model that fits best.
+
+    Each target's words are proven on all models. Beside what the controller does, each row holds what the unrounded
+    design would do with the same switch, and what the design does that the words realise, still in floating point:
+    the first difference is the price of the words, the second that of the controller's arithmetic and order.
+
+    Args:
+        wished: the design.
+        fitted: the heater and its candidates.
+        conditions: of the proofs.
+        scaling: sensor range.
+        first_look: as for `prove`.
+        progress: told what begins.
+
+    Raises:
+        InputError, OutOfRange: as `prove`.
+    """
+    rows = []
+    for number, target in enumerate(TARGETS, 1):
+        progress(f"proving the words of {target} ({number} of {len(TARGETS)})")
+        rows.append(_row(target, wished, scaling, partial(prove, fitted=fitted, conditions=conditions,
+                                                          first_look=first_look)))
+    label, model = labelled(fitted)[0]
+    asked = None if conditions is None else conditions.setpoint_degC
+    setpoint = default_setpoint(fitted) if asked is None else asked
+    return {"schema": SCHEMA, "model": label, "setpoint_degC": setpoint,
+            "gain_degC_per_pct": model.gain_degC_per_pct, "rows": rows}
+
+
+def _row(
+    target: str, wished: PidDesign, scaling: Scaling | None, proven: Callable[[Words], Proof]
+) -> dict[str, Any]:
+    told: dict[str, Any] = {"target": target, "title": controller_for(target).title}
+    try:
+        words = encode(wished, target, scaling=scaling)
+    except NotRepresentable as problem:
+        return told | {"verdict": "not representable", "why": str(problem)}
+    proof = proven(words)
+    nominal = proof.nominal
+    same = replace(wished, derivative_filter=_filter(proof))
+    wish = simulate_wish(same, nominal.model, nominal.scenario, nominal.actuator)
+    rounded = None if proof.design is None else simulate_wish(
+        proof.design, nominal.model, nominal.scenario, nominal.actuator
+    )
+    return told | {
+        "verdict": proof.verdict,
+        "words": dict(words.values),
+        "fails": [criterion.name for criterion in proof.criteria if not criterion.ok],
+        "realised": _figures(proof, nominal),
+        "rounded": None if rounded is None else _figures(proof, rounded),
+        "wished": _figures(proof, wish),
+        "series": trace_series(nominal, target),
+        "wish": trace_series(wish, "unrounded"),
+    }
+
+
+def _filter(proof: Proof) -> float:
+    """Return the target's own derivative filter, so that only rounding and arithmetic differ."""
+    return 0.5 if proof.design is None else proof.design.derivative_filter
+
+
+def _figures(proof: Proof, trace: Trace) -> dict[str, float | None]:
+    found = {criterion.name: criterion for criterion in judge(trace, proof.limits)}
+    return {name: found[name].to_document()["value"] for name in _NAMES}

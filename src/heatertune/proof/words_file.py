@@ -1,0 +1,204 @@
+"""words.json and the proof beside it: read and exported again without any of the slow libraries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from heatertune.codec import decode, registered
+from heatertune.documents import peek_schema, read_document
+from heatertune.errors import DocumentError, ExportRefused
+from heatertune.plc import Certificate, Ramp, Scaling, Words, controller_for
+from heatertune.proof.document import ScalingView, checked, digested
+from heatertune.proof.verdict import NOT_PROVEN, PROOF_SCHEMA, Heard, blocking, extent, told_of, verdict_line
+
+__all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_again", "read_words"]
+
+WORDS_SCHEMA: Final = "heatertune/words/1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WordsRampView:
+    """A setpoint ramp as its words hold it: whole steps of whole words."""
+
+    step: int | float
+    calls: int = 1
+    degC_per_min: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WordsView:
+    """What the words of a document need to be read as words; these themselves the room checks."""
+
+    scaling: ScalingView
+    sample_time_s: float
+    setpoint_ramp: WordsRampView | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldView:
+    """One word as it is typed in."""
+
+    name: str
+    address: str
+    format: str
+    low: float
+    high: float
+    comment: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnView:
+    """Ms over heaters drawn from the fit."""
+
+    count: int
+    median: float | None
+    p95: float | None
+    worst: float | None
+    unstable: int
+    told: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchNotesView:
+    """What is told of how words were found."""
+
+    notes: tuple[str, ...]
+    ms_drawn: DrawnView | None
+
+
+@registered(WORDS_SCHEMA)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WholeWordsView:
+    """The document of words as `design` and `export-db` write it."""
+
+    target: str
+    words: Mapping[str, float]
+    fields: tuple[FieldView, ...]
+    sample_time_s: float
+    setpoint_degC: float
+    setpoint_units: float
+    setpoint_ramp: WordsRampView | None
+    scaling: ScalingView
+    realised: Mapping[str, Any] | None
+    files: tuple[str, ...]
+    verdict: str
+    forced: bool
+    search: Mapping[str, Any] | None
+
+    def __post_init__(self) -> None:
+        if set(self.words) != {each.name for each in self.fields}:
+            raise DocumentError("fields: others than the words")
+        if self.search is not None:
+            decode(SearchNotesView, {name: self.search.get(name, "") for name in ("notes", "ms_drawn")}, "search")
+
+
+def read_words(path: str | Path, target: str) -> Words | None:
+    """Return the words of a `words.json`, None where the file holds another document.
+
+    Raises:
+        DocumentError: the file cannot be read, or holds words of another target.
+        OutOfRange: a word the target does not allow, a ramp that makes no sense (the proof asks whether the target
+            can follow it).
+    """
+    found = peek_schema(path)
+    if found != WORDS_SCHEMA:
+        return None
+    document = read_document(path, WORDS_SCHEMA)
+    if document.get("target") != target or not isinstance(document.get("words"), dict):
+        raise DocumentError(f"{path}: words of target {document.get('target')!r}; expected {target!r}")
+    view = decode(WordsView, {name: document.get(name) for name in ("scaling", "sample_time_s", "setpoint_ramp")}, path)
+    ramp = view.setpoint_ramp
+    words = Words(
+        target=target, values=document["words"], sample_time_s=view.sample_time_s,
+        scaling=Scaling(low_degC=view.scaling.low_degC, high_degC=view.scaling.high_degC),
+        ramp=None if ramp is None else Ramp(step=ramp.step, calls=ramp.calls),
+    )
+    controller_for(target).check(words)
+    return words
+
+
+def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate:
+    """Return what an export says about a proof, which is given as its document.
+
+    Raises:
+        ExportRefused: the verdict is not PASS and `force` was not given.
+    """
+    failed = [name for name, criterion in proof["criteria"].items() if not criterion["ok"]]
+    open_ = blocking(proof)
+    if (failed or open_) and not force:
+        raise ExportRefused(f"{verdict_line(proof)}; --force exports these words all the same")
+    lines = [f"proven {extent(proof)}"]
+    if proof["setpoint_ramp"] is not None:
+        ramp = proof["setpoint_ramp"]
+        rate = f"{Ramp(step=ramp['step'], calls=ramp['calls'])}, {ramp['degC_per_min']:.3g} °C/min"
+        lines.append(f"proven with the setpoint ramp {rate}; nothing is proven without it")
+    watch = proof["interlock"]
+    lines += [] if watch is None else [f"behind the interlock {watch['name']}, limit {watch['limit_degC']:g} °C"]
+    lines += [f"taken as known: {name} = {setting}" for name, setting in proof["known"].items()]
+    lines += [f"not kept: {name}" for name in failed]
+    lines += [f"not proven: {each['told']}" for each in open_]
+    lines += told_of(proof)
+    return Certificate(verdict=_verdict(proof), lines=tuple(lines), forced=bool(failed or open_))
+
+
+def _verdict(proof: Mapping[str, Any]) -> str:
+    """Return the verdict that follows from a proof's values; what the document calls it is not asked."""
+    broken = any(not criterion["ok"] for criterion in proof["criteria"].values())
+    return "FAIL" if broken else NOT_PROVEN if blocking(proof) else "PASS"
+
+
+def _accepting(proof: Mapping[str, Any], accept: Sequence[str]) -> dict[str, Any]:
+    """Return a proof's document with findings accepted that the user names; errors as `Heard`."""
+    Heard(accepted=tuple(accept))
+    found = [{**each, "accepted": each["accepted"] or each["name"] in accept} for each in proof["findings"]]
+    accepted = {**proof, "findings": found}
+    return digested(accepted | {"verdict": _verdict(accepted)})
+
+
+def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where: str | Path) -> None:
+    """Refuse a proof (document) of other words than these (document), or one of a PID without its margins.
+
+    Raises:
+        ExportRefused: it is of other words.
+        DocumentError: they make a PID, whose margins the proof does not judge.
+    """
+    names = ("target", "words", "sample_time_s", "scaling", "setpoint_ramp")
+    other = [name for name in names if proof.get(name) != words.get(name)]
+    if other:
+        raise ExportRefused(f"{where}: the proof of other words ({', '.join(other)}); prove these first")
+    if words.get("realised") is not None and "ms" not in (proof.get("criteria") or ()):
+        raise DocumentError(f"{where}: criteria.ms: is missing: no whole proof; prove the words again")
+
+
+def export_again(
+    path: str | Path, target: str, *, force: bool = False, accept: Sequence[str] = ()
+) -> dict[str, Any] | None:
+    """Return the files of words that were proven before, with their two documents; None where the file holds no words.
+
+    The proof is the `proof.json` beside the words, and must be of exactly these.
+
+    `accept` names findings of the fit that the user accepts beside those the proof was made with.
+
+    Returns:
+        words (document), proof (document), files (name → content).
+
+    Raises:
+        DocumentError, OutOfRange: as `read_words`, or there is no whole proof.
+        ExportRefused: the proof is of other words; as `certificate`.
+    """
+    words = read_words(path, target)
+    if words is None:
+        return None
+    beside = Path(path).with_name("proof.json")
+    proof = read_document(beside, PROOF_SCHEMA)
+    document = read_document(path, WORDS_SCHEMA)
+    decode(WholeWordsView, document, path)
+    demand_same_words(document, proof, beside)
+    proof = _accepting(checked(proof, beside), accept)
+    found = certificate(proof, force=force)
+    files = dict(controller_for(target).export(words, found))
+    told = {"files": sorted(files), "verdict": found.verdict, "forced": found.forced}
+    return {"words": document | told, "proof": proof, "files": files}

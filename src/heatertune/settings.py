@@ -1,0 +1,210 @@
+"""What the stages are told: every option of reading, fitting, tuning and proving, once, see `heatertune.options`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from heatertune.options import checked, option
+
+__all__ = ["Conditions", "FitSettings", "ReadSettings", "TuneSettings"]
+
+_COLDEST_DEGC: Final = -273.15
+_COLUMN: Final = "NAME|N"
+
+
+def _step_power() -> Any:
+    return option(
+        10.0, float, "most power that one step of the reading, or its noise, may move", unit="%", flag="--step-power",
+        above=0.0, infinite=True, instead=("10", ""))
+
+
+def _time(default: float | None, what: str, flag: str, **more: Any) -> Any:
+    return option(default, float, what, unit="s", flag=flag, **({"least": 0.0} | more))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadSettings:
+    """How a log file is to be read; what is not said is found out, see `heatertune.log.read_log`.
+
+    Attributes:
+        time_column: name or number (1 = first) of the column of the time; likewise the other columns.
+        temperature_column: of the temperature; of a long table, of the values.
+        power_column: of the heater power; "none": there is none; likewise where a column or tag need not be there.
+        run: which of several runs in one file, 1 = first; None: the longest.
+        skip_empty: whether rows without a temperature are left out instead of refused.
+    """
+
+    time_column: str | int | None = option(None, str, "column of the time", flag="--time-column", metavar=_COLUMN)
+    temperature_column: str | int | None = option(
+        None, str, "column of the temperature", flag="--temperature-column", metavar=_COLUMN)
+    power_column: str | int | None = option(
+        None, str, "column of the heater power; none: there is none", flag="--power-column", metavar=_COLUMN)
+    setpoint_column: str | int | None = option(
+        None, str, "column of the setpoint; none: there is none", flag="--setpoint-column", metavar=_COLUMN)
+    date_column: str | int | None = option(
+        None, str, "column of the date, beside a time of day", flag="--date-column", metavar=_COLUMN)
+    temperature_unit: str | None = option(
+        None, str, "unit of the temperature", flag="--temperature-unit", choices=("degC", "degF", "K"))
+    power_full_scale: float | None = option(
+        None, float, "reading at full power: 1, 100, 255 …", flag="--power-full-scale", metavar="X", above=0.0)
+    time_unit: str | None = option(
+        None, str, "unit of the time", flag="--time-unit", choices=("s", "ms", "min", "h", "d"))
+    sample_time_s: float | None = option(
+        None, float, "interval of a log without time column", unit="s", flag="--log-interval", above=0.0)
+    tag: str | None = option(
+        None, str, "the temperature's tag, where a file holds rows of several tags", flag="--tag", metavar="NAME")
+    power_tag: str | None = option(
+        None, str, "the power's tag in a long table; none: there is none", flag="--power-tag", metavar="NAME")
+    setpoint_tag: str | None = option(
+        None, str, "the setpoint's tag in a long table; none: there is none", flag="--setpoint-tag", metavar="NAME")
+    tag_column: str | int | None = option(None, str, "column of the tags", flag="--tag-column", metavar=_COLUMN)
+    quality_column: str | int | None = option(
+        None, str, "column of the quality flags; none: do not look", flag="--quality-column", metavar=_COLUMN)
+    skip_rows: int = option(
+        0, int, "pass over the first N lines of the file", flag="--skip-rows", metavar="N", least=0.0)
+    run: int | None = option(
+        None, int, "which of several runs in one file", flag="--run", dest="which_run", metavar="N",
+        instead=("the longest", ""))
+    skip_empty: bool = option(False, bool, "leave out rows without a temperature (empty, NaN)", flag="--skip-empty")
+    errata: bool = option(False, bool, "apply the known misprints of a built-in table", flag="--errata")
+
+    def __post_init__(self) -> None:
+        checked(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitSettings:
+    """What is known beside a log that is fitted, see `heatertune.model.fit.fit`."""
+
+    ambient_degC: float | tuple[float, float] | None = option(
+        None, float, "temperature without power, of a model by hand or known to the fit", unit="°C", flag="--ambient",
+        help="temperature without power [°C]: the value, or the lowest and the highest it may have; after LOG",
+        several=True, least=_COLDEST_DEGC)
+    power_before_pct: float | None = option(
+        None, float, "power before the log's first reading", unit="%", flag="--power-before",
+        help="power before the first reading [%]", least=0.0, most=100.0)
+    until_s: float | None = option(
+        None, float, "last instant of the log to use", unit="s", flag="--until",
+        help="last instant to use [s]; default: up to a jump")
+    dead_time_at_most_s: float | None = _time(
+        None, "no dead time is longer, as you know of this heater", "--dead-time-at-most",
+        help="no dead time is longer, as you know of this heater [s]; the certificate says so")
+    sensor_delay_s: float = _time(
+        0.0, "by which the sensor is known to lag behind", "--sensor-delay", instead=("0", ""))
+
+    def __post_init__(self) -> None:
+        checked(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuneSettings:
+    """What a design is asked for, see `heatertune.pid.tune.tune`.
+
+    Attributes:
+        sample_time_s: TA [s]; None: TRdom/10, found with the design; 0: continuous.
+        robust: over which heaters drawn from the fit the limits hold besides the candidates; TA is that of the design
+            without them.
+    """
+
+    structure: str = option(
+        "pi", str, "parts that act", flag="--structure", choices=("p", "pi", "pid"), instead=("pi", ""))
+    method: str = option(
+        "optimum", str, "optimum or a rule", flag="--method", metavar="NAME",
+        help="optimum (default), or a rule: simc, lambda, imc, amigo, ziegler-nichols, "
+             "ziegler-nichols-ultimate, cohen-coon, chr-{setpoint,load}-{0,20}, tyreus-luyben, "
+             "lopez-{iae,ise,itae}, rovira-{iae,itae}, usort-{load,setpoint}-{2.0,1.8,1.6,1.4}")
+    closed_loop_s: float | None = option(
+        None, float, "closed-loop time constant of a rule", unit="s", flag="--closed-loop",
+        help="closed-loop time constant: τc of simc, λ of lambda and imc [s]", instead=("the rule's own", ""))
+    objective: str = option(
+        "load", str, "what the optimum minimises", flag="--objective",
+        choices=("load", "setpoint", "itae", "ki", "iae", "ise"),
+        help="of the optimum: IAE after a load step (default; also iae) or a setpoint step, ITAE or ISE "
+             "after a load step, largest integral gain")
+    weight: float | None = option(
+        None, float, "share of the setpoint IAE", flag="--weight", metavar="W",
+        help="with the objective load: share of the setpoint IAE in the cost, 0 to 1", least=0.0, most=1.0)
+    mt: float = option(
+        math.inf, float, "largest Mt of the optimum", flag="--mt", above=0.0, infinite=True, instead=("no limit", ""))
+    mks: float = option(
+        math.inf, float, "largest Mks of the optimum", unit="%/°C", flag="--mks",
+        help="largest noise gain Mks from reading to power [%/°C]", above=0.0, infinite=True, instead=("no limit", ""))
+    ms: float = option(
+        1.6, float, "largest Ms of the optimum", flag="--ms", help="largest sensitivity Ms of the optimum", above=1.0,
+        most=4.0, instead=("1.6", ""))
+    robust: str = option(
+        "none", str, "on which drawn heaters the limits of the optimum hold too", flag="--robust",
+        choices=("none", "p95", "worst"),
+        help="keep the limits of the optimum on heaters drawn from the fit's intervals too: 95 % of "
+             "them, or all (default: none; what is lost on them is told)")
+    sample_time_s: float | None = option(
+        None, float, "sampling interval TA", unit="s", flag="--sample-time", automatic=("auto", "words"), least=1e-3,
+        or_zero=True,
+        help="sampling interval TA [s]; auto: TRdom/10 (default); words: near that, as suits the "
+             "words; 0: continuous")
+    step_power_pct: float = _step_power()
+
+    def __post_init__(self) -> None:
+        checked(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """What a proof assumes of plant and user.
+
+    Attributes:
+        setpoint_degC: None: where the log says that the heater was used, see `heatertune.proof.heaters`.
+        pwm_period_s: None: TA in parts up to 10 s.
+        pwm_resolution_s: None: a half-wave of 50 Hz mains.
+        limit_degC: None: the end of the sensor range.
+        switches: open point → its setting, where it is known of this very controller.
+        accept: names of findings of the fit that the user accepts.
+    """
+
+    setpoint_degC: float | None = option(
+        None, float, "setpoint of the proof", unit="°C", flag="--setpoint", label="setpoint", least=_COLDEST_DEGC,
+        instead=("", "where the log was used"))
+    pwm_period_s: float | None = _time(
+        None, "PWM period", "--pwm-period", least=None, above=0.0, instead=("TA in parts up to 10 s", "from TA"))
+    minimum_on_s: float = _time(
+        0.0, "shortest on time", "--minimum-on", needs="pwm_period_s", instead=("0", ""))
+    minimum_off_s: float = _time(
+        0.0, "shortest off time", "--minimum-off", needs="pwm_period_s", instead=("0", ""))
+    pwm_rule: str | None = option(
+        None, str, "block that makes the PWM", flag="--pwm-rule", choices=("pulsegen", "pid-compact"),
+        needs="pwm_period_s", help="block that makes the PWM; pulsegen: --minimum-on is P_B_TM",
+        instead=("a plain switch", ""))
+    pwm_resolution_s: float | None = _time(
+        None, "the on time is a multiple of it", "--pwm-resolution", label="PWM resolution", least=None, above=0.0,
+        needs="pwm_period_s", help="the on time is a multiple of it; a block's call interval [s]",
+        instead=("0.01", "a half-wave of 50 Hz mains"))
+    tolerance_degC: float = option(
+        1.0, float, "how far from the setpoint is still right", unit="°C", flag="--tolerance",
+        label="tolerance around the setpoint", least=0.0,
+        help="how far from the setpoint is still right: band, offset and swing [°C]", instead=("1", ""))
+    noise_degC: float = option(
+        0.0, float, "sensor noise, standard deviation", unit="°C", flag="--noise", least=0.0)
+    step_power_pct: float = _step_power()
+    accept: tuple[str, ...] = option(
+        (), tuple, "accept a finding of the fit that leaves words not proven; the certificate says so; may be repeated",
+        flag="--accept", metavar="NAME")
+    interlock: str | None = option(
+        None, str, "what may open the heater's circuit", flag="--interlock", choices=("heater-fan",),
+        help="program of the bit processor that may open the heater's circuit")
+    limit_degC: float | None = option(
+        None, float, "temperature at which it does", unit="°C", flag="--limit-temperature",
+        help="where the interlock does so [°C]", least=_COLDEST_DEGC, needs="interlock",
+        instead=("the end of the sensor range", ""))
+    fan_stops_s: float | None = _time(
+        None, "instant at which its fan fails", "--fan-stops", needs="interlock",
+        help="instant at which the interlock's fan fails [s]")
+    switches: Mapping[str, str] = option(
+        {}, dict, "settings of points that the manual leaves open", flag="--switch", metavar="NAME=SETTING",
+        help="setting of a point that the manual leaves open, where you know it of your controller "
+             "(see: heatertune targets); may be repeated")
+
+    def __post_init__(self) -> None:
+        checked(self)
