@@ -146,14 +146,11 @@ def fit_together(
 
     Args:
         logs: of one heater, each with a name of its own.
+        settings: what is known beside the logs; None: nothing.
         laws: hypotheses about the controllers, needed where the power was not logged.
-        ambient_degC: of every log, as in `fit` [°C].
-        power_before_pct: of every log, as in `fit` [%].
-        until_s: last instant to use of every log, as in `fit` [s].
-        dead_time_at_most_s: of the one heater, as in `fit` [s].
-        sensor_delay_s: of the one sensor, as in `fit` [s].
         seed: of the random starts and the bootstrap.
         progress: called with a short message when a stage begins.
+        changed: fields of `FitSettings` that are other than in `settings`.
 
     Raises:
         InputError: some logs with power and some without, two logs of one name; without power: no laws, or
