@@ -80,7 +80,11 @@ def _constant(name: str) -> float:
 
 
 def number(document: Mapping[str, Any], field: str, where: str | Path) -> float:
-    """Return a number of a document; raise DocumentError where it is missing or none."""
+    """Return a number of a document.
+
+    Raises:
+        DocumentError: it is missing, no number, or larger than floating point holds.
+    """
     value = document.get(field)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise DocumentError(f"{where}: {field} is {value!r}; expected a number")
@@ -96,7 +100,11 @@ def optional_number(document: Mapping[str, Any], field: str, where: str | Path) 
 
 
 def text(document: Mapping[str, Any], field: str, where: str | Path) -> str:
-    """Return a text of a document; raise DocumentError where it is missing or none."""
+    """Return a text of a document.
+
+    Raises:
+        DocumentError: it is missing or no text.
+    """
     value = document.get(field)
     if not isinstance(value, str):
         raise DocumentError(f"{where}: {field} is {value!r}; expected a text")

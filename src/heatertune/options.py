@@ -122,7 +122,12 @@ class Option:
         return told | several | ({} if self.automatic or self.kind is str else {"type": self.kind})
 
     def read(self, given: Any) -> Any:
-        """Return the value of what the command line holds; errors as `check`, and `InputError` for what is none."""
+        """Return the value of what the command line holds.
+
+        Raises:
+            OutOfRange, UnknownName: as `check`.
+            InputError: no value of this kind, or too many.
+        """
         if self.kind is dict:
             given = _pairs(self.flag, given)
         elif self.kind is tuple:

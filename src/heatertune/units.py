@@ -46,6 +46,17 @@ def check(field: str, value: float, *, above: float | None = None, least: float 
 
     No quantity of a heater is beyond `LARGEST`, and none that has to be positive below `SMALLEST`, whatever its unit:
     further out, squares and quotients of two of them are none that floating point holds.
+
+    Args:
+        field: name of the value, unit at its end, as the error tells it.
+        value: to be checked; an `int` against the bounds alone.
+        above: the value has to be larger.
+        least: the value has to be as large or larger.
+        most: the value has to be as small or smaller.
+        infinite: whether it may be infinite.
+
+    Raises:
+        OutOfRange: it is not a number, infinite, beyond `LARGEST`, or breaks a bound.
     """
     if isinstance(value, float):
         _check_size(field, value, above=above, infinite=infinite)

@@ -44,7 +44,8 @@ def one_run(
 
     It is the one asked for (1 = first), else the longest.
 
-    A run begins where the clock starts again as it began; a time that merely goes backwards is not one.
+    A run begins where the clock starts again as it began; a time that merely goes backwards is not one. The times [s]
+    are of shape (n,), one for each row.
 
     Raises:
         LogError: a run that is not there.
@@ -79,13 +80,14 @@ def _restarts(time: Array) -> list[int]:
 
 
 def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str]) -> Mask:
-    """Return which rows hold no reading of the temperature, and tell them.
+    """Return which rows hold no reading of the temperature, shape (n,), and tell them.
 
     Args:
         sheet: for line numbers.
         columns: for names.
-        raw: the temperature as it stands in the file, NaN where the cell is empty or no number of the sensor.
-        time: of each row [s].
+        raw: the temperature as it stands in the file, shape (n,), NaN where the cell is empty or no number of the
+            sensor.
+        time: of each row, shape (n,) [s].
         repairs: what was left out is added here.
 
     Raises:
@@ -171,7 +173,7 @@ def _wild_ends(values: Array, time: Array) -> list[int]:
 
 
 def tell_gaps(time: Array, lines: Sequence[int], powered: bool, doubts: list[str]) -> None:
-    """Add to the doubts where the log pauses."""
+    """Add to the doubts where the log pauses; `time`, shape (n,) [s], and `lines` are those of its rows."""
     steps = np.diff(time)
     gaps = np.flatnonzero(steps > _GAP_TIMES * np.median(steps)) if len(steps) else np.zeros(0, dtype=np.intp)
     if not len(gaps):

@@ -61,7 +61,14 @@ def with_dates(sheet: Sheet, columns: Columns, wanted: str | int | None) -> tupl
 def seconds(
     sheet: Sheet, columns: Columns, unit: str | None, sample_time_s: float | None, repairs: list[str]
 ) -> tuple[Array, str]:
-    """Return the time of each row [s] and how it was written, and add to the repairs what was changed or assumed.
+    """Return the time of each row [s], shape (n,), and how it was written: "counted", "stamps" or its unit.
+
+    Args:
+        sheet: the cells.
+        columns: which column is what.
+        unit: of the time column's numbers, a key of `TIME_UNITS`; None: as its name or its digits say, else seconds.
+        sample_time_s: interval of a log whose rows are counted [s]; None: the time column is read.
+        repairs: what was changed or assumed is added here.
 
     Raises:
         LogError: no time column and no interval, a cell that is no time, a unit that cannot be known.
@@ -143,7 +150,7 @@ def _past_midnight(time: Array, repairs: list[str]) -> Array:
 
 
 def forwards(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Array]:
-    """Return rows that are written newest first in the order of their times."""
+    """Return rows that are written newest first in the order of their times, and these, shape (n,) [s]."""
     steps = np.diff(time)
     if not len(steps) or np.any(steps > 0) or not np.any(steps < 0):
         return sheet, time

@@ -33,9 +33,9 @@ def held(at: Array, time: Array, cells: Sequence[str], *, is_power: bool) -> Hel
     the instants would be chance. A setpoint before its first instant is that first one.
 
     Args:
-        at: the instants asked for [s], ascending.
-        time: the series' own [s], ascending.
-        cells: its values.
+        at: the instants asked for, ascending, shape (n,) [s].
+        time: the series' own, ascending, shape (k,) [s].
+        cells: its values, one for each of its instants.
         is_power: whether it is a power.
     """
     places = np.searchsorted(time, at, side="right") - 1

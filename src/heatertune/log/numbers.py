@@ -21,7 +21,14 @@ _BEYOND: Final = 1e30  # no instant and no reading; units can still be converted
 def numbers(
     sheet: Sheet, columns: Columns, role: str, expected: str = "a number", *, holes: bool = False
 ) -> Array:
-    """Return a column as finite numbers; with `holes`, NaN where a cell is empty or says that it holds nothing.
+    """Return a column as finite numbers, shape (n,), one for each row.
+
+    Args:
+        sheet: the cells.
+        columns: which column is what.
+        role: what the column holds, a key of `columns`.
+        expected: what would be right, as the error tells it.
+        holes: whether a cell that is empty or says that it holds nothing is NaN instead of refused.
 
     Raises:
         LogError: a cell that is empty (without `holes`), no number, not finite or beyond 1e30.
@@ -47,7 +54,16 @@ def numbers(
 
 
 def refused(sheet: Sheet, columns: Columns, role: str, row: int, problem: str, expected: str) -> LogError:
-    """Return the error that names a row's line, column and value."""
+    """Return the error that names a row's line, column and value.
+
+    Args:
+        sheet: the cells.
+        columns: which column is what.
+        role: what the column holds, a key of `columns`.
+        row: the row in the sheet, 0 = first.
+        problem: what is wrong.
+        expected: what would be right.
+    """
     return LogError(problem, file=sheet.file, line=sheet.lines[row], column=columns.names[role],
                     value=sheet.rows[row][columns.index[role]] or None, expected=expected)
 

@@ -31,7 +31,7 @@ def is_quality(name: str) -> bool:
 
 
 def good_rows(sheet: Sheet, i: int) -> npt.NDArray[np.bool_]:
-    """Return which rows a column flags as good.
+    """Return which rows a column flags as good, shape (n,).
 
     Good are 192 to 255 of OPC DA (0xC0), 0 of an OPC UA status code, 1 of a validity (a WinCC panel writes 0 for a lost
     connection and 2 where it stops), and words such as Good.

@@ -25,6 +25,8 @@ _TOLD: Final = 0.95  # of the instants a column has to tell apart
 def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> tuple[npt.NDArray[np.bool_], int]:
     """Return which rows stay, of rows with the same time only the first, and how many of the others repeat it.
 
+    The times [s] and what stays are of shape (n,), one for each row.
+
     Raises:
         LogError: a time that goes backwards; many rows of one instant that read otherwise.
     """

@@ -38,7 +38,7 @@ def taken_of(
         sheet: the rows that were read.
         columns: which column is what.
         tagged: what was done about tags and flags.
-        time: of the readings that stayed [s].
+        time: of the readings that stayed, shape (n,) [s].
         clock: how the time was written.
         temperature: its unit.
         power: how it was written.

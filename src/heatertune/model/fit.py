@@ -144,6 +144,14 @@ def fit_together(
     Each log has its own ambient and initial state, and without power its own controller and setpoint; the heater is
     one.
 
+    Args:
+        logs: of one heater, each with a name of its own.
+        settings: what is known beside the logs; None: nothing.
+        laws: hypotheses about the controllers, needed where the power was not logged.
+        seed: of the random starts and the bootstrap.
+        progress: called with a short message when a stage begins.
+        changed: fields of `FitSettings` that are other than in `settings`.
+
     Raises:
         InputError: some logs with power and some without, two logs of one name; without power: no laws, or
             power_before; with power: as `fit`.

@@ -24,7 +24,7 @@ _WIDE = 0.3  # an interval wider than ±30 % of its centre identifies nothing
 
 
 def interval(values: Array, low: float, high: float) -> Interval:
-    """Return the central 95 % of resampled values; an end on a bound of the search is open (None)."""
+    """Return the central 95 % of resampled values, shape (n,); an end on a bound of the search is open (None)."""
     lower, upper = percentile_interval(values[np.isfinite(values)])
     margin = 1e-9 * (high - low) if np.isfinite(high - low) else 0.0
     return Interval(

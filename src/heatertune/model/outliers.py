@@ -28,7 +28,8 @@ def without_outliers(
 ) -> tuple[Array, npt.NDArray[np.intp]]:
     """Return the readings with outliers put where their neighbours are [°C], and the outliers' places.
 
-    `begun`: places of the first readings of later segments; no reading has its neighbours across such a place.
+    `begun`: places of the first readings of later segments, shape (k,); no reading has its neighbours across such a
+    place. Readings are of shape (n,), the outliers' places of shape (o,).
     """
     residuals = measured - simulated
     off = residuals - _medians(residuals, begun)
@@ -45,7 +46,7 @@ def without_outliers(
 def tamed(measured: Array, neighbours: int = _NEIGHBOURS, share: float = _WILD) -> Array:
     """Return the readings with wild ones, off by this share of the span, put where their neighbours are [°C].
 
-    Of so many neighbours up to half may be wild in a row.
+    Of so many neighbours up to half may be wild in a row. All readings are of shape (n,).
     """
     smooth = _median(measured, neighbours)
     return np.where(np.abs(measured - smooth) > share * float(np.ptp(smooth)), smooth, measured)
@@ -62,7 +63,8 @@ def _median(values: Array, neighbours: int = _NEIGHBOURS) -> Array:
 def sensor_step(measured: Array) -> float | None:
     """Return the step in which the sensor's readings come [°C], None where they have no common one.
 
-    The step is the least difference between two values; nearly all others have to be whole multiples of it.
+    The step is the least difference between two values; nearly all others have to be whole multiples of it. The
+    readings are of shape (n,).
     """
     values = np.unique(np.round(measured, 6))
     if len(values) < 3 or len(values) > _FEW_VALUES * len(measured):

@@ -11,7 +11,7 @@ Array = npt.NDArray[np.float64]
 
 
 def fit_pct(measured: Array, simulated: Array) -> float:
-    """Return 100·(1 − ‖y−ŷ‖/‖y−ȳ‖) [%]."""
+    """Return 100·(1 − ‖y−ŷ‖/‖y−ȳ‖) of readings y and simulated ŷ, both shape (n,) [%]."""
     return float(100.0 * (1.0 - np.linalg.norm(measured - simulated) / np.linalg.norm(measured - measured.mean())))
 
 
@@ -24,7 +24,7 @@ def autocorrelation(residuals: Array, lags: int = 20) -> Array:
 
 
 def ar1_bic(residuals: Array, unknowns: int) -> float:
-    """Return the Bayesian information criterion with first-order autoregressive errors.
+    """Return the Bayesian information criterion of residuals, shape (n,), with first-order autoregressive errors.
 
     n·ln(variance of the innovations) + (unknowns + 1)·ln n: heater residuals are strongly coloured, and a white-noise
     criterion would let every extra parameter in.
@@ -55,6 +55,6 @@ def block_resamples(residuals: Array, n: int, rng: np.random.Generator) -> Array
 
 
 def percentile_interval(values: Array) -> tuple[float, float]:
-    """Return the central 95 % of the values."""
+    """Return the ends of the central 95 % of the values, shape (n,)."""
     low, high = np.percentile(values, [2.5, 97.5])
     return float(low), float(high)

@@ -27,6 +27,7 @@ def ljung_box(residuals: Array, lags: int = 20) -> float:
     """Return n(n + 2)·Σ ρₖ²/(n − k) over the lags; white residuals stay below `LJUNG_BOX_95` in 95 of 100 logs.
 
     G. M. Ljung and G. E. P. Box, "On a measure of lack of fit in time series models", Biometrika 65 (1978) 297–303.
+    The residuals are of shape (n,).
     """
     n = len(residuals)
     rho = autocorrelation(residuals, lags)
@@ -34,7 +35,7 @@ def ljung_box(residuals: Array, lags: int = 20) -> float:
 
 
 def hold_out_rmse(hypothesis: Hypothesis, early: Hypothesis, vector: Array) -> float:
-    """Return the error on the readings after `early`, which `vector` was fitted to [°C]."""
+    """Return the error on the readings after `early`, which `vector`, shape (p,), was fitted to [°C]."""
     whole = hypothesis.without_events()
     error = whole.simulate(vector[None, :])[0] - whole.measured
     return _rms(np.concatenate(_later(hypothesis, early, error)))
@@ -48,7 +49,8 @@ def constant_rmse(hypothesis: Hypothesis, early: Hypothesis) -> float:
 def cross_rmse(hypothesis: Hypothesis, vector: Array) -> float:
     """Return the error on blocks of readings that were left out of the fit, each block once [°C].
 
-    The first block of a log stays in: without it nothing tells where the heater began.
+    The first block of a log stays in: without it nothing tells where the heater began. Each fit starts at `vector`,
+    shape (p,).
     """
     measured = hypothesis.measured
     rows = [len(segment.log.time_s) for segment in hypothesis.segments]

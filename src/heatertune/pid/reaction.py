@@ -21,7 +21,7 @@ def reaction(design: PidDesign) -> tuple[Array, Array]:
 
     The sampled law of `PidDesign`: K·(1 + (n + 1)·TA/TN + D_n), D_n = f·D_{n−1} + (1 − f)·TV/TA·(e_n − e_{n−1}).
     It runs for two TN, after which the I part is twice the P part, or for 20 samples without one. A continuous design
-    is drawn in 200 steps, without its filter.
+    is drawn in 200 steps, without its filter. Both are of shape (n,).
     """
     tn = design.integral_time_s
     ta = design.sample_time_s or (tn if math.isfinite(tn) else 1.0) / (_CONTINUOUS / 2)

@@ -197,7 +197,15 @@ def settle(
     timer: Timer,
     progress: Callable[[str], object],
 ) -> tuple[PidDesign, int]:
-    """Return the design whose TA is a tenth of its own TRdom, and the rounds that took (0: it never rested)."""
+    """Return the design whose TA is a tenth of its own TRdom, and the rounds that took (0: it never rested).
+
+    Args:
+        one_round: TA [s] and the design of the round before, None in the first → the design of that TA.
+        plants: the heaters to serve; the fastest closed loop counts.
+        given_s: TA where it is given [s], else None: it is found.
+        timer: what the target's timer can do.
+        progress: called with a short message when a round begins.
+    """
     if given_s is not None:
         return one_round(given_s, None), 1
     ta = timer.round(min(sum(p.lags_s) + p.dead_time_s for p in plants) / 10.0)

@@ -25,7 +25,15 @@ LOOK: Final[dict[str, dict[str, Any]]] = {
 def new_figure(
     rows: int, height: float, columns: int = 1, *, figure: Figure | None = None, **settings: Any
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure of full page width and its axes, row by row; `figure`: an empty one to be used."""
+    """Return a figure of full page width and its axes, row by row.
+
+    Args:
+        rows: how many axes stand below one another.
+        height: of the figure [inch].
+        columns: how many stand beside one another.
+        figure: an empty one to be used; None: a new one.
+        settings: of `Figure.subplots`.
+    """
     from matplotlib.figure import Figure  # noqa: PLC0415 - half a second that only pictures need
 
     figure = Figure() if figure is None else figure

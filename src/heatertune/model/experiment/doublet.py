@@ -103,7 +103,15 @@ def within_limit(prior: Prior, conditions: Conditions, schedule: Schedule, *, di
 
 
 def assessed(kind: str, prior: Prior, conditions: Conditions, schedule: Schedule, duration_s: float) -> Plan:
-    """Return the plan of a schedule, its figures from all readings."""
+    """Return the plan of a schedule, its figures from all readings.
+
+    Args:
+        kind: as in `Plan`.
+        prior: heaters to serve.
+        conditions: of the experiment; of them the noise counts.
+        schedule: of the powers.
+        duration_s: of the experiment [s].
+    """
     found = errors(prior, schedule, conditions.noise, duration_s)
     return Plan(
         kind=kind, schedule=schedule, duration_s=duration_s, errors=found, shares=shares(prior, found),

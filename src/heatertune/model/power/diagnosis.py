@@ -27,7 +27,16 @@ def notes_of(
     log: Log, problem: PowerProblem, fit: PowerFit, ci95: Mapping[str, Interval | None],
     candidates: tuple[Candidate, ...], outliers: npt.NDArray[np.intp],
 ) -> tuple[str, ...]:
-    """Return what was found, assumed and cannot be known, one sentence each."""
+    """Return what was found, assumed and cannot be known, one sentence each.
+
+    Args:
+        log: as it was fitted.
+        problem: with the start, drift and loads that the log asked for.
+        fit: of the problem, with a model.
+        ci95: parameter → its interval, None where it has none.
+        candidates: as `candidates_of` gives them.
+        outliers: places of the readings that were put where their neighbours are, shape (k,).
+    """
     assert fit.model is not None
     return (
         *log_notes(log, problem, fit, outliers),
@@ -39,7 +48,10 @@ def notes_of(
 def log_notes(
     log: Log, problem: PowerProblem, fit: PowerFit, outliers: npt.NDArray[np.intp]
 ) -> tuple[str, ...]:
-    """Return what was done to the readings, and what was assumed and found beside the heater."""
+    """Return what was done to the readings, and what was assumed and found beside the heater.
+
+    `outliers`: places of the readings that were put where their neighbours are, shape (k,).
+    """
     return (*_readings(log, problem, outliers), *_power_before(log, problem), *_disturbed(log, problem, fit))
 
 

@@ -80,8 +80,12 @@ def explained(
 ) -> Explained:
     """Return one lag and two, each with the start, drift and loads that a log with power asks for.
 
-    `believed`: the power is known to be the heater's, so its cause is not asked for. `most_dead_time_s`: no dead time
-    is longer, as the user knows.
+    Args:
+        log: with power.
+        ambient_degC: known ambient [°C], None where free.
+        power_before_pct: power before the first reading [%], None where it is to be found out.
+        believed: the power is known to be the heater's, so its cause is not asked for.
+        most_dead_time_s: no dead time is longer, as the user knows [s].
 
     Raises:
         InputError: the power cannot have made the temperature (sign, clock, no answer at all).

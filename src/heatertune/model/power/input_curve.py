@@ -49,7 +49,7 @@ class InputCurve:
 
 
 def knots_of(problem: PowerProblem) -> Array:
-    """Return the powers between which a gain can be told: the logged levels, or quantiles of many."""
+    """Return the powers between which a gain can be told: the logged levels, or quantiles of many; shape (k,) [%]."""
     readings = problem.readings
     held = np.diff(readings.edge_s, append=max(readings.time_s[-1], readings.edge_s[-1]))
     levels = np.append(readings.level_pct[held > 0.0], problem.power_before)

@@ -49,6 +49,9 @@ class JointFit:
 class JointProblem:
     """Logs of one heater as a bounded least-squares problem.
 
+    Shapes of the arrays: a vector of what is shared (4,), or (5,) with the first log's ambient, see the places above;
+    starts (n, 4) or (n, 5); readings (m,), one log after the other, stacked (…, m).
+
     Attributes:
         parts: one problem for each log, all of one lag or all of two.
         weights: of each log, the inverse of its noise [1/°C].

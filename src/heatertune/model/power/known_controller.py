@@ -113,6 +113,13 @@ def offset_degC(
 
     A controller that integrates adds up a reading's error, so half a step of its converter is already told by the
     log. Up to one step each way is tried; without a gain of 10 BIC points the readings stay as they are.
+
+    Args:
+        log: its first reading at the controller's first scan.
+        controller: as it is under one setting of its open points.
+        setpoint_degC: constant setpoint [°C]; None: as logged.
+        ambient_degC: ambient where it is known [°C].
+        power_before_pct: power before the first reading [%].
     """
     step = max(controller.resolution_degC, float(np.min(np.diff(np.unique(log.temperature_degC)))))
     tried = {}

@@ -79,6 +79,9 @@ class PowerFit:
 class PowerProblem:
     """Lags and dead time of a log with power, as a bounded least-squares problem.
 
+    Shapes of the arrays: a vector (3,), see `PowerFit`, vectors and starts (n, 3); a record of readings (m,) [°C],
+    records (n, m); the linear unknowns (columns,), see `PowerFit.linear`.
+
     Attributes:
         readings: of the log.
         two_lags: whether a second lag is fitted.
@@ -255,7 +258,7 @@ class PowerProblem:
 def touching(vector: Array, low: Array, high: Array) -> tuple[str, ...]:
     """Return the names of what ended on a bound of the search: first lag, dead time, second lag.
 
-    A second lag as long as the first is on none: two equal lags are a heater.
+    A second lag as long as the first is on none: two equal lags are a heater. Vector and bounds are of shape (3,).
     """
     margin = 1e-3 * (high - low)
     above = (vector >= high - margin) & (np.arange(len(vector)) != _SECOND)

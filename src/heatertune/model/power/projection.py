@@ -86,7 +86,21 @@ def _states(time, half, begun, first, second, out):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True)
 def columns(time, half, edges, levels, before, loads, restarts, first, second, dead, basis):  # type: ignore[no-untyped-def]
-    """Fill basis (5 + loads + 2·restarts, m) for the lags (second = 0: one lag) and the dead time."""
+    """Fill basis for the lags (second = 0: one lag) and the dead time.
+
+    Args:
+        time: middle of each reading, shape (m,) [s].
+        half: half the time that a reading is the mean of, shape (m,) [s].
+        edges: instants from which a power is held, shape (e,) [s].
+        levels: the powers, shape (e,) [%].
+        before: power before the first of them [%].
+        loads: instants at which loads begin to act, shape (s,) [s].
+        restarts: instants at which the state begins anew, shape (r,) [s].
+        first: lag [s].
+        second: lag, 0 where there is one alone [s].
+        dead: dead time [s].
+        basis: the columns, as named above, shape (5 + s + 2·r, m).
+    """
     m = len(time)
     _forced(time, half, edges, levels, before, first, second, dead, basis[GAIN])
     _states(time, half, time[0], first, second, basis[FIRST_STATE:COLUMNS])
@@ -193,7 +207,18 @@ def _residuals(log, record, known, law, z, space, out, linear):  # type: ignore[
 
 @njit(cache=True, nogil=True)
 def project(log, records, known, law, vectors, residuals, linear, cost):  # type: ignore[no-untyped-def]
-    """Fill residuals (n, m), linear part (n, columns) and sum of squares (n,) for vectors (n, 3)."""
+    """Fill residuals, linear parts and sums of squares of vectors.
+
+    Args:
+        log: times, half widths, edges, levels, power before, load instants, restarts.
+        records: temperatures, shape (n, m) [°C].
+        known: linear unknowns that are given, nan where free, shape (n, columns).
+        law: as `_residuals`.
+        vectors: ln first lag, dead time, lag ratio, shape (n, 3).
+        residuals: shape (n, m) [°C].
+        linear: linear parts, shape (n, columns).
+        cost: sums of squares, shape (n,) [°C²].
+    """
     space = _space(known.shape[1], records.shape[1])
     for i in range(len(vectors)):
         cost[i] = _residuals(log, records[i], known[i], law, vectors[i], space, residuals[i], linear[i])
@@ -242,6 +267,17 @@ def descend(log, records, known, law, vectors, low, high, iterations, tolerance)
 
     The step is Levenberg's and Marquardt's, as in `least_squares.minimise`. A parameter whose bounds are equal keeps
     its start. A row rests after three steps that gain no more than `tolerance`.
+
+    Args:
+        log: as `project`.
+        records: as `project`.
+        known: as `project`.
+        law: as `project`.
+        vectors: starts, shape (n, 3), moved in place.
+        low: lower bounds of a vector, shape (3,).
+        high: upper bounds, shape (3,).
+        iterations: most steps tried.
+        tolerance: relative decrease of the sum of squares that counts as none.
     """
     m, width = records.shape[1], known.shape[1]
     space = _space(width, m)

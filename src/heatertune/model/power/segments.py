@@ -49,7 +49,7 @@ class Segments(NamedTuple):
         return self._replace(after_jumps=np.union1d(self.after_jumps, np.setdiff1d(found, self.after_gaps)))
 
     def kept(self, n: int) -> npt.NDArray[np.bool_]:
-        """Return which of n readings lie in a segment that is long enough to tell something."""
+        """Return which of n readings lie in a segment that is long enough to tell something, shape (n,)."""
         starts = np.concatenate([[0], self.places])
         sizes = np.diff(np.append(starts, n))
         rows = np.repeat(sizes >= _FEWEST, sizes)
@@ -81,7 +81,10 @@ def gaps(log: Log) -> Segments:
 
 
 def jumps(record: Array, simulated: Array) -> Places:
-    """Return the places of the first readings after a jump: what a fit leaves over goes elsewhere at once and stays."""
+    """Return the places of the first readings after a jump: what a fit leaves over goes elsewhere at once and stays.
+
+    Logged and simulated readings [°C] are of shape (n,), the places of shape (k,).
+    """
     left = record - simulated
     step = np.diff(left)
     usual = 1.4826 * float(np.median(np.abs(step - np.median(step))))
@@ -92,7 +95,7 @@ def jumps(record: Array, simulated: Array) -> Places:
 
 
 def part(log: Log, rows: npt.NDArray[np.bool_]) -> Log:
-    """Return some of a log's readings."""
+    """Return those of a log's readings that the mask `rows`, shape (n,), takes."""
     setpoint, power = log.setpoint_degC, log.power_pct
     return replace(
         log, time_s=log.time_s[rows], temperature_degC=log.temperature_degC[rows],

@@ -38,7 +38,7 @@ def fits_of_period(problem: PowerProblem, periods: Array) -> tuple[Array, Array]
     """Return the vectors (n, 3) that fit best with each ultimate period [s], and their sums of squares (n,).
 
     Lags are tried on a grid, then finer around the best; they and the period give the dead time. What the bounds of
-    the search do not allow is no fit; a period without one costs infinitely.
+    the search do not allow is no fit; a period without one costs infinitely. The periods are of shape (n,).
     """
     first = np.array(_RATIOS) if problem.two_lags else np.zeros(1)
     best, cost = np.full((len(periods), 3), np.nan), np.full(len(periods), np.inf)

@@ -199,6 +199,10 @@ def colour(residuals: Array, base: Array) -> tuple[float, float]:
 
     A fit swallows slow noise, so that residuals look whiter and smaller than the noise was: what is expected of
     them is computed for each correlation and compared.
+
+    Args:
+        residuals: shape (m,) [°C].
+        base: orthonormal columns that span what the fit can follow, shape (m, p).
     """
     m = len(residuals)
     seen = float(np.clip(autocorrelation(residuals, 1)[0], 0.0, 0.99))
@@ -230,7 +234,13 @@ def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: Noise, time
 
 
 def crossing(values: Array, rise: Array, limit: float) -> float | None:
-    """Return where the rise first passes the limit, None where it never does before the end of the search."""
+    """Return where the rise first passes the limit, None where it never does before the end of the search.
+
+    Args:
+        values: tried, from the best one outwards, shape (k,).
+        rise: of the sum of squares at each, 0 at the first, shape (k,).
+        limit: of the rise.
+    """
     over = np.flatnonzero(~(rise < limit))
     if not len(over):
         return None
@@ -261,7 +271,7 @@ def held_at(problem: PowerProblem, fit: PowerFit, name: str, value: float) -> Po
 
 
 def held_squares(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Array:
-    """Return the least sum of squares with the named number held at each value."""
+    """Return the least sum of squares with the named number, see `held_at`, held at each value; both shape (n,)."""
     return _held(problem, fit, name, values)[-1]
 
 

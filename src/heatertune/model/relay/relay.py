@@ -108,6 +108,13 @@ def simulate_relay(
     Between two changes of the acting power the temperature is a closed form. Without a sampling interval the relay
     switches at the very instant of the crossing; with one, at the first reading on or beyond the threshold.
 
+    Args:
+        model: with ambient.
+        relay: its high power comes first where the heater rests below `relay.off_degC`.
+        duration_s: of the test [s].
+        base_pct: at which the heater rests at first [%].
+        sample_time_s: interval between two readings [s]; None: the relay sees the temperature at every instant.
+
     Raises:
         OutOfRange: as `oscillation`; a heater without ambient; a duration or an interval that is not positive.
         InputError: more than 10,000 switches: without hysteresis and dead time a relay never rests.

@@ -190,6 +190,14 @@ def oscillating_fopdt(
 
     With the gain k known, the share E = e^(−L/T) follows from the swing, (kΔu − swing)/(kΔu − 2ε). Without it, E is
     where the equations of the on and of the off time give the same ratio; that needs an asymmetric swing.
+
+    Args:
+        relay: with thresholds and powers as they were.
+        on_s: how long the power is high in one oscillation [s].
+        off_s: how long it is low [s].
+        highest_degC: upper peak of the temperature [°C].
+        lowest_degC: lower peak [°C].
+        gain: k where it is known otherwise [°C/%], else None.
     """
     eps = relay.hysteresis_degC
     above, below = highest_degC - relay.setpoint_degC, relay.setpoint_degC - lowest_degC

@@ -75,7 +75,7 @@ class Segment:
         return own
 
     def event_times(self, rng: np.random.Generator, n: int) -> Array:
-        """Return random instants at which the setpoint may step, after the heat-up; never without an event."""
+        """Return random instants [s] for a step of the setpoint, after the heat-up, shape (n,); inf where it stays."""
         length = self.scans * self.interval_s
         if not self.event:
             return np.full(n, np.inf)
@@ -101,7 +101,8 @@ class Segment:
 class Hypothesis:
     """One plant and its segments, as a bounded least-squares problem.
 
-    The vector holds ln gain, ln time constant, lag ratio, dead time, then each segment's own unknowns.
+    The vector holds ln gain, ln time constant, lag ratio, dead time, then each segment's own unknowns. Shapes of the
+    arrays: a vector and its bounds (p,), vectors (n, p), readings (m,), segment after segment.
     """
 
     segments: tuple[Segment, ...]

@@ -58,7 +58,7 @@ class _Beginning(NamedTuple):
 
 
 def residuals_of(hypothesis: Hypothesis, measured: Array) -> Residuals:
-    """Return the residual function; `measured` is one record (m,) for all rows or one per row (n, m)."""
+    """Return the residual function; `measured` is one record for all rows, shape (m,), or one per row, shape (n, m)."""
 
     def residuals(z: Array, rows: npt.NDArray[np.intp]) -> Array:
         record = measured if measured.ndim == 1 else measured[rows]

@@ -123,6 +123,9 @@ def response_grid(plants: tuple[HeaterModel, ...], derivative: bool, density: fl
         plants: the models.
         derivative: whether the controller has a derivative part.
         density: 1 for some 300 frequencies.
+
+    Returns:
+        Frequencies and answers, each of shape (n,).
     """
     grids = [_frequencies(plant, derivative, density) for plant in plants]
     responses = [plant.frequency_response(omega) for plant, omega in zip(plants, grids, strict=True)]
@@ -189,7 +192,12 @@ def global_check(problem: ContinuousProblem, design: PidDesign) -> Point | None:
 def peaks(omega: Array, plant: Complex, gain: float, tn: float, tv: float) -> tuple[Complex, float, float, float]:
     """Return L(jω), Ms, Mt and Mks [%/°C] at frequencies [rad/s] where the plant is known; infinite where unstable.
 
-    `plant` is G(jω) [°C/%] of any stable plant; `gain` [%/°C], `tn` [s] and `tv` [s] are those of the ideal form.
+    Args:
+        omega: ascending, shape (n,) [rad/s].
+        plant: G(jω) there of any stable plant, shape (n,) [°C/%]; L(jω) has the same shape.
+        gain: K of the ideal form [%/°C].
+        tn: TN [s].
+        tv: TV [s], 0 without a derivative part.
     """
     control = gain * continuous.controller(omega, tn, tv)
     loop = plant * control

@@ -32,7 +32,13 @@ def tune_continuous(
 ) -> PidDesign:
     """Return the continuous design by the optimum or a rule; the optimum is checked on a grid.
 
-    The arguments are those of `heatertune.pid.tune.tune`.
+    Args:
+        fitted: model and candidates.
+        method: "optimum" or the name of a rule.
+        structure: "p", "pi" or "pid".
+        specs: objective and limits, for the optimum.
+        closed_loop_s: closed-loop time constant of a rule that leaves it open [s], None for the rule's own.
+        robust: over which heaters drawn from the fit the optimum keeps its limits, as in `heatertune.pid.tune.tune`.
 
     Raises:
         InputError, OutOfRange: as `ContinuousProblem` and `optimum`; the rule does not give the structure.

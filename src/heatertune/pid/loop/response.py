@@ -50,7 +50,15 @@ def _respond(poles, now, before, delay, controller, setpoint, load, x, inputs, o
 def respond(
     model: HeaterModel, design: PidDesign, samples: int, *, setpoint_degC: float = 0.0, load_pct: float = 0.0
 ) -> Array:
-    """Return the deviation at each sample [°C] after a step of setpoint and load at t = 0, shape (samples,)."""
+    """Return the deviation at each sample [°C] after a step of setpoint and load at t = 0, shape (samples,).
+
+    Args:
+        model: the heater, at rest before the step.
+        design: of the sampled controller.
+        samples: how many, the first at t = 0.
+        setpoint_degC: height of the setpoint's step [°C].
+        load_pct: height of the load's step, as heater power [%].
+    """
     plant, ta = sample_plant(model, design.sample_time_s), design.sample_time_s
     controller = (
         float(design.gain_pct_per_degC), float(ta / design.integral_time_s), float(design.derivative_time_s / ta),

@@ -75,7 +75,8 @@ def encloses_nothing(loop: Complex, *, integrating: bool) -> bool:
     """Return whether the Nyquist curve leaves −1 outside (open loop stable but for one integrator): a stable loop.
 
     1 + L turns from −90° (integrator) or from a positive real number to the real axis at half the sampling
-    frequency; without encirclement it ends on the positive side after exactly that turn.
+    frequency; without encirclement it ends on the positive side after exactly that turn. L, shape (n,), is given at
+    ascending frequencies up to there.
     """
     phase = np.angle(1.0 + loop)
     steps = np.diff(phase)
@@ -89,6 +90,7 @@ def encloses_nothing(loop: Complex, *, integrating: bool) -> bool:
 def crossings(loop: Complex, *, sampled: bool = True) -> tuple[float, float]:
     """Return of L at ascending frequencies the gain margin (smallest factor to a real −1) and the phase margin [°].
 
+    `loop`: L, shape (n,).
     `sampled`: whether the last frequency is half the sampling frequency, where L is real.
     """
     phase = np.unwrap(np.angle(loop))

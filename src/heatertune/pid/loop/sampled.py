@@ -116,7 +116,7 @@ def parts_seen(derivative_filter: float, sample_time_s: float, slowest_s: float,
 
 @lru_cache(maxsize=_KEPT)
 def frequencies(sample_time_s: float, slowest_s: float, n: int = 1500) -> Array:
-    """Return n frequencies from far below 1/`slowest_s` up to half the sampling frequency [rad/s]."""
+    """Return frequencies from far below 1/`slowest_s` up to half the sampling frequency, shape (n,) [rad/s]."""
     return _kept(np.geomspace(min(1e-3 / slowest_s, 1e-2 * math.pi / sample_time_s), math.pi / sample_time_s, n))
 
 

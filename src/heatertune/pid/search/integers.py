@@ -79,7 +79,11 @@ class Integers:
 
     @cached_property
     def bounds(self) -> LoopBounds:
-        """The bounds for boxes of gains."""
+        """The bounds for boxes of gains.
+
+        Raises:
+            InputError: the words to begin with are not allowed.
+        """
         from heatertune.pid.search.bounds import bounds_of  # noqa: PLC0415 - compiles; words that are rounded need no search
 
         design = self.decode(self.start)
