@@ -13,8 +13,8 @@ from heatertune.errors import OutOfRange
 
 __all__ = ["LARGEST", "NOMENCLATURE", "SMALLEST", "check", "degF_to_degC", "kelvin_to_degC"]
 
-LARGEST: Final = 1e12
-SMALLEST: Final = 1e-12
+LARGEST: Final = 1e100
+SMALLEST: Final = 1e-100
 
 #: field name → (symbol, name, unit)
 NOMENCLATURE: Final[dict[str, tuple[str, str, str]]] = {

@@ -13,8 +13,9 @@ from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.findings import Finding
+from heatertune.model.intervals import Interval
 from heatertune.model.judgement import Half, HeldOut, InputCorrelation, Validation
-from heatertune.model.values import Candidate, FittedModel, Fopdt, Interval, OneLog, Outcome, Residuals, TwoLag
+from heatertune.model.values import Candidate, FittedModel, Fopdt, OneLog, Outcome, Residuals, TwoLag
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import Margins, PidDesign, Promise
 from heatertune.plc import room

@@ -53,7 +53,7 @@ _DOORS: Final = (
     "heatertune.pid.pareto:front", "heatertune.chain.refine:refine", "heatertune.report:render",
 )
 _SHUT: Final = (
-    "heatertune.chain.studies:run", "heatertune.chain.fleets:run", "heatertune.studio.server:serve",
+    "heatertune.batch.studies:run", "heatertune.batch.fleets:run", "heatertune.studio.server:serve",
     "heatertune.cli.bench:_run", "heatertune.cli.doctor:_run",
 )
 
