@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.compiled import compiled
+from heatertune.heater.exact import advanced, factors
 from heatertune.model.least_squares import minimise
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.projection import AMBIENT, DRIFT, GAIN
@@ -69,13 +70,10 @@ def _advance(x: float, y: float, u: float, t: float, plant: Array) -> tuple[floa
         end = ambient + gain * u / stiff
         lag = (warming if end > x else cooling) / stiff
         step = t if loss == 0.0 else min(t, lag / _STEPS)
-        decay = math.exp(-step / lag)
         if second > 0.0:
-            if abs(lag - second) < 1e-6 * lag:
-                second *= 1.0 + 1e-5
-            other = math.exp(-step / second)
-            y = end + other * (y - end) + lag / (lag - second) * (decay - other) * (x - end)
-        x = end + decay * (x - end)
+            y, x = advanced(y, x, end, factors(step, second, lag))
+        else:
+            x, _ = advanced(x, x, end, factors(step, lag, 0.0))
         x = min(x, ceiling)
         y = x if second == 0.0 else min(y, ceiling)
         t -= step

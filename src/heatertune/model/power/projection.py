@@ -11,6 +11,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.heater.exact import Factors, advanced, factors
+
 __all__ = [
     "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "Held", "columns", "descend", "project",
 ]
@@ -30,9 +32,12 @@ ROUNDING = 1e-13  # share of a column's square that rounding may leave of it
 
 
 def _advance(
-    state: Array, edges: Array, levels: Array, dead: float, first: float, second: float, target: float
+    state: Array, kept: Array, edges: Array, levels: Array, dead: float, first: float, second: float, target: float
 ) -> float:
-    """Move state = now, first and second lag's output, acting power, next edge, to the instant; return ∫power."""
+    """Move state = now, first and second lag's output, acting power, next edge, to the instant; return ∫power.
+
+    `kept` are the last time's length and factors: readings are often evenly spaced.
+    """
     area = 0.0
     while True:
         j = int(state[4])
@@ -40,12 +45,13 @@ def _advance(
         t = min(target, edge) - state[0]
         if t > 0.0:
             acting = state[3]
-            decay = math.exp(-t / first)
+            if t != kept[0]:
+                kept[0] = t
+                kept[1], kept[2], kept[3] = factors(t, second, first) if second > 0.0 else factors(t, first, 0.0)
             if second > 0.0:
-                other = math.exp(-t / second)
-                coupling = first / (first - second) * (decay - other)
-                state[2] = acting + other * (state[2] - acting) + coupling * (state[1] - acting)
-            state[1] = acting + decay * (state[1] - acting)
+                state[2], state[1] = advanced(state[2], state[1], acting, Factors(kept[1], kept[2], kept[3]))
+            else:
+                state[1] = acting + kept[1] * (state[1] - acting)
             state[0] += t
             area += acting * t
         if edge > target:
@@ -66,12 +72,13 @@ def _forced(
     """
     state = np.array([time[0] - half[0], before, before, before, 0.0])
     last = 2 if second > 0.0 else 1
+    between, within = np.zeros(4), np.zeros(4)
     for i in range(len(time)):
-        _advance(state, edges, levels, dead, first, second, time[i] - half[i])
+        _advance(state, between, edges, levels, dead, first, second, time[i] - half[i])
         out[i] = state[last]
         if half[i] > 0.0:
             begun, x, y = state[0], state[1], state[2]
-            area = _advance(state, edges, levels, dead, first, second, time[i] + half[i])
+            area = _advance(state, within, edges, levels, dead, first, second, time[i] + half[i])
             area -= first * (state[1] - x) + second * (state[2] - y)
             if state[0] > begun:  # irregular runs may overlap so far that nothing is left of one
                 out[i] = area / (state[0] - begun)

@@ -8,12 +8,11 @@ initial inner state), units as in `model.values`; all instants are multiples of 
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
 from heatertune.compiled import bound, compiled
+from heatertune.heater.exact import advanced, factors
 from heatertune.model.temperature.law import Step
 
 __all__ = ["PLANT", "simulate_many"]
@@ -28,23 +27,6 @@ PLANT = ("gain", "time_constant", "lag_ratio", "dead_time", "ambient", "start", 
 def _step(constants: Array, memory: Array, error: float, h: float) -> float:
     """Stand in for a controller's law, see `heatertune.compiled.bound`."""
     raise NotImplementedError
-
-
-def _coupling(first: float, second: float, t: float) -> float:
-    """Return what the inner lag's deviation adds to the outer one after t seconds."""
-    if abs(first - second) < 1e-6 * first:
-        return t / first * math.exp(-t / first)
-    return first / (first - second) * (math.exp(-t / first) - math.exp(-t / second))
-
-
-def _advance(
-    y: float, x: float, target: float, decay_1: float, decay_2: float, coupling: float, two_lags: bool
-) -> tuple[float, float]:
-    """Return (y, x) after a time with constant power whose steady temperature is `target`."""
-    inner = target + decay_1 * (x - target)
-    if two_lags:
-        return target + decay_2 * (y - target) + coupling * (x - target), inner
-    return target + decay_1 * (y - target), inner
 
 
 def simulate_many(
@@ -74,15 +56,10 @@ def _simulate_many(
     for i in range(out.shape[0]):
         gain, first, ratio, dead = plants[i, 0], plants[i, 1], plants[i, 2], plants[i, 3]
         ambient, y, x = plants[i, 4], plants[i, 5], plants[i, 6]
-        two_lags = ratio > 0.0
-        second = ratio * first if two_lags else first
         whole = int(dead / h)
         late = dead - whole * h  # the older power value still acts for this long
-        rest = h - late
-        a1, b1 = math.exp(-late / first), math.exp(-rest / first)
-        a2, b2 = math.exp(-late / second), math.exp(-rest / second)
-        ac = _coupling(first, second, late) if two_lags else 0.0
-        bc = _coupling(first, second, rest) if two_lags else 0.0
+        outer, inner = (ratio * first, first) if ratio > 0.0 else (first, 0.0)
+        begin, end = factors(late, outer, inner), factors(h - late, outer, inner)
         for k in range(len(memory)):
             memory[k] = 0.0
         for k in range(out.shape[1]):
@@ -91,5 +68,5 @@ def _simulate_many(
             power[k] = _step(laws[i], memory, setpoint - y, h)
             older = power[k - whole - 1] if k > whole else 0.0
             newer = power[k - whole] if k >= whole else 0.0
-            y, x = _advance(y, x, ambient + gain * older, a1, a2, ac, two_lags)
-            y, x = _advance(y, x, ambient + gain * newer, b1, b2, bc, two_lags)
+            y, x = advanced(y, x, ambient + gain * older, begin)
+            y, x = advanced(y, x, ambient + gain * newer, end)

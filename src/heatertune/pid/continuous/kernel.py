@@ -13,6 +13,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.heater.exact import apart
+
 __all__ = [
     "DERIVATIVE_FILTER_N", "Four", "Task", "controller", "encirclements", "pieces", "price", "refine", "scan", "swing",
 ]
@@ -193,7 +195,7 @@ def swing(  # noqa: PLR0915 - one loop
     gain, tn, tv = settings
     past = DERIVATIVE_FILTER_N if tv > 0.0 else 0.0
     h, whole, late = _grid(heater, gain * (1.0 + past), finer)
-    second = min(second, 0.9999 * first)  # equal lags are moved apart; the answer changes by 1e-9
+    first, second = apart(first, second)
     s1, s2 = k * first / (first - second), -k * second / (first - second)
     (a1, o1, n1), (a2, o2, n2), (af, of, nf) = _lag(first, h), _lag(second, h), _lag(tv / DERIVATIVE_FILTER_N, h)
     new, old = s1 * n1 + s2 * n2, s1 * o1 + s2 * o2
