@@ -41,10 +41,13 @@ def run_folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="session", autouse=True)
-def machine_code(run_folder):
-    """What is compiled is kept for the whole run of the tests: each loop costs seconds."""
+def machine_code(request):
+    """What is compiled is kept from run to run of the tests: each loop costs seconds. Results of notebooks are not."""
+    folder = request.config.cache.mkdir("machine_code")
+    for result in folder.glob("*.json"):
+        result.unlink(missing_ok=True)
     patch = pytest.MonkeyPatch()
-    patch.setattr(compiled, "folder", lambda: run_folder / "machine_code")
+    patch.setattr(compiled, "folder", lambda: folder)
     yield
     patch.undo()
 

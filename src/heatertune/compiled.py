@@ -2,25 +2,32 @@
 
 A function is compiled together with all functions of heatertune that it calls, from their plain source; importing the
 source needs no compiler. Numba's own cache does not notice a change in a function that is called, so the folder bears
-the digest of heatertune's whole source: a changed program starts anew. Without a folder (see `heatertune.cache`)
-nothing is kept, and every process compiles.
+the digest of all files that those functions can depend on: a changed program starts anew. Without a folder (see
+`heatertune.cache`) nothing is kept, and every process compiles. What no process used for a month is removed.
 """
 
 from __future__ import annotations
 
+import hashlib
+import os
+import re
+import shutil
+import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache as remember
+from pathlib import Path
+from threading import Lock
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
-from heatertune.cache import folder, source_digest
+from heatertune.cache import folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["bound", "compiled", "decide", "runs_compiled_as", "worth_compiling"]
+__all__ = ["bound", "compiled", "decide", "machine_code", "runs_compiled_as", "worth_compiling"]
 
 _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 
@@ -34,6 +41,13 @@ _decided: Final[list[bool | None]] = [None]
 
 #: functions that no compiler takes → what is compiled in their place
 _TWINS: Final[dict[Any, Any]] = {}
+
+_ROOT: Final = Path(__file__).parent
+_IMPORT: Final = re.compile(r"from (heatertune[\w.]*) import (\([^)]*\)|[^\n(]*)|\b(heatertune(?:\.\w+)+)")
+
+_STALE_S: Final = 30 * 86_400.0  # folders that no process used for so long are removed
+
+_choosing: Final = Lock()  # where Numba is told a folder, see `_kept_in`
 
 
 def runs_compiled_as(twin: Callable[..., Any]) -> Callable[[_Plain], _Plain]:
@@ -79,17 +93,110 @@ def bound(function: _Plain, **given: Callable[..., Any]) -> _Plain:
     return cast(_Plain, copy)
 
 
-@remember
-def compiled(function: _Plain) -> _Plain:
+def compiled(function: _Plain, *, allocates: bool = False) -> _Plain:
     """Return the function compiled, arguments by position only; it gives up Python's lock while it runs.
 
     It is compiled where it is called for the first time with arguments of new types, and kept on disk.
+
+    Args:
+        function: a plain function of numbers, tuples and arrays.
+        allocates: whether it, or what it calls, makes arrays. Then these are counted and calls stay calls, which costs
+            little where a call is long; else nothing is counted and all is one function.
     """
-    kept = folder()
-    if kept is None:
-        return cast(_Plain, _machine(function))
-    with _kept_in(str(kept / f"compiled-{source_digest()[:16]}")):
-        return cast(_Plain, _machine(function, cache=True))
+    return cast(_Plain, _door(function, allocates))
+
+
+def machine_code(place: Path) -> list[Path]:
+    """Return the indices of what is kept compiled in a folder of `heatertune.cache`: one file for each function."""
+    return sorted(place.glob("compiled-*/**/*.nbi"))
+
+
+@remember
+def _door(function: Callable[..., Any], allocates: bool) -> Any:
+    base, digest = folder(), _digest(function)
+    if base is None or digest is None:
+        return _machine(function, allocates=allocates)
+    _remove_stale(base)
+    kept = base / f"compiled-{digest[:16]}"
+    try:
+        kept.mkdir(parents=True, exist_ok=True)
+        os.utime(kept)  # in use
+    except OSError:
+        return _machine(function, allocates=allocates)
+    with _kept_in(str(kept)):
+        return _machine(function, allocates=allocates, cache=True)
+
+
+@remember
+def _remove_stale(base: Path) -> None:
+    """Remove folders that no process used for a month; one is renamed first, so that nobody meets half of it."""
+    for kept in base.glob("compiled-*"):
+        with suppress(OSError):
+            if time.time() - kept.stat().st_mtime > _STALE_S:
+                shutil.rmtree(kept.rename(kept.with_name(f"removed-{kept.name}-{os.getpid()}")))
+
+
+def _digest(function: Callable[..., Any]) -> str | None:
+    """Return a digest of all on which the function's machine code can depend, None where the source is no file.
+
+    These are the files of the functions that are compiled with it, and of whatever they mention of heatertune, and so
+    on: types of arguments are among them. Constants come in by value, wherever they are from.
+    """
+    functions = _functions(function)
+    ahead, files = {Path(__file__), *(Path(each.__code__.co_filename) for each in functions)}, set[Path]()
+    if not all(path.is_file() for path in ahead):  # typed into a notebook
+        return None
+    while ahead:
+        path = ahead.pop()
+        files.add(path)
+        ahead |= _mentioned(path) - files
+    digest = hashlib.sha256("".join(sorted(map(_constants, functions))).encode())
+    for path in sorted(files):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _constants(function: FunctionType) -> str:
+    named = {name: function.__globals__.get(name) for name in function.__code__.co_names}
+    plain = {name: value for name, value in named.items() if isinstance(value, int | float | complex | str | tuple)}
+    return f"{function.__module__}.{function.__qualname__} {plain}\n"
+
+
+@remember
+def _mentioned(path: Path) -> frozenset[Path]:
+    """Return the files of heatertune whose modules a file mentions, in imports or elsewhere."""
+    modules = set()
+    for package, names, dotted in _IMPORT.findall(path.read_text(encoding="utf-8")):
+        modules |= {dotted} if dotted else {package, *(f"{package}.{name}" for name in re.findall(r"\w+", names))}
+    places = [_ROOT.joinpath(*module.split(".")[1:]) for module in modules]
+    return frozenset(
+        path for place in places for path in (place.with_suffix(".py"), place / "__init__.py") if path.is_file()
+    )
+
+
+def _functions(function: Callable[..., Any]) -> set[FunctionType]:
+    """Return a function and all plain functions that are compiled with it."""
+    ahead, seen = [function], set[FunctionType]()
+    while ahead:
+        plain = ahead.pop()
+        if isinstance(plain, FunctionType) and plain not in seen:
+            seen.add(plain)
+            ahead += [*_called(_plain(plain)).values(), _plain(plain)]
+    return seen
+
+
+def _plain(function: Callable[..., Any]) -> FunctionType:
+    """Return what is compiled for a function: itself, or its twin."""
+    plain = _TWINS.get(function, function)
+    assert isinstance(plain, FunctionType)
+    return plain
+
+
+def _called(function: FunctionType) -> dict[str, FunctionType]:
+    """Return the plain functions that a function names."""
+    scope = function.__globals__
+    named = {name: scope.get(name) for name in function.__code__.co_names}
+    return {name: value for name, value in named.items() if isinstance(value, FunctionType)}
 
 
 @contextmanager
@@ -97,15 +204,16 @@ def _kept_in(path: str) -> Iterator[None]:
     """Let Numba choose this folder while a dispatcher is made; other caches stay where they are."""
     from numba import config  # noqa: PLC0415
 
-    before, config.CACHE_DIR = config.CACHE_DIR, path
-    try:
-        yield
-    finally:
-        config.CACHE_DIR = before
+    with _choosing:
+        before, config.CACHE_DIR = config.CACHE_DIR, path
+        try:
+            yield
+        finally:
+            config.CACHE_DIR = before
 
 
 @remember
-def _machine(function: Callable[..., Any], *, cache: bool = False, called: bool = False) -> Any:
+def _machine(function: Callable[..., Any], *, allocates: bool, cache: bool = False, called: bool = False) -> Any:
     """Return a compiled copy of a plain function whose calls go to compiled copies.
 
     One that is only called by another needs no door to Python and no entry of its own on disk: half of the compiler's
@@ -113,17 +221,13 @@ def _machine(function: Callable[..., Any], *, cache: bool = False, called: bool 
     """
     from numba import njit  # noqa: PLC0415 - half a second, which only the compiled world needs
 
-    function = _TWINS.get(function, function)
-    assert isinstance(function, FunctionType)
-    inside = {
-        name: _machine(value, called=True)
-        for name in function.__code__.co_names
-        if isinstance(value := function.__globals__.get(name), FunctionType)
-    }
-    # no reference counts (nothing is allocated), no exceptions (a step is total), all calls inlined: ten times faster
-    options = {"nogil": True, "cache": cache, "_nrt": False, "error_model": "numpy"}
-    options |= {"forceinline": called, "no_cpython_wrapper": called, "no_cfunc_wrapper": called}
-    return njit(**options)(_copy(function, inside))
+    plain = _plain(function)
+    inside = {name: _machine(value, allocates=allocates, called=True) for name, value in _called(plain).items()}
+    # no exceptions (a step is total), and where nothing is allocated no reference counts and all calls inlined: ten
+    # times faster
+    options = {"nogil": True, "cache": cache, "_nrt": allocates, "error_model": "numpy"}
+    options |= {"forceinline": called and not allocates, "no_cpython_wrapper": called, "no_cfunc_wrapper": called}
+    return njit(**options)(_copy(plain, inside))
 
 
 def _copy(function: FunctionType, names: Mapping[str, Any]) -> FunctionType:

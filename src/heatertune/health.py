@@ -19,10 +19,6 @@ SCHEMA: Final = "heatertune/doctor/1"
 #: the oldest Python, as pyproject.toml has it
 _PYTHON: Final = (3, 11)
 _REQUIREMENT: Final = re.compile(r"([A-Za-z0-9._-]+)\s*(?:>=\s*([0-9.]+))?(?:.*extra\s*==\s*['\"]([^'\"]+)['\"])?")
-#: modules whose compiled functions a first run waits for
-_COMPILED: Final = (
-    "heatertune.model.temperature.kernel", "heatertune.pid.search.bounds", "heatertune.pid.continuous.kernel",
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,25 +149,20 @@ def _results() -> Finding:
 
 
 def _compiled() -> Finding:
-    """Tell where numba keeps compiled functions, and whether any of this program are there."""
-    try:
-        places, kept = set(), 0
-        for name in _COMPILED:
-            module = import_module(name)
-            for each in vars(module).values():
-                place = getattr(getattr(each, "stats", None), "cache_path", None)
-                if place is not None:
-                    places.add(Path(place))
-                    kept += any(Path(place).glob(f"{name.rpartition('.')[2]}.{each.__name__}-*.nbi"))
-    except Exception as problem:  # as in _package
-        return Finding(name="cache of compiled code", found=_one_line(problem), ok=False,
-                       remedy="pip install --upgrade numba")
-    told = ", ".join(str(place) for place in sorted(places)) or "nowhere"
-    state = "warm" if kept else "cold: the first run compiles, which takes some seconds"
+    """Tell where machine code is kept, and how much of it is there."""
+    from heatertune.cache import folder  # noqa: PLC0415 - beside its only use
+    from heatertune.compiled import machine_code  # noqa: PLC0415
+
+    place = folder()
+    if place is None:
+        off = "switched off: every process compiles"
+        return Finding(name="cache of compiled code", found=off, ok=True, needed=False)
+    kept = machine_code(place)
+    megabytes = sum(data.stat().st_size for index in kept for data in index.parent.glob(f"{index.stem}.*.nbc")) / 1e6
+    state = f"warm, {len(kept)} functions, {megabytes:.1f} MB" if kept else "cold: the first run compiles some seconds"
     return Finding(
-        name="cache of compiled code", found=f"{told}; {state}",
-        ok=bool(places) and all(map(_writable, places)), needed=False,
-        remedy="set NUMBA_CACHE_DIR to a folder that can be written; without it every start compiles",
+        name="cache of compiled code", found=f"{place}; {state}", ok=_writable(place), needed=False,
+        remedy="set HEATERTUNE_CACHE to a folder that can be written; without it every process compiles",
     )
 
 

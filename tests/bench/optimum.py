@@ -14,6 +14,7 @@ import time
 import numpy as np
 from scipy.optimize import minimize
 
+from heatertune.compiled import compiled
 from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
 from heatertune.pid.continuous import kernel as continuous
@@ -46,7 +47,7 @@ def by_slsqp(problem, dead, structure):
     omega, response = response_grid(problem.plants, structure == "pid", 2.0)
 
     def cost(x):
-        return math.log(min(continuous.price(problem.heaters, problem.weights, *settings(x), 0.5, math.inf), 1e6))
+        return math.log(min(compiled(continuous.price, allocates=True)(problem.heaters, problem.weights, *settings(x), 0.5, math.inf), 1e6))
 
     def room(x):
         gain, tn, tv = settings(x)
@@ -110,9 +111,9 @@ def beside(problem, design, found):
     """Return by which share another answer costs more; its K is put on the exact limit, so that both are as robust."""
     gain, tn, tv = found
     omega, response = response_grid(problem.plants, tv > 0.0, 8.0)
-    bottoms, tops = continuous.pieces(omega, response, tn, tv, problem.limits)
+    bottoms, tops = compiled(continuous.pieces, allocates=True)(omega, response, tn, tv, problem.limits)
     kept = min([gain, *[top for bottom, top in zip(bottoms, tops, strict=True) if gain > bottom][:1]])
-    return continuous.price(problem.heaters, problem.weights, kept, tn, tv, 2.0, math.inf) / problem.cost(design) - 1.0
+    return compiled(continuous.price, allocates=True)(problem.heaters, problem.weights, kept, tn, tv, 2.0, math.inf) / problem.cost(design) - 1.0
 
 
 def unsolved(dead, structure):

@@ -121,22 +121,18 @@ def test_the_cache_counts_what_it_keeps(monkeypatch, tmp_path):
 
 
 def test_compiled_code_is_warm_once_something_of_it_is_kept(monkeypatch, tmp_path):
-    class _Compiled:
-        __name__ = "simulate"
-
-        class stats:  # noqa: N801 - numba's own name
-            cache_path = str(tmp_path)
-
-    class _Module:
-        simulate = _Compiled()
-
-    monkeypatch.setattr(health, "_COMPILED", ("heatertune.model.temperature.kernel",))
-    monkeypatch.setattr(health, "import_module", lambda _: _Module)
+    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path))
     assert "cold" in health._compiled().found
-    (tmp_path / "kernel.simulate-39.py311.nbi").write_text("")
-    found = health._compiled()
-    assert found.ok
-    assert found.found == f"{tmp_path}; warm"
+    for name in ("kernel", "laws"):  # as numba names index and data of a function
+        place = tmp_path / f"compiled-{name}" / "temperature_77ed"
+        place.mkdir(parents=True)
+        (place / f"{name}.simulate-39.py311.nbi").write_bytes(b"")
+        (place / f"{name}.simulate-39.py311.1.nbc").write_bytes(bytes(150_000))
+    told = health._compiled()
+    assert told.ok
+    assert told.found == f"{tmp_path}; warm, 2 functions, 0.3 MB"
+    monkeypatch.setenv("HEATERTUNE_CACHE", "")
+    assert health._compiled().found == "switched off: every process compiles"
 
 
 def test_a_missing_extra_is_told_but_no_fail(monkeypatch):

@@ -11,7 +11,7 @@ from tests.conftest import ROOT
 import heatertune
 
 SOURCE = ROOT / "src" / "heatertune"
-STAGES = ("log", "model", "pid", "plc", "proof", "report")
+STAGES = ("heater", "log", "model", "pid", "plc", "proof", "report")
 FREE = ("units", "errors", "options", "progress", "settings", "documents", "codec", "files", "writing", "cache", "compiled",
         "show")
 MODULES = sorted(SOURCE.rglob("*.py"))

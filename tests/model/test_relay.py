@@ -3,14 +3,12 @@ import math
 import control
 import numpy as np
 import pytest
-from numba import cfunc
 from scipy.integrate import solve_ivp
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.relay.relay import Relay, _Course, _State, oscillation, simulate_relay
 from heatertune.model.response import rise, rows_of
 from heatertune.model.temperature.kernel import simulate_many
-from heatertune.model.temperature.law import STEP
 from heatertune.model.values import Fopdt, TwoLag
 
 ONE = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=20.0, ambient_degC=20.0)
@@ -74,7 +72,6 @@ def test_the_describing_function_meets_its_limits(dead, quotient):
     assert told / truth == pytest.approx(quotient, rel=0.02)
 
 
-@cfunc(STEP)
 def _relay_law(constants, memory, error, h):
     """A relay in the loop of `model.kernel`: constants high, low, hysteresis; memory 1 = low."""
     if memory[0] == 0.0 and error <= -constants[2]:

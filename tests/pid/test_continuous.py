@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from heatertune.compiled import compiled
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.continuous import kernel as continuous
@@ -30,6 +31,14 @@ _SPEC.loader.exec_module(brute_force)
 
 NONE = math.inf
 LOAD = np.array([[1.0, 0.0, 0.0, 0.0]])
+
+
+def _price(*given):
+    return compiled(continuous.price, allocates=True)(*given)
+
+
+def _pieces(*given):
+    return compiled(continuous.pieces, allocates=True)(*given)
 
 
 def _heater(dead, lag=1.0, gain=1.0):
@@ -72,7 +81,7 @@ def test_the_largest_integral_gain_for_three_lags_is_the_published_one(ms, gain,
     omega = np.geomspace(1e-3, 1e2, 2000)
     plant = 1.0 / (1j * omega + 1.0) ** 3
     tns = np.linspace(1.2, 2.6, 561)
-    tops = [continuous.pieces(omega, plant, t, 0.0, (ms, NONE, NONE, 0.0))[1][0] for t in tns]
+    tops = [_pieces(omega, plant, t, 0.0, (ms, NONE, NONE, 0.0))[1][0] for t in tns]
     best = int(np.argmax(np.array(tops) / tns))
     assert tops[best] == pytest.approx(gain, rel=0.005)
     assert tns[best] == pytest.approx(tn, rel=0.005)
@@ -96,11 +105,11 @@ def test_ms_is_met_at_two_gains_and_both_are_found_with_their_costs():
     # the trap of this project's own notes on tuning: Ms(K) is not monotone, and the load IAE differs 51 times;
     # gains and costs were computed there by another program
     omega, plant = response_grid((_heater(0.05),), True, 8.0)
-    bottoms, tops = continuous.pieces(omega, plant, 0.13042, 0.02029, (1.6, NONE, NONE, 0.0))
+    bottoms, tops = _pieces(omega, plant, 0.13042, 0.02029, (1.6, NONE, NONE, 0.0))
     assert tops == pytest.approx([12.12, 0.298], rel=1e-3)
     assert bottoms[0] > tops[1]
     heaters = np.array([[1.0, 1.0, 0.0, 0.05]])
-    costs = [continuous.price(heaters, LOAD, top, 0.13042, 0.02029, 2.0, NONE) for top in tops]
+    costs = [_price(heaters, LOAD, top, 0.13042, 0.02029, 2.0, NONE) for top in tops]
     assert costs == pytest.approx([0.01473, 0.7472], rel=1e-3)
 
 
@@ -109,7 +118,7 @@ def test_ms_is_met_at_two_gains_and_both_are_found_with_their_costs():
 def test_inside_a_piece_every_limit_is_kept_and_at_its_top_one_is_met(limits, settings):
     plant = _heater(0.3)
     omega, response = response_grid((plant,), settings[1] > 0.0, 8.0)
-    bottoms, tops = continuous.pieces(omega, response, *settings, (*limits, 0.0))
+    bottoms, tops = _pieces(omega, response, *settings, (*limits, 0.0))
     for bottom, top in zip(bottoms, tops, strict=True):
         inside = _dense_peaks(plant, _design(0.5 * (bottom + top), *settings))
         assert all(found <= limit * 1.0005 for found, limit in zip(inside, limits, strict=True))
@@ -121,7 +130,7 @@ def test_the_first_piece_begins_at_zero_and_no_piece_is_unstable():
     # Routh: the loop K·(1 + 1/s)/((s + 1)(s + 1)) = K/(s(s + 1)) is stable at every K; with e^(−sL), L·K < π/2 at most
     plant = _heater(1.0)
     omega, response = response_grid((plant,), False, 4.0)
-    bottoms, tops = continuous.pieces(omega, response, 1.0, 0.0, (4.0, NONE, NONE, 0.0))
+    bottoms, tops = _pieces(omega, response, 1.0, 0.0, (4.0, NONE, NONE, 0.0))
     assert bottoms[-1] == 0.0
     assert len(tops) == 1
     assert tops[0] < math.pi / 2.0
@@ -154,7 +163,7 @@ def test_the_load_iae_is_that_of_runge_and_kutta(plant, settings):
     k, lag, dead = plant
     heaters = np.array([[k, lag, 0.0, dead]])
     by_steps = brute_force.iae_load(plant, *(np.array([value]) for value in settings), per_dead_time=80)[0]
-    assert continuous.price(heaters, LOAD, *settings, 4.0, NONE) == pytest.approx(by_steps, rel=5e-4)
+    assert _price(heaters, LOAD, *settings, 4.0, NONE) == pytest.approx(by_steps, rel=5e-4)
 
 
 def test_without_dead_time_the_costs_are_those_of_the_linear_system():
@@ -170,9 +179,9 @@ def test_without_dead_time_the_costs_are_those_of_the_linear_system():
     expected = [np.trapezoid(np.abs(load), t), np.trapezoid(np.abs(setpoint), t), np.trapezoid(t * np.abs(load), t), tn / gain]
     for i, value in enumerate(expected):
         weights = np.eye(4)[i : i + 1]
-        assert continuous.price(heaters, weights, gain, tn, 0.0, 4.0, NONE) == pytest.approx(value, rel=1e-4)
+        assert _price(heaters, weights, gain, tn, 0.0, 4.0, NONE) == pytest.approx(value, rel=1e-4)
         # and with the long steps of the search, in which the power acts within the step that it answers
-        assert continuous.price(heaters, weights, gain, tn, 0.0, 0.5, NONE) == pytest.approx(value, rel=2e-4)
+        assert _price(heaters, weights, gain, tn, 0.0, 0.5, NONE) == pytest.approx(value, rel=2e-4)
 
 
 @pytest.mark.parametrize("settings", [(1.4, 0.6, 0.0), (2.3, 0.5, 0.12)])
@@ -195,7 +204,7 @@ def test_setpoint_iae_and_itae_are_those_of_fine_euler_steps(settings):
             moment += h * i * h * abs(e)
         found.append((area, moment))
     heaters = np.array([[1.0, 1.0, 0.0, dead]])
-    price = [continuous.price(heaters, np.eye(4)[i : i + 1], *settings, 4.0, NONE) for i in (0, 1, 2)]
+    price = [_price(heaters, np.eye(4)[i : i + 1], *settings, 4.0, NONE) for i in (0, 1, 2)]
     assert price == pytest.approx([found[1][0], found[0][0], found[1][1]], rel=2e-3)
 
 
@@ -316,7 +325,7 @@ def test_a_kick_of_the_derivative_far_shorter_than_a_step_of_time_costs_what_it_
         area += h * abs(e)
     heaters = np.array([[k, lag, 0.0, dead]])
     for finer in (0.5, 2.0):
-        assert continuous.price(heaters, np.eye(4)[1:2], gain, tn, tv, finer, NONE) == pytest.approx(area, rel=3e-3)
+        assert _price(heaters, np.eye(4)[1:2], gain, tn, tv, finer, NONE) == pytest.approx(area, rel=3e-3)
 
 
 def test_a_gain_beyond_an_excluded_interval_is_no_piece_because_mks_ends_there():
@@ -324,7 +333,7 @@ def test_a_gain_beyond_an_excluded_interval_is_no_piece_because_mks_ends_there()
     plant = _heater(0.0, lag=3.0, gain=0.5)
     omega, response = response_grid((plant,), False, 8.0)
     for tn in (0.3, 0.7, 1.2):
-        bottoms, tops = continuous.pieces(omega, response, tn, 0.0, (1.6, NONE, 5.0, 0.0))
+        bottoms, tops = _pieces(omega, response, tn, 0.0, (1.6, NONE, 5.0, 0.0))
         assert np.all(bottoms < tops)
         assert max(_plain_peaks(plant, float(top), tn)[2] for top in tops) <= 5.005
 

@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from heatertune.proof import plant
-from heatertune.proof.plant import Flow, Plant, factors, moved, turn, turning_times
+from heatertune.heater import exact
+from heatertune.heater.exact import turning_times
+from heatertune.proof.plant import Flow, Plant, factors, moved, turn
 
 lags = st.floats(1.0, 1e4)
 degrees = st.floats(-50.0, 300.0)
@@ -61,7 +62,7 @@ def test_a_second_lag_that_is_very_fast_leaves_one_lag():
 @pytest.mark.parametrize("second", [0.0, 40.0, 100.0])
 def test_arrays_and_numbers_take_the_same_formula(second):
     times = np.array([0.0, 1.0, 70.0])
-    many = plant.advance(np.full(3, 20.0), np.full(3, 50.0), np.full(3, 60.0), times, 100.0, second)
+    many = exact.advance(np.full(3, 20.0), np.full(3, 50.0), np.full(3, 60.0), times, 100.0, second)
     assert many.tolist() == pytest.approx([advance(20.0, 50.0, 60.0, t, 100.0, second)[0] for t in times], abs=1e-12)
 
 

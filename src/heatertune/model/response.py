@@ -14,14 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import OutOfRange
+from heatertune.heater.exact import apart, since_step, slopes_by_lag, turning_times
 from heatertune.model.values import HeaterModel
 from heatertune.units import check
 
 __all__ = ["Schedule", "peak_rise", "rise", "rows_of", "sensitivities"]
 
 Array = npt.NDArray[np.float64]
-
-_APART = 0.9999  # lags nearer than that are told apart: their sum is all that shows, and equal ones divide by zero
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,9 +81,12 @@ def sensitivities(rows: Array, schedule: Schedule, instants: Array) -> Array:
     """Return the derivatives of the temperature at the instants, shape (g, n, q).
 
     Columns: gain [°C per °C/%], dead time [°C/s], each lag [°C/s], ambient, then the deviation of each lag's initial
-    state from steadiness [°C per °C]: a fit has to find these too.
+    state from steadiness [°C per °C]: a fit has to find these too. Equal lags are moved apart, see `exact.apart`: which
+    of them changes could not be told at all.
     """
     steps = schedule.steps_pct
+    if rows.shape[1] == 4:
+        rows = np.hstack([rows[:, :2], [apart(*lags) for lags in rows[:, 2:]]])
     unit, slope, by_lag = _unit_steps(rows, _since(rows, schedule, instants))
     gain = rows[:, :1]
     shared = [schedule.base_pct + unit @ steps, -gain * (slope @ steps), *(gain * (each @ steps) for each in by_lag)]
@@ -95,8 +97,7 @@ def sensitivities(rows: Array, schedule: Schedule, instants: Array) -> Array:
 def peak_rise(rows: Array, schedule: Schedule) -> Array:
     """Return the highest temperature above that of the base power, the time after the last step included, shape (g,).
 
-    Between two steps the temperature of one lag is monotonic; that of two lags turns at most once, where its slope
-    P·exp(−t/T1) − Q·exp(−t/T2) vanishes.
+    Between two steps the temperature of one lag is monotonic; that of two lags turns at most once.
     """
     steps, time = schedule.steps_pct, schedule.time_s
     lags = _lags(rows)
@@ -104,10 +105,11 @@ def peak_rise(rows: Array, schedule: Schedule) -> Array:
     past = np.tril(np.ones_like(since))
     turns = np.zeros((len(rows), len(time)))
     if len(lags) == 2:
-        first, second = (np.sum(past * steps * np.exp(-since / lag[:, None, None]), axis=2) for lag in lags)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            turns = np.log(second / first) / (1.0 / lags[1] - 1.0 / lags[0])[:, None]
-        turns = np.clip(np.nan_to_num(turns, nan=0.0, posinf=0.0, neginf=0.0), 0.0, None)
+        acting = past * steps
+        outer, inner = (lag[:, None, None] for lag in lags)
+        covered = since_step(since, outer, inner)[0], since_step(since, inner)[0]
+        y, x = (np.sum(acting * share, axis=2) for share in covered)
+        turns = np.nan_to_num(turning_times(y, x, acting.sum(axis=1), outer[:, 0], inner[:, 0]))
     undelayed = rows.copy()
     undelayed[:, 1] = 0.0  # the dead time moves the peak, not its height
     later = np.append(np.diff(time), np.inf)
@@ -123,21 +125,11 @@ def _since(rows: Array, schedule: Schedule, instants: Array) -> Array:
 
 
 def _lags(rows: Array) -> list[Array]:
-    first = rows[:, 2]
-    return [first] if rows.shape[1] == 3 else [first, np.minimum(rows[:, 3], _APART * first)]
+    return list(rows[:, 2:].T)
 
 
 def _unit_steps(rows: Array, since: Array) -> tuple[Array, Array, list[Array]]:
     """Return the unit step response of the lags, its slope, and its derivative by each lag."""
-    acts = since > 0.0
-    first, *others = (lag[:, None, None] for lag in _lags(rows))
-    fast = np.exp(-since / first)
-    if not others:
-        return 1.0 - fast, acts * fast / first, [-since / first**2 * fast]
-    (second,) = others
-    slow, fast = fast, np.exp(-since / second)
-    apart = first - second
-    mixed = first * slow - second * fast
-    by_first = (mixed - apart * slow * (1.0 + since / first)) / apart**2
-    by_second = (apart * fast * (1.0 + since / second) - mixed) / apart**2
-    return 1.0 - mixed / apart, (slow - fast) / apart, [by_first, by_second]
+    lags = [lag[:, None, None] for lag in _lags(rows)]
+    covered, slope = since_step(since, *lags)
+    return covered, (since > 0.0) * slope, [slopes_by_lag(since, *pair) for pair in (lags, lags[::-1])[: len(lags)]]

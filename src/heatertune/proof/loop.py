@@ -208,7 +208,7 @@ def run_compiled(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
         parameters, state, sensor, scan_s, batch, *others = given
         batch = batch._replace(setpoints=narrowed(batch.setpoints))
         given = narrowed(parameters), narrowed(state), sensor, scan_s, batch, *others
-    return cast("tuple[int, int]", compiled(_run_of(core))(*given))
+    return compiled(_run_of(core))(*given)
 
 
 def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.heater.exact import advance, turning_times
 from heatertune.model.values import HeaterModel
 from heatertune.plc.words import Words
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.plant import advance, turning_times
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario
 from heatertune.show import Shown

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.heater.exact import since_step
 from heatertune.log.values import Log
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.search.uncertain import interval_ends
@@ -54,14 +55,8 @@ def heater_chart(fitted: FittedModel) -> Options:
 
 
 def _rise(model: HeaterModel, time: Array) -> Array:
-    since = np.maximum(time - model.dead_time_s, 0.0)
-    first, *rest = model.lags_s
-    left = np.exp(-since / first)
-    if rest and first - rest[0] > 1e-4 * first:
-        left = (first * left - rest[0] * np.exp(-since / rest[0])) / (first - rest[0])
-    elif rest:
-        left = left * (1.0 + since / first)
-    return np.asarray(_STEP_PCT * model.gain_degC_per_pct * (1.0 - left))
+    covered, _ = since_step(np.maximum(time - model.dead_time_s, 0.0), *model.lags_s)
+    return np.asarray(_STEP_PCT * model.gain_degC_per_pct * covered)
 
 
 def loop_chart(look: Look, pinned: Sequence[Pinned]) -> Options:

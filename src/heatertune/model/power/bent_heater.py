@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from heatertune.compiled import compiled
+from heatertune.heater.exact import advanced, factors
 from heatertune.model.least_squares import minimise
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.projection import AMBIENT, DRIFT, GAIN
@@ -61,8 +62,7 @@ class BentHeater:
     on_bound: bool
 
 
-@njit(cache=True, nogil=True)
-def _advance(x, y, u, t, plant):  # type: ignore[no-untyped-def]
+def _advance(x: float, y: float, u: float, t: float, plant: Array) -> tuple[float, float]:
     """Return inner and outer temperature after t seconds with constant power; plant as in `_simulate`, here ambient."""
     gain, ambient, warming, cooling, second, loss, ceiling = plant
     while t > 0.0:
@@ -70,23 +70,20 @@ def _advance(x, y, u, t, plant):  # type: ignore[no-untyped-def]
         end = ambient + gain * u / stiff
         lag = (warming if end > x else cooling) / stiff
         step = t if loss == 0.0 else min(t, lag / _STEPS)
-        decay = math.exp(-step / lag)
         if second > 0.0:
-            if abs(lag - second) < 1e-6 * lag:
-                second *= 1.0 + 1e-5
-            other = math.exp(-step / second)
-            y = end + other * (y - end) + lag / (lag - second) * (decay - other) * (x - end)
-        x = end + decay * (x - end)
+            y, x = advanced(y, x, end, factors(step, second, lag))
+        else:
+            x, _ = advanced(x, x, end, factors(step, lag, 0.0))
         x = min(x, ceiling)
         y = x if second == 0.0 else min(y, ceiling)
         t -= step
     return x, y
 
 
-@njit(cache=True, nogil=True)
-def _simulate(time, edges, levels, before, plants, out):  # type: ignore[no-untyped-def]
-    """Fill out (n, m); a row of plants is as `_answers` makes it."""
-    plant = np.empty(7)
+def _simulate(
+    time: Array, edges: Array, levels: Array, before: float, plants: Array, plant: Array, out: Array
+) -> None:
+    """Fill out (n, m); a row of plants is as `_answers` makes it, plant (7,) is working space."""
     for row in range(plants.shape[0]):
         gain, ambient, y, x, warming, cooling, dead, second, drift, loss, ceiling = plants[row]
         plant[0], plant[2], plant[3], plant[4], plant[5], plant[6] = gain, warming, cooling, second, loss, ceiling
@@ -182,5 +179,5 @@ def _answers(problem: PowerProblem, z: Array) -> Array:
     ])
     r = problem.readings
     out = np.empty((len(z), len(r.time_s)))
-    _simulate(r.time_s, r.edge_s, r.level_pct, problem.power_before, plants, out)
+    compiled(_simulate)(r.time_s, r.edge_s, r.level_pct, problem.power_before, plants, np.empty(7), out)
     return out

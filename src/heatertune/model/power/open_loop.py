@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.compiled import compiled
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC
 from heatertune.model.power.projection import (
     AMBIENT,
@@ -22,6 +22,7 @@ from heatertune.model.power.projection import (
     FIRST_STATE,
     GAIN,
     SECOND_STATE,
+    Held,
     columns,
     descend,
     project,
@@ -143,7 +144,7 @@ class PowerProblem:
         """
         given = self.nothing_more(len(z)) if known is None else known
         residuals, linear, cost = np.empty((len(z), records.shape[1])), np.zeros(given.values.shape), np.empty(len(z))
-        project(*self._asked(records, given), z, residuals, linear, cost)
+        compiled(project, allocates=True)(*self._asked(records, given), z, residuals, linear, cost)
         residuals[np.isinf(cost)] = np.inf
         return residuals, linear
 
@@ -155,19 +156,19 @@ class PowerProblem:
         """Return what the problem itself knows, for so many rows."""
         return Known(values=np.tile(self.known, (rows, 1)))
 
-    def _asked(self, records: Array, known: Known) -> tuple[Any, ...]:
+    def _asked(self, records: Array, known: Known) -> tuple[Held, Array, Array, tuple[bool, float]]:
         """Return log, records, known and law as the compiled code takes them."""
         return self._log, _writable(records), known.values, (known.gain_per_lag, self.sign)
 
     @property
-    def _log(self) -> tuple[Any, ...]:
+    def _log(self) -> Held:
         return *_arrays(self.readings), self.power_before, np.array(self.loads_s), _writable(self.readings.restart_s)
 
     def basis(self, z: Array) -> Array:
         """Return the columns whose sum, weighted by the linear part, is the temperature, shape (columns, m)."""
         basis = np.empty((self._width, len(self.readings.time_s)))
         lag = math.exp(z[0])
-        columns(*self._log, lag, lag * z[2], z[1], basis)
+        compiled(columns, allocates=True)(*self._log, lag, lag * z[2], z[1], basis)
         return basis
 
     def minimum(
@@ -187,7 +188,7 @@ class PowerProblem:
         high = self.high if held is None else np.where(np.arange(len(self.high)) == held, self.low, self.high)
         given = self.nothing_more(len(starts)) if known is None else known
         z = starts.copy()
-        descend(*self._asked(records, given), z, self.low, high, iterations, tolerance)
+        compiled(descend, allocates=True)(*self._asked(records, given), z, self.low, high, iterations, tolerance)
         return z
 
     def fit(self) -> PowerFit:
@@ -275,9 +276,12 @@ def _sample_and_length(readings: Readings) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=8)
-def _arrays(readings: Readings) -> tuple[Array, ...]:
+def _arrays(readings: Readings) -> tuple[Array, Array, Array, Array]:
     """Return times, half widths, edges and levels as the compiled code takes them; kept as above."""
-    return tuple(_writable(each) for each in (readings.time_s, readings.half_s, readings.edge_s, readings.level_pct))
+    return (
+        _writable(readings.time_s), _writable(readings.half_s), _writable(readings.edge_s),
+        _writable(readings.level_pct),
+    )
 
 
 def _writable(array: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Compiled: the answer to held power, and the linear unknowns solved inside (variable projection).
+"""The answer to held power, and the linear unknowns solved inside (variable projection).
 
 G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413–432: for given lags and dead time the temperature is
 linear in everything else, so only lags and dead time are searched.
@@ -9,9 +9,19 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+import numpy.typing as npt
 
-__all__ = ["AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "columns", "descend", "project"]
+from heatertune.heater.exact import Factors, advanced, factors
+
+__all__ = [
+    "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "Held", "columns", "descend", "project",
+]
+
+Array = npt.NDArray[np.float64]
+#: times, half widths, edges, levels, power before, load instants, restarts
+Held = tuple[Array, Array, Array, Array, float, Array, Array]
+#: basis, normal matrix, right side, places of the free unknowns
+Space = tuple[Array, Array, Array, npt.NDArray[np.int64]]
 
 #: columns of the linear part; one more for each load step, then two states for each restart
 GAIN, AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE, COLUMNS = 0, 1, 2, 3, 4, 5
@@ -21,9 +31,13 @@ REST = 3  # poor steps in a row, then a row rests
 ROUNDING = 1e-13  # share of a column's square that rounding may leave of it
 
 
-@njit(cache=True, nogil=True)
-def _advance(state, edges, levels, dead, first, second, target):  # type: ignore[no-untyped-def]
-    """Move state = now, first and second lag's output, acting power, next edge, to the instant; return ∫power."""
+def _advance(
+    state: Array, kept: Array, edges: Array, levels: Array, dead: float, first: float, second: float, target: float
+) -> float:
+    """Move state = now, first and second lag's output, acting power, next edge, to the instant; return ∫power.
+
+    `kept` are the last time's length and factors: readings are often evenly spaced.
+    """
     area = 0.0
     while True:
         j = int(state[4])
@@ -31,12 +45,13 @@ def _advance(state, edges, levels, dead, first, second, target):  # type: ignore
         t = min(target, edge) - state[0]
         if t > 0.0:
             acting = state[3]
-            decay = math.exp(-t / first)
+            if t != kept[0]:
+                kept[0] = t
+                kept[1], kept[2], kept[3] = factors(t, second, first) if second > 0.0 else factors(t, first, 0.0)
             if second > 0.0:
-                other = math.exp(-t / second)
-                coupling = first / (first - second) * (decay - other)
-                state[2] = acting + other * (state[2] - acting) + coupling * (state[1] - acting)
-            state[1] = acting + decay * (state[1] - acting)
+                state[2], state[1] = advanced(state[2], state[1], acting, Factors(kept[1], kept[2], kept[3]))
+            else:
+                state[1] = acting + kept[1] * (state[1] - acting)
             state[0] += t
             area += acting * t
         if edge > target:
@@ -45,8 +60,10 @@ def _advance(state, edges, levels, dead, first, second, target):  # type: ignore
         state[4] += 1.0
 
 
-@njit(cache=True, nogil=True)
-def _forced(time, half, edges, levels, before, first, second, dead, out):  # type: ignore[no-untyped-def]
+def _forced(
+    time: Array, half: Array, edges: Array, levels: Array, before: float, first: float, second: float, dead: float,
+    out: Array,
+) -> None:
     """Write the answer of a unit gain to the held power into out (n,); second = 0: one lag.
 
     A reading is the mean over its time ± half. The mean is exact: a lag's own equation gives the integral of what
@@ -55,19 +72,19 @@ def _forced(time, half, edges, levels, before, first, second, dead, out):  # typ
     """
     state = np.array([time[0] - half[0], before, before, before, 0.0])
     last = 2 if second > 0.0 else 1
+    between, within = np.zeros(4), np.zeros(4)
     for i in range(len(time)):
-        _advance(state, edges, levels, dead, first, second, time[i] - half[i])
+        _advance(state, between, edges, levels, dead, first, second, time[i] - half[i])
         out[i] = state[last]
         if half[i] > 0.0:
             begun, x, y = state[0], state[1], state[2]
-            area = _advance(state, edges, levels, dead, first, second, time[i] + half[i])
+            area = _advance(state, within, edges, levels, dead, first, second, time[i] + half[i])
             area -= first * (state[1] - x) + second * (state[2] - y)
             if state[0] > begun:  # irregular runs may overlap so far that nothing is left of one
                 out[i] = area / (state[0] - begun)
 
 
-@njit(cache=True, nogil=True)
-def _decay(time, half, begun, lag, out):  # type: ignore[no-untyped-def]
+def _decay(time: Array, half: Array, begun: float, lag: float, out: Array) -> None:
     for i in range(len(time)):
         out[i] = math.exp((begun - time[i]) / lag) if time[i] >= begun else 0.0
         share = half[i] / lag
@@ -75,8 +92,7 @@ def _decay(time, half, begun, lag, out):  # type: ignore[no-untyped-def]
             out[i] *= math.sinh(share) / share
 
 
-@njit(cache=True, nogil=True)
-def _states(time, half, begun, first, second, out):  # type: ignore[no-untyped-def]
+def _states(time: Array, half: Array, begun: float, first: float, second: float, out: Array) -> None:
     """Write what free states at an instant add from there on into out (2, n); second = 0: one lag."""
     _decay(time, half, begun, first, out[0])
     out[1] = 0.0
@@ -84,8 +100,10 @@ def _states(time, half, begun, first, second, out):  # type: ignore[no-untyped-d
         _decay(time, half, begun, second, out[1])
 
 
-@njit(cache=True, nogil=True)
-def columns(time, half, edges, levels, before, loads, restarts, first, second, dead, basis):  # type: ignore[no-untyped-def]
+def columns(
+    time: Array, half: Array, edges: Array, levels: Array, before: float, loads: Array, restarts: Array, first: float,
+    second: float, dead: float, basis: Array,
+) -> None:
     """Fill basis for the lags (second = 0: one lag) and the dead time.
 
     Args:
@@ -115,8 +133,7 @@ def columns(time, half, edges, levels, before, loads, restarts, first, second, d
         _states(time, half, restarts[k], first, second, basis[place : place + 2])
 
 
-@njit(cache=True, nogil=True)
-def _solve(matrix, right, size):  # type: ignore[no-untyped-def]
+def _solve(matrix: Array, right: Array, size: int) -> None:
     """Solve a small symmetric system in place by elimination.
 
     An unknown whose column the ones before it make up, but for rounding, is 0: they explain as much without it.
@@ -140,33 +157,31 @@ def _solve(matrix, right, size):  # type: ignore[no-untyped-def]
         right[c] /= matrix[c, c]
 
 
-@njit(cache=True, nogil=True)
-def _dot(first, second):  # type: ignore[no-untyped-def]
+def _dot(first: Array, second: Array) -> float:
     total = 0.0
     for i in range(len(first)):  # a loop: array expressions take seconds to compile
         total += first[i] * second[i]
     return total
 
 
-@njit(cache=True, nogil=True)
-def _add(weight, column, out):  # type: ignore[no-untyped-def]
+def _add(weight: float, column: Array, out: Array) -> None:
     if weight != 0.0:
         for i in range(len(out)):
             out[i] += weight * column[i]
 
 
-@njit(cache=True, nogil=True)
-def _space(width, m):  # type: ignore[no-untyped-def]
-    """Return working space for `_residuals`: basis, normal matrix, right side, places of the free unknowns."""
+def _space(width: int, m: int) -> Space:
+    """Return working space for `_residuals`."""
     return np.empty((width, m)), np.empty((width, width)), np.empty(width), np.empty(width, dtype=np.int64)
 
 
-@njit(cache=True, nogil=True)
-def _residuals(log, record, known, law, z, space, out, linear):  # type: ignore[no-untyped-def]
+def _residuals(
+    log: Held, record: Array, known: Array, law: tuple[bool, float], z: Array, space: Space, out: Array, linear: Array
+) -> float:
     """Fill residuals (m,) and linear part (one for each column) of one vector; return the sum of squares.
 
     Args:
-        log: times, half widths, edges, levels, power before, load instants, restarts.
+        log: see `Held`.
         record: temperatures, shape (m,).
         known: linear unknowns that are given, nan where free, one for each column.
         law: whether the gain is given as gain per time constant; its sign, see `PowerProblem`: with another the sum
@@ -205,8 +220,10 @@ def _residuals(log, record, known, law, z, space, out, linear):  # type: ignore[
     return math.inf if no_model or not math.isfinite(total) else total
 
 
-@njit(cache=True, nogil=True)
-def project(log, records, known, law, vectors, residuals, linear, cost):  # type: ignore[no-untyped-def]
+def project(
+    log: Held, records: Array, known: Array, law: tuple[bool, float], vectors: Array, residuals: Array, linear: Array,
+    cost: Array,
+) -> None:
     """Fill residuals, linear parts and sums of squares of vectors.
 
     Args:
@@ -224,8 +241,10 @@ def project(log, records, known, law, vectors, residuals, linear, cost):  # type
         cost[i] = _residuals(log, records[i], known[i], law, vectors[i], space, residuals[i], linear[i])
 
 
-@njit(cache=True, nogil=True)
-def _slopes(log, record, known, law, z, low, high, r, space, moved, linear, jacobian):  # type: ignore[no-untyped-def]
+def _slopes(
+    log: Held, record: Array, known: Array, law: tuple[bool, float], z: Array, low: Array, high: Array, r: Array,
+    space: Space, moved: Array, linear: Array, jacobian: Array,
+) -> None:
     """Fill the residuals' change (3, m) over the range of each parameter; 0 for one that is held."""
     shifted = z.copy()
     for k in range(3):
@@ -240,8 +259,10 @@ def _slopes(log, record, known, law, z, low, high, r, space, moved, linear, jaco
             shifted[k] = z[k]
 
 
-@njit(cache=True, nogil=True)
-def _stepped(jacobian, r, z, low, high, damping, matrix, step, trial):  # type: ignore[no-untyped-def]
+def _stepped(
+    jacobian: Array, r: Array, z: Array, low: Array, high: Array, damping: float, matrix: Array, step: Array,
+    trial: Array,
+) -> None:
     """Write z after the damped Gauss–Newton step, projected onto the bounds, into trial."""
     for a in range(3):
         step[a] = -_dot(jacobian[a], r)
@@ -261,8 +282,10 @@ def _stepped(jacobian, r, z, low, high, damping, matrix, step, trial):  # type: 
         trial[a] = min(max(wanted, low[a]), high[a]) if high[a] > low[a] else z[a]
 
 
-@njit(cache=True, nogil=True)
-def descend(log, records, known, law, vectors, low, high, iterations, tolerance):  # type: ignore[no-untyped-def]
+def descend(
+    log: Held, records: Array, known: Array, law: tuple[bool, float], vectors: Array, low: Array, high: Array,
+    iterations: int, tolerance: float,
+) -> None:
     """Move each vector (n, 3) to the local minimum that it leads to; arguments as `_residuals`, one per row.
 
     The step is Levenberg's and Marquardt's, as in `least_squares.minimise`. A parameter whose bounds are equal keeps

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from heatertune.errors import InputError, OutOfRange
+from heatertune.heater.exact import advanced, factors, turning_time
 from heatertune.model.response import Schedule
 from heatertune.model.values import Fopdt, HeaterModel
 from heatertune.units import check
@@ -19,7 +20,6 @@ from heatertune.units import check
 __all__ = ["Oscillation", "Relay", "oscillation", "simulate_relay"]
 
 _MOST_SWITCHES = 10_000
-_APART = 0.9999  # lags nearer than that are told apart, or the closed form divides by zero
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,36 +156,25 @@ def simulate_relay(
 
 
 class _Course:
-    """The temperature under one acting power: target + slow·e^(−t/T1) + fast·e^(−t/T2)."""
+    """The temperature under one acting power."""
 
     def __init__(self, model: HeaterModel, state: _State, power_pct: float) -> None:
-        self._first, *others = model.lags_s
-        self._second = min(others[0], _APART * self._first) if others else None
+        self._outer, self._inner = (*model.lags_s[::-1], 0.0)[:2]
         self._target = _ambient(model) + model.gain_degC_per_pct * power_pct
-        self._inner = state.inner - self._target
-        if self._second is None:
-            self._slow, self._fast = state.outer - self._target, 0.0
-        else:
-            self._slow = self._first / (self._first - self._second) * self._inner
-            self._fast = state.outer - self._target - self._slow
-
-    def temperature(self, t: float) -> float:
-        """Return it after t seconds [°C]."""
-        fast = 0.0 if self._second is None else self._fast * math.exp(-t / self._second)
-        return self._target + self._slow * math.exp(-t / self._first) + fast
+        self._begun = state
 
     def after(self, t: float) -> _State:
         """Return outer and inner temperature after t seconds."""
-        return _State(self.temperature(t), self._target + self._inner * math.exp(-t / self._first))
+        return _State(*advanced(*self._begun, self._target, factors(t, self._outer, self._inner)))
 
     def crossing(self, threshold: float, length: float, *, rising: bool) -> float | None:
         """Return when the temperature first is on or beyond the threshold within a length [s], None where it is not."""
         sign = 1.0 if rising else -1.0
 
         def beyond(t: float) -> float:
-            return sign * (self.temperature(t) - threshold)
+            return sign * (self.after(t).outer - threshold)
 
-        ends = sorted({0.0, length, *(turn for turn in self._turns() if 0.0 < turn < length)})
+        ends = sorted({0.0, length, *self._turns(length)})
         if beyond(0.0) >= 0.0:
             return 0.0
         for start, end in pairwise(ends):
@@ -193,12 +182,12 @@ class _Course:
                 return float(brentq(beyond, start, end, xtol=1e-9))
         return None
 
-    def _turns(self) -> tuple[float, ...]:
-        """Return where the slope vanishes: never with one lag, at most once with two."""
-        if self._second is None or self._slow == 0.0 or self._fast / self._slow >= 0.0:
+    def _turns(self, length: float) -> tuple[float, ...]:
+        """Return where the slope vanishes within the length: never with one lag, at most once with two."""
+        begun, ended = self._begun, self.after(length)
+        if self._inner == 0.0 or (begun.inner - begun.outer) * (ended.inner - ended.outer) >= 0.0:
             return ()
-        ratio = -self._fast * self._first / (self._slow * self._second)
-        return (math.log(ratio) / (1.0 / self._second - 1.0 / self._first),)
+        return (turning_time(*begun, self._target, self._outer, self._inner),)
 
 
 def _ambient(model: HeaterModel) -> float:

@@ -1,4 +1,4 @@
-"""The compiled closed loop that runs inside a fit: one or two lags, exact dead time, a controller law handed in.
+"""The closed loop that runs inside a fit: one or two lags, exact dead time, a controller law handed in.
 
 The law sees the simulated temperature, as the controller saw the real one. It runs every `h` seconds
 and its output is held in between; between two calls the plant's answer is exact. A plant is the row
@@ -8,40 +8,34 @@ initial inner state), units as in `model.values`; all instants are multiples of 
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-from numba import njit
+import numpy.typing as npt
+
+from heatertune.compiled import bound, compiled
+from heatertune.heater.exact import advanced, factors
+from heatertune.model.temperature.law import Step
 
 __all__ = ["PLANT", "simulate_many"]
+
+Array = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
 
 #: names of the plant's numbers, in the order of the row
 PLANT = ("gain", "time_constant", "lag_ratio", "dead_time", "ambient", "start", "inner_start")
 
 
-@njit(cache=True)
-def _coupling(first, second, t):  # type: ignore[no-untyped-def]
-    """Return what the inner lag's deviation adds to the outer one after t seconds."""
-    if abs(first - second) < 1e-6 * first:
-        return t / first * math.exp(-t / first)
-    return first / (first - second) * (math.exp(-t / first) - math.exp(-t / second))
+def _step(constants: Array, memory: Array, error: float, h: float) -> float:
+    """Stand in for a controller's law, see `heatertune.compiled.bound`."""
+    raise NotImplementedError
 
 
-@njit(cache=True)
-def _advance(y, x, target, decay_1, decay_2, coupling, two_lags):  # type: ignore[no-untyped-def]
-    """Return (y, x) after a time with constant power whose steady temperature is `target`."""
-    inner = target + decay_1 * (x - target)
-    if two_lags:
-        return target + decay_2 * (y - target) + coupling * (x - target), inner
-    return target + decay_1 * (y - target), inner
-
-
-@njit(cache=True, nogil=True)
-def simulate_many(step, plants, laws, setpoints, h, n_scans, event_scans):  # type: ignore[no-untyped-def]
+def simulate_many(
+    step: Step, plants: Array, laws: Array, setpoints: Array, h: float, n_scans: int, event_scans: Whole
+) -> Array:
     """Return the temperature before each scan, shape (m, n_scans), for m rows of plants and laws.
 
     Args:
-        step: compiled law, see `model.law.ControllerLaw.step`.
+        step: see `model.temperature.law.ControllerLaw.step`.
         plants: shape (m, 7), see `PLANT`.
         laws: shape (m, q), the law's constants.
         setpoints: shape (m, 2), before the event and from it on.
@@ -49,30 +43,30 @@ def simulate_many(step, plants, laws, setpoints, h, n_scans, event_scans):  # ty
         n_scans: number of scans.
         event_scans: shape (m,), scan from which the second setpoint holds.
     """
-    m = plants.shape[0]
-    out = np.empty((m, n_scans))
-    power = np.empty(n_scans)
-    for i in range(m):
-        gain, first, ratio, dead = plants[i, 0], plants[i, 1], plants[i, 2], plants[i, 3]
-        ambient, y, x = plants[i, 4], plants[i, 5], plants[i, 6]
-        two_lags = ratio > 0.0
-        second = ratio * first if two_lags else first
-        whole = int(dead / h)
-        late = dead - whole * h  # the older power value still acts for this long
-        rest = h - late
-        a1, b1 = math.exp(-late / first), math.exp(-rest / first)
-        a2, b2 = math.exp(-late / second), math.exp(-rest / second)
-        ac = _coupling(first, second, late) if two_lags else 0.0
-        bc = _coupling(first, second, rest) if two_lags else 0.0
-        memory = np.zeros(4)
-        constants = laws[i].copy()
-        for k in range(n_scans):
-            out[i, k] = y
-            setpoint = setpoints[i, 0] if k < event_scans[i] else setpoints[i, 1]
-            power[k] = step(constants.ctypes, memory.ctypes, setpoint - y, h)
-            older = power[k - whole - 1] if k > whole else 0.0
-            newer = power[k - whole] if k >= whole else 0.0
-            y, x = _advance(y, x, ambient + gain * older, a1, a2, ac, two_lags)
-            y, x = _advance(y, x, ambient + gain * newer, b1, b2, bc, two_lags)
+    out = np.empty((len(plants), n_scans))
+    run = compiled(bound(_simulate_many, _step=step))
+    run(plants, laws, setpoints, float(h), event_scans, np.empty(4), np.empty(n_scans), out)
     return out
 
+
+def _simulate_many(
+    plants: Array, laws: Array, setpoints: Array, h: float, event_scans: Whole, memory: Array, power: Array, out: Array
+) -> None:
+    """Fill out, arguments as above; memory (4,) and power (n_scans,) are working space."""
+    for i in range(out.shape[0]):
+        gain, first, ratio, dead = plants[i, 0], plants[i, 1], plants[i, 2], plants[i, 3]
+        ambient, y, x = plants[i, 4], plants[i, 5], plants[i, 6]
+        whole = int(dead / h)
+        late = dead - whole * h  # the older power value still acts for this long
+        outer, inner = (ratio * first, first) if ratio > 0.0 else (first, 0.0)
+        begin, end = factors(late, outer, inner), factors(h - late, outer, inner)
+        for k in range(len(memory)):
+            memory[k] = 0.0
+        for k in range(out.shape[1]):
+            out[i, k] = y
+            setpoint = setpoints[i, 0] if k < event_scans[i] else setpoints[i, 1]
+            power[k] = _step(laws[i], memory, setpoint - y, h)
+            older = power[k - whole - 1] if k > whole else 0.0
+            newer = power[k - whole] if k >= whole else 0.0
+            y, x = advanced(y, x, ambient + gain * older, begin)
+            y, x = advanced(y, x, ambient + gain * newer, end)

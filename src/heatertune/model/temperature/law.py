@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Protocol
 
-from numba import types
+import numpy as np
+import numpy.typing as npt
 
-__all__ = ["STEP", "Constant", "ControllerLaw"]
+__all__ = ["Constant", "ControllerLaw", "Step"]
 
-STEP: Final = types.float64(types.CPointer(types.float64), types.CPointer(types.float64), types.float64, types.float64)
+Array = npt.NDArray[np.float64]
+#: a law: (its constants, four numbers of memory, error °C, interval s) → power 0…100 %
+Step = Callable[[Array, Array, float, float], float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,8 +44,5 @@ class ControllerLaw(Protocol):
         """At most four unknown constants."""
 
     @property
-    def step(self) -> Any:
-        """Compiled function of type `STEP`: (constants[4], memory[4], error °C, interval s) → power 0…100 %.
-
-        Memory begins at 0. All laws have one type, so the loop around them is compiled once and kept on disk.
-        """
+    def step(self) -> Step:
+        """Plain function of its module, compiled together with the loop around it; memory begins at 0."""

@@ -1,4 +1,4 @@
-"""The loop in continuous time with its exact dead time, compiled: feasible gains, time responses, the search.
+"""The loop in continuous time with its exact dead time: feasible gains, time responses, the search.
 
 Controller C(s) = K·c(s), c(s) = 1 + 1/(TN·s) + TV·s/(1 + TV·s/N). Each limit excludes, at each frequency, one interval
 of K (`_interval`); what is left is the feasible set, in pieces. Time responses come from the delay equation itself: the
@@ -11,11 +11,19 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+import numpy.typing as npt
+
+from heatertune.heater.exact import apart
 
 __all__ = [
-    "DERIVATIVE_FILTER_N", "controller", "encirclements", "pieces", "price", "reduced", "refine", "scan", "swing",
+    "DERIVATIVE_FILTER_N", "Four", "Task", "controller", "encirclements", "pieces", "price", "refine", "scan", "swing",
 ]
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+Four = tuple[float, float, float, float]
+#: frequencies, heaters' answers there, heaters, weights, limits: see `pieces` and `price`
+Task = tuple[Array, Complex, Array, Array, Four]
 
 DERIVATIVE_FILTER_N = 10.0  # N of the issue's ideal form; K. J. Åström and T. Hägglund use 8…20
 
@@ -25,8 +33,7 @@ _RINGING = 2.0  # a response this much dearer than the best is not made the best
 _REST = 1e-5  # share of the largest deviation, and of ∫e, below which the response has come to rest
 
 
-@njit(cache=True, nogil=True)
-def _interval(alpha, beta, gamma):  # type: ignore[no-untyped-def]
+def _interval(alpha: float, beta: float, gamma: float) -> tuple[float, float]:
     """Return the interval of K > 0 where α·K² + 2·β·K + γ < 0, with γ > 0; both ends infinite where there is none."""
     square = beta * beta - alpha * gamma
     if square <= 0.0 or (alpha >= 0.0 and beta >= 0.0):
@@ -37,16 +44,14 @@ def _interval(alpha, beta, gamma):  # type: ignore[no-untyped-def]
     return gamma / root, root / alpha if alpha > 0.0 else math.inf
 
 
-@njit(cache=True, nogil=True)
-def controller(omega, tn, tv):  # type: ignore[no-untyped-def]
-    """Return c(jω)."""
+def controller(omega: Array, tn: float, tv: float) -> Complex:
+    """Return c(jω) at one frequency or many [rad/s]."""
     u = omega * (tv / DERIVATIVE_FILTER_N)
     part = DERIVATIVE_FILTER_N * u / (1.0 + u * u)  # jωTV/(1 + ju), in real numbers: a third of the time
     return 1.0 + part * u + 1j * (part - 1.0 / (omega * tn))
 
 
-@njit(cache=True, nogil=True)
-def _exclude(omega, plant, tn, tv, limits, loop):  # type: ignore[no-untyped-def]
+def _exclude(omega: Array, plant: Complex, tn: float, tv: float, limits: Four, loop: Complex) -> Array:
     """Return the intervals that Ms, Mt and Mks exclude, shape (m, 2), and fill loop with h = G·c."""
     ms, mt, mks, _ = limits
     n = len(omega)
@@ -81,10 +86,11 @@ def _exclude(omega, plant, tn, tv, limits, loop):  # type: ignore[no-untyped-def
     return found[:count]
 
 
-@njit(cache=True, nogil=True)
-def _vertex(omega, low, i):  # type: ignore[no-untyped-def]
+def _vertex(omega: Array, low: Array, i: int) -> float:
     """Return the least value of the parabola over ln ω through the minimum at omega[i], which is low[i + 1]."""
-    before, here, after = low[i], low[i + 1], low[i + 2]
+    before: float = low[i]
+    here: float = low[i + 1]
+    after: float = low[i + 2]
     if not omega[i - 1] < omega[i] < omega[i + 1] < 1.3 * omega[i - 1]:
         return here  # the next plant begins, or the grid has a gap
     p, q = math.log(omega[i - 1] / omega[i]), math.log(omega[i + 1] / omega[i])
@@ -94,8 +100,7 @@ def _vertex(omega, low, i):  # type: ignore[no-untyped-def]
     return here - slope * slope / (4.0 * bend)
 
 
-@njit(cache=True, nogil=True)
-def encirclements(omega, loop, gain):  # type: ignore[no-untyped-def]
+def encirclements(omega: Array, loop: Complex, gain: float) -> int:
     """Return the largest number of encirclements of −1 by K·h over the plants (ω begins anew with each).
 
     Counted by the crossings of the negative real axis left of −1; the open loop has one integrator and is stable
@@ -114,8 +119,7 @@ def encirclements(omega, loop, gain):  # type: ignore[no-untyped-def]
     return max(worst, abs(count))
 
 
-@njit(cache=True, nogil=True)
-def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
+def pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four) -> tuple[Array, Array]:
     """Return bottoms and tops of the feasible pieces of K with a stable loop, the highest first.
 
     `omega` [rad/s] ascends for each plant, one after the other; `plant` is G(jω) there; `tv` is 0 without a derivative
@@ -146,8 +150,7 @@ def pieces(omega, plant, tn, tv, limits):  # type: ignore[no-untyped-def]
     return bottoms[:found][::-1], tops[:found][::-1]
 
 
-@njit(cache=True, nogil=True)
-def _grid(heater, high, finer):  # type: ignore[no-untyped-def]
+def _grid(heater: Four, high: float, finer: float) -> tuple[float, int, float]:
     """Return the step, the whole steps of dead time and the share of a step left over (only without whole steps).
 
     `high` is the controller's gain at infinite frequency; it alone sets the pace where a heater has one lag only.
@@ -163,16 +166,14 @@ def _grid(heater, high, finer):  # type: ignore[no-untyped-def]
     return dead / whole, whole, 0.0
 
 
-@njit(cache=True, nogil=True)
-def _lag(lag, h):  # type: ignore[no-untyped-def]
+def _lag(lag: float, h: float) -> tuple[float, float, float]:
     """Return the weights of state, input and next input in a lag's next state; between, the input runs straight."""
     a = math.exp(-h / lag) if lag > 0.0 else 0.0
     new = 1.0 - (1.0 - a) * lag / h
     return a, 1.0 - a - new, new
 
 
-@njit(cache=True, nogil=True)
-def _above(v, w, t, h):  # type: ignore[no-untyped-def]
+def _above(v: float, w: float, t: float, h: float) -> tuple[float, float]:
     """Return ∫ and ∫t· of what is positive of the line from v at t to w at t + h."""
     if v >= 0.0 and w >= 0.0:
         return 0.5 * h * (v + w), 0.5 * h * (v * t + w * (t + h))
@@ -180,8 +181,10 @@ def _above(v, w, t, h):  # type: ignore[no-untyped-def]
     return part, part * (t if v > 0.0 else t + h)
 
 
-@njit(cache=True, nogil=True)
-def swing(heater, settings, setpoint, load, finer, dear):  # type: ignore[no-untyped-def]  # noqa: PLR0915 - one loop
+def swing(  # noqa: PLR0915 - one loop
+    heater: Four, settings: tuple[float, float, float], setpoint: float, load: float, finer: float,
+    dear: tuple[float, float, float],
+) -> tuple[float, float]:
     """Return ∫v and ∫t·v of v, the part of the deviation whose sign is not that of ∫e dt; infinite where it diverges.
 
     `heater` is (k [°C/%], larger lag, smaller lag (0: none), dead time [s]), `settings` (K, TN, TV); of `setpoint` [°C]
@@ -192,7 +195,7 @@ def swing(heater, settings, setpoint, load, finer, dear):  # type: ignore[no-unt
     gain, tn, tv = settings
     past = DERIVATIVE_FILTER_N if tv > 0.0 else 0.0
     h, whole, late = _grid(heater, gain * (1.0 + past), finer)
-    second = min(second, 0.9999 * first)  # equal lags are moved apart; the answer changes by 1e-9
+    first, second = apart(first, second)
     s1, s2 = k * first / (first - second), -k * second / (first - second)
     (a1, o1, n1), (a2, o2, n2), (af, of, nf) = _lag(first, h), _lag(second, h), _lag(tv / DERIVATIVE_FILTER_N, h)
     new, old = s1 * n1 + s2 * n2, s1 * o1 + s2 * o2
@@ -250,8 +253,7 @@ def swing(heater, settings, setpoint, load, finer, dear):  # type: ignore[no-unt
     return area, moment
 
 
-@njit(cache=True, nogil=True)
-def _bound(heaters, weights, gain, tn):  # type: ignore[no-untyped-def]
+def _bound(heaters: Array, weights: Array, gain: float, tn: float) -> float:
     """Return the cost of a response that never changes its sign: no loop with these settings costs less."""
     told = 0.0
     for p in range(len(heaters)):
@@ -262,8 +264,9 @@ def _bound(heaters, weights, gain, tn):  # type: ignore[no-untyped-def]
     return told
 
 
-@njit(cache=True, nogil=True)
-def price(heaters, weights, gain, tn, tv, finer, best):  # type: ignore[no-untyped-def]
+def price(
+    heaters: Array, weights: Array, gain: float, tn: float, tv: float, finer: float, best: float
+) -> float:
     """Return the cost: Σ over heaters and objectives of weight·value; above `best` it need not be exact.
 
     `heaters` holds k, lags and dead time of each, `weights` those of load IAE, setpoint IAE, load ITAE and TN/K, both
@@ -281,8 +284,9 @@ def price(heaters, weights, gain, tn, tv, finer, best):  # type: ignore[no-untyp
     return total
 
 
-@njit(cache=True, nogil=True)
-def _inside(heaters, weights, bottom, top, tn, tv, at_top, finer):  # type: ignore[no-untyped-def]
+def _inside(
+    heaters: Array, weights: Array, bottom: float, top: float, tn: float, tv: float, at_top: float, finer: float
+) -> tuple[float, float]:
     """Return the best cost and gain below the top of a piece, by golden section; the bound closes the range below."""
     a = math.log(max(bottom, top * _bound(heaters, weights, top, tn) / at_top))
     b = math.log(top)
@@ -302,13 +306,13 @@ def _inside(heaters, weights, bottom, top, tn, tv, at_top, finer):  # type: igno
     return (fc, math.exp(c)) if fc < fd else (fd, math.exp(d))
 
 
-@njit(cache=True, nogil=True)
-def reduced(omega, plant, heaters, weights, limits, tn, tv, best, finer):  # type: ignore[no-untyped-def]
+def reduced(task: Task, tn: float, tv: float, best: float, finer: float) -> tuple[float, float]:
     """Return the least cost over K at one TN and TV, and that K; infinite where it cannot be below `best`.
 
     TV > TN is left out: with TV without bound the filtered derivative is a gain, a PI controller under another name;
     and so is TV below the shortest, where noise would pay for a derivative that does nothing.
     """
+    omega, plant, heaters, weights, limits = task
     cost, gain = math.inf, 0.0
     if tv > tn or 0.0 < tv < limits[3]:
         return cost, gain
@@ -329,31 +333,28 @@ def reduced(omega, plant, heaters, weights, limits, tn, tv, best, finer):  # typ
     return cost, gain
 
 
-@njit(cache=True, nogil=True)
-def scan(omega, plant, heaters, weights, limits, tns, tvs, best, finer):  # type: ignore[no-untyped-def]
+def scan(task: Task, tns: Array, tvs: Array, best: float, finer: float) -> Four:
     """Return (cost, K, TN, TV) of the best point of a grid that is below `best`; cost `best` where there is none."""
     found = (best, 0.0, 0.0, 0.0)
     for tn in tns:
         for tv in tvs:
-            cost, gain = reduced(omega, plant, heaters, weights, limits, tn, tv, found[0], finer)
+            cost, gain = reduced(task, tn, tv, found[0], finer)
             if cost < found[0]:
                 found = (cost, gain, tn, tv)
     return found
 
 
-@njit(cache=True, nogil=True)
-def refine(omega, plant, heaters, weights, limits, start, stride, least, finer):  # type: ignore[no-untyped-def]
+def refine(task: Task, start: Four, stride: float, least: float, finer: float) -> Four:
     """Return (cost, K, TN, TV) of the local optimum over ln TN (and ln TV) near a start, found by two simplex searches.
 
-    `stride` and `least` are their first and last distance; the other arguments are those of `pieces` and `price`.
+    `stride` and `least` are their first and last distance.
     """
-    best = _simplex(omega, plant, heaters, weights, limits, start, stride, least, finer)
+    best = _simplex(task, start, stride, least, finer)
     # begun anew from the other side: a simplex can fall flat where two peaks of |S| meet
-    return _simplex(omega, plant, heaters, weights, limits, best, -0.3 * stride, least, finer)
+    return _simplex(task, best, -0.3 * stride, least, finer)
 
 
-@njit(cache=True, nogil=True)
-def _simplex(omega, plant, heaters, weights, limits, start, stride, least, finer):  # type: ignore[no-untyped-def]
+def _simplex(task: Task, start: Four, stride: float, least: float, finer: float) -> Four:
     """J. A. Nelder and R. Mead, Computer Journal 7 (1965) 308-313, in one dimension (TV = 0) or two."""
     n = 1 if start[3] == 0.0 else 2
     x = np.full((n + 1, 2), -math.inf)
@@ -361,7 +362,7 @@ def _simplex(omega, plant, heaters, weights, limits, start, stride, least, finer
     for j in range(n + 1):
         for i in range(n):
             x[j, i] = math.log(start[2 + i]) + (stride if j == i + 1 else 0.0)
-        cost[j], gain[j] = _at(omega, plant, heaters, weights, limits, x[j], finer)
+        cost[j], gain[j] = _at(task, x[j], finer)
     for _ in range(200):
         order = np.argsort(cost)
         x, cost, gain = x[order], cost[order], gain[order]
@@ -371,21 +372,21 @@ def _simplex(omega, plant, heaters, weights, limits, start, stride, least, finer
         away = middle[:n] - x[n, :n]
         point = middle.copy()
         point[:n] += away
-        told, k = _at(omega, plant, heaters, weights, limits, point, finer)
+        told, k = _at(task, point, finer)
         if told < cost[0]:
             further = point.copy()
             further[:n] += away
-            wide, w = _at(omega, plant, heaters, weights, limits, further, finer)
+            wide, w = _at(task, further, finer)
             if wide < told:
                 point, told, k = further, wide, w
         elif told >= cost[n - 1]:
             level = min(told, cost[n])
             point[:n] = middle[:n] + (0.5 if told < cost[n] else -0.5) * away
-            told, k = _at(omega, plant, heaters, weights, limits, point, finer)
+            told, k = _at(task, point, finer)
             if told >= level:
                 for j in range(1, n + 1):
                     x[j, :n] = 0.5 * (x[0, :n] + x[j, :n])
-                    cost[j], gain[j] = _at(omega, plant, heaters, weights, limits, x[j], finer)
+                    cost[j], gain[j] = _at(task, x[j], finer)
                 continue
         x[n], cost[n], gain[n] = point, told, k
     best = np.argmin(cost)
@@ -393,7 +394,6 @@ def _simplex(omega, plant, heaters, weights, limits, start, stride, least, finer
     return found if found[0] < start[0] else start
 
 
-@njit(cache=True, nogil=True)
-def _at(omega, plant, heaters, weights, limits, x, finer):  # type: ignore[no-untyped-def]
+def _at(task: Task, x: Array, finer: float) -> tuple[float, float]:
     """Return least cost and K at x = (ln TN, ln TV)."""
-    return reduced(omega, plant, heaters, weights, limits, math.exp(x[0]), math.exp(x[1]), math.inf, finer)
+    return reduced(task, math.exp(x[0]), math.exp(x[1]), math.inf, finer)

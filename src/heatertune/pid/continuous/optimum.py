@@ -14,9 +14,11 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.compiled import compiled
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
 from heatertune.pid.continuous import kernel as continuous
+from heatertune.pid.continuous.kernel import Four, Task
 from heatertune.pid.loop.robustness import crossings
 from heatertune.pid.specs import Specs, is_boundless, refuse_boundless
 from heatertune.pid.values import Margins, PidDesign, structure_of
@@ -25,7 +27,7 @@ __all__ = ["ContinuousProblem", "global_check", "iae", "margins", "optimum", "pe
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
-Point = tuple[float, float, float, float]  # cost, K, TN, TV
+Point = Four  # cost, K, TN, TV
 
 _COARSE, _FINE, _EXACT = 1.0, 2.0, 8.0  # density of frequencies
 _SCANNED, _CHECKED = (14, 8), (60, 40)  # points of TN and TV: of the first search, of the global check
@@ -85,7 +87,7 @@ class ContinuousProblem:
         return np.column_stack(rows) / len(gains)
 
     @property
-    def limits(self) -> tuple[float, float, float, float]:
+    def limits(self) -> Four:
         """Ms, Mt, Mks and the shortest TV [s]."""
         return self.specs.ms, self.specs.mt, self.specs.mks, self.quickest_s / 50.0
 
@@ -100,13 +102,13 @@ class ContinuousProblem:
         """Return the cost of a feasible design, in the unit of its objective; a P controller's is −K."""
         if not math.isfinite(design.integral_time_s):
             return -design.gain_pct_per_degC
-        return float(continuous.price(self.heaters, self.weights, *_settings(design), _STEPS, math.inf))
+        return _price(self.heaters, self.weights, design, _STEPS)
 
 
 def iae(plant: HeaterModel, design: PidDesign) -> tuple[float, float]:
     """Return ∫|e| dt after a load step of 1 % [°C·s] and after a setpoint step of 1 °C [s]; the loop is stable."""
     load, setpoint = (
-        float(continuous.price(np.array([_row(plant)]), weights, *_settings(design), _STEPS, math.inf))
+        _price(np.array([_row(plant)]), weights, design, _STEPS)
         for weights in np.eye(4)[:2, None]
     )
     return load, setpoint
@@ -184,7 +186,7 @@ def global_check(problem: ContinuousProblem, design: PidDesign) -> Point | None:
 
     Points whose lower bound is above the design's cost are excluded without a simulation, so the grid is cheap.
     """
-    cost = float(continuous.price(problem.heaters, problem.weights, *_settings(design), _STEPS / 4.0, math.inf))
+    cost = _price(problem.heaters, problem.weights, design, _STEPS / 4.0)
     found = _scanned(problem, *_checked(problem), cost * (1.0 - _WORTH), _FINE)
     return found if found[1] > 0.0 else None
 
@@ -201,7 +203,7 @@ def peaks(omega: Array, plant: Complex, gain: float, tn: float, tv: float) -> tu
     """
     control = gain * continuous.controller(omega, tn, tv)
     loop = plant * control
-    if continuous.encirclements(omega, loop, 1.0) != 0:
+    if compiled(continuous.encirclements)(omega, loop, 1.0) != 0:
         return loop, math.inf, math.inf, math.inf
     size = np.append(1.0 / np.abs(1.0 + loop), 1.0)  # far out S is 1
     highest = gain * (1.0 + continuous.DERIVATIVE_FILTER_N if tv > 0.0 else 1.0)  # |C·S| at infinite frequency
@@ -271,13 +273,28 @@ def _outwards(low: float, high: float, many: int) -> Array:
     return _even(low, high, many)[np.argsort(np.abs(np.arange(many) - many // 2), kind="stable")]
 
 
-def _compiled(problem: ContinuousProblem, density: float) -> tuple[Array, Complex, Array, Array, tuple[float, ...]]:
+def _price(heaters: Array, weights: Array, design: PidDesign, finer: float) -> float:
+    price = compiled(continuous.price, allocates=True)
+    return float(price(heaters, weights, *_settings(design), finer, math.inf))
+
+
+def _pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four) -> tuple[Array, Array]:
+    return compiled(continuous.pieces, allocates=True)(omega, plant, tn, tv, limits)
+
+
+def _refine(problem: ContinuousProblem, density: float, start: Point, stride: float, least: float) -> Point:
+    refine = compiled(continuous.refine, allocates=True)
+    return refine(_task(problem, density), start, stride, least, _STEPS / 4.0)
+
+
+def _task(problem: ContinuousProblem, density: float) -> Task:
     omega, response = response_grid(problem.limited, problem.structure == "pid", density)
     return omega, response, problem.heaters, problem.weights, problem.limits
 
 
 def _scanned(problem: ContinuousProblem, many_tn: int, many_tv: int, best: float, density: float) -> Point:
-    found: Point = continuous.scan(*_compiled(problem, density), *_axes(problem, many_tn, many_tv), best, _STEPS / 4.0)
+    scan = compiled(continuous.scan, allocates=True)
+    found = scan(_task(problem, density), *_axes(problem, many_tn, many_tv), best, _STEPS / 4.0)
     if found[1] == 0.0 and math.isinf(best):
         raise _impossible(problem)
     return found
@@ -287,10 +304,10 @@ def _descend(problem: ContinuousProblem, start: Point) -> PidDesign:
     """Return the local optimum near a point of the coarse search."""
     tns, _ = _axes(problem, *_SCANNED)
     stride = math.log(tns[0] / tns[1]) * (0.5 if problem.structure == "pid" else 1.0)
-    found: Point = continuous.refine(*_compiled(problem, _COARSE), start, stride, 0.03, _STEPS / 4.0)
+    found = _refine(problem, _COARSE, start, stride, 0.03)
     for density in (_FINE, _EXACT):
         # what other frequencies think of the start is not comparable with what these will
-        near: Point = continuous.refine(*_compiled(problem, density), (math.inf, *found[1:]), 0.06, 3e-4, _STEPS / 4.0)
+        near = _refine(problem, density, (math.inf, *found[1:]), 0.06, 3e-4)
         found = near if math.isfinite(near[0]) else found
         design = _finish(problem, found)
         if problem.cost(design) < found[0] * 1.002:
@@ -301,7 +318,7 @@ def _descend(problem: ContinuousProblem, start: Point) -> PidDesign:
 def _sharpened(problem: ContinuousProblem, design: PidDesign) -> PidDesign:
     """Return the optimum on the finest frequencies; on those of the search a PID's cost ends up to 5e-5 above it."""
     begun: Point = (math.inf, *_settings(design))
-    found: Point = continuous.refine(*_compiled(problem, _EXACT), begun, 0.02, 1e-4, _STEPS / 4.0)
+    found = _refine(problem, _EXACT, begun, 0.02, 1e-4)
     better = _finish(problem, found) if math.isfinite(found[0]) else design
     return min((design, better), key=problem.cost)
 
@@ -310,7 +327,7 @@ def _finish(problem: ContinuousProblem, found: Point) -> PidDesign:
     """Return the design with K inside the piece that the finest frequencies leave."""
     _, gain, tn, tv = found
     omega, response = response_grid(problem.limited, tv > 0.0, _EXACT)
-    bottoms, tops = continuous.pieces(omega, response, tn, tv, problem.limits)
+    bottoms, tops = _pieces(omega, response, tn, tv, problem.limits)
     for bottom, top in zip(bottoms, tops, strict=True):
         if gain > bottom:
             return _design(min(gain, float(top)), tn, tv)
@@ -326,7 +343,7 @@ def _design(gain: float, tn: float, tv: float) -> PidDesign:
 
 def _p_design(problem: ContinuousProblem) -> PidDesign:
     omega, response = response_grid(problem.limited, False, _EXACT)
-    tops = continuous.pieces(omega, response, math.inf, 0.0, problem.limits)[1]
+    tops = _pieces(omega, response, math.inf, 0.0, problem.limits)[1]
     if len(tops) == 0:
         raise _impossible(problem)
     return _design(float(tops[0]), math.inf, 0.0)

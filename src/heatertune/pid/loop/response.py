@@ -19,12 +19,17 @@ from heatertune.pid.values import PidDesign
 __all__ = ["dominant_time_s", "horizon", "iae_load", "iae_setpoint", "itae_load", "respond"]
 
 Array = npt.NDArray[np.float64]
+#: an array where the loop is compiled, a list in plain Python
+Places = Array | list[float]
 
 
 _PLAIN_SAMPLES = 30_000  # take as long as the compiler's start
 
 
-def _respond(poles, now, before, delay, controller, setpoint, load, x, inputs, out):  # type: ignore[no-untyped-def]
+def _respond(
+    poles: Places, now: Places, before: Places, delay: int, controller: tuple[float, float, float, float],
+    setpoint: float, load: float, x: Places, inputs: Places, out: Places,
+) -> None:
     """Write the temperature deviation at each sample to `out`; `x` and `inputs` are zero and of the loop's size.
 
     `controller` holds K, TA/TN, TV/TA and the weight of the past in the D part.

@@ -23,6 +23,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.heater.exact import apart
 from heatertune.model.values import HeaterModel, TwoLag
 from heatertune.pid.values import PidDesign
 
@@ -36,7 +37,6 @@ Complex = npt.NDArray[np.complex128]
 _Numbers = TypeVar("_Numbers", Array, Complex)
 
 _KEPT = 64  # of each; a response takes up to 72 kB
-_NEARLY_EQUAL = 1e-4  # relative distance below which two lags are moved apart; the answer changes by 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -128,6 +128,5 @@ def _kept(array: _Numbers) -> _Numbers:
 def _modes(model: HeaterModel) -> tuple[Array, Array]:
     if not isinstance(model, TwoLag):
         return np.array([model.time_constant_s]), np.ones(1)
-    first, second = model.time_constant_s, model.second_time_constant_s
-    second = min(second, first * (1.0 - _NEARLY_EQUAL))
+    first, second = apart(*model.lags_s)
     return np.array([first, second]), np.array([first, -second]) / (first - second)

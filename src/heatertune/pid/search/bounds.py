@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from heatertune.compiled import compiled
 from heatertune.model.values import HeaterModel
 from heatertune.pid.loop.robustness import encloses_nothing
 from heatertune.pid.loop.sampled import frequencies, part_responses, sample_plant
@@ -38,8 +38,7 @@ _HORIZON = 10.0  # times the slowest part of the loop
 _MOST_SAMPLES = 20_000
 
 
-@njit(cache=True, nogil=True)
-def _distances(parts, corners, least):  # type: ignore[no-untyped-def]
+def _distances(parts: Complex, corners: Array, least: float) -> int:
     """Return 1: all corners are nearer than `least` at one frequency; 2: no mixture is zero at any; 0: neither."""
     values = np.empty(len(corners), dtype=np.complex128)
     free = True
@@ -60,8 +59,9 @@ def _distances(parts, corners, least):  # type: ignore[no-untyped-def]
     return 2 if free else 0
 
 
-@njit(cache=True, nogil=True)
-def _norms(poles, now, before, delay, gains, past, samples):  # type: ignore[no-untyped-def]
+def _norms(
+    poles: Array, now: Array, before: Array, delay: int, gains: Array, past: float, samples: int
+) -> tuple[float, Array]:
     """Return Σ|e| after a load step of 1, and Σ|output of each part| after a setpoint impulse, per unit of its gain."""
     count = len(poles)
     load, parts = np.zeros(count), np.zeros((3, count))
@@ -129,7 +129,8 @@ class LoopBounds:
         if least >= enough:
             return least
         limited = (*self.heaters, *self.guards)
-        found = [int(_distances(heater.parts, corners, (1.0 - _BESIDE) / heater.ms)) for heater in limited]
+        distances = compiled(_distances, allocates=True)
+        found = [int(distances(heater.parts, corners, (1.0 - _BESIDE) / heater.ms)) for heater in limited]
         if 1 in found:
             return math.inf
         middle, half = (low + high) / 2.0, (high - low) / 2.0
@@ -138,9 +139,9 @@ class LoopBounds:
             return math.inf
         if not all(stable) or middle[0] <= 0.0:  # the reference tells nothing
             return least
-        costs = []
+        costs, norms = [], compiled(_norms, allocates=True)
         for heater in self.heaters:
-            total, sizes = _norms(*heater.modes, middle, self.derivative_filter, self._samples(heater, middle))
+            total, sizes = norms(*heater.modes, middle, self.derivative_filter, self._samples(heater, middle))
             costs.append(self.sample_time_s * total / (1.0 + float(half @ sizes)))
         return max(least, float(np.mean(costs)))
 

@@ -8,13 +8,16 @@ compares them. Errors are in °C, power in percent; `memory` is four floats, zer
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
-from numba import cfunc, njit
+import numpy as np
+import numpy.typing as npt
 
-from heatertune.model.temperature.law import STEP, Constant
+from heatertune.model.temperature.law import Constant, Step
 
 __all__ = ["LAWS", "Law"]
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,29 +26,25 @@ class Law:
 
     name: str
     constants: tuple[Constant, ...]
-    step: Any
+    step: Step
 
 
-@njit(cache=True)
-def _limited(power):  # type: ignore[no-untyped-def]
+def _limited(power: float) -> float:
     return min(100.0, max(0.0, power))
 
 
-@cfunc(STEP, cache=True)
-def _positional_p(constants, memory, error, h):  # type: ignore[no-untyped-def]  # noqa: ARG001 - the law's signature
+def _positional_p(constants: Array, memory: Array, error: float, h: float) -> float:  # noqa: ARG001 - the law's signature
     return _limited(constants[0] * error)
 
 
-@cfunc(STEP, cache=True)
-def _incremental_p(constants, memory, error, h):  # type: ignore[no-untyped-def]
+def _incremental_p(constants: Array, memory: Array, error: float, h: float) -> float:
     if memory[1] == 0.0:
         memory[0], memory[1] = constants[1], 1.0
-    memory[0] = _limited(memory[0] + constants[0] * h * error)
-    return memory[0]
+    memory[0] = power = _limited(memory[0] + constants[0] * h * error)
+    return power
 
 
-@cfunc(STEP, cache=True)
-def _pi_conditional(constants, memory, error, h):  # type: ignore[no-untyped-def]
+def _pi_conditional(constants: Array, memory: Array, error: float, h: float) -> float:
     if memory[1] == 0.0:
         memory[0], memory[1] = constants[2], 1.0
     wanted = constants[0] * error + memory[0]
@@ -55,8 +54,7 @@ def _pi_conditional(constants, memory, error, h):  # type: ignore[no-untyped-def
     return power
 
 
-@cfunc(STEP, cache=True)
-def _pi_plain(constants, memory, error, h):  # type: ignore[no-untyped-def]
+def _pi_plain(constants: Array, memory: Array, error: float, h: float) -> float:
     if memory[1] == 0.0:
         memory[0], memory[1] = constants[2], 1.0
     wanted = constants[0] * error + memory[0]
@@ -64,14 +62,13 @@ def _pi_plain(constants, memory, error, h):  # type: ignore[no-untyped-def]
     return _limited(wanted)
 
 
-@cfunc(STEP, cache=True)
-def _velocity_pi(constants, memory, error, h):  # type: ignore[no-untyped-def]
+def _velocity_pi(constants: Array, memory: Array, error: float, h: float) -> float:
     if memory[1] == 0.0:
         memory[0], memory[1], memory[2] = constants[2], 1.0, error
     increment = constants[0] * (error - memory[2]) + constants[0] * h / constants[1] * error
-    memory[0] = _limited(memory[0] + constants[3] * int(increment / constants[3]))
+    memory[0] = power = _limited(memory[0] + constants[3] * int(increment / constants[3]))
     memory[2] = error
-    return memory[0]
+    return power
 
 
 _GAIN = Constant(name="gain_pct_per_degC", low=0.3, high=100.0, logarithmic=True)

@@ -1,0 +1,136 @@
+"""One or two lags under constant power, exactly, equal lags included: no grid, no solver.
+
+    inner·x′ = target − x,   outer·y′ = x − y
+
+y is the temperature [°C], x the state of the lag before it [°C]; with one lag, inner = 0, x is not used. After t
+seconds of a constant target
+
+    y = target + e^(−t/outer)·(y₀ − target) + D/outer·(x₀ − target),   x = target + e^(−t/inner)·(x₀ − target)
+
+D, what one lag passes to the other, is the divided difference of the two exponentials. With the larger lag T and
+a = 1/T − 1/(smaller lag) ≤ 0 it is e^(−t/T)·(e^(a·t) − 1)/a, or t·e^(−t/T) where the lags are equal: nothing
+overflows, and nothing is lost where they are nearly equal. That D does not ask which lag is the outer one.
+
+Numbers run as plain Python or compiled (`heatertune.compiled`); arrays have functions of their own.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = [
+    "Factors", "advance", "advanced", "apart", "factors", "since_step", "slopes_by_lag", "turning_time",
+    "turning_times",
+]
+
+Array = npt.NDArray[np.float64]
+Numbers = float | Array
+
+_SERIES = 0.1  # below, a difference of exponentials has lost a digit, and nine terms of its series give all
+_TERMS = 9
+_APART = 1e-4  # share of the larger lag
+
+
+class Factors(NamedTuple):
+    """What some seconds of constant power leave of y − target, of x − target in y, and of x − target."""
+
+    outer: float
+    coupling: float
+    inner: float
+
+
+def factors(t: float, outer: float, inner: float) -> Factors:
+    """Return the factors of `t` seconds, not negative."""
+    left = math.exp(-t / outer)
+    if inner == 0.0:
+        return Factors(left, 0.0, 1.0)
+    other = math.exp(-t / inner)
+    slow = left if outer >= inner else other
+    rate = 1.0 / max(outer, inner) - 1.0 / min(outer, inner)
+    stretch = t if rate == 0.0 else math.expm1(rate * t) / rate
+    return Factors(left, slow * stretch / outer, other)
+
+
+def advanced(y: float, x: float, target: float, f: Factors) -> tuple[float, float]:
+    """Return y and x after a time of constant power whose factors are given."""
+    above, inner = y - target, x - target
+    return target + f.outer * above + f.coupling * inner, target + f.inner * inner
+
+
+def turning_time(y: float, x: float, target: float, outer: float, inner: float) -> float:
+    """Return the time after which y′ = 0 [s], of two lags and a constant power under which y does turn.
+
+    x − y decays with the outer lag and is fed by x − target, so it has at most one zero:
+    (e^(a·t) − 1)/a = inner·(x − y)/(x − target), a = 1/outer − 1/inner.
+    """
+    rate = 1.0 / outer - 1.0 / inner
+    stretch = inner * (x - y) / (x - target)
+    return stretch if rate == 0.0 else math.log1p(rate * stretch) / rate
+
+
+def advance(y: Array, x: Array, target: Array, t: Array, outer: float, inner: float) -> Array:
+    """Return y after `t` seconds, all of one shape; see `factors` and `advanced`, which do it for numbers."""
+    kept = target + np.exp(-t / outer) * (y - target)
+    return np.asarray(kept if inner == 0.0 else kept + _passed(t, outer, inner) / outer * (x - target))
+
+
+def turning_times(y: Array, x: Array, target: Array, outer: Numbers, inner: Numbers) -> Array:
+    """Return `turning_time` of arrays, NaN where y does not turn; shapes broadcast."""
+    rate = 1.0 / np.asarray(outer) - 1.0 / np.asarray(inner)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stretch = inner * (x - y) / (x - target)
+        turns = np.where(rate == 0.0, stretch, np.log1p(rate * stretch) / rate)
+        return np.where(np.isfinite(turns) & (turns > 0.0), turns, np.nan)
+
+
+def since_step(t: Array, outer: Numbers, inner: Numbers = 0.0) -> tuple[Array, Array]:
+    """Return the answer to a unit step `t` seconds ago, not negative, and its slope [1/s]; shapes broadcast."""
+    left = np.exp(-t / outer)
+    if not np.any(inner):
+        return np.asarray(1.0 - left), np.asarray(left / outer)
+    passed = _passed(t, outer, inner)
+    return np.asarray(1.0 - left - passed / outer), np.asarray(passed / outer / inner)
+
+
+def slopes_by_lag(t: Array, lag: Numbers, other: Numbers = 0.0) -> Array:
+    """Return the derivative of `since_step` by one of its lags [1/s], the other being `other`; shapes broadcast.
+
+    It is −1/(lag²·other)·∫₀ᵗ s·e^(−s/lag)·e^(−(t − s)/other) ds; of one lag, −t/lag²·e^(−t/lag).
+    """
+    own = np.asarray(lag)
+    if not np.any(other):
+        return np.asarray(-t / own**2 * np.exp(-t / own))
+    slow = np.maximum(own, other)
+    z = (1.0 / np.minimum(own, other) - 1.0 / slow) * t  # not negative
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fed = np.where(own >= other, z + np.expm1(-z), -np.expm1(-z) - z * np.exp(-z)) / z**2
+    near = np.minimum(z, _SERIES)
+    term, series = np.full(np.shape(z), 0.5), np.zeros(np.shape(z))
+    for k in range(_TERMS):
+        series += term * np.where(own >= other, 1.0, k + 1.0)
+        term = -term * near / (k + 3.0)
+    return np.asarray(-(t**2) * np.exp(-t / slow) * np.where(z < _SERIES, series, fed) / (own**2 * other))
+
+
+def apart(first: float, second: float) -> tuple[float, float]:
+    """Return the lags as modes in parallel can have them, the larger one first: equal lags have no such modes.
+
+    Nearly equal ones are moved by half a ten-thousandth each way. Their sum stays, so an answer changes by 1e-9.
+    """
+    if first - second >= _APART * first:
+        return first, second
+    middle = 0.5 * (first + second)
+    return middle * (1.0 + 0.5 * _APART), middle * (1.0 - 0.5 * _APART)
+
+
+def _passed(t: Array, outer: Numbers, inner: Numbers) -> Array:
+    """Return D, see above [s]."""
+    slow = np.maximum(outer, inner)
+    rate = 1.0 / slow - 1.0 / np.minimum(outer, inner)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stretch = np.where(rate == 0.0, t, np.expm1(rate * t) / rate)
+    return np.asarray(np.exp(-t / slow) * stretch)

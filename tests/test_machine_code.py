@@ -1,0 +1,106 @@
+"""Machine code on disk: found again, never taken for that of a changed program, removed when nobody uses it."""
+
+import importlib.util
+import os
+import time
+
+import numpy as np
+import pytest
+
+from heatertune import compiled as machine
+from heatertune.compiled import compiled, machine_code
+
+SOURCE = """
+from heatertune.units import kelvin_to_degC
+
+FACTOR = {factor}
+
+def inner(x):
+    return {inner}
+
+def outer(x):
+    return FACTOR * inner(x)
+
+def many(n):
+    out = np.zeros(n)
+    for i in range(n):
+        out[i] = outer(float(i))
+    return out
+"""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    monkeypatch.setattr(machine, "folder", lambda: tmp_path / "cache")
+    return tmp_path / "cache"
+
+
+def _started_anew(tmp_path, factor=2.0, inner="x + 1.0"):
+    """The functions as a new process would have them: another module object from the same file."""
+    path = tmp_path / "own.py"
+    text = "import numpy as np\n" + SOURCE.format(factor=factor, inner=inner)
+    if not path.exists() or path.read_text() != text:
+        path.write_text(text)
+    spec = importlib.util.spec_from_file_location("own", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _hits(door):
+    return sum(door.stats.cache_hits.values())
+
+
+def test_what_is_compiled_is_found_by_the_next_process(tmp_path, place):
+    first, second = (compiled(_started_anew(tmp_path).outer) for _ in range(2))
+    assert first(3.0) == 8.0
+    assert second(3.0) == 8.0
+    assert (_hits(first), _hits(second)) == (0, 1)
+    assert len(machine_code(place)) == 1
+
+
+@pytest.mark.parametrize(("change", "value"), [({"factor": 3.0}, 12.0), ({"inner": "x - 1.0"}, 4.0)], ids=str)
+def test_what_changed_in_a_constant_or_a_called_function_is_compiled_anew(change, value, tmp_path, place):
+    assert compiled(_started_anew(tmp_path).outer)(3.0) == 8.0
+    stamp = (tmp_path / "own.py").stat()
+    changed = _started_anew(tmp_path, **change)
+    os.utime(tmp_path / "own.py", ns=(stamp.st_atime_ns, stamp.st_mtime_ns))  # all that numba itself would look at
+    assert compiled(changed.outer)(3.0) == value
+
+
+def test_a_constant_from_elsewhere_counts_by_its_value(tmp_path, place):
+    module = _started_anew(tmp_path)
+    digest = machine._digest(module.outer)
+    module.FACTOR = 5.0
+    assert machine._digest(module.outer) != digest
+
+
+def test_files_of_heatertune_that_are_mentioned_count(tmp_path, place):
+    module = _started_anew(tmp_path)
+    assert {path.name for path in machine._mentioned(tmp_path / "own.py")} == {"units.py"}
+    exec(compile("def typed(x): return x", "<notebook>", "exec"), vars(module))
+    assert machine._digest(module.typed) is None, "no file to look at: not kept"
+    assert compiled(module.typed)(3.0) == 3.0
+    assert machine_code(place) == []
+
+
+def test_a_function_may_make_arrays_where_that_is_said(tmp_path, place):
+    many = compiled(_started_anew(tmp_path).many, allocates=True)
+    assert np.array_equal(many(3), [2.0, 4.0, 6.0])
+
+
+def test_folders_that_nobody_used_for_a_month_are_removed(tmp_path):
+    for name, days in (("compiled-old", 31), ("compiled-new", 29), ("else-old", 31)):
+        (tmp_path / name / "wing_1").mkdir(parents=True)
+        (tmp_path / name / "wing_1" / "a.nbi").write_text("")
+        then = time.time() - days * 86_400.0
+        os.utime(tmp_path / name, (then, then))
+    machine._remove_stale(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"compiled-new", "else-old"}
+
+
+def test_where_no_folder_can_be_made_it_is_compiled_all_the_same(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(machine, "folder", lambda: tmp_path / "file" / "cache")
+    assert compiled(_started_anew(tmp_path).outer)(3.0) == 8.0
+    assert not list(tmp_path.rglob("*.nbi"))
