@@ -28,6 +28,7 @@ def _write_files(folder):
         "[grid]\ntarget = ['weg']\n")
 
 
+@pytest.mark.doc
 @pytest.mark.long
 @pytest.mark.usefixtures("kept", "whatever_pays")
 def test_the_readmes_commands_run_in_the_order_they_stand(tmp_path, monkeypatch, capsys):
@@ -44,6 +45,7 @@ def test_every_command_stands_in_the_readme():
         assert any(line.split()[1] == name for line in COMMAND_LINES), name
 
 
+@pytest.mark.doc
 @pytest.mark.long
 @pytest.mark.usefixtures("kept", "whatever_pays")
 def test_the_example_in_every_commands_help_runs(tmp_path, monkeypatch, capsys):
@@ -59,6 +61,7 @@ def test_the_example_in_every_commands_help_runs(tmp_path, monkeypatch, capsys):
         parser().parse_args(shlex.split(example)[1:])
 
 
+@pytest.mark.doc
 @pytest.mark.long
 @pytest.mark.usefixtures("kept")
 def test_the_readmes_python_runs(tmp_path, monkeypatch, capsys):

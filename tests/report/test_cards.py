@@ -70,6 +70,7 @@ def test_a_long_log_is_thinned_its_last_reading_kept(log):
     assert (kept[0], kept[-1], len(kept)) == (0.0, 4999.0, 600)
 
 
+@pytest.mark.long
 def test_a_model_shows_its_numbers_and_its_outcome(log):
     fitted = chain.fit(log.window(0.0, 1200.0))
     rows, text, pictures = _seen(fitted)

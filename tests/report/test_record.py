@@ -62,6 +62,7 @@ def seen(page):
     return _Seen(page)
 
 
+@pytest.mark.long
 def test_the_page_is_well_formed_and_fetches_nothing(page, seen):
     assert seen.open == []
     assert all(each.startswith("#") for each in seen.fetched), seen.fetched
@@ -123,6 +124,7 @@ def test_verdict_steps_and_what_was_not_proven_stand_in_the_page(page):
     assert "a jittering timer (<code>heatertune verify --samples</code>" in page
 
 
+@pytest.mark.long
 def test_the_same_documents_give_the_same_page_and_other_words_other_ticks(documents, page):
     assert render(documents) == page
     other = json.loads(json.dumps(documents))
