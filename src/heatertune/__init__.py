@@ -2,7 +2,13 @@
 
     log  →  model  →  pid  →  plc  →  proof  →  report
 
-The functions here are the whole chain, stage by stage; `heatertune.chain` says more about each.
+The functions here are the whole chain, stage by stage, beside the values that travel along it:
+
+    import heatertune as ht
+
+    model = ht.fit("heater.csv")
+    words = ht.encode(ht.tune(model, target="s5-ob251"), target="s5-ob251")
+    print(ht.prove(words, model).summary())
 """
 
 from importlib import import_module
@@ -12,27 +18,58 @@ from heatertune.show import shown_by
 
 __version__ = "0.1.0"
 
-__all__ = ["design", "encode", "export", "fit", "prove", "read_log", "tune", "write_report"]
+#: name → module it lives in, imported when the name is first used: `heatertune --help` needs none of them
+_HOMES = {
+    **dict.fromkeys(("design", "encode", "export", "fit", "prove", "read_log", "tune", "write_report"), "chain"),
+    **dict.fromkeys(("compare", "fit_together", "plan", "validate"), "chain"),
+    **dict.fromkeys(("FittedModel", "Fopdt", "TwoLag"), "model.values"),
+    **dict.fromkeys(("Actuator", "Limits", "Proof", "Scenario"), "proof"),
+    **dict.fromkeys(("Scaling", "Words"), "plc"),
+    "Log": "log.values", "PidDesign": "pid.values", "model_by_hand": "model.by_hand",
+    "fleet": "batch.fleets", "margins": "pid.loop.robustness", "simulate": "proof", "study": "batch.studies",
+}
+
+__all__ = [
+    "Actuator", "FittedModel", "Fopdt", "Limits", "Log", "PidDesign", "Proof", "Scaling", "Scenario", "TwoLag", "Words",
+    "compare", "design", "encode", "export", "fit", "fit_together", "fleet", "margins",
+    "model_by_hand", "plan", "prove", "read_log", "simulate", "study", "tune", "validate", "write_report",
+]
 
 if TYPE_CHECKING:
-    from heatertune.chain import design, encode, export, fit, prove, read_log, tune, write_report
+    from heatertune.batch.fleets import fleet
+    from heatertune.batch.studies import study
+    from heatertune.chain import (
+        compare,
+        design,
+        encode,
+        export,
+        fit,
+        fit_together,
+        plan,
+        prove,
+        read_log,
+        tune,
+        validate,
+        write_report,
+    )
+    from heatertune.log.values import Log
+    from heatertune.model.by_hand import model_by_hand
+    from heatertune.model.values import FittedModel, Fopdt, TwoLag
+    from heatertune.pid.loop.robustness import margins
+    from heatertune.pid.values import PidDesign
+    from heatertune.plc import Scaling, Words
+    from heatertune.proof import Actuator, Limits, Proof, Scenario, simulate
 
 
 def __getattr__(name: str) -> Any:
-    """Import the chain when it is first used: `heatertune --help` needs none of it."""
-    if name in __all__:
-        return getattr(import_module("heatertune.chain"), name)
+    """Import what is named when it is first used."""
+    if name in _HOMES:
+        return getattr(import_module(f"heatertune.{_HOMES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def _card(value: object) -> str:
-    from heatertune.report.cards import card  # noqa: PLC0415 - drawn only when a front end asks
-
-    return card(value)
-
-
-shown_by(_card)
 
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+shown_by(lambda: import_module("heatertune.report.face"))

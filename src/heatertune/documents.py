@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from heatertune.errors import DocumentError, InputError
+from heatertune.files import read_text
 
 __all__ = ["number", "optional_number", "peek_schema", "plain", "read_document", "text", "to_json", "write_files"]
 
@@ -53,15 +55,30 @@ def peek_schema(path: str | Path) -> str | None:
 
 def _load(path: str | Path) -> dict[str, Any]:
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        content = json.loads(read_text(path), object_pairs_hook=_object, parse_constant=_constant)
     except OSError as problem:
         raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from problem
     except (UnicodeDecodeError, json.JSONDecodeError) as problem:
         line = getattr(problem, "lineno", 1)
         raise DocumentError(f"{path}, line {line}: no JSON document") from problem
+    except (ValueError, RecursionError) as problem:  # a key twice, NaN, 5000 digits, a thousand brackets
+        told = "nested too deep" if isinstance(problem, RecursionError) else problem
+        raise DocumentError(f"{path}: no JSON document: {told}") from problem
     if not isinstance(content, dict):
         raise DocumentError(f"{path}: no JSON object; expected a document of heatertune")
     return content
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    made = dict(pairs)
+    if len(made) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"{next(name for name in names if names.count(name) > 1)!r} is there twice")
+    return made
+
+
+def _constant(name: str) -> float:
+    raise ValueError(f"{name} is no number; heatertune writes null")
 
 
 def number(document: Mapping[str, Any], field: str, where: str | Path) -> float:
@@ -69,7 +86,10 @@ def number(document: Mapping[str, Any], field: str, where: str | Path) -> float:
     value = document.get(field)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise DocumentError(f"{where}: {field} is {value!r}; expected a number")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError as problem:
+        raise DocumentError(f"{where}: {field} is {str(value)[:20]}…; expected a finite number") from problem
 
 
 def optional_number(document: Mapping[str, Any], field: str, where: str | Path) -> float | None:
@@ -96,14 +116,16 @@ def write_files(directory: str | Path, files: Mapping[str, str | bytes]) -> list
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, content in files.items():
-            data = content if isinstance(content, bytes) else content.encode("utf-8")
+            data = content if isinstance(content, bytes) else content.encode("utf-8", errors="backslashreplace")
             temporary = folder / f".{name}.{os.getpid()}.part"
             staged.append((temporary, folder / name))
             temporary.write_bytes(data)
         for temporary, final in staged:
             temporary.replace(final)
-    except OSError as problem:
+    except (OSError, ValueError) as problem:  # ValueError: a name that no file can have
         for temporary, _ in staged:
-            temporary.unlink(missing_ok=True)
-        raise InputError(f"{problem.filename or folder}: cannot be written: {problem.strerror}") from problem
+            with contextlib.suppress(OSError, ValueError):
+                temporary.unlink(missing_ok=True)
+        place = getattr(problem, "filename", None) or folder
+        raise InputError(f"{place}: cannot be written: {getattr(problem, 'strerror', problem)}") from problem
     return [final for _, final in staged]

@@ -12,10 +12,13 @@ HeatertuneError
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Final
 
 __all__ = [
+    "LONGEST",
     "DocumentError",
     "ExportRefused",
     "HeatertuneError",
@@ -24,11 +27,26 @@ __all__ = [
     "NotRepresentable",
     "OutOfRange",
     "UnknownName",
+    "one_line",
 ]
+
+#: characters of an error
+LONGEST: Final = 480
+_BROKEN: Final = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]+")
+
+
+def one_line(text: str) -> str:
+    """Return a text as one line: what would break it is escaped, the middle of a long one left out."""
+    line = _BROKEN.sub(lambda broken: broken[0].encode("unicode_escape").decode(), text)
+    half = LONGEST // 2 - 2
+    return line if len(line) <= LONGEST else f"{line[:half]} … {line[-half:]}"
 
 
 class HeatertuneError(Exception):
-    """Base of all errors a user can meet; its text is one line."""
+    """Base of all errors a user can meet; its text is one line of at most `LONGEST` characters."""
+
+    def __str__(self) -> str:
+        return one_line(super().__str__())
 
 
 class InputError(HeatertuneError, ValueError):

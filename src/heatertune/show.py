@@ -1,15 +1,32 @@
-"""What a notebook shows of a value: the last line of a cell is enough.
+"""What a value shows of itself: in a notebook the last line of a cell is enough.
 
 The six values of the chain take `Shown` as a base, so every front end that follows IPython's protocol (Jupyter, VS
-Code, marimo) finds `_repr_html_` on them, whichever was imported first. The pictures belong to the report, the last
-stage: the package hands its cards in from above, so that no stage knows one that sorts after it.
+Code, marimo) finds `_repr_html_` on them, whichever was imported first. Pictures and sentences belong to the report,
+the last stage: the package hands it in from above, so that no stage knows one that sorts after it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
 
-__all__ = ["Shown", "shown_by"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Artist", "Shown", "shown_by"]
+
+
+class Artist(Protocol):
+    """Who shows values."""
+
+    def card(self, value: object, /) -> str:
+        """Return a value as HTML."""
+
+    def plot(self, value: object, ax: Axes | None, /) -> Axes:
+        """Draw a value and return the axes."""
+
+    def summary(self, value: object, /) -> str:
+        """Return a value as lines of text."""
 
 
 class Shown:
@@ -17,14 +34,33 @@ class Shown:
 
     __slots__ = ()
 
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the value's picture.
+
+        Args:
+            ax: where to; None makes a figure of its own, with a second panel for the power where there is one.
+
+        Returns:
+            The axes, of the temperature where there are several.
+        """
+        return _artist().plot(self, ax)
+
+    def summary(self) -> str:
+        """Return what the command line prints of the value: numbers with their units, and what there is to know."""
+        return _artist().summary(self)
+
     def _repr_html_(self) -> str:
         """Return the value as HTML, picture included; nothing in it is fetched from anywhere."""
-        return _cards[-1](self)
+        return _artist().card(self)
 
 
-_cards: list[Callable[[object], str]] = [repr]
+_artists: list[Callable[[], Artist]] = []
 
 
-def shown_by(card: Callable[[object], str]) -> None:
-    """Let values be shown by a function from value to HTML."""
-    _cards.append(card)
+def _artist() -> Artist:
+    return _artists[-1]()
+
+
+def shown_by(artist: Callable[[], Artist]) -> None:
+    """Let values be shown by what a function returns; it is asked when a value is to be shown, not before."""
+    _artists.append(artist)

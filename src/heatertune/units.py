@@ -11,7 +11,10 @@ from typing import Final
 
 from heatertune.errors import OutOfRange
 
-__all__ = ["NOMENCLATURE", "check", "degF_to_degC", "kelvin_to_degC"]
+__all__ = ["LARGEST", "NOMENCLATURE", "SMALLEST", "check", "degF_to_degC", "kelvin_to_degC"]
+
+LARGEST: Final = 1e100
+SMALLEST: Final = 1e-100
 
 #: field name → (symbol, name, unit)
 NOMENCLATURE: Final[dict[str, tuple[str, str, str]]] = {
@@ -39,9 +42,14 @@ NOMENCLATURE: Final[dict[str, tuple[str, str, str]]] = {
 
 def check(field: str, value: float, *, above: float | None = None, least: float | None = None,
           most: float | None = None, infinite: bool = False) -> None:
-    """Raise `OutOfRange` unless `value` is a number that keeps the field's bounds."""
+    """Raise `OutOfRange` unless `value` is a number that keeps the field's bounds.
+
+    No quantity of a heater is beyond `LARGEST`, and none that has to be positive below `SMALLEST`, whatever its unit:
+    further out, squares and quotients of two of them are none that floating point holds.
+    """
+    if isinstance(value, float):
+        _check_size(field, value, above=above, infinite=infinite)
     rules = [
-        (not math.isnan(value) and (infinite or math.isfinite(value)), "a finite number"),
         (above is None or value > above, f"> {above:g}" if above is not None else ""),
         (least is None or value >= least, f">= {least:g}" if least is not None else ""),
         (most is None or value <= most, f"<= {most:g}" if most is not None else ""),
@@ -49,6 +57,15 @@ def check(field: str, value: float, *, above: float | None = None, least: float 
     for kept, rule in rules:
         if not kept:
             raise OutOfRange(field, value, rule)
+
+
+def _check_size(field: str, value: float, *, above: float | None, infinite: bool) -> None:
+    if math.isnan(value) or (math.isinf(value) and not infinite):
+        raise OutOfRange(field, value, "a finite number")
+    if LARGEST < abs(value) < math.inf:
+        raise OutOfRange(field, value, f"within ±{LARGEST:g}")
+    if above == 0.0 and 0.0 < value < SMALLEST:
+        raise OutOfRange(field, value, f">= {SMALLEST:g}")
 
 
 def degF_to_degC(value: float) -> float:

@@ -34,7 +34,8 @@ def pid(tmp_path, run):
     """A calm PID design: it passes on WEG's block whether that has an anti-windup or not."""
     path = tmp_path / "calm.json"
     assert run("tune", *HAND, "-o", path)[0] == 0
-    calm = {"gain_pct_per_degC": 4.5, "integral_time_s": 120.0, "derivative_time_s": 4.0, "sample_time_s": 2.0}
+    calm = {"gain_pct_per_degC": 4.5, "integral_time_s": 120.0, "derivative_time_s": 4.0, "sample_time_s": 2.0,
+            "structure": "pid"}
     path.write_text(json.dumps(json.loads(path.read_text()) | calm))
     return path
 

@@ -53,8 +53,9 @@ def test_a_ramp_that_is_none_is_refused_in_one_line(run, slow, asked, told):
 
 
 @pytest.mark.parametrize(("ramp", "told"), [
-    ({"step": 3, "calls": 1}, "ramp step = 3 is out of range"), ("fast", "setpoint_ramp is 'fast'"),
-    ({"step": "3"}, "step is '3'; expected a number"), ({"step": 0.5, "calls": 0.5}, "ramp calls = 0.5"),
+    ({"step": 3, "calls": 1}, "ramp step = 3 is out of range"), ("fast", 'setpoint_ramp: expected an object, got "fast"'),
+    ({"step": "3"}, 'setpoint_ramp.step: expected a number, got "3"'),
+    ({"step": 0.5, "calls": 0.5}, "setpoint_ramp.calls: expected a whole number, got 0.5"),
 ])
 def test_a_ramp_in_a_words_file_is_checked(run, slow, tmp_path, ramp, told):
     run("export-db", slow, *CONDITIONS, "-o", tmp_path, "--force", "--setpoint-ramp", "none")

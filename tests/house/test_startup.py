@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from heatertune.cli import main
+from heatertune.proof.document import digested
 
 SLOW = ("casadi", "control", "llvmlite", "matplotlib", "numba", "pyarrow", "distributed", "scipy", "scipy.stats")
 
@@ -72,13 +73,25 @@ def test_a_design_whose_words_are_rounded_is_proven_and_exported_by_none_of_the_
     assert "iae_load" in (tmp_path / "words.json").read_text()
 
 
+def failing(proof):
+    """Turn a proof into one whose words break the limit of Ms: in every value, and in all that follows from them."""
+    proof["verdict"] = "FAIL"
+    proof["criteria"]["ms"].update(value=9.0, ok=False)
+    for run in proof["runs"]:
+        run["verdict"] = "FAIL"
+        run["criteria"]["ms"] = {"value": 9.0, "ok": False}
+    proof["digest"] = digested(proof)["digest"]
+
+
 @pytest.mark.parametrize(("change", "status", "told"), [
     (lambda proof: proof["words"].update(K=proof["words"]["K"] + 1), 1, "the proof of other words (words); prove these"),
     (lambda proof: proof.update(sample_time_s=9.0), 1, "the proof of other words (sample_time_s)"),
     (lambda proof: proof["scaling"].update(high_degC=200.0), 1, "the proof of other words (scaling)"),
-    (lambda proof: proof["criteria"]["ms"].update(ok=False) or proof.update(verdict="FAIL"), 1,
+    (lambda proof: proof["criteria"]["ms"].update(ok=False) or proof.update(verdict="FAIL"), 2,
+     "criteria.ms.ok: False; its value says otherwise: no whole proof; prove the words again"),
+    (failing, 1,
      "not kept: ms; the model was given by hand; --force exports these words all the same"),
-    (lambda proof: proof.pop("runs"), 2, "proof.json: no whole proof; prove the words again"),
+    (lambda proof: proof.pop("runs"), 2, "proof.json: runs: is missing: no whole proof; prove the words again"),
     (lambda proof: proof.update(schema="x"), 2, "schema is 'x'; expected 'heatertune/proof/2'"),
 ])
 @pytest.mark.long
@@ -92,7 +105,7 @@ def test_no_words_leave_on_another_proof(change, status, told, proven, tmp_path,
     assert main(arguments) == status
     assert told in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
-    if "FAIL" in told:
+    if "not kept" in told:
         assert main([*arguments, "--force"]) == 0
         listing = (tmp_path / "new" / "DB30_listing.txt").read_text()
         assert "not kept: ms" in listing

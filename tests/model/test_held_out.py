@@ -8,7 +8,8 @@ import pytest
 from tests.model.twins import DEAD, GAIN, LAG, doublet, logged
 
 from heatertune.documents import to_json
-from heatertune.model import judgement_document
+from heatertune.model.document import from_document, to_document
+from heatertune.model.fit import fit
 from heatertune.model.intervals import Interval
 from heatertune.model.judgement import Half, Validation, disagreeing
 from heatertune.model.power.held_out import halves, held_out
@@ -99,11 +100,12 @@ def test_what_is_foretold_worse_than_fitted_is_told_with_the_worst_window():
     assert f"to 60 % only (fit: 99 %), worst from {start:.4g} to {end:.4g} s" in told
 
 
-def test_the_checks_survive_their_document():
-    found = judged(*_problem(_log()))
-    document = json.loads(to_json(judgement_document.to_document(found)))
-    assert judgement_document.from_document(document) == found
-    assert set(document["input_crosscorrelation"]) == {"largest", "at_lag_s", "limit", "ok"}
-    bare = Validation(ljung_box=1.0, input_correlation=None, held_out=found.held_out, halves=None)
-    assert judgement_document.from_document(json.loads(to_json(judgement_document.to_document(bare)))) == bare
-    assert judgement_document.from_document({}) is None
+@pytest.mark.parametrize("bare", [False, True])
+def test_the_checks_survive_their_document(bare):
+    fitted = fit(_log())
+    found = fitted.validation
+    if bare:
+        found = Validation(ljung_box=1.0, input_correlation=None, held_out=found.held_out, halves=None)
+    document = json.loads(to_json(to_document(replace(fitted, validation=found))))
+    assert set(document["input_crosscorrelation"] or ()) == (set() if bare else {"largest", "at_lag_s", "limit", "ok"})
+    assert from_document(document).validation == found

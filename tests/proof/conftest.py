@@ -25,6 +25,7 @@ class TenthsRoom:
     faults: object = None
     name: str = "tenths"
     counts: int = 1000  # over 0…100 °C
+    direct: object = None
 
     def check(self, words):
         assert set(words.values) == {"K", "TN"}
@@ -50,7 +51,7 @@ class TenthsRoom:
         return Running((words, settings_of(self.switches, switches)), (0, 0.0))
 
     def start_directly(self, words, switches):
-        return self.core, self.start(words, switches)
+        return (self.direct or (lambda *_: (self.core, self.start(words, switches))))(words, switches)
 
     def sensor(self, words):
         return words

@@ -20,7 +20,8 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.reaction import reaction
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Scaling, Words
-from heatertune.report.cards import _thinned, card
+from heatertune.report.cards import card
+from heatertune.report.pictures import thinned
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 DESIGN = PidDesign(
@@ -66,7 +67,7 @@ def test_a_long_log_is_thinned_its_last_reading_kept(log):
     noisy = replace(log, temperature_degC=log.temperature_degC + np.sin(1.7 * log.time_s))
     short = noisy.window(0.0, 599.0)
     assert len(card(noisy)) < 1.3 * len(card(short)), "a picture of 5000 readings is not larger than one of 600"
-    (kept,) = _thinned(noisy.time_s)
+    (kept,) = thinned(noisy.time_s)
     assert (kept[0], kept[-1], len(kept)) == (0.0, 4999.0, 600)
 
 

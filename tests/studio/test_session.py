@@ -3,6 +3,7 @@ import math
 from dataclasses import replace
 
 import pytest
+from tests.bench.documents import HEATER, own_log, write_all
 
 from heatertune import chain
 from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOfRange
@@ -241,28 +242,18 @@ def test_more_noise_and_a_longer_pwm_period_are_seen_in_the_loop(session):
     assert ripple > {c.name: c.value for c in quiet.proof.criteria}["pwm_ripple"]
 
 
-def test_a_folder_of_a_design_is_opened_with_its_heater_and_settings(tmp_path, heater, step_log):
-    from heatertune.documents import to_json, write_files  # noqa: PLC0415
-    from heatertune.model.document import to_document  # noqa: PLC0415
-    log = read_dropped("step.csv", step_log)
-    names = ("time_s", "temperature_degC", "power_pct")
-    columns = {name: getattr(log, name).tolist() for name in names}
-    documents = {name: {"schema": f"heatertune/{name}/1"} for name in ("pictures", "comparison")} | {
-        "proof": {"schema": "heatertune/proof/2"},
-        "log": {"schema": "heatertune/log/1", "name": "step", "source": "step.csv", "setpoint_degC": None, "repairs": [],
-                "doubts": ["odd"], **columns},
-        "model": to_document(heater), "pid": {"schema": "heatertune/pid/1", "structure": "pid"},
-        "words": {"schema": "heatertune/words/1", "target": "weg"},
-    }
-    write_files(tmp_path, {f"{name}.json": to_json(each) for name, each in documents.items()})
+def test_a_folder_of_a_design_is_opened_with_its_heater_and_settings(tmp_path):
+    write_all(tmp_path)
     found = Session()
     found.load(read_source(str(tmp_path)))
-    assert (found.log.name, found.log.doubts, found.log.time_s.tolist()) == ("step", ("odd",), columns["time_s"])
-    assert (found.settings.target, found.settings.structure) == ("weg", "pid")
-    assert found.fitted.model == heater.model
-    del documents["words"]["target"]
-    (tmp_path / "words.json").write_text(json.dumps(documents["words"]))
-    with pytest.raises(InputError, match="target is missing"):
+    log = own_log()
+    assert (found.log.name, found.log.time_s.tolist()) == ("own log", log.time_s.tolist())
+    assert (found.settings.target, found.settings.structure) == ("s5-ob251", "pi")
+    assert found.fitted.model == HEATER
+    words = json.loads((tmp_path / "words.json").read_text())
+    del words["target"]
+    (tmp_path / "words.json").write_text(json.dumps(words))
+    with pytest.raises(InputError, match=r"words.json: target: is missing"):
         read_source(str(tmp_path))
 
 

@@ -16,6 +16,7 @@ from heatertune.batch import Batch, Column, Progress, Row, Workers, run, silent
 from heatertune.batch.zone import HEAD, RESULT, lost_row, word_columns, zone_row
 from heatertune.chain.stages import fit
 from heatertune.errors import InputError, LogError
+from heatertune.files import read_bytes, read_text
 from heatertune.log import read_log
 from heatertune.model.values import FittedModel
 from heatertune.plc import Scaling, room
@@ -120,7 +121,7 @@ def _found(logs: str | Path) -> tuple[Iterable[Path], str]:
 
 def _listed(path: Path) -> Iterator[Path]:
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = read_text(path).split("\n")
     except (OSError, UnicodeDecodeError) as problem:
         raise InputError(f"{path}: cannot be read; expected a folder, a pattern, or a list of paths") from problem
     return (path.parent / line.strip() for line in lines if line.strip() and not line.startswith("#"))
@@ -128,7 +129,7 @@ def _listed(path: Path) -> Iterator[Path]:
 
 def _sent(folder: str, name: str) -> Zone:
     try:
-        return Zone(name, Path(folder, name).read_bytes(), None)
+        return Zone(name, read_bytes(Path(folder, name)), None)
     except OSError as problem:
         return Zone(name, None, f"cannot be read: {problem.strerror}")
 

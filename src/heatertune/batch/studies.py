@@ -15,6 +15,7 @@ from heatertune.batch.zone import HEAD, RESULT, lost_row, word_columns, zone_row
 from heatertune.chain.stages import fit
 from heatertune.documents import read_document
 from heatertune.errors import DocumentError
+from heatertune.files import read_bytes
 from heatertune.log import read_log
 from heatertune.log.tables import BUILT_IN
 from heatertune.model.by_hand import model_by_hand
@@ -96,7 +97,7 @@ def _files(path: Path, cases: Study) -> dict[str, Any]:
         if name.lower() in BUILT_IN:
             continue
         try:
-            found[name] = (path.parent / name).read_bytes()
+            found[name] = read_bytes(path.parent / name)
         except OSError as problem:
             raise DocumentError(f"{path}: log {name!r} cannot be read: {problem.strerror}") from problem
     return found

@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 
 from heatertune.chain.words import WAYS
 from heatertune.errors import DocumentError, UnknownName
+from heatertune.files import read_text
 from heatertune.pid.specs import OBJECTIVES
 from heatertune.pid.tune import METHODS, STRUCTURES
 from heatertune.plc import TARGETS, room
@@ -142,10 +143,10 @@ def read_study(path: str | Path) -> Study:
             list, a case without heater or target.
     """
     try:
-        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        content = tomllib.loads(read_text(path))
     except OSError as problem:
         raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from problem
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+    except (ValueError, RecursionError) as problem:  # no UTF-8, no TOML, thousands of digits or brackets
         raise DocumentError(f"{path}: no TOML: {problem}") from problem
     for part in content:
         _demand_known(path, "part", part, _PARTS)

@@ -4,22 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from heatertune.chain.stages import holding
-from heatertune.chain.words_file import WORDS_SCHEMA
+from heatertune.chain.views import ComparisonView, LogView, PicturesView
+from heatertune.chain.words_file import WORDS_SCHEMA, WholeWordsView, demand_same_words
+from heatertune.codec import decode, encode, schema_of
 from heatertune.documents import read_document
 from heatertune.log.values import Log
-from heatertune.model.document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.model.view import ModelView
 from heatertune.pid import document as pid_document
+from heatertune.pid.document import PidView
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, room
 from heatertune.proof import Proof, Trace, simulate, simulate_wish
+from heatertune.proof.document import ProofView, checked
 from heatertune.proof.series import curve_series, trace_series
-from heatertune.proof.verdict import PROOF_SCHEMA
 
 __all__ = ["log_document", "pictures", "read_documents", "words_document"]
+
+_VIEWS: Final[Mapping[str, type]] = {
+    "log": LogView, "model": ModelView, "pid": PidView, "words": WholeWordsView, "proof": ProofView,
+    "pictures": PicturesView, "comparison": ComparisonView,
+}
 
 
 def log_document(log: Log) -> dict[str, Any]:
@@ -57,11 +65,19 @@ def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
     """Return the documents that `design` wrote into a directory.
 
     Raises:
-        DocumentError: one is missing or is none.
+        DocumentError: one is missing or is none, or the proof does not follow from its values.
+        ExportRefused: the proof is of other words.
     """
-    names = ("log", "model", "pid", "words", "proof", "pictures", "comparison")
-    schemas = {name: f"heatertune/{name}/1" for name in names} | {"model": MODEL_SCHEMA, "proof": PROOF_SCHEMA}
-    return {name: read_document(directory / f"{name}.json", schema) for name, schema in schemas.items()}
+    documents = {}
+    for name, view in _VIEWS.items():
+        path = directory / f"{name}.json"
+        document = read_document(path, str(schema_of(view)))
+        value: object = decode(view, checked(document, path) if name == "proof" else document, path)
+        documents[name] = encode(value) | document  # with what it may leave out, its own numbers as they are written
+    if documents["words"]["realised"] is not None:
+        decode(PidView, documents["words"]["realised"], directory / "words.json", "realised")
+    demand_same_words(documents["words"], documents["proof"], directory / "proof.json")
+    return documents
 
 
 def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, Any]:

@@ -13,10 +13,12 @@ from heatertune.pid.search.uncertain import spreads_of
 from heatertune.plc import Words, room
 from heatertune.proof import Actuator, Drawing, Limits, Spread, judge, prove_samples, replay, scenario_for
 from heatertune.proof.series import trace_series
+from heatertune.units import check
 
 __all__ = ["SCHEMA", "replay_document", "sample_document"]
 
 SCHEMA: Final = "heatertune/sample/1"
+_MOST_SAMPLES: Final = 10_000_000
 
 
 def sample_document(
@@ -39,6 +41,7 @@ def sample_document(
         InputError: an interlock, which samples do not have; or as `prove`.
         OutOfRange, UnknownName: as `prove`, or a spread, count or quantile without meaning.
     """
+    check("samples", count, least=1, most=_MOST_SAMPLES)
     drawing = _drawing(words, fitted, spread or {}, **conditions)
     limits = Limits(tolerance_degC=tolerance_degC)
     return prove_samples(drawing, limits, count, seed=seed, quantile=quantile).to_document()

@@ -3,17 +3,96 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.documents import number, peek_schema, read_document
+from heatertune.codec import decode, registered
+from heatertune.documents import peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused
 from heatertune.plc import Certificate, Ramp, Scaling, Words, room
+from heatertune.proof.document import ScalingView, checked, digested
 from heatertune.proof.verdict import NOT_PROVEN, PROOF_SCHEMA, Heard, blocking, extent, told_of, verdict_line
 
-__all__ = ["WORDS_SCHEMA", "certificate", "export_again", "read_words"]
+__all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_again", "read_words"]
 
 WORDS_SCHEMA: Final = "heatertune/words/1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WordsRampView:
+    """A setpoint ramp as its words hold it: whole steps of whole words."""
+
+    step: int | float
+    calls: int = 1
+    degC_per_min: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WordsView:
+    """What the words of a document need to be read as words; these themselves the room checks."""
+
+    scaling: ScalingView
+    sample_time_s: float
+    setpoint_ramp: WordsRampView | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldView:
+    """One word as it is typed in."""
+
+    name: str
+    address: str
+    format: str
+    low: float
+    high: float
+    comment: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnView:
+    """Ms over heaters drawn from the fit."""
+
+    count: int
+    median: float | None
+    p95: float | None
+    worst: float | None
+    unstable: int
+    told: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchNotesView:
+    """What is told of how words were found."""
+
+    notes: tuple[str, ...]
+    ms_drawn: DrawnView | None
+
+
+@registered(WORDS_SCHEMA)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WholeWordsView:
+    """The document of words as `design` and `export-db` write it."""
+
+    target: str
+    words: Mapping[str, float]
+    fields: tuple[FieldView, ...]
+    sample_time_s: float
+    setpoint_degC: float
+    setpoint_units: float
+    setpoint_ramp: WordsRampView | None
+    scaling: ScalingView
+    realised: Mapping[str, Any] | None
+    files: tuple[str, ...]
+    verdict: str
+    forced: bool
+    search: Mapping[str, Any] | None
+
+    def __post_init__(self) -> None:
+        if set(self.words) != {each.name for each in self.fields}:
+            raise DocumentError("fields: others than the words")
+        if self.search is not None:
+            decode(SearchNotesView, {name: self.search.get(name, "") for name in ("notes", "ms_drawn")}, "search")
 
 
 def read_words(path: str | Path, target: str) -> Words | None:
@@ -30,25 +109,15 @@ def read_words(path: str | Path, target: str) -> Words | None:
     document = read_document(path, WORDS_SCHEMA)
     if document.get("target") != target or not isinstance(document.get("words"), dict):
         raise DocumentError(f"{path}: words of target {document.get('target')!r}; expected {target!r}")
-    scale = document.get("scaling")
-    if not isinstance(scale, dict):
-        raise DocumentError(f"{path}: scaling is {scale!r}; expected low_degC and high_degC")
+    view = decode(WordsView, {name: document.get(name) for name in ("scaling", "sample_time_s", "setpoint_ramp")}, path)
+    ramp = view.setpoint_ramp
     words = Words(
-        target=target, values=document["words"], sample_time_s=number(document, "sample_time_s", path),
-        scaling=Scaling(low_degC=number(scale, "low_degC", path), high_degC=number(scale, "high_degC", path)),
-        ramp=_read_ramp(document.get("setpoint_ramp"), path),
+        target=target, values=document["words"], sample_time_s=view.sample_time_s,
+        scaling=Scaling(low_degC=view.scaling.low_degC, high_degC=view.scaling.high_degC),
+        ramp=None if ramp is None else Ramp(step=ramp.step, calls=ramp.calls),
     )
     room(target).check(words)
     return words
-
-
-def _read_ramp(document: Any, path: str | Path) -> Ramp | None:
-    if document is None:
-        return None
-    if not isinstance(document, dict):
-        raise DocumentError(f"{path}: setpoint_ramp is {document!r}; expected step and calls")
-    number(document, "step", path)
-    return Ramp(step=document["step"], calls=document.get("calls", 1))
 
 
 def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate:
@@ -86,7 +155,22 @@ def _accepting(proof: Mapping[str, Any], accept: Sequence[str]) -> dict[str, Any
     Heard(accepted=tuple(accept))
     found = [{**each, "accepted": each["accepted"] or each["name"] in accept} for each in proof["findings"]]
     accepted = {**proof, "findings": found}
-    return accepted | {"verdict": _verdict(accepted)}
+    return digested(accepted | {"verdict": _verdict(accepted)})
+
+
+def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where: str | Path) -> None:
+    """Refuse a proof (document) of other words than these (document), or one of a PID without its margins.
+
+    Raises:
+        ExportRefused: it is of other words.
+        DocumentError: they make a PID, whose margins the proof does not judge.
+    """
+    names = ("target", "words", "sample_time_s", "scaling", "setpoint_ramp")
+    other = [name for name in names if proof.get(name) != words.get(name)]
+    if other:
+        raise ExportRefused(f"{where}: the proof of other words ({', '.join(other)}); prove these first")
+    if words.get("realised") is not None and "ms" not in (proof.get("criteria") or ()):
+        raise DocumentError(f"{where}: criteria.ms: is missing: no whole proof; prove the words again")
 
 
 def export_again(
@@ -110,18 +194,11 @@ def export_again(
         return None
     beside = Path(path).with_name("proof.json")
     proof = read_document(beside, PROOF_SCHEMA)
-    scale = {"low_degC": words.scaling.low_degC, "high_degC": words.scaling.high_degC}
     document = read_document(path, WORDS_SCHEMA)
-    held = {"target": target, "words": dict(words.values), "sample_time_s": words.sample_time_s, "scaling": scale,
-            "setpoint_ramp": document.get("setpoint_ramp")}
-    other = [name for name, value in held.items() if proof.get(name) != value]
-    if other:
-        raise ExportRefused(f"{beside}: the proof of other words ({', '.join(other)}); prove these first")
-    try:
-        proof = _accepting(proof, accept)
-        found = certificate(proof, force=force)
-    except (KeyError, TypeError, AttributeError) as problem:
-        raise DocumentError(f"{beside}: no whole proof; prove the words again") from problem
+    decode(WholeWordsView, document, path)
+    demand_same_words(document, proof, beside)
+    proof = _accepting(checked(proof, beside), accept)
+    found = certificate(proof, force=force)
     files = dict(room(target).export(words, found))
     told = {"files": sorted(files), "verdict": found.verdict, "forced": found.forced}
     return {"words": document | told, "proof": proof, "files": files}

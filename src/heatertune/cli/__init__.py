@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
+import traceback
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
 
 from heatertune import __version__
 from heatertune.cli import (
@@ -31,9 +35,9 @@ from heatertune.cli import (
     validate,
     verify,
 )
-from heatertune.cli.common import CommandParser
+from heatertune.cli.parsing import CommandParser
 from heatertune.cli.terminal import painted
-from heatertune.errors import ExportRefused, HeatertuneError
+from heatertune.errors import ExportRefused, HeatertuneError, one_line
 
 __all__ = ["main"]
 
@@ -42,11 +46,15 @@ COMMANDS = (
     replay, targets, studio, doctor, bench, completion,
 )
 
+#: exit status of a crash, as EX_SOFTWARE of sysexits.h
+FAULT: Final = 70
+
 _EPILOG = """\
 the chain: log → model → pid → plc → proof → report
 example:   heatertune design table4 --target s5-ob251 --out out/
 
-exit status: 0 success, 1 a verdict of FAIL, 2 bad input (one line `error: …`)
+exit status: 0 success, 1 a verdict of FAIL or NOT PROVEN, 2 bad input (one line `error: …`), 70 a fault of heatertune
+             itself (one line; HEATERTUNE_DEBUG=1 shows where)
 """
 
 
@@ -66,7 +74,10 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit status: 0 success, 1 verdict FAIL, 2 bad input."""
+    """Run one command and return its exit status: 0 success, 1 verdict FAIL, 2 bad input, 70 a fault of heatertune."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a name that is no text is shown escaped
+            stream.reconfigure(errors="backslashreplace")
     try:
         settings = parser().parse_args(arguments)
         return int(settings.run(settings))
@@ -82,3 +93,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(painted("error: interrupted", sys.stderr), file=sys.stderr)
         return 130
+    except Exception as problem:  # a verdict has 0 and 1, bad input 2: none of them may say that this program failed
+        if os.environ.get("HEATERTUNE_DEBUG"):
+            raise
+        print(painted(f"error: {_fault(problem)}", sys.stderr), file=sys.stderr)
+        return FAULT
+
+
+def _fault(problem: Exception) -> str:
+    """Return what a user can report."""
+    place = traceback.extract_tb(problem.__traceback__)[-1]
+    return one_line(
+        f"a fault of heatertune itself, please report it with the command: {type(problem).__name__} in "
+        f"{Path(place.filename).name}, line {place.lineno}: {problem} (HEATERTUNE_DEBUG=1 shows the traceback)")

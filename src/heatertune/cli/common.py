@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import math
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from heatertune.errors import InputError
+from heatertune.units import check
 
 if TYPE_CHECKING:
     from heatertune.chain.words import Choice
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from heatertune.plc import Scaling, Words
 
 __all__ = [
-    "CommandParser", "add_condition_options", "add_log_options", "add_model_options", "add_objective_options",
+    "add_condition_options", "add_log_options", "add_model_options", "add_objective_options",
     "add_proof_options", "add_ramp_option", "add_reading_options", "add_refine_option", "add_step_power_option",
     "add_switch_kind_option",
     "add_switch_option", "add_tuning_options", "add_words_option", "design_and_model", "fitting",
@@ -25,18 +26,11 @@ __all__ = [
 
 _TOLERANCE_DEGC = 1.0
 _STEP_POWER_PCT = 10.0
+_LEAST_INTERVAL_S = 1e-3  # no controller for heaters is called more often
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off")
 INTERLOCKS = ("heater-fan",)
 PWM_RULES = ("pulsegen", "pid-compact")
-
-
-class CommandParser(argparse.ArgumentParser):
-    """A parser whose complaints are one line, with exit status 2, like every other bad input."""
-
-    def error(self, message: str) -> NoReturn:
-        """Raise the complaint as an input error."""
-        raise InputError(f"{message} (see: {self.prog} --help)")
 
 
 def add_reading_options(command: argparse.ArgumentParser) -> None:
@@ -263,12 +257,17 @@ def sample_time(settings: argparse.Namespace) -> float | None:
 
     Raises:
         InputError: it is neither a number nor auto nor words.
+        OutOfRange: it is negative, or below a millisecond.
     """
     asked = settings.sample_time
+    if asked in ("auto", "words"):
+        return None
     try:
-        return None if asked in ("auto", "words") else float(asked)
+        seconds = float(asked)
     except ValueError as problem:
         raise InputError(f"--sample-time is {asked!r}; expected seconds, auto or words") from problem
+    check("sample_time_s", seconds, least=_LEAST_INTERVAL_S if seconds > 0.0 else 0.0)
+    return seconds
 
 
 def interval_by_words(settings: argparse.Namespace) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from heatertune.cli import common, printing
@@ -65,7 +64,9 @@ def _run(settings: argparse.Namespace) -> int:
 
 
 def _bytes(path: str) -> bytes:
+    from heatertune.files import read_bytes  # noqa: PLC0415
+
     try:
-        return Path(path).read_bytes()
+        return read_bytes(path)
     except OSError as problem:
         raise InputError(f"{path}: cannot be read: {problem.strerror}") from problem

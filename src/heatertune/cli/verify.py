@@ -51,6 +51,7 @@ def _add_sample_options(command: argparse.ArgumentParser) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.chain.samples import replay_document, sample_document  # noqa: PLC0415
+    from heatertune.proof.document import digested  # noqa: PLC0415
     from heatertune.proof.verdict import combined, verdict_line  # noqa: PLC0415
     from heatertune.report.text import criteria_table, ramp_note, samples_table  # noqa: PLC0415
 
@@ -71,6 +72,7 @@ def _run(settings: argparse.Namespace) -> int:
         )
         verdicts.append(document["samples"]["verdict"])
     verdict = document["verdict"] = combined(verdicts)
+    document = digested(document)
     told, line = [f"- {note}" for note in (*ramp_note(document), *notes)], verdict_line(document)
     printing.output(settings, document, lambda: "\n".join(
         [line, criteria_table(document), *told, *samples_table(document), f"VERDICT {line}"]

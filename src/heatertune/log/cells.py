@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from heatertune.errors import LogError
+from heatertune.files import read_bytes
 from heatertune.log.header import count, take_header
 from heatertune.log.quantities import is_number, restored
 
@@ -68,7 +69,7 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0) -> 
         repairs.append(f"{count(len(numbered) - len(kept), 'line')} without readings (blank, comment) passed over.")
     lines, texts = [i for i, _ in kept], [line for _, line in kept]
     separator = _separator(texts[-_SAMPLE:])
-    rows = _without_empty_ends(_split(path, lines, texts, separator), repairs)
+    rows = _without_empty_ends([row or [""] for row in _split(path, lines, texts, separator)], repairs)
     begin = lines[0]
     header, above = take_header(path, lines, rows, repairs)
     comment: tuple[str, ...] = ()
@@ -80,11 +81,9 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0) -> 
 
 def _text(path: Path, content: bytes | None) -> tuple[str, list[str]]:
     try:
-        data = path.read_bytes() if content is None else content
+        data = read_bytes(path) if content is None else content
     except OSError as problem:
         raise LogError(f"cannot be read: {problem.strerror}", file=path) from problem
-    except ValueError as problem:  # a path that holds a null character
-        raise LogError(f"cannot be read: {problem}", file=repr(str(path))) from problem
     text, repairs = _decoded(path, data)
     if _CONTROL.search(text):
         expected = "a text file with one row per reading (UTF-8, Latin-1, or UTF-16 with its byte order mark)"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,9 @@ from heatertune.log.told import Unit, taken_of
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC, Log
 from heatertune.units import check, degF_to_degC, kelvin_to_degC
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
 __all__ = ["read_log"]
 
 _TO_DEGC: Final[dict[str, Callable[[Any], Any]]] = {
@@ -37,7 +40,7 @@ _POSSIBLE_DEGC: Final = (-90.0, 2000.0)  # colder than any place on earth; hotte
 
 
 def read_log(
-    source: str | Path,
+    source: str | Path | IO[Any] | DataFrame,
     *,
     time_column: str | int | None = None,
     temperature_column: str | int | None = None,
@@ -66,7 +69,7 @@ def read_log(
     say, or the options. What was taken as what is in `Log.taken`, what was changed or assumed in `Log.repairs`.
 
     Args:
-        source: path of a CSV file, or "table3" / "table4", the paper's tables.
+        source: path of a CSV file, an open one, a table of pandas, or "table3" / "table4", the paper's tables.
         time_column: name or number (1 = first) of the column of the time; likewise the other columns.
         temperature_column: of the temperature; of a long table, of the values.
         power_column: of the heater power; "none": there is none.
@@ -91,6 +94,8 @@ def read_log(
         LogError: what cannot be understood, with file, line, column and value.
         UnknownName: a unit that does not exist.
     """
+    if not isinstance(source, str | Path):
+        source, content = _handed(source)
     _check(temperature_unit, time_unit, power_full_scale, sample_time_s, skip_rows)
     named = isinstance(source, str) and source.lower() in BUILT_IN and content is None
     table = built_in(str(source).lower()) if named else None
@@ -140,6 +145,16 @@ def _check(
         if number is not None:
             check(name, number, above=0.0)
     check("skip_rows", skip_rows, least=0)
+
+
+def _handed(source: Any) -> tuple[str, bytes]:
+    """Return name and content of an open file, or of a table of pandas as a file would hold it."""
+    if hasattr(source, "to_csv"):
+        counted = source.index.name is None and source.index.dtype.kind in "iu"
+        return "frame", str(source.to_csv(index=not counted, index_label=source.index.name or "time")).encode()
+    content = source.read()
+    name = getattr(source, "name", "file")
+    return str(name), content.encode() if isinstance(content, str) else content
 
 
 def _opened(

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.errors import OutOfRange
+from heatertune.errors import InputError, OutOfRange
 from heatertune.log.taken import Taken
 from heatertune.show import Shown
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 __all__ = ["ABSOLUTE_ZERO_DEGC", "MIN_SAMPLES", "Log"]
 
@@ -70,6 +74,49 @@ class Log(Shown):
         _demand_bounds("temperature_degC", self.temperature_degC, ABSOLUTE_ZERO_DEGC, np.inf)
         _demand_bounds("power_pct", self.power_pct, 0.0, 100.0)
 
+    @classmethod
+    def from_frame(
+        cls, frame: DataFrame, *, time: str | None = None, temperature: str = "temperature_degC",
+        power: str = "power_pct", setpoint: str = "setpoint_degC", name: str = "frame",
+    ) -> Log:
+        """Return the log in a table of pandas; `read_log` takes one too, and finds units and columns by itself.
+
+        Args:
+            frame: a row for each reading.
+            time: name of the column of seconds or of time stamps; by default "time_s", else the table's index.
+            temperature: name of the column of the temperature [°C].
+            power: of the power [0…100 %]; none where the table has no such column; likewise the setpoint [°C].
+            setpoint: see power.
+            name: shown to people.
+
+        Raises:
+            InputError: a column named here that the table has not.
+            OutOfRange: as the class says.
+        """
+        names = (time, temperature, *(named for named, usual in ((power, "power_pct"), (setpoint, "setpoint_degC"))
+                                      if named != usual))
+        missing = [named for named in names if named is not None and named not in frame]
+        if missing:
+            raise InputError(f"{name}: no column {missing[0]!r}; there are {', '.join(map(str, frame.columns))}")
+        when = frame[time or "time_s"] if time or "time_s" in frame else frame.index
+        return cls(name=name, source="a table of pandas", time_s=_seconds(np.asarray(when)),
+                   temperature_degC=frame[temperature].to_numpy(),
+                   **{role: frame[column].to_numpy() for role, column in
+                      (("power_pct", power), ("setpoint_degC", setpoint)) if column in frame})
+
+    def to_frame(self) -> DataFrame:
+        """Return the log as a table of pandas: time_s, temperature_degC, and power_pct and setpoint_degC where logged.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        try:
+            from pandas import DataFrame  # noqa: PLC0415 - a second that only notebooks need
+        except ImportError as problem:
+            raise InputError("a table needs pandas: pip install 'heatertune[notebook]'") from problem
+        columns = ("time_s", "temperature_degC", "power_pct", "setpoint_degC")
+        return DataFrame({name: column for name in columns if (column := getattr(self, name)) is not None})
+
     def window(self, start_s: float, end_s: float) -> Log:
         """Return the readings with start_s <= time <= end_s."""
         keep = (self.time_s >= start_s) & (self.time_s <= end_s)
@@ -91,6 +138,13 @@ def _demand_bounds(name: str, column: Array | None, least: float, most: float) -
     outside = column[(column < least) | (column > most)]
     if len(outside):
         raise OutOfRange(name, float(outside[0]), f">= {least:g} and <= {most:g}")
+
+
+def _seconds(when: npt.NDArray[Any]) -> Array:
+    """Return time stamps as seconds since the first, numbers as they are."""
+    if when.dtype.kind == "M":
+        return np.asarray((when - when[0]) / np.timedelta64(1, "s"))
+    return np.asarray(when, dtype=np.float64)
 
 
 def _frozen(name: str, column: Array, n: int) -> Array:

@@ -1,4 +1,4 @@
-"""Validation, and what each of several logs says, ↔ their part of the JSON document that `heatertune fit` writes."""
+"""Validation, and what each of several logs says, → their part of the JSON document that `heatertune fit` writes."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from heatertune.model.intervals import Interval
-from heatertune.model.judgement import Half, HeldOut, InputCorrelation, Validation, disagreeing
+from heatertune.model.judgement import Half, InputCorrelation, Validation, disagreeing
 from heatertune.model.validation import LJUNG_BOX_95
 from heatertune.model.values import OneLog
 
-__all__ = [
-    "correlation_document", "from_document", "log_document", "one_log", "to_document", "whiteness_document",
-]
+__all__ = ["correlation_document", "log_document", "to_document", "whiteness_document"]
 
 _OF_LOG = ("name", "fit_pct", "alone_fit_pct", "ambient_degC", "drift_degC_per_s", "noise_degC")
 _OF_HALF = ("ambient_degC", "fit_pct", "rmse_degC")
@@ -50,47 +48,9 @@ def _half_document(half: Half) -> dict[str, Any]:
     return {"window_s": list(half.window_s), **beside, **_parameters(half.values, half.ci95)}
 
 
-def from_document(document: Mapping[str, Any]) -> Validation | None:
-    """Return the checks of a model document, None where it holds none.
-
-    Raises:
-        KeyError, TypeError: a field is missing or of the wrong kind.
-    """
-    held, seen, halves = (document.get(name) for name in ("held_out", "input_crosscorrelation", "halves"))
-    if held is None:
-        return None
-    return Validation(
-        ljung_box=float(document["whiteness"]["ljung_box"]),
-        input_correlation=None if seen is None else InputCorrelation(
-            **{name: float(seen[name]) for name in ("largest", "at_lag_s", "limit")}),
-        held_out=HeldOut(
-            fit_pct=float(held["fit_pct"]), rmse_degC=float(held["rmse_degC"]),
-            windows_s=tuple((float(each["start_s"]), float(each["end_s"])) for each in held["windows"]),
-            rmses_degC=tuple(float(each["rmse_degC"]) for each in held["windows"]),
-        ),
-        halves=None if halves is None else (_half(halves["parts"][0]), _half(halves["parts"][1])),
-    )
-
-
 def log_document(found: OneLog) -> dict[str, Any]:
     """Return what one of several logs says; `alone` holds its own values and intervals."""
     return {name: getattr(found, name) for name in _OF_LOG} | {"alone": _parameters(found.values, found.ci95)}
-
-
-def one_log(document: Mapping[str, Any]) -> OneLog:
-    """Return one of several logs; errors as `from_document`."""
-    values, ci95 = _values(document["alone"])
-    return OneLog(name=str(document["name"]), values=values, ci95=ci95,
-                  **{name: float(document[name]) for name in _OF_LOG[1:]})
-
-
-def _half(part: Mapping[str, Any]) -> Half:
-    start, end = part["window_s"]
-    values, ci95 = _values({key: value for key, value in part.items() if key not in ("window_s", *_OF_HALF)})
-    ambient, *fits = (part[name] for name in _OF_HALF)
-    return Half(window_s=(float(start), float(end)), values=values, ci95=ci95,
-                ambient_degC=None if ambient is None else float(ambient),
-                **{name: float(value) for name, value in zip(_OF_HALF[1:], fits, strict=True)})
 
 
 def _parameters(values: Mapping[str, float], ci95: Mapping[str, Interval]) -> dict[str, Any]:
@@ -98,10 +58,3 @@ def _parameters(values: Mapping[str, float], ci95: Mapping[str, Interval]) -> di
         key: value for name, found in ci95.items()
         for key, value in ((name, values[name]), (f"{name}_ci95", [found.low, found.high]))
     }
-
-
-def _values(parameters: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Interval]]:
-    names = [key for key in parameters if not key.endswith("_ci95")]
-    ends = {name: parameters[f"{name}_ci95"] for name in names}
-    return ({name: float(parameters[name]) for name in names},
-            {name: Interval(low=low, high=high) for name, (low, high) in ends.items()})

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.model.dynamics import Dynamics
 from heatertune.model.findings import Finding
 from heatertune.show import Shown
 from heatertune.units import check
@@ -24,7 +25,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fopdt:
+class Fopdt(Dynamics):
     """First order plus dead time: T' = (ambient + gain·power(t − dead time) − T)/time constant.
 
     Attributes:
@@ -46,6 +47,10 @@ class Fopdt:
         _check_plant(self)
 
     @property
+    def _heater(self) -> Fopdt:
+        return self
+
+    @property
     def lags_s(self) -> tuple[float, ...]:
         """Time constants of the lags in series [s]."""
         return (self.time_constant_s,)
@@ -60,7 +65,7 @@ class Fopdt:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TwoLag:
+class TwoLag(Dynamics):
     """Two lags in series and a dead time: the heater and the sensor (or the mass behind it).
 
     Attributes:
@@ -83,6 +88,10 @@ class TwoLag:
     def __post_init__(self) -> None:
         _check_plant(self)
         check("second_time_constant_s", self.second_time_constant_s, above=0.0, most=self.time_constant_s)
+
+    @property
+    def _heater(self) -> TwoLag:
+        return self
 
     @property
     def lags_s(self) -> tuple[float, ...]:
@@ -223,7 +232,7 @@ class OneLog:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FittedModel(Shown):
+class FittedModel(Shown, Dynamics):
     """What a log says about its heater.
 
     Attributes:
@@ -267,6 +276,10 @@ class FittedModel(Shown):
     least_dead_time_s: float = 0.0
     reading_step_degC: float = 0.0
     assumed: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def _heater(self) -> Fopdt:
+        return self.model
 
     @property
     def heaters(self) -> tuple[tuple[str, HeaterModel], ...]:

@@ -4,20 +4,85 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from heatertune.documents import number, optional_number, read_document
+from heatertune.codec import OrInfinite, decode, registered
+from heatertune.documents import plain, read_document
 from heatertune.errors import DocumentError
 from heatertune.model.document import SCHEMA as MODEL_SCHEMA
-from heatertune.model.document import from_document as model_from_document
 from heatertune.model.document import to_document as model_to_document
 from heatertune.model.values import FittedModel
+from heatertune.model.view import ModelView
 from heatertune.pid.values import Margins, PidDesign, Promise, structure_of
 
-__all__ = ["SCHEMA", "from_document", "promise_document", "read_design", "read_promise", "to_document"]
+__all__ = ["SCHEMA", "PidView", "from_document", "promise_document", "read_design", "read_promise", "to_document"]
 
 SCHEMA = "heatertune/pid/1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PromiseView:
+    """What a design keeps on the heaters drawn from a fit."""
+
+    way: Literal["p95", "worst"]
+    limits: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        for name in self.limits:
+            if name not in ("ms", "mt", "mks"):
+                raise DocumentError(f"limits.{name}: no such limit; known: ms, mt, mks")
+
+    @property
+    def value(self) -> Promise:
+        """The promise."""
+        return Promise(way=self.way, limits=self.limits)
+
+
+@registered(SCHEMA)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PidView:
+    """The document of a design; of the margins null says infinite, but for the phase margin: none were computed."""
+
+    gain_pct_per_degC: float
+    integral_time_s: OrInfinite = math.inf
+    derivative_time_s: float | None = None
+    sample_time_s: float
+    derivative_filter: float | None = None
+    structure: str = ""
+    method: str = "given by hand"
+    ms: OrInfinite = math.inf
+    mt: OrInfinite = math.inf
+    gain_margin: OrInfinite = math.inf
+    phase_margin_deg: float | None = None
+    iae_load: float | None = None
+    iae_setpoint: float | None = None
+    mks: float | None = None
+    notes: tuple[str, ...] = ()
+    robust: PromiseView | None = None
+    step_power_limit_pct_per_degC: OrInfinite = math.inf
+    model: ModelView | None = None
+    forms: Any = None
+    alternatives: Any = None
+
+    def __post_init__(self) -> None:
+        if self.structure not in ("", self.value.structure):
+            raise DocumentError(f"structure: {self.structure!r}; TN and TV make it {self.value.structure!r}")
+
+    @property
+    def value(self) -> PidDesign:
+        """The design."""
+        tn, tv, phase = self.integral_time_s, self.derivative_time_s or 0.0, self.phase_margin_deg
+        return PidDesign(
+            gain_pct_per_degC=self.gain_pct_per_degC, integral_time_s=tn, derivative_time_s=tv,
+            sample_time_s=self.sample_time_s, structure=structure_of(tn, tv), method=self.method,
+            margins=None if phase is None else Margins(
+                ms=self.ms, mt=self.mt, gain_margin=self.gain_margin, phase_margin_deg=phase),
+            iae_load=self.iae_load, iae_setpoint=self.iae_setpoint, mks=self.mks, notes=self.notes,
+            derivative_filter=0.5 if self.derivative_filter is None else self.derivative_filter,
+            promise=None if self.robust is None else self.robust.value,
+            step_power_limit_pct_per_degC=self.step_power_limit_pct_per_degC)
 
 
 def to_document(design: PidDesign, model: FittedModel | None = None) -> dict[str, Any]:
@@ -50,43 +115,20 @@ def read_design(path: str | Path) -> tuple[PidDesign, FittedModel | None]:
     """Return the design of a file, and the model it was made for where the file holds it.
 
     Raises:
-        DocumentError: a field is missing or of the wrong kind.
-        OutOfRange: a value breaks the rule of its field.
+        DocumentError: a field is missing, unknown, of the wrong kind or against its rule.
     """
     document = read_document(path, SCHEMA)
     model = document.get("model")
     if isinstance(model, dict) and model.get("schema") != MODEL_SCHEMA:
         raise DocumentError(f"{path}: the model's schema is {model.get('schema')!r}; expected {MODEL_SCHEMA!r}: fit "
                             "and tune again")
-    return from_document(document, where=path), None if model is None else model_from_document(model, where=path)
+    view = decode(PidView, document, path)
+    return view.value, None if view.model is None else view.model.value
 
 
 def from_document(document: Mapping[str, Any], *, where: str | Path = "design") -> PidDesign:
     """Return the design of a document; errors as in `read_design`."""
-    integral = optional_number(document, "integral_time_s", where)
-    tn = math.inf if integral is None else integral
-    tv = optional_number(document, "derivative_time_s", where) or 0.0
-    found = [optional_number(document, n, where) for n in ("ms", "mt", "gain_margin", "phase_margin_deg")]
-    known = found[3] is not None
-    past = optional_number(document, "derivative_filter", where)
-    limit = optional_number(document, "step_power_limit_pct_per_degC", where)
-    return PidDesign(
-        gain_pct_per_degC=number(document, "gain_pct_per_degC", where),
-        integral_time_s=tn,
-        derivative_time_s=tv,
-        sample_time_s=number(document, "sample_time_s", where),
-        structure=structure_of(tn, tv),
-        method=str(document.get("method", "given by hand")),
-        margins=Margins(**dict(zip(("ms", "mt", "gain_margin", "phase_margin_deg"),
-                                   (math.inf if v is None else v for v in found), strict=True))) if known else None,
-        iae_load=optional_number(document, "iae_load", where),
-        iae_setpoint=optional_number(document, "iae_setpoint", where),
-        mks=optional_number(document, "mks", where),
-        notes=tuple(str(note) for note in document.get("notes", ())),
-        derivative_filter=0.5 if past is None else past,
-        promise=read_promise(document.get("robust"), where),
-        step_power_limit_pct_per_degC=math.inf if limit is None else limit,
-    )
+    return decode(PidView, plain(document), where).value
 
 
 def _finite(value: float) -> float | None:
@@ -104,12 +146,4 @@ def read_promise(document: Any, where: str | Path = "design") -> Promise | None:
     Raises:
         DocumentError: no such way to be robust, or no limits.
     """
-    if document is None:
-        return None
-    try:
-        way, limits = document["way"], {str(name): float(limit) for name, limit in document["limits"].items()}
-    except (KeyError, TypeError, ValueError, AttributeError) as problem:
-        raise DocumentError(f"{where}: robust holds no way and limits") from problem
-    if way not in ("p95", "worst") or not set(limits) <= {"ms", "mt", "mks"}:
-        raise DocumentError(f"{where}: robust is {way!r} on {', '.join(limits)}; known: p95, worst on ms, mt, mks")
-    return Promise(way=way, limits=limits)
+    return None if document is None else decode(PromiseView, plain(document), where, "robust").value

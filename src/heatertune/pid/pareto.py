@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -16,8 +16,11 @@ from heatertune.pid.continuous.tune import assessed
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.specs import OBJECTIVES, Specs
 from heatertune.pid.tune import assessed_sampled, tune
+from heatertune.units import check
 
 __all__ = ["SCHEMA", "front"]
+
+_MOST_POINTS: Final = 1000
 
 SCHEMA = "heatertune/pareto/1"
 
@@ -47,8 +50,7 @@ def front(
     """
     if structure not in ("pi", "pid"):
         raise OutOfRange("structure", structure, "pi or pid: the offset of a P controller costs without end")
-    if points < 2:
-        raise OutOfRange("points", points, ">= 2")
+    check("points", points, least=2, most=_MOST_POINTS)
     if not ms_low < ms_high:
         raise OutOfRange("ms_low", ms_low, f"< ms_high = {ms_high:g}")
     wanted = Specs(ms=ms_high, **specs)

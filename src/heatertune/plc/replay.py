@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from heatertune.errors import LogError
+from heatertune.files import read_bytes
 from heatertune.plc.room import FORMATS, Number, Room, Scan, Words, holds
 from heatertune.plc.single import single
 
@@ -68,9 +70,8 @@ def read_inputs(path: str | Path, room: Room) -> list[dict[str, Number]]:
         LogError: the file cannot be read, a needed column is missing, one is unknown, a cell is not of its format.
     """
     try:
-        with Path(path).open(encoding="utf-8-sig", newline="") as file:
-            table = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError) as problem:
+        table = list(csv.reader(io.StringIO(read_bytes(path).decode("utf-8-sig"), newline="")))
+    except (OSError, UnicodeDecodeError, csv.Error) as problem:
         raise LogError(f"cannot be read: {getattr(problem, 'strerror', None) or 'no text'}", file=path) from problem
     header = [name.strip() for name in table[0]] if table else []
     needed, others = list(room.inputs)[:2], list(room.inputs)[2:]

@@ -40,6 +40,11 @@ FORMATS: Final[Mapping[str, tuple[float, float]]] = {
 }
 
 
+#: of a sensor range [°C]: below, a reading is noise alone; no furnace is hotter than the upper one
+_LEAST_SPAN_DEGC: Final = 1e-3
+_MOST_SPAN_DEGC: Final = 1e5
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scaling:
     """How the temperature becomes the controller's number: a linear sensor range.
@@ -59,6 +64,7 @@ class Scaling:
         check("high_degC", self.high_degC)
         if not self.high_degC > self.low_degC:
             raise OutOfRange("high_degC", self.high_degC, f"> low_degC = {self.low_degC:g}")
+        check("high_degC - low_degC", self.span_degC, least=_LEAST_SPAN_DEGC, most=_MOST_SPAN_DEGC)
 
     @property
     def span_degC(self) -> float:

@@ -17,6 +17,7 @@ from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc.open_points import Switch, settings_of
 from heatertune.plc.room import Room, Words
 from heatertune.proof.criteria import Criterion, Limits, worst_of
+from heatertune.proof.document import digested
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge, of_words
 from heatertune.proof.loop import (
@@ -123,7 +124,7 @@ class Proof(Shown):
 
     def to_document(self) -> dict[str, Any]:
         """Return the JSON document; traces are not part of it, numbers that are not finite are null."""
-        return {
+        return digested({
             "schema": PROOF_SCHEMA,
             "verdict": self.verdict,
             "target": self.words.target,
@@ -151,7 +152,7 @@ class Proof(Shown):
             "faults": list(self.faults),
             "interlock": None if self.interlock is None else asdict(self.interlock),
             **self.heard.to_document(),
-        }
+        })
 
     def ramp_document(self) -> dict[str, float] | None:
         """Return the setpoint ramp as a JSON object, None without one."""

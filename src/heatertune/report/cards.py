@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import singledispatch
 from typing import Any, Final
 
@@ -13,17 +12,15 @@ from heatertune.documents import plain
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
-from heatertune.pid.reaction import reaction
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, room
 from heatertune.proof import Proof, Trace
 from heatertune.report.html import bullets, table, text_of
-from heatertune.report.style import LOOK, key, label_levels, new_figure, to_svg
+from heatertune.report.pictures import drawn
+from heatertune.report.style import to_svg
 from heatertune.report.text import criterion_value, figure, model_rows, word
 
 __all__ = ["card"]
-
-_POINTS: Final = 600  # what a card's width can show
 
 # a notebook has its own paper, white or dark: a card brings its own
 _STYLE: Final = """\
@@ -45,16 +42,9 @@ def _card(title: str, *parts: str) -> str:
             f'{"".join(parts)}</div>')
 
 
-def _picture(drawn: Any) -> str:
+def _picture(value: object) -> str:
     # only numbers and text stand in it: the width alone is for the page to choose
-    return to_svg(drawn).replace("<svg ", '<svg style="max-width:100%;height:auto" ', 1)
-
-
-def _thinned(*columns: Any) -> list[Any]:
-    """Return every n-th of each column, so that no more stays than can be seen; the last is kept."""
-    n = len(columns[0])
-    kept = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(int))
-    return [np.asarray(column)[kept] for column in columns]
+    return to_svg(drawn(value)[0]).replace("<svg ", '<svg style="max-width:100%;height:auto" ', 1)
 
 
 @card.register
@@ -62,19 +52,10 @@ def _log(value: Log) -> str:
     rows = [("readings", str(len(value.time_s)), ""), ("duration", figure(float(np.ptp(value.time_s))), "s"),
             _span("temperature", value.temperature_degC, "°C"), _span("heater power", value.power_pct, "%"),
             _span("setpoint", value.setpoint_degC, "°C")]
-    ratios = (3,) if value.power_pct is None else (3, 1)
-    drawn, (ax, *below) = new_figure(len(ratios), 1.4 + len(ratios), sharex=True, height_ratios=ratios)
-    time, temperature = _thinned(value.time_s, value.temperature_degC)
-    ax.plot(time, temperature, **LOOK["log"])
-    ax.set_ylabel("temperature [°C]")
-    for power in below:
-        power.step(*_thinned(value.time_s, value.power_pct), where="post", **LOOK["log"])
-        power.set(ylabel="power [%]", ylim=(-4, 104))
-    drawn.axes[-1].set_xlabel("time [s]")
     taken = [] if value.taken is None else [value.taken.line]
     told = [*taken, *value.repairs, *value.doubts]
     notes = f"<details><summary>{len(told)} notes of the reader</summary>{bullets(told)}</details>" if told else ""
-    return _card(f"log {value.name}", table(["", "", "unit"], rows, numeric=(1,)), _picture(drawn), notes)
+    return _card(f"log {value.name}", table(["", "", "unit"], rows, numeric=(1,)), _picture(value), notes)
 
 
 def _span(name: str, column: Any, unit: str) -> tuple[str, str, str]:
@@ -92,15 +73,8 @@ def _model(value: FittedModel) -> str:
     if value.fit_pct is not None:
         told += f" Fit {figure(value.fit_pct)} %."
     parts = [table(["", "value", "95 % interval", "unit"], rows, numeric=(1,)), f"<p>{told}</p>"]
-    found = value.residuals
-    if found is not None:
-        drawn, (ax,) = new_figure(1, 2.6)
-        time, measured, simulated = _thinned(found.time_s, found.measured_degC, found.simulated_degC)
-        for line, name in ((measured, "log"), (simulated, "model")):
-            ax.plot(time, line, **LOOK[name])
-        key(ax, ("log", "log"), ("model", "model"))
-        ax.set(xlabel="time [s]", ylabel="temperature [°C]")
-        parts.append(_picture(drawn))
+    if value.residuals is not None:
+        parts.append(_picture(value))
     return _card("heater", *parts)
 
 
@@ -113,7 +87,7 @@ def _design(value: PidDesign) -> str:
                  ("gain margin", figure(margins.gain_margin), ""),
                  ("phase margin", figure(margins.phase_margin_deg), "°")]
     title = f"{value.structure.upper()} controller, {value.method}"
-    return _card(title, table(["", "value", "unit"], rows, numeric=(1,)), _reaction(value), bullets(value.notes))
+    return _card(title, table(["", "value", "unit"], rows, numeric=(1,)), _picture(value), bullets(value.notes))
 
 
 def _constants(design: PidDesign) -> list[tuple[str, str, str]]:
@@ -122,14 +96,6 @@ def _constants(design: PidDesign) -> list[tuple[str, str, str]]:
         ("K", figure(design.gain_pct_per_degC), "%/°C"), ("TN", figure(tn) if math.isfinite(tn) else "none", "s"),
         ("TV", figure(design.derivative_time_s), "s"), ("TA", figure(design.sample_time_s), "s"),
     ]
-
-
-def _reaction(design: PidDesign) -> str:
-    drawn, (ax,) = new_figure(1, 2.0)
-    ax.step(*_thinned(*reaction(design)), where="post", **LOOK["realised"])
-    ax.set(xlabel="time since the error stepped by 1 °C [s]", ylabel="change of power [%]")
-    ax.set_ylim(bottom=min(0.0, design.gain_pct_per_degC))
-    return _picture(drawn)
 
 
 @card.register
@@ -142,7 +108,7 @@ def _words(value: Words) -> str:
     real = found.decode(value)
     if real is not None:
         parts += ["<p>What the controller makes of them:</p>",
-                  table(["", "value", "unit"], _constants(real), numeric=(1,)), _reaction(real)]
+                  table(["", "value", "unit"], _constants(real), numeric=(1,)), _picture(real)]
     return _card(f"words for {found.title}", *parts)
 
 
@@ -159,7 +125,7 @@ def _proof(value: Proof) -> str:
     return _card(
         f"proof of {value.words.target}: {value.verdict}", told,
         table(["criterion", "worst", "limit", "unit", ""], rows, numeric=(1,)),
-        _loop([("worst", value.worst, "worst"), ("nominal", value.nominal, "realised")]), bullets(value.faults),
+        _picture(value), bullets(value.faults),
     )
 
 
@@ -173,18 +139,4 @@ def _trace(value: Trace) -> str:
     ]
     who = "ideal controller" if value.words is None else value.words.target
     return _card(f"closed loop of {who}", table(["", "", "unit"], rows, numeric=(1,)),
-                 _loop([("temperature", value, "realised")]))
-
-
-def _loop(runs: Sequence[tuple[str, Trace, str]]) -> str:
-    drawn, (top, low) = new_figure(2, 3.4, sharex=True, height_ratios=(2, 1))
-    for _, trace, look in runs:
-        time, temperature, power = _thinned(trace.time_s, trace.temperature_degC, trace.power_asked_pct)
-        top.plot(time, temperature, **LOOK[look])
-        low.step(time, power, where="post", **LOOK[look])
-    top.axhline(runs[0][1].setpoint_degC, **LOOK["limit"])
-    label_levels(top, (runs[0][1].setpoint_degC, "setpoint"))
-    key(top, *((name, look) for name, _, look in runs))
-    top.set_ylabel("temperature [°C]")
-    low.set(xlabel="time [s]", ylabel="power [%]", ylim=(-4, 104))
-    return _picture(drawn)
+                 _picture(value))

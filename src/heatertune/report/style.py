@@ -22,11 +22,15 @@ LOOK: Final[dict[str, dict[str, Any]]] = {
 }
 
 
-def new_figure(rows: int, height: float, columns: int = 1, **settings: Any) -> tuple[Figure, list[Axes]]:
-    """Return a figure of full page width and its axes, row by row."""
+def new_figure(
+    rows: int, height: float, columns: int = 1, *, figure: Figure | None = None, **settings: Any
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure of full page width and its axes, row by row; `figure`: an empty one to be used."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - half a second that only pictures need
 
-    figure = Figure(figsize=(9.0, height), layout="constrained")
+    figure = Figure() if figure is None else figure
+    figure.set_size_inches(9.0, height)
+    figure.set_layout_engine("constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **settings).ravel()
     for ax in axes:
         ax.grid(color="#dddddd", linewidth=0.5)

@@ -9,7 +9,7 @@ from pathlib import Path
 from heatertune import chain
 from heatertune.chain.documents import read_documents
 from heatertune.chain.stages import Told
-from heatertune.errors import DocumentError, HeatertuneError, InputError
+from heatertune.errors import HeatertuneError, InputError
 from heatertune.log.tables import BUILT_IN
 from heatertune.log.values import Log
 from heatertune.model.document import from_document
@@ -56,14 +56,11 @@ def read_source(source: str) -> Source:
         built_in = source.lower() in BUILT_IN
         return Source(log=chain.read_log(source, errata=built_in), settings=Settings())
     documents = read_documents(Path(source))
-    try:
-        found = documents["log"]
-        columns = {name: found[name] for name in ("name", "source", "time_s", "temperature_degC", "power_pct",
-                                                  "setpoint_degC")}
-        log = Log(**columns, repairs=tuple(found["repairs"]), doubts=tuple(found["doubts"]))
-        settings = Settings(target=documents["words"]["target"], structure=documents["pid"]["structure"])
-    except KeyError as problem:
-        raise DocumentError(f"{source}: {problem.args[0]} is missing; draw the design anew") from problem
+    found = documents["log"]
+    columns = {name: found[name] for name in ("name", "source", "time_s", "temperature_degC", "power_pct",
+                                              "setpoint_degC")}
+    log = Log(**columns, repairs=tuple(found["repairs"]), doubts=tuple(found["doubts"]))
+    settings = Settings(target=documents["words"]["target"], structure=documents["pid"]["structure"])
     return Source(log=log, settings=settings, fitted=from_document(documents["model"]))
 
 

@@ -1,0 +1,229 @@
+"""Frozen dataclasses ↔ JSON: one reader and one writer for every document, with the path of the field in each error.
+
+A document's shape is a dataclass: its fields in the order in which they are written, a default where a document may do
+without. Values become JSON as `encode` says; `decode` gives them back, checked, or says which field is wrong and why:
+
+    model.json: candidates[1].fit_pct: expected a number, got "x"
+
+What JSON cannot say is said by the field's type: `OrInfinite` and `OrUnknown` are floats that null stands for.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import types
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from enum import Enum
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+from heatertune.errors import DocumentError, InputError
+
+__all__ = ["Null", "OrInfinite", "OrUnknown", "decode", "encode", "registered", "schema_of"]
+
+T = TypeVar("T")
+
+_SHOWN: Final = 40  # characters of a wrong value
+
+
+@dataclass(frozen=True, slots=True)
+class Null:
+    """What null stands for in a field of floats."""
+
+    value: float
+
+
+OrInfinite = Annotated[float, Null(math.inf)]
+OrUnknown = Annotated[float, Null(math.nan)]
+
+_SCHEMAS: Final[dict[type, str]] = {}
+
+
+def registered(schema: str) -> Callable[[type[T]], type[T]]:
+    """Return a decorator that says which schema a dataclass is written under.
+
+    Raises:
+        ValueError: another dataclass has this schema.
+    """
+    def register(kind: type[T]) -> type[T]:
+        if schema in _SCHEMAS.values():
+            raise ValueError(f"{schema} is registered twice")
+        _SCHEMAS[kind] = schema
+        return kind
+
+    return register
+
+
+def schema_of(kind: type) -> str | None:
+    """Return the schema of a dataclass, None for one that is a part of others."""
+    return _SCHEMAS.get(kind)
+
+
+def encode(value: Any) -> Any:
+    """Return a value as JSON holds it: fields in their order, enums by name, numbers that are not finite as None."""
+    if is_dataclass(value) and not isinstance(value, type):
+        schema = _SCHEMAS.get(type(value))
+        head = {} if schema is None else {"schema": schema}
+        return head | {each.name: encode(getattr(value, each.name)) for each in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): encode(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [encode(item) for item in value]
+    if isinstance(value, Enum):
+        return value.name
+    if hasattr(value, "tolist"):
+        return encode(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def decode(kind: type[T], value: Any, where: str | Path, at: str = "") -> T:
+    """Return a value of a type from what JSON holds.
+
+    Args:
+        kind: a dataclass, or anything that a field of one may be.
+        value: as `json.loads` gives it.
+        where: name of the document, for errors.
+        at: path of the value in it.
+
+    Raises:
+        DocumentError: another schema, an unknown or missing field, a value of the wrong kind or against its rule.
+    """
+    return cast("T", _decoded(kind, value, _Place(str(where), at)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where in which document a value stands."""
+
+    where: str
+    at: str
+
+    def field(self, name: str) -> _Place:
+        shown = name if name.isidentifier() else f"[{_shown(name)}]"
+        return _Place(self.where, f"{self.at}.{shown}" if self.at and name.isidentifier() else f"{self.at}{shown}")
+
+    def item(self, number: int) -> _Place:
+        return _Place(self.where, f"{self.at}[{number}]")
+
+    def wrong(self, expected: str, value: Any) -> DocumentError:
+        return self.error(f"expected {expected}, got {_shown(value)}")
+
+    def error(self, told: object) -> DocumentError:
+        return DocumentError(f"{self.where}: {self.at}: {told}" if self.at else f"{self.where}: {told}")
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, dict | list):
+        return "an object" if isinstance(value, dict) else f"a list of {len(value)}"
+    text = json.dumps(value, default=repr)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
+
+
+def _decoded(kind: Any, value: Any, place: _Place) -> Any:
+    if is_dataclass(kind):
+        return _object(kind, value, place)
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return kind[_literal(tuple(kind.__members__), value, place)]
+    reader = _READERS.get(get_origin(kind))
+    return _plain(kind, value, place) if reader is None else reader(get_args(kind), value, place)
+
+
+def _plain(kind: Any, value: Any, place: _Place) -> Any:
+    if kind is Any:
+        return value
+    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
+        if not abs(value) <= sys.float_info.max:
+            raise place.wrong("a finite number", value)
+        return float(value)
+    if kind is int and isinstance(value, int) and not isinstance(value, bool):
+        return value
+    if kind in (bool, str) and isinstance(value, kind):
+        return value
+    if kind is type(None) and value is None:
+        return None
+    raise place.wrong(_NAMES.get(kind, "null"), value)
+
+
+_NAMES: Final = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
+
+
+def _nullable(kinds: tuple[Any, ...], value: Any, place: _Place) -> Any:
+    kind, null = kinds
+    return null.value if value is None else _decoded(kind, value, place)
+
+
+def _literal(allowed: tuple[Any, ...], value: Any, place: _Place) -> Any:
+    if isinstance(value, str | int) and value in allowed:
+        return value
+    raise place.wrong(f"one of {', '.join(map(str, allowed))}", value)
+
+
+def _one_of(kinds: tuple[Any, ...], value: Any, place: _Place) -> Any:
+    """Return a value of a union: null where that is allowed, an object as the first dataclass whose fields it has."""
+    if value is None and type(None) in kinds:
+        return None
+    others = [kind for kind in kinds if kind is not type(None)]
+    for kind in others[:-1]:
+        try:
+            return _decoded(kind, value, place)
+        except DocumentError:
+            continue
+    return _decoded(others[-1], value, place)
+
+
+def _tuple(kinds: tuple[Any, ...], value: Any, place: _Place) -> tuple[Any, ...]:
+    if not isinstance(value, list):
+        raise place.wrong("a list", value)
+    if kinds[-1] is Ellipsis:
+        kinds = kinds[:1] * len(value)
+    if len(value) != len(kinds):
+        raise place.wrong(f"a list of {len(kinds)}", value)
+    return tuple(_decoded(kind, item, place.item(k)) for k, (kind, item) in enumerate(zip(kinds, value, strict=True)))
+
+
+def _mapping(kinds: tuple[Any, ...], value: Any, place: _Place) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise place.wrong("an object", value)
+    names, items = kinds
+    return {_decoded(names, name, place): _decoded(items, item, place.field(name)) for name, item in value.items()}
+
+
+_READERS: Final[dict[Any, Callable[[tuple[Any, ...], Any, _Place], Any]]] = {
+    Annotated: _nullable, Union: _one_of, types.UnionType: _one_of, Literal: _literal, tuple: _tuple, dict: _mapping,
+    Mapping: _mapping,
+}
+
+
+@cache
+def _shape(kind: type) -> tuple[dict[str, Any], frozenset[str]]:
+    """Return the fields of a dataclass with their types, and those that a document may not leave out."""
+    hints = get_type_hints(kind, include_extras=True)
+    own = [each for each in fields(kind) if each.init]
+    needed = frozenset(each.name for each in own if each.default is MISSING and each.default_factory is MISSING)
+    return {each.name: hints[each.name] for each in own}, needed
+
+
+def _object(kind: Any, value: Any, place: _Place) -> Any:
+    if not isinstance(value, dict):
+        raise place.wrong("an object", value)
+    kinds, needed = _shape(kind)
+    rest = value
+    if (schema := schema_of(kind)) is not None:
+        if value.get("schema") != schema:
+            raise place.error(f"schema is {value.get('schema')!r}; expected {schema!r}")
+        rest = {name: item for name, item in value.items() if name != "schema"}
+    for name in rest:
+        if name not in kinds:
+            raise place.field(name).error("no such field")
+    for name in kinds:
+        if name in needed and name not in rest:
+            raise place.field(name).error("is missing")
+    made = {name: _decoded(kinds[name], item, place.field(name)) for name, item in rest.items()}
+    try:
+        return kind(**made)
+    except InputError as problem:
+        raise place.error(problem) from problem

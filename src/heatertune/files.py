@@ -1,0 +1,58 @@
+"""Files that a user names: read whole, or refused without waiting."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO, Final
+
+__all__ = ["MOST_BYTES", "read_bytes", "read_text"]
+
+#: of any file: a reading a second for some years
+MOST_BYTES: Final = 1 << 28
+
+
+def read_bytes(path: str | Path) -> bytes:
+    """Return what a file or a pipe holds.
+
+    Raises:
+        OSError: there is none, it is a folder, a device or a pipe that nobody writes to, its name cannot be one, or it
+            holds more than `MOST_BYTES`; `strerror` says so.
+    """
+    try:
+        number = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe without a writer would never open
+    except ValueError as problem:  # a null character, half of a surrogate pair
+        raise OSError(errno.EINVAL, "no name that a file can have") from problem
+    with os.fdopen(number, "rb") as file:
+        kind = os.fstat(number).st_mode
+        if not (stat.S_ISREG(kind) or stat.S_ISFIFO(kind)):
+            raise OSError(errno.EISDIR, "Is a directory" if stat.S_ISDIR(kind) else "a device, not a file")
+        return _whole(file, is_pipe=stat.S_ISFIFO(kind))
+
+
+def _whole(file: BinaryIO, *, is_pipe: bool) -> bytes:
+    if is_pipe:
+        try:
+            first = os.read(file.fileno(), 1)
+        except BlockingIOError:  # there is a writer who has written nothing yet
+            first = b""
+        else:
+            if not first:
+                raise OSError(errno.EPIPE, "a pipe that nobody writes to")
+        os.set_blocking(file.fileno(), True)
+    data = (first if is_pipe else b"") + file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise OSError(errno.EFBIG, f"more than {MOST_BYTES >> 20} MB")
+    return data
+
+
+def read_text(path: str | Path) -> str:
+    """Return the text of a UTF-8 file.
+
+    Raises:
+        OSError: as `read_bytes`.
+        UnicodeDecodeError: it is no UTF-8.
+    """
+    return read_bytes(path).decode("utf-8")

@@ -1,0 +1,110 @@
+"""A proof is checked, not believed: whatever a hand changed in one is refused, by the export and by the report."""
+
+import json
+import shutil
+
+import pytest
+from tests.bench.documents import write_all
+
+from heatertune.cli import main
+from heatertune.proof.document import digested
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("proven")
+    write_all(folder)
+    assert json.loads((folder / "proof.json").read_text())["verdict"] == "PASS"
+    return folder
+
+
+def _raise_limit(proof):
+    proof["criteria"]["ms"]["limit"] = 9.0
+
+
+def _worse_run(proof):
+    proof["runs"][1]["criteria"]["overshoot"]["value"] = 19.0
+
+
+def _broken_run(proof):
+    proof["runs"][1]["criteria"]["overshoot"]["value"] = 50.0
+
+
+def _drop_everywhere(proof):
+    for holder in (proof, *proof["runs"]):
+        del holder["criteria"]["overshoot"]
+
+
+def _drop_margins(proof):
+    for holder in (proof, *proof["runs"]):
+        for name in ("stability", "ms", "gain_margin", "phase_margin", "step_power"):
+            del holder["criteria"][name]
+
+
+#: what is changed → what is told of it
+CHANGES = [
+    (lambda proof: proof.update(runs=[]), "runs: none"),
+    (lambda proof: proof.update(criteria={}), "criteria."),
+    (_drop_everywhere, "criteria.overshoot: is missing"),
+    (_drop_margins, "criteria.ms: is missing"),
+    (_raise_limit, "criteria.ms.limit: 9.0; limits.ms says otherwise"),
+    (_worse_run, "criteria.overshoot.value"),
+    (_broken_run, "runs[1].criteria.overshoot.ok: True; its value says otherwise"),
+    (lambda proof: proof.update(verdict="FAIL"), "verdict: 'FAIL'; its values make it 'PASS'"),
+    (lambda proof: proof.update(verdict="pass"), 'verdict: expected one of PASS, FAIL, NOT PROVEN, got "pass"'),
+    (lambda proof: proof["runs"][0].update(verdict="FAIL"), "runs[0].verdict: 'FAIL'"),
+    (lambda proof: proof["criteria"]["overshoot"].update(value=99.0), "criteria.overshoot.value: 99.0; the worst run"),
+    (lambda proof: proof["criteria"]["overshoot"].update(value=None), "criteria.overshoot.value: None; the worst run"),
+    (lambda proof: proof["criteria"]["overshoot"].update(ok=False), "criteria.overshoot.ok: False"),
+    (lambda proof: proof["criteria"]["overshoot"].update(bound=">="), "runs[0].criteria.overshoot.ok: True"),
+    (lambda proof: proof["criteria"].update(joy=proof["criteria"]["iae"]), "criteria.joy: no such criterion"),
+    (lambda proof: proof["runs"][0]["criteria"].pop("iae"), "runs[0].criteria: others than those of the proof"),
+    (lambda proof: proof["findings"].append({"name": "poor-fit", "effect": "told", "told": "x", "accepted": False}),
+     "findings[0]: effect: 'told'; a finding poor-fit blocks"),
+    (lambda proof: proof["findings"].append({"name": "poor-fit", "effect": "blocks", "told": "x", "accepted": False}),
+     "verdict: 'PASS'; its values make it 'NOT PROVEN'"),
+    (lambda proof: proof["findings"].append({"name": "joy", "effect": "told", "told": "x", "accepted": False}),
+     "findings[0].name: expected one of poor-fit"),
+    (lambda proof: proof.pop("digest"), "digest: is missing"),
+]
+
+
+@pytest.mark.parametrize("command", ["export-db", "report"])
+@pytest.mark.parametrize(("change", "told"), CHANGES)
+def test_what_does_not_follow_from_the_values_is_refused_even_under_a_digest_of_its_own(change, told, command, folder, tmp_path, capsys):
+    proof = json.loads((folder / "proof.json").read_text())
+    change(proof)
+    if "digest" in proof:
+        proof = digested(proof)
+    assert _refusal(command, folder, tmp_path, json.dumps(proof), capsys).startswith(f"error: {tmp_path / 'in' / 'proof.json'}: {told}")
+
+
+@pytest.mark.parametrize("command", ["export-db", "report"])
+@pytest.mark.parametrize(("old", "new", "told"), [
+    ('"duration_s": 3000.0', '"duration_s": 3001.0', "digest: of another proof"), ('"seed": 0', '"seed": 1', "digest: of another proof"),
+    ('"faults": []', '"faults": ["x"]', "digest: of another proof"), ('"value": 1.0', '"value": NaN', "no JSON document: NaN is no number"),
+])
+def test_a_changed_text_is_refused(old, new, told, command, folder, tmp_path, capsys):
+    text = (folder / "proof.json").read_text()
+    assert old in text
+    assert told in _refusal(command, folder, tmp_path, text.replace(old, new, 1), capsys)
+
+
+@pytest.mark.parametrize("command", ["export-db", "report"])
+@pytest.mark.parametrize(("field", "value"), [
+    ("target", "s7-300"), ("sample_time_s", 9.0), ("scaling", {"low_degC": 0.0, "high_degC": 200.0}), ("words", {"K": 1}),
+])
+def test_a_proof_of_other_words_is_refused(field, value, command, folder, tmp_path, capsys):
+    proof = digested(json.loads((folder / "proof.json").read_text()) | {field: value})
+    assert f"the proof of other words ({field})" in _refusal(command, folder, tmp_path, json.dumps(proof), capsys, status=1)
+
+
+def _refusal(command, folder, tmp_path, proof, capsys, status=2):
+    here = tmp_path / "in"
+    shutil.copytree(folder, here)
+    (here / "proof.json").write_text(proof)
+    asked = {"report": [str(here)], "export-db": [str(here / "words.json"), "--target", "s5-ob251", "-o", str(tmp_path / "out")]}
+    assert main([command, *asked[command], "--quiet"]) == status
+    assert not (tmp_path / "out").exists()
+    assert not (here / "report.html").exists()
+    return capsys.readouterr().err
