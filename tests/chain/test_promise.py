@@ -111,6 +111,7 @@ def test_words_that_cannot_keep_it_are_refused_with_what_would_help(design):
     assert "Rounding breaks the limits" in told.search["notes"][-1]
 
 
+@pytest.mark.long
 def test_a_controller_without_whole_numbers_is_held_to_it_as_well(design):
     assert choose_words(design, "weg", FITTED).search["notes"][-1].startswith("Of the 200 heaters")
     with pytest.raises(NotRepresentable, match="drawn"):

@@ -39,6 +39,7 @@ def test_without_spread_every_sample_is_the_nominal_run(run, by_hand):
         assert abs(spot["worst"] - nominal[name]["value"]) <= 1e-9 * max(1.0, abs(spot["worst"])), name
 
 
+@pytest.mark.long
 def test_a_share_too_small_fails_and_the_text_tells_it(run, by_hand):
     # at ±60 % of the voltage some heaters cannot hold 40 °C: 22 + 37 · 0.16 = 28 °C
     given = tuple(each for each in PROOF if each != "--json")

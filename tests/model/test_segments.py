@@ -123,6 +123,7 @@ def test_a_disturbed_log_and_a_quiet_one_are_fitted_together():
     _is_the_heater(fitted)
 
 
+@pytest.mark.long
 def test_until_ends_a_log_before_its_disturbance():
     fitted = fit(_log(_read() + _thrown(1000.0, -15.0)), until_s=990.0)
     assert not _disturbances(fitted)

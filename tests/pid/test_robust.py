@@ -171,6 +171,7 @@ def _two_faced(heating, cooling):
     ))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sample_time_s", [0.0, 4.0])
 def test_a_heater_that_cools_slower_is_told_gains_for_each_and_what_one_set_costs(sample_time_s):
     heating, cooling = HEATER, replace(HEATER, time_constant_s=480.0)

@@ -63,6 +63,7 @@ def test_a_log_shows_its_spans_with_units_and_what_the_reader_did(log):
     assert pictures == 1
 
 
+@pytest.mark.long
 def test_a_long_log_is_thinned_its_last_reading_kept(log):
     noisy = replace(log, temperature_degC=log.temperature_degC + np.sin(1.7 * log.time_s))
     short = noisy.window(0.0, 599.0)

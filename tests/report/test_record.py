@@ -150,6 +150,7 @@ def test_the_data_of_a_live_picture_are_the_lines_of_the_printed_one(documents, 
         assert json.loads(block)
 
 
+@pytest.mark.long
 def test_every_line_that_can_be_read_under_the_cursor_has_a_name(documents):
     series = documents["pictures"]
     log = documents["log"]
@@ -171,6 +172,7 @@ def test_power_is_a_panel_of_its_own(documents):
     assert low["lines"][0]["y"] == [-0.5, 1.0]
 
 
+@pytest.mark.long
 def test_the_ms_of_the_design_stands_in_the_picture_beside_the_limit(documents, page):
     assert ">design 1.37<" not in page, "a design by hand promised none"
     promised = documents | {"pid": documents["pid"] | {"ms": 1.37}}
