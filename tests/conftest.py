@@ -33,12 +33,15 @@ settings.load_profile("dev")
 SLOW = ("long", "law", "brute", "doc")
 
 
-@pytest.hookimpl(tryfirst=True)  # before -m chooses
+@pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark as fast what bears no other mark: nobody keeps a list."""
+    """Mark as fast what bears no other mark, before -m chooses; begin with what takes longest, after the order is random."""
     for item in items:
         if not any(item.get_closest_marker(mark) for mark in SLOW):
             item.add_marker("fast")
+    result = yield
+    items.sort(key=lambda item: -max((mark.kwargs.get("seconds", 0) for mark in item.iter_markers("long")), default=0))
+    return result
 
 
 @pytest.fixture(autouse=True)

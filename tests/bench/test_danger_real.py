@@ -73,7 +73,7 @@ def test_raw_logs_are_those_that_others_have_made_common_columns_of(real_logs):
         assert ours.time == pytest.approx(theirs.time, abs=0.006)
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=25)
 def test_no_pass_on_a_real_log_breaks_on_its_rig(real_logs, whatever_pays):
     settings = argparse.Namespace(
         only=["unal_prbs", "apm_mimo_steps"], targets=["s7-300"], structure="pi", plain=False, workers=1)

@@ -29,7 +29,7 @@ def _write_files(folder):
 
 
 @pytest.mark.doc
-@pytest.mark.long
+@pytest.mark.long(seconds=40)
 @pytest.mark.usefixtures("kept", "whatever_pays")
 def test_the_readmes_commands_run_in_the_order_they_stand(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -46,7 +46,7 @@ def test_every_command_stands_in_the_readme():
 
 
 @pytest.mark.doc
-@pytest.mark.long
+@pytest.mark.long(seconds=15)
 @pytest.mark.usefixtures("kept", "whatever_pays")
 def test_the_example_in_every_commands_help_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

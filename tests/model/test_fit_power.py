@@ -204,7 +204,7 @@ def test_the_intervals_are_wider_under_coloured_noise_of_the_same_size():
 
 
 @pytest.mark.brute
-@pytest.mark.long
+@pytest.mark.long(seconds=80)
 def test_ninety_five_percent_intervals_hold_the_truth_about_so_often():
     # 120 twins with AR(1) noise: at a true coverage of 95 %, fewer than 105 or all 120 come by chance once in 400 runs
     truth = {"gain_degC_per_pct": 0.5, "time_constant_s": 150.0, "dead_time_s": 12.0}
