@@ -1,12 +1,16 @@
 """What all tests share."""
 
+import fcntl
+import hashlib
 import os
 import random
 from collections import Counter
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 from heatertune import compiled
 from heatertune.log.values import Log
@@ -18,6 +22,26 @@ REAL_LOGS = ROOT.parent / "shared" / "data" / "logs"
 CHROMIUM = Path("/usr/bin/chromium")
 
 _PLAIN_SCANS = compiled._PLAIN_SCANS
+
+#: no deadline: a machine that others use, too, is now and then slow
+_WITHOUT_CLOCK = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("dev", max_examples=200, **_WITHOUT_CLOCK)
+settings.register_profile("ci", max_examples=10_000, print_blob=True, **_WITHOUT_CLOCK)
+settings.load_profile("dev")
+
+#: what keeps a test out of the fast ones
+SLOW = ("long", "law", "brute", "doc")
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark as fast what bears no other mark, before -m chooses; begin with what takes longest, after the order is random."""
+    for item in items:
+        if not any(item.get_closest_marker(mark) for mark in SLOW):
+            item.add_marker("fast")
+    result = yield
+    items.sort(key=lambda item: -max((mark.kwargs.get("seconds", 0) for mark in item.iter_markers("long")), default=0))
+    return result
 
 
 @pytest.fixture(autouse=True)
@@ -40,22 +64,54 @@ def run_folder(tmp_path_factory):
     return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
 
 
+@pytest.fixture(scope="session")
+def run_cache(run_folder):
+    """The folder in which machine code and, where a test asks for it by `kept`, fits stay for the whole run."""
+    return run_folder / "cache"
+
+
 @pytest.fixture(scope="session", autouse=True)
-def machine_code(request):
-    """What is compiled is kept from run to run of the tests: each loop costs seconds. Results of notebooks are not."""
-    folder = request.config.cache.mkdir("machine_code")
-    for result in folder.glob("*.json"):
-        result.unlink(missing_ok=True)
-    patch = pytest.MonkeyPatch()
-    patch.setattr(compiled, "folder", lambda: folder)
-    yield
-    patch.undo()
+def machine_code(request, run_cache):
+    """What is compiled is kept from run to run of the tests, each function by one process: each loop costs seconds."""
+    kept = request.config.cache.mkdir("machine_code")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiled, "folder", lambda: kept)
+        _compile_in_turn(patch, run_cache / "locks")
+        yield
+
+
+def _compile_in_turn(patch, locks):
+    """Let one process at a time compile a function: the next one finds it on disk, and no entry is lost."""
+    from numba.core.dispatcher import Dispatcher  # noqa: PLC0415 - after the variables that a machine sets for Numba
+
+    compile_plainly, held = Dispatcher.compile, set()
+    locks.mkdir(parents=True, exist_ok=True)
+
+    @contextmanager
+    def turn(function):
+        name = hashlib.sha256(f"{function.__module__}.{function.__qualname__}".encode()).hexdigest()[:16]
+        if name in held:  # it calls itself
+            yield
+            return
+        with (locks / name).open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            held.add(name)
+            try:
+                yield
+            finally:
+                held.remove(name)
+
+    def compile_in_turn(self, signature):
+        with turn(self.py_func):
+            return compile_plainly(self, signature)
+
+    patch.setattr(Dispatcher, "compile", compile_in_turn)
 
 
 @pytest.fixture
-def kept(run_folder, monkeypatch):
+def kept(run_cache, monkeypatch):
     """Fits are kept for the whole run: the commands share them, other tests and the user's cache do not."""
-    monkeypatch.setenv("HEATERTUNE_CACHE", str(run_folder / "cache"))
+    monkeypatch.setenv("HEATERTUNE_CACHE", str(run_cache))
 
 
 @pytest.fixture(scope="session")

@@ -77,6 +77,7 @@ def test_skogestad_s_pi_has_the_published_margins(parts):
     assert not truth.stable(plant, _pi(3.2 * k, ta, 120.0))
 
 
+@pytest.mark.long
 def test_eigenvalues_encirclements_and_a_run_of_the_loop_agree():
     rng = np.random.default_rng(1)
     seen = set()
@@ -109,6 +110,7 @@ def test_words_mean_what_the_manuals_say():
     assert (own.k, own.i_now, own.i_before, own.d) == pytest.approx((1.0, 1.0 / 32.0, 1.0 / 32.0, 3.0))
 
 
+@pytest.mark.long
 def test_a_case_is_its_seed_s_and_its_log_can_be_read(tmp_path):
     for kind in heaters.KINDS:
         case = heaters.make(kind, 3)
@@ -124,7 +126,7 @@ FALSE_ONCE = (("warm start", 2), ("frozen readings", 1), ("saturation", 0), ("he
 INSIDE = (("one lag", 1), ("equal lags", 0), ("ambient drift", 0), ("gaps", 1), ("coloured noise", 0), ("coarse sensor", 0))
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=15)
 def test_no_pass_is_a_false_one_and_most_heaters_inside_the_model_class_pass(whatever_pays):
     outcomes = [danger.run((kind, seed, ["s7-300"], "pi", False, None)) for kind, seed in FALSE_ONCE + INSIDE]
     assert danger.dangers(outcomes) == []

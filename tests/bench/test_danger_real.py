@@ -24,6 +24,7 @@ def _record(heater, first=0, last=300, noise=0.02):
     return Record(5.0, power, np.array(temperature), first, last)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("part", [(0, 300), (0, 150), (150, 300)])
 def test_a_witness_of_one_lag_is_the_heater(part):
     found = witness.witnesses(_record(HEATER, *part))
@@ -31,6 +32,7 @@ def test_a_witness_of_one_lag_is_the_heater(part):
     assert (one.gain, *one.lags, one.dead, one.ambient) == pytest.approx((0.8, 120.0, 20.0, 22.0), rel=0.01)
 
 
+@pytest.mark.long
 def test_a_witness_of_two_lags_is_the_heater_and_one_lag_is_ruled_out():
     found = witness.witnesses(_record(replace(HEATER, lags=(120.0, 40.0))))
     assert [len(each.heater.lags) for each in found] == [2]
@@ -44,6 +46,7 @@ def test_a_part_whose_power_never_changes_bears_no_witness():
     assert witness.witnesses(replace(record, first=60, last=100)) == []
 
 
+@pytest.mark.long
 def test_a_part_that_no_model_explains_bears_no_witness():
     assert witness.witnesses(_record(HEATER, noise=40.0)) == []
 
@@ -70,7 +73,7 @@ def test_raw_logs_are_those_that_others_have_made_common_columns_of(real_logs):
         assert ours.time == pytest.approx(theirs.time, abs=0.006)
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=25)
 def test_no_pass_on_a_real_log_breaks_on_its_rig(real_logs, whatever_pays):
     settings = argparse.Namespace(
         only=["unal_prbs", "apm_mimo_steps"], targets=["s7-300"], structure="pi", plain=False, workers=1)

@@ -1,8 +1,10 @@
 import numpy as np
+import pytest
 
 from tests.bench import identification
 
 
+@pytest.mark.long
 def test_the_benchmark_runs_and_the_fit_beats_both_scripts(capsys):
     identification.main(["--heaters", "4"])  # a step, a doublet, random levels and a pulse
     out = capsys.readouterr().out

@@ -255,6 +255,7 @@ def test_a_worker_with_another_program_is_refused(out, monkeypatch):
         run(batch_of(3), out, workers=elsewhere)
 
 
+@pytest.mark.long
 def test_any_number_of_processes_writes_the_same_bytes_one_thread_each(out, tmp_path, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
@@ -270,6 +271,7 @@ def test_any_number_of_processes_writes_the_same_bytes_one_thread_each(out, tmp_
     assert "NUMBA_NUM_THREADS" not in os.environ
 
 
+@pytest.mark.long
 def test_a_process_that_is_killed_takes_no_case_along(out, tmp_path):
     flag = tmp_path / "flag"
     flag.touch()
@@ -279,6 +281,7 @@ def test_a_process_that_is_killed_takes_no_case_along(out, tmp_path):
     assert rows_of(out) == [expected_row(k) for k in range(12)]
 
 
+@pytest.mark.long
 def test_chunks_whose_end_is_not_heard_of_when_a_process_dies_are_done_again(out, tmp_path, monkeypatch):
     def one_by_one(futures, **_):
         done, _ = wait(futures)

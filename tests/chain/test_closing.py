@@ -26,6 +26,7 @@ def failing():
     return fitted, asked, first
 
 
+@pytest.mark.long
 def test_a_design_that_fails_is_closed_by_a_more_robust_one_and_the_price_is_told(failing):
     fitted, asked, first = failing
     found = closed(fitted, asked)
@@ -45,6 +46,7 @@ def test_a_design_that_passes_stays_as_it_was():
     assert found.proof.words == plain.proof.words
 
 
+@pytest.mark.long
 def test_a_rule_is_not_made_more_robust_and_a_ramp_that_was_ruled_out_is_not_taken(failing):
     fitted, _, _ = failing
     asked = _asked(tuned=TuneSettings(method="ziegler-nichols"),

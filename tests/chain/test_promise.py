@@ -68,6 +68,7 @@ def test_where_rounding_breaks_it_the_words_found_keep_it_and_rounded_ones_tell_
     assert found.search.to_document()["robust"] == {"way": "worst", "limits": {"ms": 1.6}}
 
 
+@pytest.mark.long
 def test_with_p95_one_in_twenty_may_break_it(design):
     free = choose_words(replace(design, promise=None), "s5-ob251", FITTED)
     limit = 0.99 * peaks(free.words)[189]
@@ -103,6 +104,7 @@ def test_a_promise_tighter_than_the_candidates_limit_is_searched_on_to_the_best_
     assert found.search.realised.iae_load == pytest.approx(min(costs), rel=1e-3)
 
 
+@pytest.mark.long
 def test_words_that_cannot_keep_it_are_refused_with_what_would_help(design):
     asked = replace(design, promise=Promise(way="p95", limits={"ms": 0.99}))
     with pytest.raises(NotRepresentable, match=r"Ms of the words .* \(95 % of them\) would be 1\.\d+, allowed <= 0\.99"):
@@ -111,6 +113,7 @@ def test_words_that_cannot_keep_it_are_refused_with_what_would_help(design):
     assert "Rounding breaks the limits" in told.search.notes[-1]
 
 
+@pytest.mark.long
 def test_a_controller_without_whole_numbers_is_held_to_it_as_well(design):
     assert choose_words(design, "weg", FITTED).search.notes[-1].startswith("Of the 200 heaters")
     with pytest.raises(NotRepresentable, match="drawn"):
@@ -125,6 +128,7 @@ def test_without_intervals_nothing_can_be_told_and_without_a_promise_nothing_is(
     assert not any("keep the limits with the words" in note for note in plain.search.notes)
 
 
+@pytest.mark.long
 def test_refining_looks_only_at_words_that_keep_it(design):
     rounded = encode(design, "s5-ob251")
     search = WordSearch(

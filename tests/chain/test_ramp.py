@@ -78,6 +78,7 @@ def test_the_ramp_found_is_the_fastest(words, found):
         assert _broken(faster) == ["overshoot"], factor
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("setpoint", [36.0, 40.0, 46.0])
 def test_where_the_step_is_a_real_the_ramp_found_is_the_fastest_within_3_percent(setpoint):
     options = Conditions(
@@ -117,6 +118,7 @@ def test_words_proven_with_a_ramp_are_not_exported_without_it_nor_the_other_way_
     assert plain.to_document()["setpoint_ramp"] is None
 
 
+@pytest.mark.long
 def test_auto_says_why_there_is_no_ramp():
     quick = model_by_hand(Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0))
     words = encode(tune(quick, target="s5-ob251"), "s5-ob251")

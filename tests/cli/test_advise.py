@@ -44,6 +44,7 @@ def _cases(document):
     return {case["step"]: case for case in document["cases"]}
 
 
+@pytest.mark.long
 def test_overshoot_is_answered_by_smaller_gains_proven_before_and_after(run, response, pid):
     status, out, err = run("advise", response(), "--pid", pid, "--json", "--quiet")
     document = json.loads(out)
@@ -75,6 +76,7 @@ def test_overshoot_is_answered_by_smaller_gains_proven_before_and_after(run, res
     assert document["best"] != kp["step"]
 
 
+@pytest.mark.long
 def test_the_proof_of_each_step_is_the_one_of_verify(run, response, pid, tmp_path):
     document = json.loads(run("advise", response(), "--pid", pid, "--json", "--quiet")[1])
     case = _cases(document)["(1) Kp -20 %"]
@@ -108,6 +110,7 @@ def test_status_1_says_that_nothing_passes(run, by_hand):
     assert "FAIL" in out
 
 
+@pytest.mark.long
 def test_a_step_that_raises_what_it_should_lower_is_worse(run, response, by_hand):
     # without an anti-windup, more gain winds up more: the IAE of a design that fails already grows
     _, out, _ = run("advise", response(lag_s=900.0), "--pid", by_hand, "--json", "--quiet")
@@ -117,6 +120,7 @@ def test_a_step_that_raises_what_it_should_lower_is_worse(run, response, by_hand
     assert kp["iae"] > 1.01 * before["iae"]
 
 
+@pytest.mark.long
 def test_a_step_that_helps_but_fails_is_not_the_best(run, response, by_hand):
     document = json.loads(run("advise", response(lag_s=280.0), "--pid", by_hand, "--json", "--quiet")[1])
     assert document["symptom"] == "SLOW"
@@ -124,6 +128,7 @@ def test_a_step_that_helps_but_fails_is_not_the_best(run, response, by_hand):
     assert document["best"] is None
 
 
+@pytest.mark.long
 def test_what_is_right_is_a_matter_of_the_tolerance(run, by_hand):
     # Table 4 goes 1.7 °C beyond 53.3 °C, printed: 55.0 °C
     named = [
@@ -133,6 +138,7 @@ def test_what_is_right_is_a_matter_of_the_tolerance(run, by_hand):
     assert [document["symptom"] == "OVERSHOOT" for document in named] == [True, False]
 
 
+@pytest.mark.long
 def test_the_papers_tables_are_told_apart(run, by_hand):
     _, out, _ = run("advise", "table3", "--pid", by_hand, "--setpoint", 53.3, "--quiet")
     assert out.startswith("table3: bad: creeps")

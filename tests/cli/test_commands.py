@@ -41,6 +41,7 @@ def test_fit_gives_the_keys_of_its_contract_and_its_file_can_be_tuned(run, tmp_p
     assert run("tune", model, "--quiet")[0] == 0
 
 
+@pytest.mark.long
 def test_an_open_loop_log_of_the_users_own_goes_through(run, tmp_path):
     # T' = (20 + 0.5·u(t − 10) − T)/120 from 20 °C, steps of power, worked out second by second
     rows, temperature = [], 20.0
@@ -99,6 +100,7 @@ def test_an_exported_block_is_read_back_and_proven(run, by_hand, tmp_path):
     assert "2 bytes; expected 98" in err
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("target", "file", "said"), [("s7-300", "s7_300_pid.awl", "DB100.DBD 10"), ("fb41", "fb41_cont_c.awl", "GAIN := ")])
 def test_the_s7_300_rooms_go_from_design_to_proven_source_and_back_from_a_dump(run, by_hand, tmp_path, target, file, said):
     conditions = ("--target", target, "--setpoint", 40)
@@ -162,6 +164,7 @@ def test_words_that_fail_leave_only_by_force_and_say_so(run, by_hand, tmp_path):
     assert "FORCED" in (tmp_path / "yes" / "DB30_listing.txt").read_text()
 
 
+@pytest.mark.long
 def test_the_s7_200_exports_its_program_and_on_request_the_papers_with_its_faults(run, by_hand, tmp_path):
     by_target = ("export-db", by_hand, "--target", "s7-200", "--setpoint", 40)
     assert run(*by_target, "-o", tmp_path / "out")[0] == 0
@@ -213,6 +216,7 @@ def test_an_interlock_watches_the_proof_of_every_command(run, by_hand, tmp_path)
     assert (status, "heater-fan" in err) == (2, True)
 
 
+@pytest.mark.long
 def test_an_open_point_that_is_known_of_a_controller_is_not_varied(run, by_hand, tmp_path):
     conditions = ("--target", "weg", "--setpoint", 40, "--json")
     status, out, _ = run("verify", by_hand, *conditions)
@@ -386,6 +390,7 @@ def test_bad_input_gets_one_line_status_2_and_writes_nothing(run, tmp_path, monk
     assert {path.name for path in tmp_path.iterdir()} == set(files)
 
 
+@pytest.mark.long
 def test_every_command_has_help_with_an_example(run, capsys):
     for command in COMMANDS:
         name = command.__name__.rsplit(".", 1)[1].replace("_", "-")

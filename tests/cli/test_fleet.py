@@ -196,6 +196,7 @@ def test_a_log_of_any_name_is_a_row_and_one_that_changed_is_done_again(tmp_path)
     assert rows[0]["reason"] != rows[2]["reason"]
 
 
+@pytest.mark.long
 def test_a_zone_is_proven_on_drawn_heaters_too():
     # the samples of `verify --samples` on the same words: chain.samples, whose figures tests/proof/test_compiled.py holds
     heater = model_by_hand(Fopdt(gain_degC_per_pct=0.5, time_constant_s=120.0, dead_time_s=10.0, ambient_degC=20.0))

@@ -5,6 +5,7 @@ import pytest
 HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
 
 
+@pytest.mark.long
 def test_the_front_costs_less_the_larger_ms_may_be_and_is_drawn(run, tmp_path):
     picture = tmp_path / "front.svg"
     status, out, err = run("pareto", *HAND, "--points", 4, "--json", "--quiet", "-o", picture)

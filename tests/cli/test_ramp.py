@@ -16,6 +16,7 @@ def slow(tmp_path, run):
     return path
 
 
+@pytest.mark.long
 def test_words_with_a_ramp_are_exported_read_again_and_proven_again(run, slow, tmp_path):
     status, out, _ = run("verify", slow, *CONDITIONS)
     assert status == 1

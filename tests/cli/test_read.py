@@ -58,6 +58,7 @@ def test_the_command_it_shows_gives_the_same_log_with_nothing_assumed(run, tmp_p
         assert "assumed" not in repeated["taken"]["line"]
 
 
+@pytest.mark.long
 def test_the_line_is_printed_by_every_command_that_reads_a_log_also_when_quiet(run, tmp_path):
     path = _write(tmp_path, heater_log(0.5, 3))
     line = "[log] log.csv: 240 rows every 5 s; time = 'time [s]' [s], temperature = 'T [°C]' [°C], power = 'power [%]' [0…100 %], setpoint = none"
@@ -73,6 +74,7 @@ def test_the_line_is_printed_by_every_command_that_reads_a_log_also_when_quiet(r
     assert line in run("fit", path, "--json")[2]
 
 
+@pytest.mark.long
 def test_repairs_of_more_than_a_hundredth_of_the_rows_are_a_finding(run, tmp_path):
     lines = heater_log(0.5, 3).splitlines()
     for share, found in ((2, []), (3, ["log.csv: 1.25% of 240 rows were left out or repaired"])):

@@ -22,6 +22,7 @@ def model(tmp_path):
     return path
 
 
+@pytest.mark.long
 def test_the_wider_the_promise_the_smaller_the_gain(model, run):
     # 95 % have to hold on 1000 others too; all of a set is all of that set
     gains, drawn = [], {"none": 0, "p95": 1200, "worst": 200}

@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
 PROOF = ("--target", "s5-ob251", "--setpoint", 40, "--noise", 0.05, *HAND, "--json")
 
@@ -37,6 +39,7 @@ def test_without_spread_every_sample_is_the_nominal_run(run, by_hand):
         assert abs(spot["worst"] - nominal[name]["value"]) <= 1e-9 * max(1.0, abs(spot["worst"])), name
 
 
+@pytest.mark.long
 def test_a_share_too_small_fails_and_the_text_tells_it(run, by_hand):
     # at ±60 % of the voltage some heaters cannot hold 40 °C: 22 + 37 · 0.16 = 28 °C
     given = tuple(each for each in PROOF if each != "--json")
@@ -50,6 +53,7 @@ def test_a_share_too_small_fails_and_the_text_tells_it(run, by_hand):
     assert "VERDICT FAIL" not in run("verify", by_hand, *given, "--samples", 12, "--mains", 60, "--quantile", 0.2)[1]
 
 
+@pytest.mark.long
 def test_what_makes_no_sense_is_refused(run, by_hand):
     for wrong, named in ((("--samples", 0), "samples"), (("--samples", 3, "--quantile", 0), "quantile"),
                          (("--samples", 3, "--mains", 120), "mains_pct"), (("--replay", -1), "seed"),
@@ -61,6 +65,7 @@ def test_what_makes_no_sense_is_refused(run, by_hand):
         assert named in err
 
 
+@pytest.mark.long
 def test_a_sample_runs_under_the_switches_that_are_named(run, by_hand):
     given = tuple("weg" if each == "s5-ob251" else each for each in PROOF)
     named = (*given, "--switch", "anti_windup=none")

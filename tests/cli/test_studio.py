@@ -18,6 +18,7 @@ def test_what_cannot_be_served_is_told_before_a_server_starts(run, given):
     assert err.count("\n") == 1
 
 
+@pytest.mark.long
 def test_a_port_that_is_taken_is_told(run):
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))

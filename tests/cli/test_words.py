@@ -20,6 +20,7 @@ def _export(run, pid, out, *options):
     return run("export-db", pid, *CONDITIONS, "-o", out, "--force", "--json", *options)
 
 
+@pytest.mark.long
 def test_the_best_words_are_exported_unless_rounding_is_asked_for(run, slow, tmp_path):
     best, plain = (json.loads(_export(run, slow, tmp_path / way, "--words", way)[1]) for way in ("auto", "rounded"))
     assert best["search"]["way"] == "optimum"
@@ -33,6 +34,7 @@ def test_the_best_words_are_exported_unless_rounding_is_asked_for(run, slow, tmp
     assert json.loads((tmp_path / "text" / "words.json").read_text())["search"] == best["search"]
 
 
+@pytest.mark.long
 def test_verify_proves_the_words_that_export_would_write(run, slow, tmp_path):
     exported = json.loads(_export(run, slow, tmp_path)[1])
     ms = {}

@@ -33,12 +33,14 @@ def _run_page(page):
             assert differences(block.output, printed) == [], (page, block.code, printed)
 
 
+@pytest.mark.doc
 @pytest.mark.long
 @pytest.mark.parametrize("page", [page for page in RUNNING if page not in PAPER])
 def test_the_blocks_of_a_page_print_what_it_shows(page, folder):
     _run_page(page)
 
 
+@pytest.mark.doc
 @pytest.mark.long
 def test_the_pages_on_the_papers_log_print_what_they_show(folder):
     for page in PAPER:
@@ -109,6 +111,7 @@ def site(tmp_path_factory):
     return place
 
 
+@pytest.mark.doc
 @pytest.mark.long
 def test_the_manual_builds_without_a_warning_and_fetches_nothing(site):
     for path in site.rglob("*.html"):
@@ -121,6 +124,7 @@ def test_the_manual_builds_without_a_warning_and_fetches_nothing(site):
     assert not (site / "hooks.py").exists()
 
 
+@pytest.mark.doc
 @pytest.mark.long
 def test_the_reference_is_what_the_program_says_of_itself(site):
     def words(name):

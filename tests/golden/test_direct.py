@@ -36,7 +36,7 @@ def test_the_direct_form_is_the_listing_for_any_words_inputs_and_settings(target
     usual = st.tuples(*(st.integers(0, min(int(high), 32000)) for _, high in ranges))
     inputs = st.one_of(usual, st.tuples(*(st.integers(int(low), int(high)) for low, high in ranges)))
 
-    @settings(max_examples=60, deadline=None)
+    @settings(max_examples=60)
     @given(
         values=st.fixed_dictionaries({}, optional={each.name: _values_of(each) for each in which.fields}),
         switches=st.fixed_dictionaries({each.name: st.sampled_from(each.settings) for each in which.switches}),

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
@@ -346,7 +346,6 @@ def test_oddities_of_a_running_block_are_told():
 reals = st.integers(0, 2**32 - 1).map(lambda pattern: struct.unpack(">f", pattern.to_bytes(4, "big"))[0])
 
 
-@settings(max_examples=1500, deadline=None)
 @given(numbers=st.lists(reals, min_size=15, max_size=15), bits=st.lists(st.booleans(), min_size=6, max_size=6),
        readings=st.lists(st.tuples(reals, reals), min_size=2, max_size=5))
 def test_a_call_is_total_for_every_bit_pattern(numbers, bits, readings):

@@ -185,6 +185,7 @@ def _repaired(values):
     return words, repaired.Constants(values["KP"], values["KI"], values["KD"], values["SCALE"], ms)
 
 
+@pytest.mark.brute
 @pytest.mark.long
 @pytest.mark.parametrize("values", WORD_SETS)
 def test_the_repaired_text_is_exact_and_free_of_overflow_for_every_pair_of_bytes(values):
@@ -212,6 +213,7 @@ def test_no_words_and_no_readings_overflow_the_repaired_program():
                 assert (scan.flags["SM1.1"], scan.output) == (False, memory.width)
 
 
+@pytest.mark.brute
 @pytest.mark.long
 @pytest.mark.parametrize("switches", [{}, {"overflow": "wrap"}, {"rails": "edges_go_on", "width_applies": "next_cycle"},
                                       {"cycle_time": "never_loaded"}])

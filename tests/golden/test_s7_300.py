@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from heatertune.errors import InputError, NotRepresentable, OutOfRange, UnknownName
@@ -89,6 +89,7 @@ def _random_rows(count):
     ]
 
 
+@pytest.mark.long
 def test_any_readings_modes_and_manual_outputs_give_the_same_bits_as_awlsim(awlsim):
     # the user's OUT is written in manual only: in automatic the block overwrites it
     rows = [[mode, sp, pv, None if mode else out] for mode, sp, pv, out in _random_rows(3000)]
@@ -240,7 +241,6 @@ def test_manual_leaves_out_to_the_user_and_the_return_begins_there():
     assert [(scan.output, scan.power_pct) for scan in scans] == [(32767, 100.0), (13824, 50.0), (-5, 0.0)]
 
 
-@settings(max_examples=3000, deadline=None)
 @given(words=st.tuples(reals, reals, reals, reals), bias=reals, readings=st.lists(st.integers(-32768, 32767), min_size=2, max_size=6))
 def test_a_call_is_total_for_every_bit_pattern_of_words_and_state(words, bias, readings):
     state = State(bias=bias)

@@ -28,7 +28,8 @@ def _write_files(folder):
         "[grid]\ntarget = ['weg']\n")
 
 
-@pytest.mark.long
+@pytest.mark.doc
+@pytest.mark.long(seconds=40)
 @pytest.mark.usefixtures("kept", "whatever_pays")
 def test_the_readmes_commands_run_in_the_order_they_stand(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -44,7 +45,8 @@ def test_every_command_stands_in_the_readme():
         assert any(line.split()[1] == name for line in COMMAND_LINES), name
 
 
-@pytest.mark.long
+@pytest.mark.doc
+@pytest.mark.long(seconds=15)
 @pytest.mark.usefixtures("kept", "whatever_pays")
 def test_the_example_in_every_commands_help_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -59,6 +61,7 @@ def test_the_example_in_every_commands_help_runs(tmp_path, monkeypatch, capsys):
         parser().parse_args(shlex.split(example)[1:])
 
 
+@pytest.mark.doc
 @pytest.mark.long
 @pytest.mark.usefixtures("kept")
 def test_the_readmes_python_runs(tmp_path, monkeypatch, capsys):

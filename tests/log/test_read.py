@@ -174,7 +174,7 @@ def test_missing_files_and_unknown_units_are_refused(tmp_path):
         read_log("table3", temperature_unit="R")
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_any_written_log_is_read_back(tmp_path_factory, data):
     n = data.draw(st.integers(20, 40))

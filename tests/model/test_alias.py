@@ -39,6 +39,7 @@ def _alias(log):
     return next((each.told for each in findings if each.name == "alias"), "")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("periods", [0.7, 1.3, 1.618, 3.7])
 @pytest.mark.parametrize("period", [2.0, 5.0])
 def test_power_that_switches_between_two_readings_is_told_by_its_own_sentence(periods, period):
@@ -47,6 +48,7 @@ def test_power_that_switches_between_two_readings_is_told_by_its_own_sentence(pe
     assert "clocks" not in told
 
 
+@pytest.mark.long
 def test_a_fit_on_aliased_power_carries_the_finding_that_blocks_its_verdict():
     for fitted in (fit(_pwm(1.618)), fit_together([_pwm(1.618), _pwm(1.618, seed=2, name="b")])):
         found = [each for each in fitted.findings if each.name == "alias"]
@@ -55,6 +57,7 @@ def test_a_fit_on_aliased_power_carries_the_finding_that_blocks_its_verdict():
         assert any("switches faster than it was logged" in note for note in fitted.notes)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hold", [1, 2, 4])
 def test_a_prbs_that_was_logged_at_every_switching_is_not_accused(hold):
     plant = Fopdt(gain_degC_per_pct=GAIN, time_constant_s=LAG, dead_time_s=DEAD, ambient_degC=20.0)
@@ -64,6 +67,7 @@ def test_a_prbs_that_was_logged_at_every_switching_is_not_accused(hold):
     assert _alias(_log(time, power, temperature)) == ""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("band", [0.3, 1.0])
 def test_a_thermostat_is_not_accused(band):
     y, on, past, rows = 20.0, False, [0.0] * 16, []
@@ -78,6 +82,7 @@ def test_a_thermostat_is_not_accused(band):
     assert _alias(_log(*np.array(rows).T)) == ""
 
 
+@pytest.mark.long
 def test_a_relay_test_and_slow_steps_are_not_accused():
     plant = Fopdt(gain_degC_per_pct=GAIN, time_constant_s=LAG, dead_time_s=DEAD, ambient_degC=20.0)
     time = np.arange(0.0, 1500.0, 4.0)

@@ -18,6 +18,7 @@ def log():
     return Log(name="steps", source="closed form", time_s=TIME, temperature_degC=shaken, power_pct=power)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("given", "end"), [((24.0, 30.0), 24.0), ((10.0, 20.0), 20.0)])
 def test_an_ambient_that_leaves_its_interval_is_taken_at_the_nearest_end(log, given, end):
     fitted = fit(log, ambient_degC=given)

@@ -31,6 +31,7 @@ def _parts(fitted):
     return {each.part: each.model for each in fitted.candidates if each.part and isinstance(each.model, Fopdt)}
 
 
+@pytest.mark.long
 def test_the_family_holds_the_ends_of_dead_time_slope_and_ultimate_period():
     fitted = fit(_noisy())
     parts, dead = _parts(fitted), fitted.ci95["dead_time_s"]
@@ -96,6 +97,7 @@ def test_with_the_period_held_no_other_heater_of_that_period_fits_better(two_lag
     assert cost <= 1.001 * problem.cost(others, np.tile(problem.readings.temperature_degC, (len(others), 1))).min()
 
 
+@pytest.mark.long
 def test_no_dead_time_is_believed_below_half_the_interval_and_the_sensor_s_delay():
     slow = fit(_noisy(sample=10.0, deviation=0.01, dead=1.0))
     assert slow.least_dead_time_s == 5.0
@@ -107,6 +109,7 @@ def test_no_dead_time_is_believed_below_half_the_interval_and_the_sensor_s_delay
     assert delayed.assumed == {"sensor_delay_s": 30.0}
 
 
+@pytest.mark.long
 def test_a_bound_that_the_user_knows_is_the_end_and_a_heater_of_the_family():
     fitted = fit(_noisy(deviation=1.5, sample=10.0), dead_time_at_most_s=14.0)
     assert fitted.ci95["dead_time_s"].high == 14.0
@@ -127,6 +130,7 @@ def test_a_bound_without_meaning_is_refused():
         fit(replace(log, power_pct=None), laws=(object(),), dead_time_at_most_s=9.0)
 
 
+@pytest.mark.long
 def test_what_is_known_of_a_log_survives_its_document():
     fitted = fit(_noisy(), dead_time_at_most_s=40.0)
     again = document.from_document(document.to_document(fitted))
@@ -150,6 +154,7 @@ def test_the_setpoint_is_the_column_s_last_value_or_the_middle_of_the_upper_half
     assert setpoint_of(replace(_log(up_and_down), rests_at_degC=53.3)) == 53.3
 
 
+@pytest.mark.long
 def test_a_heater_stands_once_in_the_family_and_ends_are_not_drawn_around():
     fitted = fit(_noisy())
     assert len(set(fitted.plants)) == len(fitted.plants)
@@ -157,6 +162,7 @@ def test_a_heater_stands_once_in_the_family_and_ends_are_not_drawn_around():
     assert all(isinstance(model, Fopdt) or len(model.lags_s) == 2 for model in fitted.plants)
 
 
+@pytest.mark.long
 def test_the_nearest_heater_there_is_stands_for_an_end_that_no_heater_has():
     best = fit(_noisy()).candidates[0]
 

@@ -25,6 +25,7 @@ def _two_lags(fitted):
     return next(c for c in fitted.candidates if isinstance(c.model, TwoLag))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [2, 8])  # by their noise the best ratio is 1, the search's end
 def test_two_equal_lags_are_a_heater(seed):
     fitted = fit(_log(seed))
@@ -35,6 +36,7 @@ def test_two_equal_lags_are_a_heater(seed):
     assert two.model.dead_time_s == pytest.approx(DEAD, abs=0.5)
 
 
+@pytest.mark.long
 def test_two_equal_lags_of_several_logs_are_a_heater():
     lags = _two_lags(fit_together([_log(8, "first"), _log(9, "second")])).model.lags_s
     assert lags[1] / lags[0] > 0.97

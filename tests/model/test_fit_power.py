@@ -30,6 +30,7 @@ def _noted(fitted, words):
     return any(words in note for note in fitted.notes)
 
 
+@pytest.mark.long
 def test_a_clean_log_is_told_nothing_it_does_not_have():
     fitted = fit(_made())
     assert fitted.outcome is Outcome.IDENTIFIED
@@ -39,6 +40,7 @@ def test_a_clean_log_is_told_nothing_it_does_not_have():
 
 # --- outliers and quantised sensors -------------------------------------------------------------------------------
 
+@pytest.mark.long
 def test_spikes_and_dropouts_do_not_move_the_fit_and_are_told():
     log = _made()
     y = log.temperature_degC.copy()
@@ -63,6 +65,7 @@ def test_a_reading_loses_its_weight_only_where_it_is_alone():
     assert len(without_outliers(stepped, np.zeros(400))[1]) == 0  # fifteen in a row are no outliers, and are too few to be set aside as common
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step", [0.32, 0.5, 1.0])
 def test_the_step_of_a_quantised_sensor_is_found_and_costs_no_bias(step):
     log = _made(deviation=0.2)
@@ -78,6 +81,7 @@ def test_the_step_of_a_quantised_sensor_is_found_and_costs_no_bias(step):
 
 # --- drift and loads ----------------------------------------------------------------------------------------------
 
+@pytest.mark.long
 def test_a_drift_of_the_ambient_is_fitted_where_it_is_there():
     log = _made()
     fitted = fit(_log(log.time_s, log.power_pct, log.temperature_degC + 4.0 * log.time_s / 3600.0))
@@ -85,6 +89,7 @@ def test_a_drift_of_the_ambient_is_fitted_where_it_is_there():
     assert fitted.model.gain_degC_per_pct == pytest.approx(0.5, rel=0.01)
 
 
+@pytest.mark.long
 def test_a_load_step_at_an_unknown_instant_is_found_modelled_and_told():
     log = _made()
     # a lid that opens at 703 s takes 6 °C in the long run, with the heater's own time constant
@@ -108,6 +113,7 @@ def _begun_with_the_step_on(gain=0.37):
     return _log(time[time >= 0.0], power[time >= 0.0], temperature[time >= 0.0])
 
 
+@pytest.mark.long
 def test_a_log_that_begins_with_the_step_on_does_not_double_the_gain():
     log = _begun_with_the_step_on()
     # what assuming a steady start makes of it: all the rise is laid to the one change that was logged
@@ -121,6 +127,7 @@ def test_a_log_that_begins_with_the_step_on_does_not_double_the_gain():
     assert _noted(fitted, "--power-before")
 
 
+@pytest.mark.long
 def test_the_power_before_is_believed_and_else_the_better_start_is_taken():
     plant = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=20.0, ambient_degC=22.0)
     time = np.arange(-20.0, 600.0, 1.0)
@@ -173,6 +180,7 @@ def _fan_cooled(heating, cooling):
     return _log(time, power, y + np.random.default_rng(3).normal(0.0, 0.1, len(time)))
 
 
+@pytest.mark.long
 def test_a_heater_that_cools_faster_than_it_warms_is_offered_with_both_faces():
     fitted = fit(_fan_cooled(180.0, 90.0))
     faces = {c.law.rsplit(" ", 1)[-1]: c.model for c in fitted.candidates}
@@ -185,6 +193,7 @@ def test_a_heater_that_cools_faster_than_it_warms_is_offered_with_both_faces():
 
 # --- intervals ----------------------------------------------------------------------------------------------------
 
+@pytest.mark.long
 def test_the_intervals_are_wider_under_coloured_noise_of_the_same_size():
     widths = []
     for kind, deviation in (("white", 0.3), ("coloured", 0.3)):
@@ -194,7 +203,8 @@ def test_the_intervals_are_wider_under_coloured_noise_of_the_same_size():
     assert 1.8 < widths[1] / widths[0] < 5.0
 
 
-@pytest.mark.long
+@pytest.mark.brute
+@pytest.mark.long(seconds=80)
 def test_ninety_five_percent_intervals_hold_the_truth_about_so_often():
     # 120 twins with AR(1) noise: at a true coverage of 95 %, fewer than 105 or all 120 come by chance once in 400 runs
     truth = {"gain_degC_per_pct": 0.5, "time_constant_s": 150.0, "dead_time_s": 12.0}

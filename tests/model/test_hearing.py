@@ -23,6 +23,7 @@ def test_a_clean_log_has_no_finding():
     assert fit(logged(time, power, noise=coloured(1, len(time), 0.05))).findings == ()
 
 
+@pytest.mark.long
 def test_a_poor_fit_is_a_finding_with_its_size():
     time, power = doublet()
     fitted = fit(logged(time, power, noise=np.random.default_rng(2).normal(0.0, 12.0, len(time))))
@@ -31,6 +32,7 @@ def test_a_poor_fit_is_a_finding_with_its_size():
     assert told.startswith(f"{fitted.fit_pct:.0f} % of twin")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("lag", "is_fast"), [(0.8, True), (20.0, False)])
 def test_a_heater_faster_than_its_log_is_a_finding(lag, is_fast):
     time, power = doublet()  # a reading every 4 s
@@ -41,6 +43,7 @@ def test_a_heater_faster_than_its_log_is_a_finding(lag, is_fast):
     assert is_fast == any("answers faster than the log shows" in note for note in fitted.notes)
 
 
+@pytest.mark.long
 def test_every_finding_of_the_checks_is_told_in_the_notes_word_for_word():
     # half way through, the heater's gain rises by half: a fan that stops
     time, power = doublet(3000.0)
@@ -52,6 +55,7 @@ def test_every_finding_of_the_checks_is_told_in_the_notes_word_for_word():
     assert all(each.told in fitted.notes for each in fitted.findings if each.name != "poor-fit")
 
 
+@pytest.mark.long
 def test_a_second_lag_that_two_lags_explain_is_no_finding():
     time, power = doublet()
     fitted = fit(logged(time, power, second=30.0, noise=coloured(1, len(time), 0.05)))
@@ -59,6 +63,7 @@ def test_a_second_lag_that_two_lags_explain_is_no_finding():
     assert "follows-power" not in _names(fitted)
 
 
+@pytest.mark.long
 def test_logs_of_two_heaters_disagree_and_of_one_do_not():
     time, power = doublet()
     logs = [logged(time, power, gain=gain, noise=coloured(seed, len(time), 0.05), name=f"log {gain}")

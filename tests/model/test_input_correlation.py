@@ -98,6 +98,7 @@ def test_power_that_never_moves_correlates_with_nothing():
     assert input_correlation(still, noise, np.ones((100, 1)), before_pct=50.0, horizon_s=20.0, seed=1) is None
 
 
+@pytest.mark.long
 def test_a_fit_tells_the_missing_lag_in_words_and_what_two_lags_leave():
     time, power = doublet()
     noise = np.random.default_rng(2).normal(0.0, 0.1, len(time))

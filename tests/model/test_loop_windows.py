@@ -71,6 +71,7 @@ def test_what_is_moved_by_hand_or_clock_is_no_loop_in_any_part(kind, lag):
     assert loop_told(log) == ()
 
 
+@pytest.mark.long
 def test_the_fit_of_such_a_log_tells_from_when_to_when_and_has_the_finding():
     fitted = fit(_log("PI", closed=range(300, 600)))
     (found,) = [each for each in fitted.findings if each.name == "closed-loop"]

@@ -57,6 +57,7 @@ def _loads(fitted):
     return [note for note in fitted.notes if "unlogged load" in note]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("second", [0.0, 40.0])
 def test_a_heater_that_saturates_keeps_its_true_gain_and_no_load_is_believed(second):
     # beyond 55 % of power nothing comes: from 40 to 60 % a mean of 0.375 °C/%, below 0.5 °C/%
@@ -71,6 +72,7 @@ def test_a_heater_that_saturates_keeps_its_true_gain_and_no_load_is_believed(sec
     assert found.outcome is not Outcome.POOR_FIT, "it is explained, though not by one line"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("effective", "ends"), [
     # mean slope of f over the steepest and the flattest stretch between logged levels, times 0.5 °C/%
     (lambda u: u * u / 100.0, (0.5 * 1.8, 0.5 * 0.2)),
@@ -86,6 +88,7 @@ def test_a_gain_that_depends_on_the_power_has_both_its_ends_as_candidates(effect
     assert not _loads(found)
 
 
+@pytest.mark.long
 def test_a_loss_that_grows_takes_gain_and_time_constant_down_together():
     # slope of θ·(1 + 0.02·θ): 1 at the ambient; at 100 %, where θ·(1 + 0.02·θ) = 50, θ = 30.9 °C and the slope is 2.24
     found = fit(_log(loss=0.02))
@@ -95,6 +98,7 @@ def test_a_loss_that_grows_takes_gain_and_time_constant_down_together():
     assert "and the time constant with it" in _told(found)[0]
 
 
+@pytest.mark.long
 def test_a_ceiling_is_told_and_the_heater_below_it_is_a_candidate():
     found = fit(_log(ceiling=58.0))
     assert max(_rates(found)) == pytest.approx(GAIN / LAG, rel=0.03)
@@ -102,6 +106,7 @@ def test_a_ceiling_is_told_and_the_heater_below_it_is_a_candidate():
     assert float(told.split("at less than ")[1].split(" °C")[0]) == pytest.approx(58.0, abs=0.4)
 
 
+@pytest.mark.long
 def test_heating_and_cooling_with_a_second_lag_and_two_powers():
     found = fit(_log(_on_off, warming=150.0, cooling=450.0, second=20.0))
     faces = {c.law.split(", ")[1]: c.model for c in found.candidates if "ing" in c.law.split(", ")[-1]}
@@ -110,6 +115,7 @@ def test_heating_and_cooling_with_a_second_lag_and_two_powers():
     assert max(_rates(found)) == pytest.approx(GAIN / 150.0, rel=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("second", [0.0, 60.0])
 def test_a_linear_heater_is_not_bent(second):
     found = fit(_log(second=second))
@@ -117,6 +123,7 @@ def test_a_linear_heater_is_not_bent(second):
     assert all(c.law == "power logged" for c in found.candidates)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("instant", [2100.0, 1715.0])
 def test_a_real_load_is_believed_where_no_bend_explains_it_even_with_an_edge(instant):
     # the power goes from 80 to 100 % at 1700 s and arrives at 1715 s

@@ -28,6 +28,7 @@ def _logged(time, power, plant, *, dead, start, noise=0.0):
     return Log(name="made", source="", time_s=time, temperature_degC=temperature, power_pct=power)
 
 
+@pytest.mark.long
 def test_the_dead_time_of_a_held_input_is_found_to_a_fraction_of_a_sample():
     # linear interpolation of the held power would shift it by half a sample, that is 0.5 s
     time, power = _doublet()
@@ -38,12 +39,14 @@ def test_the_dead_time_of_a_held_input_is_found_to_a_fraction_of_a_sample():
     assert found.time_constant_s == pytest.approx(150.0, rel=5e-3)
 
 
+@pytest.mark.long
 def test_a_start_that_is_not_steady_does_not_spoil_the_gain():
     time, power = _doublet()
     log = _logged(time, power, lti([0.5], [150.0, 1.0]), dead=12.0, start=55.0)
     assert fit(log).model.gain_degC_per_pct == pytest.approx(0.5, rel=5e-3)
 
 
+@pytest.mark.long
 def test_the_intervals_hold_the_truth_and_widen_with_noise():
     time, power = _doublet(sample=4.0)
     quiet = fit(_logged(time, power, lti([0.5], [150.0, 1.0]), dead=12.0, start=20.0, noise=0.1))
@@ -55,6 +58,7 @@ def test_the_intervals_hold_the_truth_and_widen_with_noise():
     assert loud.outcome is Outcome.IDENTIFIED
 
 
+@pytest.mark.long
 def test_an_interval_is_open_only_where_it_meets_a_bound():
     # a long, quiet record: every interval is narrow, far from the bounds, and closed
     time = np.arange(0.0, 40_000.0, 20.0)
@@ -66,6 +70,7 @@ def test_an_interval_is_open_only_where_it_meets_a_bound():
         assert found[name].high == pytest.approx(truth, rel=0.1)
 
 
+@pytest.mark.long
 def test_two_lags_are_offered_where_the_heater_has_two():
     time, power = _doublet(sample=2.0)
     log = _logged(time, power, lti([0.5], [120.0 * 40.0, 160.0, 1.0]), dead=5.0, start=20.0, noise=0.05)

@@ -112,6 +112,7 @@ def test_every_hypothesis_stands_in_the_table_once_and_the_candidates_are_among_
     assert single > 40.0
 
 
+@pytest.mark.long(seconds=20)
 def test_one_heater_explains_both_tables_as_well_as_the_identification_page_says(table3, table4):
     fitted = fit_together([table3, table4], laws=LAWS)
     assert isinstance(fitted.candidates[0].model, TwoLag)

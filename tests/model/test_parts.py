@@ -39,6 +39,7 @@ def _factors(log):
     return widening(problem, problem.fit())
 
 
+@pytest.mark.long
 def test_a_gain_that_changes_in_the_middle_widens_the_interval_until_it_holds_both_and_is_told():
     found = fit(_restless())
     gain = found.ci95["gain_degC_per_pct"]
@@ -49,6 +50,7 @@ def test_a_gain_that_changes_in_the_middle_widens_the_interval_until_it_holds_bo
     assert "the halves of the log differ more than their noise explains" in told
 
 
+@pytest.mark.long
 def test_one_heater_is_hardly_widened():
     # the deviations of two halves from their whole are one number with one degree of freedom: 1 in 3 logs exceeds 1
     time, power = doublet(3000.0)
@@ -67,6 +69,7 @@ def test_a_half_in_which_the_power_never_changes_is_no_surprise():
     assert max(factors.values()) < 2.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [
     "unal_prbs_open", "apm_siso_doublet", "chamber_relay_autotune2", "pds_tclab", "unal_profile_closed"])
 def test_the_halves_of_a_real_log_lie_in_its_intervals(real_logs, name):
@@ -75,6 +78,7 @@ def test_the_halves_of_a_real_log_lie_in_its_intervals(real_logs, name):
     assert all(all(bench.inside_of(found, half)) for half in found.halves)
 
 
+@pytest.mark.long
 def test_the_table_of_halves_is_made(real_logs, capsys, tmp_path):
     (tmp_path / "a.csv").symlink_to(real_logs / "normalised" / "unal_prbs_open.csv")
     bench.main([str(tmp_path)])

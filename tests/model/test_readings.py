@@ -68,6 +68,7 @@ def test_a_run_ends_at_an_edge_and_at_a_gap_and_no_reading_is_lost():
     assert readings.temperature_degC @ sizes == pytest.approx(cut.temperature_degC.sum(), rel=1e-12)
 
 
+@pytest.mark.long
 def test_a_long_log_is_fitted_without_bias_in_a_second():
     log = _log(n=100_000, noise=0.2)
     fit(_log(n=3000, noise=0.2))  # compiles

@@ -19,6 +19,7 @@ def _open(real_logs, name):
     return load_csv(real_logs / "normalised" / f"{name}.csv", name)
 
 
+@pytest.mark.long
 def test_the_kelvin_log_meets_the_published_sum_of_squares(real_logs):
     # SSE 82.96 K² with gain 0.9199 °C/%, time constant 138.1 s, dead time 14.2 s, a steady start assumed
     log = read_log(
@@ -39,6 +40,7 @@ def _half(log, begun, ended):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["apm_siso_doublet", "unal_prbs_open", "pds_tclab"])
 def test_the_halves_of_a_log_agree_within_their_intervals(real_logs, name):
     log = _open(real_logs, name)
@@ -67,6 +69,7 @@ def test_the_halves_that_a_fit_compares_agree_on_these_logs_and_not_on_those(rea
     assert all(half.ci95["dead_time_s"].high < half.window_s[1] - half.window_s[0] for half in pair)
 
 
+@pytest.mark.long
 def test_a_log_of_one_step_needs_the_ambient_and_then_gives_the_published_gain(real_logs):
     # published with a steady start at the first reading: gain 0.8358 °C/%, time constant 150.5 s; a free start moves both
     log = _open(real_logs, "kantor_tclab_step3")

@@ -38,6 +38,7 @@ def test_the_relay_switches_at_the_very_crossings(model, relay):
     assert temperature[late & (power < 80.0)].min() >= relay.on_degC - 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("relay", [SKEW, EVEN], ids=["asymmetric", "symmetric"])
 def test_the_closed_form_is_the_simulated_oscillation(relay):
     schedule, found = simulate_relay(ONE, relay, 3000.0), oscillation(ONE, relay)
@@ -81,6 +82,7 @@ def _relay_law(constants, memory, error, h):
     return constants[0] if memory[0] == 0.0 else constants[1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("model", "ratio"), [(ONE, 0.0), (TWO, 50.0 / 150.0)], ids=["one lag", "two lags"])
 @pytest.mark.parametrize("sample", [1.0, 3.0])
 def test_a_sampled_relay_is_the_one_of_the_compiled_loop(model, ratio, sample):

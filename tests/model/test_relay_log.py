@@ -146,6 +146,7 @@ def test_noise_does_not_lift_the_swing(noise):
         assert _numbers(each.output_error) == pytest.approx(TRUE, rel=0.02)
 
 
+@pytest.mark.long
 def test_the_fit_tells_what_the_oscillation_told():
     fitted = fit(_logged(SKEW, noise=0.05))
     assert fitted.combinations["ultimate_period_s"][0] == pytest.approx(oscillation(TRUTH, SKEW).period_s, rel=0.02)

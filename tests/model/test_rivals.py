@@ -41,6 +41,7 @@ def test_a_slow_wall_that_passes_for_the_initial_state_is_a_rival_and_no_gain_is
     assert _told(fitted, "no heater is colder than its room")
 
 
+@pytest.mark.long
 def test_drift_that_swallows_a_slow_heater_in_a_loop_leaves_both_as_candidates(real_logs):
     from tests.conftest import load_csv  # noqa: PLC0415 - beside its only use
 
@@ -56,6 +57,7 @@ def test_drift_that_swallows_a_slow_heater_in_a_loop_leaves_both_as_candidates(r
     assert "in a closed loop the power answers them" in _told(fitted, "With drift fitted")[0]
 
 
+@pytest.mark.long
 def test_a_chamber_whose_plain_fit_would_have_begun_colder_than_its_room_is_told(real_logs):
     from tests.conftest import load_csv  # noqa: PLC0415 - beside its only use
 
@@ -67,6 +69,7 @@ def test_a_chamber_whose_plain_fit_would_have_begun_colder_than_its_room_is_told
     assert fitted.outcome is Outcome.COMBINATIONS_ONLY
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("what", ["drift", "load"])
 def test_in_an_open_loop_a_drift_or_load_that_foretells_the_rest_has_no_rival(what):
     time, power = doublet()
@@ -78,6 +81,7 @@ def test_in_an_open_loop_a_drift_or_load_that_foretells_the_rest_has_no_rival(wh
     assert fitted.outcome is Outcome.IDENTIFIED
 
 
+@pytest.mark.long
 def test_one_step_and_a_load_are_fitted_where_two_lags_alone_would_not_need_the_power():
     time = np.arange(0.0, 1500.0, 4.0)
     noise = np.random.default_rng(1).normal(0.0, 0.1, len(time))
@@ -123,6 +127,7 @@ def test_a_clock_that_runs_behind_is_found_to_the_sample():
     assert float(str(problem.value).split(" moves ")[1].split(" s ")[0]) == pytest.approx(68.0, abs=4.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("late", "told"), [(0, False), (40, True)])
 def test_a_dead_time_longer_than_the_time_constant_may_be_a_clock_of_the_power_that_runs_ahead(late, told):
     # the power's column 160 s early looks like 160 s more of dead time: 172 s against a time constant of 150 s.

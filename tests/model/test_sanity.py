@@ -49,6 +49,7 @@ def test_the_controller_seen_backwards_is_refused():
         fit(log)
 
 
+@pytest.mark.long
 def test_a_loop_that_a_setpoint_moves_is_fitted_and_said_to_be_one():
     decay, state, past, rows = np.exp(-4.0 / 150.0), 20.0, [0.0] * 3, []
     rng = np.random.default_rng(2)
@@ -67,6 +68,7 @@ def test_a_loop_that_a_setpoint_moves_is_fitted_and_said_to_be_one():
     assert fitted.model.dead_time_s == pytest.approx(12.0, abs=1.0)
 
 
+@pytest.mark.long
 def test_an_open_loop_log_does_not_look_like_a_loop():
     assert not follows_temperature(_log())
     rng = np.random.default_rng(7)
@@ -104,6 +106,7 @@ def test_a_log_that_ends_before_the_temperature_answers_is_refused():
         fit(log)
 
 
+@pytest.mark.long
 def test_sound_logs_pass_all_checks_whatever_their_noise():
     for seed in range(8):
         noise = (0.0, 0.3, 2.0)[seed % 3]

@@ -42,6 +42,7 @@ def _is_the_heater(fitted):
         assert fitted.ci95[name].low < truth < fitted.ci95[name].high
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("thrown", [((1000.0, -15.0),), ((700.0, -12.0), (1001.0, 20.0), (1500.0, -9.0))])
 def test_a_log_that_jumps_is_fitted_to_its_end_as_one_heater(thrown):
     fitted = fit(_log(_read() + sum(_thrown(*each) for each in thrown)))
@@ -54,6 +55,7 @@ def test_a_log_that_jumps_is_fitted_to_its_end_as_one_heater(thrown):
     _is_the_heater(fitted)
 
 
+@pytest.mark.long
 def test_the_power_in_a_clock_gap_is_not_asked_for():
     # 100 % for 250 s that nobody logged
     unlogged = np.where((TIME >= 1250.0) & (TIME < 1500.0), 100.0, POWER)
@@ -63,6 +65,7 @@ def test_the_power_in_a_clock_gap_is_not_asked_for():
     _is_the_heater(fitted)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("places", "reading"), [([0], 0.0), ([0, 1], 85.0), ([-1], 127.0), ([-2, -1], 0.0)])
 def test_wild_readings_at_either_end_are_left_out_and_told(places, reading):
     temperature = _read()
@@ -72,6 +75,7 @@ def test_wild_readings_at_either_end_are_left_out_and_told(places, reading):
     _is_the_heater(fitted)
 
 
+@pytest.mark.long
 def test_a_dropout_too_long_for_a_spike_is_left_out_and_told():
     temperature = _read()
     temperature[200:208] = 0.0
@@ -80,6 +84,7 @@ def test_a_dropout_too_long_for_a_spike_is_left_out_and_told():
     _is_the_heater(fitted)
 
 
+@pytest.mark.long
 def test_heavy_noise_and_slopes_over_gaps_and_kinks_at_edges_are_no_jumps():
     assert not _disturbances(fit(_log(_read(noise=4.0))))
     rng = np.random.default_rng(3)
@@ -94,6 +99,7 @@ def test_heavy_noise_and_slopes_over_gaps_and_kinks_at_edges_are_no_jumps():
     assert quick.model.time_constant_s == pytest.approx(3.0, rel=0.1)
 
 
+@pytest.mark.long
 def test_two_lags_have_two_states_in_each_segment():
     fine = np.arange(0.0, 2001.0, 0.25)
     held = POWER[np.clip(np.searchsorted(TIME, fine - 5.0 + 1e-9, side="right") - 1, 0, None)]
@@ -108,6 +114,7 @@ def test_two_lags_have_two_states_in_each_segment():
     assert two.dead_time_s == pytest.approx(5.0, abs=1.0)
 
 
+@pytest.mark.long
 def test_a_disturbed_log_and_a_quiet_one_are_fitted_together():
     fitted = fit_together([
         _log(_read() + _thrown(1000.0, -15.0), name="shaken"), _log(_read(seed=2), name="quiet")])
@@ -116,6 +123,7 @@ def test_a_disturbed_log_and_a_quiet_one_are_fitted_together():
     _is_the_heater(fitted)
 
 
+@pytest.mark.long
 def test_until_ends_a_log_before_its_disturbance():
     fitted = fit(_log(_read() + _thrown(1000.0, -15.0)), until_s=990.0)
     assert not _disturbances(fitted)

@@ -34,6 +34,7 @@ def _explained(log):
     return explained(log, ambient_degC=None, power_before_pct=None)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 def test_a_test_that_begins_at_rest_keeps_its_ambient_though_a_second_lag_bends_the_one(seed):
     # with a free initial state one lag has 33.8 °C, and an interval from −7 to 41 °C
@@ -45,6 +46,7 @@ def test_a_test_that_begins_at_rest_keeps_its_ambient_though_a_second_lag_bends_
     assert "begun at rest" in found.method
 
 
+@pytest.mark.long
 def test_the_heater_switched_on_with_the_log_is_seen_to_have_rested_without_power():
     found = _explained(_log(lambda time: np.where(time < 500.0, 60.0, 20.0)))
     assert (found.problems[0].power_before_pct, found.problems[0].at_rest) == (0.0, True)
@@ -61,6 +63,7 @@ def test_a_heater_that_still_cools_as_the_log_begins_is_not_at_rest():
     assert found.model.ambient_degC == pytest.approx(AMBIENT, abs=0.5)
 
 
+@pytest.mark.long
 def test_a_rest_that_few_readings_show_leaves_both_starts_as_candidates():
     # 12 readings before the step bound the slope to 0.005 °C/s, times 380 s: 8 % of the span
     found = fit(_log(_steps))

@@ -71,6 +71,7 @@ def _dense_peaks(plant, design, points=60_000):
 # ---- the feasible set -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("ms", "gain", "tn"),
     # K. J. Åström, H. Panagopoulos, T. Hägglund, "Design of PI controllers based on non-convex optimization",
@@ -87,6 +88,7 @@ def test_the_largest_integral_gain_for_three_lags_is_the_published_one(ms, gain,
     assert tns[best] == pytest.approx(tn, rel=0.005)
 
 
+@pytest.mark.long
 def test_the_margins_of_three_lags_are_those_that_matlab_prints():
     # MATLAB's documentation of pidtune: for 1/(s + 1)³ and a phase margin of 60°, Kp = 1.14, Ki = 0.454, crossing at
     # 0.52 rad/s; three digits of the gains leave a quarter of a degree
@@ -113,6 +115,7 @@ def test_ms_is_met_at_two_gains_and_both_are_found_with_their_costs():
     assert costs == pytest.approx([0.01473, 0.7472], rel=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("limits", [(1.6, NONE, NONE), (4.0, 1.1, NONE), (4.0, NONE, 4.0), (1.4, 1.2, 3.0)])
 @pytest.mark.parametrize("settings", [(0.8, 0.0), (0.5, 0.1), (0.3, 0.12), (2.0, 0.05)])
 def test_inside_a_piece_every_limit_is_kept_and_at_its_top_one_is_met(limits, settings):
@@ -155,6 +158,7 @@ def test_the_margins_are_those_of_plain_evaluation(plant):
 # ---- time responses -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("plant", "settings"), [
     ((1.0, 1.0, 0.3), (1.4, 0.6, 0.0)), ((1.0, 1.0, 0.3), (2.3, 0.5, 0.12)), ((2.0, 1.0, 3.0), (0.2, 1.2, 0.8)),
     ((1.0, 1.0, 0.05), (12.12, 0.13042, 0.02029)), ((1.0, 1.0, 10.0), (0.25, 3.0, 0.0)),
@@ -166,6 +170,7 @@ def test_the_load_iae_is_that_of_runge_and_kutta(plant, settings):
     assert _price(heaters, LOAD, *settings, 4.0, NONE) == pytest.approx(by_steps, rel=5e-4)
 
 
+@pytest.mark.long
 def test_without_dead_time_the_costs_are_those_of_the_linear_system():
     # scipy's exact step response of the two-lag loop: no dead time, so it is of finite order
     from scipy import signal  # noqa: PLC0415 - beside its only use
@@ -184,6 +189,7 @@ def test_without_dead_time_the_costs_are_those_of_the_linear_system():
         assert _price(heaters, weights, gain, tn, 0.0, 0.5, NONE) == pytest.approx(value, rel=2e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("settings", [(1.4, 0.6, 0.0), (2.3, 0.5, 0.12)])
 def test_setpoint_iae_and_itae_are_those_of_fine_euler_steps(settings):
     # the plainest scheme there is, 20 000 steps per dead time constant
@@ -211,6 +217,7 @@ def test_setpoint_iae_and_itae_are_those_of_fine_euler_steps(settings):
 # ---- the optimum ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.brute
 @pytest.mark.long
 @pytest.mark.parametrize(("dead", "ms", "structure"), [
     (0.05, 1.6, "pi"), (0.2, 1.2, "pi"), (1.0, 2.0, "pi"), (5.0, 1.6, "pi"), (5.0, 2.0, "pi"),
@@ -365,6 +372,7 @@ def _modal_iae(plant, gain, tn, tv):
     return float(np.trapezoid(np.abs(np.real(np.exp(np.outer(t, poles)) @ shares)), t))
 
 
+@pytest.mark.brute
 @pytest.mark.parametrize(("gain", "lag", "ms", "mks"), [(0.5, 3.0, 1.6, 5.0), (1.0, 100.0, 1.2, 30.0), (1.0, 1.0, 1.6, 1e3)])
 def test_without_dead_time_no_pi_of_a_brute_force_beats_the_optimum_under_a_noise_limit(gain, lag, ms, mks):
     plant = _heater(0.0, lag, gain)
@@ -386,6 +394,7 @@ def test_without_dead_time_no_pi_of_a_brute_force_beats_the_optimum_under_a_nois
     assert 0.97 * best < problem.cost(design) < 1.002 * best
 
 
+@pytest.mark.brute
 @pytest.mark.long
 def test_without_dead_time_no_pid_of_a_brute_force_beats_the_optimum_under_limits_of_noise_and_mt():
     plant = _heater(0.0, 100.0)

@@ -143,6 +143,7 @@ def _box(rng, ta, structure):
     return low, high
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("structure", ["pi", "pid"])
 def test_no_controller_inside_a_box_costs_less_than_its_bound(structure):
     # 60 random boxes, 20 random controllers in each, judged alone by the margins and the simulated response

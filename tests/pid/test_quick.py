@@ -38,6 +38,7 @@ def test_the_worst_heater_stands_at_the_limit(structure, ms, past):
     assert found.structure == structure
 
 
+@pytest.mark.long
 def test_no_other_integral_time_gives_a_larger_integral_gain():
     def largest(tn):
         return brentq(lambda gain: sensitivity(ONE, gain, tn, 0.0, 0.0) - 1.6, 0.01, 12.0)

@@ -39,6 +39,8 @@ def _dense_ms(heaters, gain, tn):
     return (1.0 / np.abs(1.0 + loop)).max(axis=1)
 
 
+@pytest.mark.brute
+@pytest.mark.long
 def test_over_all_drawn_heaters_no_brute_force_finds_a_better_pi():
     fitted = _fitted(**WIDE)
     heaters = draw_heaters(fitted)
@@ -65,6 +67,7 @@ def _sampled_ms(heaters, design):
     return np.array(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [11, 12, 13])
 def test_the_promise_on_95_percent_holds_on_heaters_it_was_not_made_on(seed):
     fitted = _fitted(**WIDE)
@@ -72,6 +75,7 @@ def test_the_promise_on_95_percent_holds_on_heaters_it_was_not_made_on(seed):
     assert np.mean(_sampled_ms(draw_heaters(fitted, 2000, seed=seed), design) > 1.6 * 1.006) <= 0.05
 
 
+@pytest.mark.long
 def test_of_a_sampled_loop_the_limit_is_kept_on_as_many_heaters_as_asked():
     fitted = _fitted(**WIDE)
     heaters, found = draw_heaters(fitted), {}
@@ -88,6 +92,7 @@ def test_of_a_sampled_loop_the_limit_is_kept_on_as_many_heaters_as_asked():
     assert any("the limits hold on all of them" in note and f"That costs {more:.1f} %" in note for note in found["worst"][3])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sample_time_s", [0.0, 8.0])
 def test_every_limit_is_kept_not_that_of_ms_alone(sample_time_s):
     fitted = _fitted(**WIDE)
@@ -166,6 +171,7 @@ def _two_faced(heating, cooling):
     ))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sample_time_s", [0.0, 4.0])
 def test_a_heater_that_cools_slower_is_told_gains_for_each_and_what_one_set_costs(sample_time_s):
     heating, cooling = HEATER, replace(HEATER, time_constant_s=480.0)

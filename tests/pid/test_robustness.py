@@ -59,6 +59,7 @@ def test_python_control_sees_the_same_setpoint_response(plant, design):
     )
 
 
+@pytest.mark.long
 def test_stability_is_judged_as_python_controls_poles_judge_it():
     plant = PLANTS["two lags"]
     seen = set()

@@ -62,6 +62,7 @@ def test_amigo_keeps_the_robustness_its_authors_design_for(ratio):
     assert 1.2 < margins(plant, design).ms < 1.42
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("structure", ["pi", "pid"])
 def test_the_optimum_keeps_the_limit_and_no_point_of_a_dense_grid_beats_it(structure):
     problem = Problem(plants=(HEATER,), structure=structure, ms=1.6, sample_time_s=4.0)

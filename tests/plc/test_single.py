@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from heatertune.plc.core import Sensor
@@ -17,7 +17,6 @@ def _same(found, expected):
     return np.float32(found).tobytes() == expected.tobytes() or (math.isnan(found) and np.isnan(expected))
 
 
-@settings(max_examples=5000, deadline=None)
 @given(a=singles, b=singles)
 def test_one_rounding_after_each_operation(a, b):
     x, y = np.float32(a), np.float32(b)

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from plcopen import Project
 from tests.plc.st_machine import FunctionBlock, found, parse
@@ -91,6 +91,7 @@ def _random_words(rng):
                  scaling=Scaling(), sample_time_s=ts / 1000)
 
 
+@pytest.mark.long
 def test_the_exported_block_runs_10000_random_scans_as_the_room_does():
     rng, limited, broken = np.random.default_rng(7), 0, 0
     for _ in range(500):
@@ -110,7 +111,6 @@ def test_the_exported_block_runs_10000_random_scans_as_the_room_does():
     assert 300 < broken < 3000
 
 
-@settings(max_examples=2000, deadline=None)
 @given(value=st.floats(width=32, allow_nan=False, allow_infinity=False, min_value=0.0))
 def test_a_literal_is_read_back_as_the_same_real(value):
     text = literal(value)

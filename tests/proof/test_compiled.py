@@ -92,7 +92,7 @@ def test_a_step_is_the_same_compiled_and_plain_bit_for_bit(target):
     core, _ = which.start_directly(legal, {})
     step, measured = compiled(core.step), compiled(core.measure)
 
-    @settings(max_examples=150, deadline=None)
+    @settings(max_examples=150)
     @given(running=_running(which, legal))
     def holds_for_any_words_settings_and_temperatures(running):
         controller, scans = running
@@ -121,7 +121,7 @@ def test_a_loop_is_the_same_compiled_and_plain_bit_for_bit(target, monkeypatch):
     which = controller_for(target)
     legal = which.encode(PI, Scaling())
 
-    @settings(max_examples=40, deadline=None)
+    @settings(max_examples=40)
     @given(running=_running(which, legal), heater=st.sampled_from(HEATERS), setpoint=st.floats(30.0, 60.0), seed=st.integers(0, 99))
     def holds_for_any_words_and_settings(running, heater, setpoint, seed):
         words = running[0].words if running[0].words.sample_time_s == PI.sample_time_s else legal
@@ -262,6 +262,7 @@ def test_the_draw_has_the_spread_that_it_tells():
     assert calm.sample(7, 1)[0] == [0.41, 166.0, 0.0, 14.3, 24.0, 24.0]
 
 
+@pytest.mark.long
 def test_the_verdict_falls_where_more_than_the_share_allowed_breaks_a_limit():
     which = controller_for("s5-ob251")
     short = replace(SCENARIO, duration_s=1200.0)
@@ -280,7 +281,6 @@ def test_the_verdict_falls_where_more_than_the_share_allowed_breaks_a_limit():
 
 
 @pytest.mark.long
-@settings(deadline=None)
 @given(value=st.floats())
 def test_single_precision_is_the_same_compiled(value):
     found, expected = compiled(single)(value), single(value)

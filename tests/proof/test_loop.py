@@ -167,7 +167,7 @@ def test_halving_the_resolution_converges(tenths, words, heater):
     assert wrong[0] > wrong[1] > wrong[2]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(dead=st.floats(0.0, 60.0), power=st.floats(0.0, 100.0))
 def test_dead_time_only_shifts_what_the_heater_does(program, words, dead, power):
     room = program(lambda count, _begins: power if count < 30 else 0.0)

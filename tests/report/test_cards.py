@@ -63,6 +63,7 @@ def test_a_log_shows_its_spans_with_units_and_what_the_reader_did(log):
     assert pictures == 1
 
 
+@pytest.mark.long
 def test_a_long_log_is_thinned_its_last_reading_kept(log):
     noisy = replace(log, temperature_degC=log.temperature_degC + np.sin(1.7 * log.time_s))
     short = noisy.window(0.0, 599.0)
@@ -71,6 +72,7 @@ def test_a_long_log_is_thinned_its_last_reading_kept(log):
     assert (kept[0], kept[-1], len(kept)) == (0.0, 4999.0, 600)
 
 
+@pytest.mark.long
 def test_a_model_shows_its_numbers_and_its_outcome(log):
     fitted = chain.fit(log.window(0.0, 1200.0))
     rows, text, pictures = _seen(fitted)

@@ -62,6 +62,7 @@ def seen(page):
     return _Seen(page)
 
 
+@pytest.mark.long
 def test_the_page_is_well_formed_and_fetches_nothing(page, seen):
     assert seen.open == []
     assert all(each.startswith("#") for each in seen.fetched), seen.fetched
@@ -123,6 +124,7 @@ def test_verdict_steps_and_what_was_not_proven_stand_in_the_page(page):
     assert "a jittering timer (<code>heatertune verify --samples</code>" in page
 
 
+@pytest.mark.long
 def test_the_same_documents_give_the_same_page_and_other_words_other_ticks(documents, page):
     assert render(documents) == page
     other = json.loads(json.dumps(documents))
@@ -148,6 +150,7 @@ def test_the_data_of_a_live_picture_are_the_lines_of_the_printed_one(documents, 
         assert json.loads(block)
 
 
+@pytest.mark.long
 def test_every_line_that_can_be_read_under_the_cursor_has_a_name(documents):
     series = documents["pictures"]
     log = documents["log"]
@@ -169,6 +172,7 @@ def test_power_is_a_panel_of_its_own(documents):
     assert low["lines"][0]["y"] == [-0.5, 1.0]
 
 
+@pytest.mark.long
 def test_the_ms_of_the_design_stands_in_the_picture_beside_the_limit(documents, page):
     assert ">design 1.37<" not in page, "a design by hand promised none"
     promised = documents | {"pid": documents["pid"] | {"ms": 1.37}}

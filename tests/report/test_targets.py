@@ -24,6 +24,7 @@ def document():
     return plain(compare(_design(), HEATER, Conditions(setpoint_degC=40.0)))
 
 
+@pytest.mark.long
 def test_every_target_has_a_row_with_the_figures_of_its_own_proof(document):
     assert [row["target"] for row in document["rows"]] == list(TARGETS)
     for row in document["rows"]:
@@ -32,6 +33,7 @@ def test_every_target_has_a_row_with_the_figures_of_its_own_proof(document):
         assert (row["verdict"], row["realised"]["iae"]) == (proof.verdict, pytest.approx(nominal["iae"]))
 
 
+@pytest.mark.long
 def test_what_rounding_costs_is_told_apart_from_what_the_arithmetic_costs(document):
     rows = {row["target"]: row for row in document["rows"]}
     for target in ("s7-300", "fb41", "weg", "s7-200-pid"):  # REAL words hardly round
@@ -43,6 +45,7 @@ def test_what_rounding_costs_is_told_apart_from_what_the_arithmetic_costs(docume
     assert rows["on-off"]["realised"]["iae"] > 1.2 * rows["on-off"]["wished"]["iae"]
 
 
+@pytest.mark.long
 def test_the_table_and_the_picture_show_every_controller(document):
     table = targets_table(document)
     assert all(target in table for target in TARGETS)
@@ -58,6 +61,7 @@ def test_the_table_and_the_picture_show_every_controller(document):
     assert "http" not in page.replace("http://www.w3.org", "").replace("http://purl.org", "").replace("http://creativecommons.org", "")
 
 
+@pytest.mark.long
 def test_a_controller_that_cannot_hold_the_design_stays_in_the_table_with_its_reason():
     rows = {row["target"]: row for row in compare(_design(tn=np.inf), HEATER, Conditions(setpoint_degC=40.0))["rows"]}
     assert rows["s7-200"]["verdict"] == "not representable"

@@ -63,6 +63,7 @@ def test_the_words_stand_in_the_order_in_which_they_are_typed_in(look):
     assert cells[6] == str(look.gains.words.values["K"])
 
 
+@pytest.mark.long
 def test_rounding_is_told_as_what_became_of_each_part(look):
     rows = Cells(views.rounding(look)).cells
     words = look.gains.words.values

@@ -1,0 +1,45 @@
+"""The constraints that CI runs with are those of pyproject.toml."""
+
+import re
+import tomllib
+
+import pytest
+from tests.conftest import ROOT
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+ASKED = [line for lines in (PROJECT["dependencies"], *PROJECT["optional-dependencies"].values()) for line in lines]
+#: those that no test needs
+UNTRIED = {"jupyterlab"}
+
+
+def _name(text):
+    return re.match(r"[\w.-]+", text)[0].lower().replace("_", "-")
+
+
+def _pins(file):
+    lines = (ROOT / "constraints" / file).read_text(encoding="utf-8").splitlines()
+    return {_name(line): line.split("==")[1] for line in lines if not line.startswith("#")}
+
+
+def _numbers(version):
+    return [int(part) for part in version.split(".")]
+
+
+@pytest.fixture
+def lowest_asked():
+    return {_name(line): re.search(r">=([\d.]+)", line)[1] for line in ASKED if _name(line) not in UNTRIED}
+
+
+def test_the_lowest_releases_are_the_lower_bounds(lowest_asked):
+    pins = {name: _numbers(version) for name, version in _pins("lowest.txt").items()}
+    assert set(pins) == set(lowest_asked)
+    for name, version in lowest_asked.items():
+        bound = _numbers(version)
+        assert pins[name][: len(bound)] == bound, name
+        assert not any(pins[name][len(bound) :]), f"{name}: the first release of {version}"
+
+
+def test_the_lock_holds_every_package_that_is_asked_for(lowest_asked):
+    pins = _pins("lock.txt")
+    assert set(lowest_asked) <= set(pins)
+    assert all(_numbers(pins[name]) >= _numbers(version) for name, version in lowest_asked.items())
