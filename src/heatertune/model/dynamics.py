@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import InputError, OutOfRange
+from heatertune.heater.exact import since_step
 from heatertune.units import check
 
 if TYPE_CHECKING:
@@ -115,15 +116,8 @@ class Dynamics:
 
 
 def _unit_step(lags_s: tuple[float, ...], since_s: Array) -> Array:
-    """Return the unit-step response of one lag or two, 0 before the step; lags may be equal."""
-    since = np.maximum(since_s, 0.0)
-    slow = np.exp(-since / lags_s[0])
-    if len(lags_s) == 1:
-        return np.asarray(1.0 - slow)
-    first, second = lags_s
-    apart = since * (first - second) / (first * second)
-    mean = np.where(apart > 0.0, -np.expm1(-apart) / np.where(apart > 0.0, apart, 1.0), 1.0)
-    return np.asarray(1.0 - slow * (1.0 + since / first * mean))
+    """Return the unit-step response of one lag or two, 0 before the step."""
+    return since_step(np.maximum(since_s, 0.0), *lags_s)[0]
 
 
 def _course(time_s: npt.ArrayLike, power_pct: npt.ArrayLike) -> tuple[Array, Array]:
