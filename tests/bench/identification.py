@@ -12,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import ODEintWarning, odeint
+from scipy.integrate import odeint
 from scipy.optimize import OptimizeWarning, curve_fit
 from scipy.signal import lfilter
 
@@ -155,7 +155,7 @@ def run(seed):
     for method, work in (("two points", two_points), ("curve_fit + odeint", course_script)):
         begun = time.perf_counter()
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ODEintWarning)
+            warnings.simplefilter("ignore")  # its ODEintWarning has moved
             warnings.simplefilter("ignore", OptimizeWarning)
             try:
                 result = work(case.log)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 from heatertune.compiled import compiled
 from heatertune.errors import InputError, OutOfRange, UnknownName
@@ -181,7 +182,7 @@ def test_without_dead_time_the_costs_are_those_of_the_linear_system():
     heaters = np.array([[k, a, b, 0.0]])
     load = signal.step(([k * tn, 0.0], closed), T=t)[1]
     setpoint = 1.0 - signal.step(([k * gain * tn, k * gain], closed), T=t)[1]
-    expected = [np.trapezoid(np.abs(load), t), np.trapezoid(np.abs(setpoint), t), np.trapezoid(t * np.abs(load), t), tn / gain]
+    expected = [trapezoid(np.abs(load), t), trapezoid(np.abs(setpoint), t), trapezoid(t * np.abs(load), t), tn / gain]
     for i, value in enumerate(expected):
         weights = np.eye(4)[i : i + 1]
         assert _price(heaters, weights, gain, tn, 0.0, 4.0, NONE) == pytest.approx(value, rel=1e-4)
@@ -369,7 +370,7 @@ def _modal_iae(plant, gain, tn, tv):
         return math.inf
     slow, fast = np.min(-poles.real), np.max(np.abs(poles))
     t = np.unique(np.concatenate([np.geomspace(1e-3 / fast, 20.0 / slow, 4000), np.linspace(0.0, 20.0 / slow, 4000)]))
-    return float(np.trapezoid(np.abs(np.real(np.exp(np.outer(t, poles)) @ shares)), t))
+    return float(trapezoid(np.abs(np.real(np.exp(np.outer(t, poles)) @ shares)), t))
 
 
 @pytest.mark.brute

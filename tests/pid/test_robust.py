@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from scipy.signal import lti, step
 
 from heatertune.errors import InputError, UnknownName
@@ -199,7 +200,7 @@ def test_what_one_set_costs_is_the_ratio_of_the_load_responses_of_a_linear_progr
         gain, tn, k, lag = found.gain_pct_per_degC, found.integral_time_s, 0.4, 480.0
         closed = lti([k * tn, 0.0], [lag * tn, tn * (1.0 + k * gain), k * gain])
         t = np.linspace(0.0, 6000.0, 60_001)
-        costs.append(np.trapezoid(np.abs(step(closed, T=t)[1]), t))
+        costs.append(trapezoid(np.abs(step(closed, T=t)[1]), t))
     assert f"and {100.0 * (costs[0] / costs[1] - 1.0):.0f} % more than its own as it cools" in design.notes[-1]
 
 

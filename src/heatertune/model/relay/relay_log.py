@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
+from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 from scipy.special import stdtrit
 
@@ -94,7 +95,7 @@ class RelayRecord:
         assert self.log.power_pct is not None
         time, y, u = self.log.time_s[part], self.log.temperature_degC[part], self.log.power_pct[part]
         length = float(time[-1] - time[0])
-        return float(np.diff(time) @ u[:-1]) / length, float(np.trapezoid(y, time)) / length
+        return float(np.diff(time) @ u[:-1]) / length, float(trapezoid(y, time)) / length
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
