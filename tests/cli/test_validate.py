@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from tests.model.twins import doublet, logged
 
-from heatertune.chain.documents import WORDS_SCHEMA
 from heatertune.documents import to_json
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import to_document
@@ -15,6 +14,7 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Actuator, Scenario, simulate
+from heatertune.proof.words_file import WORDS_SCHEMA
 
 TRUE = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=20.0)
 

@@ -66,6 +66,13 @@ def turning_time(y: float, x: float, target: float, outer: float, inner: float) 
 
     x − y decays with the outer lag and is fed by x − target, so it has at most one zero:
     (e^(a·t) − 1)/a = inner·(x − y)/(x − target), a = 1/outer − 1/inner.
+
+    Args:
+        y: of the outer lag [°C].
+        x: of the inner lag [°C].
+        target: where the power leads [°C].
+        outer: lag [s].
+        inner: lag [s].
     """
     rate = 1.0 / outer - 1.0 / inner
     stretch = inner * (x - y) / (x - target)
@@ -73,13 +80,30 @@ def turning_time(y: float, x: float, target: float, outer: float, inner: float) 
 
 
 def advance(y: Array, x: Array, target: Array, t: Array, outer: float, inner: float) -> Array:
-    """Return y after `t` seconds, all of one shape; see `factors` and `advanced`, which do it for numbers."""
+    """Return y after a time, all of one shape; see `factors` and `advanced`, which do it for numbers.
+
+    Args:
+        y: of the outer lag [°C].
+        x: of the inner lag [°C].
+        target: where the power leads [°C].
+        t: time [s].
+        outer: lag [s].
+        inner: lag, 0 where there is one alone [s].
+    """
     kept = target + np.exp(-t / outer) * (y - target)
     return np.asarray(kept if inner == 0.0 else kept + _passed(t, outer, inner) / outer * (x - target))
 
 
 def turning_times(y: Array, x: Array, target: Array, outer: Numbers, inner: Numbers) -> Array:
-    """Return `turning_time` of arrays, NaN where y does not turn; shapes broadcast."""
+    """Return `turning_time` of arrays, NaN where y does not turn; shapes broadcast.
+
+    Args:
+        y: of the outer lag [°C].
+        x: of the inner lag [°C].
+        target: where the power leads [°C].
+        outer: lag [s].
+        inner: lag [s].
+    """
     rate = 1.0 / np.asarray(outer) - 1.0 / np.asarray(inner)
     with np.errstate(divide="ignore", invalid="ignore"):
         stretch = inner * (x - y) / (x - target)

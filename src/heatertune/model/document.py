@@ -336,7 +336,11 @@ class ModelView:
 
     @property
     def value(self) -> FittedModel:
-        """The model."""
+        """The model.
+
+        Raises:
+            DocumentError: a working model of two lags.
+        """
         model = _heater(self)
         if not self.candidates:
             return model_by_hand(model)

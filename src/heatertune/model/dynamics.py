@@ -18,6 +18,7 @@ __all__ = ["Dynamics"]
 
 Array = npt.NDArray[np.float64]
 
+_WHOLE: Final = 1e-9  # of an interval: a dead time as near to a multiple of it is one
 _AT_ONCE: Final = 1 << 20  # instants times edges of the power
 
 
@@ -139,9 +140,11 @@ def _sampled(heater: _Heater, sample_time_s: float) -> tuple[Array, Array]:
     dead time is no multiple of TA (K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., section 2.6).
     """
     check("sample_time_s", sample_time_s, above=0.0)
-    whole = int(heater.dead_time_s // sample_time_s)
+    whole = int(heater.dead_time_s / sample_time_s + _WHOLE)
+    rest = heater.dead_time_s - whole * sample_time_s
     below = np.poly(np.exp(-sample_time_s / np.array(heater.lags_s)))
-    instants = sample_time_s * np.arange(1, len(heater.lags_s) + 2) - (heater.dead_time_s - whole * sample_time_s)
+    count = len(heater.lags_s) + (rest > _WHOLE * sample_time_s)
+    instants = sample_time_s * np.arange(1, count + 1) - max(rest, 0.0)
     rise = _unit_step(heater.lags_s, np.asarray(instants, dtype=np.float64))
     increments = heater.gain_degC_per_pct * np.diff(rise, prepend=0.0)
     above = np.convolve(below, increments)[: len(increments)]
