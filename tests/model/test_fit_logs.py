@@ -182,7 +182,7 @@ def test_pulses_in_every_log_leave_gain_and_time_constant_a_ratio():
 @pytest.mark.long
 def test_another_way_to_read_the_logs_stays_unless_another_log_speaks_against_it():
     logs = [explained(log, ambient_degC=None, power_before_pct=None) for log in (quiet(), noisy(drift=0.0))]
-    best = _joint([log.problems[0] for log in logs], logs, 0, "power logged")
+    best = _joint([log.problems[0] for log in logs], [log.fits[0] for log in logs], "power logged")
 
     def read(log, law, ambient):
         problem = replace(log.problems[0], ambient_degC=ambient)

@@ -6,9 +6,10 @@ from tests.model.twins import GAIN, LAG, closed_loop, doublet, logged
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.model.fit import fit
+from heatertune.model.fit import fit, fit_together
 from heatertune.model.intervals import Interval
 from heatertune.model.power.rivals import widened
+from heatertune.model.power.segments import part
 from heatertune.model.values import Outcome
 
 
@@ -138,3 +139,30 @@ def test_a_dead_time_longer_than_the_time_constant_may_be_a_clock_of_the_power_t
     assert bool(notes) == told
     if told:
         assert notes[0].startswith(f"The dead time of {fitted.model.dead_time_s:.3g} s is longer than the time const")
+
+
+@pytest.mark.parametrize("logs", [1, 2])
+def test_a_step_in_a_gap_leaves_the_dead_time_open_by_the_gap(logs):
+    # lsim's heater of 60 s dead time; nobody saw that the power came 100 s before the reading after the gap
+    time, parts = np.arange(0.0, 1500.0, 5.0), []
+    for seed in range(logs):
+        noise = np.random.default_rng(seed).normal(0.0, 0.1, len(time))
+        log = logged(time, np.where(time >= 100.0, 60.0, 0.0), dead=60.0, noise=noise, name=f"gap {seed}")
+        parts.append(part(log, (time <= 60.0) | (time >= 200.0)))
+    fitted = fit(parts[0]) if logs == 1 else fit_together(parts)
+    dead = fitted.ci95["dead_time_s"]
+    assert (dead.low or 0.0) < 60.0 < dead.high
+    assert max(each.model.dead_time_s for each in fitted.candidates) == pytest.approx(140.0, abs=3.0), "it had begun by 200 s"
+    assert any("changed in a gap" in note for note in fitted.notes)
+    assert all(each.delta_bic < 100.0 for each in fitted.candidates), "no heater of a power that the log does not have"
+
+
+def test_beside_a_step_that_was_seen_the_right_reading_of_one_in_a_gap_is_the_best_candidate():
+    time = np.arange(0.0, 3000.0, 5.0)
+    power = np.select([time < 100.0, time < 1500.0], [0.0, 60.0], 20.0)
+    log = logged(time, power, dead=60.0, noise=np.random.default_rng(1).normal(0.0, 0.1, len(time)))
+    fitted = fit(part(log, (time <= 60.0) | (time >= 200.0)))
+    best = min(fitted.candidates, key=lambda each: each.delta_bic)
+    assert "changed as gaps began" in best.law
+    assert best.model.dead_time_s == pytest.approx(60.0, abs=1.0)
+    assert best.model.time_constant_s == pytest.approx(LAG, rel=0.01)

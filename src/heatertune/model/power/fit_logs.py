@@ -22,7 +22,7 @@ from heatertune.model.power.fit_power import Weighed, outcome_of, values_of, wei
 from heatertune.model.power.joint import LAG, JointFit, JointProblem
 from heatertune.model.power.joint_intervals import joint_held_at, joint_intervals
 from heatertune.model.power.loads import bic_of
-from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.projection import AMBIENT, DRIFT, GAIN
 from heatertune.model.power.rivals import lies_inside, widened
 from heatertune.model.statistics import autocorrelation, fit_pct
@@ -44,6 +44,7 @@ class _Joint(NamedTuple):
     fit: JointFit
     law: str
     told: str = ""
+    shifted: bool = False
 
 
 def fit_logs(
@@ -64,18 +65,21 @@ def fit_logs(
     logs, best = _drifting(logs)
     weights = [weighed(log, open_start=open_start, seed=seed) for log in logs]
     inside = joint_intervals(best.problem, best.fit, seed=seed)
-    rivals = [rival for rival in _rivals(best, logs, weights) if not lies_inside(_fopdt(rival), inside)]
+    rivals = [rival for rival in _rivals(best, logs, weights)
+              if rival.shifted or not lies_inside(_fopdt(rival), inside)]
     alone = [_alone(log, weight, best, i) for i, (log, weight) in enumerate(zip(logs, weights, strict=True))]
     apart = disagreements(alone)
-    others = [values_of(_fopdt(rival)) for rival in rivals]
+    others = [values_of(_fopdt(rival)) for rival in rivals if not rival.shifted]
     # the ambient told is the first log's, whatever another's was
     others += [values_of(log.model) | {"ambient_degC": math.nan} for log in logs if apart]
-    ci95: dict[str, Interval | None] = {**widened(inside, others)}
+    as_read = widened(inside, others)
+    ci95: dict[str, Interval | None] = {
+        **widened(as_read, [values_of(_fopdt(rival)) for rival in rivals if rival.shifted])}
     lag = ci95["time_constant_s"]
     assert lag is not None
     candidates = (*_candidates(best, rivals, _others(best, logs, open_lag=lag.high is None), logs),
                   *(_own(log) for log in logs if apart))
-    family = told_apart([*candidates, *_ends(best, logs, candidates[0], ci95, least_dead_time_s)], least_dead_time_s)
+    family = told_apart([*candidates, *_ends(best, logs, candidates[0], as_read, least_dead_time_s)], least_dead_time_s)
     open_ = open_ends([("one lag", {**ci95})])
     ratio = ci95.pop(RATIO)
     assert ratio is not None
@@ -109,9 +113,8 @@ def fit_logs(
     )
 
 
-def _joint(problems: Sequence[PowerProblem], logs: Sequence[Explained], order: int, law: str, told: str = "") -> _Joint:
-    """Return one heater for all logs; order 0: one lag, 1: two."""
-    fits = [log.fits[order] for log in logs]
+def _joint(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], law: str, told: str = "") -> _Joint:
+    """Return one heater for all logs, sought from where the fits of each lie."""
     problem = JointProblem.of(problems, fits)
     starts = [np.array([math.log(fit.linear[GAIN]), *fit.vector]) for fit in fits]
     return _Joint(problem, problem.refined(np.array([*starts, np.mean(starts, axis=0)])), law, told)
@@ -119,12 +122,12 @@ def _joint(problems: Sequence[PowerProblem], logs: Sequence[Explained], order: i
 
 def _drifting(logs: Sequence[Explained]) -> tuple[Sequence[Explained], _Joint]:
     """Return logs and heater with a drift in each log that asks for it once the heater is that of all logs."""
-    found = _joint([log.problems[0] for log in logs], logs, 0, _LAW)
+    found = _joint([log.problems[0] for log in logs], [log.fits[0] for log in logs], _LAW)
     for place, log in enumerate(logs):
         changed = [*logs[:place], log.drifting(), *logs[place + 1 :]]
         if any(fit.model is None for fit in changed[place].fits):
             continue
-        trial = _joint([each.problems[0] for each in changed], changed, 0, _LAW)
+        trial = _joint([log.problems[0] for log in changed], [log.fits[0] for log in changed], _LAW)
         if trial.problem.bic(trial.fit) < found.problem.bic(found.fit) - _NEAR:
             logs, found = changed, trial
     return logs, found
@@ -142,7 +145,10 @@ def _rivals(best: _Joint, logs: Sequence[Explained], weights: Sequence[Weighed])
                 names.append(log.log.name)
                 told.append(f"{log.log.name}: {rival.told}")
                 dearer_alone += max(bic_of(rival.problem, rival.fit) - bic_of(log.problems[0], log.fits[0]), 0.0)
-        other = _joint(parts, logs, 0, f"{law} ({', '.join(names)})", " ".join(told))
+        fits = [rival.fit if rival is not None and rival.shifted else log.fits[0]
+                for log, rival in zip(logs, found, strict=True)]
+        other = _joint(parts, fits, f"{law} ({', '.join(names)})", " ".join(told))._replace(
+            shifted=any(rival is not None and rival.shifted for rival in found))
         if other.problem.bic(other.fit) - at_best < dearer_alone + _NEAR:
             yield other
 
@@ -150,7 +156,7 @@ def _rivals(best: _Joint, logs: Sequence[Explained], weights: Sequence[Weighed])
 def _others(best: _Joint, logs: Sequence[Explained], *, open_lag: bool) -> Iterator[_Joint]:
     """Return two lags where every log sees the second, and the integrator where the time constant is open upwards."""
     if all(second_is_seen(log.fits[1]) for log in logs):
-        two = _joint([log.problems[1] for log in logs], logs, 1, _LAW)
+        two = _joint([log.problems[1] for log in logs], [log.fits[1] for log in logs], _LAW)
         if not two.problem.on_bound(two.fit):
             yield two
     if open_lag:

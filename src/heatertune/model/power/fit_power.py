@@ -62,15 +62,17 @@ def fit_power(found: Explained, weight: Weighed, *, least_dead_time_s: float, se
     """
     log, one = found.log, found.fits[0]
     inside, validation, rivals, wider = weight
-    read_otherwise = widened(inside, [*(values_of(rival.model) for rival in rivals), *_ends_of(found.bend)])
+    read_otherwise = widened(
+        inside, [*(values_of(rival.model) for rival in rivals if not rival.shifted), *_ends_of(found.bend)])
+    as_read = widened(read_otherwise, said_by_halves(found.problems[0], one, validation, read_otherwise))
     ci95: dict[str, Interval | None] = {
-        **widened(read_otherwise, said_by_halves(found.problems[0], one, validation, read_otherwise))}
+        **widened(as_read, [values_of(rival.model) for rival in rivals if rival.shifted])}
     lag = ci95["time_constant_s"]
     assert lag is not None
     candidates = candidates_of(
         log, found.problems, found.fits, left_out=validation.held_out, open_lag=lag.high is None, rivals=rivals,
         bend=found.bend)
-    family, open_ = family_of(found, candidates, ci95, validation.halves, least_dead_time_s, wider or {}, seed)
+    family, open_ = family_of(found, candidates, as_read, validation.halves, least_dead_time_s, wider or {}, seed)
     ratio, _ = ci95.pop(RATIO), ci95.pop(PERIOD)
     assert ratio is not None
     known = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
@@ -92,7 +94,7 @@ def fit_power(found: Explained, weight: Weighed, *, least_dead_time_s: float, se
         candidates=family,
         fit_pct=fit,
         notes=(*found.told, *notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
-               *widening_notes(wider or {}), *halves_notes(read_otherwise, ci95), *(rival.told for rival in rivals),
+               *widening_notes(wider or {}), *halves_notes(read_otherwise, as_read), *(rival.told for rival in rivals),
                *(each.sentence for each in checks)),
         findings=(*findings_of([*poor_told(outcome, fit, log.name), *checks]), *open_),
         residuals=Residuals(

@@ -14,11 +14,11 @@ import numpy.typing as npt
 
 from heatertune.log.values import Log
 
-__all__ = ["Readings"]
+__all__ = ["GAP", "Readings"]
 
 Array = npt.NDArray[np.float64]
 
-_GAP = 2.5  # sampling intervals: a wider step of the time is a gap, over which nothing is averaged
+GAP = 2.5  # sampling intervals: a wider step of the time is a gap, over which nothing is averaged
 
 _EDGES = 4000  # of the power: with more, a fit takes long
 
@@ -91,7 +91,7 @@ class Readings:
     def _runs(self, count: int) -> npt.NDArray[np.intp]:
         """Return where runs of `count` readings begin; one ends at a gap, a restart, at edges where few."""
         n, step = len(self.time_s), np.diff(self.time_s)
-        breaks = np.concatenate([[True], step > _GAP * np.median(step)])
+        breaks = np.concatenate([[True], step > GAP * np.median(step)])
         if len(self.edge_s) * count < n:
             breaks[np.minimum(np.searchsorted(self.time_s, self.edge_s), n - 1)] = True
         breaks[np.searchsorted(self.time_s, self.restart_s)] = True

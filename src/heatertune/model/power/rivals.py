@@ -7,6 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+
 from heatertune.log.values import Log
 from heatertune.model.intervals import Interval, envelope, holds
 from heatertune.model.judgement import HeldOut
@@ -15,26 +18,36 @@ from heatertune.model.power.judge import unseen
 from heatertune.model.power.loads import bic_of, is_sensible, lowest_degC
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.projection import AMBIENT
+from heatertune.model.power.readings import GAP, Readings
 from heatertune.model.power.sanity import follows_temperature
 from heatertune.model.power.start import is_plain_rest, starts
+from heatertune.model.power.uncertainty import held_at
 from heatertune.model.statistics import fit_pct
 from heatertune.model.values import Fopdt
 
 __all__ = ["Rival", "lies_inside", "rivals_of", "widened"]
 
+Array = npt.NDArray[np.float64]
+
 _SURE = 0.4  # of the error on windows not seen, that drift and loads have to leave to be believed in an open loop
 _NEAR = 10.0  # BIC points
+_HALVINGS = 5  # between the best dead time and the longest that may be
+_WAYS = 4  # gaps in which the power changed that are tried one by one
 _POOR = 60.0  # fit [%] below which a model is no rival
 
 
 class Rival(NamedTuple):
-    """Another fit of one lag, what was done otherwise, and the sentence about it."""
+    """Another fit of one lag, what was done otherwise, and the sentence about it.
+
+    Where `shifted`, the power itself is another: the ends between are no heaters of the log as it is read.
+    """
 
     problem: PowerProblem
     fit: PowerFit
     model: Fopdt
     law: str
     told: str
+    shifted: bool = False
 
 
 def rivals_of(
@@ -59,7 +72,7 @@ def rivals_of(
     return tuple(
         rival for rival in found
         if fit_pct(record, rival.fit.simulated_degC) > _POOR and not lies_inside(rival.model, ci95)
-    )
+    ) + tuple(_other_edges(log, problem, fit, ci95.get("dead_time_s")))
 
 
 def widened(ci95: Mapping[str, Interval], values: Sequence[Mapping[str, float]]) -> dict[str, Interval]:
@@ -146,6 +159,55 @@ def _other_rest(log: Log, problem: PowerProblem, fit: PowerFit) -> Iterator[Riva
                 f"{_heater(found.model)}. The readings before the first step do not tell which, so both are "
                 "candidates and the intervals hold both; log some readings more before the first step."
             ))
+
+
+def _other_edges(log: Log, problem: PowerProblem, fit: PowerFit, dead: Interval | None) -> Iterator[Rival]:
+    """Return the fits with a power that changed at the beginning of gaps, not at their end, if nearly as good.
+
+    Nobody saw when it changed, so the dead time may be longer by as much as the gap: it is the longest that fits.
+    """
+    assert log.power_pct is not None
+    step = np.diff(log.time_s)
+    places = 1 + np.flatnonzero((step > GAP * np.median(step)) & (np.diff(log.power_pct) != 0.0))
+    ways = [places, *(places[i : i + 1] for i in range(len(places)))] if len(places) > 1 else [places]
+    late_s = float(fit.vector[1]) if dead is None or dead.high is None else dead.high
+    for way in ways[: _WAYS + 1] if len(places) else ():
+        other, gap_s = replace(problem, readings=_earlier(problem.readings, log.time_s, way)), step[way - 1].max()
+        most_s = min(late_s + float(gap_s), float(other.high[1]))
+        starts = np.array([[fit.vector[0], shift, fit.vector[2]] for shift in (fit.vector[1], 0.5 * most_s, most_s)])
+        best = min((other.fit(), other.refined(starts)), key=lambda each: bic_of(other, each))
+        if bic_of(other, best) > bic_of(problem, fit) + _NEAR:
+            continue
+        at = _latest(other, best, most_s)
+        if isinstance(at.model, Fopdt):
+            named = ", ".join(f"{t:.6g}" for t in log.time_s[way])
+            law = "power logged, changed as gaps began" + ("" if way is places else f" (before {named} s)")
+            yield Rival(other, at, at.model, law, (
+                f"The power changed in a gap of the log, before {named} s. If it changed at the end of the gap, the "
+                f"dead time is {fit.vector[1]:.3g} s; if at its beginning, up to {at.model.dead_time_s:.3g} s. Both "
+                "are candidates; log a step of the power without a gap."
+            ), shifted=True)
+
+
+def _latest(problem: PowerProblem, best: PowerFit, most_s: float) -> PowerFit:
+    """Return the fit with the longest dead time, up to the most, that is nearly as good as the best."""
+    limit, early_s, late_s, latest = bic_of(problem, best) + _NEAR, float(best.vector[1]), most_s, best
+    for trial_s in (most_s, *[math.nan] * _HALVINGS):
+        value = 0.5 * (early_s + late_s) if math.isnan(trial_s) else trial_s
+        there = held_at(problem, best, "dead_time_s", value)
+        if there.model is not None and bic_of(problem, there) < limit:
+            early_s, latest = value, there
+        else:
+            late_s = value
+        if late_s <= early_s:
+            break
+    return latest
+
+
+def _earlier(readings: Readings, time_s: Array, places: npt.NDArray[np.intp]) -> Readings:
+    """Return the readings with the edges at these places of the log just after the reading before."""
+    before = dict(zip(time_s[places], time_s[places - 1] + 1e-9 * (time_s[places] - time_s[places - 1]), strict=True))
+    return replace(readings, edge_s=np.array([before.get(edge, edge) for edge in readings.edge_s]))
 
 
 def _held(problem: PowerProblem) -> PowerProblem:
