@@ -14,6 +14,7 @@ The functions here are the whole chain, stage by stage, beside the values that t
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from heatertune.handed import run_by
 from heatertune.show import shown_by
 
 __version__ = "0.1.0"
@@ -76,4 +77,6 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
+run_by(lambda words, switches: import_module("heatertune.plc.controller").controller_for(words.target).called(
+    words, switches))
 shown_by(lambda: import_module("heatertune.report.face"))
