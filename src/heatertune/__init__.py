@@ -28,13 +28,14 @@ _HOMES = {
     **dict.fromkeys(("Scaling", "Words"), "plc"),
     **dict.fromkeys(("Conditions", "FitSettings", "ReadSettings", "TuneSettings"), "settings"),
     "Asked": "proof.closing", "Log": "log.values", "PidDesign": "pid.values", "model_by_hand": "model.by_hand",
-    "fleet": "batch.fleets", "margins": "pid.loop.robustness", "simulate": "proof", "study": "batch.studies",
+    **dict.fromkeys(("controller", "margins", "simulate"), "chain.doors"), "fleet": "batch.fleets",
+    "study": "batch.studies",
 }
 
 __all__ = [
     "Actuator", "Asked", "Conditions", "FitSettings", "FittedModel", "Fopdt", "Limits", "Log", "PidDesign", "Proof",
     "ReadSettings", "Scaling", "Scenario", "TuneSettings", "TwoLag", "Words",
-    "compare", "design", "encode", "export", "fit", "fit_together", "fleet", "margins",
+    "compare", "controller", "design", "encode", "export", "fit", "fit_together", "fleet", "margins",
     "model_by_hand", "plan", "prove", "read_log", "simulate", "study", "tune", "validate", "write_report",
 ]
 
@@ -55,13 +56,13 @@ if TYPE_CHECKING:
         validate,
         write_report,
     )
+    from heatertune.chain.doors import controller, margins, simulate
     from heatertune.log.values import Log
     from heatertune.model.by_hand import model_by_hand
     from heatertune.model.values import FittedModel, Fopdt, TwoLag
-    from heatertune.pid.loop.robustness import margins
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
-    from heatertune.proof import Actuator, Limits, Proof, Scenario, simulate
+    from heatertune.proof import Actuator, Limits, Proof, Scenario
     from heatertune.proof.closing import Asked
     from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
 
