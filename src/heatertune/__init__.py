@@ -24,7 +24,7 @@ _HOMES = {
     **dict.fromkeys(("design", "encode", "export", "fit", "prove", "read_log", "tune", "write_report"), "chain"),
     **dict.fromkeys(("compare", "fit_together", "plan", "validate"), "chain"),
     **dict.fromkeys(("FittedModel", "Fopdt", "TwoLag"), "model.values"),
-    **dict.fromkeys(("Actuator", "Limits", "Proof", "Scenario"), "proof"),
+    **dict.fromkeys(("Actuator", "Kick", "Limits", "Load", "Proof", "Scenario"), "proof"),
     **dict.fromkeys(("Scaling", "Words"), "plc"),
     **dict.fromkeys(("Conditions", "FitSettings", "ReadSettings", "TuneSettings"), "settings"),
     "Asked": "proof.closing", "Log": "log.values", "PidDesign": "pid.values", "model_by_hand": "model.by_hand",
@@ -33,7 +33,7 @@ _HOMES = {
 }
 
 __all__ = [
-    "Actuator", "Asked", "Conditions", "FitSettings", "FittedModel", "Fopdt", "Limits", "Log", "PidDesign", "Proof",
+    "Actuator", "Asked", "Conditions", "FitSettings", "FittedModel", "Fopdt", "Kick", "Limits", "Load", "Log", "PidDesign", "Proof",
     "ReadSettings", "Scaling", "Scenario", "TuneSettings", "TwoLag", "Words",
     "compare", "controller", "design", "encode", "export", "fit", "fit_together", "fleet", "margins",
     "model_by_hand", "plan", "prove", "read_log", "simulate", "study", "tune", "validate", "write_report",
@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from heatertune.model.values import FittedModel, Fopdt, TwoLag
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
-    from heatertune.proof import Actuator, Limits, Proof, Scenario
+    from heatertune.proof import Actuator, Kick, Limits, Load, Proof, Scenario
     from heatertune.proof.closing import Asked
     from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
 
