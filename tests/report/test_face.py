@@ -52,6 +52,12 @@ def test_every_value_sums_itself_up(chain, log):
     assert "s5-ob251 at 40 °C" in proof.nominal.summary()
 
 
+def test_words_of_a_program_with_faults_tell_them(chain):
+    # the fault that the paper's own figures show, see DIFFERENCES.md of s7-200-paper
+    summary = ht.encode(chain[1], target="s7-200-paper").summary()
+    assert "! the P part is added to the pulse width in every PWM cycle, so it integrates" in summary
+
+
 def test_a_value_draws_into_the_axes_it_is_given(chain, log):
     _, design, words, proof = chain
     _, ax = plt.subplots()
@@ -135,6 +141,10 @@ def test_margins_are_those_of_a_design_and_of_the_words_that_run_it(chain):
     ms = ht.margins(HEATER, words).ms
     assert ms == pytest.approx(next(each.value for each in proof.criteria if each.name == "ms"))
     assert ht.margins(model, words) == ht.margins(HEATER, proof.design)
+    assert ht.decode(words) == proof.design
+    # after a load the integral of the error is TN / K of the load, as long as it does not change sign
+    assert ht.iae_load(model, design) >= design.integral_time_s / design.gain_pct_per_degC * (1.0 - 1e-6)
+    assert ht.iae_load(model, words) == ht.iae_load(HEATER, proof.design)
     assert ht.margins(HEATER, design).ms == pytest.approx(ms, abs=0.05)
-    with pytest.raises(ht_errors.InputError, match="no PID constants"):
+    with pytest.raises(ht_errors.InputError, match="of on-off are no PID constants"):
         ht.margins(HEATER, ht.encode(design, target="on-off"))

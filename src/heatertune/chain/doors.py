@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.pid.loop import robustness
+from heatertune.pid.loop import response, robustness
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.running import RunningController
@@ -15,7 +15,7 @@ from heatertune.proof import simulate as simulate_loop
 from heatertune.proof.fitted import actuator_for
 from heatertune.settings import Conditions
 
-__all__ = ["controller", "margins", "simulate"]
+__all__ = ["controller", "decode", "iae_load", "margins", "simulate"]
 
 
 def controller(words: Words, **switches: str) -> RunningController:
@@ -31,13 +31,30 @@ def margins(heater: HeaterModel | FittedModel, what: PidDesign | Words) -> Margi
         what: a design, or words, which stand for the design that they really run.
 
     Raises:
-        InputError: words that are no PID constants.
-        OutOfRange: words that their controller does not allow.
+        InputError, OutOfRange: as `decode`.
     """
-    design = controller_for(what.target).decode(what) if isinstance(what, Words) else what
+    return robustness.margins(_model(heater), _design(what))
+
+
+def iae_load(heater: HeaterModel | FittedModel, what: PidDesign | Words) -> float:
+    """Return the integral of the absolute error after a load step of 1 % power in the linear loop [°C·s].
+
+    It is infinite where an offset stays or the loop is unstable; arguments and errors are as in `margins`.
+    """
+    return response.iae_load(_model(heater), _design(what))
+
+
+def decode(words: Words) -> PidDesign:
+    """Return the design that words really run.
+
+    Raises:
+        InputError: words that are no PID constants.
+        OutOfRange: words that their controller does not allow, or that have no standard form.
+    """
+    design = controller_for(words.target).decode(words)
     if design is None:
-        raise InputError("margins: these words are no PID constants; simulate runs them")
-    return robustness.margins(_model(heater), design)
+        raise InputError(f"these words of {words.target} are no PID constants; simulate runs them")
+    return design
 
 
 def simulate(
@@ -63,6 +80,10 @@ def simulate(
     happens = scenario if isinstance(scenario, Scenario) else scenario_for([model], setpoint_degC=float(scenario))
     switch = actuator_for(Conditions(), words) if actuator is None else actuator
     return simulate_loop(controller_for(words.target), words, model, happens, switch, switches, interlock)
+
+
+def _design(what: PidDesign | Words) -> PidDesign:
+    return decode(what) if isinstance(what, Words) else what
 
 
 def _model(heater: HeaterModel | FittedModel) -> HeaterModel:
