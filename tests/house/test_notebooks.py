@@ -12,7 +12,7 @@ from tests.conftest import ROOT
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 FACE = {"heatertune", "numpy", "matplotlib", "matplotlib.pyplot", "pandas", "control"}
 #: notebooks that still reach behind the face: the list only shrinks
-TO_DO = {"02_identification", "03_tuning_study", "06_monte_carlo"}
+TO_DO = {"02_identification"}
 
 
 @pytest.mark.doc
