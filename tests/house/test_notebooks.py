@@ -11,8 +11,6 @@ from tests.conftest import ROOT
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 FACE = {"heatertune", "numpy", "matplotlib", "matplotlib.pyplot", "pandas", "control"}
-#: notebooks that still reach behind the face: the list only shrinks
-TO_DO = {"02_identification"}
 
 
 @pytest.mark.doc
@@ -52,5 +50,4 @@ def _imported(path):
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_imports_the_face_and_the_usual_libraries_as_a_whole(path):
-    behind = set(_imported(path)) - FACE
-    assert bool(behind) == (path.stem in TO_DO), behind
+    assert set(_imported(path)) <= FACE
