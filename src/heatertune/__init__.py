@@ -14,6 +14,7 @@ The functions here are the whole chain, stage by stage, beside the values that t
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from heatertune.handed import run_by
 from heatertune.show import shown_by
 
 __version__ = "0.1.0"
@@ -21,20 +22,27 @@ __version__ = "0.1.0"
 #: name → module it lives in, imported when the name is first used: `heatertune --help` needs none of them
 _HOMES = {
     **dict.fromkeys(("design", "encode", "export", "fit", "prove", "read_log", "tune", "write_report"), "chain"),
-    **dict.fromkeys(("compare", "fit_together", "plan", "validate"), "chain"),
+    **dict.fromkeys(("compare", "fit_known", "fit_together", "plan", "validate"), "chain"),
     **dict.fromkeys(("FittedModel", "Fopdt", "TwoLag"), "model.values"),
-    **dict.fromkeys(("Actuator", "Limits", "Proof", "Scenario"), "proof"),
+    **dict.fromkeys(("Actuator", "Kick", "Limits", "Load", "Proof", "Scenario"), "proof"),
     **dict.fromkeys(("Scaling", "Words"), "plc"),
     **dict.fromkeys(("Conditions", "FitSettings", "ReadSettings", "TuneSettings"), "settings"),
     "Asked": "proof.closing", "Log": "log.values", "PidDesign": "pid.values", "model_by_hand": "model.by_hand",
-    "fleet": "batch.fleets", "margins": "pid.loop.robustness", "simulate": "proof", "study": "batch.studies",
+    **dict.fromkeys(("controller", "decode", "iae_load", "margins", "simulate"), "chain.doors"),
+    "fleet": "batch.fleets", "study": "batch.studies", "alternatives": "pid.alternatives", "choose_words": "plc.choose",
+    "draw_heaters": "pid.search.uncertain", "front": "pid.pareto", "Interval": "model.intervals",
+    "Noise": "model.experiment.fisher", **dict.fromkeys(("replay_document", "sample_document"), "proof.drawn"),
+    **dict.fromkeys(("HeatertuneError", "InputError", "NotRepresentable"), "errors"),
 }
 
 __all__ = [
-    "Actuator", "Asked", "Conditions", "FitSettings", "FittedModel", "Fopdt", "Limits", "Log", "PidDesign", "Proof",
+    "Actuator", "Asked", "Conditions", "FitSettings", "FittedModel", "Fopdt", "HeatertuneError", "InputError",
+    "Interval", "Kick", "Limits", "Load", "Log", "Noise", "NotRepresentable", "PidDesign", "Proof",
     "ReadSettings", "Scaling", "Scenario", "TuneSettings", "TwoLag", "Words",
-    "compare", "design", "encode", "export", "fit", "fit_together", "fleet", "margins",
-    "model_by_hand", "plan", "prove", "read_log", "simulate", "study", "tune", "validate", "write_report",
+    "alternatives", "choose_words", "compare", "controller", "decode", "design", "draw_heaters", "encode",
+    "export", "fit", "fit_known", "fit_together", "fleet", "front", "iae_load", "margins", "model_by_hand",
+    "plan", "prove", "read_log", "replay_document", "sample_document", "simulate", "study", "tune", "validate",
+    "write_report",
 ]
 
 if TYPE_CHECKING:
@@ -46,6 +54,7 @@ if TYPE_CHECKING:
         encode,
         export,
         fit,
+        fit_known,
         fit_together,
         plan,
         prove,
@@ -54,14 +63,22 @@ if TYPE_CHECKING:
         validate,
         write_report,
     )
+    from heatertune.chain.doors import controller, decode, iae_load, margins, simulate
+    from heatertune.errors import HeatertuneError, InputError, NotRepresentable
     from heatertune.log.values import Log
     from heatertune.model.by_hand import model_by_hand
+    from heatertune.model.experiment.fisher import Noise
+    from heatertune.model.intervals import Interval
     from heatertune.model.values import FittedModel, Fopdt, TwoLag
-    from heatertune.pid.loop.robustness import margins
+    from heatertune.pid.alternatives import alternatives
+    from heatertune.pid.pareto import front
+    from heatertune.pid.search.uncertain import draw_heaters
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
-    from heatertune.proof import Actuator, Limits, Proof, Scenario, simulate
+    from heatertune.plc.choose import choose_words
+    from heatertune.proof import Actuator, Kick, Limits, Load, Proof, Scenario
     from heatertune.proof.closing import Asked
+    from heatertune.proof.drawn import replay_document, sample_document
     from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
 
 
@@ -76,4 +93,6 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
+run_by(lambda words, switches: import_module("heatertune.plc.controller").controller_for(words.target).called(
+    words, switches))
 shown_by(lambda: import_module("heatertune.report.face"))

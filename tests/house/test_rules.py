@@ -13,7 +13,7 @@ import heatertune
 SOURCE = ROOT / "src" / "heatertune"
 STAGES = ("heater", "log", "model", "pid", "plc", "proof", "report")
 FREE = ("units", "errors", "options", "progress", "settings", "documents", "codec", "files", "writing", "cache", "compiled",
-        "show")
+        "show", "handed")
 MODULES = sorted(SOURCE.rglob("*.py"))
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import pytest
 
 from heatertune.errors import UnknownName
+from heatertune.plc.controller import Controller
 from heatertune.plc.core import Scan, Timing
 from heatertune.plc.open_points import Switch, settings_of
 from heatertune.plc.replay import powers
@@ -20,8 +21,13 @@ class _Counting:
     pwm_period_s: float | None = None
     switches: tuple = (Switch(name="sign", means={"plus": False, "minus": True}, why="for the test"),)
 
+    called = Controller.called
+
     def check(self, words):
         assert words is WORDS
+
+    def check_ramp(self, _words):
+        pass
 
     def timing(self, _words):
         return Timing(scan_s=1.0, pwm_period_s=self.pwm_period_s)

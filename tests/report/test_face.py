@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import heatertune as ht
+from heatertune import errors as ht_errors
 
 mpl.use("Agg")
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -51,6 +52,12 @@ def test_every_value_sums_itself_up(chain, log):
     assert "s5-ob251 at 40 °C" in proof.nominal.summary()
 
 
+def test_words_of_a_program_with_faults_tell_them(chain):
+    # the fault that the paper's own figures show, see DIFFERENCES.md of s7-200-paper
+    summary = ht.encode(chain[1], target="s7-200-paper").summary()
+    assert "! the P part is added to the pulse width in every PWM cycle, so it integrates" in summary
+
+
 def test_a_value_draws_into_the_axes_it_is_given(chain, log):
     _, design, words, proof = chain
     _, ax = plt.subplots()
@@ -91,3 +98,53 @@ def test_a_log_is_read_from_a_table_and_from_an_open_file(log):
     assert ht.read_log(frame).temperature_degC == pytest.approx(log.temperature_degC)
     for file in (io.StringIO(frame.to_csv(index=False)), io.BytesIO(frame.to_csv(index=False).encode())):
         assert ht.read_log(file).power_pct == pytest.approx(log.power_pct)
+
+
+def test_a_heater_is_fitted_from_whatever_is_at_hand(log, tmp_path):
+    pandas = pytest.importorskip("pandas")
+    noise = np.random.default_rng(1).normal(0.0, 0.05, len(log.time_s))
+    time, power = log.time_s, log.power_pct
+    frame = pandas.DataFrame({"time_s": time, "temperature_degC": log.temperature_degC + noise, "power_pct": power})
+    text = frame.to_csv(index=False)
+    (tmp_path / "log.csv").write_text(text)
+    columns = tuple(frame[name].to_numpy() for name in frame)
+    for data in (ht.Log.from_frame(frame), tmp_path / "log.csv", str(tmp_path / "log.csv"), frame, io.StringIO(text),
+                 columns, tuple(map(list, columns))):
+        assert ht.fit(data).model.gain_degC_per_pct == pytest.approx(0.37, abs=0.05)
+
+
+@pytest.mark.parametrize(("data", "told"), [
+    (7, "no log: int; expected a log, a path, an open file"),
+    ((np.arange(30.0),), "no log: tuple"),
+    ((np.arange(30.0), ["warm"] * 30), "temperature_degC: not an array of numbers"),
+    ((np.arange(30.0), None), r"temperature_degC: .* \(\)"),
+    ((np.arange(30.0), np.ones((30, 2))), r"shape \(30, 2\)"),
+    ((np.arange(30.0), np.arange(29.0), None), "of shape"),
+])
+def test_what_is_no_log_is_refused_in_one_line(data, told):
+    with pytest.raises(ht_errors.InputError, match=told) as refused:
+        ht.fit(data)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_loop_is_simulated_for_words_and_whatever_heater(chain):
+    model, _, words, proof = chain
+    trace = ht.simulate(words, HEATER, proof.scenario, proof.nominal.actuator)
+    assert np.array_equal(trace.temperature_degC, proof.nominal.temperature_degC)
+    assert np.array_equal(ht.simulate(words, model, 40.0).temperature_degC, trace.temperature_degC)
+    c = ht.controller(words)
+    assert [c(reading, 40.0) for reading in trace.reading_degC + 1e-6] == trace.power_asked_pct.tolist()
+
+
+def test_margins_are_those_of_a_design_and_of_the_words_that_run_it(chain):
+    model, design, words, proof = chain
+    ms = ht.margins(HEATER, words).ms
+    assert ms == pytest.approx(next(each.value for each in proof.criteria if each.name == "ms"))
+    assert ht.margins(model, words) == ht.margins(HEATER, proof.design)
+    assert ht.decode(words) == proof.design
+    # after a load the integral of the error is TN / K of the load, as long as it does not change sign
+    assert ht.iae_load(model, design) >= design.integral_time_s / design.gain_pct_per_degC * (1.0 - 1e-6)
+    assert ht.iae_load(model, words) == ht.iae_load(HEATER, proof.design)
+    assert ht.margins(HEATER, design).ms == pytest.approx(ms, abs=0.05)
+    with pytest.raises(ht_errors.InputError, match="of on-off are no PID constants"):
+        ht.margins(HEATER, ht.encode(design, target="on-off"))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from typing import Any
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
 
 from heatertune import cache
 from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
+from heatertune.log.given import log_of
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.temperature.pool import pool_candidates
@@ -21,19 +23,24 @@ from heatertune.proof.known import closed_again, controllers
 from heatertune.proof.words_file import certificate
 from heatertune.settings import FitSettings
 
+if TYPE_CHECKING:
+    import numpy.typing as npt
+    from pandas import DataFrame
+
 __all__ = [
     "export", "fit", "fit_known", "fit_together",
 ]
 
 
 def fit(
-    log: Log, settings: FitSettings | None = None, *, thorough: bool = False, companions: bool = False,
-    progress: Told = str, **changed: Any,
+    data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...], settings: FitSettings | None = None, *,
+    thorough: bool = False, companions: bool = False, progress: Told = str, **changed: Any,
 ) -> FittedModel:
     """Identify the heater behind a log; the paper's controller laws run inside the fit where no power was logged.
 
     Args:
-        log: what `read_log` returned.
+        data: a log, or what `heatertune.log.given.log_of` makes one of: a path or built-in name, an open file, a table
+            of pandas, arrays (time_s, temperature_degC, power_pct).
         settings: what is known beside the log; None: nothing.
         thorough: carry every controller hypothesis to the end, however far behind it is.
         companions: whether the candidates of other built-in logs of the same heater are added.
@@ -41,9 +48,9 @@ def fit(
         changed: fields of `FitSettings` that are other than in `settings`.
 
     Raises:
-        InputError, OutOfRange: as `heatertune.model.fit.fit`.
+        InputError, OutOfRange: as `heatertune.model.fit.fit` and `log_of`.
     """
-    asked = merged(FitSettings, settings, changed)
+    asked, log = merged(FitSettings, settings, changed), log_of(data)
     fitted = _fit_one(log, asked, progress, thorough=thorough)
     if not companions:
         return fitted

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from typing import Any, ClassVar, Final, NamedTuple, cast, final
 
@@ -20,6 +20,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc.core import Core, Running, Scan, Sensor, Timing
 from heatertune.plc.open_points import NothingOpen, Switch, assumed, declared
 from heatertune.plc.ramp import Number, Ramp, nearest
+from heatertune.plc.running import RunningController
 from heatertune.plc.single import single
 from heatertune.plc.targets import TARGETS
 from heatertune.plc.words import Certificate, Scaling, WordField, Words, check_fields, kept_by, stored
@@ -261,6 +262,20 @@ class Controller(ABC):
             UnknownName: a switch or setting that is not there.
         """
         return self.begin(words, assumed(self.assumptions, switches))
+
+    @final
+    def called(self, words: Words, switches: Mapping[str, str]) -> RunningController:
+        """Return the controller in the cold state, to be called scan by scan, its setpoint ramp included.
+
+        Raises:
+            OutOfRange, InputError: as `check` and `check_ramp`.
+            UnknownName: as `start`.
+        """
+        self.check(words)
+        self.check_ramp(words)
+        return RunningController(
+            begin=self.start(words, switches), step=self.step, measure=partial(self.measure, words),
+            timing=self.timing(words), ramp=words.ramp)
 
     @final
     def start_directly(self, words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:

@@ -48,23 +48,10 @@ def powers(
 ) -> list[float]:
     """Return the power from each scan to the next [%], from the cold state on, one scan per temperature.
 
-    A controller that makes the PWM itself takes up a new power where a period begins, at the first scan for the first
-    time; the power is the mean over that period.
-
     Raises:
-        OutOfRange, UnknownName: as `replay`.
+        OutOfRange, UnknownName: as `replay` and `RunningController`.
     """
-    controller.check(words)
-    state, timing = controller.start(words, switches or {}), controller.timing(words)
-    per_period = 1 if timing.pwm_period_s is None else max(1, round(timing.pwm_period_s / timing.scan_s))
-    found, held = [], 0.0
-    for k, (temperature, setpoint) in enumerate(zip(temperatures_degC, setpoints_degC, strict=True)):
-        begins = k % per_period == 0
-        asked, reading = controller.measure(words, setpoint), controller.measure(words, temperature)
-        state, scan = controller.step(state, asked, reading, cycle_start=begins)
-        held = scan.power_pct if begins else held
-        found.append(held)
-    return found
+    return [*map(controller.called(words, switches or {}), temperatures_degC, setpoints_degC)]
 
 
 def read_inputs(path: str | Path, controller: Controller) -> list[dict[str, Number]]:

@@ -5,14 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, cast
+from typing import TYPE_CHECKING, Final, cast
 
 from heatertune.errors import NotRepresentable, OutOfRange
+from heatertune.handed import runner
 from heatertune.pid.timer import Timer
 from heatertune.plc.ramp import Number, Ramp
 from heatertune.plc.single import is_single, single
 from heatertune.show import Shown
 from heatertune.units import check
+
+if TYPE_CHECKING:
+    from heatertune.plc.running import RunningController
 
 __all__ = [
     "FORMATS", "Certificate", "Scaling", "WordField", "Words", "check_fields", "holds", "kept_by", "rounded", "stored",
@@ -104,6 +108,18 @@ class Words(Shown):
     def whole(self) -> Mapping[str, int]:
         """The values, for a controller that holds whole numbers only."""
         return cast("Mapping[str, int]", self.values)
+
+    def controller(self, **switches: str) -> RunningController:
+        """Return the controller that runs these words, in the cold state, to be called scan by scan.
+
+        Args:
+            switches: switch=setting of what the manual leaves open; those not named have their default.
+
+        Raises:
+            OutOfRange: a word that the controller does not allow.
+            UnknownName: no such target, switch or setting.
+        """
+        return cast("RunningController", runner()(self, switches))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -75,8 +75,10 @@ def _words(value: Words) -> str:
     controller = controller_for(value.target)
     rows = [("address", "word", "value", "meaning"), *(
         (each.address, each.name, word(value.values[each.name]), each.comment) for each in controller.fields)]
-    return (f"{controller.title}\n{table(rows, right=(2,))}\ncalled every {figure(value.sample_time_s)} s; sensor "
-            f"{figure(value.scaling.low_degC)} … {figure(value.scaling.high_degC)} °C")
+    faults = () if controller.faults is None else controller.faults(value)
+    called = (f"called every {figure(value.sample_time_s)} s; sensor {figure(value.scaling.low_degC)} … "
+              f"{figure(value.scaling.high_degC)} °C")
+    return "\n".join([controller.title, table(rows, right=(2,)), called, *(f"! {fault}" for fault in faults)])
 
 
 @summary.register
