@@ -153,7 +153,7 @@ def test_bad_names_and_words_that_do_not_fit_are_refused():
 def test_the_interval_found_by_the_words_is_no_worse_than_the_usual_one():
     fitted = model_by_hand(SLOW)
     usual = tune(fitted, target="s5-ob251")
-    found = tune_for_words(fitted, target="s5-ob251", sample_time_s=None)
+    found = tune_for_words(fitted, target="s5-ob251")
     costs = [choose_words(design, "s5-ob251", fitted).search.realised.iae_load for design in (usual, found)]
     assert costs[1] <= costs[0]
     assert found.sample_time_s in np.round(np.array([0.5, 0.7, 1.0, 1.4, 2.0]) * usual.sample_time_s, 1)

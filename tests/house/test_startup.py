@@ -98,6 +98,8 @@ def failing(proof):
 def test_no_words_leave_on_another_proof(change, status, told, proven, tmp_path, capsys):
     proof = json.loads((proven / "out" / "proof.json").read_text())
     change(proof)
+    if "other words" in told:  # a whole proof, but not of these
+        proof["digest"] = digested(proof)["digest"]
     (tmp_path / "words.json").write_text((proven / "out" / "words.json").read_text())
     (tmp_path / "proof.json").write_text(json.dumps(proof))
     arguments = ["export-db", str(tmp_path / "words.json"), "--target", "s5-ob251", "-o", str(tmp_path / "new")]
