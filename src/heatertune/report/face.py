@@ -17,8 +17,7 @@ from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof, Trace
 from heatertune.proof.verdict import verdict_line
 from heatertune.report.cards import card
-from heatertune.report.pictures import panels
-from heatertune.report.style import new_figure
+from heatertune.report.pictures import drawn, panels
 from heatertune.report.text import criteria_table, design_lines, figure, model_lines, table, word
 
 if TYPE_CHECKING:
@@ -31,15 +30,10 @@ def plot(value: object, ax: Axes | None = None) -> Axes:
     """Draw a value, into axes or a new figure of pyplot's, and return the axes; see `panels` for what is raised."""
     from matplotlib import pyplot as plt  # noqa: PLC0415 - half a second that only pictures need
 
-    parts = panels(value)
-    if ax is not None:
-        parts[0].paint(ax)
-        return ax
-    heights = [part.height_in for part in parts]
-    _, axes = new_figure(len(parts), sum(heights), figure=plt.figure(), sharex=True, height_ratios=heights)
-    for part, panel in zip(parts, axes, strict=True):
-        part.paint(panel)
-    return axes[0]
+    if ax is None:
+        return drawn(value, plt.figure())[1][0]
+    panels(value)[0].paint(ax)
+    return ax
 
 
 @singledispatch

@@ -43,11 +43,11 @@ def panels(value: object) -> Sequence[Panel]:
     raise TypeError(f"no picture of a {type(value).__name__}")
 
 
-def drawn(value: object) -> tuple[Figure, list[Axes]]:
-    """Return a figure of a value, and its axes."""
+def drawn(value: object, figure: Figure | None = None) -> tuple[Figure, list[Axes]]:
+    """Return a figure of a value, and its axes; `figure`: an empty one to be used."""
     parts = panels(value)
     heights = [part.height_in for part in parts]
-    figure, axes = new_figure(len(parts), sum(heights), sharex=True, height_ratios=heights)
+    figure, axes = new_figure(len(parts), sum(heights), figure=figure, sharex=True, height_ratios=heights)
     for part, ax in zip(parts, axes, strict=True):
         part.paint(ax)
     for ax in axes[:-1]:
