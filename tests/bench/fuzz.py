@@ -33,6 +33,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, Final
 
+sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
+
 from heatertune import compiled
 from heatertune.cli import main, parser
 from tests.bench import messy
