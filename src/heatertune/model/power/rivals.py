@@ -31,7 +31,7 @@ Array = npt.NDArray[np.float64]
 
 _SURE = 0.4  # of the error on windows not seen, that drift and loads have to leave to be believed in an open loop
 _NEAR = 10.0  # BIC points
-_HALVINGS = 5  # between the best dead time and the longest that may be
+_TRIALS = 6  # of dead times between the best and the longest that may be
 _WAYS = 4  # gaps in which the power changed that are tried one by one
 _POOR = 60.0  # fit [%] below which a model is no rival
 
@@ -191,16 +191,15 @@ def _other_edges(log: Log, problem: PowerProblem, fit: PowerFit, dead: Interval 
 
 def _latest(problem: PowerProblem, best: PowerFit, most_s: float) -> PowerFit:
     """Return the fit with the longest dead time, up to the most, that is nearly as good as the best."""
-    limit, early_s, late_s, latest = bic_of(problem, best) + _NEAR, float(best.vector[1]), most_s, best
-    for trial_s in (most_s, *[math.nan] * _HALVINGS):
-        value = 0.5 * (early_s + late_s) if math.isnan(trial_s) else trial_s
-        there = held_at(problem, best, "dead_time_s", value)
+    limit = bic_of(problem, best) + _NEAR
+    early_s, late_s, trial_s, latest = float(best.vector[1]), most_s, most_s, best
+    for _ in range(_TRIALS):
+        there = held_at(problem, best, "dead_time_s", trial_s)
         if there.model is not None and bic_of(problem, there) < limit:
-            early_s, latest = value, there
+            early_s, latest = trial_s, there
         else:
-            late_s = value
-        if late_s <= early_s:
-            break
+            late_s = trial_s
+        trial_s = 0.5 * (early_s + late_s)
     return latest
 
 
