@@ -49,6 +49,12 @@ def test_a_dead_time_has_to_be_taken_in_one_way(asked):
         ONE.to_tf(**asked)
 
 
+@pytest.mark.parametrize("order", [0, -1])
+def test_no_order_leaves_the_dead_time_out(order):
+    with pytest.raises(OutOfRange, match="pade"):
+        ONE.to_tf(pade=order)
+
+
 def test_a_course_of_power_is_answered_as_lsim_does():
     time = np.arange(0.0, 3000.0, 2.5)
     power = np.random.default_rng(1).integers(0, 2, len(time)) * 60.0

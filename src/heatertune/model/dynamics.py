@@ -92,13 +92,16 @@ class Dynamics:
             sample_time_s: of the sampled system with held power, in which the dead time is exact, whatever it is [s].
 
         Raises:
-            OutOfRange: both are given, or neither and there is a dead time: python-control has none.
+            OutOfRange: both are given, or neither and there is a dead time: python-control has none; an order below 1,
+                which would leave the dead time out.
         """
         import control  # noqa: PLC0415 - a second that few have to wait
 
         heater = self._heater
         if (sample_time_s is None) == (pade is None) and (heater.dead_time_s > 0.0 or pade is not None):
             raise OutOfRange("pade", pade, "an order, or sample_time_s for a sampled system with the exact dead time")
+        if pade is not None:
+            check("pade", pade, least=1)
         if sample_time_s is not None:
             return control.TransferFunction(*_sampled(heater, sample_time_s), sample_time_s)
         above, below = control.pade(heater.dead_time_s, pade or 0)
