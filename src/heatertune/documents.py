@@ -11,7 +11,7 @@ from typing import Any
 from heatertune.errors import DocumentError
 from heatertune.files import read_text
 
-__all__ = ["number", "optional_number", "peek_schema", "plain", "read_document", "text", "to_json"]
+__all__ = ["peek_schema", "plain", "read_document", "to_json"]
 
 
 def to_json(document: Mapping[str, Any]) -> str:
@@ -77,35 +77,3 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _constant(name: str) -> float:
     raise ValueError(f"{name} is no number; heatertune writes null")
-
-
-def number(document: Mapping[str, Any], field: str, where: str | Path) -> float:
-    """Return a number of a document.
-
-    Raises:
-        DocumentError: it is missing, no number, or larger than floating point holds.
-    """
-    value = document.get(field)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise DocumentError(f"{where}: {field} is {value!r}; expected a number")
-    try:
-        return float(value)
-    except OverflowError as problem:
-        raise DocumentError(f"{where}: {field} is {str(value)[:20]}…; expected a finite number") from problem
-
-
-def optional_number(document: Mapping[str, Any], field: str, where: str | Path) -> float | None:
-    """Return a number of a document, None where it is missing or null."""
-    return None if document.get(field) is None else number(document, field, where)
-
-
-def text(document: Mapping[str, Any], field: str, where: str | Path) -> str:
-    """Return a text of a document.
-
-    Raises:
-        DocumentError: it is missing or no text.
-    """
-    value = document.get(field)
-    if not isinstance(value, str):
-        raise DocumentError(f"{where}: {field} is {value!r}; expected a text")
-    return value

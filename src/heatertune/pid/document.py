@@ -16,7 +16,7 @@ from heatertune.model.document import ModelView
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import Margins, PidDesign, Promise, structure_of
 
-__all__ = ["SCHEMA", "PidView", "from_document", "promise_document", "read_design", "read_promise", "to_document"]
+__all__ = ["SCHEMA", "PidView", "from_document", "promise_document", "read_design", "to_document"]
 
 SCHEMA = "heatertune/pid/1"
 
@@ -116,12 +116,3 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "design") 
 def promise_document(promise: Promise | None) -> dict[str, Any] | None:
     """Return the promise as JSON holds it."""
     return None if promise is None else encode(built(PromiseView, promise))
-
-
-def read_promise(document: Any, where: str | Path = "design") -> Promise | None:
-    """Return the promise of a document.
-
-    Raises:
-        DocumentError: no such way to be robust, or no limits.
-    """
-    return None if document is None else decode(PromiseView, plain(document), where, "robust").value

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Panel", "drawn", "panels"]
+__all__ = ["Panel", "drawn", "panels", "thinned"]
 
 _POINTS: Final = 600  # what a card's width can show
 
