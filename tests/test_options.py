@@ -93,7 +93,7 @@ def test_what_may_be_chosen_is_what_there_is():
 
 def test_every_number_and_name_of_fit_design_and_proof_is_a_key_of_a_study():
     for kind in (FitSettings, TuneSettings, Conditions):
-        assert {one.name for one in fields(kind)} - set(KEYS) <= {"accept"}
+        assert {one.name for one in fields(kind)} - set(KEYS) <= {"accept", "limit"}
     assert KEYS["tolerance_degC"].what == "how far from the setpoint is still right [°C]"
 
 

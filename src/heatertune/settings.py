@@ -9,16 +9,18 @@ from typing import Any, Final
 
 from heatertune.options import checked, option
 
-__all__ = ["Conditions", "FitSettings", "ReadSettings", "TuneSettings"]
+__all__ = ["STEP_POWER_PCT", "Conditions", "FitSettings", "ReadSettings", "TuneSettings"]
 
+#: most power that one step of the reading may move, where nothing is said [%]
+STEP_POWER_PCT: Final = 10.0
 _COLDEST_DEGC: Final = -273.15
 _COLUMN: Final = "NAME|N"
 
 
-def _step_power() -> Any:
+def _step_power(instead: str) -> Any:
     return option(
-        10.0, float, "most power that one step of the reading, or its noise, may move", unit="%", flag="--step-power",
-        above=0.0, infinite=True, instead=("10", ""))
+        None, float, "most power that one step of the reading, or its noise, may move", unit="%",
+        flag="--step-power", above=0.0, infinite=True, instead=(instead, ""))
 
 
 def _time(default: float | None, what: str, flag: str, **more: Any) -> Any:
@@ -145,7 +147,7 @@ class TuneSettings:
         or_zero=True,
         help="sampling interval TA [s]; auto: TRdom/10 (default); words: near that, as suits the "
              "words; 0: continuous")
-    step_power_pct: float = _step_power()
+    step_power_pct: float | None = _step_power(f"{STEP_POWER_PCT:g}")
 
     def __post_init__(self) -> None:
         checked(self)
@@ -160,6 +162,9 @@ class Conditions:
         pwm_period_s: None: TA in parts up to 10 s.
         pwm_resolution_s: None: a half-wave of 50 Hz mains.
         limit_degC: None: the end of the sensor range.
+        spec: a preset's name or a specification's file; None: the general one, see `heatertune.proof.spec_file`.
+        limit: limits of one's own, NAME=VALUE; several of one name hold together.
+        tolerance_degC, step_power_pct: likewise, by their names; None: the specification's.
         switches: open point → its setting, where it is known of this very controller.
         accept: names of findings of the fit that the user accepts.
     """
@@ -181,13 +186,21 @@ class Conditions:
         None, "the on time is a multiple of it", "--pwm-resolution", label="PWM resolution", least=None, above=0.0,
         needs="pwm_period_s", help="the on time is a multiple of it; a block's call interval [s]",
         instead=("0.01", "a half-wave of 50 Hz mains"))
-    tolerance_degC: float = option(
-        1.0, float, "how far from the setpoint is still right", unit="°C", flag="--tolerance",
+    spec: str | None = option(
+        None, str, "what words must keep", flag="--spec", metavar="NAME|FILE.toml", label="specification",
+        help="what words must keep: a preset or a file, see: heatertune spec", instead=("general", ""))
+    limit: tuple[str, ...] = option(
+        (), tuple, "a limit of your own", flag="--limit", metavar="NAME=VALUE",
+        help="a limit of your own in place of the specification's, such as overshoot=3degC (see: heatertune spec); "
+             "may be repeated: several of one name hold together")
+    tolerance_degC: float | None = option(
+        None, float, "how far from the setpoint is still right", unit="°C", flag="--tolerance",
         label="tolerance around the setpoint", least=0.0,
-        help="how far from the setpoint is still right: band, offset and swing [°C]", instead=("1", ""))
+        help="how far from the setpoint is still right: band, offset and swing [°C]; as --limit tolerance",
+        instead=("the specification's", ""))
     noise_degC: float = option(
         0.0, float, "sensor noise, standard deviation", unit="°C", flag="--noise", least=0.0)
-    step_power_pct: float = _step_power()
+    step_power_pct: float | None = _step_power("the specification's")
     accept: tuple[str, ...] = option(
         (), tuple, "accept a finding of the fit that leaves words not proven; the certificate says so; may be repeated",
         flag="--accept", metavar="NAME")

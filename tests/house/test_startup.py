@@ -92,7 +92,7 @@ def failing(proof):
     (failing, 1,
      "not kept: ms; the model was given by hand; --force exports these words all the same"),
     (lambda proof: proof.pop("runs"), 2, "proof.json: runs: is missing: no whole proof; prove the words again"),
-    (lambda proof: proof.update(schema="x"), 2, "schema is 'x'; expected 'heatertune/proof/2'"),
+    (lambda proof: proof.update(schema="x"), 2, "schema is 'x'; expected 'heatertune/proof/3'"),
 ])
 @pytest.mark.long
 def test_no_words_leave_on_another_proof(change, status, told, proven, tmp_path, capsys):

@@ -113,7 +113,7 @@ def test_the_document_is_json_and_tells_what_was_proven(tenths, words, heater):
     late = replace(heater, dead_time_s=80.0)
     proof = prove_models(tenths, words(gain=15.0), [("late", late)], PAPER, PWM, margins_of=margins)
     document = json.loads(json.dumps(proof.to_document(), allow_nan=False))
-    assert (document["schema"], document["verdict"]) == ("heatertune/proof/2", "FAIL")
+    assert (document["schema"], document["verdict"]) == ("heatertune/proof/3", "FAIL")
     assert document["words"] == {"K": 15000, "TN": 110}
     assert document["criteria"]["ms"] == {
         "value": None, "limit": 2.0, "bound": "<=", "ok": False, "unit": "1", "where": "late",

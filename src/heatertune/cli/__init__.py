@@ -28,6 +28,7 @@ from heatertune.cli import (
     read,
     replay,
     report,
+    spec,
     studio,
     study,
     targets,
@@ -42,8 +43,8 @@ from heatertune.errors import ExportRefused, HeatertuneError, one_line
 __all__ = ["main"]
 
 COMMANDS = (
-    design, read, fit, validate, plan, tune, pareto, export_db, verify, compare, advise, study, fleet, report, decode,
-    replay, targets, studio, doctor, bench, completion,
+    design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, compare, advise, study, fleet, report,
+    decode, replay, targets, studio, doctor, bench, completion,
 )
 
 #: exit status of a crash, as EX_SOFTWARE of sysexits.h

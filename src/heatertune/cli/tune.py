@@ -9,7 +9,7 @@ from typing import Any
 from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.errors import InputError
-from heatertune.settings import TuneSettings
+from heatertune.settings import Conditions, TuneSettings
 
 __all__ = ["add_to"]
 
@@ -29,6 +29,7 @@ def add_to(commands: Any) -> None:
     common.add_model_options(command)
     common.add_tuning_options(command)
     options.add(command, TuneSettings, "step_power_pct")
+    options.add(command, Conditions, "spec", "limit")
     command.add_argument("--second-opinion", action="store_true",
                          help="have python-control compute Ms, too (takes seconds to load)")
     printing.add_output_options(command)
@@ -41,7 +42,9 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.pid.document import to_document  # noqa: PLC0415
     from heatertune.pid.forms import other_forms  # noqa: PLC0415
     from heatertune.plc.choose import tune_for_words  # noqa: PLC0415
+    from heatertune.proof.fitted import aimed  # noqa: PLC0415
     from heatertune.proof.pwm_period import with_pwm  # noqa: PLC0415
+    from heatertune.proof.spec_file import in_force  # noqa: PLC0415
     from heatertune.report.text import alternatives_table, design_lines, forms_lines  # noqa: PLC0415
 
     fitted = common.model_from(settings, settings.model)
@@ -49,7 +52,7 @@ def _run(settings: argparse.Namespace) -> int:
     if by_words and settings.target is None:
         raise InputError("--sample-time words needs --target: the words are its own")
     find = tune_for_words if by_words else chain.tune
-    asked = options.of(TuneSettings, settings)
+    asked = aimed(options.of(TuneSettings, settings), in_force(settings.spec, settings.limit))
     design = find(fitted, asked, target=settings.target, progress=printing.Progress(settings))
     if settings.switch_kind is not None:
         design, _ = with_pwm(design, fitted, settings.switch_kind)

@@ -23,7 +23,7 @@ from heatertune.pid.search.robust import Guarded, Open, guarded
 from heatertune.pid.specs import Specs, refuse_boundless
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign, Promise
-from heatertune.settings import TuneSettings
+from heatertune.settings import STEP_POWER_PCT, TuneSettings
 from heatertune.units import check
 
 __all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "tune"]
@@ -72,7 +72,8 @@ def tune(
     specs = Specs(ms=asked.ms, mt=asked.mt, mks=asked.mks, objective=asked.objective, weight=asked.weight)
     specs.refuse_contradictions(plants, structure)
     step = max(fitted.reading_step_degC, resolution_degC)
-    step_power = asked.step_power_pct / step if step > 0.0 else math.inf
+    step_power_pct = STEP_POWER_PCT if asked.step_power_pct is None else asked.step_power_pct
+    step_power = step_power_pct / step if step > 0.0 else math.inf
     if sample_time_s == 0.0:
         return tune_continuous(
             fitted, method=method, structure=structure, specs=specs, closed_loop_s=closed_loop_s, robust=robust

@@ -20,6 +20,7 @@ from heatertune.plc.design import encode
 from heatertune.plc.weg.advice import ADVICE, Change, Gains, Symptom, changed
 from heatertune.progress import Told
 from heatertune.proof import Proof, prove
+from heatertune.proof.fitted import specified
 from heatertune.proof.heaters import labelled
 from heatertune.proof.symptoms import Response, observe
 from heatertune.proof.verdict import NOT_PROVEN
@@ -114,7 +115,8 @@ def _observed(log: Log | None, before: Proof, assumed: Conditions, expected_s: f
         stop = [each.time_s for each in trace.scenario.disturbances] or [math.inf]
         keep = trace.time_s < stop[0]
         time, temperature, setpoint = trace.time_s[keep], trace.temperature_degC[keep], trace.setpoint_degC
-    return observe(time, temperature, setpoint, expected_s=expected_s, tolerance_degC=assumed.tolerance_degC)
+    tolerance = specified(assumed).tolerance_degC
+    return observe(time, temperature, setpoint, expected_s=expected_s, tolerance_degC=tolerance)
 
 
 def _steps(symptom: Symptom) -> list[tuple[str, tuple[Change, ...]]]:

@@ -16,7 +16,7 @@ from heatertune.plc.choose import choose_words, tune_for_words
 from heatertune.plc.design import tune
 from heatertune.progress import Told
 from heatertune.proof import Proof
-from heatertune.proof.fitted import default_pwm_period_s
+from heatertune.proof.fitted import aimed, default_pwm_period_s, specified
 from heatertune.proof.pwm_period import with_pwm
 from heatertune.proof.refine import refine
 from heatertune.proof.setpoint_ramp import prove_ramped
@@ -28,6 +28,8 @@ __all__ = ["Asked", "Closed", "closed", "plainly"]
 _TIGHTER_MS: Final = (1.5, 1.4, 1.3)
 #: PWM period that a solid-state relay takes well and a contactor does not [s]
 _FAST_S: Final = 2.5
+#: criteria that a setpoint ramp helps to keep
+_BEYOND: Final = frozenset({"overshoot", "overshoot_degC"})
 _NOTHING_PCT: Final = 0.05  # more IAE than this is told
 
 
@@ -106,7 +108,8 @@ def plainly(
 def _made(fitted: FittedModel, asked: Asked, progress: Told, stage: Told) -> Made:
     stage("design")
     find = tune_for_words if asked.interval_by_words else tune
-    wished = find(fitted, asked.tuned, target=asked.target, scaling=asked.scaling, progress=progress)
+    tuned = aimed(asked.tuned, specified(asked.conditions))
+    wished = find(fitted, tuned, target=asked.target, scaling=asked.scaling, progress=progress)
     stage("words")
     return wished, choose_words(
         wished, asked.target, fitted, scaling=asked.scaling, way=asked.words_by, progress=progress)
@@ -161,7 +164,7 @@ def _changes(asked: Asked, first: Closed) -> Iterator[_Change]:
         for each, what in [_Change(still, ""), *robust]:
             yield _Change(replace(each, conditions=conditions), " and ".join(filter(None, (what, told))))
     broken = {each.name for each in first.proof.criteria if not each.ok}
-    if asked.setpoint_ramp is None and controller_for(asked.target).ramped and "overshoot" in broken:
+    if asked.setpoint_ramp is None and controller_for(asked.target).ramped and broken & _BEYOND:
         ramped = replace(asked, setpoint_ramp="auto")
         yield _Change(ramped, "a setpoint ramp")
         if fast is not None:

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 from heatertune.codec import OrInfinite, built, encode
-from heatertune.settings import Conditions
+from heatertune.settings import STEP_POWER_PCT
 from heatertune.units import check
 
 __all__ = ["Criterion", "Limits", "worst_of"]
 
-#: where nothing is said
-_ASSUMED: Final = Conditions()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +99,7 @@ class Limits:
     hold for every model, the least likely one included. The other limits are this project's choice for heaters.
 
     Attributes:
-        overshoot_pct: beyond the setpoint during heat-up [% of the setpoint step].
+        overshoot_pct, overshoot_degC: beyond the setpoint during heat-up [% of the setpoint step, °C]; both hold.
         settling_s: time after which the temperature stays in the band [s]; None: the time of the first
             disturbance, or the end.
         tolerance_degC: how far from the setpoint the process still is as it should be [°C]: half width of the band,
@@ -113,7 +111,8 @@ class Limits:
         iae_degC_s: ∫|setpoint − temperature| dt of the whole record, the setpoint as asked for, no ramp [°C·s].
         recovery_s: time after a disturbance until the temperature stays in the band [s]; None: the time until the
             next one, or the end.
-        recovery_overshoot_pct: beyond the setpoint after a disturbance, on the other side [% of the step].
+        recovery_overshoot_pct, recovery_overshoot_degC: beyond the setpoint after a disturbance, on the other side
+            [% of the step, °C]; both hold.
         deviation_degC: largest distance from the setpoint after a disturbance, on its side [°C].
         saturation_pct: share of the scans that ask for 0 or 100 % power [%].
         switchings_per_h: how often the heater is switched on [1/h]; a relay's life is counted in these.
@@ -127,14 +126,16 @@ class Limits:
     """
 
     overshoot_pct: float | None = 20.0
+    overshoot_degC: float | None = None
     settling_s: float | None = None
-    tolerance_degC: float = _ASSUMED.tolerance_degC
+    tolerance_degC: float = 1.0
     tolerance_resolutions: float = 2.0
     steady_share: float = 0.2
     pwm_ripple_degC: float | None = None
     iae_degC_s: float | None = None
     recovery_s: float | None = None
     recovery_overshoot_pct: float | None = 20.0
+    recovery_overshoot_degC: float | None = None
     deviation_degC: float | None = None
     saturation_pct: float | None = None
     switchings_per_h: float | None = None
@@ -143,7 +144,7 @@ class Limits:
     ms: float | None = 2.0
     gain_margin: float | None = 1.7
     phase_margin_deg: float | None = 30.0
-    step_power_pct: float | None = _ASSUMED.step_power_pct
+    step_power_pct: float | None = STEP_POWER_PCT
 
     def __post_init__(self) -> None:
         for each in fields(self):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -21,6 +21,7 @@ from heatertune.proof.criteria import CriterionView, Limits
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario
+from heatertune.proof.specification import Specification
 from heatertune.proof.verdict import ASSUMED, NOT_PROVEN, PROOF_SCHEMA, HeardView, blocking, combined
 
 __all__ = ["OutcomeView", "ProofView", "RampView", "RunView", "checked", "digested"]
@@ -28,15 +29,16 @@ __all__ = ["OutcomeView", "ProofView", "RampView", "RunView", "checked", "digest
 Verdict = Literal["PASS", "FAIL", "NOT PROVEN"]
 
 #: criteria of every run, and those of a run with disturbances, of a controller that is a PID, behind an interlock
-_ALWAYS: Final = ("overshoot", "settling_time", "steady_offset", "limit_cycle", "pwm_ripple", "iae", "saturation",
-                  "switchings", "overflow")
-_DISTURBED: Final = ("recovery_time", "recovery_overshoot", "deviation")
+_ALWAYS: Final = ("overshoot", "overshoot_degC", "settling_time", "steady_offset", "limit_cycle", "pwm_ripple", "iae",
+                  "saturation", "switchings", "overflow")
+_DISTURBED: Final = ("recovery_time", "recovery_overshoot", "recovery_overshoot_degC", "deviation")
 _OF_PID: Final = ("stability", "ms", "gain_margin", "phase_margin", "step_power")
 _GUARDED: Final = ("interlock_trips",)
 #: criterion → the limit it is held against, by its name among the limits
 _LIMITS: Final = {
-    "overshoot": "overshoot_pct", "pwm_ripple": "pwm_ripple_degC", "iae": "iae_degC_s",
-    "recovery_overshoot": "recovery_overshoot_pct", "deviation": "deviation_degC", "saturation": "saturation_pct",
+    "overshoot": "overshoot_pct", "overshoot_degC": "overshoot_degC", "pwm_ripple": "pwm_ripple_degC",
+    "iae": "iae_degC_s", "recovery_overshoot": "recovery_overshoot_pct",
+    "recovery_overshoot_degC": "recovery_overshoot_degC", "deviation": "deviation_degC", "saturation": "saturation_pct",
     "switchings": "switchings_per_h", "overflow": "overflows", "ms": "ms", "gain_margin": "gain_margin",
     "phase_margin": "phase_margin_deg", "step_power": "step_power_pct",
 }
@@ -86,6 +88,7 @@ class ProofView:
     scenario: Scenario
     actuator: Actuator
     limits: Limits
+    specification: Specification | None
     known: Mapping[str, str]
     faults: tuple[str, ...]
     interlock: Interlock | None
@@ -105,6 +108,8 @@ class ProofView:
     def _check(self) -> None:
         if not self.runs:
             raise DocumentError("runs: none; a proof without a run proves nothing")
+        if self.specification is not None:
+            self._check_limits(self.specification)
         self._demand_all_criteria()
         for number, run in enumerate(self.runs):
             self._check_run(f"runs[{number}]", run)
@@ -112,6 +117,13 @@ class ProofView:
             self._check_criterion(f"criteria.{name}", name, criterion)
         if self.verdict != self.derived:
             raise DocumentError(f"verdict: {self.verdict!r}; its values make it {self.derived!r}")
+
+    def _check_limits(self, specification: Specification) -> None:
+        """Refuse limits that the specification does not mean; times may be in units of a heater that is not here."""
+        meant = specification.limits_for(1.0)
+        for name in (one.name for one in fields(Limits) if one.name not in ("settling_s", "recovery_s")):
+            if getattr(self.limits, name) != getattr(meant, name):
+                raise DocumentError(f"limits.{name}: {getattr(self.limits, name)}; the specification says otherwise")
 
     @property
     def derived(self) -> str:

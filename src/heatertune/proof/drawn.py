@@ -11,7 +11,7 @@ from heatertune.model.values import FittedModel
 from heatertune.pid.search.uncertain import spreads_of
 from heatertune.plc import Words, controller_for
 from heatertune.proof import Drawing, Limits, Spread, judge, prove_samples, replay, scenario_for
-from heatertune.proof.fitted import actuator_for
+from heatertune.proof.fitted import actuator_for, limits_of, specified
 from heatertune.proof.heaters import default_setpoint, holding
 from heatertune.proof.series import trace_series
 from heatertune.settings import Conditions
@@ -46,7 +46,7 @@ def sample_document(
     check("samples", count, least=1, most=_MOST_SAMPLES)
     assumed = conditions or Conditions()
     drawing = _drawing(words, fitted, spread or {}, assumed)
-    return prove_samples(drawing, _limits(assumed), count, seed=seed, quantile=quantile).to_document()
+    return prove_samples(drawing, _limits(assumed, drawing), count, seed=seed, quantile=quantile).to_document()
 
 
 def replay_document(
@@ -59,8 +59,9 @@ def replay_document(
         InputError, OutOfRange, UnknownName: as `sample_document`.
     """
     assumed = conditions or Conditions()
-    trace = replay(_drawing(words, fitted, spread or {}, assumed), seed)
-    found = judge(trace, _limits(assumed))
+    drawing = _drawing(words, fitted, spread or {}, assumed)
+    trace = replay(drawing, seed)
+    found = judge(trace, _limits(assumed, drawing))
     model = trace.model
     return {
         "schema": SCHEMA, "seed": seed, "verdict": "PASS" if all(each.ok for each in found) else "FAIL",
@@ -74,9 +75,9 @@ def replay_document(
     }
 
 
-def _limits(assumed: Conditions) -> Limits:
+def _limits(assumed: Conditions, drawing: Drawing) -> Limits:
     """Return what a sample must keep; the power that a step moves is the same on each: the proof judges it."""
-    return Limits(tolerance_degC=assumed.tolerance_degC)
+    return limits_of(specified(assumed), drawing.heaters)
 
 
 def _drawing(words: Words, fitted: FittedModel, spread: Mapping[str, float], assumed: Conditions) -> Drawing:

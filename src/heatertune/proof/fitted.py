@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
-from heatertune.model.values import FittedModel, Outcome
+from heatertune.model.values import FittedModel, HeaterModel, Outcome
 from heatertune.options import merged
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc import Words, controller_for
@@ -16,10 +17,12 @@ from heatertune.proof.interlock import Interlock
 from heatertune.proof.prove import Proof, prove_models
 from heatertune.proof.pwm import Actuator, switched_by
 from heatertune.proof.scenario import scenario_for
+from heatertune.proof.spec_file import in_force
+from heatertune.proof.specification import Specification
 from heatertune.proof.verdict import Heard
-from heatertune.settings import Conditions
+from heatertune.settings import Conditions, TuneSettings
 
-__all__ = ["actuator_for", "default_pwm_period_s", "limits_of", "prove"]
+__all__ = ["actuator_for", "aimed", "default_pwm_period_s", "limits_of", "prove", "specified"]
 
 
 def prove(
@@ -46,12 +49,14 @@ def prove(
     setpoint = default_setpoint(fitted) if asked.setpoint_degC is None else asked.setpoint_degC
     models = holding(fitted, setpoint)
     scenario = scenario_for([model for _, model in models], noise_degC=asked.noise_degC, setpoint_degC=setpoint)
+    specification = specified(asked)
     return prove_models(
         controller_for(words.target), words, models[:1] if first_look else models, scenario, actuator_for(asked, words),
-        limits_of(asked), margins, open_points=not first_look, known=asked.switches, interlock=_interlock(asked, words),
+        limits_of(specification, [model for _, model in models]), margins,
+        open_points=not first_look, known=asked.switches, interlock=_interlock(asked, words),
         heard=Heard(findings=(*fitted.findings, *unreached(fitted, len(models), setpoint)), accepted=asked.accept,
                     assumed=fitted.assumed, remarks=tuple(_remarks(words, fitted))),
-        reading_step_degC=fitted.reading_step_degC,
+        reading_step_degC=fitted.reading_step_degC, specification=specification,
     )
 
 
@@ -69,9 +74,29 @@ def actuator_for(conditions: Conditions, words: Words) -> Actuator:
         minimum_off_s=conditions.minimum_off_s, **resolution)
 
 
-def limits_of(conditions: Conditions) -> Limits:
-    """Return what the loop must keep."""
-    return Limits(tolerance_degC=conditions.tolerance_degC, step_power_pct=conditions.step_power_pct)
+def specified(conditions: Conditions) -> Specification:
+    """Return the specification in force: options in place of what the preset or file says.
+
+    Raises:
+        InputError, UnknownName: as `in_force`.
+    """
+    own = {"tolerance": conditions.tolerance_degC, "step-power": conditions.step_power_pct}
+    units = {"tolerance": "degC", "step-power": "%"}
+    flags = [f"{name}={value!r} {units[name]}" for name, value in own.items() if value is not None]
+    return in_force(conditions.spec, [*flags, *conditions.limit])
+
+
+def aimed(tuned: TuneSettings, specification: Specification) -> TuneSettings:
+    """Return what a design is asked for, so that it aims at what the specification asks for."""
+    limits = specification.limits_for(1.0)
+    ms, step_power = (math.inf if limit is None else limit for limit in (limits.ms, limits.step_power_pct))
+    own = math.inf if tuned.step_power_pct is None else tuned.step_power_pct
+    return replace(tuned, ms=min(tuned.ms, ms), step_power_pct=min(own, step_power))
+
+
+def limits_of(specification: Specification, models: Sequence[HeaterModel]) -> Limits:
+    """Return what a loop with any of these heaters must keep."""
+    return specification.limits_for(max(sum(model.lags_s) + model.dead_time_s for model in models))
 
 
 def default_pwm_period_s(sample_time_s: float, *, most_s: float = 10.0) -> float:

@@ -135,6 +135,9 @@ def _heat_up(measured: Measured, limits: Limits) -> Iterator[Column]:
         "overshoot", "%", np.maximum(0.0, first[:, HIGHEST]) / _steps(measured) * 100.0, limits.overshoot_pct,
         "Beyond the setpoint during heat-up, of the setpoint step.")
     yield _column(
+        "overshoot_degC", "°C", np.maximum(0.0, first[:, HIGHEST]), limits.overshoot_degC,
+        "Beyond the setpoint during heat-up.")
+    yield _column(
         "settling_time", "s", first[:, SETTLED], end if limits.settling_s is None else limits.settling_s,
         f"Time after which the temperature stays within ±{measured.band_degC:.3g} °C of the setpoint.")
 
@@ -179,6 +182,9 @@ def _after(measured: Measured, limits: Limits, number: int) -> Iterator[Column]:
     yield _column(
         "recovery_overshoot", "%", np.maximum(0.0, beyond) / _steps(measured) * 100.0, limits.recovery_overshoot_pct,
         "Beyond the setpoint after a disturbance, on the other side, of the setpoint step.")
+    yield _column(
+        "recovery_overshoot_degC", "°C", np.maximum(0.0, beyond), limits.recovery_overshoot_degC,
+        "Beyond the setpoint after a disturbance, on the other side.")
     yield _column(
         "deviation", "°C", np.maximum(0.0, along), limits.deviation_degC,
         "Largest distance from the setpoint after a disturbance, on its side.")

@@ -36,6 +36,7 @@ from heatertune.proof.measured import columns_of, joined
 from heatertune.proof.metered import metered
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario, conditions
+from heatertune.proof.specification import Specification
 from heatertune.proof.trace import Trace
 from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, combined
 from heatertune.show import Shown
@@ -80,6 +81,7 @@ class Proof(Shown):
         words: that were proven.
         design: as the words realise it; None where the controller is no PID.
         limits: they were held against.
+        specification: behind the limits, in its user's words; None: the limits were given as they are.
         criteria: each the worst over all runs, with the label of the run it comes from.
         runs: first model and default settings first.
         scenario: of each run.
@@ -107,6 +109,7 @@ class Proof(Shown):
     ramp_degC_per_min: float = math.inf
     open_points: bool = True
     heard: Heard = field(default_factory=Heard)
+    specification: Specification | None = None
 
     @property
     def nominal(self) -> Trace:
@@ -158,6 +161,7 @@ def prove_models(
     interlock: Interlock | None = None,
     heard: Heard | None = None,
     reading_step_degC: float = 0.0,
+    specification: Specification | None = None,
 ) -> Proof:
     """Run the words on every model under every setting the manual leaves open, and judge the worst.
 
@@ -177,6 +181,7 @@ def prove_models(
         interlock: what watches the heater in every run; None: nothing.
         heard: what the fit found and the user knows; None: nothing.
         reading_step_degC: step or noise of a reading on the heater, where that is more than the controller's own [°C].
+        specification: behind the limits.
 
     Raises:
         InputError: no model, or as in `simulate`, with the model's label.
@@ -227,6 +232,7 @@ def prove_models(
         ramp_degC_per_min=math.inf if words.ramp is None else room.ramp_degC_per_min(words),
         open_points=open_points,
         heard=heard or Heard(),
+        specification=specification,
     )
 
 

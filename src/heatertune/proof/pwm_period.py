@@ -7,6 +7,7 @@ from dataclasses import replace
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
+from heatertune.proof.fitted import specified
 from heatertune.proof.heaters import ROOM_DEGC, default_setpoint
 from heatertune.proof.period import propose_period
 from heatertune.proof.pwm import HALF_WAVE_S
@@ -40,7 +41,7 @@ def with_pwm(
     wanted = propose_period(
         fitted.plants, kind=kind, sample_time_s=design.sample_time_s, ambient_degC=ROOM_DEGC,
         setpoint_degC=default_setpoint(fitted) if setpoint is None else setpoint,
-        ripple_degC_most=_OF_TOLERANCE * assumed.tolerance_degC,
+        ripple_degC_most=_OF_TOLERANCE * specified(assumed).tolerance_degC,
     )
     if words is not None and (own := controller_for(words.target).timing(words).pwm_period_s) is not None:
         note = f"{words.target} makes the PWM itself, period {own:g} s; a switch behind it would get: {wanted.told}"

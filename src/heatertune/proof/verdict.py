@@ -10,14 +10,15 @@ from heatertune.codec import built, encode
 from heatertune.errors import DocumentError, UnknownName
 from heatertune.log.cells import count
 from heatertune.model.findings import KINDS, Finding
+from heatertune.proof.specification import GENERAL, NOTHING
 
 __all__ = [
     "ASSUMED", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "extent", "told_of",
     "verdict_line",
 ]
 
-#: of a proof's document; those of the first did not hear the fit
-PROOF_SCHEMA: Final = "heatertune/proof/2"
+#: of a proof's document; those of the first did not hear the fit, of the second no specification
+PROOF_SCHEMA: Final = "heatertune/proof/3"
 
 NOT_PROVEN: Final = "NOT PROVEN"
 
@@ -113,9 +114,16 @@ def _broken(proof: Mapping[str, Any]) -> Sequence[str]:
 
 def told_of(proof: Mapping[str, Any]) -> list[str]:
     """Return what is told, widened, accepted and assumed in a proof's document, a few words each."""
+    under = [] if (spec := proof.get("specification")) is None else _of_spec(spec)
     told = [KINDS[each["name"]].short for each in proof["findings"]
             if KINDS[each["name"]].effect != "blocks"]
     accepted = [f"accepted: {KINDS[each['name']].short}" for each in proof["findings"] if each["accepted"]]
     assumed = [f"taken as known: {ASSUMED[name].format(value)}" for name, value in proof["assumed"].items()]
-    return [*assumed, *accepted, *dict.fromkeys(told), *proof["remarks"]]
+    return [*under, *assumed, *accepted, *dict.fromkeys(told), *proof["remarks"]]
 
+
+def _of_spec(spec: Mapping[str, Any]) -> list[str]:
+    """Return which specification was kept or broken, where it is not the general one as it is."""
+    own = ", ".join(f"{name} {' and '.join(spec['limits'][name]) or NOTHING}" for name in spec["changed"])
+    preset = "" if spec["name"] == GENERAL else f"specification {spec['name']}"
+    return [part for part in (preset, f"own limits: {own}" if own else "") if part]

@@ -1,0 +1,102 @@
+"""Specifications to begin from: one for each kind of user, each limit with its reason and where it comes from.
+
+Sources: AMS 2750F (pyrometry: classes of furnaces), IPC/JEDEC J-STD-020 (reflow), DIN 12876 (laboratory baths),
+DIN 12880 (heating ovens), the defaults of Marlin's Configuration.h, and the practice of the trades where no standard
+says anything: such a reason is called practice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Final, NamedTuple
+
+from heatertune.errors import UnknownName
+from heatertune.proof.criteria import Limits
+from heatertune.proof.specification import GENERAL, LIMITS, Specification
+
+__all__ = ["PRESETS", "Preset", "preset"]
+
+
+class Preset(NamedTuple):
+    """What a kind of user asks for beyond the general: whose it is, and limits with their reasons."""
+
+    what: str
+    limits: Mapping[str, tuple[str, str]]
+
+
+PRESETS: Final[dict[str, Preset]] = {
+    GENERAL: Preset("any heater", {}),
+    "teaching": Preset("a first course in control", {
+        "overshoot": ("25 %", "a quarter decay, as the first tuning rules aimed at, still passes"),
+        "recovery-overshoot": ("25 %", "likewise"),
+    }),
+    "furnace": Preset("heat treatment: no overshoot, slow ramps", {
+        "tolerance": ("1.5 degC", "a quarter of the ±6 °C of class 2, AMS 2750F: the rest is the furnace's uniformity"),
+        "overshoot": ("1.5 degC", "no sensor above the class's limit at any time, AMS 2750F"),
+        "recovery-overshoot": ("3 degC", "half of the class"),
+    }),
+    "kiln": Preset("ceramics and glass", {
+        "tolerance": ("3 degC", "hold within 2 to 3 °C: practice"),
+        "overshoot": ("5 degC", "3 to 5 °C: practice; cones answer to the peak"),
+    }),
+    "extruder": Preset("extruder and injection barrels", {
+        "tolerance": ("1 degC", "±1 °C, ±0.5 °C is good: practice"),
+        "overshoot": ("5 degC", "3 to 5 °C, or the melt is damaged: practice"),
+        "recovery-overshoot": ("3 degC", "practice"),
+    }),
+    "hot-end": Preset("3D printer's nozzle", {
+        "tolerance": ("1 degC", "TEMP_WINDOW of Marlin's Configuration.h"),
+        "overshoot": ("10 degC", "MAXTEMP stands 15 °C above the hottest setpoint (HOTEND_OVERSHOOT, Marlin): a third "
+                      "is kept"),
+        "recovery-overshoot": ("5 degC", "practice"),
+    }),
+    "reflow": Preset("reflow soldering", {
+        "tolerance": ("5 degC", "time within 5 °C of the peak counts, J-STD-020"),
+        "overshoot": ("5 degC", "the peak may not be exceeded by more than its own window, J-STD-020"),
+        "settling": ("8 min", "25 °C to peak in 8 min at most, J-STD-020 (lead-free)"),
+    }),
+    "bath": Preset("laboratory bath", {
+        "tolerance": ("0.1 degC", "half of the difference of largest and smallest reading over 30 min, DIN 12876"),
+        "overshoot": ("0.5 degC", "practice"),
+        "recovery-overshoot": ("0.5 degC", "practice"),
+    }),
+    "oven": Preset("drying or heating oven", {
+        "tolerance": ("1 degC", "±1 to ±2 °C in time, DIN 12880"),
+        "overshoot": ("2 degC", "practice: goods must not be hotter than the setpoint says"),
+        "recovery-overshoot": ("2 degC", "likewise"),
+    }),
+}
+
+#: why the general limits are as they are
+_REASONS: Final = {
+    "tolerance": "what most heaters' users call right",
+    "overshoot": "this project's choice for heaters; ask for less where the goods do",
+    "recovery-overshoot": "as on heat-up",
+    "ms": "K. J. Åström, T. Hägglund, Advanced PID Control, ISA 2006",
+    "gain-margin": "D. E. Seborg, T. F. Edgar, D. A. Mellichamp, Process Dynamics and Control: 1.7 to 4",
+    "phase-margin": "Seborg, Edgar, Mellichamp: 30 to 45°",
+    "step-power": "a reading that trembles by one step must not make the heater tremble",
+}
+
+
+def preset(name: str) -> Specification:
+    """Return a specification to begin from; raise UnknownName where there is none of that name."""
+    if name not in PRESETS:
+        raise UnknownName("specification", name, PRESETS)
+    own = PRESETS[name].limits
+    return Specification(
+        name=name,
+        limits={**_general(), **{limit: (value,) for limit, (value, _) in own.items()}},
+        reasons={**_REASONS, **{limit: why for limit, (_, why) in own.items()}})
+
+
+def _general() -> dict[str, tuple[str, ...]]:
+    """Return the defaults of `Limits` as a user would write them."""
+    defaults = {one.name: one.default for one in fields(Limits)}
+    limits: dict[str, tuple[str, ...]] = {}
+    for name, kind in LIMITS.items():
+        measures = {measure.field: unit for unit, measure in kind.units.items() if measure.factor == 1.0}
+        limits[name] = tuple(f"{defaults[field]:g} {unit}".strip() for field, unit in measures.items()
+                             if unit != "T+L" and defaults[field] is not None)
+    return limits

@@ -1,0 +1,117 @@
+"""`spec.toml`: a specification as a file that a person reads, changes and gives back."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from heatertune.errors import DocumentError, HeatertuneError, UnknownName
+from heatertune.proof.presets import PRESETS, preset
+from heatertune.proof.specification import GENERAL, LIMITS, NOTHING, Specification, limits_from, split
+
+__all__ = ["in_force", "read_spec", "spec_text"]
+
+_TABLES: Final = ("preset", "limits")
+
+
+def in_force(spec: str | None = None, limits: Sequence[str] = ()) -> Specification:
+    """Return the specification that holds.
+
+    Args:
+        spec: name of a preset, or path of a file (it ends in .toml); None: the general one.
+        limits: NAME=VALUE, each in place of the specification's own of that name.
+
+    Raises:
+        UnknownName: no such preset or limit.
+        DocumentError: a file that cannot be read as a specification; it names the file, the table and the key.
+        InputError, OutOfRange: as `limits_from` and `Specification`.
+    """
+    begun = preset(spec or GENERAL) if spec is None or spec in PRESETS else _of_file(spec)
+    return begun.with_limits(limits_from(limits)) if limits else begun
+
+
+def _of_file(spec: str) -> Specification:
+    if not spec.endswith(".toml"):
+        raise UnknownName("specification", spec, [*PRESETS, "a file FILE.toml"])
+    return read_spec(spec)
+
+
+def read_spec(path: str | Path) -> Specification:
+    """Return the specification of a file: its preset's limits, those that it names being its own.
+
+    Raises:
+        DocumentError: it cannot be read, is no TOML, or a table, key or value is not one of a specification.
+    """
+    document = _document(path)
+    for name in document:
+        if name not in _TABLES:
+            raise DocumentError(f"{path}: {name}: no such table; expected {' or '.join(_TABLES)}")
+    base, given = document.get("preset", GENERAL), document.get("limits", {})
+    if not isinstance(base, str) or not isinstance(given, dict):
+        wrong = "preset: expected a text" if not isinstance(base, str) else "limits: expected a table"
+        raise DocumentError(f"{path}: {wrong}")
+    try:
+        begun = preset(base)
+    except UnknownName as problem:
+        raise DocumentError(f"{path}: preset: {problem}") from problem
+    own: dict[str, tuple[str, ...]] = {}
+    for name, value in given.items():
+        try:
+            own[name] = split(name, _texts(value))
+            begun.with_limits({name: own[name]})
+        except HeatertuneError as problem:
+            raise DocumentError(f"{path}: limits.{name}: {problem}") from problem
+    return Specification(
+        name=Path(path).name, limits={**begun.limits, **own},
+        reasons={name: why for name, why in begun.reasons.items() if own.get(name) in (None, begun.limits[name])})
+
+
+def _document(path: str | Path) -> Mapping[str, Any]:
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from problem
+    except (ValueError, RecursionError) as problem:
+        raise DocumentError(f"{path}: no TOML: {problem}") from problem
+
+
+def _texts(value: object) -> list[str]:
+    if isinstance(value, str):
+        return [value]
+    if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
+        return value
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return [repr(value)]
+    raise DocumentError(f"expected a text such as {'5 %'!r}, or a list of such texts")
+
+
+def spec_text(spec: Specification) -> str:
+    """Return a specification as the text of a file that says the same, with its reasons."""
+    return "\n".join([*_lines(spec), ""])
+
+
+def _lines(spec: Specification) -> Iterator[str]:
+    origin = spec.name if spec.name in PRESETS else GENERAL
+    yield f"# What words must keep before they leave: the specification {spec.name}"
+    yield "# Change what you need, then: heatertune design LOG --target NAME --spec FILE.toml"
+    yield f"# Several values of one name hold together: [\"5 %\", \"3 degC\"]; \"{NOTHING}\" asks for nothing."
+    yield f'preset = "{origin}"  # {PRESETS[origin].what}; what stands below is in its place'
+    yield ""
+    yield "[limits]"
+    for name, kind in LIMITS.items():
+        values = spec.limits.get(name, ())
+        units = " or ".join(unit for unit in kind.units if unit)
+        yield f"# {kind.what}{f' ({units})' if units else ''}"
+        if values:
+            why = spec.reasons.get(name, "")
+            yield f"{name} = {_value(values)}" + (f"  # {why}" if why else "")
+        else:
+            dropped = bool(preset(origin).limits.get(name))
+            yield f'{name} = "{NOTHING}"' if dropped else f'# {name} = "{kind.example}"'
+
+
+def _value(values: Sequence[str]) -> str:
+    texts = [f'"{value}"' for value in values]
+    return texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]"
