@@ -5,7 +5,7 @@ import pytest
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.proof.period import propose_period, ripple_degC
+from heatertune.proof.period import life, propose_period, ripple_degC
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 SMOOTH = TwoLag(gain_degC_per_pct=0.37, time_constant_s=167.0, second_time_constant_s=40.0, dead_time_s=12.0)
@@ -45,15 +45,30 @@ def _propose(kind, ta, most=0.2, models=(HEATER,)):
 
 
 def test_contacts_get_the_longest_period_within_the_ripple_and_whole_periods_in_ta():
-    found = _propose("relay", 30.0)
-    count = round(30.0 / found.period_s)
-    assert found.period_s * count == pytest.approx(30.0)
-    assert found.ripple_degC <= 0.2 < ripple_degC(HEATER, 30.0 / (count - 1), 50.0)
-    # 10 s: 360 switchings an hour, 100,000 of them in 278 h
-    calm = _propose("relay", 10.0, most=5.0)
-    assert calm.period_s == 10.0
-    assert "360 switchings an hour" in calm.told
-    assert "278 h" in calm.told
+    found = _propose("relay", 120.0, most=2.0)
+    count = round(120.0 / found.period_s)
+    assert found.period_s * count == pytest.approx(120.0)
+    assert found.ripple_degC <= 2.0 < ripple_degC(HEATER, 120.0 / (count - 1), 50.0)
+    # 20 s: 180 switchings an hour, 100,000 of them in 556 h
+    calm = _propose("relay", 20.0, most=5.0)
+    assert calm.period_s == 20.0
+    assert "180 switchings an hour" in calm.told
+    assert "556 h" in calm.told
+
+
+def test_contacts_get_no_shorter_period_than_suits_them_whatever_the_interval():
+    # the least multiple of TA that is 20 s or more for a relay, 30 s for a contactor
+    assert _propose("relay", 7.0).period_s == 21.0
+    assert _propose("contactor", 7.0).period_s == 35.0
+    assert _propose("contactor", 10.0).period_s == 30.0
+
+
+def test_the_life_of_a_contactor_is_its_switchings_divided_by_those_of_a_year():
+    # a 10 s PWM switches 3.16 million times a year: 1.5 million are gone in half a year; 30 s last 1.4 years
+    assert life("contactor", 360.0) == "6 months"
+    assert life("contactor", 120.0) == "1.4 years"
+    assert life("relay", 360.0) == "278 h"
+    assert life("ssr", 3600.0) == "for ever"
 
 
 def test_a_solid_state_relay_gets_the_shortest_period_of_a_second_or_more():
@@ -65,14 +80,14 @@ def test_a_solid_state_relay_gets_the_shortest_period_of_a_second_or_more():
 
 def test_the_worst_heater_decides_and_a_ripple_that_cannot_be_had_is_told():
     fast = Fopdt(gain_degC_per_pct=0.37, time_constant_s=20.0, dead_time_s=1.0, ambient_degC=22.0)
-    both = _propose("relay", 20.0, models=(HEATER, fast))
-    assert both.period_s < _propose("relay", 20.0).period_s
-    assert "above the 0.2 °C wanted" in both.told
-    assert "above" not in _propose("relay", 20.0).told
+    both = _propose("relay", 100.0, most=2.0, models=(HEATER, fast))
+    assert both.period_s < _propose("relay", 100.0, most=2.0).period_s
+    assert "above the 2 °C wanted" in both.told
+    assert "above" not in _propose("relay", 100.0, most=2.0).told
 
 
 def test_what_makes_no_sense_is_refused():
-    with pytest.raises(UnknownName, match="relay, ssr"):
+    with pytest.raises(UnknownName, match="ssr, relay, contactor"):
         _propose("triac", 10.0)
     with pytest.raises(InputError, match="at least one model"):
         _propose("ssr", 10.0, models=())

@@ -55,7 +55,7 @@ def add_tuning_options(command: argparse.ArgumentParser) -> None:
 
 def add_switch_kind_option(command: argparse.ArgumentParser) -> None:
     """Add --switch-kind."""
-    command.add_argument("--switch-kind", choices=("relay", "ssr"),
+    command.add_argument("--switch-kind", choices=("ssr", "relay", "contactor"),
                          help="what switches the heater: the PWM period is proposed, ripple against wear of contacts")
 
 

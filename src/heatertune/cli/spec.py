@@ -12,7 +12,7 @@ from heatertune.settings import Conditions
 
 __all__ = ["add_to"]
 
-_EXAMPLE = "example: heatertune spec oven --limit overshoot=5%% -o spec.toml"
+_EXAMPLE = "example: heatertune spec oven --limit overshoot=3degC -o spec.toml"
 
 
 def add_to(commands: Any) -> None:

@@ -48,7 +48,7 @@ class Asked:
         conditions: of the proof.
         words_by: how the words are found, see `choose_words`.
         interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
-        switch_kind: "relay" or "ssr": the PWM period is proposed for it, see `with_pwm`; a given PWM period stays.
+        switch_kind: "ssr", "relay" or "contactor": the PWM period proposed for it, see `with_pwm`; a given one stays.
         refined: whether the gains are refined in the loop of the proof, see `refine`.
         setpoint_ramp: [°C/min], "auto" or "none", see `prove_ramped`; None: one is taken where nothing else helps.
     """

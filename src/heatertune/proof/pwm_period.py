@@ -29,7 +29,7 @@ def with_pwm(
     Args:
         design: what was tuned.
         fitted: the heater and its candidates.
-        kind: "relay" or "ssr".
+        kind: "ssr", "relay" or "contactor".
         conditions: of the proof: where the loop rests, and the band, of which the ripple may take a fifth.
         words: what the controller will hold; None: a switch behind its output.
 

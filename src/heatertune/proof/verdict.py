@@ -10,6 +10,7 @@ from heatertune.codec import built, encode
 from heatertune.errors import DocumentError, UnknownName
 from heatertune.log.cells import count
 from heatertune.model.findings import KINDS, Finding
+from heatertune.proof.period import life
 from heatertune.proof.specification import GENERAL, NOTHING
 
 __all__ = [
@@ -98,7 +99,7 @@ def verdict_line(proof: Mapping[str, Any]) -> str:
         parts.append(f"{100.0 * drawn['passing']:.3g} % of {drawn['count']} samples keep every limit")
     parts += [f"{KINDS[each['name']].short} ({each['name']}): {KINDS[each['name']].remedy}, or --accept {each['name']}"
               for each in blocking(proof)]
-    return "; ".join([*parts, *told_of(proof)])
+    return "; ".join([*parts, *told_of(proof), *_switched(proof)])
 
 
 def extent(proof: Mapping[str, Any]) -> str:
@@ -120,6 +121,13 @@ def told_of(proof: Mapping[str, Any]) -> list[str]:
     accepted = [f"accepted: {KINDS[each['name']].short}" for each in proof["findings"] if each["accepted"]]
     assumed = [f"taken as known: {ASSUMED[name].format(value)}" for name, value in proof["assumed"].items()]
     return [*under, *assumed, *accepted, *dict.fromkeys(told), *proof["remarks"]]
+
+
+def _switched(proof: Mapping[str, Any]) -> list[str]:
+    """Return how often the heater is switched, and what that means for a contactor."""
+    if (often := proof["criteria"].get("switchings")) is None:
+        return []
+    return [f"{often['value']:.3g} switchings/h (a contactor lasts {life('contactor', often['value'])})"]
 
 
 def _of_spec(spec: Mapping[str, Any]) -> list[str]:
