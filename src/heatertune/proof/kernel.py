@@ -19,9 +19,9 @@ from heatertune.proof.meter import (
     Seen,
     begin,
     close,
-    point,
     rest_begins,
-    rest_point,
+    rested,
+    seen_on,
 )
 from heatertune.proof.plant import Flow, Plant, factors, moved, turn
 from heatertune.proof.pwm import INSTANT_S, on_time
@@ -139,7 +139,7 @@ def run(
         while due <= t:
             quiet = False
             before = moved(flow, due, factors(due - flow.now, plant))
-            seen, rest = _measured(meter, seen, rest, plant, flow, before, kind)
+            seen, rest = _measured(meter, seen, rest, plant, flow, before)
             flow = _changed(plant, before, kind, events.value[happened], arrived)
             seen, rest = _divided(meter, seen, rest, flow, kind)
             arrived, happened = arrived + (kind == HEAT), happened + (kind != HEAT)
@@ -147,7 +147,7 @@ def run(
                 rows = _stretch(record, rows, flow)
             due, kind = _next(plant, events, happened, edges, arrived, switched)
         before, flow = flow, moved(flow, t, whole if quiet else factors(t - flow.now, plant))
-        seen, rest = _measured(meter, seen, rest, plant, before, flow, HEAT)
+        seen, rest = _measured(meter, seen, rest, plant, before, flow)
         reading = measure(sensor, flow.y + (noise[k] if noisy else noise[0]))
         cycle_start = tick <= t + INSTANT_S
         while tick <= t + INSTANT_S:
@@ -269,25 +269,23 @@ def _scanned(
 
 def _begin(meter: Meter, start: float) -> tuple[Seen, Rest]:
     """Return what is measured at the start."""
-    return begin(0, 0.0, start - meter.setpoint, meter.band), Rest(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return begin(0, 0.0, start - meter.setpoint, meter.band), Rest(False, 0.0, 0.0, 0.0, 0.0)
 
 
 def _measured(
-    meter: Meter, seen: Seen, rest: Rest, plant: Plant, before: Flow, after: Flow, kind: int
+    meter: Meter, seen: Seen, rest: Rest, plant: Plant, before: Flow, after: Flow
 ) -> tuple[Seen, Rest]:
-    """Measure the turn between two instants, if there is one, and the second instant."""
+    """Measure the time between two instants, up to the turn and from it on where there is one."""
     if not meter.measures:
         return seen, rest
     turned = turn(before, after, plant)
     if before.now < turned < after.now:
-        error = moved(before, turned, factors(turned - before.now, plant)).y - meter.setpoint
-        seen = point(seen, turned, error, meter.band)
-        rest = rest_point(meter, rest, turned, error) if rest.lasts else rest
-    error = after.y - meter.setpoint
-    if kind == REST:  # where the rest begins is no point of the heat-up's
-        return seen, rest
-    seen = point(seen, after.now, error, meter.band)
-    return seen, rest_point(meter, rest, after.now, error) if rest.lasts else rest
+        top = moved(before, turned, factors(turned - before.now, plant))
+        seen = seen_on(meter, seen, plant, before, top)
+        rest = rested(meter, rest, plant, before, top) if rest.lasts else rest
+        before = top
+    seen = seen_on(meter, seen, plant, before, after)
+    return seen, rested(meter, rest, plant, before, after) if rest.lasts else rest
 
 
 def _divided(meter: Meter, seen: Seen, rest: Rest, flow: Flow, kind: int) -> tuple[Seen, Rest]:
