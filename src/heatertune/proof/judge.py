@@ -51,8 +51,9 @@ def _measured(trace: Trace, limits: Limits) -> Measured:
     periods, begin = rest_of(limits, stops[0], trace.actuator.pwm_period_s)
     times, error = _error(trace, begin, stops[0])
     limited = (trace.power_asked_pct <= 0.0) | (trace.power_asked_pct >= 100.0)
+    wrong = sum(trace.flags.get(name, 0) for name in limits.overflow_flags)
     totals = [_integrals(trace, times).sum(), error.max(), error.min(), np.count_nonzero(limited),
-              sum(trace.flags.get(name, 0) for name in limits.overflow_flags), np.count_nonzero(trace.edge_on)]
+              wrong + np.count_nonzero(np.isnan(trace.power_asked_pct)), np.count_nonzero(trace.edge_on)]
     phases = [_phase(trace, *_error(trace, a, b), band) for a, b in pairwise((0.0, *stops))]
     return Measured(
         scenario=scenario, band_degC=band, stops_s=stops, rest_s=begin, scans=len(trace.time_s),

@@ -7,6 +7,7 @@ stand in a ring. A loop may keep a trace (`Record`), be measured while it runs (
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final, NamedTuple
 
 from heatertune.proof.meter import (
@@ -155,6 +156,7 @@ def run(
             tick = ticked * pwm[0]
         state, power, _, flags = step(parameters, state, clock.setpoints[k], reading, cycle_start)
         _scanned(record, meter, k, flow.y, reading, power, flags)
+        power = 0.0 if math.isnan(power) else power  # which the meter has counted as a fault
         following = (k + 1) * scan_s + (late[min(k + 1, len(late) - 1)] if shaken else late[0])
         if begin < following - INSTANT_S:
             while begin < following - INSTANT_S:
@@ -261,6 +263,8 @@ def _scanned(
     if meter.measures:
         if power <= 0.0 or power >= 100.0:
             meter.totals[LIMITED] += 1.0
+        if math.isnan(power):
+            meter.totals[FAULTS] += 1.0
         wrong = flags & meter.wrong
         while wrong:
             meter.totals[FAULTS] += 1.0

@@ -32,7 +32,7 @@ SETTLED: Final = 3
 COLUMNS: Final = 4
 
 #: places of `Meter.totals`: ∫error at rest, largest and smallest error there, scans at a power limit, scans times
-#: flags that mean a wrong result, how often the heater was switched on
+#: flags that mean a wrong result (a power that is no number counts as one), how often the heater was switched on
 MEAN: Final = 0
 REST_HIGHEST: Final = 1
 REST_LOWEST: Final = 2

@@ -91,6 +91,9 @@ class Proof(Shown):
         ramp_degC_per_min: how fast the words' ramp moves the setpoint [°C/min]; infinite without one.
         open_points: whether every setting the manual leaves open was run, not only the defaults.
         heard: what the fit found and the user knows, which no run shows.
+
+    Raises:
+        InputError: no run.
     """
 
     words: Words
@@ -107,6 +110,10 @@ class Proof(Shown):
     ramp_degC_per_min: float = math.inf
     open_points: bool = True
     heard: Heard = field(default_factory=Heard)
+
+    def __post_init__(self) -> None:
+        if not (self.runs and self.criteria):
+            raise InputError("runs: none; a proof without a run proves nothing")
 
     @property
     def nominal(self) -> Trace:
