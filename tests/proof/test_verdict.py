@@ -9,7 +9,7 @@ import pytest
 from heatertune.errors import ExportRefused, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding
 from heatertune.pid.loop.robustness import margins
-from heatertune.proof import Actuator, Criterion, paper_scenario, prove_models
+from heatertune.proof import Actuator, Criterion, Limits, paper_scenario, prove_models
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.measured import Column
 from heatertune.proof.verdict import Heard, combined, told_of, verdict_line
@@ -133,3 +133,25 @@ def test_a_step_of_the_reading_may_move_a_tenth_of_the_power(tenths, words, heat
         found = {each.name: each for each in proof.criteria}["step_power"]
         assert found.value == pytest.approx(expected, rel=1e-12)
         assert found.ok is (expected <= 10.0)
+
+
+def test_a_sensor_that_widens_the_tolerance_is_no_pass_of_what_was_asked(tenths, words, heater):
+    # 0…900 °C in 1000 steps: two steps are 1.8 °C
+    coarse = words(gain=4.0, high=900.0)
+
+    def proof(tolerance, accepted=()):
+        return prove_models(tenths, coarse, [("best", heater)], PAPER, PWM, Limits(tolerance_degC=tolerance, step_power_pct=None),
+                            heard=Heard(accepted=accepted, remarks=("by hand",))).to_document()
+
+    asked = proof(1.0)
+    assert asked["verdict"] == "NOT PROVEN"
+    assert {run["verdict"] for run in asked["runs"]} == {"PASS"}
+    line = verdict_line(asked)
+    assert "asked ±1 °C, proven ±1.8 °C" in line
+    assert "by hand" in line
+    assert "--accept coarse-sensor" in line
+    accepted = proof(1.0, ("coarse-sensor",))
+    assert accepted["verdict"] == "PASS"
+    assert "asked ±1 °C, proven ±1.8 °C" in certificate(accepted).head
+    enough = proof(2.0)
+    assert (enough["verdict"], enough["findings"]) == ("PASS", [])
