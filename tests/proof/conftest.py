@@ -73,7 +73,7 @@ class TenthsRoom:
             wanted = words.values["K"] / 1000.0 * (error + summed + step)
             power = min(100.0, max(0.0, wanted))
             summed += step if power == wanted or switches.get("integral") == "never off" else 0.0
-        return (count + 1, summed), power, round(power), (reading > self.overflows_above) + 2
+        return (count + 1, summed), power, power, (reading > self.overflows_above) + 2
 
 
 @pytest.fixture

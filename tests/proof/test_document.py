@@ -41,6 +41,11 @@ def _drop_margins(proof):
             del holder["criteria"][name]
 
 
+def _wider_band(proof):
+    for name in ("steady_offset", "limit_cycle"):
+        proof["criteria"][name]["limit"] = 4.7
+
+
 #: what is changed → what is told of it
 CHANGES = [
     (lambda proof: proof.update(runs=[]), "runs: none"),
@@ -48,6 +53,7 @@ CHANGES = [
     (_drop_everywhere, "criteria.overshoot: is missing"),
     (_drop_margins, "criteria.ms: is missing"),
     (_raise_limit, "criteria.ms.limit: 9.0; limits.ms says otherwise"),
+    (_wider_band, "criteria.steady_offset.limit: 4.7; the tolerance is 1 °C"),
     (_worse_run, "criteria.overshoot.value"),
     (_broken_run, "runs[1].criteria.overshoot.ok: True; its value says otherwise"),
     (lambda proof: proof.update(verdict="FAIL"), "verdict: 'FAIL'; its values make it 'PASS'"),

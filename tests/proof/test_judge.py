@@ -73,8 +73,11 @@ def test_the_band_is_no_finer_than_the_sensor():
 
 
 def test_the_crossing_into_the_band_is_found_between_the_samples():
-    times, error = np.array([0.0, 10.0, 20.0]), np.array([-5.0, -3.0, 1.0])
-    assert _stays_within(times, error, 2.0) == pytest.approx(12.5)
+    # one lag of 50 s to 62 °C: from 57 °C at 10 s the error is −2 °C where 4 of 5 °C are left
+    trace = _trace(lambda _t: 57.0, 20.0)
+    trace = replace(trace, stretches=np.array([[10.0, 57.0, 57.0, 62.0]]))
+    times, error = np.array([0.0, 10.0, 30.0]), np.array([-5.0, -3.0, 1.0])
+    assert _stays_within(trace, times, error, 2.0) == pytest.approx(10.0 + 50.0 * math.log(5.0 / 4.0))
 
 
 def test_what_never_settles_fails_and_is_null_in_json():

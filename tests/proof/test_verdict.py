@@ -1,11 +1,17 @@
 """PASS, FAIL, NOT PROVEN: every finding that blocks, and every way on; the cases are worked out by hand."""
 
+import math
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
-from heatertune.errors import ExportRefused, UnknownName
+from heatertune.errors import ExportRefused, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding
 from heatertune.pid.loop.robustness import margins
-from heatertune.proof import Actuator, paper_scenario, prove_models
+from heatertune.proof import Actuator, Criterion, Limits, paper_scenario, prove_models
+from heatertune.proof.criteria import worst_of
+from heatertune.proof.measured import Column
 from heatertune.proof.verdict import Heard, combined, told_of, verdict_line
 from heatertune.proof.words_file import certificate
 
@@ -89,6 +95,35 @@ def test_the_worst_of_several_verdicts_is_theirs():
     assert combined(["NOT PROVEN", "FAIL", "PASS"]) == "FAIL"
 
 
+def test_nothing_that_was_run_is_no_pass(proven):
+    with pytest.raises(InputError, match="at least one run"):
+        combined([])
+    proof = proven()
+    for nothing in ({"runs": ()}, {"criteria": ()}):
+        with pytest.raises(InputError, match="without a run"):
+            replace(proof, **nothing)
+
+
+@pytest.mark.parametrize("at_least", [False, True])
+@pytest.mark.parametrize("limit", [None, 0.0, 2.0])
+def test_what_is_no_number_keeps_no_limit(limit, at_least):
+    nowhere = Criterion(name="x", value=math.nan, limit=limit, unit="1", what="", at_least=at_least)
+    assert (nowhere.ok, nowhere.strain) == (False, math.inf)
+    assert worst_of([replace(nowhere, value=1e9), nowhere, replace(nowhere, value=0.0)]).value is nowhere.value
+    column = Column(name="x", unit="1", what="", values=np.array([1.0, math.nan]),
+                    limits=None if limit is None else np.full(2, limit))
+    assert column.strains[1] == math.inf
+
+
+@pytest.mark.parametrize("room", ["program", "direct"])  # by its trace, and by the meter
+def test_a_power_that_is_no_number_fails(tenths, words, heater, room):
+    sick = replace(tenths, program=lambda count, _begins: math.nan if count == 700 else 50.0)
+    sick = replace(sick, direct=lambda *_: (sick.core, sick.start(words(), {}))) if room == "direct" else sick
+    proof = prove_models(sick, words(), [("best", heater)], PAPER, PWM)
+    overflow = next(each for each in proof.criteria if each.name == "overflow")
+    assert (proof.verdict, overflow.value) == ("FAIL", 1.0)
+
+
 def test_a_step_of_the_reading_may_move_a_tenth_of_the_power(tenths, words, heater):
     # readings come in tenths of a degree, TA = 4 s, TN = 200 s: one step moves K·(1 + 4/200)·step
     design = tenths.decode(words(gain=4.0))
@@ -98,3 +133,25 @@ def test_a_step_of_the_reading_may_move_a_tenth_of_the_power(tenths, words, heat
         found = {each.name: each for each in proof.criteria}["step_power"]
         assert found.value == pytest.approx(expected, rel=1e-12)
         assert found.ok is (expected <= 10.0)
+
+
+def test_a_sensor_that_widens_the_tolerance_is_no_pass_of_what_was_asked(tenths, words, heater):
+    # 0…900 °C in 1000 steps: two steps are 1.8 °C
+    coarse = words(gain=4.0, high=900.0)
+
+    def proof(tolerance, accepted=()):
+        return prove_models(tenths, coarse, [("best", heater)], PAPER, PWM, Limits(tolerance_degC=tolerance, step_power_pct=None),
+                            heard=Heard(accepted=accepted, remarks=("by hand",))).to_document()
+
+    asked = proof(1.0)
+    assert asked["verdict"] == "NOT PROVEN"
+    assert {run["verdict"] for run in asked["runs"]} == {"PASS"}
+    line = verdict_line(asked)
+    assert "asked ±1 °C, proven ±1.8 °C" in line
+    assert "by hand" in line
+    assert "--accept coarse-sensor" in line
+    accepted = proof(1.0, ("coarse-sensor",))
+    assert accepted["verdict"] == "PASS"
+    assert "asked ±1 °C, proven ±1.8 °C" in certificate(accepted).head
+    enough = proof(2.0)
+    assert (enough["verdict"], enough["findings"]) == ("PASS", [])

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
-    "Factors", "advance", "advanced", "apart", "factors", "since_step", "slopes_by_lag", "turning_time",
+    "Factors", "advance", "advanced", "apart", "area", "factors", "since_step", "slopes_by_lag", "turning_time",
     "turning_times",
 ]
 
@@ -92,6 +92,23 @@ def advance(y: Array, x: Array, target: Array, t: Array, outer: float, inner: fl
     """
     kept = target + np.exp(-t / outer) * (y - target)
     return np.asarray(kept if inner == 0.0 else kept + _passed(t, outer, inner) / outer * (x - target))
+
+
+def area(y: Array, x: Array, target: Array, t: Array, outer: float, inner: float) -> Array:
+    """Return ∫ `advance` dt over a time [°C·s], all of one shape.
+
+    D is outer·inner times the slope of the answer to a unit step, so its integral is that times the answer itself.
+
+    Args:
+        y: of the outer lag at the begin [°C].
+        x: of the inner lag at the begin [°C].
+        target: where the power leads [°C].
+        t: time [s].
+        outer: lag [s].
+        inner: lag, 0 where there is one alone [s].
+    """
+    kept = target * t - outer * np.expm1(-t / outer) * (y - target)
+    return np.asarray(kept if inner == 0.0 else kept + inner * since_step(t, outer, inner)[0] * (x - target))
 
 
 def turning_times(y: Array, x: Array, target: Array, outer: Numbers, inner: Numbers) -> Array:

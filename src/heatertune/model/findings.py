@@ -53,6 +53,9 @@ KINDS: Final[dict[str, Kind]] = {
         "widens", "the gain depends on the power or on the level", "log steps around the setpoint of use"),
     "setpoint-unreached": Kind(
         "blocks", "not every possible heater can hold the setpoint", "log nearer to the setpoint, or lower it"),
+    "coarse-sensor": Kind(
+        "blocks", "the sensor is too coarse for the tolerance asked for",
+        "take a narrower sensor range (--range) or a finer input module, or ask for less (--tolerance)"),
     "alias": Kind(
         "blocks", "the power switches faster than it was logged",
         "log the power's mean over each interval, or at every switching"),

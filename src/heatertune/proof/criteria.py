@@ -39,14 +39,14 @@ class Criterion:
 
     @property
     def ok(self) -> bool:
-        """Whether the limit is kept."""
-        if self.limit is None:
-            return True
-        return self.value >= self.limit if self.at_least else self.value <= self.limit
+        """Whether the limit is kept; what is not a number keeps none, and fails without one too."""
+        return _keeps(self.value, self.limit, at_least=self.at_least)
 
     @property
     def strain(self) -> float:
         """How much of the limit is used: 1 at the limit, above 1 beyond it, 0 without a limit."""
+        if math.isnan(self.value):
+            return math.inf
         if self.limit is None:
             return 0.0
         used, allowed = (self.limit, self.value) if self.at_least else (self.value, self.limit)
@@ -79,14 +79,21 @@ class CriterionView:
 
     def keeps(self, value: float) -> bool:
         """Return whether a run's value keeps the limit."""
-        if self.limit is None:
-            return True
-        return value >= self.limit if self.bound == ">=" else value <= self.limit
+        return _keeps(value, self.limit, at_least=self.bound == ">=")
 
 
-def worst_of(found: Iterable[Criterion]) -> Criterion:
-    """Return the one that strains its limit most; without limits the one whose value is worst."""
-    return max(found, key=lambda each: (each.strain, -each.value if each.at_least else each.value))
+def _keeps(value: float, limit: float | None, *, at_least: bool) -> bool:
+    if limit is None:
+        return not math.isnan(value)
+    return value >= limit if at_least else value <= limit
+
+
+def worst_of(same: Iterable[Criterion]) -> Criterion:
+    """Return the one that strains its limit most; without limits the one whose value is worst, no number before all."""
+    def badness(one: Criterion) -> tuple[bool, float, float]:
+        return math.isnan(one.value), one.strain, -one.value if one.at_least else one.value
+
+    return max(same, key=badness)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -42,6 +42,8 @@ _LIMITS: Final = {
     "switchings": "switchings_per_h", "overflow": "overflows", "ms": "ms", "gain_margin": "gain_margin",
     "phase_margin": "phase_margin_deg", "step_power": "step_power_pct",
 }
+#: criteria whose limit is the band around the setpoint
+_IN_BAND: Final = ("steady_offset", "limit_cycle")
 _AT_LEAST: Final = ("stability", "gain_margin", "phase_margin")
 
 
@@ -111,6 +113,7 @@ class ProofView:
         if self.specification is not None:
             self._check_limits(self.specification)
         self._demand_all_criteria()
+        self._demand_band()
         for number, run in enumerate(self.runs):
             self._check_run(f"runs[{number}]", run)
         for name, criterion in self.criteria.items():
@@ -141,6 +144,14 @@ class ProofView:
             raise DocumentError(f"criteria.{missing[0]}: is missing")
         if more := [name for name in self.criteria if name not in needed]:
             raise DocumentError(f"criteria.{more[0]}: no such criterion")
+
+    def _demand_band(self) -> None:
+        """Refuse a band that is wider than the tolerance without the finding that says so."""
+        asked, coarse = self.limits.tolerance_degC, any(heard.name == "coarse-sensor" for heard in self.findings)
+        for name in _IN_BAND:
+            band = self.criteria[name].limit
+            if band is None or (band > asked and not coarse):
+                raise DocumentError(f"criteria.{name}.limit: {band}; the tolerance is {asked:g} °C")
 
     def _check_run(self, at: str, run: RunView) -> None:
         if set(run.criteria) != set(self.criteria):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,8 @@ __all__ = ["judge", "of_words"]
 Array = npt.NDArray[np.float64]
 #: instants [s] and distances from the setpoint there [°C]
 Course = tuple[Array, Array]
+
+_HALVINGS: Final = 60  # of a stretch, until its ends are neighbours as numbers
 
 
 def judge(
@@ -46,16 +49,17 @@ def _measured(trace: Trace, limits: Limits) -> Measured:
     band, scenario, end = band_of(limits, trace.resolution_degC), trace.scenario, float(trace.time_s[-1])
     stops = (*(each.time_s for each in scenario.disturbances), end)
     periods, begin = rest_of(limits, stops[0], trace.actuator.pwm_period_s)
-    rest = _error(trace, begin, stops[0])
+    times, error = _error(trace, begin, stops[0])
     limited = (trace.power_asked_pct <= 0.0) | (trace.power_asked_pct >= 100.0)
-    totals = [_integral(*rest), rest[1].max(), rest[1].min(), np.count_nonzero(limited),
-              sum(trace.flags.get(name, 0) for name in limits.overflow_flags), np.count_nonzero(trace.edge_on)]
-    phases = [_phase(_error(trace, a, b), band) for a, b in pairwise((0.0, *stops))]
+    wrong = sum(trace.flags.get(name, 0) for name in limits.overflow_flags)
+    totals = [_integrals(trace, times).sum(), error.max(), error.min(), np.count_nonzero(limited),
+              wrong + np.count_nonzero(np.isnan(trace.power_asked_pct)), np.count_nonzero(trace.edge_on)]
+    phases = [_phase(trace, *_error(trace, a, b), band) for a, b in pairwise((0.0, *stops))]
     return Measured(
         scenario=scenario, band_degC=band, stops_s=stops, rest_s=begin, scans=len(trace.time_s),
         rows=np.array([plant_row(trace.model, scenario)]), phases=np.array([phases]),
         totals=np.array([totals], dtype=np.float64),
-        ripple=np.array([_ripple(rest, begin, periods, trace.actuator.pwm_period_s)]),
+        ripple=np.array([_ripple((times, error), begin, periods, trace.actuator.pwm_period_s)]),
     )
 
 
@@ -64,13 +68,15 @@ def _error(trace: Trace, start_s: float, end_s: float) -> Course:
     return times, temperature - trace.setpoint_degC
 
 
-def _phase(course: Course, band: float) -> list[float]:
+def _phase(trace: Trace, times: Array, error: Array, band: float) -> list[float]:
     """Return the columns of `Measured.phases`."""
-    times, error = course
-    return [float(error.max()), float(error.min()), _integral(times, np.abs(error)), _stays_within(times, error, band)]
+    crossed = np.flatnonzero(error[1:] * error[:-1] < 0.0)
+    zeros = _halved(trace, times[crossed], times[crossed + 1], np.zeros(len(crossed)))
+    absolute = np.abs(_integrals(trace, np.union1d(times, zeros))).sum()
+    return [float(error.max()), float(error.min()), float(absolute), _stays_within(trace, times, error, band)]
 
 
-def _stays_within(times: Array, error: Array, band: float) -> float:
+def _stays_within(trace: Trace, times: Array, error: Array, band: float) -> float:
     """Return the instant after which |error| ≤ band [s], infinite where it ends outside."""
     outside = np.flatnonzero(np.abs(error) > band)
     if len(outside) == 0:
@@ -78,9 +84,23 @@ def _stays_within(times: Array, error: Array, band: float) -> float:
     last = int(outside[-1])
     if last == len(times) - 1:
         return math.inf
-    edge = math.copysign(band, error[last])
-    share = (error[last] - edge) / (error[last] - error[last + 1])
-    return float(times[last] + share * (times[last + 1] - times[last]))
+    edge = np.array([math.copysign(band, error[last])])
+    return float(_halved(trace, times[last : last + 1], times[last + 1 : last + 2], edge)[0])
+
+
+def _halved(trace: Trace, low_s: Array, high_s: Array, levels: Array) -> Array:
+    """Return the instants at which the error is at these levels, each the only one between two instants [s]."""
+    above = trace.temperature_at(low_s) - trace.setpoint_degC > levels
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low_s + high_s)
+        still = (trace.temperature_at(middle) - trace.setpoint_degC > levels) == above
+        low_s, high_s = np.where(still, middle, low_s), np.where(still, high_s, middle)
+    return high_s
+
+
+def _integrals(trace: Trace, times: Array) -> Array:
+    """Return ∫error dt from each instant to the next [°C·s]."""
+    return trace.areas(times) - trace.setpoint_degC * np.diff(times)
 
 
 def _ripple(course: Course, begin: float, periods: int, period: float) -> float:
@@ -89,10 +109,6 @@ def _ripple(course: Course, begin: float, periods: int, period: float) -> float:
     number = np.minimum((times - begin) / period, periods - 1).astype(int)
     firsts = np.flatnonzero(np.diff(number, prepend=-1))
     return float(np.median(np.maximum.reduceat(error, firsts) - np.minimum.reduceat(error, firsts)))
-
-
-def _integral(times: Array, values: Array) -> float:
-    return float(np.sum(np.diff(times) * (values[1:] + values[:-1])) / 2.0)
 
 
 def _trips(trace: Trace, interlock: Interlock, where: str) -> Criterion:

@@ -7,6 +7,7 @@ stand in a ring. A loop may keep a trace (`Record`), be measured while it runs (
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final, NamedTuple
 
 from heatertune.proof.meter import (
@@ -19,9 +20,9 @@ from heatertune.proof.meter import (
     Seen,
     begin,
     close,
-    point,
     rest_begins,
-    rest_point,
+    rested,
+    seen_on,
 )
 from heatertune.proof.plant import Flow, Plant, factors, moved, turn
 from heatertune.proof.pwm import INSTANT_S, on_time
@@ -139,7 +140,7 @@ def run(
         while due <= t:
             quiet = False
             before = moved(flow, due, factors(due - flow.now, plant))
-            seen, rest = _measured(meter, seen, rest, plant, flow, before, kind)
+            seen, rest = _measured(meter, seen, rest, plant, flow, before)
             flow = _changed(plant, before, kind, events.value[happened], arrived)
             seen, rest = _divided(meter, seen, rest, flow, kind)
             arrived, happened = arrived + (kind == HEAT), happened + (kind != HEAT)
@@ -147,7 +148,7 @@ def run(
                 rows = _stretch(record, rows, flow)
             due, kind = _next(plant, events, happened, edges, arrived, switched)
         before, flow = flow, moved(flow, t, whole if quiet else factors(t - flow.now, plant))
-        seen, rest = _measured(meter, seen, rest, plant, before, flow, HEAT)
+        seen, rest = _measured(meter, seen, rest, plant, before, flow)
         reading = measure(sensor, flow.y + (noise[k] if noisy else noise[0]))
         cycle_start = tick <= t + INSTANT_S
         while tick <= t + INSTANT_S:
@@ -155,6 +156,7 @@ def run(
             tick = ticked * pwm[0]
         state, power, _, flags = step(parameters, state, clock.setpoints[k], reading, cycle_start)
         _scanned(record, meter, k, flow.y, reading, power, flags)
+        power = 0.0 if math.isnan(power) else power  # which the meter has counted as a fault
         following = (k + 1) * scan_s + (late[min(k + 1, len(late) - 1)] if shaken else late[0])
         if begin < following - INSTANT_S:
             while begin < following - INSTANT_S:
@@ -261,6 +263,8 @@ def _scanned(
     if meter.measures:
         if power <= 0.0 or power >= 100.0:
             meter.totals[LIMITED] += 1.0
+        if math.isnan(power):
+            meter.totals[FAULTS] += 1.0
         wrong = flags & meter.wrong
         while wrong:
             meter.totals[FAULTS] += 1.0
@@ -269,25 +273,23 @@ def _scanned(
 
 def _begin(meter: Meter, start: float) -> tuple[Seen, Rest]:
     """Return what is measured at the start."""
-    return begin(0, 0.0, start - meter.setpoint, meter.band), Rest(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return begin(0, 0.0, start - meter.setpoint, meter.band), Rest(False, 0.0, 0.0, 0.0, 0.0)
 
 
 def _measured(
-    meter: Meter, seen: Seen, rest: Rest, plant: Plant, before: Flow, after: Flow, kind: int
+    meter: Meter, seen: Seen, rest: Rest, plant: Plant, before: Flow, after: Flow
 ) -> tuple[Seen, Rest]:
-    """Measure the turn between two instants, if there is one, and the second instant."""
+    """Measure the time between two instants, up to the turn and from it on where there is one."""
     if not meter.measures:
         return seen, rest
     turned = turn(before, after, plant)
     if before.now < turned < after.now:
-        error = moved(before, turned, factors(turned - before.now, plant)).y - meter.setpoint
-        seen = point(seen, turned, error, meter.band)
-        rest = rest_point(meter, rest, turned, error) if rest.lasts else rest
-    error = after.y - meter.setpoint
-    if kind == REST:  # where the rest begins is no point of the heat-up's
-        return seen, rest
-    seen = point(seen, after.now, error, meter.band)
-    return seen, rest_point(meter, rest, after.now, error) if rest.lasts else rest
+        top = moved(before, turned, factors(turned - before.now, plant))
+        seen = seen_on(meter, seen, plant, before, top)
+        rest = rested(meter, rest, plant, before, top) if rest.lasts else rest
+        before = top
+    seen = seen_on(meter, seen, plant, before, after)
+    return seen, rested(meter, rest, plant, before, after) if rest.lasts else rest
 
 
 def _divided(meter: Meter, seen: Seen, rest: Rest, flow: Flow, kind: int) -> tuple[Seen, Rest]:

@@ -80,10 +80,12 @@ class Column:
     @property
     def strains(self) -> Array:
         """How much of its limit each loop uses, as `Criterion.strain`, shape (n,)."""
+        unknown = np.isnan(self.values)
         if self.limits is None:
-            return np.zeros(len(self.values))
+            return np.where(unknown, math.inf, 0.0)
         over = np.where(self.values <= self.limits, 0.0, math.inf)
-        return np.maximum(0.0, np.divide(self.values, self.limits, out=over, where=self.limits > 0.0))
+        used = np.maximum(0.0, np.divide(self.values, self.limits, out=over, where=self.limits > 0.0))
+        return np.where(unknown, math.inf, used)
 
     def criteria(self, labels: Iterable[str]) -> Iterator[Criterion]:
         """Return the criterion of each loop, the loops being called so."""
@@ -208,4 +210,4 @@ def _switching(measured: Measured, limits: Limits) -> Iterator[Column]:
         "How often the heater is switched on.")
     yield _column(
         "overflow", "1", total[:, FAULTS], limits.overflows,
-        "How often a flag that means a wrong result was set.")
+        "How often a flag that means a wrong result was set, or the power asked for was no number.")

@@ -1,7 +1,8 @@
 """What a loop is judged by, measured while it runs, so that no trace need be kept.
 
-The same numbers as `judge` takes from a trace: at every instant at which the temperature may turn (scan, change of
-power, jump, and with two lags the turn itself) the error is one point; between two points it counts as straight.
+The same numbers as `judge` takes from a trace. Between two instants at which the temperature may turn (scan, change of
+power, jump, and with two lags the turn itself) it only rises or only falls: there integrals, and the instants at which
+it crosses the setpoint or an edge of the band, are those of the heater's own answer, not of a line between two points.
 A phase lasts from the start, or a disturbance, to the next one, or the end; the rest is the last part of the first.
 """
 
@@ -12,10 +13,12 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
+from heatertune.proof.plant import Flow, Plant, area, reached
+
 __all__ = [
     "ABSOLUTE", "COLUMNS", "FAULTS", "HIGHEST", "LIMITED", "LOWEST", "MEAN", "REST_HIGHEST", "REST_LOWEST", "SETTLED",
-    "SWITCHINGS", "TOTALS", "Meter", "Places", "Rest", "Seen", "begin", "close", "no_meter", "point", "rest_begins",
-    "rest_point",
+    "SWITCHINGS", "TOTALS", "Meter", "Places", "Rest", "Seen", "begin", "close", "no_meter", "rest_begins", "rested",
+    "seen_on",
 ]
 
 #: places for numbers: an array where the loop is compiled, a list in plain Python
@@ -29,7 +32,7 @@ SETTLED: Final = 3
 COLUMNS: Final = 4
 
 #: places of `Meter.totals`: ∫error at rest, largest and smallest error there, scans at a power limit, scans times
-#: flags that mean a wrong result, how often the heater was switched on
+#: flags that mean a wrong result (a power that is no number counts as one), how often the heater was switched on
 MEAN: Final = 0
 REST_HIGHEST: Final = 1
 REST_LOWEST: Final = 2
@@ -64,11 +67,9 @@ class Meter(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """One phase so far: its number, the last point, extremes, ∫|error|, and whether and since when it has settled."""
+    """One phase so far: its number, extremes, ∫|error|, and whether it is outside the band, else since when not."""
 
     phase: int
-    time: float
-    error: float
     highest: float
     lowest: float
     absolute: float
@@ -77,12 +78,10 @@ class Seen(NamedTuple):
 
 
 class Rest(NamedTuple):
-    """The time at rest so far: whether it lasts, its start, the last point, ∫error, extremes."""
+    """The time at rest so far: whether it lasts, its start, ∫error, extremes."""
 
     lasts: bool
     start: float
-    time: float
-    error: float
     integral: float
     highest: float
     lowest: float
@@ -95,21 +94,34 @@ def no_meter(loops: int = 1) -> Meter:
 
 
 def begin(phase: int, time: float, error: float, band: float) -> Seen:
-    """Return a phase at its first point."""
-    return Seen(phase, time, error, error, error, 0.0, abs(error) > band, time)
+    """Return a phase at its first instant."""
+    return Seen(phase, error, error, 0.0, abs(error) > band, time)
 
 
-def point(seen: Seen, time: float, error: float, band: float) -> Seen:
-    """Return the phase after one more point."""
-    outside = abs(error) > band
-    settled = seen.settled
+def seen_on(meter: Meter, seen: Seen, plant: Plant, before: Flow, after: Flow) -> Seen:
+    """Return the phase after a stretch on which the temperature does not turn."""
+    error, later = before.y - meter.setpoint, after.y - meter.setpoint
+    outside, settled = abs(later) > meter.band, seen.settled
     if seen.outside and not outside:
-        edge = math.copysign(band, seen.error)
-        settled = seen.time + (seen.error - edge) / (seen.error - error) * (time - seen.time)
+        edge = meter.setpoint + math.copysign(meter.band, error)
+        settled = reached(before, after, edge, plant).now
     return Seen(
-        seen.phase, time, error, max(seen.highest, error), min(seen.lowest, error),
-        seen.absolute + (time - seen.time) * (abs(error) + abs(seen.error)) / 2.0, outside, settled,
+        seen.phase, max(seen.highest, later), min(seen.lowest, later),
+        seen.absolute + _absolute(meter, plant, before, after), outside, settled,
     )
+
+
+def _absolute(meter: Meter, plant: Plant, before: Flow, after: Flow) -> float:
+    """Return ∫|error| over a stretch on which the temperature does not turn: it is split where the error is 0."""
+    whole = _integral(meter, plant, before, after)
+    if (before.y - meter.setpoint) * (after.y - meter.setpoint) >= 0.0:
+        return abs(whole)
+    part = _integral(meter, plant, before, reached(before, after, meter.setpoint, plant))
+    return abs(part) + abs(whole - part)
+
+
+def _integral(meter: Meter, plant: Plant, before: Flow, after: Flow) -> float:
+    return area(before, after, plant) - meter.setpoint * (after.now - before.now)
 
 
 def close(meter: Meter, seen: Seen, rest: Rest) -> Rest:
@@ -123,23 +135,30 @@ def close(meter: Meter, seen: Seen, rest: Rest) -> Rest:
         meter.totals[MEAN] = rest.integral
         meter.totals[REST_HIGHEST] = rest.highest
         meter.totals[REST_LOWEST] = rest.lowest
-    return Rest(False, rest.start, rest.time, rest.error, rest.integral, rest.highest, rest.lowest)
+    return Rest(False, rest.start, rest.integral, rest.highest, rest.lowest)
 
 
 def rest_begins(meter: Meter, time: float, error: float) -> Rest:
-    """Return the rest at its first point."""
+    """Return the rest at its first instant."""
     for number in range(len(meter.high)):
         meter.high[number] = -math.inf
         meter.low[number] = math.inf
-    return rest_point(meter, Rest(True, time, time, error, 0.0, error, error), time, error)
+    _in_period(meter, time, time, error)
+    return Rest(True, time, 0.0, error, error)
 
 
-def rest_point(meter: Meter, rest: Rest, time: float, error: float) -> Rest:
-    """Return the rest after one more point."""
-    number = min(int((time - rest.start) / meter.period), len(meter.high) - 1)
-    meter.high[number] = max(meter.high[number], error)
-    meter.low[number] = min(meter.low[number], error)
+def rested(meter: Meter, rest: Rest, plant: Plant, before: Flow, after: Flow) -> Rest:
+    """Return the rest after a stretch on which the temperature does not turn."""
+    error = after.y - meter.setpoint
+    _in_period(meter, rest.start, after.now, error)
     return Rest(
-        rest.lasts, rest.start, time, error, rest.integral + (time - rest.time) * (error + rest.error) / 2.0,
+        rest.lasts, rest.start, rest.integral + _integral(meter, plant, before, after),
         max(rest.highest, error), min(rest.lowest, error),
     )
+
+
+def _in_period(meter: Meter, start: float, time: float, error: float) -> None:
+    """Enter an error in the PWM period at rest that it belongs to."""
+    number = min(int((time - start) / meter.period), len(meter.high) - 1)
+    meter.high[number] = max(meter.high[number], error)
+    meter.low[number] = min(meter.low[number], error)

@@ -6,12 +6,15 @@ y is the temperature [°C], behind the larger lag; x the state of the smaller la
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from heatertune.heater.exact import Factors, advanced, turning_time
 from heatertune.heater.exact import factors as factors_of
 
-__all__ = ["Flow", "Plant", "factors", "moved", "turn"]
+__all__ = ["Flow", "Plant", "area", "factors", "moved", "reached", "turn"]
+
+_NEAR: Final = 1e-9  # a root is followed until it moves by no more [s]
+_MOST_ROUNDS: Final = 200
 
 
 class Plant(NamedTuple):
@@ -51,3 +54,41 @@ def turn(before: Flow, after: Flow, plant: Plant) -> float:
     if plant.second == 0.0 or (before.x - before.y) * (after.x - after.y) >= 0.0:
         return math.inf
     return before.now + turning_time(before.y, before.x, before.target, plant.first, plant.second)
+
+
+def area(before: Flow, after: Flow, plant: Plant) -> float:
+    """Return ∫y dt between two instants, the power being constant [°C·s].
+
+    Of each lag ∫(what goes in − its state) is the lag times what its state has gained.
+    """
+    gained = plant.first * (after.y - before.y) + plant.second * (after.x - before.x)
+    return before.target * (after.now - before.now) - gained
+
+
+def reached(before: Flow, after: Flow, level: float, plant: Plant) -> Flow:
+    """Return the heater where y reaches a level between two instants, the power being constant and y not turning."""
+    if plant.second == 0.0:
+        return _reached_by_one_lag(before, after, level, plant)
+    low, high, rises = before.now, after.now, after.y > before.y
+    now = low + (level - before.y) / (after.y - before.y) * (high - low)
+    there = moved(before, now, factors(now - before.now, plant))
+    for _ in range(_MOST_ROUNDS):
+        if (there.y > level) == rises:
+            high = now
+        else:
+            low = now
+        last, slope = now, (there.x - there.y) / plant.first
+        now = low if slope == 0.0 else last - (there.y - level) / slope
+        if not low < now < high:  # Newton's step leads out: halve
+            now = 0.5 * (low + high)
+        there = moved(before, now, factors(now - before.now, plant))
+        if abs(now - last) <= _NEAR:
+            break
+    return there
+
+
+def _reached_by_one_lag(before: Flow, after: Flow, level: float, plant: Plant) -> Flow:
+    left, ahead = level - before.target, before.y - before.target
+    seconds = plant.first * math.log(ahead / left) if left * ahead > 0.0 else math.inf
+    now = min(max(before.now + seconds, before.now), after.now)  # by rounding alone it lies outside
+    return Flow(now, level, before.x, before.target, before.heat, before.load)

@@ -13,6 +13,7 @@ import numpy as np
 
 from heatertune.codec import built, encode
 from heatertune.errors import InputError, OutOfRange
+from heatertune.model.findings import Finding
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc.controller import Controller
@@ -32,7 +33,7 @@ from heatertune.proof.loop import (
     scans_of,
     simulate,
 )
-from heatertune.proof.measured import columns_of, joined
+from heatertune.proof.measured import band_of, columns_of, joined
 from heatertune.proof.metered import metered
 from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario, conditions
@@ -93,6 +94,9 @@ class Proof(Shown):
         ramp_degC_per_min: how fast the words' ramp moves the setpoint [°C/min]; infinite without one.
         open_points: whether every setting the manual leaves open was run, not only the defaults.
         heard: what the fit found and the user knows, which no run shows.
+
+    Raises:
+        InputError: no run.
     """
 
     words: Words
@@ -110,6 +114,10 @@ class Proof(Shown):
     open_points: bool = True
     heard: Heard = field(default_factory=Heard)
     specification: Specification | None = None
+
+    def __post_init__(self) -> None:
+        if not (self.runs and self.criteria):
+            raise InputError("runs: none; a proof without a run proves nothing")
 
     @property
     def nominal(self) -> Trace:
@@ -231,9 +239,19 @@ def prove_models(
         faults=() if room.faults is None else room.faults(words),
         ramp_degC_per_min=math.inf if words.ramp is None else room.ramp_degC_per_min(words),
         open_points=open_points,
-        heard=heard or Heard(),
+        heard=_with_band(heard or Heard(), limits, controllers[0].resolution_degC),
         specification=specification,
     )
+
+
+def _with_band(heard: Heard, limits: Limits, resolution_degC: float) -> Heard:
+    """Return what is heard, and that the band is wider than what was asked for, where the sensor makes it so."""
+    band = band_of(limits, resolution_degC)
+    if band <= limits.tolerance_degC:
+        return heard
+    told = f"asked ±{limits.tolerance_degC:.3g} °C, proven ±{band:.3g} °C"
+    coarse = Finding(name="coarse-sensor", told=f"{told}: the sensor's step is {resolution_degC:.3g} °C.")
+    return replace(heard, findings=(*heard.findings, coarse), remarks=(*heard.remarks, told))
 
 
 def settings_to_prove(switches: Sequence[Switch], known: Mapping[str, str] | None = None) -> list[dict[str, str]]:

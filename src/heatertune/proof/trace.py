@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.heater.exact import advance, turning_times
+from heatertune.heater.exact import advance, area, turning_times
 from heatertune.model.values import HeaterModel
 from heatertune.plc.words import Words
 from heatertune.proof.interlock import Interlock
@@ -78,9 +78,20 @@ class Trace(Shown):
         Where it jumps at an instant: the value after the jump, or the one before it.
         """
         times = np.asarray(time_s, dtype=np.float64)
-        rows = np.searchsorted(self.stretches[:, 0], times, side="left" if before else "right") - 1
-        since, y, x, target = np.moveaxis(self.stretches[np.maximum(rows, 0)], -1, 0)
+        since, y, x, target = self._stretch_at(times, before=before)
         return advance(y, x, target, times - since, *self._lags())
+
+    def areas(self, instants_s: Array) -> Array:
+        """Return ∫temperature dt from each of some ascending instants to the next, shape (n − 1,) [°C·s].
+
+        No power changes and nothing jumps between two of them, as with those of `course`.
+        """
+        since, y, x, target = self._stretch_at(instants_s[:-1])
+
+        def up_to(times: Array) -> Array:
+            return area(y, x, target, times - since, *self._lags())
+
+        return up_to(instants_s[1:]) - up_to(instants_s[:-1])
 
     def course(self, start_s: float, end_s: float) -> tuple[Array, Array]:
         """Return instants and temperatures between which the temperature neither jumps nor turns.
@@ -94,6 +105,10 @@ class Trace(Shown):
         values = self.temperature_at(times)
         values[-1] = self.temperature_at(end_s, before=True)
         return times, values
+
+    def _stretch_at(self, times: Array, *, before: bool = False) -> tuple[Array, ...]:
+        rows = np.searchsorted(self.stretches[:, 0], times, side="left" if before else "right") - 1
+        return tuple(np.moveaxis(self.stretches[np.maximum(rows, 0)], -1, 0))
 
     def _lags(self) -> tuple[float, float]:
         first, *rest = self.model.lags_s

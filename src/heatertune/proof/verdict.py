@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
 from heatertune.codec import built, encode
-from heatertune.errors import DocumentError, UnknownName
+from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.log.cells import count
 from heatertune.model.findings import KINDS, Finding
 from heatertune.proof.period import life
@@ -81,9 +81,11 @@ class Heard:
 
 
 def combined(verdicts: Iterable[str]) -> str:
-    """Return the one verdict of several: the worst."""
-    found = set(verdicts)
-    return "FAIL" if "FAIL" in found else NOT_PROVEN if NOT_PROVEN in found else "PASS"
+    """Return the one verdict of several: the worst; raise InputError where there is none."""
+    heard = set(verdicts)
+    if not heard:
+        raise InputError("a verdict needs at least one run: none proves nothing")
+    return "FAIL" if "FAIL" in heard else NOT_PROVEN if NOT_PROVEN in heard else "PASS"
 
 
 def blocking(proof: Mapping[str, Any]) -> list[Mapping[str, Any]]:
