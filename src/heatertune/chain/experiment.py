@@ -65,6 +65,13 @@ def noise_of(
 
     Residuals hold the sensor's resolution already, and the correlation between two of them shrinks with the interval.
 
+    Args:
+        fitted: the model, None where there is none.
+        std_degC: standard deviation of the noise [°C]; None: that of the residuals.
+        correlation: of the noise between two readings, 0 to 1; None: that of the residuals, else 0.
+        resolution_degC: step of the sensor's digits [°C]; None: 0.
+        sample_time_s: interval between readings [s]; None: the log's, else 1 s.
+
     Raises:
         InputError: neither noise nor resolution is given, and the model has no residuals.
         OutOfRange: as `Noise`.

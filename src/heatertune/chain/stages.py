@@ -40,7 +40,7 @@ def fit(
 
     Args:
         data: a log, or what `heatertune.log.given.log_of` makes one of: a path or built-in name, an open file, a table
-            of pandas, arrays (time_s, temperature_degC, power_pct).
+            of pandas, arrays (time_s, temperature_degC, power_pct), all of shape (n,).
         settings: what is known beside the log; None: nothing.
         thorough: carry every controller hypothesis to the end, however far behind it is.
         companions: whether the candidates of other built-in logs of the same heater are added.

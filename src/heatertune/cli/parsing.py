@@ -22,5 +22,9 @@ class CommandParser(argparse.ArgumentParser):
         return super().parse_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
-        """Raise the complaint as an input error."""
+        """Raise the complaint as an input error.
+
+        Raises:
+            InputError: always.
+        """
         raise InputError(f"{message} (see: {self.prog} --help)")
