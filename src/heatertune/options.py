@@ -109,17 +109,17 @@ class Option:
         """What `add_argument` is told."""
         default = f" (default: {self.instead[0]})" if self.instead[0] else ""
         help_ = f"{self.help or self.meaning}{default}".replace("%", "%%")
-        told: dict[str, Any] = {"dest": self.dest, "help": help_}
+        keywords: dict[str, Any] = {"dest": self.dest, "help": help_}
         if self.kind is bool:
-            return told | {"action": "store_true"}
-        told |= {"default": self.automatic[0] if self.automatic else self.default}
+            return keywords | {"action": "store_true"}
+        keywords |= {"default": self.automatic[0] if self.automatic else self.default}
         if self.choices:
-            return told | {"choices": tuple(self.choices)}
-        told["metavar"] = self.metavar or _METAVARS.get(self.unit, self.unit) or None
+            return keywords | {"choices": tuple(self.choices)}
+        keywords["metavar"] = self.metavar or _METAVARS.get(self.unit, self.unit) or None
         if self.kind in (tuple, dict):
-            return told | {"action": "append", "default": []}
+            return keywords | {"action": "append", "default": []}
         several = {"nargs": "+"} if self.several else {}
-        return told | several | ({} if self.automatic or self.kind is str else {"type": self.kind})
+        return keywords | several | ({} if self.automatic or self.kind is str else {"type": self.kind})
 
     def read(self, given: Any) -> Any:
         """Return the value of what the command line holds.
@@ -183,8 +183,8 @@ def _demand_needed(options: Mapping[str, Option], values: Mapping[str, Any], cal
         needing = [one for one in options.values() if one.needs == needed]
         if values[needed] is None and any(values[one.name] != one.default for one in needing):
             names = [getattr(one, called) for one in needing]
-            told = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
-            raise InputError(f"{told} need {getattr(options[needed], called)}")
+            listed = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+            raise InputError(f"{listed} need {getattr(options[needed], called)}")
 
 
 def merged(kind: type[_T], settings: _T | None, changed: dict[str, Any]) -> _T:
@@ -193,7 +193,7 @@ def merged(kind: type[_T], settings: _T | None, changed: dict[str, Any]) -> _T:
     return kind(**{name: getattr(given, name) for name in options_of(kind)} | changed)
 
 
-def add(group: Any, kind: type, *names: str, but: Sequence[str] = (), **told: Any) -> None:
+def add(group: Any, kind: type, *names: str, but: Sequence[str] = (), **changed: Any) -> None:
     """Add the flags of a dataclass of options to a parser or a group of one.
 
     Args:
@@ -201,11 +201,11 @@ def add(group: Any, kind: type, *names: str, but: Sequence[str] = (), **told: An
         kind: the dataclass.
         names: of the fields whose flags are added; none: all.
         but: those left out.
-        told: what `add_argument` is told otherwise here.
+        changed: what `add_argument` is told otherwise here.
     """
     for name, one in options_of(kind).items():
         if one.flag and name not in but and (not names or name in names):
-            group.add_argument(one.flag, **one.arguments | told)
+            group.add_argument(one.flag, **one.arguments | changed)
 
 
 def of(kind: type[_T], given: Namespace) -> _T:

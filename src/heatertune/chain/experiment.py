@@ -48,8 +48,8 @@ def plan(
     if isinstance(believed, FittedModel):
         prior = prior_of(believed, ambient_degC=ambient_degC, assumed_degC=ROOM_DEGC)
     else:
-        known = {} if ambient_degC is None else {"ambient_degC": (ambient_degC, ambient_degC)}
-        prior = prior_by_hand(dict(believed) | known, ambient_known=ambient_degC is not None)
+        ambient = {} if ambient_degC is None else {"ambient_degC": (ambient_degC, ambient_degC)}
+        prior = prior_by_hand(dict(believed) | ambient, ambient_known=ambient_degC is not None)
     conditions = Conditions(
         limit_degC=limit_degC, noise=noise, longest_s=_LONG * prior.slowest_s if longest_s is None else longest_s,
         **settings,
@@ -106,7 +106,7 @@ def _document(prior: Prior, conditions: Conditions, tried: list[Plan]) -> dict[s
         "highest_degC": float(chosen.peaks_degC.max()),
         "quantities": {name: _quantity(prior, chosen, i) for i, name in enumerate(QUANTITIES)},
         "worst_share": chosen.worst, "reached": chosen.worst <= conditions.aim,
-        "durations": [{"duration_s": each.duration_s, "worst_share": each.worst} for each in tried],
+        "durations": [{"duration_s": proposal.duration_s, "worst_share": proposal.worst} for proposal in tried],
         "step_worst_share": best_step(prior, conditions, chosen.duration_s).worst,
         "heaters": [
             {"label": label, "errors": dict(zip(QUANTITIES, errors, strict=True)), "highest_degC": peak}

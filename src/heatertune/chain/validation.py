@@ -46,6 +46,6 @@ def validate(
     if words is None:
         return judge(fitted, log, **conditions)
     controller = controllers(words, known)[0]
-    found = judge(fitted, replayed(log, controller, setpoint_degC), **conditions)
+    verdict = judge(fitted, replayed(log, controller, setpoint_degC), **conditions)
     note = f"The power was not logged; {controller.name} was run on the readings, from a cold start at the first one."
-    return replace(found, notes=(note, *found.notes))
+    return replace(verdict, notes=(note, *verdict.notes))

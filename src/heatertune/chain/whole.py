@@ -75,14 +75,14 @@ def design(
     controller_for(asked.target)  # an unknown target is refused before the long part
     log = source if isinstance(source, Log) else read_log(source, read, errata=True)
     fitted = fit(log, fitted_with, companions=True, progress=progress)
-    found = (plainly if as_is else closed)(fitted, asked, progress=progress)
-    proof = found.proof
+    result = (plainly if as_is else closed)(fitted, asked, progress=progress)
+    proof = result.proof
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
     progress("comparing with other designs, drawing the report")
-    documents = dossier(log, fitted, found.wished, proof, files,
-                        search=search_document(found.choice, fitted, found.notes))
+    documents = dossier(log, fitted, result.wished, proof, files,
+                        search=search_document(result.choice, fitted, result.notes))
     _write(documents, files, out)
-    return ChainResult(log=log, fitted=fitted, closed=found, files=files, documents=documents)
+    return ChainResult(log=log, fitted=fitted, closed=result, files=files, documents=documents)
 
 
 def write_report(

@@ -41,13 +41,13 @@ def _run(settings: argparse.Namespace) -> int:
 
     again = None if common.proof_asked(settings) else export_again(
         settings.pid, common.target(settings), force=settings.force, accept=settings.accept)
-    found = again or _proven(settings)
-    document = found["words"]
-    documents = {"words.json": to_json(document), "proof.json": to_json(found["proof"])}
-    written = write_files(settings.out, {**found["files"], **documents})
+    proven = again or _proven(settings)
+    document = proven["words"]
+    documents = {"words.json": to_json(document), "proof.json": to_json(proven["proof"])}
+    written = write_files(settings.out, {**proven["files"], **documents})
     names = "\n".join(str(path) for path in written)
-    told = verdict_line(found["proof"])
-    printing.output(settings, document, lambda: f"{told}\n{words_table(document)}\nVERDICT {told}\n{names}")
+    line = verdict_line(proven["proof"])
+    printing.output(settings, document, lambda: f"{line}\n{words_table(document)}\nVERDICT {line}\n{names}")
     return 0
 
 

@@ -73,9 +73,9 @@ def _run(settings: argparse.Namespace) -> int:
         verdicts.append(document["samples"]["verdict"])
     verdict = document["verdict"] = combined(verdicts)
     document = digested(document)
-    told, line = [f"- {note}" for note in (*ramp_note(document), *notes)], verdict_line(document)
+    remarks, line = [f"- {note}" for note in (*ramp_note(document), *notes)], verdict_line(document)
     printing.output(settings, document, lambda: "\n".join(
-        [line, criteria_table(document), *told, *samples_table(document), f"VERDICT {line}"]
+        [line, criteria_table(document), *remarks, *samples_table(document), f"VERDICT {line}"]
     ))
     return 0 if verdict == "PASS" else 1
 
