@@ -28,7 +28,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.chain.speed import speed_document  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.bench import speed_document  # noqa: PLC0415 - the help must not wait for it
 
     speed = speed_document(settings.target, settings.samples, progress=printing.Progress(settings))
     printing.output(settings, speed, lambda: _told(speed))

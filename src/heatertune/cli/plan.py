@@ -63,8 +63,8 @@ def _add_prior_options(command: argparse.ArgumentParser) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.chain.experiment import noise_of  # noqa: PLC0415
     from heatertune.documents import plain  # noqa: PLC0415
+    from heatertune.model.experiment.noise import noise_of  # noqa: PLC0415
     from heatertune.report.plan import plan_csv, plan_lines  # noqa: PLC0415
     from heatertune.writing import write_files  # noqa: PLC0415
 
