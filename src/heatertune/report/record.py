@@ -10,7 +10,7 @@ from heatertune.plc import controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.report.html import bullets, steps, table, text_of, tick
 from heatertune.report.text import figure, ramp_note, search_notes, word
-from heatertune.settings import Conditions
+from heatertune.settings import Conditions, SensorSettings
 
 __all__ = ["assumed", "limits", "signature", "site", "words"]
 
@@ -55,9 +55,10 @@ def assumed(documents: Documents) -> str:
     """Return what the proof was told about the plant, each with its unit and where it came from."""
     proof, scale = documents["proof"], documents["words"]["scaling"]
     story, switch, limit = proof["scenario"], proof["actuator"], proof["limits"]
+    sensor = options_of(SensorSettings)["range_degC"]
     rows = [
-        ["sensor at the lowest reading", figure(scale["low_degC"]), "°C", "--range"],
-        ["sensor at the highest reading", figure(scale["high_degC"]), "°C", "--range"],
+        ["sensor at the lowest reading", figure(scale["low_degC"]), "°C", sensor.flag],
+        ["sensor at the highest reading", figure(scale["high_degC"]), "°C", sensor.flag],
         _row("setpoint_degC", story["setpoint_degC"]),
         _row("noise_degC", story["noise_degC"]),
         _row("tolerance_degC", limit["tolerance_degC"]),
