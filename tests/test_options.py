@@ -12,11 +12,23 @@ from heatertune.cli import parser
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.search.robust import ROBUST
 from heatertune.pid.specs import OBJECTIVES
+from heatertune.plc.choose import WAYS
+from heatertune.proof import Spread
 from heatertune.proof.pwm import RULES
-from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
+from heatertune.settings import (
+    Conditions,
+    FitSettings,
+    ReadSettings,
+    SampleSettings,
+    SensorSettings,
+    TuneSettings,
+    ValidateSettings,
+    WordSettings,
+)
 from heatertune.units import LARGEST
 
-KINDS = (ReadSettings, FitSettings, TuneSettings, Conditions)
+KINDS = (
+    ReadSettings, FitSettings, TuneSettings, Conditions, WordSettings, SensorSettings, SampleSettings, ValidateSettings)
 NUMBERS = [(kind, name) for kind in KINDS for name, one in options.options_of(kind).items() if one.kind in (float, int)]
 #: what no heater, no switch and no controller has; 0, 1 and 100 are ordinary somewhere
 WILD = (math.nan, -math.inf, 1e308, -1e308, 10**400, "12", [1.0])
@@ -87,8 +99,27 @@ def test_what_may_be_chosen_is_what_there_is():
     assert choices["objective"] == tuple(OBJECTIVES)
     assert choices["robust"] == tuple(ROBUST)
     assert choices["pwm_rule"] == tuple(RULES)
+    assert choices["words_by"] == WAYS
     with pytest.raises(UnknownName, match="unknown structure 'ip'; known: p, pi, pid"):
         TuneSettings(structure="ip")
+
+
+@pytest.mark.parametrize(("asked", "ramp"), [((), None), (("auto",), "auto"), (("none",), "none"), (("2.5",), 2.5)])
+def test_a_number_may_have_texts_in_its_place(asked, ramp):
+    given = parser().parse_args(["verify", "pid.json", "--target", "weg", *(f"--setpoint-ramp={text}" for text in asked)])
+    assert options.of(WordSettings, given) == WordSettings(setpoint_ramp=ramp)
+
+
+@pytest.mark.parametrize("pair", [(0.0,), (0.0, 1.0, 2.0), 100.0, "01", (0.0, math.nan)])
+def test_a_pair_is_two_numbers(pair):
+    with pytest.raises(OutOfRange, match="range_degC"):
+        SensorSettings(range_degC=pair)
+    given = parser().parse_args(["verify", "pid.json", "--target", "weg", "--range", "0", "850"])
+    assert options.of(SensorSettings, given) == SensorSettings(range_degC=(0.0, 850.0))
+
+
+def test_what_samples_are_drawn_from_is_the_proofs_own_where_nothing_is_said():
+    assert Spread(**SampleSettings().spread) == Spread()
 
 
 def test_every_number_and_name_of_fit_design_and_proof_is_a_key_of_a_study():

@@ -48,8 +48,8 @@ def cached(
     if place is None:
         # through the same text as a result that is kept: a switched-off cache changes no number
         return read(json.loads(to_json(run())))
-    told = json.dumps(inputs, sort_keys=True, default=lambda array: array.tolist())  # keeps nan apart from null
-    key = hashlib.sha256((source_digest() + stage + told).encode()).hexdigest()[:32]
+    text = json.dumps(inputs, sort_keys=True, default=lambda array: array.tolist())  # keeps nan apart from null
+    key = hashlib.sha256((source_digest() + stage + text).encode()).hexdigest()[:32]
     name = f"{stage}-{key}.json"
     with suppress(OSError, ValueError, RecursionError, HeatertuneError):
         value = read(_document(read_bytes(place / name)))

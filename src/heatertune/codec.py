@@ -75,7 +75,7 @@ def built(kind: type[T], *sources: object, **given: Any) -> T:
 
     So a value is made of its view and a view of its value: what they share needs no line.
     """
-    for name in (each.name for each in fields(cast("Any", kind)) if each.init and each.name not in given):
+    for name in (field.name for field in fields(cast("Any", kind)) if field.init and field.name not in given):
         held = [item for source in sources if hasattr(source, name) and not callable(item := getattr(source, name))]
         if held:
             given[name] = held[0]
@@ -87,12 +87,12 @@ def encode(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         schema = _SCHEMAS.get(type(value))
         made: dict[str, Any] = {} if schema is None else {"schema": schema}
-        for each in fields(value):
-            item = getattr(value, each.name)
-            if "flat" in each.metadata:
+        for field in fields(value):
+            item = getattr(value, field.name)
+            if "flat" in field.metadata:
                 made |= {} if item is None else encode(item)
-            elif "left_out" not in each.metadata or item not in (None, ()):
-                made[each.name] = encode(item)
+            elif "left_out" not in field.metadata or item not in (None, ()):
+                made[field.name] = encode(item)
         return made
     if isinstance(value, Mapping):
         return {str(key): encode(item) for key, item in value.items()}
@@ -137,8 +137,8 @@ class _Place:
     def wrong(self, expected: str, value: Any) -> DocumentError:
         return self.error(f"expected {expected}, got {_shown(value)}")
 
-    def error(self, told: object) -> DocumentError:
-        return DocumentError(f"{self.where}: {self.at}: {told}" if self.at else f"{self.where}: {told}")
+    def error(self, problem: object) -> DocumentError:
+        return DocumentError(f"{self.where}: {self.at}: {problem}" if self.at else f"{self.where}: {problem}")
 
 
 def _shown(value: Any) -> str:
@@ -227,10 +227,10 @@ _READERS: Final[dict[Any, Callable[[tuple[Any, ...], Any, _Place], Any]]] = {
 def _shape(kind: type) -> tuple[dict[str, Any], frozenset[str], dict[str, Any]]:
     """Return the fields of a dataclass with their types, those that a document must hold, and those that lie flat."""
     hints = get_type_hints(kind, include_extras=True)
-    own = [each for each in fields(kind) if each.init]
-    needed = frozenset(each.name for each in own if each.default is MISSING and each.default_factory is MISSING)
-    groups = {each.name: get_args(hints[each.name])[0] for each in own if "flat" in each.metadata}
-    return {each.name: hints[each.name] for each in own if each.name not in groups}, needed, groups
+    own = [field for field in fields(kind) if field.init]
+    needed = frozenset(field.name for field in own if field.default is MISSING and field.default_factory is MISSING)
+    groups = {field.name: get_args(hints[field.name])[0] for field in own if "flat" in field.metadata}
+    return {field.name: hints[field.name] for field in own if field.name not in groups}, needed, groups
 
 
 def _object(kind: Any, value: Any, place: _Place) -> Any:

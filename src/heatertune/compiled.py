@@ -88,7 +88,7 @@ def bound(function: _Plain, **given: Callable[..., Any]) -> _Plain:
     """
     assert isinstance(function, FunctionType)
     copy = _copy(function, given)
-    names = "_".join(f"{each.__module__}.{each.__qualname__}" for each in given.values())
+    names = "_".join(f"{other.__module__}.{other.__qualname__}" for other in given.values())
     copy.__qualname__ = f"{function.__qualname__}_{names}"  # by which Numba tells what it has on disk
     return cast(_Plain, copy)
 
@@ -143,7 +143,7 @@ def _digest(function: Callable[..., Any]) -> str | None:
     on: types of arguments are among them. Constants come in by value, wherever they are from.
     """
     functions = _functions(function)
-    ahead, files = {Path(__file__), *(Path(each.__code__.co_filename) for each in functions)}, set[Path]()
+    ahead, files = {Path(__file__), *(Path(other.__code__.co_filename) for other in functions)}, set[Path]()
     if not all(path.is_file() for path in ahead):  # typed into a notebook
         return None
     while ahead:

@@ -39,16 +39,16 @@ def read_document(path: str | Path, schema: str) -> dict[str, Any]:
         DocumentError: the file is missing, is no JSON object, or carries another schema.
     """
     content = _load(path)
-    found = content.get("schema")
-    if found != schema:
-        raise DocumentError(f"{path}: schema is {found!r}; expected {schema!r}")
+    named = content.get("schema")
+    if named != schema:
+        raise DocumentError(f"{path}: schema is {named!r}; expected {schema!r}")
     return content
 
 
 def peek_schema(path: str | Path) -> str | None:
     """Return the schema a JSON file names, None where it names none; errors as in `read_document`."""
-    found = _load(path).get("schema")
-    return found if isinstance(found, str) else None
+    named = _load(path).get("schema")
+    return named if isinstance(named, str) else None
 
 
 def _load(path: str | Path) -> dict[str, Any]:
@@ -60,8 +60,8 @@ def _load(path: str | Path) -> dict[str, Any]:
         line = getattr(problem, "lineno", 1)
         raise DocumentError(f"{path}, line {line}: no JSON document") from problem
     except (ValueError, RecursionError) as problem:  # a key twice, NaN, 5000 digits, a thousand brackets
-        told = "nested too deep" if isinstance(problem, RecursionError) else problem
-        raise DocumentError(f"{path}: no JSON document: {told}") from problem
+        why = "nested too deep" if isinstance(problem, RecursionError) else problem
+        raise DocumentError(f"{path}: no JSON document: {why}") from problem
     if not isinstance(content, dict):
         raise DocumentError(f"{path}: no JSON object; expected a document of heatertune")
     return content

@@ -74,9 +74,9 @@ class LogError(InputError):
         self.column, self.value, self.expected = column, value, expected
         place = f"{file}" + (f", line {line}" if line is not None else "")
         place += f", column {column}" if column is not None else ""
-        found = f" {value!r}" if value is not None else ""
+        shown = f" {value!r}" if value is not None else ""
         wanted = f"; expected {expected}" if expected is not None else ""
-        super().__init__(f"{place}: {problem}{found}{wanted}")
+        super().__init__(f"{place}: {problem}{shown}{wanted}")
 
     def __reduce__(self) -> tuple[object, ...]:
         return _rebuild_log_error, (

@@ -47,8 +47,8 @@ def examine() -> tuple[Finding, ...]:
 
 def document(findings: Sequence[Finding]) -> dict[str, Any]:
     """Return the JSON document: well, and one object per finding."""
-    well = all(each.ok for each in findings if each.needed)
-    return {"schema": SCHEMA, "well": well, "findings": [asdict(each) for each in findings]}
+    well = all(finding.ok for finding in findings if finding.needed)
+    return {"schema": SCHEMA, "well": well, "findings": [asdict(finding) for finding in findings]}
 
 
 def _python() -> Finding:
@@ -62,9 +62,9 @@ def _python() -> Finding:
 def _requirements() -> Iterator[tuple[str, str, str]]:
     """Yield name, oldest version ("" for any) and extra ("" for none) of all that heatertune's own metadata names."""
     for line in metadata.requires("heatertune") or ():
-        found = _REQUIREMENT.match(line)
-        if found:
-            yield found[1], found[2] or "", found[3] or ""
+        named = _REQUIREMENT.match(line)
+        if named:
+            yield named[1], named[2] or "", named[3] or ""
 
 
 def _packages() -> Iterator[Finding]:
@@ -99,10 +99,10 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 def _guarded(name: str, remedy: str, look: Callable[[], tuple[str, bool]]) -> Finding:
     try:
-        found, ok = look()
+        state, ok = look()
     except Exception as problem:  # as in _package
-        found, ok = _one_line(problem), False
-    return Finding(name=name, found=found, ok=ok, remedy=remedy)
+        state, ok = _one_line(problem), False
+    return Finding(name=name, found=state, ok=ok, remedy=remedy)
 
 
 def _one_line(problem: Exception) -> str:
@@ -118,8 +118,8 @@ def _ipopt() -> Finding:
         x = casadi.MX.sym("x")
         silent: dict[str, Any] = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
         answer = casadi.nlpsol("doctor", "ipopt", {"x": x, "f": (x - 3.0) ** 2}, silent)(ubx=2.0)
-        found = float(answer["x"])
-        return f"in CasADi {metadata.version('casadi')}; solves its test problem: {found:.4f}", abs(found - 2.0) < 1e-4
+        least = float(answer["x"])
+        return f"in CasADi {metadata.version('casadi')}; solves its test problem: {least:.4f}", abs(least - 2.0) < 1e-4
 
     return _guarded("IPOPT", "pip install --force-reinstall casadi", look)
 
@@ -141,7 +141,7 @@ def _results() -> Finding:
     if place is None:
         return Finding(name="cache of results", found="switched off", ok=True, needed=False)
     kept = list(place.glob("*.json")) if place.is_dir() else []
-    megabytes = sum(each.stat().st_size for each in kept) / 1e6
+    megabytes = sum(file.stat().st_size for file in kept) / 1e6
     return Finding(
         name="cache of results", found=f"{place}: {len(kept)} results, {megabytes:.1f} MB", ok=_writable(place),
         needed=False, remedy="set HEATERTUNE_CACHE to a folder that can be written; without it every fit runs anew",

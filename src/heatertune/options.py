@@ -40,7 +40,9 @@ class Option:
         metavar: of the flag; empty: the unit's.
         choices: texts it may be.
         automatic: texts on the command line that leave a number to the program.
+        or_text: texts that may stand in place of a number.
         several: whether the flag takes one number or more.
+        pair: how the two numbers are called that the value is; empty: it is no pair.
         above, least, most, infinite: range of a number, as `heatertune.units.check` takes it.
         or_zero: whether 0 may be below `least`.
         needs: name of the option without which it means nothing.
@@ -59,7 +61,9 @@ class Option:
     metavar: str = ""
     choices: Sequence[str] = ()
     automatic: Sequence[str] = ()
+    or_text: Sequence[str] = ()
     several: bool = False
+    pair: tuple[str, ...] = ()
     above: float | None = None
     least: float | None = None
     most: float | None = None
@@ -78,8 +82,10 @@ class Option:
             return
         if self.choices and value not in self.choices:
             raise UnknownName(called.replace("_", " "), str(value), self.choices)
-        if self.kind in (float, int):
-            for number in value if self.several and isinstance(value, tuple) else (value,):
+        if self.pair and not (isinstance(value, tuple) and len(value) == len(self.pair)):
+            raise OutOfRange(called, value, "two numbers")
+        if self.kind in (float, int) and not (isinstance(value, str) and value in self.or_text):
+            for number in value if (self.several or self.pair) and isinstance(value, tuple) else (value,):
                 self._check_number(number, called)
 
     def _check_number(self, value: Any, called: str) -> None:
@@ -109,17 +115,17 @@ class Option:
         """What `add_argument` is told."""
         default = f" (default: {self.instead[0]})" if self.instead[0] else ""
         help_ = f"{self.help or self.meaning}{default}".replace("%", "%%")
-        told: dict[str, Any] = {"dest": self.dest, "help": help_}
+        keywords: dict[str, Any] = {"dest": self.dest, "help": help_}
         if self.kind is bool:
-            return told | {"action": "store_true"}
-        told |= {"default": self.automatic[0] if self.automatic else self.default}
+            return keywords | {"action": "store_true"}
+        keywords |= {"default": self.automatic[0] if self.automatic else self.default}
         if self.choices:
-            return told | {"choices": tuple(self.choices)}
-        told["metavar"] = self.metavar or _METAVARS.get(self.unit, self.unit) or None
+            return keywords | {"choices": tuple(self.choices)}
+        keywords["metavar"] = self.metavar or _METAVARS.get(self.unit, self.unit) or None
         if self.kind in (tuple, dict):
-            return told | {"action": "append", "default": []}
-        several = {"nargs": "+"} if self.several else {}
-        return told | several | ({} if self.automatic or self.kind is str else {"type": self.kind})
+            return keywords | {"action": "append", "default": []}
+        keywords |= {"nargs": "+"} if self.several else {"nargs": 2, "metavar": self.pair} if self.pair else {}
+        return keywords | ({} if self._texts or self.kind is str else {"type": self.kind})
 
     def read(self, given: Any) -> Any:
         """Return the value of what the command line holds.
@@ -130,23 +136,30 @@ class Option:
         """
         if self.kind is dict:
             given = _pairs(self.flag, given)
-        elif self.kind is tuple:
+        elif self.kind is tuple or self.pair:
             given = tuple(given)
         elif self.several and given is not None:
             if len(given) > 2:
                 raise InputError(f"{self.flag} has {len(given)} values; expected one, or LOW HIGH")
             given = given[0] if len(given) == 1 else tuple(given)
-        elif self.automatic:
+        elif self._texts:
             given = self._number(given)
         self.check(given, self.flag)
         return given
 
-    def _number(self, given: str) -> float | None:
+    @property
+    def _texts(self) -> Sequence[str]:
+        return (*self.automatic, *self.or_text)
+
+    def _number(self, given: str | None) -> float | str | None:
+        if given is None or given in self.automatic:
+            return None
         try:
-            return None if given in self.automatic else float(given)
+            return given if given in self.or_text else float(given)
         except ValueError as problem:
-            expected = ", ".join(self.automatic[:-1]) + f" or {self.automatic[-1]}"
-            raise InputError(f"{self.flag} is {given!r}; expected seconds, {expected}") from problem
+            *first, last = self._texts
+            expected = ", ".join(["seconds" if self.unit == "s" else self.unit, *first])
+            raise InputError(f"{self.flag} is {given!r}; expected {expected} or {last}") from problem
 
 
 def option(default: Any, kind: type, what: str, **more: Any) -> Any:
@@ -156,9 +169,9 @@ def option(default: Any, kind: type, what: str, **more: Any) -> Any:
 
 
 def options_of(kind: type) -> dict[str, Option]:
-    """Return the options of a dataclass, by the names of their fields."""
+    """Return the options of a dataclass, by the names of their fields; it may have other fields, too."""
     if kind not in _OPTIONS:
-        declared = {one.name: one.metadata["option"] for one in fields(kind)}
+        declared = {one.name: one.metadata["option"] for one in fields(kind) if "option" in one.metadata}
         _OPTIONS[kind] = {
             name: replace(one, name=name, dest=one.dest or one.flag.strip("-").replace("-", "_"))
             for name, one in declared.items()}
@@ -183,8 +196,8 @@ def _demand_needed(options: Mapping[str, Option], values: Mapping[str, Any], cal
         needing = [one for one in options.values() if one.needs == needed]
         if values[needed] is None and any(values[one.name] != one.default for one in needing):
             names = [getattr(one, called) for one in needing]
-            told = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
-            raise InputError(f"{told} need {getattr(options[needed], called)}")
+            listed = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+            raise InputError(f"{listed} need {getattr(options[needed], called)}")
 
 
 def merged(kind: type[_T], settings: _T | None, changed: dict[str, Any]) -> _T:
@@ -193,7 +206,7 @@ def merged(kind: type[_T], settings: _T | None, changed: dict[str, Any]) -> _T:
     return kind(**{name: getattr(given, name) for name in options_of(kind)} | changed)
 
 
-def add(group: Any, kind: type, *names: str, but: Sequence[str] = (), **told: Any) -> None:
+def add(group: Any, kind: type, *names: str, but: Sequence[str] = (), **changed: Any) -> None:
     """Add the flags of a dataclass of options to a parser or a group of one.
 
     Args:
@@ -201,11 +214,11 @@ def add(group: Any, kind: type, *names: str, but: Sequence[str] = (), **told: An
         kind: the dataclass.
         names: of the fields whose flags are added; none: all.
         but: those left out.
-        told: what `add_argument` is told otherwise here.
+        changed: what `add_argument` is told otherwise here.
     """
     for name, one in options_of(kind).items():
         if one.flag and name not in but and (not names or name in names):
-            group.add_argument(one.flag, **one.arguments | told)
+            group.add_argument(one.flag, **one.arguments | changed)
 
 
 def of(kind: type[_T], given: Namespace) -> _T:

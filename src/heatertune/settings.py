@@ -9,7 +9,10 @@ from typing import Any, Final
 
 from heatertune.options import checked, option
 
-__all__ = ["STEP_POWER_PCT", "Conditions", "FitSettings", "ReadSettings", "TuneSettings"]
+__all__ = [
+    "STEP_POWER_PCT", "Conditions", "FitSettings", "ReadSettings", "SampleSettings", "SensorSettings", "TuneSettings",
+    "ValidateSettings", "WordSettings",
+]
 
 #: most power that one step of the reading may move, where nothing is said [%]
 STEP_POWER_PCT: Final = 10.0
@@ -102,6 +105,26 @@ class FitSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ValidateSettings:
+    """How a model is judged by another log, see `heatertune.model.validate.validate`."""
+
+    ambient_degC: float | None = option(
+        None, float, "ambient during this log", unit="°C", flag="--ambient", least=_COLDEST_DEGC,
+        instead=("the model's own", ""))
+    power_before_pct: float | None = option(
+        None, float, "power before the first reading", unit="%", flag="--power-before", least=0.0, most=100.0)
+    until_s: float | None = option(
+        None, float, "last instant of the log to use", unit="s", flag="--until",
+        help="last instant to use [s]; default: up to a jump")
+    least_fit_pct: float = option(
+        80.0, float, "fit that every model has to reach", unit="%", flag="--least-fit", most=100.0,
+        instead=("80", ""))
+
+    def __post_init__(self) -> None:
+        checked(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TuneSettings:
     """What a design is asked for, see `heatertune.pid.tune.tune`.
 
@@ -148,6 +171,90 @@ class TuneSettings:
         help="sampling interval TA [s]; auto: TRdom/10 (default); words: near that, as suits the "
              "words; 0: continuous")
     step_power_pct: float | None = _step_power(f"{STEP_POWER_PCT:g}")
+
+    def __post_init__(self) -> None:
+        checked(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WordSettings:
+    """How a design becomes words, see `heatertune.proof.closing.Asked`.
+
+    Attributes:
+        words_by: how the words are found, see `heatertune.plc.choose.choose_words`.
+        switch_kind: the PWM period is proposed for it, see `heatertune.proof.pwm_period.with_pwm`; a given one stays.
+        refined: whether the gains are refined in the loop of the proof, see `heatertune.proof.refine.refine`.
+        setpoint_ramp: [°C/min], "auto" or "none", see `heatertune.proof.setpoint_ramp.prove_ramped`; None: as the words
+            have it; of a design, where nothing else helps.
+    """
+
+    words_by: str = option(
+        "auto", str, "how the words are found", flag="--words", choices=("auto", "optimum", "rounded"),
+        help="the best whole numbers the controller can hold, or each rounded on its own (default: optimum for a "
+             "design that is an optimum itself, else rounded)")
+    refined: bool = option(
+        False, bool, "change K and TN where the loop of the proof (limits, anti-windup, PWM) gains by it",
+        flag="--refine")
+    setpoint_ramp: float | str | None = option(
+        None, float, "how fast the setpoint is led to its end", unit="°C/min", flag="--setpoint-ramp",
+        metavar="auto|none|°C/MIN", or_text=("auto", "none"), above=0.0,
+        help="lead the setpoint to its end at so many °C/min; auto: as fast as the limit on overshoot allows, where "
+             "that alone fails (default: as the words have it, else none)")
+    switch_kind: str | None = option(
+        None, str, "what switches the heater", flag="--switch-kind", choices=("ssr", "relay", "contactor"),
+        help="what switches the heater: the PWM period is proposed, ripple against wear of contacts")
+
+    def __post_init__(self) -> None:
+        checked(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorSettings:
+    """The sensor's range, which becomes a `heatertune.plc.Scaling`."""
+
+    range_degC: tuple[float, float] = option(
+        (0.0, 100.0), float, "sensor range at the lowest and highest reading", unit="°C", flag="--range",
+        pair=("LOW", "HIGH"), instead=("0 100", ""))
+
+    def __post_init__(self) -> None:
+        checked(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleSettings:
+    """On which drawn heaters words are proven as well, see `heatertune.proof.drawn`.
+
+    Attributes:
+        samples: how many; None: none.
+        replay: seed of the one sample that is run instead.
+    """
+
+    samples: int | None = option(
+        None, int, "also prove on N drawn heaters: FAIL where too many of them break a limit", flag="--samples",
+        metavar="N", least=1.0, most=1e7)
+    seed: int = option(
+        0, int, "seed of the first sample; each next one has the next number", flag="--seed", metavar="SEED",
+        least=0.0, instead=("0", ""))
+    replay: int | None = option(
+        None, int, "run the one sample that has this seed, and judge it", flag="--replay", metavar="SEED", least=0.0)
+    quantile: float = option(
+        0.95, float, "share of the samples that must keep every limit", flag="--quantile", metavar="SHARE", above=0.0,
+        most=1.0, instead=("0.95", ""))
+    mains_pct: float = option(
+        10.0, float, "half width of the mains voltage", unit="%", flag="--mains", least=0.0, most=99.0,
+        help="mains voltage, even within ± this; the power goes with its square", instead=("10", ""))
+    ambient_degC: float = option(
+        5.0, float, "ambient temperature, even within ± this", unit="°C", flag="--ambient-spread", least=0.0,
+        instead=("5", ""))
+    disturbance_pct: float = option(
+        50.0, float, "half width of each disturbance's size", unit="%", flag="--disturbance-spread", least=0.0,
+        most=99.0, help="size of each disturbance, even within ± this", instead=("50", ""))
+    jitter_s: float = _time(0.0, "latest delay of a scan", "--jitter", instead=("0", ""))
+
+    @property
+    def spread(self) -> dict[str, float]:
+        """What is drawn how wide, as `heatertune.proof.Spread` names it."""
+        return {name: getattr(self, name) for name in ("mains_pct", "ambient_degC", "disturbance_pct", "jitter_s")}
 
     def __post_init__(self) -> None:
         checked(self)

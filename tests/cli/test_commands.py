@@ -7,10 +7,15 @@ import subprocess
 
 import pytest
 
-from heatertune.cli import COMMANDS
+from heatertune.cli import COMMANDS, parser
 from heatertune.plc import TARGETS
 
 HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
+
+
+def test_the_help_before_any_command_is_that_of_all_of_them():
+    assert parser("--help").format_help() == parser().format_help()
+    assert all(f"\n    {name}" in parser("-h").format_help() for name in ("design", "export-db", "completion"))
 
 
 def test_tune_gives_the_keys_of_its_contract(run):

@@ -43,7 +43,7 @@ def test_words_with_a_ramp_are_exported_read_again_and_proven_again(run, slow, t
 
 @pytest.mark.parametrize(("asked", "told"), [
     ("quickly", "--setpoint-ramp is 'quickly'; expected °C/min, auto or none"),
-    ("nan", "setpoint_ramp_degC_per_min = nan"), ("0", "setpoint_ramp_degC_per_min = 0"),
+    ("nan", "--setpoint-ramp = nan"), ("0", "--setpoint-ramp = 0"),
 ])
 def test_a_ramp_that_is_none_is_refused_in_one_line(run, slow, asked, told):
     status, _, err = run("verify", slow, *CONDITIONS, "--setpoint-ramp", asked)

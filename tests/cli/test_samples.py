@@ -56,7 +56,7 @@ def test_a_share_too_small_fails_and_the_text_tells_it(run, by_hand):
 @pytest.mark.long
 def test_what_makes_no_sense_is_refused(run, by_hand):
     for wrong, named in ((("--samples", 0), "samples"), (("--samples", 3, "--quantile", 0), "quantile"),
-                         (("--samples", 3, "--mains", 120), "mains_pct"), (("--replay", -1), "seed"),
+                         (("--samples", 3, "--mains", 120), "--mains"), (("--replay", -1), "--replay"),
                          (("--samples", 3, "--ambient-spread", 30), "spread of the ambient"),
                          (("--samples", 3, "--jitter", 1e9), "jitter_s"),
                          (("--samples", 3, "--interlock", "heater-fan"), "without an interlock")):

@@ -92,8 +92,8 @@ def _one_by_one(batch: Batch, chunk: Chunk, workers: Workers, task: Task) -> lis
     rows: dict[int, list[Row] | None] = {first: None}
     if len(chunk.cases) > 1:
         singles = (Chunk(k, [case]) for k, case in enumerate(chunk.cases, start=first))
-        rows = {single.start: found for single, found in workers(singles, task)}
-    return [found[0] if (found := rows[k]) else batch.lost(batch.cases[k], _DIED)
+        rows = {single.start: done for single, done in workers(singles, task)}
+    return [done[0] if (done := rows[k]) else batch.lost(batch.cases[k], _DIED)
             for k in range(first, first + len(chunk.cases))]
 
 

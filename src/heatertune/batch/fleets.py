@@ -91,8 +91,8 @@ def find_logs(logs: str | Path) -> tuple[str, list[str]]:
     Raises:
         InputError: there are none, or the list cannot be read.
     """
-    found, expected = _found(logs)
-    paths = {os.path.abspath(path) for path in found}  # noqa: PTH100 - `resolve` would follow links: their names count
+    files, expected = _found(logs)
+    paths = {os.path.abspath(path) for path in files}  # noqa: PTH100 - `resolve` would follow links: their names count
     if not paths:
         raise InputError(f"{logs}: no log found; expected {expected}")
     # the table does not tell where the logs lay, nor do the errors in it

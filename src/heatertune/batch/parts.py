@@ -57,8 +57,8 @@ class Parts:
             raise InputError(
                 f"{self.folder}: the parts of a run that was stopped; --resume goes on with it, else remove the folder")
         if (self.folder / _MANIFEST).exists():
-            found = read_document(self.folder / _MANIFEST, _SCHEMA).get("identity")
-            other = _differences(found, json.loads(json.dumps(identity)))
+            earlier = read_document(self.folder / _MANIFEST, _SCHEMA).get("identity")
+            other = _differences(earlier, json.loads(json.dumps(identity)))
             if other:
                 raise InputError(
                     f"{self.folder}: the parts of another run, with other {', '.join(other)}; "
@@ -131,8 +131,8 @@ class Parts:
         return name
 
 
-def _differences(found: object, identity: Mapping[str, Any]) -> list[str]:
+def _differences(earlier: object, identity: Mapping[str, Any]) -> list[str]:
     """Return the names of what two identities do not share."""
-    if not isinstance(found, dict):
+    if not isinstance(earlier, dict):
         return sorted(identity)
-    return sorted(name for name in {*found, *identity} if found.get(name) != identity.get(name))
+    return sorted(name for name in {*earlier, *identity} if earlier.get(name) != identity.get(name))

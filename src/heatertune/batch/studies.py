@@ -84,17 +84,17 @@ def study(
 
 def _files(path: Path, cases: Study) -> dict[str, Any]:
     """Return what the logs (bytes) and models (documents) of all cases hold, name → content."""
-    found: dict[str, Any] = {}
+    content: dict[str, Any] = {}
     for name in cases.settings_of("model"):
-        found[name] = read_document(path.parent / name, MODEL_SCHEMA)
+        content[name] = read_document(path.parent / name, MODEL_SCHEMA)
     for name in cases.settings_of("log"):
         if name.lower() in BUILT_IN:
             continue
         try:
-            found[name] = read_bytes(path.parent / name)
+            content[name] = read_bytes(path.parent / name)
         except OSError as problem:
             raise DocumentError(f"{path}: log {name!r} cannot be read: {problem.strerror}") from problem
-    return found
+    return content
 
 
 def _columns(cases: Study) -> tuple[Column, ...]:
@@ -144,7 +144,7 @@ def _heater(case: Case) -> FittedModel:
         return from_document(case.content)
     if "log" in settings:
         return _fitted(settings["log"], case.content, _of(FitSettings, settings))
-    plant = {each.name: settings[each.name] for each in fields(Fopdt) if each.name in settings}
+    plant = {field.name: settings[field.name] for field in fields(Fopdt) if field.name in settings}
     second = settings.get("second_time_constant_s")
     return model_by_hand(Fopdt(**plant) if second is None else TwoLag(**plant, second_time_constant_s=second))
 

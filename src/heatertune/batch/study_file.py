@@ -23,11 +23,11 @@ __all__ = ["KEYS", "Key", "Study", "read_study"]
 
 
 class Key(NamedTuple):
-    """What a case may set: a text (one of `known`, where these are given), a float, a count, or a table of texts."""
+    """What a case may set: a text (one of `allowed`, where these are given), a float, a count, or a table of texts."""
 
     kind: str
     what: str
-    known: Sequence[str] = ()
+    allowed: Sequence[str] = ()
 
 
 def _float(what: str) -> Key:
@@ -37,8 +37,8 @@ def _float(what: str) -> Key:
 def _keys(kind: type) -> dict[str, Key]:
     """Return the keys of a dataclass of options; texts that may be repeated are no setting of a case."""
     kinds = {float: "float", int: "int", str: "text", dict: "table"}
-    return {name: Key(kinds[each.kind], each.meaning, each.choices) for name, each in options_of(kind).items()
-            if each.kind in kinds}
+    return {name: Key(kinds[its.kind], its.meaning, its.choices) for name, its in options_of(kind).items()
+            if its.kind in kinds}
 
 
 #: every key of a study, in the order of the chain
@@ -51,7 +51,7 @@ KEYS: Final[Mapping[str, Key]] = {
     "dead_time_s": _float("its dead time [s]"),
     **_keys(FitSettings),
     "target": Key("text", "the controller", tuple(TARGETS)),
-    **_keys(TuneSettings) | {"method": _keys(TuneSettings)["method"]._replace(known=METHODS)},
+    **_keys(TuneSettings) | {"method": _keys(TuneSettings)["method"]._replace(allowed=METHODS)},
     "words": Key("text", "how the words are found", WAYS),
     "range_low_degC": _float("temperature at the sensor's lowest reading [°C]"),
     "range_high_degC": _float("temperature at the sensor's highest reading [°C]"),
@@ -69,7 +69,7 @@ _BY_HAND: Final = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
 _NEEDS: Final = {
     "second_time_constant_s": "gain_degC_per_pct", "time_constant_s": "gain_degC_per_pct",
     "dead_time_s": "gain_degC_per_pct", **{name: "log" for name in _keys(FitSettings) if name != "ambient_degC"},
-    **{name: each.needs for name, each in options_of(Conditions).items() if each.needs},
+    **{name: its.needs for name, its in options_of(Conditions).items() if its.needs},
 }
 
 
@@ -95,7 +95,7 @@ class Study:
 
     def settings_of(self, key: str) -> list[Any]:
         """Return every setting of a key, each once, in the order of the file."""
-        single = [each[key] for each in (self.fixed, *self.listed) if key in each]
+        single = [part[key] for part in (self.fixed, *self.listed) if key in part]
         return list(dict.fromkeys([*single, *self.grid.get(key, ())]))
 
     def __len__(self) -> int:
@@ -146,35 +146,35 @@ def read_study(path: str | Path) -> Study:
     return study
 
 
-def _grid(where: str, found: object) -> dict[str, list[Any]]:
+def _grid(where: str, given: object) -> dict[str, list[Any]]:
     lists: dict[str, list[Any]] = {}
-    for key, settings in _table(where, found).items():
+    for key, settings in _table(where, given).items():
         _demand_known(where, "key", key, KEYS)
         if not isinstance(settings, list) or not settings:
             raise DocumentError(f"{where}: {key} is {settings!r}; expected a list of at least one setting")
-        lists[key] = [_setting(where, key, each) for each in settings]
-        if any(each in lists[key][:k] for k, each in enumerate(lists[key])):
+        lists[key] = [_setting(where, key, setting) for setting in settings]
+        if any(setting in lists[key][:k] for k, setting in enumerate(lists[key])):
             raise DocumentError(f"{where}: {key} is {settings!r}; expected each setting once")
     return lists
 
 
-def _listed(path: str | Path, found: object) -> list[dict[str, Any]]:
-    if not isinstance(found, list):
-        raise DocumentError(f"{path}: case is {found!r}; expected [[case]], once per case")
-    return [_settings(f"{path}, [[case]] {k}", each) for k, each in enumerate(found, start=1)]
+def _listed(path: str | Path, given: object) -> list[dict[str, Any]]:
+    if not isinstance(given, list):
+        raise DocumentError(f"{path}: case is {given!r}; expected [[case]], once per case")
+    return [_settings(f"{path}, [[case]] {k}", case) for k, case in enumerate(given, start=1)]
 
 
-def _settings(where: str, found: object) -> dict[str, Any]:
-    settings = _table(where, found)
+def _settings(where: str, given: object) -> dict[str, Any]:
+    settings = _table(where, given)
     for key in settings:
         _demand_known(where, "key", key, KEYS)
     return {key: _setting(where, key, value) for key, value in settings.items()}
 
 
-def _table(where: str, found: object) -> dict[str, Any]:
-    if not isinstance(found, dict):
-        raise DocumentError(f"{where}: {found!r}; expected a table of key = setting")
-    return found
+def _table(where: str, given: object) -> dict[str, Any]:
+    if not isinstance(given, dict):
+        raise DocumentError(f"{where}: {given!r}; expected a table of key = setting")
+    return given
 
 
 def _setting(where: str, key: str, value: Any) -> Any:
@@ -190,25 +190,25 @@ def _setting(where: str, key: str, value: Any) -> Any:
 
 
 def _of_kind(where: str, key: str, value: Any) -> Any:
-    kind, _, known = KEYS[key]
+    kind, _, allowed = KEYS[key]
     if kind == "float" and isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
         return float(value)
     if kind == "int" and isinstance(value, int) and not isinstance(value, bool) and value >= 0:
         return value
     if kind == "text" and isinstance(value, str):
-        if known:
-            _demand_known(where, key, value, known)
+        if allowed:
+            _demand_known(where, key, value, allowed)
         return value
-    if kind == "table" and isinstance(value, dict) and all(isinstance(each, str) for each in value.values()):
+    if kind == "table" and isinstance(value, dict) and all(isinstance(text, str) for text in value.values()):
         return value
     expected = _EXPECTED[kind]
     many = " (lists belong in [grid])" if isinstance(value, list) else ""
     raise DocumentError(f"{where}: {key} is {value!r}; expected {expected}{many}")
 
 
-def _demand_known(where: str | Path, kind: str, name: str, known: Any) -> None:
-    if name not in known:
-        raise DocumentError(f"{where}: {UnknownName(kind, name, known)}")
+def _demand_known(where: str | Path, kind: str, name: str, allowed: Any) -> None:
+    if name not in allowed:
+        raise DocumentError(f"{where}: {UnknownName(kind, name, allowed)}")
 
 
 def _shapes(path: str | Path, study: Study) -> Iterator[tuple[str, Mapping[str, Any]]]:
@@ -216,8 +216,8 @@ def _shapes(path: str | Path, study: Study) -> Iterator[tuple[str, Mapping[str, 
     if study.grid:
         chosen = {key: settings if key in ("target", "switches") else settings[:1]
                   for key, settings in study.grid.items()}
-        for each in product(*chosen.values()):
-            yield f"{path}, [grid]", {**study.fixed, **dict(zip(chosen, each, strict=True))}
+        for settings in product(*chosen.values()):
+            yield f"{path}, [grid]", {**study.fixed, **dict(zip(chosen, settings, strict=True))}
     for k, case in enumerate(study.listed, start=1):
         yield f"{path}, [[case]] {k}", {**study.fixed, **case}
 
@@ -226,8 +226,8 @@ def _check(where: str, case: Mapping[str, Any]) -> None:
     """Refuse a case without a heater or a target, or with a key that needs another one."""
     sources = [key for key in _SOURCES if key in case]
     if len(sources) != 1:
-        told = " and ".join(sources) or "no heater"
-        raise DocumentError(f"{where}: {told}; expected one of {', '.join(_SOURCES)}")
+        named = " and ".join(sources) or "no heater"
+        raise DocumentError(f"{where}: {named}; expected one of {', '.join(_SOURCES)}")
     if "target" not in case:
         raise DocumentError(f"{where}: no target; expected one of {', '.join(TARGETS)}")
     for key, needed in _NEEDS.items():

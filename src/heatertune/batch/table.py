@@ -66,10 +66,10 @@ def read_note(path: Path) -> dict[str, Any] | None:
     """Return the note of a table, None where there is no such table or no note in it."""
     arrow = demand_parquet()
     try:
-        found = arrow.parquet.read_metadata(path).metadata or {}
+        notes = arrow.parquet.read_metadata(path).metadata or {}
     except (OSError, arrow.ArrowInvalid):
         return None
-    return dict(json.loads(found[_NOTE])) if _NOTE in found else None
+    return dict(json.loads(notes[_NOTE])) if _NOTE in notes else None
 
 
 def _groups(rows: Iterable[Row]) -> Iterator[list[Row]]:

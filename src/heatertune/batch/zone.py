@@ -52,7 +52,7 @@ HEAD: Final = (
 RESULT: Final = (
     Column(name="log_taken", kind="text", what="what was taken of the log as what"),
     Column(name="fit_outcome", kind="text", what="how the fit ended"),
-    *(Column(name=f"{name}{end}", kind="float", what=f"{what}{told}") for name, what in _WHAT.items() for end, told in (
+    *(Column(name=f"{name}{end}", kind="float", what=f"{what}{of}") for name, what in _WHAT.items() for end, of in (
         ("", " of the working model"), ("_ci95_low", ", low end of its 95 % interval"),
         ("_ci95_high", ", high end of its 95 % interval"))),
     Column(name="fit_pct", kind="float", what="how much of the log the working model explains [%]"),
@@ -77,14 +77,14 @@ def word_columns(targets: Iterable[str]) -> tuple[Column, ...]:
     Raises:
         UnknownName: no such target.
     """
-    found: dict[str, Column] = {}
+    columns: dict[str, Column] = {}
     for target in targets:
         for field in controller_for(target).fields:
-            before = found.get(field.name)
+            before = columns.get(field.name)
             whole = field.format != "REAL" and (before is None or before.kind == "int")
-            told = f"word {field.name} of {target}" if before is None else f"{before.what}, {target}"
-            found[field.name] = Column(name=f"word_{field.name}", kind="int" if whole else "float", what=told)
-    return tuple(found.values())
+            what = f"word {field.name} of {target}" if before is None else f"{before.what}, {target}"
+            columns[field.name] = Column(name=f"word_{field.name}", kind="int" if whole else "float", what=what)
+    return tuple(columns.values())
 
 
 def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked, *, samples: int = 0) -> Row:
@@ -106,11 +106,11 @@ def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked, *, sample
         with cache.unused():
             begun = list[str]()
             try:
-                found = closed(fitted, replace(asked, setpoint_ramp="none"), stage=begun.append)
+                design = closed(fitted, replace(asked, setpoint_ramp="none"), stage=begun.append)
             finally:
                 stage = f"no {begun[-1]}"
-            words = found.proof.words
-            row |= _design(found.wished) | _words(words) | _proof(found.proof)
+            words = design.proof.words
+            row |= _design(design.wished) | _words(words) | _proof(design.proof)
             return row | _sampled(row, sample_document(words, fitted, samples, asked.conditions)) if samples else row
     except HeatertuneError as problem:
         return row | {"outcome": "no log" if isinstance(problem, LogError) else stage, "reason": str(problem)}
@@ -144,26 +144,26 @@ def _words(words: Words) -> Row:
 
 
 def _proof(proof: Proof) -> Row:
-    found = {each.name: each for each in proof.criteria}
-    broken = [each.name for each in proof.criteria if not each.ok]
+    worst = {criterion.name: criterion for criterion in proof.criteria}
+    broken = [criterion.name for criterion in proof.criteria if not criterion.ok]
     reasons = [f"not kept: {', '.join(broken)}"] if broken else []
-    reasons += [f"not proven: {each['name']}" for each in blocking(proof.heard.to_document())]
+    reasons += [f"not proven: {criterion['name']}" for criterion in blocking(proof.heard.to_document())]
     return {
         "outcome": proof.verdict, "reason": "; ".join(reasons) or None,
         "setpoint_degC": proof.scenario.setpoint_degC, "runs": len(proof.runs),
-        **{column: None if name not in found or math.isnan(found[name].value) else float(found[name].value)
+        **{column: None if name not in worst or math.isnan(worst[name].value) else float(worst[name].value)
            for column, name in _CRITERIA.items()},
     }
 
 
-def _sampled(row: Row, found: Mapping[str, Any]) -> Row:
+def _sampled(row: Row, samples: Mapping[str, Any]) -> Row:
     """Return what the samples say; a row is PASS where its proof and its samples are."""
-    told: Row = {
-        "samples": found["count"], "samples_passing_pct": 100.0 * found["passing"],
-        "samples_worst_seed": found["worst_seed"],
+    columns: Row = {
+        "samples": samples["count"], "samples_passing_pct": 100.0 * samples["passing"],
+        "samples_worst_seed": samples["worst_seed"],
     }
-    if found["verdict"] == "PASS":
-        return told
-    few = f"{100.0 * found['passing']:.3g} % of {found['count']} samples keep every limit"
+    if samples["verdict"] == "PASS":
+        return columns
+    few = f"{100.0 * samples['passing']:.3g} % of {samples['count']} samples keep every limit"
     reason = "; ".join(filter(None, (row["reason"], few)))
-    return told | {"outcome": combined([row["outcome"], found["verdict"]]), "reason": reason}
+    return columns | {"outcome": combined([row["outcome"], samples["verdict"]]), "reason": reason}

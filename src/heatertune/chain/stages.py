@@ -40,7 +40,7 @@ def fit(
 
     Args:
         data: a log, or what `heatertune.log.given.log_of` makes one of: a path or built-in name, an open file, a table
-            of pandas, arrays (time_s, temperature_degC, power_pct).
+            of pandas, arrays (time_s, temperature_degC, power_pct), all of shape (n,).
         settings: what is known beside the log; None: nothing.
         thorough: carry every controller hypothesis to the end, however far behind it is.
         companions: whether the candidates of other built-in logs of the same heater are added.
@@ -104,12 +104,13 @@ def fit_known(
     inputs = _columns(log) | asdict(given) | {
         "setpoint_degC": setpoint_degC,
         "target": words.target, "words": dict(words.values), "sample_time_s": words.sample_time_s,
-        "range": [words.scaling.low_degC, words.scaling.high_degC], "switches": [dict(each.switches) for each in tried],
+        "range": [words.scaling.low_degC, words.scaling.high_degC],
+        "switches": [dict(controller.switches) for controller in tried],
     }
 
     def run() -> FittedModel:
-        found = fit_log_known(log, tried, given, setpoint_degC=setpoint_degC, progress=progress)
-        return replace(found, notes=(*found.notes, closed_again(log, found, tried, setpoint_degC)))
+        fitted = fit_log_known(log, tried, given, setpoint_degC=setpoint_degC, progress=progress)
+        return replace(fitted, notes=(*fitted.notes, closed_again(log, fitted, tried, setpoint_degC)))
 
     return _kept("fit-known", inputs, run, progress)
 

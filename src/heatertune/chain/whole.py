@@ -75,14 +75,14 @@ def design(
     controller_for(asked.target)  # an unknown target is refused before the long part
     log = source if isinstance(source, Log) else read_log(source, read, errata=True)
     fitted = fit(log, fitted_with, companions=True, progress=progress)
-    found = (plainly if as_is else closed)(fitted, asked, progress=progress)
-    proof = found.proof
+    result = (plainly if as_is else closed)(fitted, asked, progress=progress)
+    proof = result.proof
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
     progress("comparing with other designs, drawing the report")
-    documents = dossier(log, fitted, found.wished, proof, files,
-                        search=search_document(found.choice, fitted, found.notes))
+    documents = dossier(log, fitted, result.wished, proof, files,
+                        search=search_document(result.choice, fitted, result.notes))
     _write(documents, files, out)
-    return ChainResult(log=log, fitted=fitted, closed=found, files=files, documents=documents)
+    return ChainResult(log=log, fitted=fitted, closed=result, files=files, documents=documents)
 
 
 def write_report(
@@ -90,8 +90,17 @@ def write_report(
 ) -> list[Path]:
     """Write the documents, the export files of words that passed (or were forced) and `report.html`; return the paths.
 
+    Args:
+        log: as it was read.
+        fitted: the heater behind it.
+        wished: the design.
+        proof: of its words.
+        out: directory for the results.
+        force: export whatever the verdict.
+
     Raises:
         InputError: the directory cannot be written.
+        ExportRefused: as `export`.
     """
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
     return _write(dossier(log, fitted, wished, proof, files), files, out)
@@ -101,7 +110,16 @@ def dossier(
     log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
     search: Mapping[str, Any] | None = None,
 ) -> dict[str, dict[str, Any]]:
-    """Return the documents of all stages, as JSON holds them: a report drawn now is one drawn later from the files."""
+    """Return the documents of all stages, as JSON holds them: a report drawn now is one drawn later from the files.
+
+    Args:
+        log: as it was read.
+        fitted: the heater behind it.
+        wished: the design.
+        proof: of its words.
+        files: that were exported, name → content; none where the words may not leave.
+        search: how the words were found, see `heatertune.plc.choose.search_document`; None: not told.
+    """
     documents: dict[str, dict[str, Any]] = {
         "log": log_document(log),
         "model": model_document.to_document(fitted),

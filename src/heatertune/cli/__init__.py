@@ -6,10 +6,9 @@ import argparse
 import io
 import os
 import sys
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from heatertune import __version__
 from heatertune.cli import (
@@ -36,7 +35,7 @@ from heatertune.cli import (
     validate,
     verify,
 )
-from heatertune.cli.parsing import CommandParser
+from heatertune.cli.parsing import CommandParser, Named
 from heatertune.cli.terminal import painted
 from heatertune.errors import ExportRefused, HeatertuneError, one_line
 
@@ -50,6 +49,9 @@ COMMANDS = (
 #: exit status of a crash, as EX_SOFTWARE of sysexits.h
 FAULT: Final = 70
 
+#: after these no command is looked at
+_BEFORE: Final = ("-h", "--help", "--version")
+
 _EPILOG = """\
 the chain: log → model → pid → plc → proof → report
 example:   heatertune design table4 --target s5-ob251 --out out/
@@ -60,7 +62,10 @@ exit status: 0 success, 1 a verdict of FAIL or NOT PROVEN, 2 bad input (one line
 
 
 def parser(only: str | None = None) -> argparse.ArgumentParser:
-    """Return the parser of all commands; where `only` is one of them, of that one: the others' options take time."""
+    """Return the parser of all commands; where `only` is one of them, of that one: the others' options take time.
+
+    Where it is what ends before any command, all are named and none has its options.
+    """
     top = CommandParser(
         prog="heatertune",
         description="From a temperature log to PLC words that have been proven before they reach the heater.",
@@ -68,7 +73,8 @@ def parser(only: str | None = None) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     top.add_argument("--version", action="version", version=f"heatertune {__version__}")
-    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=CommandParser)
+    made: Any = Named if only in _BEFORE else CommandParser
+    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=made)
     named = {command.__name__.rpartition(".")[2].replace("_", "-"): command for command in COMMANDS}
     for command in [named[only]] if only in named else COMMANDS:
         command.add_to(commands)
@@ -82,7 +88,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")
     try:
         given = sys.argv[1:] if arguments is None else arguments
-        settings = parser(given[0] if given else None).parse_args(given)
+        settings = parser(given[0] if given else "--help").parse_args(given)
         return int(settings.run(settings))
     except ExportRefused as problem:
         print(painted(f"error: {problem}", sys.stderr), file=sys.stderr)
@@ -105,6 +111,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _fault(problem: Exception) -> str:
     """Return what a user can report."""
+    import traceback  # noqa: PLC0415 - reads sources: only a fault needs it
+
     place = traceback.extract_tb(problem.__traceback__)[-1]
     return one_line(
         f"a fault of heatertune itself, please report it with the command: {type(problem).__name__} in "

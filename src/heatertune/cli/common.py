@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from heatertune import options
 from heatertune.errors import InputError
 from heatertune.plc.targets import TARGETS
-from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
+from heatertune.settings import Conditions, FitSettings, ReadSettings, SensorSettings, TuneSettings, WordSettings
 
 if TYPE_CHECKING:
     from heatertune.chain import Asked
@@ -18,10 +18,9 @@ if TYPE_CHECKING:
     from heatertune.plc.choice import WordChoice
 
 __all__ = [
-    "add_condition_options", "add_log_options", "add_model_options", "add_proof_options", "add_ramp_option",
-    "add_reading_options", "add_refine_option", "add_switch_kind_option", "add_tuning_options", "add_words_option",
-    "asked", "conditions", "design_and_model", "interval_by_words", "model_from", "proof_asked", "reading",
-    "sample_time", "scaling", "setpoint_ramp", "target", "words_and_model",
+    "add_condition_options", "add_log_options", "add_model_options", "add_proof_options", "add_reading_options",
+    "add_tuning_options", "asked", "conditions", "design_and_model", "interval_by_words", "model_from", "proof_asked",
+    "reading", "sample_time", "scaling", "target", "words_and_model",
 ]
 
 
@@ -53,47 +52,6 @@ def add_tuning_options(command: argparse.ArgumentParser) -> None:
     options.add(command.add_argument_group("tuning"), TuneSettings, but=("step_power_pct",))
 
 
-def add_switch_kind_option(command: argparse.ArgumentParser) -> None:
-    """Add --switch-kind."""
-    command.add_argument("--switch-kind", choices=("ssr", "relay", "contactor"),
-                         help="what switches the heater: the PWM period is proposed, ripple against wear of contacts")
-
-
-def add_words_option(command: argparse.ArgumentParser) -> None:
-    """Add --words."""
-    command.add_argument("--words", choices=("auto", "optimum", "rounded"), default="auto",
-                         help="the best whole numbers the controller can hold, or each rounded on its own (default: "
-                              "optimum for a design that is an optimum itself, else rounded)")
-
-
-def add_refine_option(command: argparse.ArgumentParser) -> None:
-    """Add --refine."""
-    command.add_argument("--refine", action="store_true",
-                         help="change K and TN where the loop of the proof (limits, anti-windup, PWM) gains by it")
-
-
-def add_ramp_option(command: argparse.ArgumentParser) -> None:
-    """Add --setpoint-ramp."""
-    command.add_argument("--setpoint-ramp", metavar="auto|none|°C/MIN",
-                         help="lead the setpoint to its end at so many °C/min; auto: as fast as the limit on overshoot "
-                              "allows, where that alone fails (default: as the words have it, else none)")
-
-
-def setpoint_ramp(settings: argparse.Namespace) -> float | str | None:
-    """Return the setpoint ramp: [°C/min], auto, none, or None where nothing was said.
-
-    Raises:
-        InputError: it is none of these.
-    """
-    asked: str | None = settings.setpoint_ramp
-    if asked in (None, "auto", "none"):
-        return asked
-    try:
-        return float(asked)
-    except ValueError as problem:
-        raise InputError(f"--setpoint-ramp is {asked!r}; expected °C/min, auto or none") from problem
-
-
 def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = None) -> None:
     """Add the target, which must be given unless it has a default, and the conditions of the proof."""
     group = command.add_argument_group("target")
@@ -109,8 +67,7 @@ def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = 
 def add_condition_options(command: argparse.ArgumentParser) -> None:
     """Add the conditions of the proof."""
     group = command.add_argument_group("conditions of the proof")
-    group.add_argument("--range", nargs=2, type=float, metavar=("LOW", "HIGH"), default=(0.0, 100.0),
-                       help="sensor range at the lowest and highest reading [°C] (default: 0 100)")
+    options.add(group, SensorSettings)
     options.add(group, Conditions, but=("switches",))
 
 
@@ -157,16 +114,19 @@ def asked(settings: argparse.Namespace) -> Asked:
     """Return what a design is asked for; errors as `heatertune.options.of`."""
     from heatertune.chain import Asked  # noqa: PLC0415 - the help must not wait for it
 
+    by = options.of(WordSettings, settings)
     return Asked(
         target=target(settings), scaling=scaling(settings), tuned=options.of(TuneSettings, settings),
-        conditions=conditions(settings), words_by=settings.words, interval_by_words=interval_by_words(settings))
+        conditions=conditions(settings), interval_by_words=interval_by_words(settings), words_by=by.words_by,
+        refined=by.refined, setpoint_ramp=by.setpoint_ramp, switch_kind=by.switch_kind)
 
 
 def scaling(settings: argparse.Namespace) -> Scaling:
     """Return the sensor range."""
     from heatertune.plc import Scaling  # noqa: PLC0415
 
-    return Scaling(low_degC=settings.range[0], high_degC=settings.range[1])
+    low, high = options.of(SensorSettings, settings).range_degC
+    return Scaling(low_degC=low, high_degC=high)
 
 
 def words_and_model(settings: argparse.Namespace) -> tuple[Words, WordChoice | None, FittedModel]:

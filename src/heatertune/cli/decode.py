@@ -37,16 +37,16 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.units import check  # noqa: PLC0415
 
     check("--called-every", settings.called_every, above=0.0)
-    found = controller_for(common.target(settings))
-    if found.image is None or found.oddities is None:
-        known = ", ".join(name for name in TARGETS if controller_for(name).image is not None)
-        raise InputError(f"a dump of {found.name} cannot be decoded; known: {known}")
+    controller = controller_for(common.target(settings))
+    if controller.image is None or controller.oddities is None:
+        decodable = ", ".join(name for name in TARGETS if controller_for(name).image is not None)
+        raise InputError(f"a dump of {controller.name} cannot be decoded; known: {decodable}")
     image, scaling = _bytes(settings.dump), common.scaling(settings)
-    words = found.read_image(image, sample_time_s=settings.called_every, scaling=scaling, source=settings.dump)
-    realised = found.decode(words)
+    words = controller.read_image(image, sample_time_s=settings.called_every, scaling=scaling, source=settings.dump)
+    realised = controller.decode(words)
     document: dict[str, Any] = {
-        "schema": "heatertune/decode/1", "target": found.name, "words": dict(words.values),
-        "realised": None if realised is None else to_document(realised), "odd": list(found.oddities(words)),
+        "schema": "heatertune/decode/1", "target": controller.name, "words": dict(words.values),
+        "realised": None if realised is None else to_document(realised), "odd": list(controller.oddities(words)),
         "proof": None,
     }
     if settings.model is not None or settings.gain is not None:
@@ -54,12 +54,12 @@ def _run(settings: argparse.Namespace) -> int:
         document["proof"] = chain.prove(words, fitted, common.conditions(settings)).to_document()
     proof = document["proof"]
 
-    def told() -> str:
+    def text() -> str:
         realised_lines = "no PID" if realised is None else design_lines(document["realised"])
-        lines = [realised_lines, *[f"odd: {each}" for each in document["odd"]]]
+        lines = [realised_lines, *[f"odd: {oddity}" for oddity in document["odd"]]]
         return "\n".join(lines + ([criteria_table(proof), f"VERDICT {proof['verdict']}"] if proof else []))
 
-    printing.output(settings, document, told)
+    printing.output(settings, document, text)
     return 1 if proof and proof["verdict"] == "FAIL" else 0
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from typing import Any
 
 from heatertune import options
 from heatertune.cli import common, printing
-from heatertune.settings import FitSettings
+from heatertune.settings import FitSettings, WordSettings
 
 __all__ = ["add_to"]
 
@@ -23,10 +22,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("log", metavar="LOG", help="a CSV file, or table3 / table4 built in")
     command.add_argument("--out", required=True, metavar="DIR", help="directory for the results")
-    common.add_words_option(command)
-    common.add_refine_option(command)
-    common.add_ramp_option(command)
-    common.add_switch_kind_option(command)
+    options.add(command, WordSettings)
     command.add_argument("--as-is", action="store_true",
                          help="keep the plain design where a more robust one, or a setpoint ramp, would pass")
     command.add_argument("--force", action="store_true", help="export whatever the verdict")
@@ -48,9 +44,7 @@ def _run(settings: argparse.Namespace) -> int:
     log = chain.read_log(settings.log, common.reading(settings), errata=True)
     printing.tell_taken(settings, [log], progress)
     result = chain.design(
-        log, out=settings.out, fitted_with=beside, as_is=settings.as_is, force=settings.force, progress=progress,
-        asked=replace(asked, refined=settings.refine, switch_kind=settings.switch_kind,
-                      setpoint_ramp=common.setpoint_ramp(settings)),
-    )
+        log, asked, out=settings.out, fitted_with=beside, as_is=settings.as_is, force=settings.force,
+        progress=progress)
     printing.output(settings, result.documents, lambda: f"{summary(result.documents)}\nwritten to {settings.out}")
     return 0 if result.closed.proof.verdict == "PASS" else 1

@@ -27,16 +27,16 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.health import document, examine  # noqa: PLC0415 - it loads what it looks at
     from heatertune.report.text import table  # noqa: PLC0415
 
-    told = document(examine())
+    health = document(examine())
 
     def lines() -> str:
-        found = told["findings"]
-        rows = [(_mark(each), each["name"], each["found"]) for each in found]
-        remedies = [f"{each['name']}: {each['remedy']}" for each in found if not each["ok"]]
-        return "\n".join([table(rows), *remedies, "all that is needed works" if told["well"] else "FAIL: see above"])
+        findings = health["findings"]
+        rows = [(_mark(finding), finding["name"], finding["found"]) for finding in findings]
+        remedies = [f"{finding['name']}: {finding['remedy']}" for finding in findings if not finding["ok"]]
+        return "\n".join([table(rows), *remedies, "all that is needed works" if health["well"] else "FAIL: see above"])
 
-    printing.output(settings, told, lines)
-    return 0 if told["well"] else 1
+    printing.output(settings, health, lines)
+    return 0 if health["well"] else 1
 
 
 def _mark(finding: dict[str, Any]) -> str:

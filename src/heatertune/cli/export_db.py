@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from heatertune import options
 from heatertune.cli import common, printing
+from heatertune.settings import WordSettings
 
 __all__ = ["add_to"]
 
@@ -22,9 +24,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("pid", metavar="PID|WORDS", help=(
         "pid.json as written by tune; or words.json, exported again as the proof.json beside it says"))
     command.add_argument("-o", "--out", required=True, metavar="DIR", help="directory for the files")
-    common.add_words_option(command)
-    common.add_refine_option(command)
-    common.add_ramp_option(command)
+    options.add(command, WordSettings, but=("switch_kind",))
     command.add_argument("--force", action="store_true", help="export whatever the verdict; the files say so")
     common.add_proof_options(command)
     common.add_model_options(command)
@@ -41,13 +41,13 @@ def _run(settings: argparse.Namespace) -> int:
 
     again = None if common.proof_asked(settings) else export_again(
         settings.pid, common.target(settings), force=settings.force, accept=settings.accept)
-    found = again or _proven(settings)
-    document = found["words"]
-    documents = {"words.json": to_json(document), "proof.json": to_json(found["proof"])}
-    written = write_files(settings.out, {**found["files"], **documents})
+    proven = again or _proven(settings)
+    document = proven["words"]
+    documents = {"words.json": to_json(document), "proof.json": to_json(proven["proof"])}
+    written = write_files(settings.out, {**proven["files"], **documents})
     names = "\n".join(str(path) for path in written)
-    told = verdict_line(found["proof"])
-    printing.output(settings, document, lambda: f"{told}\n{words_table(document)}\nVERDICT {told}\n{names}")
+    line = verdict_line(proven["proof"])
+    printing.output(settings, document, lambda: f"{line}\n{words_table(document)}\nVERDICT {line}\n{names}")
     return 0
 
 
@@ -64,8 +64,8 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
 
         choice = refine(choice, fitted, common.conditions(settings))
         words = choice.words
-    proof, notes = chain.prove_ramped(words, fitted, common.setpoint_ramp(settings), common.conditions(settings),
-                                      progress=progress)
+    ramp = options.of(WordSettings, settings).setpoint_ramp
+    proof, notes = chain.prove_ramped(words, fitted, ramp, common.conditions(settings), progress=progress)
     for note in notes:
         progress(note)
     search = None if choice is None else search_document(choice, fitted, notes)

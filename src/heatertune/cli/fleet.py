@@ -7,7 +7,7 @@ from typing import Any
 
 from heatertune import options
 from heatertune.cli import batch, common, printing
-from heatertune.settings import FitSettings
+from heatertune.settings import FitSettings, SampleSettings, WordSettings
 
 __all__ = ["add_to"]
 
@@ -24,9 +24,9 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("logs", metavar="LOGS", help="a folder, a pattern in quotation marks, or a list of paths")
     batch.add_table_options(command)
-    command.add_argument("--samples", type=int, default=0, metavar="N",
-                         help="prove each zone's words on N drawn heaters, too (see: verify --samples)")
-    common.add_words_option(command)
+    options.add(command, SampleSettings, "samples", default=0,
+                help="prove each zone's words on N drawn heaters, too (see: verify --samples)")
+    options.add(command, WordSettings, "words_by")
     common.add_proof_options(command)
     common.add_log_options(command)
     common.add_tuning_options(command)

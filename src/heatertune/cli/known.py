@@ -20,11 +20,11 @@ __all__ = ["add_known_options", "known_words"]
 
 def add_known_options(command: argparse.ArgumentParser) -> None:
     """Add --controller, --words, --setpoint and --switch."""
-    known = command.add_argument_group("a log without power, of a controller you know")
-    known.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(TARGETS)}")
-    known.add_argument("--words", metavar="FILE", help="its words: words.json as written by export-db")
-    known.add_argument("--setpoint", type=float, metavar="°C", help="its setpoint, where the log does not hold it [°C]")
-    options.add(known, Conditions, "switches",
+    group = command.add_argument_group("a log without power, of a controller you know")
+    group.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(TARGETS)}")
+    group.add_argument("--words", metavar="FILE", help="its words: words.json as written by export-db")
+    group.add_argument("--setpoint", type=float, metavar="°C", help="its setpoint, where the log does not hold it [°C]")
+    options.add(group, Conditions, "switches",
                 help="setting of an open point, where you know it (see: heatertune targets); may be repeated")
 
 

@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 from heatertune.errors import InputError
 
-__all__ = ["CommandParser"]
+__all__ = ["CommandParser", "Named"]
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -22,5 +22,18 @@ class CommandParser(argparse.ArgumentParser):
         return super().parse_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
-        """Raise the complaint as an input error."""
+        """Raise the complaint as an input error.
+
+        Raises:
+            InputError: always.
+        """
         raise InputError(f"{message} (see: {self.prog} --help)")
+
+
+class Named:
+    """In place of a command's parser where the command is only named: what is added to it is forgotten."""
+
+    def __init__(self, **_: Any) -> None: ...
+
+    def __getattr__(self, _: str) -> Any:
+        return lambda *_, **__: self

@@ -63,8 +63,8 @@ def _add_prior_options(command: argparse.ArgumentParser) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.chain.experiment import noise_of  # noqa: PLC0415
     from heatertune.documents import plain  # noqa: PLC0415
+    from heatertune.model.experiment.noise import noise_of  # noqa: PLC0415
     from heatertune.report.plan import plan_csv, plan_lines  # noqa: PLC0415
     from heatertune.writing import write_files  # noqa: PLC0415
 
@@ -110,8 +110,8 @@ def _ranges(settings: argparse.Namespace) -> dict[str, tuple[float, float]]:
     missing = [f"--{name.replace('_', '-')}" for name in (*_RANGES, "ambient") if getattr(settings, name) is None]
     if missing:
         raise InputError(f"no model: give a model file, or {', '.join(missing)} as well")
-    found = {field: tuple(getattr(settings, name)) for name, field in _RANGES.items()}
-    return found if len(settings.ambient) == 1 else found | {"ambient_degC": tuple(settings.ambient)}
+    ranges = {field: tuple(getattr(settings, name)) for name, field in _RANGES.items()}
+    return ranges if len(settings.ambient) == 1 else ranges | {"ambient_degC": tuple(settings.ambient)}
 
 
 def _known_ambient(settings: argparse.Namespace) -> float | None:

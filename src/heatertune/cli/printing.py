@@ -36,10 +36,10 @@ class Progress:
             print(f"[{now - self._begun:5.1f} s] {message}{left}", file=sys.stderr, flush=True)
 
     def _left(self, message: str, now: float) -> str:
-        found = _COUNT.search(message)
-        if found is None:
+        count = _COUNT.search(message)
+        if count is None:
             return ""
-        number, total = int(found[1]), int(found[2])
+        number, total = int(count[1]), int(count[2])
         if number <= 1:
             self._counted_from = now
             return ""
@@ -66,8 +66,8 @@ def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Prog
             settings.taken = [*getattr(settings, "taken", ()), *line]
         else:
             _print_lines(line)
-        for told in (*log.repairs, *log.doubts):
-            progress(told)
+        for note in (*log.repairs, *log.doubts):
+            progress(note)
 
 
 def _print_lines(lines: Iterable[str]) -> None:

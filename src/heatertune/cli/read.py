@@ -74,7 +74,7 @@ def _lines(document: Mapping[str, Any]) -> str:
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     shown = ["  ".join(f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True)) for row in table]
     parts = [document["taken"]["line"], "\n".join(shown)]
-    for title, told in (("Changed or assumed", document["repairs"]), ("Odd, but left as it is", document["doubts"])):
-        if told:
-            parts.append("\n".join([f"{title}:", *(f"- {sentence}" for sentence in told)]))
+    for title, notes in (("Changed or assumed", document["repairs"]), ("Odd, but left as it is", document["doubts"])):
+        if notes:
+            parts.append("\n".join([f"{title}:", *(f"- {sentence}" for sentence in notes)]))
     return "\n\n".join([*parts, f"The same with nothing left to guess:\n{document['command']}"])

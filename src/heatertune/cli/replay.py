@@ -37,21 +37,21 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.plc.replay import read_inputs, replay  # noqa: PLC0415
     from heatertune.proof.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
 
-    found = controller_for(settings.target)
+    controller = controller_for(settings.target)
     words = read_words(settings.words, settings.target)
     if words is None:
         raise InputError(f"{settings.words}: no words; expected words.json as written by export-db")
-    scans = replay(found, words, read_inputs(settings.inputs, found), common.conditions(settings).switches)
+    scans = replay(controller, words, read_inputs(settings.inputs, controller), common.conditions(settings).switches)
     rows = [
         {"scan": k, "output": scan.output, "power_pct": round(scan.power_pct, 6)}
         | {name: int(is_set) for name, is_set in scan.flags.items()}
         for k, scan in enumerate(scans)
     ]
-    document = {"schema": "heatertune/replay/1", "target": found.name, "scans": rows}
+    document = {"schema": "heatertune/replay/1", "target": controller.name, "scans": rows}
 
-    def told() -> str:
+    def csv() -> str:
         heads = list(rows[0]) if rows else ["scan", "output", "power_pct"]
         return "\n".join([",".join(heads), *(",".join(str(row[head]) for head in heads) for row in rows)])
 
-    printing.output(settings, document, told)
+    printing.output(settings, document, csv)
     return 0

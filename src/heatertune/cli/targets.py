@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from heatertune.cli import printing
+
+if TYPE_CHECKING:
+    from heatertune.pid.timer import Timer
 
 __all__ = ["add_to"]
 
@@ -25,28 +28,29 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.plc import TARGETS, controller_for  # noqa: PLC0415 - the help must not wait for it
 
-    rooms = [controller_for(name) for name in TARGETS]
     document = {
         "schema": "heatertune/targets/1",
         "targets": [
             {
-                "name": each.name,
-                "title": each.title,
-                "can": each.can,
-                "cannot": each.cannot,
-                "sample_time_s": {
-                    "shortest": each.timer.shortest_s, "longest": each.timer.longest_s, "step": each.timer.step_s,
-                },
+                "name": controller.name,
+                "title": controller.title,
+                "can": controller.can,
+                "cannot": controller.cannot,
+                "sample_time_s": _times(controller.timer),
                 "words": [{"name": f.name, "address": f.address, "low": f.low, "high": f.high, "format": f.format}
-                          for f in each.fields],
-                "inputs": dict(each.inputs),
-                "switches": [{"name": s.name, "settings": s.settings, "why": s.why} for s in each.switches],
+                          for f in controller.fields],
+                "inputs": dict(controller.inputs),
+                "switches": [{"name": s.name, "settings": s.settings, "why": s.why} for s in controller.switches],
             }
-            for each in rooms
+            for controller in map(controller_for, TARGETS)
         ],
     }
-    printing.output(settings, document, lambda: "\n\n".join(_told(each) for each in document["targets"]))
+    printing.output(settings, document, lambda: "\n\n".join(_told(target) for target in document["targets"]))
     return 0
+
+
+def _times(timer: Timer) -> dict[str, float]:
+    return {"shortest": timer.shortest_s, "longest": timer.longest_s, "step": timer.step_s}
 
 
 def _told(target: Any) -> str:
@@ -54,8 +58,8 @@ def _told(target: Any) -> str:
     lines = [
         f"{target['name']}: {target['title']}",
         f"  TA {times['shortest']:g}…{times['longest']:g} s in steps of {times['step']:g} s",
-        *[f"  can: {each}" for each in target["can"]],
-        *[f"  can't: {each}" for each in target["cannot"]],
+        *[f"  can: {sentence}" for sentence in target["can"]],
+        *[f"  can't: {sentence}" for sentence in target["cannot"]],
         "  words " + ", ".join(_word(w) for w in target["words"]),
         "  inputs of a scan " + ", ".join(f"{name} ({form})" for name, form in target["inputs"].items()),
         *(["  left open by the manual, proven under every setting:"] if target["switches"] else []),

@@ -28,4 +28,4 @@ def painted(text: str, stream: TextIO) -> str:
     """
     if not has_colour(stream):
         return text
-    return _PAINTED.sub(lambda found: f"\033[{_PAINT[found[0]]}m{found[0]}\033[0m", text)
+    return _PAINTED.sub(lambda match: f"\033[{_PAINT[match[0]]}m{match[0]}\033[0m", text)

@@ -9,7 +9,7 @@ from typing import Any
 from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.errors import InputError
-from heatertune.settings import Conditions, TuneSettings
+from heatertune.settings import Conditions, TuneSettings, WordSettings
 
 __all__ = ["add_to"]
 
@@ -25,7 +25,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("model", metavar="MODEL", nargs="?", help="model.json as written by fit")
     command.add_argument("-o", "--out", metavar="FILE", help="write the design to this JSON file")
     command.add_argument("--target", metavar="NAME", help="round TA to what this controller's timer can do")
-    common.add_switch_kind_option(command)
+    options.add(command, WordSettings, "switch_kind")
     common.add_model_options(command)
     common.add_tuning_options(command)
     options.add(command, TuneSettings, "step_power_pct")

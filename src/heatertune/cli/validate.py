@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.cli.known import add_known_options, known_words
+from heatertune.settings import ValidateSettings
 
 __all__ = ["add_to"]
 
@@ -23,13 +25,9 @@ def add_to(commands: Any) -> None:
     command.add_argument("model", metavar="MODEL", help="model.json as written by fit")
     command.add_argument("log", metavar="LOG", help="a CSV file with power, or without where the controller is known")
     command.add_argument("-o", "--out", metavar="FILE", help="write the result to this JSON file")
-    command.add_argument("--least-fit", type=float, default=80.0, metavar="%",
-                         help="fit that every model has to reach [%%] (default: 80)")
+    options.add(command, ValidateSettings, "least_fit_pct")
     common.add_reading_options(command)
-    group = command.add_argument_group("this log")
-    group.add_argument("--ambient", type=float, metavar="°C",
-                       help="ambient during this log [°C] (default: the model's own)")
-    group.add_argument("--power-before", type=float, metavar="%", help="power before the first reading [%%]")
+    options.add(command.add_argument_group("this log"), ValidateSettings, "ambient_degC", "power_before_pct")
     add_known_options(command)
     printing.add_output_options(command)
     command.set_defaults(run=_run)
@@ -46,11 +44,10 @@ def _run(settings: argparse.Namespace) -> int:
     log = chain.read_log(settings.log, common.reading(settings))
     printing.tell_taken(settings, [log], progress)
     verdict = chain.validate(
-        model, log, words=known_words(settings, [log]), setpoint_degC=settings.setpoint,
-        known=common.conditions(settings).switches, ambient_degC=settings.ambient,
-        power_before_pct=settings.power_before, until_s=settings.until, least_fit_pct=settings.least_fit,
+        model, log, options.of(ValidateSettings, settings), words=known_words(settings, [log]),
+        setpoint_degC=settings.setpoint, known=common.conditions(settings).switches,
     )
-    document = to_document(verdict, settings.least_fit)
+    document = to_document(verdict)
     printing.save(settings.out, document)
     printing.output(settings, document, lambda: validation_lines(document))
     return 1 if verdict.fails else 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,13 +26,13 @@ from heatertune.model.statistics import fit_pct
 from heatertune.model.validation import ljung_box
 from heatertune.model.values import FittedModel, HeaterModel, TwoLag
 from heatertune.model.windows import undisturbed
-from heatertune.units import check
+from heatertune.options import merged
+from heatertune.settings import ValidateSettings
 
-__all__ = ["LEAST_FIT_PCT", "MOST_BIAS_PCT", "Run", "Verdict", "validate"]
+__all__ = ["MOST_BIAS_PCT", "Run", "Verdict", "validate"]
 
 Array = npt.NDArray[np.float64]
 
-LEAST_FIT_PCT = 80.0
 MOST_BIAS_PCT = 5.0  # of the span of the readings
 _READINGS = 500  # averaged, for the correlation
 _SEED = 1
@@ -76,6 +77,7 @@ class Verdict:
         runs: the working model first, then every possible heater that designs are made for; the first is judged only
             where it is one of them.
         worst: place of the run that fits worst; all have to hold.
+        least_fit_pct: fit that every one of them has to reach [%].
         bias_degC: the largest, of all that are judged [°C].
         most_bias_degC: largest bias that is accepted [°C].
         fails: criteria that are not kept, "fit" or "bias"; none: the model holds.
@@ -85,6 +87,7 @@ class Verdict:
     log: str
     runs: tuple[Run, ...]
     worst: int
+    least_fit_pct: float
     bias_degC: float
     most_bias_degC: float
     fails: tuple[str, ...]
@@ -92,8 +95,7 @@ class Verdict:
 
 
 def validate(
-    fitted: FittedModel, log: Log, *, ambient_degC: float | None = None, power_before_pct: float | None = None,
-    until_s: float | None = None, least_fit_pct: float = LEAST_FIT_PCT,
+    fitted: FittedModel, log: Log, settings: ValidateSettings | None = None, **changed: Any
 ) -> Verdict:
     """Simulate a model and every possible heater with the power of a log and judge them by the log's readings.
 
@@ -102,10 +104,10 @@ def validate(
     Args:
         fitted: of another log of the same heater.
         log: with power.
-        ambient_degC: ambient during this log [°C]; None: the model's own.
-        power_before_pct: power before the first reading [%]; None: the first logged one, or none, whichever fits.
-        until_s: last instant to use [s]; by default the log is used up to its first disturbance.
-        least_fit_pct: fit that every model has to reach [%].
+        settings: how it is judged; None: as usual. Without an ambient it is the model's own; without a power before
+            the first reading it is the first logged one, or none, whichever fits; without a last instant the log is
+            used up to its first disturbance.
+        changed: fields of `ValidateSettings` that are other than in `settings`.
 
     Raises:
         InputError: the log holds no power.
@@ -115,24 +117,21 @@ def validate(
         raise InputError(
             f"{log.name}: the power was not logged, so the model cannot be run; name its --controller, or log the power"
         )
-    if ambient_degC is not None:
-        check("ambient_degC", ambient_degC, least=-273.15)
-    if power_before_pct is not None:
-        check("power_before_pct", power_before_pct, least=0.0, most=100.0)
-    check("least_fit_pct", least_fit_pct, most=100.0)
-    used, notes = undisturbed(log) if until_s is None else (log.window(float(log.time_s[0]), until_s), ())
+    asked = merged(ValidateSettings, settings, changed)
+    used, notes = undisturbed(log) if asked.until_s is None else (log.window(float(log.time_s[0]), asked.until_s), ())
     labelled: list[tuple[str, HeaterModel]] = [("working model", fitted.model)]
     labelled += [(label, model) for label, model in fitted.heaters if model != fitted.model]
-    runs = tuple(_run(label, model, used, ambient_degC, power_before_pct) for label, model in labelled)
+    runs = tuple(_run(label, model, used, asked.ambient_degC, asked.power_before_pct) for label, model in labelled)
     designed_for = [i for i, run in enumerate(runs) if run.model in fitted.plants]
     worst = min(designed_for, key=lambda i: runs[i].fit_pct)
     limit = MOST_BIAS_PCT / 100.0 * float(np.ptp(tamed(used.temperature_degC)))
     bias = max((runs[i].bias_degC for i in designed_for), key=abs)
-    kept = {"fit": runs[worst].fit_pct >= least_fit_pct, "bias": abs(bias) <= limit}
+    kept = {"fit": runs[worst].fit_pct >= asked.least_fit_pct, "bias": abs(bias) <= limit}
     fails = tuple(name for name, is_kept in kept.items() if not is_kept)
+    meaning = _told(runs, worst, len(designed_for), fails, asked.least_fit_pct, limit)
     return Verdict(
-        log=log.name, runs=runs, worst=worst, bias_degC=bias, most_bias_degC=limit, fails=fails,
-        notes=(*notes, *feedback_notes(used), *_told(runs, worst, len(designed_for), fails, least_fit_pct, limit)),
+        log=log.name, runs=runs, worst=worst, least_fit_pct=asked.least_fit_pct, bias_degC=bias, most_bias_degC=limit,
+        fails=fails, notes=(*notes, *feedback_notes(used), *meaning),
     )
 
 

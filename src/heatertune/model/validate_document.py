@@ -2,39 +2,67 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
-from heatertune.codec import encode
+from heatertune.codec import built, encode, registered
 from heatertune.model.document import CorrelationView, WhitenessView
-from heatertune.model.validate import Run, Verdict
+from heatertune.model.validate import Verdict
 
-__all__ = ["SCHEMA", "to_document"]
-
-SCHEMA = "heatertune/validation/1"
+__all__ = ["ValidationView", "to_document"]
 
 
-def to_document(verdict: Verdict, least_fit_pct: float) -> dict[str, Any]:
-    """Return the document: the verdict, its criteria with their limits, and every model's run."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Criterion:
+    value: float
+    limit: float
+    unit: str
+    ok: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Criteria:
+    fit: _Criterion
+    bias: _Criterion
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Run:
+    label: str
+    ambient_degC: float
+    fit_pct: float
+    bias_degC: float
+    rmse_degC: float
+    free_fit_pct: float
+    free_ambient_degC: float
+    whiteness: WhitenessView
+    input_crosscorrelation: CorrelationView | None
+
+
+@registered("heatertune/validation/1")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValidationView:
+    """What is written of a verdict: the criteria with their limits, and every model's run."""
+
+    log: str
+    verdict: Literal["PASS", "FAIL"]
+    fails: tuple[str, ...]
+    worst: str
+    criteria: _Criteria
+    runs: tuple[_Run, ...]
+    notes: tuple[str, ...]
+
+
+def to_document(verdict: Verdict) -> dict[str, Any]:
+    """Return the document of a verdict."""
     worst = verdict.runs[verdict.worst]
-    return {
-        "schema": SCHEMA,
-        "log": verdict.log,
-        "verdict": "FAIL" if verdict.fails else "PASS",
-        "fails": list(verdict.fails),
-        "worst": worst.label,
-        "criteria": {
-            "fit": {"value": worst.fit_pct, "limit": least_fit_pct, "unit": "%", "ok": "fit" not in verdict.fails},
-            "bias": {"value": verdict.bias_degC, "limit": verdict.most_bias_degC, "unit": "°C",
-                     "ok": "bias" not in verdict.fails},
-        },
-        "runs": [_run_document(run) for run in verdict.runs],
-        "notes": list(verdict.notes),
-    }
-
-
-def _run_document(run: Run) -> dict[str, Any]:
-    names = ("label", "ambient_degC", "fit_pct", "bias_degC", "rmse_degC", "free_fit_pct", "free_ambient_degC")
-    return {name: getattr(run, name) for name in names} | {
-        "whiteness": encode(WhitenessView.of(run.ljung_box)),
-        "input_crosscorrelation": encode(CorrelationView.of(run.input_correlation)),
-    }
+    runs = tuple(built(
+        _Run, run, whiteness=WhitenessView.of(run.ljung_box),
+        input_crosscorrelation=CorrelationView.of(run.input_correlation)) for run in verdict.runs)
+    document: dict[str, Any] = encode(built(
+        ValidationView, verdict, verdict="FAIL" if verdict.fails else "PASS", worst=worst.label, runs=runs,
+        criteria=_Criteria(
+            fit=_Criterion(value=worst.fit_pct, limit=verdict.least_fit_pct, unit="%", ok="fit" not in verdict.fails),
+            bias=_Criterion(value=verdict.bias_degC, limit=verdict.most_bias_degC, unit="°C",
+                            ok="bias" not in verdict.fails))))
+    return document

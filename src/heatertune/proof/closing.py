@@ -20,7 +20,7 @@ from heatertune.proof.fitted import aimed, default_pwm_period_s, specified
 from heatertune.proof.pwm_period import with_pwm
 from heatertune.proof.refine import refine
 from heatertune.proof.setpoint_ramp import prove_ramped
-from heatertune.settings import Conditions, TuneSettings
+from heatertune.settings import Conditions, TuneSettings, WordSettings
 
 __all__ = ["Asked", "Closed", "closed", "plainly"]
 
@@ -38,7 +38,7 @@ Made = tuple[PidDesign, WordChoice]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class Asked(WordSettings):
     """What a design is asked for.
 
     Attributes:
@@ -46,22 +46,14 @@ class Asked:
         scaling: sensor range; None: 0…100 °C.
         tuned: how the design is found.
         conditions: of the proof.
-        words_by: how the words are found, see `choose_words`.
         interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
-        switch_kind: "ssr", "relay" or "contactor": the PWM period proposed for it, see `with_pwm`; a given one stays.
-        refined: whether the gains are refined in the loop of the proof, see `refine`.
-        setpoint_ramp: [°C/min], "auto" or "none", see `prove_ramped`; None: one is taken where nothing else helps.
     """
 
     target: str
     scaling: Scaling | None = None
     tuned: TuneSettings = field(default_factory=TuneSettings)
     conditions: Conditions = field(default_factory=Conditions)
-    words_by: str = "auto"
     interval_by_words: bool = False
-    switch_kind: str | None = None
-    refined: bool = False
-    setpoint_ramp: float | str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

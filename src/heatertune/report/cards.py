@@ -53,8 +53,9 @@ def _log(value: Log) -> str:
             _span("temperature", value.temperature_degC, "°C"), _span("heater power", value.power_pct, "%"),
             _span("setpoint", value.setpoint_degC, "°C")]
     taken = [] if value.taken is None else [value.taken.line]
-    told = [*taken, *value.repairs, *value.doubts]
-    notes = f"<details><summary>{len(told)} notes of the reader</summary>{bullets(told)}</details>" if told else ""
+    remarks = [*taken, *value.repairs, *value.doubts]
+    count = f"<summary>{len(remarks)} notes of the reader</summary>"
+    notes = f"<details>{count}{bullets(remarks)}</details>" if remarks else ""
     return _card(f"log {value.name}", table(["", "", "unit"], rows, numeric=(1,)), _picture(value), notes)
 
 
@@ -67,12 +68,12 @@ def _span(name: str, column: Any, unit: str) -> tuple[str, str, str]:
 @card.register
 def _model(value: FittedModel) -> str:
     rows = model_rows(model_document.to_document(value))
-    told = text_of(value.outcome.value)
+    remark = text_of(value.outcome.value)
     if len(value.candidates) > 1:
-        told += f" {len(value.candidates)} candidate models; design and proof run on all of them."
+        remark += f" {len(value.candidates)} candidate models; design and proof run on all of them."
     if value.fit_pct is not None:
-        told += f" Fit {figure(value.fit_pct)} %."
-    parts = [table(["", "value", "95 % interval", "unit"], rows, numeric=(1,)), f"<p>{told}</p>"]
+        remark += f" Fit {figure(value.fit_pct)} %."
+    parts = [table(["", "value", "95 % interval", "unit"], rows, numeric=(1,)), f"<p>{remark}</p>"]
     if value.residuals is not None:
         parts.append(_picture(value))
     return _card("heater", *parts)
@@ -100,30 +101,31 @@ def _constants(design: PidDesign) -> list[tuple[str, str, str]]:
 
 @card.register
 def _words(value: Words) -> str:
-    found = controller_for(value.target)
-    rows = [(each.address, each.name, word(value.values[each.name]), each.comment) for each in found.fields]
+    controller = controller_for(value.target)
+    rows = [(field.address, field.name, word(value.values[field.name]), field.comment) for field in controller.fields]
     scale = (f"<p>Called every {figure(value.sample_time_s)} s; sensor {figure(value.scaling.low_degC)} … "
              f"{figure(value.scaling.high_degC)} °C.</p>")
     parts = [table(["address", "word", "value", "meaning"], rows, numeric=(2,)), scale]
-    real = found.decode(value)
+    real = controller.decode(value)
     if real is not None:
         parts += ["<p>What the controller makes of them:</p>",
                   table(["", "value", "unit"], _constants(real), numeric=(1,)), _picture(real)]
-    return _card(f"words for {found.title}", *parts)
+    return _card(f"words for {controller.title}", *parts)
 
 
 @card.register
 def _proof(value: Proof) -> str:
     rows = []
     document = plain(value.to_document())
-    for name, each in document["criteria"].items():
-        limit = "" if each["limit"] is None else f"{'≥' if each['bound'] == '>=' else '≤'} {figure(each['limit'])}"
-        mark = "" if each["limit"] is None else "ok" if each["ok"] else "FAIL"
-        rows.append([name.replace("_", " "), criterion_value(each), limit, each["unit"], mark])
+    for name, criterion in document["criteria"].items():
+        bound = "≥" if criterion["bound"] == ">=" else "≤"
+        limit = "" if criterion["limit"] is None else f"{bound} {figure(criterion['limit'])}"
+        mark = "" if criterion["limit"] is None else "ok" if criterion["ok"] else "FAIL"
+        rows.append([name.replace("_", " "), criterion_value(criterion), limit, criterion["unit"], mark])
     models = len({run.model for run in value.runs})
-    told = f"<p>{len(value.runs)} runs on {models} heater models; each criterion is the worst of all runs.</p>"
+    counted = f"<p>{len(value.runs)} runs on {models} heater models; each criterion is the worst of all runs.</p>"
     return _card(
-        f"proof of {value.words.target}: {value.verdict}", told,
+        f"proof of {value.words.target}: {value.verdict}", counted,
         table(["criterion", "worst", "limit", "unit", ""], rows, numeric=(1,)),
         _picture(value), bullets(value.faults),
     )

@@ -68,7 +68,7 @@ def _design(value: PidDesign) -> str:
 def _words(value: Words) -> str:
     controller = controller_for(value.target)
     rows = [("address", "word", "value", "meaning"), *(
-        (each.address, each.name, word(value.values[each.name]), each.comment) for each in controller.fields)]
+        (field.address, field.name, word(value.values[field.name]), field.comment) for field in controller.fields)]
     faults = () if controller.faults is None else controller.faults(value)
     called = (f"called every {figure(value.sample_time_s)} s; sensor {figure(value.scaling.low_degC)} … "
               f"{figure(value.scaling.high_degC)} °C")

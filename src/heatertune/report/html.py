@@ -93,11 +93,11 @@ def table(
     heads: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: Sequence[int] = (), source: str = ""
 ) -> str:
     """Return a table; the columns named in `numeric` are aligned to the right, its source stands below."""
-    told = f"<caption>Source: {text_of(source)}</caption>" if source else ""
+    caption = f"<caption>Source: {text_of(source)}</caption>" if source else ""
     kinds = [' class="n"' if i in numeric else "" for i in range(len(heads))]
     head = "".join(f'<th scope="col"{kind}>{text_of(cell)}</th>' for kind, cell in zip(kinds, heads, strict=True))
     body = "".join("<tr>" + "".join(_cell(cell, i in numeric) for i, cell in enumerate(row)) + "</tr>" for row in rows)
-    return f"<table>{told}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def tick(name: str, label: str) -> Markup:
@@ -107,11 +107,11 @@ def tick(name: str, label: str) -> Markup:
 
 def steps(name: str, items: Sequence[str]) -> str:
     """Return numbered steps, each with a box to tick."""
-    told = "".join(
+    boxes = "".join(
         f'<li><label><input type="checkbox" id="{text_of(name)}-{i}">{i}. {coded(item)}</label></li>'
         for i, item in enumerate(items, 1)
     )
-    return f'<ol class="steps">{told}</ol>'
+    return f'<ol class="steps">{boxes}</ol>'
 
 
 def coded(text: str) -> Markup:
@@ -121,7 +121,7 @@ def coded(text: str) -> Markup:
 
 def _cell(cell: str, numeric: bool) -> str:
     kinds = (("n", numeric), ("pass", cell in ("ok", "PASS")), ("fail", cell in ("FAIL", "NOT PROVEN")))
-    marks = [name for name, found in kinds if found]
+    marks = [name for name, applies in kinds if applies]
     kind = f' class="{" ".join(marks)}"' if marks else ""
     return f"<td{kind}>{text_of(cell)}</td>"
 

@@ -59,9 +59,9 @@ def _line(line: Line2D, ax: Axes) -> dict[str, Any]:
     x, y = _xy(line)
     if line.get_transform() != ax.transData:  # a level line spans the axes in their own units
         x = np.asarray(ax.get_xlim(), dtype=float)
-        shown = [each for each in (_xy(other)[0] for other in ax.lines) if len(each) > 2]
+        shown = [xs for xs in (_xy(other)[0] for other in ax.lines) if len(xs) > 2]
         if shown:
-            x = np.array([min(float(each.min()) for each in shown), max(float(each.max()) for each in shown)])
+            x = np.array([min(float(xs.min()) for xs in shown), max(float(xs.max()) for xs in shown)])
     label = str(line.get_label())
     return {
         "label": "" if label.startswith("_child") else label,

@@ -34,22 +34,23 @@ def render(documents: Documents) -> str:
     """
     words = documents["words"]
     title = f"{documents['log']['name']} → {words['target']}"
-    told = [words["target"], words["words"], words["sample_time_s"]]
-    mark = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]
+    proven = [words["target"], words["words"], words["sample_time_s"]]
+    mark = hashlib.sha256(json.dumps(proven, sort_keys=True).encode()).hexdigest()[:16]
     return page(title, "\n".join(section(documents) for section in _SECTIONS), mark=mark)
 
 
 def _verdict(documents: Documents) -> str:
     proof = documents["proof"]
     models = len({run["model"] for run in proof["runs"]})
-    told = [f"Not proven: {each['told']} What closes it: {KINDS[each['name']].remedy}." for each in blocking(proof)]
-    told += told_of(proof)
+    points = [f"Not proven: {finding['told']} What closes it: {KINDS[finding['name']].remedy}."
+              for finding in blocking(proof)]
+    points += told_of(proof)
     forced = " The words were exported in spite of it (--force)." if documents["words"].get("forced") else ""
     return (
         f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{proof["verdict"]} at '
         f"{figure(documents['pictures']['nominal']['setpoint_degC'])} °C</p>"
         f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {models} possible heaters, each under "
-        f"every setting of what the manual leaves open.{forced}</p>{bullets(told)}"
+        f"every setting of what the manual leaves open.{forced}</p>{bullets(points)}"
     )
 
 
@@ -68,16 +69,16 @@ def _log(documents: Documents) -> str:
 
 
 def _span(name: str, column: Sequence[float] | None, unit: str) -> list[str]:
-    told = "not logged" if column is None else f"{figure(min(column))} … {figure(max(column))}"
-    return [name, told, unit]
+    span = "not logged" if column is None else f"{figure(min(column))} … {figure(max(column))}"
+    return [name, span, unit]
 
 
 def _model(documents: Documents) -> str:
     model = documents["model"]
-    found = table(["", "value", "95 % interval", "unit"], model_rows(model), numeric=(1,),
-                  source=f"{documents['log']['name']}; {model['method']}")
+    parameters = table(["", "value", "95 % interval", "unit"], model_rows(model), numeric=(1,),
+                       source=f"{documents['log']['name']}; {model['method']}")
     return (
-        f"<h2>Identified</h2><p>{text_of(model['outcome_text'])} Method: {text_of(model['method'])}.</p>{found}"
+        f"<h2>Identified</h2><p>{text_of(model['outcome_text'])} Method: {text_of(model['method'])}.</p>{parameters}"
         f"{_checks(model)}{bullets(model.get('notes', ()))}{_candidates(model)}{_hypotheses(model)}{_price(documents)}"
     )
 
@@ -132,17 +133,17 @@ def _hypotheses(model: Document) -> str:
         return ""
     heads, *rows = hypothesis_rows(model)
     sure = [called for called, _, ci95, _ in model_rows(model) if ci95 != NOT_IDENTIFIED]
-    told = f"Known within the intervals above: {', '.join(sure)}." if sure else "None of the parameters is identified."
+    seen = f"Known within the intervals above: {', '.join(sure)}." if sure else "None of the parameters is identified."
     return (
-        f"<h3>Hypotheses about the controller</h3><p>{text_of(told)} BIC with AR(1) errors on the same readings; RMS "
+        f"<h3>Hypotheses about the controller</h3><p>{text_of(seen)} BIC with AR(1) errors on the same readings; RMS "
         "in °C on the readings used, on the later ones foretold from the earlier, and on blocks left out.</p>"
         f"<details open><summary>{len(rows)} compared</summary>{table(heads, rows, numeric=(1, 2, 3, 4, 6, 7, 8, 9))}"
         "</details>"
     )
 
 
-def _reduced(found: Document | None) -> str:
-    return "" if found is None else f"{figure(found['time_constant_s'], 3)} s, {figure(found['dead_time_s'], 3)} s"
+def _reduced(plant: Document | None) -> str:
+    return "" if plant is None else f"{figure(plant['time_constant_s'], 3)} s, {figure(plant['dead_time_s'], 3)} s"
 
 
 def _design(documents: Documents) -> str:

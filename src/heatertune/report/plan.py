@@ -54,11 +54,11 @@ def _relay(relay: Document) -> str:
 
 def _before_and_after(quantities: Document) -> str:
     rows = [("", "before", "after, 95 %", "worst ±", "unit", "worst on")]
-    for name, found in quantities.items():
+    for name, quantity in quantities.items():
         _, called, unit = NOMENCLATURE[name]
-        share = found["worst_share"]
-        worst = _share(share) if share is not None else f"±{figure(found['worst_half_width'], 2)}"
-        rows.append((called, _range(found["before"]), _range(found["after"]), worst, unit, found["worst_on"]))
+        share = quantity["worst_share"]
+        worst = _share(share) if share is not None else f"±{figure(quantity['worst_half_width'], 2)}"
+        rows.append((called, _range(quantity["before"]), _range(quantity["after"]), worst, unit, quantity["worst_on"]))
     return table(rows)
 
 
@@ -66,18 +66,18 @@ def _words(plan: Document) -> list[str]:
     """Return whether it is worth heating, and what the figures rest on."""
     conditions, noise = plan["conditions"], plan["conditions"]["noise"]
     aim = _share(conditions["aim"])
-    told = [f"worth it: every interval is expected within {aim} on every heater"]
+    worth = [f"worth it: every interval is expected within {aim} on every heater"]
     if not plan["reached"]:
-        told = [f"the aim of {aim} is not reached: a longer test, a higher limit or less noise would help"]
-    for name, found in plan["quantities"].items():
-        low, high = found["before"]
-        half = found["worst_half_width"]
+        worth = [f"the aim of {aim} is not reached: a longer test, a higher limit or less noise would help"]
+    for name, quantity in plan["quantities"].items():
+        low, high = quantity["before"]
+        half = quantity["worst_half_width"]
         if high > low and (half is None or half >= 0.5 * (high - low)):
-            told.append(f"it would not tell the {NOMENCLATURE[name][1]} better than it is known before")
-    tried = [f"{_share(each['worst_share'])} in {figure(each['duration_s'])} s" for each in plan["durations"]]
+            worth.append(f"it would not tell the {NOMENCLATURE[name][1]} better than it is known before")
+    tried = [f"{_share(test['worst_share'])} in {figure(test['duration_s'])} s" for test in plan["durations"]]
     step = f"a plain step of {figure(plan['duration_s'])} s: {_share(plan['step_worst_share'])}"
     return [
-        *told,
+        *worth,
         f"worst interval: {', '.join(tried)}; {step}",
         f"readings every {figure(noise['sample_time_s'])} s, noise {figure(noise['std_degC'], 2)} °C with correlation "
         f"{figure(noise['correlation'], 2)}, resolution {figure(noise['resolution_degC'], 2)} °C",

@@ -126,7 +126,7 @@ def plot_robustness(curves: Sequence[Part], limit: float, designed: float | None
     for curve, look in zip(curves, looks, strict=True):
         left.plot(curve["real"], curve["imaginary"], label=curve["label"], **LOOK[look])
         right.semilogx(curve["omega"], curve["sensitivity"], label=curve["label"], **LOOK[look])
-    key(left, *(each for each in names if each[1] in looks))
+    key(left, *(entry for entry in names if entry[1] in looks))
     top = max(2.2, 1.2 * limit)
     levels = [(limit, f"limit {limit:g}", "limit")]
     if designed is not None and designed < top:

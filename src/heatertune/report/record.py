@@ -10,7 +10,7 @@ from heatertune.plc import controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.report.html import bullets, steps, table, text_of, tick
 from heatertune.report.text import figure, ramp_note, search_notes, word
-from heatertune.settings import Conditions
+from heatertune.settings import Conditions, SensorSettings
 
 __all__ = ["assumed", "limits", "signature", "site", "words"]
 
@@ -25,53 +25,54 @@ def signature(_: Documents) -> str:
 
 def words(documents: Documents) -> str:
     """Return the words, in the order in which they are typed in, each with a box to tick."""
-    found = documents["words"]
+    document = documents["words"]
     rows = [[tick(f"word-{f['name']}", f"{f['name']} typed in"), f["address"], f["name"],
-             word(found["words"][f["name"]]), f["format"], f["comment"]] for f in found["fields"]]
-    files = "".join(f"<li><code>{text_of(name)}</code></li>" for name in found["files"])
-    scale = found["scaling"]
+             word(document["words"][f["name"]]), f["format"], f["comment"]] for f in document["fields"]]
+    files = "".join(f"<li><code>{text_of(name)}</code></li>" for name in document["files"])
+    scale = document["scaling"]
     heads = ["typed", "address", "word", "value", "format", "meaning, unit"]
     return (
-        f"<h2>Words for {text_of(found['target'])}</h2><p>In the order in which they are typed in. Sensor "
+        f"<h2>Words for {text_of(document['target'])}</h2><p>In the order in which they are typed in. Sensor "
         f"{figure(scale['low_degC'])}…{figure(scale['high_degC'])} °C; call every "
-        f"{figure(found['sample_time_s'])} s. The setpoint of the proof, {figure(found['setpoint_degC'])} °C, is "
-        f"{found['setpoint_units']} units.</p>"
-        f"{table(heads, rows, numeric=(3,), source=controller_for(found['target']).title)}"
-        f"{bullets([*ramp_note(found), *search_notes(found)])}<ul>{files}</ul>"
+        f"{figure(document['sample_time_s'])} s. The setpoint of the proof, {figure(document['setpoint_degC'])} °C, is "
+        f"{document['setpoint_units']} units.</p>"
+        f"{table(heads, rows, numeric=(3,), source=controller_for(document['target']).title)}"
+        f"{bullets([*ramp_note(document), *search_notes(document)])}<ul>{files}</ul>"
     )
 
 
 def site(documents: Documents) -> str:
     """Return the steps on site: where the words go, what to watch, what to do, how to go back."""
     target = documents["words"]["target"]
-    told = commissioning(target)
+    manual = commissioning(target)
     parts = "".join(
-        f"<h3>{text_of(title)}</h3>{steps(f'step-{i}', items)}" for i, (title, items) in enumerate(told.steps.items())
+        f"<h3>{text_of(title)}</h3>{steps(f'step-{i}', items)}" for i, (title, items) in enumerate(manual.steps.items())
     )
-    return f'<h2>Into service</h2>{parts}<p class="soft">Source: {text_of(told.facts)}</p>'
+    return f'<h2>Into service</h2>{parts}<p class="soft">Source: {text_of(manual.facts)}</p>'
 
 
 def assumed(documents: Documents) -> str:
     """Return what the proof was told about the plant, each with its unit and where it came from."""
     proof, scale = documents["proof"], documents["words"]["scaling"]
     story, switch, limit = proof["scenario"], proof["actuator"], proof["limits"]
+    sensor = options_of(SensorSettings)["range_degC"]
     rows = [
-        ["sensor at the lowest reading", figure(scale["low_degC"]), "°C", "--range"],
-        ["sensor at the highest reading", figure(scale["high_degC"]), "°C", "--range"],
+        ["sensor at the lowest reading", figure(scale["low_degC"]), "°C", sensor.flag],
+        ["sensor at the highest reading", figure(scale["high_degC"]), "°C", sensor.flag],
         _row("setpoint_degC", story["setpoint_degC"]),
         _row("noise_degC", story["noise_degC"]),
         _row("tolerance_degC", limit["tolerance_degC"]),
         ["duration of the proof", figure(story["duration_s"]), "s", "from the slowest model"],
     ]
-    rows += [[f"disturbance at {figure(each['time_s'])} s", figure(each["temperature_degC"]), "°C",
-              "as in the paper's record, in times that suit the slowest model"] for each in story["disturbances"]
-             if each.get("temperature_degC") is not None]
+    rows += [[f"disturbance at {figure(happening['time_s'])} s", figure(happening["temperature_degC"]), "°C",
+              "as in the paper's record, in times that suit the slowest model"] for happening in story["disturbances"]
+             if happening.get("temperature_degC") is not None]
     if switch is not None:
         rows += [_row(name, switch[key]) for name, key in (
             ("pwm_period_s", "pwm_period_s"), ("pwm_resolution_s", "resolution_s"), ("minimum_on_s", "minimum_on_s"),
             ("minimum_off_s", "minimum_off_s"))]
-    settings = [[each.name, each.default, ", ".join(each.settings), each.why]
-                for each in controller_for(documents["words"]["target"]).switches]
+    settings = [[point.name, point.default, ", ".join(point.settings), point.why]
+                for point in controller_for(documents["words"]["target"]).switches]
     open_points = (
         "<h3>What the manual leaves open</h3><p>The proof ran under every setting.</p>"
         + table(["point", "default", "settings proven", "what is open"], settings,

@@ -79,9 +79,9 @@ def _row(row: Document) -> tuple[str, ...]:
     words, arithmetic = "", _more(real["iae"], wished["iae"])
     if rounded is not None:
         words, arithmetic = _more(rounded["iae"], wished["iae"]), _more(real["iae"], rounded["iae"])
-    told = [figure(real["iae"]), words, arithmetic, figure(real["overshoot"], 3), figure(real["steady_offset"], 2)]
+    numbers = [figure(real["iae"]), words, arithmetic, figure(real["overshoot"], 3), figure(real["steady_offset"], 2)]
     times = ["never" if real[name] is None else figure(real[name], 3) for name in ("settling_time", "recovery_time")]
-    return (row["target"], row["verdict"], *told, *times)
+    return (row["target"], row["verdict"], *numbers, *times)
 
 
 def _more(value: float, than: float) -> str:

@@ -35,9 +35,9 @@ def word(value: float) -> str:
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
-def criterion_value(found: Document) -> str:
+def criterion_value(criterion: Document) -> str:
     """Return a criterion's value; one that is not finite never happened, or, where it is ok, has no limit."""
-    return ("unlimited" if found["ok"] else "never") if found["value"] is None else figure(found["value"])
+    return ("unlimited" if criterion["ok"] else "never") if criterion["value"] is None else figure(criterion["value"])
 
 
 def table(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> str:
@@ -61,18 +61,18 @@ def model_lines(model: Document) -> str:
     others = len(model.get("candidates", ()))
     if others > 1:
         lines.append(f"{others} possible heaters; design and proof run on all of them.")
-    lines += [f"! {each['effect']}: {each['told']}" for each in model.get("findings", ())]
+    lines += [f"! {finding['effect']}: {finding['told']}" for finding in model.get("findings", ())]
     return "\n".join(lines + [f"- {note}" for note in model.get("notes", ())])
 
 
 def model_rows(model: Document) -> list[tuple[str, str, str, str]]:
     """Return name, value, 95 % interval and unit of each parameter and combination."""
-    found = [(name, model[name], model.get(f"{name}_ci95"))
-             for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")]
-    found += [(name, item["value"], item["ci95"]) for name, item in model.get("combinations", {}).items()]
-    names = [NOMENCLATURE[name] for name, _, _ in found]
+    parameters = [(name, model[name], model.get(f"{name}_ci95"))
+                  for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")]
+    parameters += [(name, item["value"], item["ci95"]) for name, item in model.get("combinations", {}).items()]
+    names = [NOMENCLATURE[name] for name, _, _ in parameters]
     return [(called, figure(value), _interval(ci95), unit)
-            for (_, called, unit), (_, value, ci95) in zip(names, found, strict=True)]
+            for (_, called, unit), (_, value, ci95) in zip(names, parameters, strict=True)]
 
 
 def hypothesis_table(model: Document) -> str:
@@ -87,30 +87,30 @@ def hypothesis_rows(model: Document) -> list[tuple[str, ...]]:
     """
     heads = ("law", "gain", "lags s", "dead s", "ambient", "fit %", "ΔBIC", "RMS", "foretold", "left out", "on a bound")
     rows: list[tuple[str, ...]] = [heads]
-    for each in model["hypotheses"]:
-        lags = [figure(each[name], 3) for name in ("time_constant_s", "second_time_constant_s") if name in each]
-        fits = [figure(fit, 3) for fit in each["fits_pct"].values()] or [figure(each["fit_pct"], 3)]
+    for tried in model["hypotheses"]:
+        lags = [figure(tried[name], 3) for name in ("time_constant_s", "second_time_constant_s") if name in tried]
+        fits = [figure(fit, 3) for fit in tried["fits_pct"].values()] or [figure(tried["fit_pct"], 3)]
         rows.append((
-            each["law"], figure(each["gain_degC_per_pct"], 3), " + ".join(lags),
-            figure(each["dead_time_s"], 3), figure(each["ambient_degC"], 3), " / ".join(fits),
-            f"{each['delta_bic']:.0f}", *[figure(each[f"{name}_degC"], 2)
+            tried["law"], figure(tried["gain_degC_per_pct"], 3), " + ".join(lags),
+            figure(tried["dead_time_s"], 3), figure(tried["ambient_degC"], 3), " / ".join(fits),
+            f"{tried['delta_bic']:.0f}", *[figure(tried[f"{name}_degC"], 2)
                                           for name in ("rmse", "hold_out_rmse", "cross_rmse")],
-            ", ".join(each["on_bound"]),
+            ", ".join(tried["on_bound"]),
         ))
     return rows
 
 
-def validation_lines(found: Document) -> str:
+def validation_lines(verdict: Document) -> str:
     """Return each model's run on another log, what it means, and the verdict with the criteria that are not kept."""
     rows = [("model", "ambient", "fit %", "bias °C", "RMS °C", "white", "follows the power")]
-    for run in found["runs"]:
+    for run in verdict["runs"]:
         seen = run["input_crosscorrelation"]
         follows = "—" if seen is None else "no" if seen["ok"] else f"after {figure(seen['at_lag_s'], 3)} s"
         numbers = (figure(run[name], 3) for name in ("ambient_degC", "fit_pct", "bias_degC", "rmse_degC"))
         rows.append((run["label"], *numbers, "yes" if run["whiteness"]["ok"] else "no", follows))
-    by = f", by {' and '.join(found['fails'])}" if found["fails"] else ""
-    notes = [f"- {note}" for note in found["notes"]]
-    return "\n".join([table(rows, right=(1, 2, 3, 4)), *notes, f"VERDICT {found['verdict']}{by}"])
+    by = f", by {' and '.join(verdict['fails'])}" if verdict["fails"] else ""
+    notes = [f"- {note}" for note in verdict["notes"]]
+    return "\n".join([table(rows, right=(1, 2, 3, 4)), *notes, f"VERDICT {verdict['verdict']}{by}"])
 
 
 def design_lines(design: Document) -> str:
@@ -129,13 +129,13 @@ def design_lines(design: Document) -> str:
 def forms_lines(forms: Document) -> str:
     """Return the same controller in the series and in the parallel form."""
     series, parallel = forms["series"], forms["parallel"]
-    told = "none: TV is above TN/4" if series is None else (
+    in_series = "none: TV is above TN/4" if series is None else (
         f"K {figure(series['gain_pct_per_degC'])} %/°C, TN {_seconds(series['integral_time_s'])}, "
         f"TV {_seconds(series['derivative_time_s'])}"
     )
     gains = (f"{name.capitalize()} {figure(parallel[name])} {unit}"
              for name, unit in (("kp", "%/°C"), ("ki", "%/(°C·s)"), ("kd", "%·s/°C")))
-    return f"- the same in the series form: {told}\n- the same in the parallel form: {', '.join(gains)}"
+    return f"- the same in the series form: {in_series}\n- the same in the parallel form: {', '.join(gains)}"
 
 
 def _seconds(value: float) -> str:
@@ -194,10 +194,10 @@ def search_notes(words: Document) -> list[str]:
 def criteria_table(proof: Document) -> str:
     """Return each criterion (worst value, limit, verdict, the run it comes from) and the controller's known faults."""
     rows = [("criterion", "worst", "limit", "unit", "", "where")]
-    for name, found in proof["criteria"].items():
-        limit = "" if found["limit"] is None else f"{found['bound']} {figure(found['limit'])}"
-        verdict = "" if found["limit"] is None else "ok" if found["ok"] else "FAIL"
-        rows.append((_spaced(name), criterion_value(found), limit, found["unit"], verdict, found["where"]))
+    for name, criterion in proof["criteria"].items():
+        limit = "" if criterion["limit"] is None else f"{criterion['bound']} {figure(criterion['limit'])}"
+        verdict = "" if criterion["limit"] is None else "ok" if criterion["ok"] else "FAIL"
+        rows.append((_spaced(name), criterion_value(criterion), limit, criterion["unit"], verdict, criterion["where"]))
     return "\n".join([table(rows, right=(1,)), *[f"fault: {fault}" for fault in proof["faults"]]])
 
 
@@ -205,16 +205,17 @@ def samples_table(proof: Document) -> list[str]:
     """Return what the samples of a proof show, if there are any, as lines: quantiles and share that keeps the limit."""
     if "samples" not in proof:
         return []
-    found = proof["samples"]
+    samples = proof["samples"]
     rows = [("criterion", "median", "95 %", "99 %", "worst", "limit", "unit", "keep it")]
-    for name, spot in found["criteria"].items():
+    for name, spot in samples["criteria"].items():
         numbers = ["never" if spot[key] is None else figure(spot[key]) for key in ("median", "p95", "p99", "worst")]
         limit = "" if spot["limit"] is None else f"<= {figure(spot['limit'])}"
         kept = "" if spot["limit"] is None else f"{100.0 * spot['passing']:.4g} %"
         rows.append((_spaced(name), *numbers, limit, spot["unit"], kept))
     return [
-        f"{found['count']} samples from seed {found['seed']} on: {100.0 * found['passing']:.4g} % keep every limit, "
-        f"{100.0 * found['quantile']:.4g} % must: {found['verdict']}; the worst: --replay {found['worst_seed']}",
+        f"{samples['count']} samples from seed {samples['seed']} on: {100.0 * samples['passing']:.4g} % keep every "
+        f"limit, {100.0 * samples['quantile']:.4g} % must: {samples['verdict']}; the worst: --replay "
+        f"{samples['worst_seed']}",
         table(rows, right=(1, 2, 3, 4)),
     ]
 
@@ -234,8 +235,8 @@ def advice_table(advice: Document) -> str:
     aim = f"effect on {_spaced(advice['aim'])}"
     rows = [("", "Kp", "Ki", "Kd", "verdict", "overshoot %", "settling s", "IAE °C·s", aim, "fails by")]
     for case in advice["cases"]:
-        told = [_reached(case.get(name)) for name in ("overshoot", "settling_time", "iae")]
-        rows.append((case["step"], *[figure(case[gain]) for gain in ("kp", "ki", "kd")], case["verdict"], *told,
+        numbers = [_reached(case.get(name)) for name in ("overshoot", "settling_time", "iae")]
+        rows.append((case["step"], *[figure(case[gain]) for gain in ("kp", "ki", "kd")], case["verdict"], *numbers,
                      case["effect"], ", ".join(case["fails"])))
     best = f"best: {advice['best']}" if advice["best"] else "none of the steps helps on the model and passes"
     return "\n".join([*lines, table(rows, right=(1, 2, 3, 5, 6, 7)), *([best] if len(rows) > 2 else [])])
@@ -273,8 +274,8 @@ def outcome_lines(summary: Document) -> str:
     rows = [(outcome, str(number)) for outcome, number in summary["outcomes"].items()]
     lines = [table([*rows, ("together", str(summary["rows"]))], right=(1,))]
     for outcome, examples in summary["examples"].items():
-        lines += [f"{outcome}: {each['reason']}" if each["reason"].startswith(each["name"]) else
-                  f"{outcome}: {each['name']}: {each['reason']}" for each in examples]
+        lines += [f"{outcome}: {example['reason']}" if example["reason"].startswith(example["name"]) else
+                  f"{outcome}: {example['name']}: {example['reason']}" for example in examples]
         more = summary["outcomes"][outcome] - len(examples)
         lines += [f"{outcome}: and {more} more"] if more else []
     again = summary.get("done_again", 0)

@@ -37,11 +37,12 @@ _BAND: Final = 1.96  # of a normal distribution, 95 %
 def log_chart(log: Log, fitted: FittedModel) -> Options:
     """Return log, model and the band in which 95 % of the model's errors lie."""
     lines = [_line("log", log.time_s, log.temperature_degC, "log", lower=-1)]  # both end at one point
-    found = fitted.residuals
-    if found is not None:
-        wide = _BAND * float(np.sqrt(np.mean((found.measured_degC - found.simulated_degC) ** 2)))
-        low, high = found.simulated_degC - wide, found.simulated_degC + wide
-        lines += [*_band(found.time_s, low, high), _line("model", found.time_s, found.simulated_degC, "model")]
+    residuals = fitted.residuals
+    if residuals is not None:
+        wide = _BAND * float(np.sqrt(np.mean((residuals.measured_degC - residuals.simulated_degC) ** 2)))
+        low, high = residuals.simulated_degC - wide, residuals.simulated_degC + wide
+        model = _line("model", residuals.time_s, residuals.simulated_degC, "model")
+        lines += [*_band(residuals.time_s, low, high), model]
     return _chart("time [s]", "temperature [°C]", lines)
 
 
@@ -65,8 +66,8 @@ def loop_chart(look: Look, pinned: Sequence[Pinned]) -> Options:
     lines = [_temperature("words", nominal, "realised")]
     if look.wish is not None:
         lines.append(_temperature("wish", look.wish, "wish", lower=1))
-    for i, (each, kind) in enumerate(zip(pinned, _PIN_LINES, strict=False)):
-        lines.append(_temperature(each.name, each.look.proof.nominal, "other", kind=kind, color=_PIN, lower=-1 - i))
+    for i, (pin, kind) in enumerate(zip(pinned, _PIN_LINES, strict=False)):
+        lines.append(_temperature(pin.name, pin.look.proof.nominal, "other", kind=kind, color=_PIN, lower=-1 - i))
     # the name stands where the run has settled, on the side of the line that it has left
     late = nominal.temperature_degC[nominal.time_s > (1.0 - _NAME) * nominal.time_s[-1]]
     side = "Bottom" if late.mean() >= nominal.setpoint_degC else "Top"

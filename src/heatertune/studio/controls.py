@@ -45,12 +45,12 @@ class Controls:
             self._values[slider.field] = ui.label().classes("field-value").props("aria-hidden=true")
         with ui.element("div").classes("slider-row"):
             # the browser's own slider: Quasar's takes the focus in a part that has no role and no name
-            found = ui.element("input").props("type=range").props(
+            element = ui.element("input").props("type=range").props(
                 f'min={slider.low} max={slider.high} step={slider.step} aria-label="{slider.label}" '
                 f"data-field={slider.field}")
-            found.on("input", lambda e, field=slider.field: self._slid(field, float(e.args)), throttle=0.05,
-                     js_handler="(e) => emit(e.target.value)")
-            self._sliders[slider.field] = found
+            element.on("input", lambda e, field=slider.field: self._slid(field, float(e.args)), throttle=0.05,
+                       js_handler="(e) => emit(e.target.value)")
+            self._sliders[slider.field] = element
             if slider.auto:
                 self._autos[slider.field] = ui.checkbox(
                     "auto", on_change=lambda e, field=slider.field: self._auto(field, on=bool(e.value))
@@ -89,11 +89,11 @@ class Controls:
             self._silent = False
 
     def _place(self, slider: Slider, value: float, *, given: bool) -> None:
-        told = f"{figure(value)} {slider.unit}".strip()
-        self._values[slider.field].set_text(told)
-        found = self._sliders[slider.field]
-        found.props(f'aria-valuetext="{told}{"" if given else ", automatic"}"')
+        text = f"{figure(value)} {slider.unit}".strip()
+        self._values[slider.field].set_text(text)
+        element = self._sliders[slider.field]
+        element.props(f'aria-valuetext="{text}{"" if given else ", automatic"}"')
         if self._placed.get(slider.field) != value:
             self._placed[slider.field] = value
             # not as a property: Vue would put the slider back to it with every answer, under the user's hand
-            found.client.run_javascript(f"getHtmlElement({found.id}).value = {value}")
+            element.client.run_javascript(f"getHtmlElement({element.id}).value = {value}")

@@ -45,7 +45,15 @@ def export_zip(files: Mapping[str, str | bytes], look: Look, proof: Proof) -> by
 def report_page(
     log: Log, fitted: FittedModel, look: Look, proof: Proof, files: Mapping[str, str | bytes]
 ) -> str:
-    """Return `report.html`; `files` are those that were exported, none for words that failed and were not forced."""
+    """Return `report.html`.
+
+    Args:
+        log: as it was read.
+        fitted: the heater behind it.
+        look: the design.
+        proof: its full proof.
+        files: that were exported; none for words that failed and were not forced.
+    """
     from heatertune.report import render  # noqa: PLC0415 - matplotlib only where pictures are drawn
 
     return render(dossier(log, fitted, look.gains.design, proof, files, look.gains.search))

@@ -194,19 +194,19 @@ class Page:
         verdict = session.verdict
         proof = None if session.error else session.proof
         self._verdict.set_text(views.verdict_text(verdict, proof, last=session.look is not None))
-        known = verdict in ("PASS", "FAIL", NOT_PROVEN)
-        self._verdict.classes(remove="pass fail not-proven", add=verdict.lower().replace(" ", "-") if known else "")
-        self._zip.set_enabled(verdict == "PASS" or (known and bool(self._force.value)))
-        self._report.set_enabled(known)
-        self._force.set_visibility(known and verdict != "PASS")
+        judged = verdict in ("PASS", "FAIL", NOT_PROVEN)
+        self._verdict.classes(remove="pass fail not-proven", add=verdict.lower().replace(" ", "-") if judged else "")
+        self._zip.set_enabled(verdict == "PASS" or (judged and bool(self._force.value)))
+        self._report.set_enabled(judged)
+        self._force.set_visibility(judged and verdict != "PASS")
 
     def _show_pinned(self) -> None:
         pinned = self.session.pinned
         self._compared.set_content(views.compared(pinned))
         self._letters.clear()
         with self._letters:
-            for each in pinned:
-                ui.button(f"Let {each.name} go", on_click=lambda name=each.name: self._unpin(name)).props("flat dense")
+            for pin in pinned:
+                ui.button(f"Let {pin.name} go", on_click=lambda name=pin.name: self._unpin(name)).props("flat dense")
 
 
 def _card(title: str, props: str = "", *, wide: bool = False) -> ui.element:

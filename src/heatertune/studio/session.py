@@ -122,11 +122,11 @@ class Session:
 
     def known_look(self) -> bool:
         """Show the loop of the settings where it is remembered; return whether it is."""
-        found = self._looks.pop(self.ticket, None)
-        if found is not None:
-            self._looks[self.ticket] = found  # the youngest again
-            self.look, self.error = found, self._refused.get(self.ticket, "")
-        return found is not None
+        look = self._looks.pop(self.ticket, None)
+        if look is not None:
+            self._looks[self.ticket] = look  # the youngest again
+            self.look, self.error = look, self._refused.get(self.ticket, "")
+        return look is not None
 
     def look_done(self, ticket: Ticket, look: Look) -> bool:
         """Take a loop; return whether it is shown: not where the settings moved on."""
@@ -189,12 +189,12 @@ class Session:
             raise InputError("this design is kept already")
         if len(self._pins) == MOST_PINNED:
             raise InputError(f"{MOST_PINNED} designs are kept already: let one go first")
-        name = next(letter for letter in "ABCD" if letter not in [known for known, _, _ in self._pins])
+        name = next(letter for letter in "ABCD" if letter not in [taken for taken, _, _ in self._pins])
         self._pins.append((name, look, self.ticket))
 
     def unpin(self, name: str) -> None:
         """Let a design go."""
-        self._pins = [each for each in self._pins if each[0] != name]
+        self._pins = [pin for pin in self._pins if pin[0] != name]
 
     def unproven(self) -> list[tuple[Ticket, Look]]:
         """Return tickets and loops that wait for their full proof: the one in front, then those set aside."""

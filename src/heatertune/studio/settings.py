@@ -110,7 +110,7 @@ class Settings:
         return TuneSettings(structure=self.structure, ms=self.ms, sample_time_s=self.sample_time_s)
 
 
-assert {slider.field for slider in SLIDERS} <= {each.name for each in fields(Settings)}
+assert {slider.field for slider in SLIDERS} <= {field.name for field in fields(Settings)}
 
 
 def settings_for(fitted: FittedModel, start: Settings) -> Settings:

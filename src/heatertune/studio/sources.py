@@ -56,10 +56,10 @@ def read_source(source: str) -> Source:
         built_in = source.lower() in BUILT_IN
         return Source(log=chain.read_log(source, errata=built_in), settings=Settings())
     documents = read_documents(Path(source))
-    found = documents["log"]
-    columns = {name: found[name] for name in ("name", "source", "time_s", "temperature_degC", "power_pct",
+    held = documents["log"]
+    columns = {name: held[name] for name in ("name", "source", "time_s", "temperature_degC", "power_pct",
                                               "setpoint_degC")}
-    log = Log(**columns, repairs=tuple(found["repairs"]), doubts=tuple(found["doubts"]))
+    log = Log(**columns, repairs=tuple(held["repairs"]), doubts=tuple(held["doubts"]))
     settings = Settings(target=documents["words"]["target"], structure=documents["pid"]["structure"])
     return Source(log=log, settings=settings, fitted=from_document(documents["model"]))
 

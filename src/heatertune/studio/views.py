@@ -49,8 +49,8 @@ def _folded(title: str, items: Sequence[str]) -> str:
 def words(look: Look) -> str:
     """Return the words in the order in which they are typed in, as HTML."""
     held = look.gains.words
-    rows = [[each.address, each.name, word(held.values[each.name]), each.comment]
-            for each in controller_for(held.target).fields]
+    rows = [[field.address, field.name, word(held.values[field.name]), field.comment]
+            for field in controller_for(held.target).fields]
     return table(["address", "word", "value", "meaning"], rows, numeric=(2,))
 
 
@@ -81,11 +81,11 @@ def _change(wish: PidDesign, real: PidDesign, field: str) -> str:
 def criteria(proof: Proof) -> str:
     """Return the criteria with their limits, as HTML; those of a first look bear no verdict."""
     rows = []
-    for each in proof.criteria:
-        found = each.to_document()
-        limit = "" if each.limit is None else f"{'≥' if each.at_least else '≤'} {figure(each.limit)}"
-        mark = "" if each.limit is None or not proof.open_points else "ok" if each.ok else "FAIL"
-        rows.append([each.name.replace("_", " "), criterion_value(found), limit, each.unit, mark])
+    for criterion in proof.criteria:
+        document = criterion.to_document()
+        limit = "" if criterion.limit is None else f"{'≥' if criterion.at_least else '≤'} {figure(criterion.limit)}"
+        mark = "" if criterion.limit is None or not proof.open_points else "ok" if criterion.ok else "FAIL"
+        rows.append([criterion.name.replace("_", " "), criterion_value(document), limit, criterion.unit, mark])
     return table(["criterion", "worst" if proof.open_points else "nominal", "limit", "unit", ""], rows, numeric=(1,))
 
 
@@ -103,7 +103,7 @@ def notes(look: Look) -> str:
     held, search = look.gains.words, look.gains.search
     settings, actuator = look.settings, look.proof.actuator
     own = controller_for(held.target).timing(held).pwm_period_s is not None
-    told = [
+    sentences = [
         f"Gains: {look.gains.design.method}.",
         *([] if search is None else search["notes"]),
         f"One step of the sensor is {figure(settings.resolution_degC, 3)} °C.",
@@ -111,33 +111,33 @@ def notes(look: Look) -> str:
         "say." if own else f"The switch works with a PWM period of {figure(actuator.pwm_period_s)} s.",
     ]
     if look.margins is not None:
-        found = look.margins
-        told.append(f"Margins of the words, worst over the models: Ms {figure(found.ms, 3)}, gain margin "
-                    f"{figure(found.gain_margin, 3)}, phase margin {figure(found.phase_margin_deg, 3)}°.")
-    return bullets(told)
+        margins = look.margins
+        sentences.append(f"Margins of the words, worst over the models: Ms {figure(margins.ms, 3)}, gain margin "
+                         f"{figure(margins.gain_margin, 3)}, phase margin {figure(margins.phase_margin_deg, 3)}°.")
+    return bullets(sentences)
 
 
 def compared(pinned: Sequence[Pinned]) -> str:
     """Return the designs set aside side by side, as HTML."""
     if not pinned:
         return "<p>Keep a design to compare it with the next one; four can stand side by side.</p>"
-    rows = [["controller", *(each.look.settings.target for each in pinned)],
-            ["structure", *(each.look.settings.structure.upper() for each in pinned)],
-            ["Ms wished", *(figure(each.look.settings.ms) for each in pinned)]]
+    rows = [["controller", *(pin.look.settings.target for pin in pinned)],
+            ["structure", *(pin.look.settings.structure.upper() for pin in pinned)],
+            ["Ms wished", *(figure(pin.look.settings.ms) for pin in pinned)]]
     for name, field, unit in _PARTS:
         rows.append([f"{name} [{unit}]", *(
-            "—" if each.look.realised is None else _part(each.look.realised, field) for each in pinned)])
+            "—" if pin.look.realised is None else _part(pin.look.realised, field) for pin in pinned)])
     rows.append(["words", *(
-        ", ".join(f"{n} {word(v)}" for n, v in each.look.gains.words.values.items()) for each in pinned)])
+        ", ".join(f"{n} {word(v)}" for n, v in pin.look.gains.words.values.items()) for pin in pinned)])
     rows.append(["Ms of the words", *(
-        "—" if each.look.margins is None else figure(each.look.margins.ms, 3) for each in pinned)])
+        "—" if pin.look.margins is None else figure(pin.look.margins.ms, 3) for pin in pinned)])
     for name in ("overshoot", "settling_time", "iae"):
-        found = [next((c for c in each.look.proof.criteria if c.name == name), None) for each in pinned]
-        unit = next((c.unit for c in found if c is not None), "")
+        worst = [next((c for c in pin.look.proof.criteria if c.name == name), None) for pin in pinned]
+        unit = next((c.unit for c in worst if c is not None), "")
         rows.append([f"{name.replace('_', ' ')}, nominal [{unit}]", *(
-            "—" if c is None else criterion_value(c.to_document()) for c in found)])
-    rows.append(["verdict", *(each.verdict for each in pinned)])
-    return table(["", *(f"design {each.name}" for each in pinned)], rows)
+            "—" if c is None else criterion_value(c.to_document()) for c in worst)])
+    rows.append(["verdict", *(pin.verdict for pin in pinned)])
+    return table(["", *(f"design {pin.name}" for pin in pinned)], rows)
 
 
 def export_name(log: Log, look: Look) -> str:

@@ -72,10 +72,10 @@ class Work:
 
     async def _told(self, what: str, run: Callable[[Callable[[str], None]], Any]) -> Any:
         """Return what `run` gives, its progress and the time it takes shown meanwhile."""
-        told, begun = [what], time.monotonic()
-        task = asyncio.create_task(asyncio.to_thread(run, told.append))
+        stages, begun = [what], time.monotonic()
+        task = asyncio.create_task(asyncio.to_thread(run, stages.append))
         while not task.done():
-            self._busy(f"{told[-1]}… {time.monotonic() - begun:.0f} s")
+            self._busy(f"{stages[-1]}… {time.monotonic() - begun:.0f} s")
             await asyncio.wait([task], timeout=_TICK_S)
         self._busy("")
         return task.result()

@@ -62,6 +62,11 @@ class Prior:
         """Longest sum of lags and dead time [s]."""
         return float((self.values[:, 1] + self.values[:, 2]).max())
 
+    @property
+    def longest_s(self) -> float:
+        """The longest experiment where none is given: six times the slowest heater [s]."""
+        return 6.0 * self.slowest_s
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditions:

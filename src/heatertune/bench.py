@@ -37,14 +37,14 @@ def speed_document(target: str, samples: int = 1000, *, progress: Callable[[str]
     The compiled loop is timed as a proof on samples runs it: drawn, run and measured, on one processor and on all.
 
     Args:
-        target: the room.
+        target: the controller.
         samples: how many, of 3,000 s each; at least 100, of which the compiler's start is no part.
         progress: called with a short message when a stage begins.
 
     Raises:
         UnknownName: no such target.
         OutOfRange: too few samples.
-        NotRepresentable: a room that cannot hold an ordinary PI, every second.
+        NotRepresentable: a controller that cannot hold an ordinary PI, every second.
     """
     check("samples", samples, least=100)
     which = controller_for(target)
