@@ -68,12 +68,12 @@ def plan_doublet(prior: Prior, conditions: Conditions, duration_s: float, *, see
 
     def cost(x: Array) -> float:
         schedule = _drawn(conditions, duration_s, np.sort(x[:_STEPS]), powers(x))
-        found = errors(prior, within_limit(prior, conditions, schedule), noise, duration_s)
-        return float(np.log(min(float(shares(prior, found).max()), _HOPELESS)))
+        std_errors = errors(prior, within_limit(prior, conditions, schedule), noise, duration_s)
+        return float(np.log(min(float(shares(prior, std_errors).max()), _HOPELESS)))
 
-    known = np.array([at, 0.5 * (1.0 + at), 1.0, 1.0, 1.0, 1.0])  # the step: nothing worse is ever proposed
+    plain_step = np.array([at, 0.5 * (1.0 + at), 1.0, 1.0, 1.0, 1.0])  # the step: nothing worse is ever proposed
     ended = differential_evolution(
-        cost, [(0.0, 1.0)] * (2 * _STEPS), x0=known, seed=seed, popsize=6, maxiter=40, tol=0.01, polish=False,
+        cost, [(0.0, 1.0)] * (2 * _STEPS), x0=plain_step, seed=seed, popsize=6, maxiter=40, tol=0.01, polish=False,
     )
     best = _made(prior, conditions, duration_s, np.sort(ended.x[:_STEPS]), powers(ended.x))
     return best if best.worst < step.worst else step
@@ -112,9 +112,9 @@ def assessed(kind: str, prior: Prior, conditions: Conditions, schedule: Schedule
         schedule: of the powers.
         duration_s: of the experiment [s].
     """
-    found = errors(prior, schedule, conditions.noise, duration_s)
+    std_errors = errors(prior, schedule, conditions.noise, duration_s)
     return Plan(
-        kind=kind, schedule=schedule, duration_s=duration_s, errors=found, shares=shares(prior, found),
+        kind=kind, schedule=schedule, duration_s=duration_s, errors=std_errors, shares=shares(prior, std_errors),
         peaks_degC=peaks(prior, schedule),
     )
 

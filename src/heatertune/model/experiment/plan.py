@@ -41,19 +41,19 @@ def propose(
     if kind not in KINDS:
         raise UnknownName("kind of experiment", kind, KINDS)
     demand_room(prior, conditions)
-    found: list[Plan] = []
+    plans: list[Plan] = []
     for share in _DURATIONS:
         duration = min(conditions.longest_s, conditions.noise.rounded(share * conditions.longest_s))
         progress(f"searching the best experiment of {duration:g} s on {len(prior.models)} heaters")
         made = [] if kind == "relay" else [plan_doublet(prior, conditions, duration)]
         relay = None if kind == "doublet" else plan_relay(prior, conditions, duration)
         made += [] if relay is None else [relay]
-        found += sorted(made, key=lambda plan: plan.worst)[:1]
-        if found and found[-1].worst <= conditions.aim:
+        plans += sorted(made, key=lambda plan: plan.worst)[:1]
+        if plans and plans[-1].worst <= conditions.aim:
             break
-    if not found:
+    if not plans:
         raise InputError(
             f"no relay test swings for two periods on every heater of the prior below {conditions.limit_degC:g} °C "
             f"within {conditions.longest_s:g} s: raise the limit, lengthen the test, or make a doublet first"
         )
-    return found
+    return plans

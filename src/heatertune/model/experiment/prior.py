@@ -106,15 +106,15 @@ def prior_of(fitted: FittedModel, *, ambient_degC: float | None, assumed_degC: f
     """
 
     def at_home(model: HeaterModel) -> HeaterModel:
-        known = model.ambient_degC if ambient_degC is None else ambient_degC
-        return replace(model, ambient_degC=assumed_degC if known is None else known)
+        ambient = model.ambient_degC if ambient_degC is None else ambient_degC
+        return replace(model, ambient_degC=assumed_degC if ambient is None else ambient)
 
     models: dict[str, HeaterModel] = {"working model": at_home(fitted.model)}
     for candidate in fitted.candidates:
         models.setdefault(candidate.label, at_home(candidate.model))
     for name in QUANTITIES[:3]:
-        found = fitted.ci95.get(name)
-        ends = {} if found is None else {"lowest": found.low, "highest": found.high}
+        ci95 = fitted.ci95.get(name)
+        ends = {} if ci95 is None else {"lowest": ci95.low, "highest": ci95.high}
         for end, value in ends.items():
             if value is not None and (value > 0.0 or name == "dead_time_s"):
                 changed: dict[str, Any] = {name: value}
@@ -156,16 +156,16 @@ def rests(prior: Prior, power_pct: float) -> Array:
 
 def peaks(prior: Prior, schedule: Schedule) -> Array:
     """Return the highest temperature on each heater, shape (g,) [°C]."""
-    found = rests(prior, schedule.base_pct)
+    highest = rests(prior, schedule.base_pct)
     for index, rows in prior.by_order:
-        found[index] += peak_rise(rows, schedule)
-    return found
+        highest[index] += peak_rise(rows, schedule)
+    return highest
 
 
 def errors(prior: Prior, schedule: Schedule, noise: Noise, duration_s: float) -> Array:
     """Return the expected standard error of each quantity on each heater, shape (g, 4); 0 for a known ambient."""
     instants = np.arange(0.0, duration_s + 0.5 * noise.sample_time_s, noise.sample_time_s)
-    found = np.zeros((len(prior.models), len(QUANTITIES)))
+    std_errors = np.zeros((len(prior.models), len(QUANTITIES)))
     for index, rows in prior.by_order:
         lags = rows.shape[1] - 2
         jacobian = sensitivities(rows, schedule, instants)
@@ -177,17 +177,17 @@ def errors(prior: Prior, schedule: Schedule, noise: Noise, duration_s: float) ->
         pick[2 : 2 + lags, 1] = 1.0
         if not prior.ambient_known:
             pick[2 + lags, 3] = 1.0
-        known = np.all(np.isfinite(spread), axis=(1, 2))
-        variance = np.einsum("qk,gqr,rk->gk", pick, np.where(known[:, None, None], spread, 0.0), pick)
-        found[index] = np.where(known[:, None], np.sqrt(np.maximum(variance, 0.0)), np.inf)
-    return found
+        identified = np.all(np.isfinite(spread), axis=(1, 2))
+        variance = np.einsum("qk,gqr,rk->gk", pick, np.where(identified[:, None, None], spread, 0.0), pick)
+        std_errors[index] = np.where(identified[:, None], np.sqrt(np.maximum(variance, 0.0)), np.inf)
+    return std_errors
 
 
-def shares(prior: Prior, found: Array) -> Array:
+def shares(prior: Prior, std_errors: Array) -> Array:
     """Return the half width of the 95 % interval of gain, time constant and dead time as a share, shape (g, 3)."""
     values = prior.values[:, :3].copy()
     values[:, 2] = np.maximum(values[:, 2], _SHORT * values[:, 1])
-    return np.asarray(1.96 * found[:, :3] / values)
+    return np.asarray(1.96 * std_errors[:, :3] / values)
 
 
 def demand_room(prior: Prior, conditions: Conditions) -> None:

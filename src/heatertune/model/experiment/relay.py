@@ -61,12 +61,12 @@ def plan_relay(prior: Prior, conditions: Conditions, duration_s: float) -> Relay
         tested = _tested(prior, conditions, relay, duration_s)
         if tested is not None:
             ranked.append((float(_assessed(prior, tested, thinned, duration_s)[1].max()), relay))
-    for _, relay in sorted(ranked, key=lambda each: each[0]):
+    for _, relay in sorted(ranked, key=lambda entry: entry[0]):
         tested = _tested(prior, conditions, relay, duration_s, sample_time_s=noise.sample_time_s)
         if tested is not None:
-            found, widths, highest = _assessed(prior, tested, noise, duration_s)
+            std_errors, widths, highest = _assessed(prior, tested, noise, duration_s)
             return RelayPlan(
-                kind="relay", schedule=tested[0], duration_s=duration_s, errors=found, shares=widths,
+                kind="relay", schedule=tested[0], duration_s=duration_s, errors=std_errors, shares=widths,
                 peaks_degC=highest, relay=relay, rest_s=_rest_s(conditions, duration_s),
                 periods_s=np.array([_period(schedule) for schedule in tested]),
             )
@@ -79,7 +79,7 @@ def _rest_s(conditions: Conditions, duration_s: float) -> float:
 
 def _relays(prior: Prior, conditions: Conditions, hysteresis: float) -> list[Relay]:
     """Return the relays that swing on every heater once they are on, powers in whole percent."""
-    found = []
+    relays = []
     room = conditions.most_pct - conditions.least_pct
     for share, lower in product(_HIGH, _LOW):
         high = float(np.floor(conditions.least_pct + share * room))
@@ -91,15 +91,15 @@ def _relays(prior: Prior, conditions: Conditions, hysteresis: float) -> list[Rel
         for at in _AT:
             setpoint = round(coolest + at * (warmest - coolest), 1)
             if coolest < setpoint < warmest:
-                found.append(Relay(setpoint_degC=setpoint, hysteresis_degC=hysteresis, high_pct=high, low_pct=low))
-    return found
+                relays.append(Relay(setpoint_degC=setpoint, hysteresis_degC=hysteresis, high_pct=high, low_pct=low))
+    return relays
 
 
 def _tested(
     prior: Prior, conditions: Conditions, relay: Relay, duration_s: float, *, sample_time_s: float | None = None
 ) -> list[Schedule] | None:
     """Return the powers on each heater, None where one passes the limit or swings too seldom."""
-    found, rest_s = [], _rest_s(conditions, duration_s)
+    schedules, rest_s = [], _rest_s(conditions, duration_s)
     for label, model in prior.models.items():
         schedule = simulate_relay(
             model, relay, duration_s - rest_s, base_pct=conditions.base_pct, sample_time_s=sample_time_s
@@ -111,21 +111,21 @@ def _tested(
         alone = _alone(prior, label, model)
         if len(schedule.time_s) - 1 < _SWITCHES or peaks(alone, schedule)[0] > conditions.limit_degC:
             return None
-        found.append(schedule)
-    return found
+        schedules.append(schedule)
+    return schedules
 
 
 def _assessed(
     prior: Prior, schedules: list[Schedule], noise: Noise, duration_s: float
 ) -> tuple[Array, Array, Array]:
     """Return standard errors, shares and peaks: on each heater of the powers that the relay sets there."""
-    found, widths, highest = [], [], []
+    std_errors, widths, highest = [], [], []
     for (label, model), schedule in zip(prior.models.items(), schedules, strict=True):
         alone = _alone(prior, label, model)
-        found.append(errors(alone, schedule, noise, duration_s)[0])
-        widths.append(shares(alone, found[-1][None, :])[0])
+        std_errors.append(errors(alone, schedule, noise, duration_s)[0])
+        widths.append(shares(alone, std_errors[-1][None, :])[0])
         highest.append(peaks(alone, schedule)[0])
-    return np.array(found), np.array(widths), np.array(highest)
+    return np.array(std_errors), np.array(widths), np.array(highest)
 
 
 def _alone(prior: Prior, label: str, model: HeaterModel) -> Prior:

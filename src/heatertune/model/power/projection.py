@@ -176,14 +176,14 @@ def _space(width: int, m: int) -> Space:
 
 
 def _residuals(
-    log: Held, record: Array, known: Array, law: tuple[bool, float], z: Array, space: Space, out: Array, linear: Array
+    log: Held, record: Array, fixed: Array, law: tuple[bool, float], z: Array, space: Space, out: Array, linear: Array
 ) -> float:
     """Fill residuals (m,) and linear part (one for each column) of one vector; return the sum of squares.
 
     Args:
         log: see `Held`.
         record: temperatures, shape (m,).
-        known: linear unknowns that are given, nan where free, one for each column.
+        fixed: linear unknowns that are given, nan where free, one for each column.
         law: whether the gain is given as gain per time constant; its sign, see `PowerProblem`: with another the sum
             is infinite.
         z: ln first lag, dead time, lag ratio.
@@ -199,12 +199,12 @@ def _residuals(
     size = 0
     for i in range(len(out)):
         out[i] = -record[i]
-    for c in range(len(known)):
-        if math.isnan(known[c]):
+    for c in range(len(fixed)):
+        if math.isnan(fixed[c]):
             free[size] = c
             size += 1
         else:
-            linear[c] = known[c] * lag if per_lag and c == GAIN else known[c]
+            linear[c] = fixed[c] * lag if per_lag and c == GAIN else fixed[c]
             _add(linear[c], basis[c], out)
     for a in range(size):
         right[a] = -_dot(basis[free[a]], out)
@@ -221,7 +221,7 @@ def _residuals(
 
 
 def project(
-    log: Held, records: Array, known: Array, law: tuple[bool, float], vectors: Array, residuals: Array, linear: Array,
+    log: Held, records: Array, fixed: Array, law: tuple[bool, float], vectors: Array, residuals: Array, linear: Array,
     cost: Array,
 ) -> None:
     """Fill residuals, linear parts and sums of squares of vectors.
@@ -229,20 +229,20 @@ def project(
     Args:
         log: times, half widths, edges, levels, power before, load instants, restarts.
         records: temperatures, shape (n, m) [°C].
-        known: linear unknowns that are given, nan where free, shape (n, columns).
+        fixed: linear unknowns that are given, nan where free, shape (n, columns).
         law: as `_residuals`.
         vectors: ln first lag, dead time, lag ratio, shape (n, 3).
         residuals: shape (n, m) [°C].
         linear: linear parts, shape (n, columns).
         cost: sums of squares, shape (n,) [°C²].
     """
-    space = _space(known.shape[1], records.shape[1])
+    space = _space(fixed.shape[1], records.shape[1])
     for i in range(len(vectors)):
-        cost[i] = _residuals(log, records[i], known[i], law, vectors[i], space, residuals[i], linear[i])
+        cost[i] = _residuals(log, records[i], fixed[i], law, vectors[i], space, residuals[i], linear[i])
 
 
 def _slopes(
-    log: Held, record: Array, known: Array, law: tuple[bool, float], z: Array, low: Array, high: Array, r: Array,
+    log: Held, record: Array, fixed: Array, law: tuple[bool, float], z: Array, low: Array, high: Array, r: Array,
     space: Space, moved: Array, linear: Array, jacobian: Array,
 ) -> None:
     """Fill the residuals' change (3, m) over the range of each parameter; 0 for one that is held."""
@@ -252,7 +252,7 @@ def _slopes(
         if high[k] > low[k]:
             change = DIFFERENCE * (high[k] - low[k])
             shifted[k] = z[k] + change if z[k] + change <= high[k] else z[k] - change
-            if math.isfinite(_residuals(log, record, known, law, shifted, space, moved, linear)):
+            if math.isfinite(_residuals(log, record, fixed, law, shifted, space, moved, linear)):
                 share = (high[k] - low[k]) / (shifted[k] - z[k])
                 for i in range(len(r)):
                     jacobian[k, i] = (moved[i] - r[i]) * share
@@ -283,7 +283,7 @@ def _stepped(
 
 
 def descend(
-    log: Held, records: Array, known: Array, law: tuple[bool, float], vectors: Array, low: Array, high: Array,
+    log: Held, records: Array, fixed: Array, law: tuple[bool, float], vectors: Array, low: Array, high: Array,
     iterations: int, tolerance: float,
 ) -> None:
     """Move each vector (n, 3) to the local minimum that it leads to; arguments as `_residuals`, one per row.
@@ -294,7 +294,7 @@ def descend(
     Args:
         log: as `project`.
         records: as `project`.
-        known: as `project`.
+        fixed: as `project`.
         law: as `project`.
         vectors: starts, shape (n, 3), moved in place.
         low: lower bounds of a vector, shape (3,).
@@ -302,12 +302,12 @@ def descend(
         iterations: most steps tried.
         tolerance: relative decrease of the sum of squares that counts as none.
     """
-    m, width = records.shape[1], known.shape[1]
+    m, width = records.shape[1], fixed.shape[1]
     space = _space(width, m)
     r, tried, jacobian, linear = np.empty(m), np.empty(m), np.empty((3, m)), np.empty(width)
     matrix, step, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
     for row in range(len(vectors)):
-        z, record, given = vectors[row], records[row], known[row]
+        z, record, given = vectors[row], records[row], fixed[row]
         for k in range(3):
             z[k] = min(max(z[k], low[k]), high[k]) if high[k] > low[k] else z[k]
         cost = _residuals(log, record, given, law, z, space, r, linear)
@@ -316,15 +316,15 @@ def descend(
             if better:
                 _slopes(log, record, given, law, z, low, high, r, space, tried, linear, jacobian)
             _stepped(jacobian, r, z, low, high, damping, matrix, step, trial)
-            found = _residuals(log, record, given, law, trial, space, tried, linear)
-            better = found < cost
-            if not better or cost - found <= tolerance * cost:
+            trial_cost = _residuals(log, record, given, law, trial, space, tried, linear)
+            better = trial_cost < cost
+            if not better or cost - trial_cost <= tolerance * cost:
                 resting += 1 if better or damping > 1e3 else 0
             else:
                 resting = 0
             damping = max(damping / 3.0, 1e-8) if better else min(damping * 4.0, 1e8)
             if better:
                 z[:] = trial
-                r, tried, cost = tried, r, found
+                r, tried, cost = tried, r, trial_cost
             if resting == REST:
                 break

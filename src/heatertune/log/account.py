@@ -1,4 +1,4 @@
-"""What was found while reading → what was taken, told in one value."""
+"""What was found while reading → what was taken, in one value."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def taken_of(
 def _names(sheet: Sheet, columns: Columns, role: str) -> str:
     """Return a column as it is told: 'T1', 'Date' + 'Time', column 3 of a file without names."""
     roles = ("date", role) if role == "time" and "date" in columns.index else (role,)
-    names = [columns.names[each] for each in roles]
+    names = [columns.names[part] for part in roles]
     return " + ".join(f"'{name}'" if sheet.header else f"column {name}" for name in names)
 
 
@@ -83,19 +83,19 @@ def _reading(
     options: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Return the options that repeat the reading, in the order in which people read a command."""
-    found: dict[str, Any] = {name: value for name, value in options.items() if value}
+    reading: dict[str, Any] = {name: value for name, value in options.items() if value}
     if not tagged.is_long:
-        found |= {f"{role}_column": _reference(sheet, i) for role, i in columns.index.items()
+        reading |= {f"{role}_column": _reference(sheet, i) for role, i in columns.index.items()
                   if role != "time" or clock != "counted"}
-        found |= {f"{role}_column": NO_COLUMN for role in ("power", "setpoint") if role not in columns.index}
-    found |= tagged.options
+        reading |= {f"{role}_column": NO_COLUMN for role in ("power", "setpoint") if role not in columns.index}
+    reading |= tagged.options
     unit = clock.partition(",")[0]
     if unit in TIME_UNITS:
-        found["time_unit"] = unit
-    found["temperature_unit"] = temperature.name
+        reading["time_unit"] = unit
+    reading["temperature_unit"] = temperature.name
     if power is not None:
-        found["power_full_scale"] = power.full_scale
-    return found
+        reading["power_full_scale"] = power.full_scale
+    return reading
 
 
 def _reference(sheet: Sheet, i: int) -> str:
