@@ -12,7 +12,7 @@ from heatertune.errors import InputError
 from heatertune.model.experiment.doublet import Plan, best_step
 from heatertune.model.experiment.fisher import Noise
 from heatertune.model.experiment.plan import propose
-from heatertune.model.experiment.prior import QUANTITIES, Conditions, Prior, prior_by_hand, prior_of
+from heatertune.model.experiment.prior import QUANTITIES, ExperimentSetup, Prior, prior_by_hand, prior_of
 from heatertune.model.experiment.relay import RelayPlan
 from heatertune.model.values import FittedModel
 from heatertune.proof.heaters import ROOM_DEGC
@@ -40,7 +40,7 @@ def plan(
         longest_s: longest duration [s]; None: six times the slowest heater's lags and dead time.
         kind: "doublet", "relay", or "best" of both.
         progress: told what begins.
-        settings: base_pct, least_pct, most_pct, aim, see `experiment.Conditions`.
+        settings: base_pct, least_pct, most_pct, aim, see `experiment.ExperimentSetup`.
 
     Raises:
         OutOfRange, InputError: as `propose`; a range that is missing or no heater's.
@@ -50,11 +50,11 @@ def plan(
     else:
         known = {} if ambient_degC is None else {"ambient_degC": (ambient_degC, ambient_degC)}
         prior = prior_by_hand(dict(believed) | known, ambient_known=ambient_degC is not None)
-    conditions = Conditions(
+    setup = ExperimentSetup(
         limit_degC=limit_degC, noise=noise, longest_s=_LONG * prior.slowest_s if longest_s is None else longest_s,
         **settings,
     )
-    return _document(prior, conditions, propose(prior, conditions, kind=kind, progress=progress))
+    return _document(prior, setup, propose(prior, setup, kind=kind, progress=progress))
 
 
 def noise_of(
@@ -87,20 +87,20 @@ def noise_of(
     )
 
 
-def _document(prior: Prior, conditions: Conditions, tried: list[Plan]) -> dict[str, Any]:
+def _document(prior: Prior, setup: ExperimentSetup, tried: list[Plan]) -> dict[str, Any]:
     chosen = tried[-1]
     document: dict[str, Any] = {
         "schema": PLAN_SCHEMA, "kind": chosen.kind, "duration_s": chosen.duration_s,
-        "conditions": asdict(conditions),
+        "conditions": asdict(setup),
         "schedule": {
             "base_pct": chosen.schedule.base_pct, "time_s": chosen.schedule.time_s,
             "power_pct": chosen.schedule.power_pct,
         },
         "highest_degC": float(chosen.peaks_degC.max()),
         "quantities": {name: _quantity(prior, chosen, i) for i, name in enumerate(QUANTITIES)},
-        "worst_share": chosen.worst, "reached": chosen.worst <= conditions.aim,
+        "worst_share": chosen.worst, "reached": chosen.worst <= setup.aim,
         "durations": [{"duration_s": each.duration_s, "worst_share": each.worst} for each in tried],
-        "step_worst_share": best_step(prior, conditions, chosen.duration_s).worst,
+        "step_worst_share": best_step(prior, setup, chosen.duration_s).worst,
         "heaters": [
             {"label": label, "errors": dict(zip(QUANTITIES, errors, strict=True)), "highest_degC": peak}
             for label, errors, peak in zip(prior.models, chosen.errors, chosen.peaks_degC, strict=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -108,15 +109,15 @@ def fit_known(
     used, notes = _used(log, asked.until_s)
     progress(f"{log.name}: running {controllers[0].name.partition(',')[0]} on the logged readings")
     ambient = _single(bounds)
-    given: dict[str, Any] = {"ambient_degC": ambient, "power_before_pct": power_before}
-    rated = rate(records(used, controllers, setpoint_degC), **given)
+    rate_all = partial(rate, ambient_degC=ambient, power_before_pct=power_before)
+    rated = rate_all(records(used, controllers, setpoint_degC))
     if not rated:
         raise InputError(f"{log.name}: on these readings the controller's power never changes; is the setpoint right?")
     leader = next(controller for controller in controllers if controller.name == rated[0].name)
     progress(f"{log.name}: fitting one and two lags to each record of its power")
-    offset = offset_degC(used, leader, setpoint_degC, **given)
+    offset = offset_degC(used, leader, setpoint_degC, ambient_degC=ambient, power_before_pct=power_before)
     if offset != 0.0:
-        rated = rate(records(used, controllers, setpoint_degC, offset), **given)
+        rated = rate_all(records(used, controllers, setpoint_degC, offset))
     candidates, hypotheses = compare(rated)
     fitted = _fit_logged(rated[0].log, bounds, power_before, seed, delays, believed=True)
     loop = loop_remarks(rated[0].log)
@@ -188,7 +189,7 @@ def _of_files(fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
     """Return the fit with what was taken of each file, and a finding for each that was much repaired."""
     taken = [log.taken for log in logs if log.taken is not None]
     repaired = [f"{reading.file}: {reading.repaired_share:.2%} of {reading.rows_read} rows were left out or repaired"
-            for reading in taken if reading.repaired_share > MOST_REPAIRED]
+                for reading in taken if reading.repaired_share > MOST_REPAIRED]
     return replace(
         fitted, log_told=tuple(reading.line for reading in taken),
         findings=(*fitted.findings, *(Finding(name="repaired", told=sentence) for sentence in repaired)),
@@ -278,13 +279,13 @@ def _explained(
     """Return what explains a log with power; a free ambient that leaves its interval is taken at the nearest end."""
     ambient = _single(bounds)
     _demand_excitation(log, ambient)
-    given: dict[str, Any] = {"power_before_pct": power_before_pct, "believed": believed,
-                             "most_dead_time_s": delays.dead_time_at_most_s}
-    explanation = explained(log, ambient_degC=ambient, **given)
+    explain = partial(explained, log, power_before_pct=power_before_pct, believed=believed,
+                      most_dead_time_s=delays.dead_time_at_most_s)
+    explanation = explain(ambient_degC=ambient)
     end = None if bounds is None else _nearest_end(explanation, bounds)
     if end is None:
         return explanation, ()
-    held = explained(log, ambient_degC=end, **given)
+    held = explain(ambient_degC=end)
     return held, (f"Left free, the ambient leaves the given interval; its end of {end:g} °C was taken.",)
 
 

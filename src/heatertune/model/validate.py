@@ -189,7 +189,7 @@ def _told(
     else:
         broken = {"fit": f"the fit (at least {least_fit_pct:g} %)", "bias": f"the bias (at most {limit:.2g} °C)"}
         notes = [f"The model does not hold, by {' and '.join(broken[name] for name in fails)}: {reached}, the worst of "
-                f"{count} that designs are made for."]
+                 f"{count} that designs are made for."]
     best = max(runs, key=lambda run: run.fit_pct)
     if best.free_fit_pct > best.fit_pct + _GAINED:
         notes.append(

@@ -17,7 +17,7 @@ from heatertune.model.values import FittedModel, Fopdt, HeaterModel
 from heatertune.units import check
 
 __all__ = [
-    "QUANTITIES", "Conditions", "Prior", "demand_room", "errors", "peaks", "prior_by_hand", "prior_of", "rests",
+    "QUANTITIES", "ExperimentSetup", "Prior", "demand_room", "errors", "peaks", "prior_by_hand", "prior_of", "rests",
     "shares",
 ]
 
@@ -64,7 +64,7 @@ class Prior:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Conditions:
+class ExperimentSetup:
     """What an experiment may do and how it is read.
 
     Attributes:
@@ -190,14 +190,14 @@ def shares(prior: Prior, std_errors: Array) -> Array:
     return np.asarray(1.96 * std_errors[:, :3] / values)
 
 
-def demand_room(prior: Prior, conditions: Conditions) -> None:
+def demand_room(prior: Prior, setup: ExperimentSetup) -> None:
     """Refuse a limit that the heater reaches without any experiment.
 
     Raises:
         OutOfRange: it does so on some heater of the prior.
     """
-    rest = float(rests(prior, conditions.base_pct).max())
-    if conditions.limit_degC <= rest:
+    rest = float(rests(prior, setup.base_pct).max())
+    if setup.limit_degC <= rest:
         raise OutOfRange(
-            "limit_degC", conditions.limit_degC, f"> {rest:.4g}, where the heater may rest at {conditions.base_pct:g} %"
+            "limit_degC", setup.limit_degC, f"> {rest:.4g}, where the heater may rest at {setup.base_pct:g} %"
         )

@@ -81,7 +81,7 @@ def judgement_remarks(
         apart = [name for name in disagreeing(validation.halves)
                  if all(identified_parts(half.ci95[name]) for half in validation.halves)]
         differing = [f"{NOMENCLATURE[name][1]} {_pair(*(half.values[name] for half in validation.halves))} "
-                f"{NOMENCLATURE[name][2]}" for name in apart]
+                     f"{NOMENCLATURE[name][2]}" for name in apart]
         if differing:
             yield Remark("halves-disagree", (
                 f"The two halves of the log give different heaters, beyond their intervals: {', '.join(differing)}; "
@@ -101,7 +101,7 @@ def _correlation_note(log: Log, correlation: InputCorrelation, second: InputCorr
     )
     if second is not None:
         sentence += ("; two lags leave nothing of that" if second.ok else
-                 ", and two lags leave some of it: the heater is richer than both")
+                     ", and two lags leave some of it: the heater is richer than both")
     if is_feedback(log) or follows_temperature(log):
         sentence += "; or a load or noise was fed back, as in any closed loop"
     return sentence + "."

@@ -172,7 +172,7 @@ def _of_bent(problem: PowerProblem, bent: BentHeater, bend: int) -> Iterator[Ben
         ends = (End(at(bent.lags_s[0], 1.0), "heating"), End(at(bent.lags_s[1], 1.0), "cooling"))
         if not _alike(*bent.lags_s):
             clause = (f"it warms with a time constant of {bent.lags_s[0]:.3g} s and cools with {bent.lags_s[1]:.3g} s, "
-                    f"gain {bent.gain_degC_per_pct:.3g} °C/% at both")
+                      f"gain {bent.gain_degC_per_pct:.3g} °C/% at both")
             yield _bend(problem, ends, bent.simulated_degC, bent.unknowns, clause)
     elif bend == LOSS:
         places = (float(readings.min()), float(readings.max()))
@@ -180,13 +180,13 @@ def _of_bent(problem: PowerProblem, bent: BentHeater, bend: int) -> Iterator[Ben
         if not _alike(*stiff):
             cold, hot = (End(at(bent.lags_s[0], s), f"{t:.3g} °C") for s, t in zip(stiff, places, strict=True))
             clause = (f"gain from {cold.model.gain_degC_per_pct:.3g} °C/% at {cold.at} to "
-                    f"{hot.model.gain_degC_per_pct:.3g} °C/% at {hot.at}, and the time constant with it")
+                      f"{hot.model.gain_degC_per_pct:.3g} °C/% at {hot.at}, and the time constant with it")
             yield _bend(problem, (cold, hot), bent.simulated_degC, bent.unknowns, clause)
     else:
         model = at(bent.lags_s[0], 1.0)
         end = End(model, f"below {bent.ceiling_degC:.3g} °C")
         clause = (f"gain from {model.gain_degC_per_pct:.3g} °C/% at less than {bent.ceiling_degC:.4g} °C to 0 °C/% at "
-                "that temperature, which it does not pass")
+                  "that temperature, which it does not pass")
         yield _bend(problem, (end, end), bent.simulated_degC, bent.unknowns, clause)
 
 
