@@ -168,7 +168,7 @@ class PowerProblem:
         """Return the columns whose sum, weighted by the linear part, is the temperature, shape (columns, m)."""
         basis = np.empty((self._width, len(self.readings.time_s)))
         lag = math.exp(z[0])
-        compiled(columns, allocates=True)(*self._log, lag, lag * z[2], z[1], basis)
+        compiled(columns, allocates=True)(self._log, (lag, lag * z[2]), z[1], basis)
         return basis
 
     def minimum(
@@ -188,7 +188,7 @@ class PowerProblem:
         high = self.high if held is None else np.where(np.arange(len(self.high)) == held, self.low, self.high)
         given = self.nothing_more(len(starts)) if fixed is None else fixed
         z = starts.copy()
-        compiled(descend, allocates=True)(*self._asked(records, given), z, self.low, high, iterations, tolerance)
+        compiled(descend, allocates=True)(*self._asked(records, given), z, (self.low, high), iterations, tolerance)
         return z
 
     def fit(self) -> PowerFit:
