@@ -195,7 +195,7 @@ def test_another_way_to_read_the_logs_stays_unless_another_log_speaks_against_it
     # 14 °C would ask for a gain a quarter too high, which the other log rules out
     (found,) = _rivals(best, logs, weights)
     assert found.law == "true ambient (quiet, noisy)"
-    assert found.told == "quiet: told with 20 noisy: told with 25"
+    assert found.sentence == "quiet: told with 20 noisy: told with 25"
     assert [part.linear[1] for part in found.fit.parts] == [20.0, 25.0]
     assert found.fit.parts[0].model.gain_degC_per_pct == pytest.approx(GAIN, rel=0.02)
 

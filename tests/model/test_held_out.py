@@ -13,7 +13,7 @@ from heatertune.model.fit import fit
 from heatertune.model.intervals import Interval
 from heatertune.model.judgement import Half, Validation, disagreeing
 from heatertune.model.power.held_out import halves, held_out
-from heatertune.model.power.judge import judged, judgement_told
+from heatertune.model.power.judge import judged, judgement_remarks
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.readings import Readings
 
@@ -73,7 +73,7 @@ def test_a_heater_that_changes_half_way_is_told_by_name():
     problem, fit = _problem(log)
     found = judged(problem, fit)
     assert "gain_degC_per_pct" in disagreeing(found.halves)
-    told = next(n.sentence for n in judgement_told(log, found, 99.0, None) if n.finding == "halves-disagree")
+    told = next(n.sentence for n in judgement_remarks(log, found, 99.0, None) if n.finding == "halves-disagree")
     assert "process gain 0.5 and then 0.6 °C/%" in told
 
 
@@ -92,9 +92,9 @@ def test_what_is_foretold_worse_than_fitted_is_told_with_the_worst_window():
     log = _log()
     problem, fit = _problem(log)
     found = judged(problem, fit)
-    assert list(judgement_told(log, found, 99.0, None)) == []
+    assert list(judgement_remarks(log, found, 99.0, None)) == []
     poor = replace(found, held_out=replace(found.held_out, fit_pct=60.0, rmses_degC=(0.1, 0.1, 2.0, 0.1, 0.1)))
-    ((name, told),) = judgement_told(log, poor, 99.0, None)
+    ((name, told),) = judgement_remarks(log, poor, 99.0, None)
     assert name == "not-foretold"
     start, end = found.held_out.windows_s[2]
     assert f"to 60 % only (fit: 99 %), worst from {start:.4g} to {end:.4g} s" in told

@@ -5,7 +5,7 @@ import pytest
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.power.feedback import closed_loop, loop_told
+from heatertune.model.power.feedback import closed_loop, loop_remarks
 
 SAMPLE, COUNT = 4.0, 600
 
@@ -68,7 +68,7 @@ def test_what_is_moved_by_hand_or_clock_is_no_loop_in_any_part(kind, lag):
     log = Log(name="open", source="Euler", time_s=SAMPLE * np.arange(COUNT), temperature_degC=np.array(rows),
               power_pct=power)
     assert closed_loop(log) is None
-    assert loop_told(log) == ()
+    assert loop_remarks(log) == ()
 
 
 @pytest.mark.long

@@ -11,7 +11,7 @@ from heatertune.log.values import Log
 from heatertune.model.experiment.doublet import best_step, plan_doublet, within_limit
 from heatertune.model.experiment.fisher import Noise, covariance
 from heatertune.model.experiment.plan import propose
-from heatertune.model.experiment.prior import Conditions, Prior, errors, peaks, prior_by_hand, prior_of, shares
+from heatertune.model.experiment.prior import ExperimentSetup, Prior, errors, peaks, prior_by_hand, prior_of, shares
 from heatertune.model.experiment.relay import RelayPlan, _tested, plan_relay
 from heatertune.model.fit import model_by_hand
 from heatertune.model.intervals import Interval
@@ -28,7 +28,7 @@ RANGES = {
 }
 PRIOR = prior_by_hand(RANGES, ambient_known=False)
 NOISE = Noise(std_degC=0.2, correlation=0.7, resolution_degC=0.1, sample_time_s=4.0)
-CONDITIONS = Conditions(limit_degC=60.0, noise=NOISE, longest_s=1200.0)
+CONDITIONS = ExperimentSetup(limit_degC=60.0, noise=NOISE, longest_s=1200.0)
 
 
 def _rise(model, schedule, time):

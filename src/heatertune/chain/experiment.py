@@ -8,7 +8,7 @@ from typing import Any
 from heatertune.model.experiment.document import to_document
 from heatertune.model.experiment.fisher import Noise
 from heatertune.model.experiment.plan import propose
-from heatertune.model.experiment.prior import Conditions, prior_by_hand, prior_of
+from heatertune.model.experiment.prior import ExperimentSetup, prior_by_hand, prior_of
 from heatertune.model.values import FittedModel
 from heatertune.progress import Told
 from heatertune.proof.heaters import ROOM_DEGC
@@ -31,7 +31,7 @@ def plan(
         longest_s: longest duration [s]; None: six times the slowest heater's lags and dead time.
         kind: "doublet", "relay", or "best" of both.
         progress: told what begins.
-        settings: base_pct, least_pct, most_pct, aim, see `experiment.Conditions`.
+        settings: base_pct, least_pct, most_pct, aim, see `experiment.ExperimentSetup`.
 
     Raises:
         OutOfRange, InputError: as `propose`; a range that is missing or no heater's.
@@ -41,8 +41,8 @@ def plan(
     else:
         ambient = {} if ambient_degC is None else {"ambient_degC": (ambient_degC, ambient_degC)}
         prior = prior_by_hand(dict(believed) | ambient, ambient_known=ambient_degC is not None)
-    conditions = Conditions(
+    setup = ExperimentSetup(
         limit_degC=limit_degC, noise=noise, longest_s=prior.longest_s if longest_s is None else longest_s,
         **settings,
     )
-    return to_document(prior, conditions, propose(prior, conditions, kind=kind, progress=progress))
+    return to_document(prior, setup, propose(prior, setup, kind=kind, progress=progress))

@@ -121,9 +121,9 @@ def _spikes(values: Array) -> npt.NDArray[np.intp]:
     A jump that stays, such as cold goods, is none; nor is a heater that is logged so slowly that it often moves so far.
     """
     n = len(values)
-    found = np.zeros(n, dtype=np.bool_)
+    is_spike = np.zeros(n, dtype=np.bool_)
     if n < 2 * MIN_SAMPLES:
-        return np.flatnonzero(found)
+        return np.flatnonzero(is_spike)
     usual = 1.4826 * float(np.median(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2.0)))
     span = float(np.subtract(*np.percentile(values, [98.0, 2.0])))
     least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * span)
@@ -139,9 +139,9 @@ def _spikes(values: Array) -> npt.NDArray[np.intp]:
         back = np.abs(after - before) < 0.3 * away
         abrupt = np.minimum(steps[: n - width - 1], steps[width:]) > steep
         for k in np.flatnonzero((away > least) & together & back & abrupt).tolist():
-            if not np.any(found[k : k + width + 2]):
-                found[k + 1 : k + 1 + width] = True
-    return np.flatnonzero(found)
+            if not np.any(is_spike[k : k + width + 2]):
+                is_spike[k + 1 : k + 1 + width] = True
+    return np.flatnonzero(is_spike)
 
 
 def _wild_ends(values: Array, time: Array) -> list[int]:
@@ -152,9 +152,9 @@ def _wild_ends(values: Array, time: Array) -> list[int]:
     converters give before their first conversion; less is asked of them.
     """
     n = len(values)
-    found: list[int] = []
+    wild: list[int] = []
     if n < MIN_SAMPLES + 2 * _LONGEST_SPIKE:
-        return found
+        return wild
     for order in (np.arange(n), np.arange(n)[::-1]):
         y, t = values[order], time[order]
         steps, pauses = np.abs(np.diff(y)), np.abs(np.diff(t))
@@ -168,8 +168,8 @@ def _wild_ends(values: Array, time: Array) -> list[int]:
         times = _STARTS_TIMES if starts else _ALONE_TIMES if n > 2 * MIN_SAMPLES else np.inf
         together = pauses[width - 1] <= _PAUSE_TIMES * np.median(pauses)
         if together and others > 0.0 and steps[width - 1] > max(least, times * others):
-            found += order[:width].tolist()
-    return found
+            wild += order[:width].tolist()
+    return wild
 
 
 def tell_gaps(time: Array, lines: Sequence[int], powered: bool, doubts: list[str]) -> None:
@@ -186,7 +186,7 @@ def tell_gaps(time: Array, lines: Sequence[int], powered: bool, doubts: list[str
 
 def _places(sheet: Sheet, raw: Array, mask: Mask) -> str:
     rows = np.flatnonzero(mask)
-    told = ", ".join(
+    listed = ", ".join(
         f"line {sheet.lines[row]}" + ("" if np.isnan(raw[row]) else f": {raw[row]:g}") for row in rows[:_SHOWN]
     )
-    return told + (f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else "")
+    return listed + (f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else "")

@@ -151,16 +151,16 @@ def plain_cells(sheet: Sheet) -> Sheet:
     """Return the sheet with plain numbers for those with units or decimal commas; the units are kept beside it."""
     units, commas, repairs = [], False, list(sheet.repairs)
     for i in range(len(sheet.rows[0])):
-        found = restored([row[i] for row in sheet.rows])
-        units.append(found[1] if found else "")
-        if found is None:
+        plain = restored([row[i] for row in sheet.rows])
+        units.append(plain[1] if plain else "")
+        if plain is None:
             continue
-        commas |= found[2]
-        for row, cell in zip(sheet.rows, found[0], strict=True):
+        commas |= plain[2]
+        for row, cell in zip(sheet.rows, plain[0], strict=True):
             row[i] = cell
-        if found[1]:
+        if plain[1]:
             name = f"'{sheet.header[i]}'" if sheet.header else f"{i + 1}"
-            repairs.append(f"The cells of column {name} bear the unit {found[1]}.")
+            repairs.append(f"The cells of column {name} bear the unit {plain[1]}.")
     if commas:
         repairs.append("Decimal commas were read as points.")
     return replace(sheet, repairs=tuple(repairs), units=tuple(units))

@@ -53,9 +53,9 @@ def with_dates(sheet: Sheet, columns: Columns, wanted: str | int | None) -> tupl
     for row in sheet.rows:
         row[place] = f"{row[free[0]]} {row[place]}"
     name = sheet.header[free[0]] if sheet.header else f"{free[0] + 1}"
-    told = f"The date in {name!r} and the time of day in {columns.names['time']!r} were put together."
+    note = f"The date in {name!r} and the time of day in {columns.names['time']!r} were put together."
     return sheet, replace(columns, index={**columns.index, "date": free[0]}, names={**columns.names, "date": name},
-                          told=(*columns.told, told))
+                          notes=(*columns.notes, note))
 
 
 def seconds(
@@ -99,15 +99,15 @@ def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: lis
         return (values - values[0]) * epoch[1], epoch[0]
     if unit is None and (columns.is_foreign("time") or epoch is not None or _are_days(values, named)):
         raise refused(sheet, columns, "time", 0, "a time in an unknown unit:", "--time-unit s, ms, min, h or d")
-    known = unit or named or "s"
-    if known != "s":
-        repairs.append(f"The time is in {known} {'as told' if unit else 'by its name'}, turned into seconds.")
+    time_unit = unit or named or "s"
+    if time_unit != "s":
+        repairs.append(f"The time is in {time_unit} {'as told' if unit else 'by its name'}, turned into seconds.")
     elif unit is None and named is None and values[0] <= _EPOCH:
         repairs.append("The time has no unit in the file; taken as seconds (else: --time-unit).")
-    if values[0] * TIME_UNITS[known] > _EPOCH:
+    if values[0] * TIME_UNITS[time_unit] > _EPOCH:
         repairs.append("The time is a calendar's and was counted from the first row.")
         values = values - values[0]
-    return values * TIME_UNITS[known], known if unit or named or values[0] > _EPOCH else f"{known}, assumed"
+    return values * TIME_UNITS[time_unit], time_unit if unit or named or values[0] > _EPOCH else f"{time_unit}, assumed"
 
 
 def _are_days(values: Array, named: str | None) -> bool:
@@ -126,14 +126,14 @@ def _from_stamps(sheet: Sheet, columns: Columns, cells: Sequence[str], repairs: 
                       f"{STAMPS}, or --log-interval with the seconds between two rows")
     moments = [stamp(cell) for cell in cells]
     first = moments[0]
-    found = np.empty(len(cells))
+    elapsed_s = np.empty(len(cells))
     for row, moment in enumerate(moments):
         if moment is None or first is None:
             raise refused(sheet, columns, "time", row, "no time:", STAMPS)
         if (moment.tzinfo is None) != (first.tzinfo is None):
             raise refused(sheet, columns, "time", row, "with and without a time zone:", f"all like {cells[0]}")
-        found[row] = (moment - first).total_seconds()
-    return _past_midnight(found, repairs) if is_clock(cells[0]) else found
+        elapsed_s[row] = (moment - first).total_seconds()
+    return _past_midnight(elapsed_s, repairs) if is_clock(cells[0]) else elapsed_s
 
 
 def _past_midnight(time: Array, repairs: list[str]) -> Array:

@@ -27,13 +27,13 @@ class Columns:
     Attributes:
         index: role → index.
         names: role → name, a number where the file has no names.
-        told: what was assumed in finding them.
+        notes: what was assumed in finding them.
         units: role → unit that the column's cells bear.
     """
 
     index: Mapping[str, int]
     names: Mapping[str, str]
-    told: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = field(default=())
     units: Mapping[str, str] = field(default_factory=dict)
 
     def unit(self, role: str) -> str | None:
@@ -51,8 +51,8 @@ def with_names(sheet: Sheet) -> Sheet:
     """Return the sheet, its header taken from the comment above the readings where that names a temperature."""
     if sheet.header or "temperature" not in map(role_of, sheet.comment):
         return sheet
-    told = "The comment above the readings was read as the names of the columns."
-    return replace(sheet, header=sheet.comment, repairs=(*sheet.repairs, told))
+    note = "The comment above the readings was read as the names of the columns."
+    return replace(sheet, header=sheet.comment, repairs=(*sheet.repairs, note))
 
 
 def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool = False) -> Columns:
@@ -70,20 +70,20 @@ def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool
     index = {role: chosen(sheet, role, column) for role, column in wanted.items() if role not in absent}
     if len(set(index.values())) < len(index):
         raise LogError(f"one column for two of {', '.join(index)}", file=sheet.file, expected="a column for each")
-    told: list[str] = []
+    notes: list[str] = []
     if sheet.header:
-        _by_name(sheet, index, absent, told)
+        _by_name(sheet, index, absent, notes)
     else:
-        _by_numbers(sheet, index, absent | ({"time"} if counted else set()), told)
+        _by_numbers(sheet, index, absent | ({"time"} if counted else set()), notes)
     if "temperature" not in index:
-        known = ", ".join(sheet.header) or f"{len(sheet.rows[0])} columns without names"
+        listed = ", ".join(sheet.header) or f"{len(sheet.rows[0])} columns without names"
         expected = "--temperature-column NAME or N"
-        raise LogError(f"no column is a temperature ({known})", file=sheet.file, expected=expected)
+        raise LogError(f"no column is a temperature ({listed})", file=sheet.file, expected=expected)
     names = {role: sheet.header[i] if sheet.header else f"{i + 1}" for role, i in index.items()}
     units = {role: sheet.units[i] for role, i in index.items() if sheet.units and sheet.units[i]}
     for role, unit in units.items():
         _demand_one_unit(sheet, role, names[role], unit)
-    return Columns(index=index, names=names, told=tuple(told), units=units)
+    return Columns(index=index, names=names, notes=tuple(notes), units=units)
 
 
 def _demand_one_unit(sheet: Sheet, role: str, name: str, unit: str) -> None:
@@ -105,25 +105,25 @@ def chosen(sheet: Sheet, role: str, column: str | int) -> int:
     width = len(sheet.header or sheet.rows[0])
     if text.isdecimal() and 1 <= int(text) <= width:
         return int(text) - 1
-    known = ", ".join(sheet.header) or f"1…{width}"
-    raise LogError(f"no {role} column", file=sheet.file, value=text, expected=f"one of {known}")
+    listed = ", ".join(sheet.header) or f"1…{width}"
+    raise LogError(f"no {role} column", file=sheet.file, value=text, expected=f"one of {listed}")
 
 
-def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], told: list[str]) -> None:
+def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[str]) -> None:
     taken = set(index.values())
-    found: dict[str, list[int]] = {role: [] for role in ROLES if role not in absent}
+    by_role: dict[str, list[int]] = {role: [] for role in ROLES if role not in absent}
     for i, name in enumerate(sheet.header):
         role = role_of(name)
-        if role in found and i not in taken and not _is_text(sheet, role, i):
-            found[role].append(i)
-    for role, candidates in found.items():
+        if role in by_role and i not in taken and not _is_text(sheet, role, i):
+            by_role[role].append(i)
+    for role, candidates in by_role.items():
         if role in index or not candidates:
             continue
         best, *others = sorted(candidates, key=lambda i: _is_second(role, sheet.header[i]))
         index[role] = best
         if others:
             unused = ", ".join(sheet.header[i] for i in others)
-            told.append(f"{sheet.header[best]!r} was taken as the {role}; {unused} not used.")
+            notes.append(f"{sheet.header[best]!r} was taken as the {role}; {unused} not used.")
 
 
 def _is_text(sheet: Sheet, role: str, i: int) -> bool:
@@ -138,7 +138,7 @@ def _is_second(role: str, name: str) -> bool:
     return is_second_choice(name) or (role in ("temperature", "power") and is_foreign(role, name))
 
 
-def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], told: list[str]) -> None:
+def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[str]) -> None:
     """Deduce: the column that always grows is the time; of two others, the one that stands still is the power."""
     free = [i for i in range(len(sheet.rows[0])) if i not in index.values()]
     if "time" not in index and "time" not in absent:
@@ -154,7 +154,7 @@ def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], told: lis
         if levels[held] * 4 < levels[moving]:
             index |= {"power": held, "temperature": moving}
     places = ", ".join(f"{role} = column {i + 1}" for role, i in sorted(index.items(), key=lambda pair: pair[1]))
-    told.append(f"The file has no header; by their numbers: {places}.")
+    notes.append(f"The file has no header; by their numbers: {places}.")
 
 
 def _grows(sheet: Sheet, i: int) -> bool:

@@ -22,7 +22,7 @@ class Held(NamedTuple):
 
     cells: list[str]
     late: int
-    told: list[str]
+    notes: list[str]
     unit: str = ""
 
 
@@ -40,20 +40,20 @@ def held(at: Array, time: Array, cells: Sequence[str], *, is_power: bool) -> Hel
     """
     places = np.searchsorted(time, at, side="right") - 1
     late = int(np.count_nonzero(places < 0))
-    found = [cells[k] for k in np.maximum(places, 0)]
+    values = [cells[k] for k in np.maximum(places, 0)]
     if not is_power:
-        return Held(found, 0, [f"The setpoint of the first {count(late, 'row')} is taken from after."] if late else [])
-    told = [f"{count(late, 'row')} before the first power left out."] if late else []
+        return Held(values, 0, [f"The setpoint of the first {count(late, 'row')} is taken from after."] if late else [])
+    notes = [f"{count(late, 'row')} before the first power left out."] if late else []
     switched = on_or_off(cells)
     means = _means(at, time, switched or cells)
     if means is not None:
-        told.append("The power changes more than once between readings; its mean over each interval was taken.")
-        found = [repr(float(mean) * (100.0 if switched else 1.0)) for mean in means]
+        notes.append("The power changes more than once between readings; its mean over each interval was taken.")
+        values = [repr(float(mean) * (100.0 if switched else 1.0)) for mean in means]
     else:
         moved = _latest(at, time, cells)
         if moved > 0.0:
-            told.append(f"The power is held to the next reading, up to {moved:.3g} s after it changed.")
-    return Held(found, late, told, "%" if switched and means is not None else "")
+            notes.append(f"The power is held to the next reading, up to {moved:.3g} s after it changed.")
+    return Held(values, late, notes, "%" if switched and means is not None else "")
 
 
 def _changes(time: Array, cells: Sequence[str]) -> Array:

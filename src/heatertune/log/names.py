@@ -69,8 +69,8 @@ def is_second_choice(name: str) -> bool:
 def unit_in_name(role: str, name: str) -> str | None:
     """Return the unit a column's name tells, None where it tells none; for power its full scale."""
     lower = plain_name(name).lower()
-    found = (unit for unit, pattern in _UNITS["temperature" if role == "setpoint" else role] if pattern.search(lower))
-    return next(found, None)
+    units = (unit for unit, pattern in _UNITS["temperature" if role == "setpoint" else role] if pattern.search(lower))
+    return next(units, None)
 
 
 def is_foreign(role: str, name: str) -> bool:

@@ -41,13 +41,13 @@ def good_rows(sheet: Sheet, i: int) -> npt.NDArray[np.bool_]:
     """
     cells = [row[i] for row in sheet.rows]
     kinds = set(cells)
-    known = _by_words(kinds) or _by_numbers(kinds, sheet.header[i] if sheet.header else "")
-    if known is None:
+    meaning = _by_words(kinds) or _by_numbers(kinds, sheet.header[i] if sheet.header else "")
+    if meaning is None:
         shown = ", ".join(sorted(kinds)[:6]) or "empty"
         raise LogError(f"quality flags whose meaning is not known ({shown})", file=sheet.file,
                        column=sheet.header[i] if sheet.header else f"{i + 1}",
                        expected="192 or Good, 1 of a validity, or --quality-column none to read all rows")
-    return np.array([known[cell] for cell in cells], dtype=np.bool_)
+    return np.array([meaning[cell] for cell in cells], dtype=np.bool_)
 
 
 def _by_words(kinds: set[str]) -> dict[str, bool] | None:

@@ -44,9 +44,9 @@ def says_nothing(cell: str) -> bool:
 
 def on_or_off(cells: Sequence[str]) -> list[str] | None:
     """Return 1 and 0 for cells that are on or off (true, yes, ein …), None where one is neither."""
-    found = {cell: "1" if cell.lower() in _ON else "0" for cell in set(cells) if cell.lower() in _ON | _OFF}
+    digits = {cell: "1" if cell.lower() in _ON else "0" for cell in set(cells) if cell.lower() in _ON | _OFF}
     try:
-        return [found[cell] for cell in cells]
+        return [digits[cell] for cell in cells]
     except KeyError:
         return None
 
@@ -78,8 +78,8 @@ def _are_plain(cells: Sequence[str]) -> bool:
 
 def _without_unit(kinds: set[str]) -> tuple[str, dict[str, str]]:
     """Return the unit of all cells that hold something, and each one's figure; no unit where they are not all alike."""
-    found = {cell: _QUANTITY.fullmatch(cell) for cell in kinds if not says_nothing(cell)}
-    units = {"" if match is None else match[2].strip() for match in found.values()}
+    matches = {cell: _QUANTITY.fullmatch(cell) for cell in kinds if not says_nothing(cell)}
+    units = {"" if match is None else match[2].strip() for match in matches.values()}
     if len(units) != 1 or units == {""}:
         return "", {}
-    return units.pop(), {cell: match[1] for cell, match in found.items() if match is not None}
+    return units.pop(), {cell: match[1] for cell, match in matches.items() if match is not None}

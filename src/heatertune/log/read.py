@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Final
+from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import LogError, OutOfRange
+from heatertune.log.account import Counts, Unit, Written, taken_of
 from heatertune.log.care import no_readings, one_run, tell_gaps
 from heatertune.log.cells import Sheet, count, plain_cells, read_sheet
 from heatertune.log.clock import forwards, seconds, with_dates
@@ -22,7 +23,6 @@ from heatertune.log.repeats import kept_rows
 from heatertune.log.tables import BUILT_IN, BuiltIn, built_in
 from heatertune.log.tags import Tags, by_tags
 from heatertune.log.taken import Taken
-from heatertune.log.told import Unit, taken_of
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC, Log
 from heatertune.options import merged
 from heatertune.settings import ReadSettings
@@ -39,6 +39,15 @@ _TO_DEGC: Final[dict[str, Callable[[Any], Any]]] = {
 _KELVIN: Final = 250.0  # no heater log lies wholly above 250 °C without saying so, and every room is above 250 K
 _ROOM_DEGF: Final = (55.0, 110.0)  # 13…43 °C
 _POSSIBLE_DEGC: Final = (-90.0, 2000.0)  # colder than any place on earth; hotter than any electric heater
+
+
+class _Series(NamedTuple):
+    """What is read of the rows that are kept, each of shape (n,); None where it is not logged."""
+
+    time_s: Array
+    temperature_degC: Array
+    power_pct: Array | None
+    setpoint_degC: Array | None
 
 
 def read_log(
@@ -76,7 +85,7 @@ def read_log(
     sheet = plain_cells(tagged.sheet) if tagged.is_long else tagged.sheet
     columns = find_columns(sheet, tagged.wanted or wanted, counted=asked.sample_time_s is not None)
     sheet, columns = with_dates(sheet, columns, None if tagged.is_long else asked.date_column)
-    repairs = [*sheet.repairs, *columns.told]
+    repairs = [*sheet.repairs, *columns.notes]
     time, clock = seconds(sheet, columns, asked.time_unit, asked.sample_time_s, repairs)
     sheet, time = forwards(sheet, time, repairs)
     sheet, time, chosen_run = one_run(sheet, time, asked.run, repairs)
@@ -87,20 +96,19 @@ def read_log(
     unit = _temperature_unit(sheet, columns, asked.temperature_unit, raw[kept], repairs, doubts)
     setpoint, filled = _setpoint(sheet, columns, unit.name, repairs)
     power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts)
-    found = {
-        "time_s": time, "temperature_degC": _temperature(sheet, columns, "temperature", unit, raw, kept),
-        "setpoint_degC": setpoint, "power_pct": None if power is None else power.percent,
-    }
-    found = {name: None if values is None else values[kept] for name, values in found.items()}
+    series = _Series(
+        time_s=time[kept], temperature_degC=_temperature(sheet, columns, "temperature", unit, raw, kept)[kept],
+        power_pct=None if power is None else power.percent[kept],
+        setpoint_degC=None if setpoint is None else setpoint[kept])
     lines = [line for line, keeps in zip(sheet.lines, kept, strict=True) if keeps]
-    tell_gaps(time[kept], lines, power is not None, doubts)
+    tell_gaps(series.time_s, lines, power is not None, doubts)
     taken = taken_of(
-        table.name if table else Path(source).name, sheet, columns, tagged, time=time[kept], clock=clock,
-        temperature=unit, power=power, repeats=repeats, filled=filled, read=len(time),
+        table.name if table else Path(source).name, sheet, columns, tagged, time=series.time_s,
+        written=Written(clock, unit, power), counts=Counts(read=len(time), repeats=repeats, filled=filled),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above)},
     )
-    return _log(source, table, sheet.file, found, tuple(repairs), tuple(doubts), taken)
+    return _log(source, table, sheet.file, series, tuple(repairs), tuple(doubts), taken)
 
 
 def _handed(source: Any) -> tuple[str, bytes]:
@@ -127,14 +135,14 @@ def _opened(
 
 
 def _log(
-    source: str | Path, table: BuiltIn | None, file: str, found: Mapping[str, Any], repairs: tuple[str, ...],
+    source: str | Path, table: BuiltIn | None, file: str, series: _Series, repairs: tuple[str, ...],
     doubts: tuple[str, ...], taken: Taken,
 ) -> Log:
     try:
         return Log(
             name=table.name if table else Path(source).stem, source=table.source if table else str(source),
             repairs=repairs, doubts=doubts, same_heater=table.same_heater if table else (), taken=taken,
-            rests_at_degC=table.rests_at_degC if table else None, **found,
+            rests_at_degC=table.rests_at_degC if table else None, **series._asdict(),
         )
     except OutOfRange as problem:
         raise LogError(str(problem), file=file) from problem
@@ -144,14 +152,14 @@ def _errata(table: BuiltIn, sheet: Sheet, apply: bool, doubts: list[str]) -> She
     """Correct the known misprints of a built-in table, or add them to the doubts."""
     repairs = list(sheet.repairs)
     for erratum in table.errata:
-        place = f"line {erratum['line']}, {erratum['column']}"
-        told = f"{place}: {erratum['printed']} is a misprint for {erratum['corrected']}"
+        place = f"line {erratum.line}, {erratum.column}"
+        misprint = f"{place}: {erratum.printed} is a misprint for {erratum.corrected}"
         if not apply:
-            doubts.append(f"{told} ({erratum['reason']}); left as printed.")
+            doubts.append(f"{misprint} ({erratum.reason}); left as printed.")
             continue
-        row = sheet.rows[sheet.lines.index(erratum["line"])]
-        row[sheet.header.index(erratum["column"])] = str(erratum["corrected"])
-        repairs.append(f"{told} ({erratum['reason']}); corrected.")
+        row = sheet.rows[sheet.lines.index(erratum.line)]
+        row[sheet.header.index(erratum.column)] = str(erratum.corrected)
+        repairs.append(f"{misprint} ({erratum.reason}); corrected.")
     return replace(sheet, repairs=tuple(repairs))
 
 
@@ -159,11 +167,11 @@ def _temperature_unit(
     sheet: Sheet, columns: Columns, given: str | None, values: Array, repairs: list[str], doubts: list[str]
 ) -> Unit:
     name, named = columns.names["temperature"], columns.unit("temperature")
-    known = given or named
-    if known is not None:
-        if known != "degC":
-            repairs.append(f"The temperature is in {known} {'as told' if given else 'by its name'}, turned into °C.")
-        return Unit(known, assumed=False)
+    unit = given or named
+    if unit is not None:
+        if unit != "degC":
+            repairs.append(f"The temperature is in {unit} {'as told' if given else 'by its name'}, turned into °C.")
+        return Unit(unit, assumed=False)
     lowest, highest, first = float(np.min(values)), float(np.max(values)), float(values[0])
     least, most = _POSSIBLE_DEGC
     if columns.is_foreign("temperature") or lowest >= _KELVIN or lowest < least or highest > most:
@@ -198,13 +206,13 @@ def _setpoint(sheet: Sheet, columns: Columns, unit: str, repairs: list[str]) -> 
     if "setpoint" not in columns.index:
         return None, 0
     raw = numbers(sheet, columns, "setpoint", holes=True)
-    known = np.flatnonzero(~np.isnan(raw))
-    if not len(known):
+    written = np.flatnonzero(~np.isnan(raw))
+    if not len(written):
         repairs.append("The column of the setpoint is empty; no setpoint was read.")
         return None, 0
-    filled = len(raw) - len(known)
+    filled = len(raw) - len(written)
     if filled:
-        raw = raw[known[np.maximum(np.searchsorted(known, np.arange(len(raw)), side="right") - 1, 0)]]
+        raw = raw[written[np.maximum(np.searchsorted(written, np.arange(len(raw)), side="right") - 1, 0)]]
         repairs.append(f"The setpoint is empty in {count(filled, 'row')}; the last one was held there.")
     own = columns.unit("setpoint") or unit
     if own != unit:

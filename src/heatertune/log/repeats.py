@@ -46,8 +46,8 @@ def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -
         _demand_one_heater(sheet, columns, dropped, firsts, other)
     lines = ", ".join(str(sheet.lines[row]) for row in dropped[:_SHOWN])
     lines += f" and {len(dropped) - _SHOWN} more" if len(dropped) > _SHOWN else ""
-    told = f"{count(len(dropped), 'row')} at the time of the row before dropped (line {lines})"
-    repairs.append(f"{told}; {len(other)} of them with another reading." if other else f"{told}.")
+    note = f"{count(len(dropped), 'row')} at the time of the row before dropped (line {lines})"
+    repairs.append(f"{note}; {len(other)} of them with another reading." if other else f"{note}.")
     return kept, len(dropped) - len(other)
 
 

@@ -39,9 +39,9 @@ def stamp(cell: str) -> datetime | None:
 
 
 def _moment(text: str) -> datetime | None:
-    found = _DAY_FIRST.fullmatch(text)
-    if found:
-        day, month, year, clock = found.groups()
+    match = _DAY_FIRST.fullmatch(text)
+    if match:
+        day, month, year, clock = match.groups()
         text = f"{year if len(year) == 4 else f'20{year}'}-{month:0>2}-{day:0>2}T{_clock(clock or '00:00')}"
     elif _CLOCK.fullmatch(text):
         text = f"1970-01-01T{_clock(text)}"
@@ -81,14 +81,14 @@ def is_date(cell: str) -> bool:
 
 def is_day_or_month(cells: Iterable[str]) -> bool:
     """Return whether the dates differ and may be days in March or in April: 03/04/2026 and 03/05/2026."""
-    dates = {found.group(): found.group(1) for found in map(_SLASHED.match, cells) if found}
+    dates = {match.group(): match.group(1) for match in map(_SLASHED.match, cells) if match}
     return len(dates) > 1 and all(int(first) <= 12 for first in dates.values())
 
 
 def month_first(cells: Iterable[str], *, turn: bool = False) -> str:
     """Return the first date that can only be month first, day first then; with `turn` every slashed date is turned."""
     for cell in cells:
-        found = _SLASHED.match(cell)
-        if found and (turn or int(found[2]) > 12):
-            return f"{found[2]}/{found[1]}/{found[3]}{cell[found.end():]}"
+        match = _SLASHED.match(cell)
+        if match and (turn or int(match[2]) > 12):
+            return f"{match[2]}/{match[1]}/{match[3]}{cell[match.end():]}"
     return ""

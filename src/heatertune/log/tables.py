@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from heatertune.errors import LogError
 
-__all__ = ["BUILT_IN", "BuiltIn", "built_in"]
+__all__ = ["BUILT_IN", "BuiltIn", "Erratum", "built_in"]
 
 BUILT_IN: Final = ("table3", "table4")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Erratum:
+    """A misprint of a table: its line and column, what is printed there, what should be, and how that is known."""
+
+    line: int
+    column: str
+    printed: float
+    corrected: float
+    reason: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,7 +33,7 @@ class BuiltIn:
         name: "table3" or "table4".
         path: its CSV file.
         source: the paper, as one line.
-        errata: misprints: line, column, printed, corrected, reason.
+        errata: its misprints.
         doubts: suspicious readings that are left as they are, one sentence each.
         same_heater: other tables of the same heater.
         rests_at_degC: where the record rests before it is disturbed [°C].
@@ -32,7 +42,7 @@ class BuiltIn:
     name: str
     path: Path
     source: str
-    errata: tuple[Mapping[str, Any], ...]
+    errata: tuple[Erratum, ...]
     doubts: tuple[str, ...]
     same_heater: tuple[str, ...]
     rests_at_degC: float
@@ -50,7 +60,7 @@ def built_in(name: str) -> BuiltIn:
         name=name,
         path=folder / f"{name}.csv",
         source=f"{described['source']['citation']}, {described['source']['table']}",
-        errata=tuple(described.get("errata", ())),
+        errata=tuple(Erratum(**misprint) for misprint in described.get("errata", ())),
         doubts=tuple(f"t = {odd['time_s']} s, {odd['reading']} °C: {odd['why']}" for odd in described["suspicious"]),
         same_heater=tuple(described["same_heater"]),
         rests_at_degC=float(described["rests_at_degC"]),

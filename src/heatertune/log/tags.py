@@ -96,8 +96,8 @@ def by_tags(sheet: Sheet, asked: Tags, time_unit: str | None) -> Tagged:
         return _pivoted(sheet, asked, tag, value, good, time_unit, options)
     _demand_long(sheet, asked)
     if asked.temperature is not None:
-        sheet, good, told = _one_tag(sheet, asked.temperature, None if asked.column is None else tag, good)
-        options |= told
+        sheet, good, tag_options = _one_tag(sheet, asked.temperature, None if asked.column is None else tag, good)
+        options |= tag_options
     if not np.all(good):
         sheet = _without_bad(sheet, good)
     return Tagged(sheet=sheet, lost=int(np.count_nonzero(~good)), options=options)
@@ -154,8 +154,8 @@ def _one_tag(
     if tag is None or all(row[tag] != wanted for row in sheet.rows):
         raise LogError("no cell holds the tag", file=sheet.file, value=wanted, expected="--tag-column, and a tag of it")
     places = [k for k, row in enumerate(sheet.rows) if row[tag] == wanted]
-    told = f"Of {len(sheet.rows)} rows the {len(places)} whose {_name(sheet, tag)!r} is {wanted!r} were read."
-    sheet = replace(sheet.picked(places), repairs=(*sheet.repairs, told))
+    note = f"Of {len(sheet.rows)} rows the {len(places)} whose {_name(sheet, tag)!r} is {wanted!r} were read."
+    sheet = replace(sheet.picked(places), repairs=(*sheet.repairs, note))
     return sheet, good[places], {"tag": wanted, "tag_column": _name(sheet, tag)}
 
 
@@ -189,7 +189,7 @@ def _pivoted(
     rows = series["temperature"]
     others = {role: held(time[rows], time[places], [sheet.rows[k][value] for k in places], is_power=role == "power")
               for role, places in series.items() if role != "temperature"}
-    late = max((each.late for each in others.values()), default=0)
+    late = max((other.late for other in others.values()), default=0)
     if late == len(rows):
         raise LogError(f"no reading of the tag {roles['temperature']!r} after the first of the power", file=sheet.file,
                        expected=f"another {_OPTIONS['power']}, or {_OPTIONS['power']} none")
@@ -201,9 +201,9 @@ def _pivoted(
         sheet=replace(
             sheet, comment=(), units=(), lines=[sheet.lines[k] for k in rows[late:]],
             header=(sheet.header[clock[0]], *(_with_unit(sheet, tag, roles[role], units[role]) for role in series)),
-            rows=[[sheet.rows[k][clock[0]], sheet.rows[k][value], *(each.cells[n] for each in others.values())]
+            rows=[[sheet.rows[k][clock[0]], sheet.rows[k][value], *(other.cells[n] for other in others.values())]
                   for n, k in enumerate(rows) if n >= late],
-            repairs=(*sheet.repairs, *repairs, *(told for each in others.values() for told in each.told)),
+            repairs=(*sheet.repairs, *repairs, *(note for other in others.values() for note in other.notes)),
         ),
         lost=int(np.count_nonzero(bad)) + late,
         unused=_unused(sheet, tags, roles, (tag, value, *clock), options.get("quality_column")),
@@ -261,29 +261,29 @@ def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: Tags) -> dict[str
             raise LogError(f"column {_name(sheet, tag)!r} holds no tag", file=sheet.file, value=name,
                            expected=f"{_OPTIONS[role]}, one of {listed}")
     free = [name for name in tags if name not in wanted.values()]
-    found = {}
+    tag_of = {}
     for role, name in wanted.items():
-        told = [each for each in free if _role_of_tag(each) == role]
-        told = [each for each in told if not is_second_choice(each)] or told
+        likely = [tag_name for tag_name in free if _role_of_tag(tag_name) == role]
+        likely = [tag_name for tag_name in likely if not is_second_choice(tag_name)] or likely
         if len(tags) == 1 and role == "temperature" and _role_of_tag(tags[0]) in (None, "time"):
-            told = list(tags)
-        if name is None and (len(told) > 1 or (role == "temperature" and not told)):
-            several = f"{len(told)} tags may be the {role} ({', '.join(told[:_SHOWN])})" if told else (
+            likely = list(tags)
+        if name is None and (len(likely) > 1 or (role == "temperature" and not likely)):
+            several = f"{len(likely)} tags may be the {role} ({', '.join(likely[:_SHOWN])})" if likely else (
                 f"no tag is plainly the {role} ({listed})")
             raise LogError(several, file=sheet.file, column=_name(sheet, tag),
                            expected=f"{_OPTIONS[role]} NAME" + ("" if role == "temperature" else " or none"))
-        if name is None and told:
-            found[role] = told[0]
+        if name is None and likely:
+            tag_of[role] = likely[0]
         elif name not in (None, NO_COLUMN):
-            found[role] = name
-    return found
+            tag_of[role] = name
+    return tag_of
 
 
 def _role_of_tag(name: str) -> str | None:
     """Return the role a tag tells: Zone1/Temperature, TIC101.OP, switch.heater."""
     *before, last = re.split(r"[./\\:|!]", name)
-    told = role_of(last) or role_of(name)
-    return "power" if told in (None, "time") and before[:1] == ["switch"] else told
+    role = role_of(last) or role_of(name)
+    return "power" if role in (None, "time") and before[:1] == ["switch"] else role
 
 
 def _time(sheet: Sheet, asked: Tags, unit: str | None) -> tuple[tuple[int, ...], Array]:

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-__all__ = ["MOST_REPAIRED", "Taken"]
+__all__ = ["MOST_REPAIRED", "Option", "Taken"]
+
+Option = bool | float | str | None
 
 _ROLES: Final = ("time", "temperature", "power", "setpoint")
 #: share of the rows: more is told on the verdict's line
@@ -40,7 +42,7 @@ class Taken:
     repeats: int = 0
     repaired: int = 0
     unused: tuple[str, ...] = ()
-    reading: Mapping[str, Any] = field(default_factory=dict)
+    reading: Mapping[str, Option] = field(default_factory=dict)
 
     @property
     def repaired_share(self) -> float:

@@ -178,9 +178,9 @@ class CorrelationView:
     ok: bool = True
 
     @classmethod
-    def of(cls, found: InputCorrelation | None) -> CorrelationView | None:
+    def of(cls, correlation: InputCorrelation | None) -> CorrelationView | None:
         """Return what is written of it."""
-        return None if found is None else built(cls, found)
+        return None if correlation is None else built(cls, correlation)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,8 +198,8 @@ class _HeldOut:
 
     @property
     def value(self) -> HeldOut:
-        return built(HeldOut, self, windows_s=tuple((each.start_s, each.end_s) for each in self.windows),
-                     rmses_degC=tuple(each.rmse_degC for each in self.windows))
+        return built(HeldOut, self, windows_s=tuple((window.start_s, window.end_s) for window in self.windows),
+                     rmses_degC=tuple(window.rmse_degC for window in self.windows))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,14 +238,14 @@ class ValidationView:
     halves: _Halves | None = None
 
     @classmethod
-    def of(cls, found: Validation) -> ValidationView:
+    def of(cls, validation: Validation) -> ValidationView:
         """Return what is written of them."""
-        held, halves = found.held_out, found.halves
+        held, halves = validation.held_out, validation.halves
         windows = tuple(_Window(start_s=start, end_s=end, rmse_degC=rmse)
                         for (start, end), rmse in zip(held.windows_s, held.rmses_degC, strict=True))
         return cls(
-            whiteness=WhitenessView.of(found.ljung_box), held_out=built(_HeldOut, held, windows=windows),
-            input_crosscorrelation=CorrelationView.of(found.input_correlation),
+            whiteness=WhitenessView.of(validation.ljung_box), held_out=built(_HeldOut, held, windows=windows),
+            input_crosscorrelation=CorrelationView.of(validation.input_correlation),
             halves=None if halves is None else _Halves(
                 parts=(_half(halves[0]), _half(halves[1])), disagree=disagreeing(halves)))
 
@@ -270,14 +270,15 @@ class _Residuals:
         lengths = {len(series) for series in (self.time_s, self.measured_degC, self.simulated_degC)}
         if len(lengths) > 1:
             raise DocumentError(f"series of {', '.join(map(str, sorted(lengths)))} readings; expected as many in each")
-        for each in fields(self):
-            numbers = np.abs(np.asarray(getattr(self, each.name), dtype=np.float64))
+        for column in fields(self):
+            numbers = np.abs(np.asarray(getattr(self, column.name), dtype=np.float64))
             if np.any((numbers > _MOST) & (numbers < np.inf)):
-                raise DocumentError(f"{each.name}: a number beyond ±{_MOST:g}")
+                raise DocumentError(f"{column.name}: a number beyond ±{_MOST:g}")
 
     @property
     def value(self) -> Residuals:
-        return Residuals(**{each.name: np.array(getattr(self, each.name), dtype=np.float64) for each in fields(self)})
+        return Residuals(**{
+            column.name: np.array(getattr(self, column.name), dtype=np.float64) for column in fields(self)})
 
 
 @registered(SCHEMA)
@@ -324,8 +325,8 @@ class ModelView:
                           for name, (value, ci95) in fitted.combinations.items()},
             candidates=tuple(map(CandidateView.of, fitted.candidates)),
             hypotheses=tuple(map(CandidateView.of, fitted.hypotheses)),
-            findings=tuple(built(FindingView, each, effect=each.kind.effect) for each in fitted.findings),
-            logs=tuple(built(OneLogView, each, alone=_side_by_side(each.values, each.ci95)) for each in fitted.logs),
+            findings=tuple(built(FindingView, finding, effect=finding.kind.effect) for finding in fitted.findings),
+            logs=tuple(built(OneLogView, log, alone=_side_by_side(log.values, log.ci95)) for log in fitted.logs),
             validation=None if checks is None else ValidationView.of(checks),
             residuals=None if rest is None else built(
                 _Residuals, rest, simulated_degC=np.round(rest.simulated_degC, 4),
@@ -348,13 +349,13 @@ class ModelView:
             raise DocumentError("second_time_constant_s: the working model has one lag")
         return built(
             FittedModel, self, model=model, ci95={name: _interval(getattr(self, f"{name}_ci95")) for name in _FIELDS},
-            combinations={name: (each.value, _interval(each.ci95) or Interval(low=None, high=None))
-                          for name, each in self.combinations.items()},
-            candidates=tuple(each.value for each in self.candidates),
-            hypotheses=tuple(each.value for each in self.hypotheses),
+            combinations={name: (view.value, _interval(view.ci95) or Interval(low=None, high=None))
+                          for name, view in self.combinations.items()},
+            candidates=tuple(candidate.value for candidate in self.candidates),
+            hypotheses=tuple(hypothesis.value for hypothesis in self.hypotheses),
             residuals=None if self.residuals is None else self.residuals.value,
             validation=None if self.validation is None else self.validation.value,
-            logs=tuple(each.value for each in self.logs), findings=tuple(each.value for each in self.findings),
+            logs=tuple(log.value for log in self.logs), findings=tuple(finding.value for finding in self.findings),
             log_interval_s=self.log_interval_s or 0.0, least_dead_time_s=self.least_dead_time_s or 0.0,
             reading_step_degC=self.reading_step_degC or 0.0)
 

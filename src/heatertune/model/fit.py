@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,9 @@ from heatertune.log.values import Log
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.circumstances import DelaysKnown
 from heatertune.model.findings import Finding
-from heatertune.model.hearing import Told, findings_of
+from heatertune.model.hearing import Remark, findings_of
 from heatertune.model.power.explained import Explained, explained
-from heatertune.model.power.feedback import loop_told
+from heatertune.model.power.feedback import loop_remarks
 from heatertune.model.power.fit_logs import fit_logs
 from heatertune.model.power.fit_power import fit_power, weighed
 from heatertune.model.power.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
@@ -66,15 +67,15 @@ def fit(
         _demand_laws(log, laws)
         _refuse_bound(log, delays)
         progress(f"{log.name}: fitting {len(laws)} controller laws inside the loop")
-        found = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
+        fitted = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
     else:
         progress(f"{log.name}: fitting one and two lags to the logged power")
-        found = _fit_logged(used, bounds, given.power_before_pct, seed, delays)
-        found = with_relay(used, found, ambient_degC=_single(bounds))
-        loop = loop_told(used)
-        notes += tuple(each.sentence for each in loop)
-        found = replace(found, findings=(*found.findings, *findings_of(loop)))
-    return _of_files(delays.applied(replace(found, notes=notes + found.notes), [used]), [log])
+        fitted = _fit_logged(used, bounds, given.power_before_pct, seed, delays)
+        fitted = with_relay(used, fitted, ambient_degC=_single(bounds))
+        loop = loop_remarks(used)
+        notes += tuple(remark.sentence for remark in loop)
+        fitted = replace(fitted, findings=(*fitted.findings, *findings_of(loop)))
+    return _of_files(delays.applied(replace(fitted, notes=notes + fitted.notes), [used]), [log])
 
 
 def fit_known(
@@ -107,26 +108,26 @@ def fit_known(
     _check_given(log, bounds, None)
     used, notes = _used(log, asked.until_s)
     progress(f"{log.name}: running {controllers[0].name.partition(',')[0]} on the logged readings")
-    known = _single(bounds)
-    given: dict[str, Any] = {"ambient_degC": known, "power_before_pct": power_before}
-    rated = rate(records(used, controllers, setpoint_degC), **given)
+    ambient = _single(bounds)
+    rate_all = partial(rate, ambient_degC=ambient, power_before_pct=power_before)
+    rated = rate_all(records(used, controllers, setpoint_degC))
     if not rated:
         raise InputError(f"{log.name}: on these readings the controller's power never changes; is the setpoint right?")
-    leader = next(each for each in controllers if each.name == rated[0].name)
+    leader = next(controller for controller in controllers if controller.name == rated[0].name)
     progress(f"{log.name}: fitting one and two lags to each record of its power")
-    offset = offset_degC(used, leader, setpoint_degC, **given)
+    offset = offset_degC(used, leader, setpoint_degC, ambient_degC=ambient, power_before_pct=power_before)
     if offset != 0.0:
-        rated = rate(records(used, controllers, setpoint_degC, offset), **given)
+        rated = rate_all(records(used, controllers, setpoint_degC, offset))
     candidates, hypotheses = compare(rated)
-    found = _fit_logged(rated[0].log, bounds, power_before, seed, delays, believed=True)
-    loop = loop_told(rated[0].log)
-    told = replay_notes(used, controllers, hypotheses, offset)
-    family = (*candidates, *(replace(each, law=hypotheses[0].law) for each in found.candidates if each.part))
+    fitted = _fit_logged(rated[0].log, bounds, power_before, seed, delays, believed=True)
+    loop = loop_remarks(rated[0].log)
+    replay = replay_notes(used, controllers, hypotheses, offset)
+    family = (*candidates, *(replace(part, law=hypotheses[0].law) for part in fitted.candidates if part.part))
     return _of_files(delays.applied(replace(
-        found, candidates=family, hypotheses=tuple(hypotheses),
-        method=f"power by {hypotheses[0].law} on the logged readings; {found.method}",
-        notes=(*notes, *told, *(each.sentence for each in loop), *found.notes),
-        findings=(*found.findings, *findings_of(loop)),
+        fitted, candidates=family, hypotheses=tuple(hypotheses),
+        method=f"power by {hypotheses[0].law} on the logged readings; {fitted.method}",
+        notes=(*notes, *replay, *(remark.sentence for remark in loop), *fitted.notes),
+        findings=(*fitted.findings, *findings_of(loop)),
     ), [used]), [log])
 
 
@@ -167,31 +168,31 @@ def fit_together(
     parts, notes = [], []
     for log in logs:
         _check_given(log, bounds, given.power_before_pct)
-        used, told = _used(log, given.until_s)
+        used, own_notes = _used(log, given.until_s)
         parts.append(used)
-        notes += [f"{log.name}: {note}" for note in told]
+        notes += [f"{log.name}: {note}" for note in own_notes]
     names = [log.name for log in logs]
     if len(set(names)) < len(names):
         raise InputError(f"{', '.join(names)}: one log given twice says nothing new; give different ones")
     progress(f"fitting one heater to {' and '.join(names)}")
     if powered:
-        found = _together(parts, bounds, given.power_before_pct, seed, delays)
+        fitted = _together(parts, bounds, given.power_before_pct, seed, delays)
     else:
         for log in logs:
             _demand_laws(log, laws)
             _refuse_bound(log, delays)
-        found = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
-    return _of_files(delays.applied(replace(found, notes=(*notes, *found.notes)), parts), logs)
+        fitted = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
+    return _of_files(delays.applied(replace(fitted, notes=(*notes, *fitted.notes)), parts), logs)
 
 
-def _of_files(found: FittedModel, logs: Sequence[Log]) -> FittedModel:
+def _of_files(fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
     """Return the fit with what was taken of each file, and a finding for each that was much repaired."""
     taken = [log.taken for log in logs if log.taken is not None]
-    told = [f"{each.file}: {each.repaired_share:.2%} of {each.rows_read} rows were left out or repaired"
-            for each in taken if each.repaired_share > MOST_REPAIRED]
+    repaired = [f"{reading.file}: {reading.repaired_share:.2%} of {reading.rows_read} rows were left out or repaired"
+                for reading in taken if reading.repaired_share > MOST_REPAIRED]
     return replace(
-        found, log_told=tuple(each.line for each in taken),
-        findings=(*found.findings, *(Finding(name="repaired", told=sentence) for sentence in told)),
+        fitted, log_told=tuple(reading.line for reading in taken),
+        findings=(*fitted.findings, *(Finding(name="repaired", told=sentence) for sentence in repaired)),
     )
 
 
@@ -199,13 +200,13 @@ def _together(
     parts: Sequence[Log], bounds: Bounds | None, power_before_pct: float | None, seed: int, delays: DelaysKnown
 ) -> FittedModel:
     explanations, notes = [], []
-    loops: list[Told] = []
+    loops: list[Remark] = []
     for log in parts:
-        found, told = _explained(log, bounds, power_before_pct, delays)
-        explanations.append(found)
-        notes += [f"{log.name}: {note}" for note in told]
-        loops += loop_told(log)
-    notes += [each.sentence for each in loops]
+        explanation, own_notes = _explained(log, bounds, power_before_pct, delays)
+        explanations.append(explanation)
+        notes += [f"{log.name}: {note}" for note in own_notes]
+        loops += loop_remarks(log)
+    notes += [remark.sentence for remark in loops]
     fitted = fit_logs(explanations, open_start=power_before_pct is None, seed=seed,
                       least_dead_time_s=delays.least_dead_time_s(parts))
     return replace(fitted, notes=(*notes, *fitted.notes), findings=(*fitted.findings, *findings_of(loops)))
@@ -266,31 +267,31 @@ def _fit_logged(
     believed: bool = False,
 ) -> FittedModel:
     """Return the fit of a log with power."""
-    found, told = _explained(log, bounds, power_before_pct, delays, believed=believed)
-    fitted = fit_power(found, weighed(found, open_start=power_before_pct is None, seed=seed),
+    explanation, notes = _explained(log, bounds, power_before_pct, delays, believed=believed)
+    fitted = fit_power(explanation, weighed(explanation, open_start=power_before_pct is None, seed=seed),
                        least_dead_time_s=delays.least_dead_time_s([log]), seed=seed)
-    return replace(fitted, notes=told + fitted.notes)
+    return replace(fitted, notes=notes + fitted.notes)
 
 
 def _explained(
     log: Log, bounds: Bounds | None, power_before_pct: float | None, delays: DelaysKnown, *, believed: bool = False
 ) -> tuple[Explained, tuple[str, ...]]:
     """Return what explains a log with power; a free ambient that leaves its interval is taken at the nearest end."""
-    known = _single(bounds)
-    _demand_excitation(log, known)
-    given: dict[str, Any] = {"power_before_pct": power_before_pct, "believed": believed,
-                             "most_dead_time_s": delays.dead_time_at_most_s}
-    found = explained(log, ambient_degC=known, **given)
-    end = None if bounds is None else _nearest_end(found, bounds)
+    ambient = _single(bounds)
+    _demand_excitation(log, ambient)
+    explain = partial(explained, log, power_before_pct=power_before_pct, believed=believed,
+                      most_dead_time_s=delays.dead_time_at_most_s)
+    explanation = explain(ambient_degC=ambient)
+    end = None if bounds is None else _nearest_end(explanation, bounds)
     if end is None:
-        return found, ()
-    held = explained(log, ambient_degC=end, **given)
+        return explanation, ()
+    held = explain(ambient_degC=end)
     return held, (f"Left free, the ambient leaves the given interval; its end of {end:g} °C was taken.",)
 
 
-def _nearest_end(found: Explained, ambient_degC: Bounds) -> float | None:
+def _nearest_end(explanation: Explained, ambient_degC: Bounds) -> float | None:
     """Return the end of the interval that a free ambient lies beyond, None where it lies inside."""
-    free = found.model.ambient_degC
+    free = explanation.model.ambient_degC
     assert free is not None
     end = min(max(free, ambient_degC[0]), ambient_degC[1])
     return None if end == free else end

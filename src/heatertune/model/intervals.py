@@ -63,13 +63,13 @@ def holds(interval: Interval, value: float) -> bool:
     return (interval.low is None or value >= interval.low) and (interval.high is None or value <= interval.high)
 
 
-def identified_parts(found: Interval | None) -> bool:
+def identified_parts(ci95: Interval | None) -> bool:
     """Return whether an interval is closed and no wider than ±30 % of its centre."""
-    if found is None or found.low is None or found.high is None:
+    if ci95 is None or ci95.low is None or ci95.high is None:
         return False
-    return found.high - found.low <= _WIDE * abs(found.high + found.low)
+    return ci95.high - ci95.low <= _WIDE * abs(ci95.high + ci95.low)
 
 
-def identified(found: Interval) -> Interval | None:
+def identified(ci95: Interval) -> Interval | None:
     """Return the interval, or None where it identifies nothing."""
-    return found if identified_parts(found) else None
+    return ci95 if identified_parts(ci95) else None

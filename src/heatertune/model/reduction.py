@@ -66,8 +66,8 @@ def matched(model: HeaterModel) -> Fopdt:
 
     start = model.half_rule()
     slowest = sum(model.lags_s) + model.dead_time_s
-    found = least_squares(
+    solution = least_squares(
         error, [math.log(start.time_constant_s), start.dead_time_s],
         bounds=([math.log(1e-3 * slowest), 0.0], [math.log(1e2 * slowest), slowest]), x_scale=[1.0, slowest],
     )
-    return candidate(found.x)
+    return candidate(solution.x)

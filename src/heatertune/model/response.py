@@ -89,7 +89,8 @@ def sensitivities(rows: Array, schedule: Schedule, instants: Array) -> Array:
         rows = np.hstack([rows[:, :2], [apart(*lags) for lags in rows[:, 2:]]])
     unit, slope, by_lag = _unit_steps(rows, _since(rows, schedule, instants))
     gain = rows[:, :1]
-    shared = [schedule.base_pct + unit @ steps, -gain * (slope @ steps), *(gain * (each @ steps) for each in by_lag)]
+    shared = [schedule.base_pct + unit @ steps, -gain * (slope @ steps),
+              *(gain * (derivative @ steps) for derivative in by_lag)]
     initial = [np.exp(-instants[None, :] / lag[:, None]) for lag in _lags(rows)]
     return np.stack([*shared, np.ones_like(shared[0]), *initial], axis=2)
 

@@ -19,7 +19,7 @@ from heatertune.model.judgement import InputCorrelation
 from heatertune.model.outliers import tamed
 from heatertune.model.power.feedback import feedback_notes
 from heatertune.model.power.input_correlation import input_correlation
-from heatertune.model.power.open_loop import Known, PowerProblem
+from heatertune.model.power.open_loop import Fixed, PowerProblem
 from heatertune.model.power.projection import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE
 from heatertune.model.power.readings import Readings
 from heatertune.model.statistics import fit_pct
@@ -156,10 +156,10 @@ def _run(label: str, model: HeaterModel, log: Log, ambient_degC: float | None, b
 
 def _simulated(problem: PowerProblem, model: HeaterModel, ambient_degC: float) -> tuple[Array, Array]:
     """Return measured − simulated, and the linear part; nan: the ambient is fitted."""
-    known = problem.known
-    known[GAIN], known[AMBIENT] = model.gain_degC_per_pct, ambient_degC
+    fixed = problem.fixed
+    fixed[GAIN], fixed[AMBIENT] = model.gain_degC_per_pct, ambient_degC
     record = problem.readings.temperature_degC
-    residuals, linear = problem.solve(_vector(model)[None, :], record[None, :], Known(values=known[None, :]))
+    residuals, linear = problem.solve(_vector(model)[None, :], record[None, :], Fixed(values=fixed[None, :]))
     return -residuals[0], linear[0]
 
 
@@ -184,21 +184,21 @@ def _told(
     worst = runs[place]
     reached = f"{worst.label} explains {worst.fit_pct:.1f} % of the log with a bias of {worst.bias_degC:+.2g} °C"
     if not fails:
-        told = [f"The model holds: {reached}, the worst of {count} that designs are made for."]
+        notes = [f"The model holds: {reached}, the worst of {count} that designs are made for."]
     else:
         broken = {"fit": f"the fit (at least {least_fit_pct:g} %)", "bias": f"the bias (at most {limit:.2g} °C)"}
-        told = [f"The model does not hold, by {' and '.join(broken[name] for name in fails)}: {reached}, the worst of "
-                f"{count} that designs are made for."]
+        notes = [f"The model does not hold, by {' and '.join(broken[name] for name in fails)}: {reached}, the worst of "
+                 f"{count} that designs are made for."]
     best = max(runs, key=lambda run: run.fit_pct)
     if best.free_fit_pct > best.fit_pct + _GAINED:
-        told.append(
+        notes.append(
             f"With an ambient of {best.free_ambient_degC:.3g} °C instead of {best.ambient_degC:.3g} °C it would "
             f"explain {best.free_fit_pct:.1f} %: if the room was that warm, give --ambient."
         )
     seen = best.input_correlation
     if seen is not None and not seen.ok:
-        told.append(
+        notes.append(
             f"What is left still follows the power, most after {seen.at_lag_s:.3g} s (correlation {seen.largest:+.2f}, "
             f"by chance up to {seen.limit:.2f}): gain, lags or dead time are not quite those of this log."
         )
-    return told
+    return notes

@@ -61,8 +61,8 @@ def cross_rmse(hypothesis: Hypothesis, vector: Array) -> float:
         return np.where(left_out[rows], 0.0, hypothesis.simulate(z) - measured)
 
     starts = np.repeat(vector[None, :], _FOLDS, axis=0)
-    found = minimise(residuals, starts, hypothesis.low, hypothesis.high, iterations=15).parameters
-    return _rms((hypothesis.simulate(found) - measured)[left_out])
+    refits = minimise(residuals, starts, hypothesis.low, hypothesis.high, iterations=15).parameters
+    return _rms((hypothesis.simulate(refits) - measured)[left_out])
 
 
 def _later(hypothesis: Hypothesis, early: Hypothesis, values: Array) -> list[Array]:

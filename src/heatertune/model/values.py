@@ -302,8 +302,8 @@ class FittedModel(Shown, Dynamics):
         return tuple(model for _, model in self._believed(given))
 
     def _believed(self, given: Sequence[tuple[str, HeaterModel]]) -> tuple[tuple[str, HeaterModel], ...]:
-        found: dict[HeaterModel, str] = {}
+        labels: dict[HeaterModel, str] = {}
         for label, model in given:
             least = self.least_dead_time_s
-            found.setdefault(model if model.dead_time_s >= least else replace(model, dead_time_s=least), label)
-        return tuple((label, model) for model, label in found.items())
+            labels.setdefault(model if model.dead_time_s >= least else replace(model, dead_time_s=least), label)
+        return tuple((label, model) for model, label in labels.items())

@@ -30,9 +30,9 @@ def disturbance_s(log: Log) -> float | None:
     # of the log as it is: where all is noise, what was tamed looks quieter than it was
     typical = 1.4826 * float(np.median(_departures(log.temperature_degC)))
     threshold = max(_SHARE * float(np.ptp(readings)), _TIMES * typical)
-    found = np.flatnonzero(departure > threshold)
-    found = found[found >= MIN_SAMPLES]
-    return float(log.time_s[found[0]]) if len(found) else None
+    jumps = np.flatnonzero(departure > threshold)
+    jumps = jumps[jumps >= MIN_SAMPLES]
+    return float(log.time_s[jumps[0]]) if len(jumps) else None
 
 
 def _departures(readings: Array) -> Array:

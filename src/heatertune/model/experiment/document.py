@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from heatertune.model.experiment.doublet import Plan, best_step
-from heatertune.model.experiment.prior import QUANTITIES, Conditions, Prior
+from heatertune.model.experiment.prior import QUANTITIES, ExperimentSetup, Prior
 from heatertune.model.experiment.relay import RelayPlan
 
 __all__ = ["SCHEMA", "to_document"]
@@ -18,27 +18,27 @@ SCHEMA: Final = "heatertune/plan/1"
 _Z95 = 1.96  # half width of a 95 % interval in standard errors
 
 
-def to_document(prior: Prior, conditions: Conditions, tried: list[Plan]) -> dict[str, Any]:
+def to_document(prior: Prior, setup: ExperimentSetup, tried: list[Plan]) -> dict[str, Any]:
     """Return the document of the experiments tried, the last of which is proposed.
 
     Args:
         prior: heaters that are served.
-        conditions: limits and aim.
+        setup: limits and aim.
         tried: as `propose` returns them.
     """
     chosen = tried[-1]
     document: dict[str, Any] = {
         "schema": SCHEMA, "kind": chosen.kind, "duration_s": chosen.duration_s,
-        "conditions": asdict(conditions),
+        "conditions": asdict(setup),
         "schedule": {
             "base_pct": chosen.schedule.base_pct, "time_s": chosen.schedule.time_s,
             "power_pct": chosen.schedule.power_pct,
         },
         "highest_degC": float(chosen.peaks_degC.max()),
         "quantities": {name: _quantity(prior, chosen, i) for i, name in enumerate(QUANTITIES)},
-        "worst_share": chosen.worst, "reached": chosen.worst <= conditions.aim,
+        "worst_share": chosen.worst, "reached": chosen.worst <= setup.aim,
         "durations": [{"duration_s": proposal.duration_s, "worst_share": proposal.worst} for proposal in tried],
-        "step_worst_share": best_step(prior, conditions, chosen.duration_s).worst,
+        "step_worst_share": best_step(prior, setup, chosen.duration_s).worst,
         "heaters": [
             {"label": label, "errors": dict(zip(QUANTITIES, errors, strict=True)), "highest_degC": peak}
             for label, errors, peak in zip(prior.models, chosen.errors, chosen.peaks_degC, strict=True)

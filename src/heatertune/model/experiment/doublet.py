@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.optimize import differential_evolution
 
 from heatertune.errors import OutOfRange
-from heatertune.model.experiment.prior import Conditions, Prior, errors, peaks, rests, shares
+from heatertune.model.experiment.prior import ExperimentSetup, Prior, errors, peaks, rests, shares
 from heatertune.model.response import Schedule
 
 __all__ = ["REST_READINGS", "Plan", "assessed", "best_step", "plan_doublet", "within_limit"]
@@ -52,40 +52,40 @@ class Plan:
         return float(self.shares.max())
 
 
-def plan_doublet(prior: Prior, conditions: Conditions, duration_s: float, *, seed: int = 1) -> Plan:
+def plan_doublet(prior: Prior, setup: ExperimentSetup, duration_s: float, *, seed: int = 1) -> Plan:
     """Return the best doublet of a duration, or the best plain step where no doublet is better.
 
     Raises:
         OutOfRange: the limit leaves less than 0.1 % of power.
     """
-    noise = conditions.noise.thinned(max(1, int(duration_s / conditions.noise.sample_time_s / _READINGS)))
-    step = best_step(prior, conditions, duration_s)
+    noise = setup.noise.thinned(max(1, int(duration_s / setup.noise.sample_time_s / _READINGS)))
+    step = best_step(prior, setup, duration_s)
     at = float(step.schedule.time_s[0]) / duration_s
-    width = conditions.most_pct - conditions.least_pct
+    width = setup.most_pct - setup.least_pct
 
     def powers(x: Array) -> Array:
-        return np.asarray(conditions.least_pct + width * x[_STEPS:])
+        return np.asarray(setup.least_pct + width * x[_STEPS:])
 
     def cost(x: Array) -> float:
-        schedule = _drawn(conditions, duration_s, np.sort(x[:_STEPS]), powers(x))
-        found = errors(prior, within_limit(prior, conditions, schedule), noise, duration_s)
-        return float(np.log(min(float(shares(prior, found).max()), _HOPELESS)))
+        schedule = _drawn(setup, duration_s, np.sort(x[:_STEPS]), powers(x))
+        std_errors = errors(prior, within_limit(prior, setup, schedule), noise, duration_s)
+        return float(np.log(min(float(shares(prior, std_errors).max()), _HOPELESS)))
 
-    known = np.array([at, 0.5 * (1.0 + at), 1.0, 1.0, 1.0, 1.0])  # the step: nothing worse is ever proposed
+    plain_step = np.array([at, 0.5 * (1.0 + at), 1.0, 1.0, 1.0, 1.0])  # the step: nothing worse is ever proposed
     ended = differential_evolution(
-        cost, [(0.0, 1.0)] * (2 * _STEPS), x0=known, seed=seed, popsize=6, maxiter=40, tol=0.01, polish=False,
+        cost, [(0.0, 1.0)] * (2 * _STEPS), x0=plain_step, seed=seed, popsize=6, maxiter=40, tol=0.01, polish=False,
     )
-    best = _made(prior, conditions, duration_s, np.sort(ended.x[:_STEPS]), powers(ended.x))
+    best = _made(prior, setup, duration_s, np.sort(ended.x[:_STEPS]), powers(ended.x))
     return best if best.worst < step.worst else step
 
 
-def best_step(prior: Prior, conditions: Conditions, duration_s: float) -> Plan:
+def best_step(prior: Prior, setup: ExperimentSetup, duration_s: float) -> Plan:
     """Return the best plain step of a duration: as high as the limit lets it be, at the best instant."""
-    tried = [_made(prior, conditions, duration_s, np.array([at]), np.array([conditions.most_pct])) for at in _STEP_AT]
+    tried = [_made(prior, setup, duration_s, np.array([at]), np.array([setup.most_pct])) for at in _STEP_AT]
     return replace(min(tried, key=lambda plan: plan.worst), kind="step")
 
 
-def within_limit(prior: Prior, conditions: Conditions, schedule: Schedule, *, digit_pct: float = 0.0) -> Schedule:
+def within_limit(prior: Prior, setup: ExperimentSetup, schedule: Schedule, *, digit_pct: float = 0.0) -> Schedule:
     """Return the schedule with its departures from the base power made smaller until no heater passes the limit.
 
     Temperatures depart from rest in proportion to the powers, so the factor is exact. With a digit the powers are then
@@ -93,50 +93,50 @@ def within_limit(prior: Prior, conditions: Conditions, schedule: Schedule, *, di
     """
     rest = rests(prior, schedule.base_pct)
     above = np.maximum(peaks(prior, schedule) - rest, 1e-12)
-    factor = min(1.0, float(np.min((conditions.limit_degC - rest) / above)))
+    factor = min(1.0, float(np.min((setup.limit_degC - rest) / above)))
     power = schedule.base_pct + factor * (schedule.power_pct - schedule.base_pct)
     if digit_pct:
         power = np.floor(power / digit_pct + 1e-9) * digit_pct
-    power = np.clip(power, conditions.least_pct, conditions.most_pct)
+    power = np.clip(power, setup.least_pct, setup.most_pct)
     power[-1] = schedule.base_pct
     return replace(schedule, power_pct=power)
 
 
-def assessed(kind: str, prior: Prior, conditions: Conditions, schedule: Schedule, duration_s: float) -> Plan:
+def assessed(kind: str, prior: Prior, setup: ExperimentSetup, schedule: Schedule, duration_s: float) -> Plan:
     """Return the plan of a schedule, its figures from all readings.
 
     Args:
         kind: as in `Plan`.
         prior: heaters to serve.
-        conditions: of the experiment; of them the noise counts.
+        setup: of the experiment; of them the noise counts.
         schedule: of the powers.
         duration_s: of the experiment [s].
     """
-    found = errors(prior, schedule, conditions.noise, duration_s)
+    std_errors = errors(prior, schedule, setup.noise, duration_s)
     return Plan(
-        kind=kind, schedule=schedule, duration_s=duration_s, errors=found, shares=shares(prior, found),
+        kind=kind, schedule=schedule, duration_s=duration_s, errors=std_errors, shares=shares(prior, std_errors),
         peaks_degC=peaks(prior, schedule),
     )
 
 
-def _made(prior: Prior, conditions: Conditions, duration: float, at: Array, power: Array) -> Plan:
+def _made(prior: Prior, setup: ExperimentSetup, duration: float, at: Array, power: Array) -> Plan:
     """Return the plan as a person can carry it out: switched with a reading, powers of one digit after the point."""
-    first = REST_READINGS * conditions.noise.sample_time_s
-    instants = np.array([min(duration, max(first, conditions.noise.rounded(share * duration))) for share in at])
-    schedule = _drawn(conditions, duration, instants / duration, power)
-    schedule = within_limit(prior, conditions, schedule, digit_pct=_DIGIT_PCT)
+    first = REST_READINGS * setup.noise.sample_time_s
+    instants = np.array([min(duration, max(first, setup.noise.rounded(share * duration))) for share in at])
+    schedule = _drawn(setup, duration, instants / duration, power)
+    schedule = within_limit(prior, setup, schedule, digit_pct=_DIGIT_PCT)
     last = np.append(np.diff(schedule.time_s) > 0.0, True)  # of two steps at one instant the later one holds
     schedule = replace(schedule, time_s=schedule.time_s[last], power_pct=schedule.power_pct[last])
     steps = schedule.steps_pct != 0.0
     if not steps.any():
-        raise OutOfRange("limit_degC", conditions.limit_degC, "higher: it leaves less than 0.1 % of power")
+        raise OutOfRange("limit_degC", setup.limit_degC, "higher: it leaves less than 0.1 % of power")
     schedule = replace(schedule, time_s=schedule.time_s[steps], power_pct=schedule.power_pct[steps])
-    return assessed("doublet", prior, conditions, schedule, duration)
+    return assessed("doublet", prior, setup, schedule, duration)
 
 
-def _drawn(conditions: Conditions, duration: float, at: Array, power: Array) -> Schedule:
+def _drawn(setup: ExperimentSetup, duration: float, at: Array, power: Array) -> Schedule:
     """Return the schedule of powers at shares of the duration, and back to the base power at its end."""
     return Schedule(
-        base_pct=conditions.base_pct, time_s=np.append(at * duration, duration),
-        power_pct=np.append(power, conditions.base_pct),
+        base_pct=setup.base_pct, time_s=np.append(at * duration, duration),
+        power_pct=np.append(power, setup.base_pct),
     )

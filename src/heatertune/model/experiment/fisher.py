@@ -89,8 +89,8 @@ def covariance(jacobian: Array, noise: Noise) -> Array:
     triangle = np.where(lost[:, None, None], np.eye(q), triangle)
     middle = np.swapaxes(basis, 1, 2) @ _correlated(basis, noise)
     inverse = np.linalg.inv(triangle) / np.swapaxes(scale, 1, 2)
-    found = inverse @ middle @ np.swapaxes(inverse, 1, 2)
-    return np.where(lost[:, None, None], np.inf, found)
+    spread = inverse @ middle @ np.swapaxes(inverse, 1, 2)
+    return np.where(lost[:, None, None], np.inf, spread)
 
 
 def _correlated(columns: Array, noise: Noise) -> Array:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.experiment.doublet import Plan, plan_doublet
-from heatertune.model.experiment.prior import Conditions, Prior, demand_room
+from heatertune.model.experiment.prior import ExperimentSetup, Prior, demand_room
 from heatertune.model.experiment.relay import plan_relay
 
 __all__ = ["KINDS", "propose"]
@@ -21,7 +21,7 @@ _DURATIONS = (0.25, 0.5, 0.75, 1.0)  # of the longest
 
 
 def propose(
-    prior: Prior, conditions: Conditions, *, kind: str = "best", progress: Callable[[str], object] = str
+    prior: Prior, setup: ExperimentSetup, *, kind: str = "best", progress: Callable[[str], object] = str
 ) -> list[Plan]:
     """Return the best experiment of each duration tried, the shortest first; the last one is the proposal.
 
@@ -29,7 +29,7 @@ def propose(
 
     Args:
         prior: heaters to serve.
-        conditions: limits and aim.
+        setup: limits and aim.
         kind: "doublet", "relay", or "best" of both.
         progress: told what begins.
 
@@ -40,20 +40,20 @@ def propose(
     """
     if kind not in KINDS:
         raise UnknownName("kind of experiment", kind, KINDS)
-    demand_room(prior, conditions)
-    found: list[Plan] = []
+    demand_room(prior, setup)
+    plans: list[Plan] = []
     for share in _DURATIONS:
-        duration = min(conditions.longest_s, conditions.noise.rounded(share * conditions.longest_s))
+        duration = min(setup.longest_s, setup.noise.rounded(share * setup.longest_s))
         progress(f"searching the best experiment of {duration:g} s on {len(prior.models)} heaters")
-        made = [] if kind == "relay" else [plan_doublet(prior, conditions, duration)]
-        relay = None if kind == "doublet" else plan_relay(prior, conditions, duration)
+        made = [] if kind == "relay" else [plan_doublet(prior, setup, duration)]
+        relay = None if kind == "doublet" else plan_relay(prior, setup, duration)
         made += [] if relay is None else [relay]
-        found += sorted(made, key=lambda plan: plan.worst)[:1]
-        if found and found[-1].worst <= conditions.aim:
+        plans += sorted(made, key=lambda plan: plan.worst)[:1]
+        if plans and plans[-1].worst <= setup.aim:
             break
-    if not found:
+    if not plans:
         raise InputError(
-            f"no relay test swings for two periods on every heater of the prior below {conditions.limit_degC:g} °C "
-            f"within {conditions.longest_s:g} s: raise the limit, lengthen the test, or make a doublet first"
+            f"no relay test swings for two periods on every heater of the prior below {setup.limit_degC:g} °C "
+            f"within {setup.longest_s:g} s: raise the limit, lengthen the test, or make a doublet first"
         )
-    return found
+    return plans

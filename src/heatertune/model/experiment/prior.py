@@ -17,7 +17,7 @@ from heatertune.model.values import FittedModel, Fopdt, HeaterModel
 from heatertune.units import check
 
 __all__ = [
-    "QUANTITIES", "Conditions", "Prior", "demand_room", "errors", "peaks", "prior_by_hand", "prior_of", "rests",
+    "QUANTITIES", "ExperimentSetup", "Prior", "demand_room", "errors", "peaks", "prior_by_hand", "prior_of", "rests",
     "shares",
 ]
 
@@ -69,7 +69,7 @@ class Prior:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Conditions:
+class ExperimentSetup:
     """What an experiment may do and how it is read.
 
     Attributes:
@@ -111,15 +111,15 @@ def prior_of(fitted: FittedModel, *, ambient_degC: float | None, assumed_degC: f
     """
 
     def at_home(model: HeaterModel) -> HeaterModel:
-        known = model.ambient_degC if ambient_degC is None else ambient_degC
-        return replace(model, ambient_degC=assumed_degC if known is None else known)
+        ambient = model.ambient_degC if ambient_degC is None else ambient_degC
+        return replace(model, ambient_degC=assumed_degC if ambient is None else ambient)
 
     models: dict[str, HeaterModel] = {"working model": at_home(fitted.model)}
     for candidate in fitted.candidates:
         models.setdefault(candidate.label, at_home(candidate.model))
     for name in QUANTITIES[:3]:
-        found = fitted.ci95.get(name)
-        ends = {} if found is None else {"lowest": found.low, "highest": found.high}
+        ci95 = fitted.ci95.get(name)
+        ends = {} if ci95 is None else {"lowest": ci95.low, "highest": ci95.high}
         for end, value in ends.items():
             if value is not None and (value > 0.0 or name == "dead_time_s"):
                 changed: dict[str, Any] = {name: value}
@@ -161,16 +161,16 @@ def rests(prior: Prior, power_pct: float) -> Array:
 
 def peaks(prior: Prior, schedule: Schedule) -> Array:
     """Return the highest temperature on each heater, shape (g,) [°C]."""
-    found = rests(prior, schedule.base_pct)
+    highest = rests(prior, schedule.base_pct)
     for index, rows in prior.by_order:
-        found[index] += peak_rise(rows, schedule)
-    return found
+        highest[index] += peak_rise(rows, schedule)
+    return highest
 
 
 def errors(prior: Prior, schedule: Schedule, noise: Noise, duration_s: float) -> Array:
     """Return the expected standard error of each quantity on each heater, shape (g, 4); 0 for a known ambient."""
     instants = np.arange(0.0, duration_s + 0.5 * noise.sample_time_s, noise.sample_time_s)
-    found = np.zeros((len(prior.models), len(QUANTITIES)))
+    std_errors = np.zeros((len(prior.models), len(QUANTITIES)))
     for index, rows in prior.by_order:
         lags = rows.shape[1] - 2
         jacobian = sensitivities(rows, schedule, instants)
@@ -182,27 +182,27 @@ def errors(prior: Prior, schedule: Schedule, noise: Noise, duration_s: float) ->
         pick[2 : 2 + lags, 1] = 1.0
         if not prior.ambient_known:
             pick[2 + lags, 3] = 1.0
-        known = np.all(np.isfinite(spread), axis=(1, 2))
-        variance = np.einsum("qk,gqr,rk->gk", pick, np.where(known[:, None, None], spread, 0.0), pick)
-        found[index] = np.where(known[:, None], np.sqrt(np.maximum(variance, 0.0)), np.inf)
-    return found
+        identified = np.all(np.isfinite(spread), axis=(1, 2))
+        variance = np.einsum("qk,gqr,rk->gk", pick, np.where(identified[:, None, None], spread, 0.0), pick)
+        std_errors[index] = np.where(identified[:, None], np.sqrt(np.maximum(variance, 0.0)), np.inf)
+    return std_errors
 
 
-def shares(prior: Prior, found: Array) -> Array:
+def shares(prior: Prior, std_errors: Array) -> Array:
     """Return the half width of the 95 % interval of gain, time constant and dead time as a share, shape (g, 3)."""
     values = prior.values[:, :3].copy()
     values[:, 2] = np.maximum(values[:, 2], _SHORT * values[:, 1])
-    return np.asarray(1.96 * found[:, :3] / values)
+    return np.asarray(1.96 * std_errors[:, :3] / values)
 
 
-def demand_room(prior: Prior, conditions: Conditions) -> None:
+def demand_room(prior: Prior, setup: ExperimentSetup) -> None:
     """Refuse a limit that the heater reaches without any experiment.
 
     Raises:
         OutOfRange: it does so on some heater of the prior.
     """
-    rest = float(rests(prior, conditions.base_pct).max())
-    if conditions.limit_degC <= rest:
+    rest = float(rests(prior, setup.base_pct).max())
+    if setup.limit_degC <= rest:
         raise OutOfRange(
-            "limit_degC", conditions.limit_degC, f"> {rest:.4g}, where the heater may rest at {conditions.base_pct:g} %"
+            "limit_degC", setup.limit_degC, f"> {rest:.4g}, where the heater may rest at {setup.base_pct:g} %"
         )

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from heatertune.model.experiment.doublet import REST_READINGS, Plan
 from heatertune.model.experiment.fisher import Noise
-from heatertune.model.experiment.prior import Conditions, Prior, errors, peaks, rests, shares
+from heatertune.model.experiment.prior import ExperimentSetup, Prior, errors, peaks, rests, shares
 from heatertune.model.relay.relay import Relay, simulate_relay
 from heatertune.model.response import Schedule
 from heatertune.model.values import HeaterModel
@@ -46,86 +46,86 @@ class RelayPlan(Plan):
     periods_s: Array
 
 
-def plan_relay(prior: Prior, conditions: Conditions, duration_s: float) -> RelayPlan | None:
+def plan_relay(prior: Prior, setup: ExperimentSetup, duration_s: float) -> RelayPlan | None:
     """Return the best relay test of a duration, None where none swings for two periods on every heater below the limit.
 
     Its hysteresis is three standard deviations of the noise and at least the sensor's resolution; its setpoint and its
     two powers are searched with a relay that switches at the very crossing; what is returned keeps the limit, and has
     its figures, with one that switches at the next reading.
     """
-    noise = conditions.noise
+    noise = setup.noise
     hysteresis = math.ceil(100.0 * max(_CHATTER * noise.std_degC, noise.resolution_degC) - 1e-9) / 100.0
     thinned = noise.thinned(max(1, int(duration_s / noise.sample_time_s / _READINGS)))
     ranked: list[tuple[float, Relay]] = []
-    for relay in _relays(prior, conditions, hysteresis):
-        tested = _tested(prior, conditions, relay, duration_s)
+    for relay in _relays(prior, setup, hysteresis):
+        tested = _tested(prior, setup, relay, duration_s)
         if tested is not None:
             ranked.append((float(_assessed(prior, tested, thinned, duration_s)[1].max()), relay))
-    for _, relay in sorted(ranked, key=lambda each: each[0]):
-        tested = _tested(prior, conditions, relay, duration_s, sample_time_s=noise.sample_time_s)
+    for _, relay in sorted(ranked, key=lambda entry: entry[0]):
+        tested = _tested(prior, setup, relay, duration_s, sample_time_s=noise.sample_time_s)
         if tested is not None:
-            found, widths, highest = _assessed(prior, tested, noise, duration_s)
+            std_errors, widths, highest = _assessed(prior, tested, noise, duration_s)
             return RelayPlan(
-                kind="relay", schedule=tested[0], duration_s=duration_s, errors=found, shares=widths,
-                peaks_degC=highest, relay=relay, rest_s=_rest_s(conditions, duration_s),
+                kind="relay", schedule=tested[0], duration_s=duration_s, errors=std_errors, shares=widths,
+                peaks_degC=highest, relay=relay, rest_s=_rest_s(setup, duration_s),
                 periods_s=np.array([_period(schedule) for schedule in tested]),
             )
     return None
 
 
-def _rest_s(conditions: Conditions, duration_s: float) -> float:
-    return conditions.noise.rounded(max(_REST * duration_s, REST_READINGS * conditions.noise.sample_time_s))
+def _rest_s(setup: ExperimentSetup, duration_s: float) -> float:
+    return setup.noise.rounded(max(_REST * duration_s, REST_READINGS * setup.noise.sample_time_s))
 
 
-def _relays(prior: Prior, conditions: Conditions, hysteresis: float) -> list[Relay]:
+def _relays(prior: Prior, setup: ExperimentSetup, hysteresis: float) -> list[Relay]:
     """Return the relays that swing on every heater once they are on, powers in whole percent."""
-    found = []
-    room = conditions.most_pct - conditions.least_pct
+    relays = []
+    room = setup.most_pct - setup.least_pct
     for share, lower in product(_HIGH, _LOW):
-        high = float(np.floor(conditions.least_pct + share * room))
-        low = float(np.ceil(conditions.least_pct + lower * share * room))
+        high = float(np.floor(setup.least_pct + share * room))
+        low = float(np.ceil(setup.least_pct + lower * share * room))
         coolest = float(rests(prior, low).max()) + hysteresis
-        warmest = min(float(rests(prior, high).min()), conditions.limit_degC) - hysteresis
+        warmest = min(float(rests(prior, high).min()), setup.limit_degC) - hysteresis
         if warmest <= coolest or high <= low:
             continue
         for at in _AT:
             setpoint = round(coolest + at * (warmest - coolest), 1)
             if coolest < setpoint < warmest:
-                found.append(Relay(setpoint_degC=setpoint, hysteresis_degC=hysteresis, high_pct=high, low_pct=low))
-    return found
+                relays.append(Relay(setpoint_degC=setpoint, hysteresis_degC=hysteresis, high_pct=high, low_pct=low))
+    return relays
 
 
 def _tested(
-    prior: Prior, conditions: Conditions, relay: Relay, duration_s: float, *, sample_time_s: float | None = None
+    prior: Prior, setup: ExperimentSetup, relay: Relay, duration_s: float, *, sample_time_s: float | None = None
 ) -> list[Schedule] | None:
     """Return the powers on each heater, None where one passes the limit or swings too seldom."""
-    found, rest_s = [], _rest_s(conditions, duration_s)
+    schedules, rest_s = [], _rest_s(setup, duration_s)
     for label, model in prior.models.items():
         schedule = simulate_relay(
-            model, relay, duration_s - rest_s, base_pct=conditions.base_pct, sample_time_s=sample_time_s
+            model, relay, duration_s - rest_s, base_pct=setup.base_pct, sample_time_s=sample_time_s
         )
         schedule = Schedule(
-            base_pct=conditions.base_pct, time_s=np.append(schedule.time_s + rest_s, duration_s),
-            power_pct=np.append(schedule.power_pct, conditions.base_pct),
+            base_pct=setup.base_pct, time_s=np.append(schedule.time_s + rest_s, duration_s),
+            power_pct=np.append(schedule.power_pct, setup.base_pct),
         )
         alone = _alone(prior, label, model)
-        if len(schedule.time_s) - 1 < _SWITCHES or peaks(alone, schedule)[0] > conditions.limit_degC:
+        if len(schedule.time_s) - 1 < _SWITCHES or peaks(alone, schedule)[0] > setup.limit_degC:
             return None
-        found.append(schedule)
-    return found
+        schedules.append(schedule)
+    return schedules
 
 
 def _assessed(
     prior: Prior, schedules: list[Schedule], noise: Noise, duration_s: float
 ) -> tuple[Array, Array, Array]:
     """Return standard errors, shares and peaks: on each heater of the powers that the relay sets there."""
-    found, widths, highest = [], [], []
+    std_errors, widths, highest = [], [], []
     for (label, model), schedule in zip(prior.models.items(), schedules, strict=True):
         alone = _alone(prior, label, model)
-        found.append(errors(alone, schedule, noise, duration_s)[0])
-        widths.append(shares(alone, found[-1][None, :])[0])
+        std_errors.append(errors(alone, schedule, noise, duration_s)[0])
+        widths.append(shares(alone, std_errors[-1][None, :])[0])
         highest.append(peaks(alone, schedule)[0])
-    return np.array(found), np.array(widths), np.array(highest)
+    return np.array(std_errors), np.array(widths), np.array(highest)
 
 
 def _alone(prior: Prior, label: str, model: HeaterModel) -> Prior:

@@ -9,12 +9,12 @@ from itertools import combinations
 
 from scipy.special import ndtri
 
-from heatertune.model.hearing import Told
+from heatertune.model.hearing import Remark
 from heatertune.model.intervals import RATIO
 from heatertune.model.values import OneLog
 from heatertune.units import NOMENCLATURE
 
-__all__ = ["Disagreement", "agreement_told", "disagreements"]
+__all__ = ["Disagreement", "agreement_remarks", "disagreements"]
 
 _SHARED = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", RATIO)
 
@@ -36,17 +36,17 @@ def disagreements(logs: Sequence[OneLog]) -> tuple[Disagreement, ...]:
     """
     pairs = list(combinations(logs, 2))
     wider = float(ndtri(1.0 - 0.025 / (len(_SHARED) * len(pairs))) / ndtri(0.975))
-    found = []
+    differing = []
     for name in _SHARED:
-        apart, (first, second) = max(((_apart(name, *pair), pair) for pair in pairs), key=lambda each: each[0])
+        apart, (first, second) = max(((_apart(name, *pair), pair) for pair in pairs), key=lambda ranked: ranked[0])
         if apart > wider:
-            found.append(Disagreement(parameter=name, first=first, second=second))
-    return tuple(found)
+            differing.append(Disagreement(parameter=name, first=first, second=second))
+    return tuple(differing)
 
 
 def _apart(name: str, first: OneLog, second: OneLog) -> float:
     """Return the distance of two values by what their intervals allow; 0 where one is open towards the other."""
-    lower, upper = sorted((first, second), key=lambda each: each.values[name])
+    lower, upper = sorted((first, second), key=lambda log: log.values[name])
     high, low = lower.ci95[name].high, upper.ci95[name].low
     if high is None or low is None:
         return 0.0
@@ -54,27 +54,29 @@ def _apart(name: str, first: OneLog, second: OneLog) -> float:
     return (upper.values[name] - lower.values[name]) / max(reach, 1e-300)
 
 
-def agreement_told(logs: Sequence[OneLog], apart: Sequence[Disagreement]) -> Iterator[Told]:
+def agreement_remarks(logs: Sequence[OneLog], apart: Sequence[Disagreement]) -> Iterator[Remark]:
     """Tell how well one heater serves every log, and where the logs disagree, which is a finding."""
-    fits = ", ".join(f"{each.fit_pct:.1f} % of {each.name} ({each.alone_fit_pct:.1f} % alone)" for each in logs)
-    yield Told("", f"One heater for all logs explains {fits}; ambient and residuals shown are those of {logs[0].name}.")
+    fits = ", ".join(f"{log.fit_pct:.1f} % of {log.name} ({log.alone_fit_pct:.1f} % alone)" for log in logs)
+    yield Remark(
+        "", f"One heater for all logs explains {fits}; ambient and residuals shown are those of {logs[0].name}.")
     if not apart:
-        yield Told("", "Alone, the logs give the same heater within their intervals.")
+        yield Remark("", "Alone, the logs give the same heater within their intervals.")
         return
-    told = "; ".join(
-        f"{NOMENCLATURE[each.parameter][1]} {_value(each, each.first)} by {each.first.name}, "
-        f"{_value(each, each.second)} by {each.second.name}"
-        for each in apart
+    clashes = "; ".join(
+        f"{NOMENCLATURE[clash.parameter][1]} {_value(clash, clash.first)} by {clash.first.name}, "
+        f"{_value(clash, clash.second)} by {clash.second.name}"
+        for clash in apart
     )
-    yield Told("logs-disagree", (
-        f"The logs disagree beyond their intervals: {told}; it is not one heater, or it was not used in one way (load, "
-        "fan, working point), so the intervals hold what each log says alone, and each log's own heater is a candidate."
+    yield Remark("logs-disagree", (
+        f"The logs disagree beyond their intervals: {clashes}; it is not one heater, or it was not used in one way "
+        "(load, fan, working point), so the intervals hold what each log says alone, and each log's own heater is a "
+        "candidate."
     ))
 
 
-def _value(found: Disagreement, log: OneLog) -> str:
-    ends = log.ci95[found.parameter]
-    return f"{log.values[found.parameter]:.3g} {NOMENCLATURE[found.parameter][2]} [{_end(ends.low)}, {_end(ends.high)}]"
+def _value(clash: Disagreement, log: OneLog) -> str:
+    ends = log.ci95[clash.parameter]
+    return f"{log.values[clash.parameter]:.3g} {NOMENCLATURE[clash.parameter][2]} [{_end(ends.low)}, {_end(ends.high)}]"
 
 
 def _end(value: float | None) -> str:

@@ -9,11 +9,11 @@ import numpy.typing as npt
 from scipy.ndimage import uniform_filter1d
 
 from heatertune.log.values import Log
-from heatertune.model.hearing import Told
+from heatertune.model.hearing import Remark
 from heatertune.model.power.loads import bic_of
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 
-__all__ = ["alias_of", "alias_told"]
+__all__ = ["alias_of", "alias_remarks"]
 
 Array = npt.NDArray[np.float64]
 
@@ -41,22 +41,22 @@ def alias_of(log: Log, problem: PowerProblem, fit: PowerFit) -> str:
         return ""
     thin = problem.thinned(_READINGS)
     as_logged = bic_of(thin, thin.refined(fit.vector[None, :]))
-    least, found = min((_bic_of_mean(log, problem, n), n) for n in _WINDOWS if n < len(power))
+    least, window = min((_bic_of_mean(log, problem, n), n) for n in _WINDOWS if n < len(power))
     if least > as_logged - _SURE:
         return ""
     switched = 100.0 * np.count_nonzero(np.diff(power)) / (len(power) - 1)
     spacing = float(np.median(np.diff(log.time_s)))
     return (
         f"The power is logged as {power.min():g} or {power.max():g} % alone and changes at {switched:.0f} % of the "
-        f"readings, but the temperature follows its mean over about {found * spacing:.3g} s instead: it switches "
+        f"readings, but the temperature follows its mean over about {window * spacing:.3g} s instead: it switches "
         "faster than it was logged, so what was logged is not what the heater got; log the power's mean over each "
         "interval (the controller's output), or every switching."
     )
 
 
-def alias_told(sentence: str) -> tuple[Told, ...]:
+def alias_remarks(sentence: str) -> tuple[Remark, ...]:
     """Return the finding that the sentence, unless it is empty, stands for."""
-    return (Told("alias", sentence),) if sentence else ()
+    return (Remark("alias", sentence),) if sentence else ()
 
 
 def _may_be(power: Array) -> bool:

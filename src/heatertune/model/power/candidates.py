@@ -60,15 +60,15 @@ def candidates_of(
     if bend is not None:
         tried += [_Tried(end.model, bend.simulated_degC, bend.bic, f"power logged, {end.at}", None, True)
                   for end in dict.fromkeys(bend.ends)]
-    least = min(each.bic for each in tried)
+    least = min(trial.bic for trial in tried)
     return tuple(
         Candidate(
-            model=each.model, log=log.name, window_s=(float(log.time_s[0]), float(log.time_s[-1])), law=each.law,
-            fit_pct=fit_pct(record, each.simulated_degC),
-            rmse_degC=float(np.sqrt(np.mean((record - each.simulated_degC) ** 2))), delta_bic=each.bic - least,
-            cross_rmse_degC=None if each.left_out is None else each.left_out.rmse_degC,
+            model=trial.model, log=log.name, window_s=(float(log.time_s[0]), float(log.time_s[-1])), law=trial.law,
+            fit_pct=fit_pct(record, trial.simulated_degC),
+            rmse_degC=float(np.sqrt(np.mean((record - trial.simulated_degC) ** 2))), delta_bic=trial.bic - least,
+            cross_rmse_degC=None if trial.left_out is None else trial.left_out.rmse_degC,
         )
-        for each in tried if each.kept or each.bic - least < _NEAR
+        for trial in tried if trial.kept or trial.bic - least < _NEAR
     )
 
 
@@ -78,12 +78,12 @@ def _orders(
     """Return one lag, two where the second is seen, and the integrator where the time constant is open upwards."""
     (problem, other), (one, two) = problems, fits
     assert one.model is not None
-    found = [_Tried(one.model, one.simulated_degC, bic_of(problem, one), "power logged", left_out, True)]
+    tried = [_Tried(one.model, one.simulated_degC, bic_of(problem, one), "power logged", left_out, True)]
     if second_is_seen(two) and two.model is not None:
-        found.append(_Tried(two.model, two.simulated_degC, bic_of(other, two), "power logged", unseen(other, two)))
+        tried.append(_Tried(two.model, two.simulated_degC, bic_of(other, two), "power logged", unseen(other, two)))
     if open_lag:
         far = problem.far()
         if far.model is not None:
             law = "power logged, as an integrator"
-            found.append(_Tried(far.model, far.simulated_degC, bic_of(problem, far), law))
-    return found
+            tried.append(_Tried(far.model, far.simulated_degC, bic_of(problem, far), law))
+    return tried

@@ -61,24 +61,24 @@ def cleaned(log: Log, problem: PowerProblem) -> tuple[Log, Cleaned, tuple[str, .
         problem: of one lag at every reading.
     """
     segments = gaps(log)
-    found = _without_outliers(_restarted(log, problem, segments))
+    clean = _without_outliers(_restarted(log, problem, segments))
     for _ in range(_ROUNDS):
-        more = segments.with_jumps(_jumps(found))
+        more = segments.with_jumps(_jumps(clean))
         if len(more.places) == len(segments.places) or len(more.places) > MOST:
             break
-        segments, found = more, _without_outliers(_restarted(log, problem, more))
+        segments, clean = more, _without_outliers(_restarted(log, problem, more))
     rows = segments.kept(len(log.time_s))
     if not rows.all():
-        found = _without_outliers(_part(found.whole, rows))
-    return (log if rows.all() else part(log, rows)), found, tuple(segments.told(log))
+        clean = _without_outliers(_part(clean.whole, rows))
+    return (log if rows.all() else part(log, rows)), clean, tuple(segments.notes(log))
 
 
-def _jumps(found: Cleaned) -> Places:
+def _jumps(clean: Cleaned) -> Places:
     """Return the places of jumps, whichever power was on before the log."""
-    measured = found.whole.readings.temperature_degC
-    places = jumps(measured, found.simulated_degC)
-    if len(places) and found.whole.power_before_pct is None and found.whole.power_before != 0.0:
-        other = _without_outliers(replace(found.whole, power_before_pct=0.0))
+    measured = clean.whole.readings.temperature_degC
+    places = jumps(measured, clean.simulated_degC)
+    if len(places) and clean.whole.power_before_pct is None and clean.whole.power_before != 0.0:
+        other = _without_outliers(replace(clean.whole, power_before_pct=0.0))
         places = np.intersect1d(places, jumps(measured, other.simulated_degC))
     return places
 
@@ -106,21 +106,21 @@ def _without_outliers(problem: PowerProblem) -> Cleaned:
     measured = problem.readings.temperature_degC
     smooth = tamed(measured)
     starts = [measured] if np.array_equal(smooth, measured) else [measured, smooth]
-    return min((_settled(problem, start) for start in starts), key=lambda each: each.bic)
+    return min((_settled(problem, start) for start in starts), key=lambda clean: clean.bic)
 
 
 def _settled(problem: PowerProblem, start: Array) -> Cleaned:
-    found, readings = _fitted(problem, start, np.empty(0, dtype=np.intp)), problem.readings
+    clean, readings = _fitted(problem, start, np.empty(0, dtype=np.intp)), problem.readings
     begun = np.searchsorted(readings.time_s, readings.restart_s)
     for _ in range(_PASSES):
-        last = found
+        last = clean
         readings_degC, outliers = without_outliers(readings.temperature_degC, last.simulated_degC, begun)
         if np.array_equal(readings_degC, last.readings_degC):
             break
-        found = _fitted(problem, readings_degC, outliers)
+        clean = _fitted(problem, readings_degC, outliers)
         if len(outliers) and np.array_equal(outliers, last.outliers):
             break
-    return found
+    return clean
 
 
 def _fitted(problem: PowerProblem, readings_degC: Array, outliers: Places) -> Cleaned:

@@ -61,69 +61,69 @@ def longest_hold_s(log: Log, problem: PowerProblem) -> float:
 
 
 def _readings(log: Log, problem: PowerProblem, outliers: npt.NDArray[np.intp]) -> list[str]:
-    told = []
+    notes = []
     assert log.power_pct is not None
     step = sensor_step(log.temperature_degC)
     if step is not None:
-        told.append(f"The sensor's readings come in steps of {step:.3g} °C.")
+        notes.append(f"The sensor's readings come in steps of {step:.3g} °C.")
     if len(outliers):
         named = ", ".join(f"{t:g}" for t in log.time_s[outliers[:_NAMED]])
         more = f" and {len(outliers) - _NAMED} more" if len(outliers) > _NAMED else ""
-        told.append(f"Readings far off their neighbours were given no weight: {len(outliers)} (at {named} s{more}).")
+        notes.append(f"Readings far off their neighbours were given no weight: {len(outliers)} (at {named} s{more}).")
     if problem.readings.averaged > 1:
         merged = len(problem.readings.edge_s) <= np.count_nonzero(np.diff(log.power_pct))
-        told.append(
+        notes.append(
             f"Runs of up to {problem.readings.averaged} readings were averaged for the search, "
             "and the model over the same runs; the power's edges were kept exactly"
             f"{', but for small ones that follow closely, which were averaged' if merged else ''}."
         )
-    return told
+    return notes
 
 
 def _power_before(log: Log, problem: PowerProblem) -> list[str]:
     assert log.power_pct is not None
-    told = []
+    notes = []
     if problem.ambient_degC is not None:
-        told.append(f"The ambient temperature of {problem.ambient_degC:g} °C was given, not fitted.")
+        notes.append(f"The ambient temperature of {problem.ambient_degC:g} °C was given, not fitted.")
     first = log.power_pct[0]
     if problem.at_rest and first != problem.power_before:
-        told.append(
+        notes.append(
             f"The log begins with {first:g} % power already on; it was taken as {problem.power_before:g} %, and the "
             "heater at rest, before, which explains it better than any other start; --power-before would settle it."
         )
     elif problem.at_rest:
         pass  # the readings before the first step show it
     elif first > 0.0 and problem.power_before_pct is None:
-        told.append(
+        notes.append(
             f"The log begins with {first:g} % power already on, and nothing before it: no steady start was assumed, "
             "which can more than double the gain; if you know the power before, give --power-before."
         )
     elif first > 0.0 and problem.power_before_pct == 0.0:
-        told.append(
+        notes.append(
             f"The log begins with {first:g} % power already on; it was taken as 0 % before, which --power-before "
             "would settle, and no steady start was assumed, which can more than double the gain."
         )
-    return told
+    return notes
 
 
 def _disturbed(log: Log, problem: PowerProblem, fit: PowerFit) -> list[str]:
-    told = []
+    notes = []
     if problem.drift:
-        told.append(f"The ambient drifts by {3600.0 * fit.linear[DRIFT]:.2g} °C/h; the drift was fitted.")
+        notes.append(f"The ambient drifts by {3600.0 * fit.linear[DRIFT]:.2g} °C/h; the drift was fitted.")
     for instant, size in zip(problem.loads_s, fit.linear[COLUMNS:], strict=False):
-        told.append(
+        notes.append(
             f"At {instant:.4g} s an unlogged load, or a change of the heater itself, begins that "
             f"{'warms' if size > 0 else 'cools'} {log.name} by {abs(size):.2g} °C in the long run; it was fitted "
             "beside the power."
         )
-    return told
+    return notes
 
 
 def limit_notes(
     model: HeaterModel, on_bound: tuple[str, ...], ci95: Mapping[str, Interval | None], longest_s: float
 ) -> tuple[str, ...]:
     """Return what is known only in part; `longest_s`: see `longest_hold_s`, of all logs."""
-    told = []
+    notes = []
     if not all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s")):
         full = 100.0 * model.gain_degC_per_pct / model.lags_s[0]
         reason = (
@@ -131,34 +131,34 @@ def limit_notes(
             if longest_s < _SETTLED * model.lags_s[0]
             else "what the model leaves over is slow, and passes for gain or ambient"
         )
-        told.append(f"Gain and time constant are known only as a ratio, {full:.2g} °C/s at full power: {reason}.")
+        notes.append(f"Gain and time constant are known only as a ratio, {full:.2g} °C/s at full power: {reason}.")
     if model.dead_time_s > model.lags_s[0]:
-        told.append(
+        notes.append(
             f"The dead time of {model.dead_time_s:.3g} s is longer than the time constant of {model.lags_s[0]:.3g} s, "
             "which no heater of fewer than six equal lags in series has: it may as well be a clock of the power that "
             "runs ahead of the temperature's, which looks the same; compare the two at one switching of the heater."
         )
     if on_bound:
-        told.append(f"On a bound of the search: {', '.join(on_bound)}.")
-    return tuple(told)
+        notes.append(f"On a bound of the search: {', '.join(on_bound)}.")
+    return tuple(notes)
 
 
 def rival_notes(name: str, candidates: Sequence[Candidate]) -> tuple[str, ...]:
     """Return which other models explain the log, or logs, of this name; the first candidate is of one lag."""
-    told = []
+    notes = []
     better = candidates[0].delta_bic
     two = next((c.model for c in candidates if len(c.model.lags_s) > 1 and c.law.endswith("logged")), None)
     if two is not None and better > _NEAR:
-        told.append(
+        notes.append(
             f"Two lags ({two.lags_s[0]:.3g} s, {two.lags_s[1]:.3g} s, dead time {two.dead_time_s:.3g} s) explain "
             f"{name} better than one (BIC {better:.0f} points): tuning and proof run on both."
         )
     faces = [c for c in candidates if c.law.endswith(("heating", "cooling"))]
     if faces and better > _NEAR:
-        told.append(
+        notes.append(
             f"{name} warms with a time constant of {faces[0].model.time_constant_s:.3g} s and cools with "
             f"{faces[1].model.time_constant_s:.3g} s: tuning and proof run on both."
         )
     if any(c.law.endswith("integrator") for c in candidates):
-        told.append("No curvature is seen: an integrator explains the log as well and is one of the candidates.")
-    return tuple(told)
+        notes.append("No curvature is seen: an integrator explains the log as well and is one of the candidates.")
+    return tuple(notes)

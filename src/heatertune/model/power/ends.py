@@ -100,10 +100,10 @@ def held_by(problem: PowerProblem, fit: PowerFit) -> tuple[Mapping[str, float], 
     return {name: value_of(best, name) for name in ("dead_time_s", RATIO, PERIOD)}, held
 
 
-def _value(found: Interval | None, end: _End, least_dead_time_s: float) -> float | None:
-    if found is None:
+def _value(ci95: Interval | None, end: _End, least_dead_time_s: float) -> float | None:
+    if ci95 is None:
         return None
-    value = found.low if end.side == "low" else found.high
+    value = ci95.low if end.side == "low" else ci95.high
     if end.name != "dead_time_s":
         return value if value else None
     if end.side == "low":
@@ -125,10 +125,10 @@ def halves_of(log: Log, halves: tuple[Half, Half], *, law: str) -> Iterator[Cand
 
 def told_apart(candidates: Sequence[Candidate], least_dead_time_s: float) -> tuple[Candidate, ...]:
     """Return the candidates without the ends that differ from another one by less than 3 % in every number."""
-    kept = [each for each in candidates if not each.part]
-    for each in candidates:
-        if each.part and not any(_alike(each.model, other.model, least_dead_time_s) for other in kept):
-            kept.append(each)
+    kept = [candidate for candidate in candidates if not candidate.part]
+    for candidate in candidates:
+        if candidate.part and not any(_alike(candidate.model, other.model, least_dead_time_s) for other in kept):
+            kept.append(candidate)
     return tuple(kept)
 
 

@@ -82,7 +82,7 @@ def _begun(way: Way, start: PowerProblem) -> Way:
     if not start.at_rest:
         return Way(others, near)
     # a free initial state may have led far off
-    return Way(others, [min((fit, other.fit()), key=lambda each: bic_of(other, each))
+    return Way(others, [min((fit, other.fit()), key=lambda trial: bic_of(other, trial))
                         for other, fit in zip(others, near, strict=True)])
 
 

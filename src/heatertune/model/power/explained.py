@@ -37,7 +37,7 @@ class Explained:
         fits: their best fits.
         cleaned: readings with outliers put where their neighbours are, shape (n,) [°C].
         outliers: their places.
-        told: about the log's disturbances, and what it cannot tell about its heater, one sentence each.
+        notes: about the log's disturbances, and what it cannot tell about its heater, one sentence each.
         alias: about power that switches faster than it was logged; empty where it does not.
         bend: what explains the log better than a linear heater, None where nothing does.
     """
@@ -48,7 +48,7 @@ class Explained:
     fits: list[PowerFit]
     cleaned: Array
     outliers: npt.NDArray[np.intp]
-    told: tuple[str, ...]
+    notes: tuple[str, ...]
     alias: str
     bend: Bend | None = None
 
@@ -98,8 +98,8 @@ def explained(
 
 def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
-    log, found, told = cleaned(log, problem)
-    thin, fit = found.problem, found.fit
+    log, clean, notes = cleaned(log, problem)
+    thin, fit = clean.problem, clean.fit
     alias = "" if believed else alias_of(log, thin, fit)
     if not believed:
         _demand_cause(log, thin, fit, alias)
@@ -110,8 +110,8 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
     return Explained(
-        log=log, readings=found.whole.readings, problems=problems, fits=fits, cleaned=found.readings_degC,
-        outliers=found.outliers, told=(*told, *untold), alias=alias, bend=bend,
+        log=log, readings=clean.whole.readings, problems=problems, fits=fits, cleaned=clean.readings_degC,
+        outliers=clean.outliers, notes=(*notes, *untold), alias=alias, bend=bend,
     )
 
 
@@ -127,8 +127,8 @@ def _demand_cause(log: Log, problem: PowerProblem, fit: PowerFit, alias: str) ->
 
 def _second(problem: PowerProblem, one: PowerFit) -> PowerFit:
     """Return two lags; where the free initial states alone make the best of it, the two nearest to the one lag."""
-    found = problem.fit()
-    if found.model is not None:
-        return found
+    fit = problem.fit()
+    if fit.model is not None:
+        return fit
     near = [(one.vector[0], max(one.vector[1] - ratio * math.exp(one.vector[0]), 0.0), ratio) for ratio in (0.03, 0.2)]
     return problem.refined(np.array(near))

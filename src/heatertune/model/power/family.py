@@ -29,13 +29,13 @@ class _Order(NamedTuple):
 
 
 def family_of(
-    found: Explained, candidates: Sequence[Candidate], ci95: Mapping[str, Interval | None],
+    explanation: Explained, candidates: Sequence[Candidate], ci95: Mapping[str, Interval | None],
     halves: tuple[Half, Half] | None, least_dead_time_s: float, wider: Mapping[str, float], seed: int,
 ) -> tuple[tuple[Candidate, ...], tuple[Finding, ...]]:
     """Return every possible heater, and what is open that no heater can stand for.
 
     Args:
-        found: what explains the log.
+        explanation: what explains the log.
         candidates: the hypotheses that explain it, one lag first.
         ci95: intervals of one lag, gain per time constant and ultimate period among them.
         halves: one lag fitted to each half, None where that could not be done.
@@ -43,18 +43,18 @@ def family_of(
         wider: factors by which the halves ask for wider intervals, see `parts.widening`; taken for two lags too.
         seed: of the bootstrap of two lags.
     """
-    orders = list(_orders(found, candidates, ci95, wider, seed))
+    orders = list(_orders(explanation, candidates, ci95, wider, seed))
     ends: list[Candidate] = []
     for order in orders:
-        values, held = held_by(found.problems[order.place], found.fits[order.place])
+        values, held = held_by(explanation.problems[order.place], explanation.fits[order.place])
         ends += ends_of(order.candidate, values, order.ci95, held, least_dead_time_s=least_dead_time_s)
-    parts = () if halves is None else halves_of(found.log, halves, law=candidates[0].law)
+    parts = () if halves is None else halves_of(explanation.log, halves, law=candidates[0].law)
     return told_apart([*candidates, *ends, *parts], least_dead_time_s), tuple(
         open_ends([("two lags" if order.place else "one lag", order.ci95) for order in orders]))
 
 
 def _orders(
-    found: Explained, candidates: Sequence[Candidate], ci95: Mapping[str, Interval | None],
+    explanation: Explained, candidates: Sequence[Candidate], ci95: Mapping[str, Interval | None],
     wider: Mapping[str, float], seed: int,
 ) -> Iterator[_Order]:
     """Return one lag and two, as far as they explain the log.
@@ -62,11 +62,11 @@ def _orders(
     Where two lags explain it far better, of one lag the dead time alone stays: its interval is what is told.
     """
     one, *others = candidates
-    two = next((each for each in others if len(each.model.lags_s) > 1 and each.law == one.law), None)
+    two = next((other for other in others if len(other.model.lags_s) > 1 and other.law == one.law), None)
     better = two is not None and one.delta_bic >= two.delta_bic + _NEAR
     yield _Order(0, one, {"dead_time_s": ci95["dead_time_s"]} if better else ci95)
     if two is not None:
-        yield _Order(1, two, intervals_by(found.problems[1], found.fits[1], [wider], seed=seed)[0])
+        yield _Order(1, two, intervals_by(explanation.problems[1], explanation.fits[1], [wider], seed=seed)[0])
 
 
 def open_ends(orders: Sequence[tuple[str, Mapping[str, Interval | None]]]) -> Iterator[Finding]:

@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import Log
-from heatertune.model.hearing import Told
+from heatertune.model.hearing import Remark
 from heatertune.model.power.sanity import follows_temperature
 
-__all__ = ["closed_loop", "feedback_notes", "is_feedback", "loop_told"]
+__all__ = ["closed_loop", "feedback_notes", "is_feedback", "loop_remarks"]
 
 Array = npt.NDArray[np.float64]
 
@@ -25,31 +25,31 @@ _FEW = 10  # readings with the power between its limits; fewer show no law
 _APART = 0.2  # of the span between first and last reading: the loop had to heat up
 
 
-def loop_told(log: Log) -> tuple[Told, ...]:
+def loop_remarks(log: Log) -> tuple[Remark, ...]:
     """Return what it means that the logged power is a controller's, all the time or from when to when.
 
     The fit is the direct method: it takes the power as given. Where noise is fed back it is biased as far as the noise
     model is wrong (L. Ljung, "System Identification", 2nd ed., 1999, section 13.4).
     """
-    found = closed_loop(log)
-    if found is None:
+    window = closed_loop(log)
+    if window is None:
         return ()
-    start, end = found
-    told = f"{log.name}: the power answers the temperature, so the log is of a closed loop and noise is fed back."
+    start, end = window
+    text = f"{log.name}: the power answers the temperature, so the log is of a closed loop and noise is fed back."
     if not is_feedback(log):
-        told = f"{log.name}: from {start:.4g} to {end:.4g} s the power answers the temperature, a closed loop in " \
+        text = f"{log.name}: from {start:.4g} to {end:.4g} s the power answers the temperature, a closed loop in " \
             "which noise and loads reach the power and pull a direct fit; an open-loop step would settle the model."
     elif (change := _excitation(log)) is None:
-        told += (" Nothing but noise moves it: the fit may be the controller's inverse; change the setpoint, or add a "
+        text += (" Nothing but noise moves it: the fit may be the controller's inverse; change the setpoint, or add a "
                  "dither to the power, and log again.")
     else:
-        told += f" {change} moves it, so a direct fit is in order; what the fit calls noise still biases it."
-    return (Told("closed-loop", told),)
+        text += f" {change} moves it, so a direct fit is in order; what the fit calls noise still biases it."
+    return (Remark("closed-loop", text),)
 
 
 def feedback_notes(log: Log) -> tuple[str, ...]:
-    """Return the sentences of `loop_told`."""
-    return tuple(each.sentence for each in loop_told(log))
+    """Return the sentences of `loop_remarks`."""
+    return tuple(remark.sentence for remark in loop_remarks(log))
 
 
 def is_feedback(log: Log) -> bool:
@@ -120,9 +120,9 @@ def _is_linear(log: Log, power: Array) -> bool:
     error = log.temperature_degC if log.setpoint_degC is None else log.temperature_degC - log.setpoint_degC
     total = np.cumsum(error - error.mean()) * np.gradient(log.time_s)
     rows = np.column_stack([np.ones(len(power)), error, total])[inside]
-    known, *_ = np.linalg.lstsq(rows, power[inside], rcond=None)
-    left = power[inside] - rows @ known
-    return bool(known[1] < 0.0 and left.var() < (1.0 - _EXPLAINED) * power[inside].var())
+    weights, *_ = np.linalg.lstsq(rows, power[inside], rcond=None)
+    left = power[inside] - rows @ weights
+    return bool(weights[1] < 0.0 and left.var() < (1.0 - _EXPLAINED) * power[inside].var())
 
 
 def _excitation(log: Log) -> str | None:

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.model.hearing import Told, fast_told, findings_of, poor_told
+from heatertune.model.hearing import Remark, fast_remarks, findings_of, poor_remarks
 from heatertune.model.intervals import RATIO, Interval, identified_parts
-from heatertune.model.power.agreement import agreement_told, disagreements
-from heatertune.model.power.alias import alias_told
+from heatertune.model.power.agreement import agreement_remarks, disagreements
+from heatertune.model.power.alias import alias_remarks
 from heatertune.model.power.candidates import second_is_seen
 from heatertune.model.power.diagnosis import limit_notes, log_notes, longest_hold_s, rival_notes
 from heatertune.model.power.ends import AtEnd, ends_of, told_apart
@@ -43,7 +43,7 @@ class _Joint(NamedTuple):
     problem: JointProblem
     fit: JointFit
     law: str
-    told: str = ""
+    sentence: str = ""
     shifted: bool = False
 
 
@@ -83,28 +83,28 @@ def fit_logs(
     open_ = open_ends([("one lag", {**ci95})])
     ratio = ci95.pop(RATIO)
     assert ratio is not None
-    known = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
+    resolved = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
     model, first = _fopdt(best), logs[0]
     simulated = first.at_readings(best.problem.parts[0], best.fit.parts[0])
-    agreement, names = list(agreement_told(alone, apart)), " and ".join(log.log.name for log in logs)
-    checks = [*fast_told(math.exp(best.problem.low[LAG]), model.time_constant_s, names), *_aliases(logs)]
+    agreement, names = list(agreement_remarks(alone, apart)), " and ".join(log.log.name for log in logs)
+    checks = [*fast_remarks(math.exp(best.problem.low[LAG]), model.time_constant_s, names), *_aliases(logs)]
     fit = _fit_pct([log.cleaned for log in logs], _simulated(best, logs))
-    outcome = outcome_of(fit, known=known)
+    outcome = outcome_of(fit, resolved=resolved)
     return FittedModel(
         model=model,
         outcome=outcome,
         method="exact simulation of every log with its own power, free initial states; intervals: profile likelihood "
         "or block bootstrap, whichever reaches further",
         ci95=ci95,
-        combinations={} if known else {RATIO: (values_of(model)[RATIO], ratio)},
+        combinations={} if resolved else {RATIO: (values_of(model)[RATIO], ratio)},
         candidates=family,
         fit_pct=fit,
-        findings=(*findings_of([*poor_told(outcome, fit, names), *agreement, *checks]), *open_),
-        notes=(*(each.sentence for each in agreement), *_log_notes(best, logs),
+        findings=(*findings_of([*poor_remarks(outcome, fit, names), *agreement, *checks]), *open_),
+        notes=(*(remark.sentence for remark in agreement), *_log_notes(best, logs),
                *limit_notes(model, best.problem.on_bound(best.fit), ci95,
                             max(longest_hold_s(log.log, log.problems[0]) for log in logs)),
-               *rival_notes("the logs", candidates), *(rival.told for rival in rivals),
-               *(each.sentence for each in checks)),
+               *rival_notes("the logs", candidates), *(rival.sentence for rival in rivals),
+               *(remark.sentence for remark in checks)),
         residuals=Residuals(
             time_s=first.log.time_s, measured_degC=first.log.temperature_degC, simulated_degC=simulated,
             autocorrelation=autocorrelation(first.cleaned - simulated),
@@ -113,42 +113,42 @@ def fit_logs(
     )
 
 
-def _joint(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], law: str, told: str = "") -> _Joint:
+def _joint(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], law: str, sentence: str = "") -> _Joint:
     """Return one heater for all logs, sought from where the fits of each lie."""
     problem = JointProblem.of(problems, fits)
     starts = [np.array([math.log(fit.linear[GAIN]), *fit.vector]) for fit in fits]
-    return _Joint(problem, problem.refined(np.array([*starts, np.mean(starts, axis=0)])), law, told)
+    return _Joint(problem, problem.refined(np.array([*starts, np.mean(starts, axis=0)])), law, sentence)
 
 
 def _drifting(logs: Sequence[Explained]) -> tuple[Sequence[Explained], _Joint]:
     """Return logs and heater with a drift in each log that asks for it once the heater is that of all logs."""
-    found = _joint([log.problems[0] for log in logs], [log.fits[0] for log in logs], _LAW)
+    joint = _joint([log.problems[0] for log in logs], [log.fits[0] for log in logs], _LAW)
     for place, log in enumerate(logs):
         changed = [*logs[:place], log.drifting(), *logs[place + 1 :]]
         if any(fit.model is None for fit in changed[place].fits):
             continue
         trial = _joint([log.problems[0] for log in changed], [log.fits[0] for log in changed], _LAW)
-        if trial.problem.bic(trial.fit) < found.problem.bic(found.fit) - _NEAR:
-            logs, found = changed, trial
-    return logs, found
+        if trial.problem.bic(trial.fit) < joint.problem.bic(joint.fit) - _NEAR:
+            logs, joint = changed, trial
+    return logs, joint
 
 
 def _rivals(best: _Joint, logs: Sequence[Explained], weights: Sequence[Weighed]) -> Iterator[_Joint]:
     """Return one heater for all logs, those that allow it read in another way; none that other logs speak against."""
     at_best = best.problem.bic(best.fit)
     for law in dict.fromkeys(rival.law for weight in weights for rival in weight.rivals):
-        found = [next((rival for rival in weight.rivals if rival.law == law), None) for weight in weights]
-        parts, names, told, dearer_alone = list(best.problem.parts), [], [], 0.0
-        for place, (log, rival) in enumerate(zip(logs, found, strict=True)):
+        own_rivals = [next((rival for rival in weight.rivals if rival.law == law), None) for weight in weights]
+        parts, names, sentences, dearer_alone = list(best.problem.parts), [], [], 0.0
+        for place, (log, rival) in enumerate(zip(logs, own_rivals, strict=True)):
             if rival is not None:
                 parts[place] = rival.problem
                 names.append(log.log.name)
-                told.append(f"{log.log.name}: {rival.told}")
+                sentences.append(f"{log.log.name}: {rival.sentence}")
                 dearer_alone += max(bic_of(rival.problem, rival.fit) - bic_of(log.problems[0], log.fits[0]), 0.0)
         fits = [rival.fit if rival is not None and rival.shifted else log.fits[0]
-                for log, rival in zip(logs, found, strict=True)]
-        other = _joint(parts, fits, f"{law} ({', '.join(names)})", " ".join(told))._replace(
-            shifted=any(rival is not None and rival.shifted for rival in found))
+                for log, rival in zip(logs, own_rivals, strict=True)]
+        other = _joint(parts, fits, f"{law} ({', '.join(names)})", " ".join(sentences))._replace(
+            shifted=any(rival is not None and rival.shifted for rival in own_rivals))
         if other.problem.bic(other.fit) - at_best < dearer_alone + _NEAR:
             yield other
 
@@ -168,17 +168,17 @@ def _candidates(
 ) -> Iterator[Candidate]:
     """Return one lag, its rivals, and every other model that explains the logs nearly as well or better."""
     tried = [best, *rivals, *others]
-    bics = [each.problem.bic(each.fit) for each in tried]
+    bics = [trial.problem.bic(trial.fit) for trial in tried]
     cleaned = [log.cleaned for log in logs]
-    for place, (each, bic) in enumerate(zip(tried, bics, strict=True)):
+    for place, (trial, bic) in enumerate(zip(tried, bics, strict=True)):
         if place > len(rivals) and bic - min(bics) >= _NEAR:
             continue
-        simulated = _simulated(each, logs)
+        simulated = _simulated(trial, logs)
         left = np.concatenate(cleaned) - np.concatenate(simulated)
-        plant = each.fit.parts[0].model
+        plant = trial.fit.parts[0].model
         assert plant is not None
         yield Candidate(
-            model=plant, log=" + ".join(log.log.name for log in logs), law=each.law,
+            model=plant, log=" + ".join(log.log.name for log in logs), law=trial.law,
             window_s=(min(float(log.log.time_s[0]) for log in logs), max(float(log.log.time_s[-1]) for log in logs)),
             fit_pct=_fit_pct(cleaned, simulated), rmse_degC=float(np.sqrt(np.mean(left**2))),
             delta_bic=bic - min(bics),
@@ -207,7 +207,7 @@ def _alone(log: Explained, weight: Weighed, best: _Joint, place: int) -> OneLog:
         ambient_degC=float(fit.linear[AMBIENT]), drift_degC_per_s=float(fit.linear[DRIFT]),
         noise_degC=float(np.std(log.cleaned - simulated)),
         values={name: value for name, value in values_of(model).items() if name in ends and name != "ambient_degC"},
-        ci95={name: found for name, found in ends.items() if name != "ambient_degC"},
+        ci95={name: limits for name, limits in ends.items() if name != "ambient_degC"},
     )
 
 
@@ -229,31 +229,31 @@ def _ends(
     return ends_of(first, values_of(_fopdt(best)), ci95, held, least_dead_time_s=least_dead_time_s)
 
 
-def _simulated(found: _Joint, logs: Sequence[Explained]) -> list[Array]:
-    pairs = zip(logs, found.problem.parts, found.fit.parts, strict=True)
+def _simulated(joint: _Joint, logs: Sequence[Explained]) -> list[Array]:
+    pairs = zip(logs, joint.problem.parts, joint.fit.parts, strict=True)
     return [log.at_readings(part, fit) for log, part, fit in pairs]
 
 
 def _fit_pct(measured: Sequence[Array], simulated: Sequence[Array]) -> float:
     """Return the fit over all logs, each about its own mean: the logs' levels are no merit of the model [%]."""
-    levels = np.concatenate([each - each.mean() for each in measured])
+    levels = np.concatenate([series - series.mean() for series in measured])
     left = np.concatenate(measured) - np.concatenate(simulated)
     return float(100.0 * (1.0 - np.linalg.norm(left) / np.linalg.norm(levels)))
 
 
-def _fopdt(found: _Joint) -> Fopdt:
-    model = found.fit.parts[0].model
+def _fopdt(joint: _Joint) -> Fopdt:
+    model = joint.fit.parts[0].model
     assert isinstance(model, Fopdt)
     return model
 
 
-def _aliases(logs: Sequence[Explained]) -> Iterator[Told]:
+def _aliases(logs: Sequence[Explained]) -> Iterator[Remark]:
     for log in logs:
-        for each in alias_told(log.alias):
-            yield each._replace(sentence=f"{log.log.name}: {each.sentence}")
+        for remark in alias_remarks(log.alias):
+            yield remark._replace(sentence=f"{log.log.name}: {remark.sentence}")
 
 
 def _log_notes(best: _Joint, logs: Sequence[Explained]) -> Iterator[str]:
     for log, part, fit in zip(logs, best.problem.parts, best.fit.parts, strict=True):
-        for note in (*log.told, *log_notes(log.log, part, fit, log.outliers)):
+        for note in (*log.notes, *log_notes(log.log, part, fit, log.outliers)):
             yield f"{log.log.name}: {note}"

@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from heatertune.model.hearing import fast_told, findings_of, level_told, poor_told
+from heatertune.model.hearing import fast_remarks, findings_of, level_remarks, poor_remarks
 from heatertune.model.intervals import PERIOD, RATIO, Interval, identified_parts
 from heatertune.model.judgement import Validation
 from heatertune.model.measures import ultimate_period_s
-from heatertune.model.power.alias import alias_told
+from heatertune.model.power.alias import alias_remarks
 from heatertune.model.power.candidates import candidates_of, second_is_seen
 from heatertune.model.power.diagnosis import notes_of
 from heatertune.model.power.explained import Explained
 from heatertune.model.power.family import family_of
-from heatertune.model.power.judge import correlation_of, judged, judgement_told
-from heatertune.model.power.nonlinear import Bend, bend_told
+from heatertune.model.power.judge import correlation_of, judged, judgement_remarks
+from heatertune.model.power.nonlinear import Bend, bend_remarks
 from heatertune.model.power.parts import halves_notes, said_by_halves, widening, widening_notes
 from heatertune.model.power.rivals import Rival, rivals_of, widened
 from heatertune.model.power.uncertainty import intervals_by
@@ -38,68 +38,69 @@ class Weighed(NamedTuple):
 _POOR = 60.0  # fit [%] below which no interval means anything
 
 
-def weighed(found: Explained, *, open_start: bool, seed: int) -> Weighed:
+def weighed(explanation: Explained, *, open_start: bool, seed: int) -> Weighed:
     """Return what one lag is worth; `open_start`: nobody knows the power before the log."""
-    problem, one = found.problems[0], found.fits[0]
+    problem, one = explanation.problems[0], explanation.fits[0]
     wider = widening(problem, one)
     narrow, inside = intervals_by(problem, one, [{}, wider], seed=seed)
     validation = judged(problem, one)
-    rivals = rivals_of(found.log, problem, one, narrow, validation.held_out, open_start=open_start)
+    rivals = rivals_of(explanation.log, problem, one, narrow, validation.held_out, open_start=open_start)
     return Weighed(inside, validation, rivals, wider)
 
 
-def fit_power(found: Explained, weight: Weighed, *, least_dead_time_s: float, seed: int) -> FittedModel:
+def fit_power(explanation: Explained, weight: Weighed, *, least_dead_time_s: float, seed: int) -> FittedModel:
     """Return the FOPDT of a log with power, its intervals, and the candidates.
 
     Beside one lag: two lags, a time constant for heating and one for cooling, an integrator; a drift of the ambient
     and load steps where the log asks for them; the ends of the intervals, and the halves where they disagree.
 
     Args:
-        found: what explains the log.
+        explanation: what explains the log.
         weight: what one lag is worth.
         least_dead_time_s: no dead time below this is believed.
         seed: of the bootstrap.
     """
-    log, one = found.log, found.fits[0]
+    log, (one, two) = explanation.log, explanation.fits
     inside, validation, rivals, wider = weight
     read_otherwise = widened(
-        inside, [*(values_of(rival.model) for rival in rivals if not rival.shifted), *_ends_of(found.bend)])
-    as_read = widened(read_otherwise, said_by_halves(found.problems[0], one, validation, read_otherwise))
+        inside, [*(values_of(rival.model) for rival in rivals if not rival.shifted), *_ends_of(explanation.bend)])
+    as_read = widened(read_otherwise, said_by_halves(explanation.problems[0], one, validation, read_otherwise))
     ci95: dict[str, Interval | None] = {
         **widened(as_read, [values_of(rival.model) for rival in rivals if rival.shifted])}
     lag = ci95["time_constant_s"]
     assert lag is not None
     candidates = candidates_of(
-        log, found.problems, found.fits, left_out=validation.held_out, open_lag=lag.high is None, rivals=rivals,
-        bend=found.bend)
-    family, open_ = family_of(found, candidates, as_read, validation.halves, least_dead_time_s, wider or {}, seed)
+        log, explanation.problems, explanation.fits, left_out=validation.held_out, open_lag=lag.high is None,
+        rivals=rivals, bend=explanation.bend)
+    family, open_ = family_of(explanation, candidates, as_read, validation.halves, least_dead_time_s, wider or {}, seed)
     ratio, _ = ci95.pop(RATIO), ci95.pop(PERIOD)
     assert ratio is not None
-    known = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
-    simulated = found.simulated_degC
-    fit = fit_pct(found.cleaned, simulated)
-    second = correlation_of(found.problems[1], found.fits[1]) if second_is_seen(found.fits[1]) else None
-    outcome = outcome_of(max([fit, *(each.fit_pct for each in candidates)]), known=known)
-    least_s = math.exp(found.problems[0].low[0])
-    checks = [*bend_told(found.bend), *judgement_told(log, validation, fit, second), *alias_told(found.alias),
-              *fast_told(least_s, found.model.time_constant_s, log.name), *level_told(log)]
+    resolved = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
+    simulated = explanation.simulated_degC
+    fit = fit_pct(explanation.cleaned, simulated)
+    second = correlation_of(explanation.problems[1], two) if second_is_seen(two) else None
+    outcome = outcome_of(max([fit, *(candidate.fit_pct for candidate in candidates)]), resolved=resolved)
+    least_s = math.exp(explanation.problems[0].low[0])
+    checks = [*bend_remarks(explanation.bend), *judgement_remarks(log, validation, fit, second),
+              *alias_remarks(explanation.alias), *fast_remarks(least_s, explanation.model.time_constant_s, log.name),
+              *level_remarks(log)]
     return FittedModel(
-        model=found.model,
+        model=explanation.model,
         outcome=outcome,
         method="exact simulation with the logged power, "
-        f"{'begun at rest' if found.problems[0].at_rest else 'free initial state'}; "
+        f"{'begun at rest' if explanation.problems[0].at_rest else 'free initial state'}; "
         "intervals: profile likelihood or block bootstrap, whichever reaches further",
         ci95=ci95,
-        combinations={} if known else {RATIO: (values_of(found.model)[RATIO], ratio)},
+        combinations={} if resolved else {RATIO: (values_of(explanation.model)[RATIO], ratio)},
         candidates=family,
         fit_pct=fit,
-        notes=(*found.told, *notes_of(log, found.problems[0], one, ci95, candidates, found.outliers),
-               *widening_notes(wider or {}), *halves_notes(read_otherwise, as_read), *(rival.told for rival in rivals),
-               *(each.sentence for each in checks)),
-        findings=(*findings_of([*poor_told(outcome, fit, log.name), *checks]), *open_),
+        notes=(*explanation.notes, *notes_of(log, explanation.problems[0], one, ci95, candidates, explanation.outliers),
+               *widening_notes(wider or {}), *halves_notes(read_otherwise, as_read),
+               *(rival.sentence for rival in rivals), *(remark.sentence for remark in checks)),
+        findings=(*findings_of([*poor_remarks(outcome, fit, log.name), *checks]), *open_),
         residuals=Residuals(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
-            autocorrelation=autocorrelation(found.cleaned - simulated),
+            autocorrelation=autocorrelation(explanation.cleaned - simulated),
         ),
         validation=validation,
     )
@@ -111,9 +112,9 @@ def _ends_of(bend: Bend | None) -> list[dict[str, float]]:
     return [values_of(end.model.half_rule()) | {"ambient_degC": math.nan} for end in ends]
 
 
-def outcome_of(fit: float, *, known: bool) -> Outcome:
+def outcome_of(fit: float, *, resolved: bool) -> Outcome:
     """Return how a fit ended: by its fit [%] and by whether gain and time constant are known."""
-    return Outcome.POOR_FIT if fit < _POOR else Outcome.IDENTIFIED if known else Outcome.COMBINATIONS_ONLY
+    return Outcome.POOR_FIT if fit < _POOR else Outcome.IDENTIFIED if resolved else Outcome.COMBINATIONS_ONLY
 
 
 def values_of(model: Fopdt) -> dict[str, float]:

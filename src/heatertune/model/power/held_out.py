@@ -66,8 +66,8 @@ def plain_halves(problem: PowerProblem, fit: PowerFit, with_all: Sequence[Half] 
     plain = replace(problem, at_rest=False, drift=False, loads_s=())
     if with_all is None or not (problem.at_rest or problem.drift or problem.loads_s):
         return ()
-    found = (_half(plain, fit, rows) for rows in sides(plain))
-    return tuple(half for half, other in zip(found, with_all, strict=True)
+    halves = (_half(plain, fit, rows) for rows in sides(plain))
+    return tuple(half for half, other in zip(halves, with_all, strict=True)
                  if half is not None and half.fit_pct > other.fit_pct - _AS_WELL)
 
 
@@ -96,16 +96,16 @@ def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
     if part is None:
         return None
     start, end = float(part.readings.time_s[0]), float(part.readings.time_s[-1])
-    found = part.refined(np.array([fit.vector]))
-    if found.model is None:
+    refit = part.refined(np.array([fit.vector]))
+    if refit.model is None:
         return None
-    values = {name: float(getattr(found.model, name)) for name in _SHOWN}
-    reach = reaches(part, found)
+    values = {name: float(getattr(refit.model, name)) for name in _SHOWN}
+    reach = reaches(part, refit)
     ends = {"dead_time_s": float(part.low[1])}
     return Half(
-        window_s=(start, end), values=values, ambient_degC=found.model.ambient_degC,
-        fit_pct=fit_pct(part.readings.temperature_degC, found.simulated_degC),
-        rmse_degC=_rms(part.readings.temperature_degC - found.simulated_degC),
+        window_s=(start, end), values=values, ambient_degC=refit.model.ambient_degC,
+        fit_pct=fit_pct(part.readings.temperature_degC, refit.simulated_degC),
+        rmse_degC=_rms(part.readings.temperature_degC - refit.simulated_degC),
         ci95={name: _around(values[name], reach[name], ends.get(name, 0.0)) for name in _SHOWN},
     )
 
@@ -117,8 +117,8 @@ def _around(value: float, reach: float, least: float) -> Interval:
 
 def _foretold(problem: PowerProblem, fit: PowerFit, kept: Rows) -> Array:
     """Return the temperature at all readings by a fit to those that are kept."""
-    found = _part(problem, kept).refined(fit.vector[None, :])
-    return np.asarray(found.linear @ problem.basis(found.vector))
+    refit = _part(problem, kept).refined(fit.vector[None, :])
+    return np.asarray(refit.linear @ problem.basis(refit.vector))
 
 
 def _part(problem: PowerProblem, rows: Rows) -> PowerProblem:

@@ -64,10 +64,10 @@ def input_correlation(
     # a lag that the fit itself has nulled says nothing: what is left there is the arithmetic of the fit
     deviation = np.maximum(np.sqrt(np.mean(by_chance**2, axis=0)), _NULLED / np.sqrt(inputs.shape[1]))
     quantile = float(np.quantile(np.max(np.abs(by_chance) / deviation, axis=1), _SURE))
-    found = correlations(residuals[None, :])[0]
-    worst = int(np.argmax(np.abs(found) / deviation))
+    observed = correlations(residuals[None, :])[0]
+    worst = int(np.argmax(np.abs(observed) / deviation))
     return InputCorrelation(
-        largest=float(found[worst]), at_lag_s=float(lags[worst]), limit=quantile * float(deviation[worst]),
+        largest=float(observed[worst]), at_lag_s=float(lags[worst]), limit=quantile * float(deviation[worst]),
     )
 
 

@@ -84,7 +84,7 @@ def fit_input_curve(problem: PowerProblem, near: PowerFit) -> InputCurve | None:
     best = minima.parameters[np.argmin(minima.cost)]
     ramps = [_ramp(problem, *ends) for ends in pairwise(knots)]
     gains, simulated = _solved(problem, ramps, best)
-    free = int(np.isnan(problem.known).sum()) - 1
+    free = int(np.isnan(problem.fixed).sum()) - 1
     return InputCurve(
         knots_pct=knots, gains_degC_per_pct=gains, vector=best, simulated_degC=simulated,
         unknowns=2 + problem.two_lags + free + len(gains),
@@ -103,11 +103,11 @@ def _ramp(problem: PowerProblem, low_pct: float, high_pct: float) -> PowerProble
 def _solved(problem: PowerProblem, ramps: list[PowerProblem], z: Array) -> tuple[Array, Array]:
     """Return gains and temperature for lags and dead time; a gain that would be negative is none."""
     own = ramps[0].basis(z)
-    known = problem.known
-    fixed = np.where(np.isnan(known[: len(own)]), 0.0, known[: len(own)])
+    linear = problem.fixed
+    fixed = np.where(np.isnan(linear[: len(own)]), 0.0, linear[: len(own)])
     fixed[GAIN] = 0.0
     given = fixed @ own
-    free = [place for place in (AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE) if math.isnan(known[place])]
+    free = [place for place in (AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE) if math.isnan(linear[place])]
     rising = [own[GAIN], *(ramp.basis(z)[GAIN] for ramp in ramps[1:])]
     columns = np.array([*rising, *own[free]])
     gains = np.zeros(len(rising))

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.least_squares import Residuals, minimise
-from heatertune.model.power.open_loop import Known, PowerFit, PowerProblem, touching
+from heatertune.model.power.open_loop import Fixed, PowerFit, PowerProblem, touching
 from heatertune.model.power.projection import AMBIENT, GAIN
 from heatertune.model.statistics import ar1_bic, autocorrelation
 
@@ -103,15 +103,15 @@ class JointProblem:
 
         def answer(z: Array, rows: npt.NDArray[np.intp]) -> Array:
             gain = np.exp(z[:, POWER] + (z[:, LAG] if per_lag else 0.0))
-            found = []
+            weighted = []
             for i, (part, weight, record) in enumerate(zip(self.parts, self.weights, split, strict=True)):
-                known = part.nothing_more(len(z)).values
-                known[:, GAIN] = gain
+                fixed = part.nothing_more(len(z)).values
+                fixed[:, GAIN] = gain
                 if i == 0 and z.shape[1] > FIRST_AMBIENT:
-                    known[:, AMBIENT] = z[:, FIRST_AMBIENT]
+                    fixed[:, AMBIENT] = z[:, FIRST_AMBIENT]
                 own = np.ascontiguousarray(z[:, LAG : SECOND + 1])
-                found.append(weight * part.solve(own, record[rows], Known(values=known))[0])
-            return np.concatenate(found, axis=1)
+                weighted.append(weight * part.solve(own, record[rows], Fixed(values=fixed))[0])
+            return np.concatenate(weighted, axis=1)
 
         return answer
 
@@ -121,7 +121,7 @@ class JointProblem:
         The problem itself, where that ambient is known.
         """
         first = self.parts[0]
-        if not math.isnan(first.known[AMBIENT]):
+        if not math.isnan(first.fixed[AMBIENT]):
             return self, fit.vector
         best = float(fit.parts[0].linear[AMBIENT])
         reach = _FAR_AMBIENT * float(np.ptp(first.readings.temperature_degC))
@@ -131,8 +131,8 @@ class JointProblem:
     def refined(self, starts: Array) -> JointFit:
         """Return the best fit that the starts, vectors of what is shared, lead to."""
         records = np.tile(self.records, (len(starts), 1))
-        found = minimise(self.residuals(records), starts, self.low, self.high, tolerance=1e-9)
-        return self.at(found.parameters[int(np.argmin(found.cost))])
+        minima = minimise(self.residuals(records), starts, self.low, self.high, tolerance=1e-9)
+        return self.at(minima.parameters[int(np.argmin(minima.cost))])
 
     def far(self, fit: JointFit) -> JointFit:
         """Return the best fit whose time constant is the longest searched: the heater as an integrator."""
@@ -149,15 +149,15 @@ class JointProblem:
 
     def on_bound(self, fit: JointFit) -> tuple[str, ...]:
         """Return the names of the lags and the dead time that ended on a bound of the search."""
-        low, high, z = (each[LAG:] for each in (self.low, self.high, fit.vector))
+        low, high, z = (vector[LAG:] for vector in (self.low, self.high, fit.vector))
         return touching(z, low, high)
 
     def bic(self, fit: JointFit) -> float:
         """Return the criterion over all logs; what they share counts once."""
         shared = 3 + self.parts[0].two_lags
         own = sum(
-            ar1_bic(part.readings.temperature_degC - each.simulated_degC, each.unknowns - shared)
-            for part, each in zip(self.parts, fit.parts, strict=True)
+            ar1_bic(part.readings.temperature_degC - part_fit.simulated_degC, part_fit.unknowns - shared)
+            for part, part_fit in zip(self.parts, fit.parts, strict=True)
         )
         return own + shared * math.log(len(self.records))
 

@@ -43,18 +43,19 @@ def joint_intervals(problem: JointProblem, fit: JointFit, *, seed: int) -> dict[
 
     An end on a bound of the search is open.
     """
-    thin, told = problem.thinned(READINGS), problem.with_ambient(fit)[1]
+    thin, reported = problem.thinned(READINGS), problem.with_ambient(fit)[1]
     fit = thin.refined(fit.vector[None, :])
     wider, best = thin.with_ambient(fit)
-    measures = {name: each for name, each in _MEASURES.items() if name != "ambient_degC" or len(best) > FIRST_AMBIENT}
+    measures = {name: measure for name, measure in _MEASURES.items()
+                if name != "ambient_degC" or len(best) > FIRST_AMBIENT}
     resampled = _bootstrap(wider, fit, best, seed)
     noise = _linear(wider, fit, best, measures)
-    ends, found = _ends(wider), {}
+    ends, intervals = _ends(wider), {}
     for name, measure in measures.items():
         shaken = interval(measure(resampled), *ends[name])
         profiled = _profile(wider, best, name, noise)
-        found[name] = envelope(hull(shaken, profiled), [float(measure(told[None, :])[0])])
-    return found
+        intervals[name] = envelope(hull(shaken, profiled), [float(measure(reported[None, :])[0])])
+    return intervals
 
 
 def _ends(problem: JointProblem) -> dict[str, tuple[float, float]]:
@@ -73,7 +74,7 @@ def _bootstrap(problem: JointProblem, fit: JointFit, best: Array, seed: int) -> 
     rng = np.random.default_rng(seed)
     made = np.concatenate([part.simulated_degC for part in fit.parts])
     left = problem.split(problem.records - made)
-    records = made + np.concatenate([block_resamples(each, _RESAMPLES, rng) for each in left], axis=1)
+    records = made + np.concatenate([block_resamples(error, _RESAMPLES, rng) for error in left], axis=1)
     starts = np.tile(best, (_RESAMPLES, 1))
     return minimise(problem.residuals(records), starts, problem.low, problem.high, iterations=15).parameters
 
@@ -90,27 +91,27 @@ def _linear(
     slopes = _slopes(problem, best, free)
     inverse = np.linalg.pinv(slopes.T @ slopes)
     middle, freedom = np.zeros_like(inverse), -float(len(free))
-    for i, (part, weight, each, slope) in enumerate(
+    for i, (part, weight, part_fit, slope) in enumerate(
         zip(problem.parts, problem.weights, fit.parts, problem.split(slopes.T), strict=True)
     ):
-        left = part.readings.temperature_degC - each.simulated_degC
-        own = np.isnan(part.known)
+        left = part.readings.temperature_degC - part_fit.simulated_degC
+        own = np.isnan(part.fixed)
         own[GAIN] = False  # shared
         own[AMBIENT] &= i > 0 or len(best) <= FIRST_AMBIENT
-        columns = np.vstack([part.basis(each.vector)[own], slope[np.any(slope != 0.0, axis=1)]])
+        columns = np.vstack([part.basis(part_fit.vector)[own], slope[np.any(slope != 0.0, axis=1)]])
         rho, variance = colour(left, np.linalg.qr(columns.T)[0])
         lags = np.abs(np.subtract.outer(np.arange(len(left)), np.arange(len(left))))
         middle += weight**2 * variance * slope @ rho**lags @ slope.T
         freedom += len(left) * (1.0 - rho) / (1.0 + rho) - np.count_nonzero(own)
     coloured = inverse @ middle @ inverse
     quantile = float(stdtrit(max(freedom, LEAST_FREEDOM), 0.975))
-    found = {}
+    noise = {}
     for name, measure in measures.items():
         gradient = _gradient(measure, best)[free]
         spread = float(gradient @ coloured @ gradient)
         rise = quantile**2 * spread / max(float(gradient @ inverse @ gradient), 1e-300)
-        found[name] = math.sqrt(spread), rise
-    return found
+        noise[name] = math.sqrt(spread), rise
+    return noise
 
 
 def _slopes(problem: JointProblem, best: Array, free: npt.NDArray[np.intp]) -> Array:
@@ -127,8 +128,8 @@ def _slopes(problem: JointProblem, best: Array, free: npt.NDArray[np.intp]) -> A
 
 
 def _gradient(measure: Measure, best: Array) -> Array:
-    step, each = 1e-6, np.eye(len(best))
-    values = measure(best + step * np.vstack([each, -each]))
+    step, unit = 1e-6, np.eye(len(best))
+    values = measure(best + step * np.vstack([unit, -unit]))
     return np.asarray((values[: len(best)] - values[len(best) :]) / (2.0 * step))
 
 
@@ -137,12 +138,12 @@ def _profile(problem: JointProblem, best: Array, name: str, noise: Mapping[str, 
     deviation, limit = noise[name]
     value = float(_MEASURES[name](best[None, :])[0])
     least = float(np.sum(problem.residuals(problem.records[None, :])(best[None, :], np.array([0])) ** 2))
-    found = []
+    ends = []
     for side in (-1.0, 1.0):
         values = np.clip(value + side * deviation * STEPS, *_ends(problem)[name])
         rise = np.array([0.0, *np.maximum(_held(problem, best, name, values).cost - least, 0.0)])
-        found.append(crossing(np.array([value, *values]), rise, limit))
-    return Interval(low=found[0], high=found[1])
+        ends.append(crossing(np.array([value, *values]), rise, limit))
+    return Interval(low=ends[0], high=ends[1])
 
 
 def joint_held_at(problem: JointProblem, fit: JointFit, name: str, value: float) -> JointFit:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from heatertune.log.values import Log
-from heatertune.model.hearing import Told
+from heatertune.model.hearing import Remark
 from heatertune.model.intervals import identified_parts
 from heatertune.model.judgement import HeldOut, InputCorrelation, Validation, disagreeing
 from heatertune.model.power.feedback import is_feedback
@@ -18,7 +18,7 @@ from heatertune.model.power.uncertainty import sensitivities
 from heatertune.model.validation import ljung_box
 from heatertune.units import NOMENCLATURE
 
-__all__ = ["correlation_of", "judged", "judgement_told", "unseen"]
+__all__ = ["correlation_of", "judged", "judgement_remarks", "unseen"]
 
 _READINGS = 500  # averaged
 _SEED = 1
@@ -55,35 +55,37 @@ def _thinned(problem: PowerProblem, fit: PowerFit) -> tuple[PowerProblem, PowerF
     return thin, thin.refined(fit.vector[None, :])
 
 
-def judgement_told(log: Log, found: Validation, fit: float, second: InputCorrelation | None) -> Iterator[Told]:
+def judgement_remarks(
+    log: Log, validation: Validation, fit: float, second: InputCorrelation | None
+) -> Iterator[Remark]:
     """Tell what the checks found, and which finding that is; nothing where all hold.
 
     Args:
         log: for its name and its loop.
-        found: of one lag.
+        validation: of one lag.
         fit: of one lag on the readings it has seen [%].
         second: the correlation that two lags leave, None where a second is not seen.
     """
-    if found.input_correlation is not None and not found.input_correlation.ok:
+    if validation.input_correlation is not None and not validation.input_correlation.ok:
         kept = second is not None and second.ok
-        yield Told("" if kept else "follows-power", _correlation_note(log, found.input_correlation, second))
-    held = found.held_out
+        yield Remark("" if kept else "follows-power", _correlation_note(log, validation.input_correlation, second))
+    held = validation.held_out
     if held.fit_pct < fit - _DROP:
         worst = max(range(len(held.rmses_degC)), key=lambda i: held.rmses_degC[i])
         start, end = held.windows_s[worst]
-        yield Told("not-foretold", (
+        yield Remark("not-foretold", (
             f"Windows left out of the fit are foretold to {held.fit_pct:.0f} % only (fit: {fit:.0f} %), worst from "
             f"{start:.4g} to {end:.4g} s: what is fitted there is not what holds elsewhere."
         ))
-    if found.halves is not None:
-        apart = [name for name in disagreeing(found.halves)
-                 if all(identified_parts(half.ci95[name]) for half in found.halves)]
-        told = [f"{NOMENCLATURE[name][1]} {_pair(*(half.values[name] for half in found.halves))} "
-                f"{NOMENCLATURE[name][2]}" for name in apart]
-        if told:
-            yield Told("halves-disagree", (
-                f"The two halves of the log give different heaters, beyond their intervals: {', '.join(told)}; the "
-                "heater is not linear, or something else moved the temperature."
+    if validation.halves is not None:
+        apart = [name for name in disagreeing(validation.halves)
+                 if all(identified_parts(half.ci95[name]) for half in validation.halves)]
+        differing = [f"{NOMENCLATURE[name][1]} {_pair(*(half.values[name] for half in validation.halves))} "
+                     f"{NOMENCLATURE[name][2]}" for name in apart]
+        if differing:
+            yield Remark("halves-disagree", (
+                f"The two halves of the log give different heaters, beyond their intervals: {', '.join(differing)}; "
+                "the heater is not linear, or something else moved the temperature."
             ))
 
 
@@ -91,14 +93,15 @@ def _pair(first: float, second: float) -> str:
     return f"{first:.3g} and then {second:.3g}"
 
 
-def _correlation_note(log: Log, found: InputCorrelation, second: InputCorrelation | None) -> str:
-    told = (
-        f"What one lag leaves over still follows the power, most after {found.at_lag_s:.3g} s (correlation "
-        f"{found.largest:+.2f}, by chance up to {found.limit:.2f}): a second lag or a longer dead time is missing"
+def _correlation_note(log: Log, correlation: InputCorrelation, second: InputCorrelation | None) -> str:
+    sentence = (
+        f"What one lag leaves over still follows the power, most after {correlation.at_lag_s:.3g} s (correlation "
+        f"{correlation.largest:+.2f}, by chance up to {correlation.limit:.2f}): a second lag or a longer dead time is "
+        "missing"
     )
     if second is not None:
-        told += ("; two lags leave nothing of that" if second.ok else
-                 ", and two lags leave some of it: the heater is richer than both")
+        sentence += ("; two lags leave nothing of that" if second.ok else
+                     ", and two lags leave some of it: the heater is richer than both")
     if is_feedback(log) or follows_temperature(log):
-        told += "; or a load or noise was fed back, as in any closed loop"
-    return told + "."
+        sentence += "; or a load or noise was fed back, as in any closed loop"
+    return sentence + "."

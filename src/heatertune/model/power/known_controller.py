@@ -92,12 +92,12 @@ def records(
     Raises:
         InputError: as `replayed`.
     """
-    found: list[tuple[str, Log]] = []
+    kept: list[tuple[str, Log]] = []
     for controller in controllers:
-        each = replayed(log, controller, setpoint_degC, offset_degC)
-        if all(np.max(np.abs(_power(each) - _power(other))) > _SAME_PCT for _, other in found):
-            found.append((controller.name, each))
-    return found
+        replay = replayed(log, controller, setpoint_degC, offset_degC)
+        if all(np.max(np.abs(_power(replay) - _power(other))) > _SAME_PCT for _, other in kept):
+            kept.append((controller.name, replay))
+    return kept
 
 
 def _power(log: Log) -> Array:
@@ -155,14 +155,15 @@ def rate(logs: Sequence[tuple[str, Log]], *, ambient_degC: float | None, power_b
                 continue  # no heater; or a room hotter than anything logged: what the log rests at, taken for it
             bic = ar1_bic(log.temperature_degC - fit.simulated_degC, fit.unknowns)
             rated.append(Rated(bic, name, log, fit.model, fit))
-    return sorted(rated, key=lambda each: each.bic)
+    return sorted(rated, key=lambda rating: rating.bic)
 
 
 def compare(rated: Sequence[Rated]) -> tuple[list[Candidate], list[Candidate]]:
     """Return the candidates (within 10 BIC points of the best, and the best single lag) and all hypotheses."""
-    found = [_candidate(each, rated[0].bic) for each in rated]
-    single = next((each for each in found if len(each.model.lags_s) == 1), found[0])
-    return [each for each in found if each.delta_bic <= _NEAR or each is single], found
+    hypotheses = [_candidate(rating, rated[0].bic) for rating in rated]
+    single = next((hypothesis for hypothesis in hypotheses if len(hypothesis.model.lags_s) == 1), hypotheses[0])
+    near = [hypothesis for hypothesis in hypotheses if hypothesis.delta_bic <= _NEAR or hypothesis is single]
+    return near, hypotheses
 
 
 def _candidate(rated: Rated, leader: float) -> Candidate:
@@ -190,8 +191,8 @@ def replay_notes(
             f"The controller's readings were taken as the log's {offset_degC:+.3g} °C: as logged, their sum in the "
             "integral part does not fit the temperature."
         )
-    laws = dict.fromkeys(each.law for each in rated)
-    behind = {law: min(each.delta_bic for each in rated if each.law == law) for law in laws}
+    laws = dict.fromkeys(hypothesis.law for hypothesis in rated)
+    behind = {law: min(hypothesis.delta_bic for hypothesis in rated if hypothesis.law == law) for law in laws}
     out = [f"{law} ({points:.0f})" for law, points in behind.items() if points > _NEAR]
     if len(laws) > 1 and out:
         notes.append(f"The log speaks against {', '.join(out)}: BIC points behind {rated[0].law}.")

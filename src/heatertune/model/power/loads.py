@@ -85,13 +85,13 @@ def with_loads(
         ways = [_descended(problems, fits, best)]
         if not problems[0].loads_s:  # under feedback a load passes for a weak heater, far from the true one
             ways += [way for way in [_descended(problems, _far_off(problems), 0)] if is_sensible(way[0][0], way[1][0])]
-        trial, found = min(ways, key=lambda way: min(map(bic_of, *way)))
-        gains = [bic - bic_of(t, f) for bic, t, f in zip(bics, trial, found, strict=True)]
+        trial, trial_fits = min(ways, key=lambda way: min(map(bic_of, *way)))
+        gains = [bic - bic_of(t, f) for bic, t, f in zip(bics, trial, trial_fits, strict=True)]
         if min(gains) < _GAIN or (
             edges_dead_time_s is not None and coincides(trial[best], edges_dead_time_s, trial[best].loads_s[-1])
         ):
             break
-        problems, fits = trial, found
+        problems, fits = trial, trial_fits
     return problems, fits
 
 
@@ -111,9 +111,9 @@ def _far_off(problems: list[PowerProblem]) -> list[PowerFit]:
     """Return the fits with one load whose instant, lag and dead time were searched together, on a coarse grid."""
     time = problems[0].readings.time_s
     tried = time[0] + np.linspace(0.05, 0.95, _GRID) * float(np.ptp(time))
-    found = [replace(problems[0], loads_s=(float(instant),)).roughly() for instant in tried]
-    place = int(np.argmin([cost for cost, _ in found]))
-    vector, fits = found[place][1], []
+    rough = [replace(problems[0], loads_s=(float(instant),)).roughly() for instant in tried]
+    place = int(np.argmin([cost for cost, _ in rough]))
+    vector, fits = rough[place][1], []
     for problem in problems:
         start = np.array([[vector[0], vector[1], _RATIO if problem.two_lags else 0.0]])
         fits.append(replace(problem, loads_s=(float(tried[place]),)).refined(start))

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC
-from heatertune.model.hearing import Told
+from heatertune.model.hearing import Remark
 from heatertune.model.power.bent_heater import CEILING, COOLING, LOSS, BentHeater, fit_bent_heater
 from heatertune.model.power.events import Way, refitted
 from heatertune.model.power.input_curve import InputCurve, fit_input_curve, knots_of
@@ -24,7 +24,7 @@ from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.statistics import ar1_bic
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["Bend", "bend_told", "judged_linear"]
+__all__ = ["Bend", "bend_remarks", "judged_linear"]
 
 Array = npt.NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class Bend(NamedTuple):
     ends: tuple[End, End]
     simulated_degC: Array
     bic: float
-    told: str
+    sentence: str
 
 
 class Judged(NamedTuple):
@@ -62,44 +62,44 @@ class Judged(NamedTuple):
 
     way: Way
     bend: Bend | None = None
-    told: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
-def bend_told(bend: Bend | None) -> tuple[Told, ...]:
+def bend_remarks(bend: Bend | None) -> tuple[Remark, ...]:
     """Return what a bend means, nothing without one."""
-    return () if bend is None else (Told("nonlinear", bend.told),)
+    return () if bend is None else (Remark("nonlinear", bend.sentence),)
 
 
-def judged_linear(plain: Way, found: Way) -> Judged:
+def judged_linear(plain: Way, eventful: Way) -> Judged:
     """Return whether the heater is linear.
 
     Args:
         plain: one lag and two, their start as found, without drift and loads.
-        found: with the drift and loads that a linear heater asks for.
+        eventful: with the drift and loads that a linear heater asks for.
     """
     if len(plain.problems[0].readings.restart_s) or not _misses(plain):
-        return Judged(found)
-    tried = [(bend, way) for way in _without_loads(plain, found) for bend in _bends(way)]
-    bend, way = min(tried, key=lambda each: each[0].bic, default=(None, found))
-    if bend is None or not _is_better(bend, found):
-        return Judged(found, None, _untold(found))
+        return Judged(eventful)
+    tried = [(bend, way) for way in _without_loads(plain, eventful) for bend in _bends(way)]
+    bend, way = min(tried, key=lambda pair: pair[0].bic, default=(None, eventful))
+    if bend is None or not _is_better(bend, eventful):
+        return Judged(eventful, None, _untold(eventful))
     return Judged(way, bend)
 
 
-def _is_better(bend: Bend, found: Way) -> bool:
+def _is_better(bend: Bend, eventful: Way) -> bool:
     """Return whether a bend explains more than the linear heater with its drift, and loads apart from the edges."""
-    dead = max(float(found.fits[0].vector[1]), bend.ends[0].model.dead_time_s)
-    kept = tuple(t for t in found.problems[0].loads_s if not coincides(found.problems[0], dead, t))
-    if kept == found.problems[0].loads_s:
-        return bend.bic < found.bic - _NEAR
-    problems = [replace(each, loads_s=kept) for each in found.problems]
-    honest = Way(*with_loads(problems, refitted(problems, found.fits), edges_dead_time_s=dead))
+    dead = max(float(eventful.fits[0].vector[1]), bend.ends[0].model.dead_time_s)
+    kept = tuple(t for t in eventful.problems[0].loads_s if not coincides(eventful.problems[0], dead, t))
+    if kept == eventful.problems[0].loads_s:
+        return bend.bic < eventful.bic - _NEAR
+    problems = [replace(problem, loads_s=kept) for problem in eventful.problems]
+    honest = Way(*with_loads(problems, refitted(problems, eventful.fits), edges_dead_time_s=dead))
     # a load that no bend explains as well did set in with an edge
-    return bend.bic < honest.bic - _NEAR and bend.bic < found.bic + _NEAR
+    return bend.bic < honest.bic - _NEAR and bend.bic < eventful.bic + _NEAR
 
 
-def _untold(found: Way) -> tuple[str, ...]:
-    if len(knots_of(found.problems[0])) > 2:
+def _untold(eventful: Way) -> tuple[str, ...]:
+    if len(knots_of(eventful.problems[0])) > 2:
         return ()
     return ("What one lag and two leave over may be a gain that depends on the power, which a log of two powers cannot "
             "tell: log steps between three.",)
@@ -107,7 +107,7 @@ def _untold(found: Way) -> tuple[str, ...]:
 
 def _misses(way: Way) -> bool:
     """Return whether the better of one lag and two leaves more than what differs between neighbours."""
-    place = int(np.argmin([bic_of(*each) for each in zip(*way, strict=True)]))
+    place = int(np.argmin([bic_of(*pair) for pair in zip(*way, strict=True)]))
     if not left_over(way.problems[place], way.fits[place]):
         return False
     thin = way.problems[place].thinned(_READINGS)
@@ -117,10 +117,10 @@ def _misses(way: Way) -> bool:
     return float(np.sqrt(np.mean(left**2))) > _MISFIT * noise
 
 
-def _without_loads(plain: Way, found: Way) -> Iterator[Way]:
+def _without_loads(plain: Way, eventful: Way) -> Iterator[Way]:
     yield plain
-    if found.problems[0].drift:
-        problems = [replace(each, drift=True) for each in plain.problems]
+    if eventful.problems[0].drift:
+        problems = [replace(problem, drift=True) for problem in plain.problems]
         yield Way(problems, refitted(problems, plain.fits))
 
 
@@ -151,9 +151,9 @@ def _of_curve(problem: PowerProblem, curve: InputCurve) -> Iterator[Bend]:
             f"{knots[i]:.3g}…{knots[i + 1]:.3g} %")
         for i in (strong, weak)
     )
-    told = f"gain from {gains[strong]:.3g} °C/% at {ends[0].at} to {float(gains.min()):.3g} °C/% at " + (
+    clause = f"gain from {gains[strong]:.3g} °C/% at {ends[0].at} to {float(gains.min()):.3g} °C/% at " + (
         f"{knots[int(np.argmin(gains))]:.3g}…{knots[int(np.argmin(gains)) + 1]:.3g} % of power")
-    yield _bend(problem, ends, curve.simulated_degC, curve.unknowns, told)
+    yield _bend(problem, ends, curve.simulated_degC, curve.unknowns, clause)
 
 
 def _of_bent(problem: PowerProblem, bent: BentHeater, bend: int) -> Iterator[Bend]:
@@ -171,40 +171,40 @@ def _of_bent(problem: PowerProblem, bent: BentHeater, bend: int) -> Iterator[Ben
     if bend == COOLING:
         ends = (End(at(bent.lags_s[0], 1.0), "heating"), End(at(bent.lags_s[1], 1.0), "cooling"))
         if not _alike(*bent.lags_s):
-            told = (f"it warms with a time constant of {bent.lags_s[0]:.3g} s and cools with {bent.lags_s[1]:.3g} s, "
-                    f"gain {bent.gain_degC_per_pct:.3g} °C/% at both")
-            yield _bend(problem, ends, bent.simulated_degC, bent.unknowns, told)
+            clause = (f"it warms with a time constant of {bent.lags_s[0]:.3g} s and cools with {bent.lags_s[1]:.3g} s, "
+                      f"gain {bent.gain_degC_per_pct:.3g} °C/% at both")
+            yield _bend(problem, ends, bent.simulated_degC, bent.unknowns, clause)
     elif bend == LOSS:
         places = (float(readings.min()), float(readings.max()))
         stiff = [1.0 + 2.0 * bent.loss_per_degC * max(place - ambient, 0.0) for place in places]
         if not _alike(*stiff):
             cold, hot = (End(at(bent.lags_s[0], s), f"{t:.3g} °C") for s, t in zip(stiff, places, strict=True))
-            told = (f"gain from {cold.model.gain_degC_per_pct:.3g} °C/% at {cold.at} to "
-                    f"{hot.model.gain_degC_per_pct:.3g} °C/% at {hot.at}, and the time constant with it")
-            yield _bend(problem, (cold, hot), bent.simulated_degC, bent.unknowns, told)
+            clause = (f"gain from {cold.model.gain_degC_per_pct:.3g} °C/% at {cold.at} to "
+                      f"{hot.model.gain_degC_per_pct:.3g} °C/% at {hot.at}, and the time constant with it")
+            yield _bend(problem, (cold, hot), bent.simulated_degC, bent.unknowns, clause)
     else:
         model = at(bent.lags_s[0], 1.0)
         end = End(model, f"below {bent.ceiling_degC:.3g} °C")
-        told = (f"gain from {model.gain_degC_per_pct:.3g} °C/% at less than {bent.ceiling_degC:.4g} °C to 0 °C/% at "
-                "that temperature, which it does not pass")
-        yield _bend(problem, (end, end), bent.simulated_degC, bent.unknowns, told)
+        clause = (f"gain from {model.gain_degC_per_pct:.3g} °C/% at less than {bent.ceiling_degC:.4g} °C to 0 °C/% at "
+                  "that temperature, which it does not pass")
+        yield _bend(problem, (end, end), bent.simulated_degC, bent.unknowns, clause)
 
 
-def _bend(problem: PowerProblem, ends: Sequence[End], simulated: Array, unknowns: int, told: str) -> Bend:
+def _bend(problem: PowerProblem, ends: Sequence[End], simulated: Array, unknowns: int, clause: str) -> Bend:
     first, second = sorted(ends, key=lambda end: -end.rate)
     return Bend(
         (first, second), simulated, ar1_bic(problem.readings.temperature_degC - simulated, unknowns),
-        f"The heater is not linear: {told}.",
+        f"The heater is not linear: {clause}.",
     )
 
 
 def _heater(gain: float, lags: tuple[float, float], dead: float, ambient: float) -> HeaterModel:
-    known = ambient if ambient >= ABSOLUTE_ZERO_DEGC else None
+    ambient_degC = ambient if ambient >= ABSOLUTE_ZERO_DEGC else None
     second, first = sorted(lags)
     if second <= 0.0:
-        return Fopdt(gain_degC_per_pct=gain, time_constant_s=first, dead_time_s=dead, ambient_degC=known)
+        return Fopdt(gain_degC_per_pct=gain, time_constant_s=first, dead_time_s=dead, ambient_degC=ambient_degC)
     return TwoLag(gain_degC_per_pct=gain, time_constant_s=first, second_time_constant_s=second, dead_time_s=dead,
-                  ambient_degC=known)
+                  ambient_degC=ambient_degC)
 
 
 def _use(readings: Array) -> float:

@@ -30,7 +30,7 @@ from heatertune.model.power.projection import (
 from heatertune.model.power.readings import Readings
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["FAR", "Known", "PowerFit", "PowerProblem", "touching"]
+__all__ = ["FAR", "Fixed", "PowerFit", "PowerProblem", "touching"]
 
 Array = npt.NDArray[np.float64]
 
@@ -43,7 +43,7 @@ FAR = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Known:
+class Fixed:
     """Linear unknowns that are given, row by row.
 
     Attributes:
@@ -117,48 +117,48 @@ class PowerProblem:
         object.__setattr__(self, "high", np.array([math.log(FAR * length), longest, ratio[1]]))
 
     @property
-    def known(self) -> Array:
+    def fixed(self) -> Array:
         """The linear unknowns that are given, nan where they are free."""
-        known = np.full(self._width, math.nan)
+        fixed = np.full(self._width, math.nan)
         if self.ambient_degC is not None:
-            known[AMBIENT] = self.ambient_degC
+            fixed[AMBIENT] = self.ambient_degC
         if not self.drift:
-            known[DRIFT] = 0.0
+            fixed[DRIFT] = 0.0
         if self.at_rest:
-            known[FIRST_STATE] = 0.0
+            fixed[FIRST_STATE] = 0.0
         if self.at_rest or not self.two_lags:
-            known[SECOND_STATE] = 0.0
+            fixed[SECOND_STATE] = 0.0
         if not self.two_lags:
-            known[COLUMNS + len(self.loads_s) + 1 :: 2] = 0.0
-        return known
+            fixed[COLUMNS + len(self.loads_s) + 1 :: 2] = 0.0
+        return fixed
 
     @property
     def _width(self) -> int:
         """How many columns the linear part has."""
         return COLUMNS + len(self.loads_s) + 2 * len(self.readings.restart_s)
 
-    def solve(self, z: Array, records: Array, known: Known | None = None) -> tuple[Array, Array]:
+    def solve(self, z: Array, records: Array, fixed: Fixed | None = None) -> tuple[Array, Array]:
         """Return residuals (n, m) and linear parts (n, columns) for vectors (n, 3) and one record each.
 
         The residuals are infinite where the gain has the wrong sign: that is no model.
         """
-        given = self.nothing_more(len(z)) if known is None else known
+        given = self.nothing_more(len(z)) if fixed is None else fixed
         residuals, linear, cost = np.empty((len(z), records.shape[1])), np.zeros(given.values.shape), np.empty(len(z))
         compiled(project, allocates=True)(*self._asked(records, given), z, residuals, linear, cost)
         residuals[np.isinf(cost)] = np.inf
         return residuals, linear
 
-    def cost(self, z: Array, records: Array, known: Known | None = None) -> Array:
+    def cost(self, z: Array, records: Array, fixed: Fixed | None = None) -> Array:
         """Return the sums of squares (n,), infinite for what is no model; arguments as `solve`."""
-        return np.asarray(np.sum(self.solve(z, records, known)[0] ** 2, axis=1))
+        return np.asarray(np.sum(self.solve(z, records, fixed)[0] ** 2, axis=1))
 
-    def nothing_more(self, rows: int) -> Known:
+    def nothing_more(self, rows: int) -> Fixed:
         """Return what the problem itself knows, for so many rows."""
-        return Known(values=np.tile(self.known, (rows, 1)))
+        return Fixed(values=np.tile(self.fixed, (rows, 1)))
 
-    def _asked(self, records: Array, known: Known) -> tuple[Held, Array, Array, tuple[bool, float]]:
+    def _asked(self, records: Array, fixed: Fixed) -> tuple[Held, Array, Array, tuple[bool, float]]:
         """Return log, records, known and law as the compiled code takes them."""
-        return self._log, _writable(records), known.values, (known.gain_per_lag, self.sign)
+        return self._log, _writable(records), fixed.values, (fixed.gain_per_lag, self.sign)
 
     @property
     def _log(self) -> Held:
@@ -168,11 +168,11 @@ class PowerProblem:
         """Return the columns whose sum, weighted by the linear part, is the temperature, shape (columns, m)."""
         basis = np.empty((self._width, len(self.readings.time_s)))
         lag = math.exp(z[0])
-        compiled(columns, allocates=True)(*self._log, lag, lag * z[2], z[1], basis)
+        compiled(columns, allocates=True)(self._log, (lag, lag * z[2]), z[1], basis)
         return basis
 
     def minimum(
-        self, starts: Array, records: Array, known: Known | None = None, *, held: int | None = None,
+        self, starts: Array, records: Array, fixed: Fixed | None = None, *, held: int | None = None,
         iterations: int = 15, tolerance: float = 1e-6,
     ) -> Array:
         """Return the vector that each start leads to for its record, shape (n, 3).
@@ -180,15 +180,15 @@ class PowerProblem:
         Args:
             starts: shape (n, 3).
             records: shape (n, m).
-            known: by default what the problem knows.
+            fixed: by default what the problem knows.
             held: place in the vector that keeps its start.
             iterations: most steps tried.
             tolerance: relative decrease of the sum of squares below which a row rests.
         """
         high = self.high if held is None else np.where(np.arange(len(self.high)) == held, self.low, self.high)
-        given = self.nothing_more(len(starts)) if known is None else known
+        given = self.nothing_more(len(starts)) if fixed is None else fixed
         z = starts.copy()
-        compiled(descend, allocates=True)(*self._asked(records, given), z, self.low, high, iterations, tolerance)
+        compiled(descend, allocates=True)(*self._asked(records, given), z, (self.low, high), iterations, tolerance)
         return z
 
     def fit(self) -> PowerFit:
@@ -223,9 +223,9 @@ class PowerProblem:
 
     def held(self, vector: Array, gain: float) -> PowerFit:
         """Return the fit with lags, dead time and gain given [°C/%], whatever the bounds of this log's own search."""
-        known = self.nothing_more(1)
-        known.values[0, GAIN] = gain
-        return self.at(vector, known)
+        fixed = self.nothing_more(1)
+        fixed.values[0, GAIN] = gain
+        return self.at(vector, fixed)
 
     def thinned(self, most: int) -> PowerProblem:
         """Return the problem with its readings averaged to about `most`."""
@@ -243,15 +243,15 @@ class PowerProblem:
         ratios = np.array([0.05, 0.2, 0.5, 0.9]) if self.two_lags else np.zeros(1)
         return np.array(np.meshgrid(lags, dead, ratios)).reshape(3, -1).T.copy()
 
-    def at(self, z: Array, known: Known | None = None) -> PowerFit:
+    def at(self, z: Array, fixed: Fixed | None = None) -> PowerFit:
         """Return the fit with lags and dead time given, and of the linear unknowns what is known (one row)."""
         record = self.readings.temperature_degC
-        residuals, linear = self.solve(z[None, :], record[None, :], known)
+        residuals, linear = self.solve(z[None, :], record[None, :], fixed)
         return PowerFit(
             model=_plant(z, linear[0], two_lags=self.two_lags), vector=z, linear=linear[0],
             simulated_degC=record + residuals[0],
             # lag and dead time, what is solved inside, and an instant for each load
-            unknowns=2 + self.two_lags + int(np.isnan(self.known).sum()) + len(self.loads_s),
+            unknowns=2 + self.two_lags + int(np.isnan(self.fixed).sum()) + len(self.loads_s),
             on_bound=touching(z, self.low, self.high),
         )
 

@@ -38,12 +38,12 @@ Rows = npt.NDArray[np.bool_]
 def widening(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
     """Return for each parameter the factor, 1 to 10, by which its interval has to be widened."""
     thin = problem.thinned(READINGS)
-    told = thin.refined(fit.vector[None, :])
-    noise = noise_of(thin, told)
+    refit = thin.refined(fit.vector[None, :])
+    noise = noise_of(thin, refit)
     # the ambient of a half is its own: a load that began before is part of it
-    values = {name: value_of(told, name) for name in noise.deviation if name != "ambient_degC"}
+    values = {name: value_of(refit, name) for name in noise.deviation if name != "ambient_degC"}
     surprises = [_surprises(problem, rows, values, noise) for rows in sides(problem)]
-    return {name: _ratio([each[name] for each in surprises if name in each]) for name in values}
+    return {name: _ratio([surprise[name] for surprise in surprises if name in surprise]) for name in values}
 
 
 def widening_notes(factors: Mapping[str, float]) -> tuple[str, ...]:
@@ -51,8 +51,8 @@ def widening_notes(factors: Mapping[str, float]) -> tuple[str, ...]:
     widest = {name: factor for name, factor in factors.items() if factor > _TOLD and name != RATIO}
     if not widest:
         return ()
-    told = ", ".join(f"{NOMENCLATURE[name][1]} {factor:.2g}-fold" for name, factor in widest.items())
-    return (f"Intervals were widened, {told}: the halves of the log differ more than their noise explains.",)
+    listed = ", ".join(f"{NOMENCLATURE[name][1]} {factor:.2g}-fold" for name, factor in widest.items())
+    return (f"Intervals were widened, {listed}: the halves of the log differ more than their noise explains.",)
 
 
 def said_by_halves(
@@ -106,19 +106,19 @@ def _surprises(problem: PowerProblem, rows: Rows, values: Mapping[str, float], w
     The distance is the rise of the half's sum of squares, so that a half that hardly bounds a value is not surprised.
     """
     part = half_of(problem, rows)
-    found = None if part is None else part.fit()
-    if part is None or found is None or found.model is None:
+    fit = None if part is None else part.fit()
+    if part is None or fit is None or fit.model is None:
         return {}
-    noise = noise_of(part, found)
-    least = float(np.sum((part.readings.temperature_degC - found.simulated_degC) ** 2))
+    noise = noise_of(part, fit)
+    least = float(np.sum((part.readings.temperature_degC - fit.simulated_degC) ** 2))
     normal = (_NORMAL / noise.quantile) ** 2  # a short half does not know its noise well
     surprises = {}
     for name in set(values) & set(noise.deviation):
         scale, deviation = noise.inflation[name] * noise.variance, noise.deviation[name]
         if scale > 0.0:
-            apart = (float(held_squares(part, found, name, np.array([values[name]]))[0]) - least) / scale
+            apart = (float(held_squares(part, fit, name, np.array([values[name]]))[0]) - least) / scale
             if not np.isfinite(apart):  # no model of the half has that value
-                apart = ((values[name] - value_of(found, name)) / deviation) ** 2
+                apart = ((values[name] - value_of(fit, name)) / deviation) ** 2
             surprises[name] = max(apart, 0.0) * normal * _expected(deviation, whole.deviation[name])
     return surprises
 

@@ -18,8 +18,15 @@ __all__ = [
 ]
 
 Array = npt.NDArray[np.float64]
-#: times, half widths, edges, levels, power before, load instants, restarts
+#: time: middle of each reading, shape (m,) [s]; half: half the time that it is the mean of, shape (m,) [s];
+#: edges: instants from which a power is held, shape (e,) [s]; levels: the powers, shape (e,) [%]; before: the power
+#: before the first [%]; loads: instants at which they begin to act, shape (s,) [s]; restarts: instants at which the
+#: state begins anew, shape (r,) [s]
 Held = tuple[Array, Array, Array, Array, float, Array, Array]
+#: log; temperatures, shape (m,) [°C]; linear unknowns that are given, nan where free, shape (columns,); and the law:
+#: whether the gain is given as gain per time constant, and its sign, see `PowerProblem`: with another sign the sum of
+#: squares is infinite
+Record = tuple[Held, Array, Array, tuple[bool, float]]
 #: basis, normal matrix, right side, places of the free unknowns
 Space = tuple[Array, Array, Array, npt.NDArray[np.int64]]
 
@@ -61,15 +68,16 @@ def _advance(
 
 
 def _forced(
-    time: Array, half: Array, edges: Array, levels: Array, before: float, first: float, second: float, dead: float,
+    time: Array, half: Array, edges: Array, levels: Array, before: float, lags: tuple[float, float], dead: float,
     out: Array,
 ) -> None:
-    """Write the answer of a unit gain to the held power into out (n,); second = 0: one lag.
+    """Write the answer of a unit gain to the held power into out (n,); second lag = 0: one lag.
 
     A reading is the mean over its time ± half. The mean is exact: a lag's own equation gives the integral of what
     leaves it, ∫out = ∫in − lag·(out at the end − out at the start). The answer starts as if `before` had
     been the power for ever; the free initial state corrects it.
     """
+    first, second = lags
     state = np.array([time[0] - half[0], before, before, before, 0.0])
     last = 2 if second > 0.0 else 1
     between, within = np.zeros(4), np.zeros(4)
@@ -100,34 +108,26 @@ def _states(time: Array, half: Array, begun: float, first: float, second: float,
         _decay(time, half, begun, second, out[1])
 
 
-def columns(
-    time: Array, half: Array, edges: Array, levels: Array, before: float, loads: Array, restarts: Array, first: float,
-    second: float, dead: float, basis: Array,
-) -> None:
-    """Fill basis for the lags (second = 0: one lag) and the dead time.
+def columns(log: Held, lags: tuple[float, float], dead: float, basis: Array) -> None:
+    """Fill basis for the lags and the dead time.
 
     Args:
-        time: middle of each reading, shape (m,) [s].
-        half: half the time that a reading is the mean of, shape (m,) [s].
-        edges: instants from which a power is held, shape (e,) [s].
-        levels: the powers, shape (e,) [%].
-        before: power before the first of them [%].
-        loads: instants at which loads begin to act, shape (s,) [s].
-        restarts: instants at which the state begins anew, shape (r,) [s].
-        first: lag [s].
-        second: lag, 0 where there is one alone [s].
+        log: see `Held`.
+        lags: the second is 0 where there is one alone [s].
         dead: dead time [s].
         basis: the columns, as named above, shape (5 + s + 2·r, m).
     """
+    time, half, edges, levels, before, loads, restarts = log
+    first, second = lags
     m = len(time)
-    _forced(time, half, edges, levels, before, first, second, dead, basis[GAIN])
+    _forced(time, half, edges, levels, before, lags, dead, basis[GAIN])
     _states(time, half, time[0], first, second, basis[FIRST_STATE:COLUMNS])
     for i in range(m):
         basis[AMBIENT, i] = 1.0
         basis[DRIFT, i] = time[i] - time[0]
     one = np.ones(1)
     for k in range(len(loads)):
-        _forced(time, half, loads[k : k + 1], one, 0.0, first, second, 0.0, basis[COLUMNS + k])
+        _forced(time, half, loads[k : k + 1], one, 0.0, lags, 0.0, basis[COLUMNS + k])
     for k in range(len(restarts)):
         place = COLUMNS + len(loads) + 2 * k
         _states(time, half, restarts[k], first, second, basis[place : place + 2])
@@ -175,36 +175,29 @@ def _space(width: int, m: int) -> Space:
     return np.empty((width, m)), np.empty((width, width)), np.empty(width), np.empty(width, dtype=np.int64)
 
 
-def _residuals(
-    log: Held, record: Array, known: Array, law: tuple[bool, float], z: Array, space: Space, out: Array, linear: Array
-) -> float:
+def _residuals(record: Record, z: Array, space: Space, out: Array, linear: Array) -> float:
     """Fill residuals (m,) and linear part (one for each column) of one vector; return the sum of squares.
 
     Args:
-        log: see `Held`.
-        record: temperatures, shape (m,).
-        known: linear unknowns that are given, nan where free, one for each column.
-        law: whether the gain is given as gain per time constant; its sign, see `PowerProblem`: with another the sum
-            is infinite.
+        record: see `Record`.
         z: ln first lag, dead time, lag ratio.
         space: see `_space`.
         out: residuals.
         linear: linear part.
     """
-    time, half, edges, levels, before, loads, restarts = log
+    log, temperatures, fixed, (per_lag, sign) = record
     basis, normal, right, free = space
-    per_lag, sign = law
     lag = math.exp(z[0])
-    columns(time, half, edges, levels, before, loads, restarts, lag, z[2] * lag, z[1], basis)
+    columns(log, (lag, z[2] * lag), z[1], basis)
     size = 0
     for i in range(len(out)):
-        out[i] = -record[i]
-    for c in range(len(known)):
-        if math.isnan(known[c]):
+        out[i] = -temperatures[i]
+    for c in range(len(fixed)):
+        if math.isnan(fixed[c]):
             free[size] = c
             size += 1
         else:
-            linear[c] = known[c] * lag if per_lag and c == GAIN else known[c]
+            linear[c] = fixed[c] * lag if per_lag and c == GAIN else fixed[c]
             _add(linear[c], basis[c], out)
     for a in range(size):
         right[a] = -_dot(basis[free[a]], out)
@@ -221,38 +214,39 @@ def _residuals(
 
 
 def project(
-    log: Held, records: Array, known: Array, law: tuple[bool, float], vectors: Array, residuals: Array, linear: Array,
+    log: Held, records: Array, fixed: Array, law: tuple[bool, float], vectors: Array, residuals: Array, linear: Array,
     cost: Array,
 ) -> None:
     """Fill residuals, linear parts and sums of squares of vectors.
 
     Args:
-        log: times, half widths, edges, levels, power before, load instants, restarts.
+        log: see `Held`.
         records: temperatures, shape (n, m) [°C].
-        known: linear unknowns that are given, nan where free, shape (n, columns).
-        law: as `_residuals`.
+        fixed: linear unknowns that are given, nan where free, shape (n, columns).
+        law: see `Record`.
         vectors: ln first lag, dead time, lag ratio, shape (n, 3).
         residuals: shape (n, m) [°C].
         linear: linear parts, shape (n, columns).
         cost: sums of squares, shape (n,) [°C²].
     """
-    space = _space(known.shape[1], records.shape[1])
+    space = _space(fixed.shape[1], records.shape[1])
     for i in range(len(vectors)):
-        cost[i] = _residuals(log, records[i], known[i], law, vectors[i], space, residuals[i], linear[i])
+        cost[i] = _residuals((log, records[i], fixed[i], law), vectors[i], space, residuals[i], linear[i])
 
 
 def _slopes(
-    log: Held, record: Array, known: Array, law: tuple[bool, float], z: Array, low: Array, high: Array, r: Array,
-    space: Space, moved: Array, linear: Array, jacobian: Array,
+    record: Record, z: Array, bounds: tuple[Array, Array], r: Array, space: Space, moved: Array, linear: Array,
+    jacobian: Array,
 ) -> None:
     """Fill the residuals' change (3, m) over the range of each parameter; 0 for one that is held."""
+    low, high = bounds
     shifted = z.copy()
     for k in range(3):
         jacobian[k] = 0.0
         if high[k] > low[k]:
             change = DIFFERENCE * (high[k] - low[k])
             shifted[k] = z[k] + change if z[k] + change <= high[k] else z[k] - change
-            if math.isfinite(_residuals(log, record, known, law, shifted, space, moved, linear)):
+            if math.isfinite(_residuals(record, shifted, space, moved, linear)):
                 share = (high[k] - low[k]) / (shifted[k] - z[k])
                 for i in range(len(r)):
                     jacobian[k, i] = (moved[i] - r[i]) * share
@@ -260,10 +254,11 @@ def _slopes(
 
 
 def _stepped(
-    jacobian: Array, r: Array, z: Array, low: Array, high: Array, damping: float, matrix: Array, step: Array,
+    jacobian: Array, r: Array, z: Array, bounds: tuple[Array, Array], damping: float, matrix: Array, step: Array,
     trial: Array,
 ) -> None:
     """Write z after the damped Gauss–Newton step, projected onto the bounds, into trial."""
+    low, high = bounds
     for a in range(3):
         step[a] = -_dot(jacobian[a], r)
         for b in range(a + 1):
@@ -283,10 +278,10 @@ def _stepped(
 
 
 def descend(
-    log: Held, records: Array, known: Array, law: tuple[bool, float], vectors: Array, low: Array, high: Array,
-    iterations: int, tolerance: float,
+    log: Held, records: Array, fixed: Array, law: tuple[bool, float], vectors: Array,
+    bounds: tuple[Array, Array], iterations: int, tolerance: float,
 ) -> None:
-    """Move each vector (n, 3) to the local minimum that it leads to; arguments as `_residuals`, one per row.
+    """Move each vector (n, 3) to the local minimum that it leads to; one record per row.
 
     The step is Levenberg's and Marquardt's, as in `least_squares.minimise`. A parameter whose bounds are equal keeps
     its start. A row rests after three steps that gain no more than `tolerance`.
@@ -294,37 +289,36 @@ def descend(
     Args:
         log: as `project`.
         records: as `project`.
-        known: as `project`.
+        fixed: as `project`.
         law: as `project`.
         vectors: starts, shape (n, 3), moved in place.
-        low: lower bounds of a vector, shape (3,).
-        high: upper bounds, shape (3,).
+        bounds: lower and upper bounds of a vector, each of shape (3,).
         iterations: most steps tried.
         tolerance: relative decrease of the sum of squares that counts as none.
     """
-    m, width = records.shape[1], known.shape[1]
+    (low, high), m, width = bounds, records.shape[1], fixed.shape[1]
     space = _space(width, m)
     r, tried, jacobian, linear = np.empty(m), np.empty(m), np.empty((3, m)), np.empty(width)
     matrix, step, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
     for row in range(len(vectors)):
-        z, record, given = vectors[row], records[row], known[row]
+        z, record = vectors[row], (log, records[row], fixed[row], law)
         for k in range(3):
             z[k] = min(max(z[k], low[k]), high[k]) if high[k] > low[k] else z[k]
-        cost = _residuals(log, record, given, law, z, space, r, linear)
+        cost = _residuals(record, z, space, r, linear)
         damping, resting, better = 1e-2, 0, True
         for _ in range(iterations if math.isfinite(cost) else 0):
             if better:
-                _slopes(log, record, given, law, z, low, high, r, space, tried, linear, jacobian)
-            _stepped(jacobian, r, z, low, high, damping, matrix, step, trial)
-            found = _residuals(log, record, given, law, trial, space, tried, linear)
-            better = found < cost
-            if not better or cost - found <= tolerance * cost:
+                _slopes(record, z, bounds, r, space, tried, linear, jacobian)
+            _stepped(jacobian, r, z, bounds, damping, matrix, step, trial)
+            trial_cost = _residuals(record, trial, space, tried, linear)
+            better = trial_cost < cost
+            if not better or cost - trial_cost <= tolerance * cost:
                 resting += 1 if better or damping > 1e3 else 0
             else:
                 resting = 0
             damping = max(damping / 3.0, 1e-8) if better else min(damping * 4.0, 1e8)
             if better:
                 z[:] = trial
-                r, tried, cost = tried, r, found
+                r, tried, cost = tried, r, trial_cost
             if resting == REST:
                 break

@@ -46,7 +46,7 @@ class Rival(NamedTuple):
     fit: PowerFit
     model: Fopdt
     law: str
-    told: str
+    sentence: str
     shifted: bool = False
 
 
@@ -64,21 +64,21 @@ def rivals_of(
         held_out: its error on windows not seen.
         open_start: whether the power before the log is unknown.
     """
-    found = (
+    rivals = (
         *_without_events(log, problem, fit, held_out), *_at_rest(problem, fit, ci95.get("ambient_degC")),
         *_other_rest(log, problem, fit), *(_other_start(problem, fit) if open_start else ()),
     )
     record = problem.readings.temperature_degC
     return tuple(
-        rival for rival in found
+        rival for rival in rivals
         if fit_pct(record, rival.fit.simulated_degC) > _POOR and not lies_inside(rival.model, ci95)
     ) + tuple(_other_edges(log, problem, fit, ci95.get("dead_time_s")))
 
 
 def widened(ci95: Mapping[str, Interval], values: Sequence[Mapping[str, float]]) -> dict[str, Interval]:
     """Return the intervals, widened until they hold the rivals too."""
-    others = {name: [each[name] for each in values if math.isfinite(each[name])] for name in ci95}
-    return {name: envelope(found, others[name]) if others[name] else found for name, found in ci95.items()}
+    others = {name: [rival[name] for rival in values if math.isfinite(rival[name])] for name in ci95}
+    return {name: envelope(inside, others[name]) if others[name] else inside for name, inside in ci95.items()}
 
 
 def lies_inside(model: Fopdt, ci95: Mapping[str, Interval | None]) -> bool:
@@ -91,21 +91,21 @@ def _without_events(log: Log, problem: PowerProblem, fit: PowerFit, held_out: He
     if not problem.drift and not problem.loads_s:
         return
     plain = replace(problem, drift=False, loads_s=())
-    found = min((plain.fit(), plain.refined(fit.vector[None, :])), key=lambda each: bic_of(plain, each))
+    refit = min((plain.fit(), plain.refined(fit.vector[None, :])), key=lambda trial: bic_of(plain, trial))
     closed = is_feedback(log) or follows_temperature(log)
-    if found.model is None or (not closed and held_out.rmse_degC < _SURE * unseen(plain, found).rmse_degC):
+    if refit.model is None or (not closed and held_out.rmse_degC < _SURE * unseen(plain, refit).rmse_degC):
         return
     law = "power logged, without drift and loads"
-    if plain.ambient_degC is None and not is_sensible(plain, found):
+    if plain.ambient_degC is None and not is_sensible(plain, refit):
         # under feedback a load drives the gain of a fit without it towards nothing, and the ambient to the setpoint
         plain, law = _held(plain), f"{law}, ambient at the lowest reading"
-        found = plain.fit()
-    if not isinstance(found.model, Fopdt):
+        refit = plain.fit()
+    if not isinstance(refit.model, Fopdt):
         return
     events = " and ".join(["drift"] * problem.drift + ["load steps"] * bool(problem.loads_s))
     answers = ", and in a closed loop the power answers them" if closed else ""
-    yield Rival(plain, found, found.model, law, (
-        f"With {events} fitted, {_heater(fit.model)}; without, {_heater(found.model)}. They can swallow a slow answer "
+    yield Rival(plain, refit, refit.model, law, (
+        f"With {events} fitted, {_heater(fit.model)}; without, {_heater(refit.model)}. They can swallow a slow answer "
         f"of the heater{answers}: the log does not tell which, so both are candidates and the intervals hold both."
     ))
 
@@ -116,13 +116,13 @@ def _at_rest(problem: PowerProblem, fit: PowerFit, ambient: Interval | None) -> 
     if ambient is None or ambient.low is None or ambient.low <= lowest or is_sensible(problem, fit):
         return
     held = _held(problem)
-    found = min((held.fit(), held.refined(fit.vector[None, :])), key=lambda each: bic_of(held, each))
-    if not isinstance(found.model, Fopdt):
+    refit = min((held.fit(), held.refined(fit.vector[None, :])), key=lambda trial: bic_of(held, trial))
+    if not isinstance(refit.model, Fopdt):
         return
-    yield Rival(held, found, found.model, "power logged, ambient at the lowest reading", (
+    yield Rival(held, refit, refit.model, "power logged, ambient at the lowest reading", (
         f"Left free, the ambient comes out at {fit.linear[AMBIENT]:.3g} °C, above the lowest reading of "
         f"{lowest:.3g} °C, though no heater is colder than its room: a slow part of the heater passes for its initial "
-        f"state. With the ambient at that reading {_heater(found.model)}; both are candidates, the intervals hold "
+        f"state. With the ambient at that reading {_heater(refit.model)}; both are candidates, the intervals hold "
         "both, and --ambient would settle it."
     ))
 
@@ -133,12 +133,12 @@ def _other_start(problem: PowerProblem, fit: PowerFit) -> Iterator[Rival]:
     if first == 0.0:
         return
     other = replace(problem, power_before_pct=0.0 if problem.power_before_pct is None else None)
-    found = min((other.fit(), other.refined(fit.vector[None, :])), key=lambda each: bic_of(other, each))
-    if not isinstance(found.model, Fopdt) or bic_of(other, found) > bic_of(problem, fit) + _NEAR:
+    refit = min((other.fit(), other.refined(fit.vector[None, :])), key=lambda trial: bic_of(other, trial))
+    if not isinstance(refit.model, Fopdt) or bic_of(other, refit) > bic_of(problem, fit) + _NEAR:
         return
-    yield Rival(other, found, found.model, f"power logged, {other.power_before:g} % before it", (
+    yield Rival(other, refit, refit.model, f"power logged, {other.power_before:g} % before it", (
         f"With {problem.power_before:g} % power before the log, {_heater(fit.model)}; with {other.power_before:g} %, "
-        f"{_heater(found.model)}. The log does not tell which, so both are candidates and the intervals hold both; "
+        f"{_heater(refit.model)}. The log does not tell which, so both are candidates and the intervals hold both; "
         "--power-before would settle it."
     ))
 
@@ -151,12 +151,12 @@ def _other_rest(log: Log, problem: PowerProblem, fit: PowerFit) -> Iterator[Riva
     for other in starts(replace(problem, at_rest=False), closed=closed):
         if other.at_rest == problem.at_rest or other.power_before_pct != problem.power_before_pct:
             continue
-        found = min((other.fit(), other.refined(fit.vector[None, :])), key=lambda each: bic_of(other, each))
-        if isinstance(found.model, Fopdt) and bic_of(other, found) < bic_of(problem, fit) + _NEAR:
+        refit = min((other.fit(), other.refined(fit.vector[None, :])), key=lambda trial: bic_of(other, trial))
+        if isinstance(refit.model, Fopdt) and bic_of(other, refit) < bic_of(problem, fit) + _NEAR:
             begun = ("not from rest", "from rest")
-            yield Rival(other, found, found.model, f"power logged, {begun[other.at_rest]}", (
+            yield Rival(other, refit, refit.model, f"power logged, {begun[other.at_rest]}", (
                 f"With a start {begun[problem.at_rest]}, {_heater(fit.model)}; {begun[other.at_rest]}, "
-                f"{_heater(found.model)}. The readings before the first step do not tell which, so both are "
+                f"{_heater(refit.model)}. The readings before the first step do not tell which, so both are "
                 "candidates and the intervals hold both; log some readings more before the first step."
             ))
 
@@ -175,7 +175,7 @@ def _other_edges(log: Log, problem: PowerProblem, fit: PowerFit, dead: Interval 
         other, gap_s = replace(problem, readings=_earlier(problem.readings, log.time_s, way)), step[way - 1].max()
         most_s = min(late_s + float(gap_s), float(other.high[1]))
         starts = np.array([[fit.vector[0], shift, fit.vector[2]] for shift in (fit.vector[1], 0.5 * most_s, most_s)])
-        best = min((other.fit(), other.refined(starts)), key=lambda each: bic_of(other, each))
+        best = min((other.fit(), other.refined(starts)), key=lambda trial: bic_of(other, trial))
         if bic_of(other, best) > bic_of(problem, fit) + _NEAR:
             continue
         at = _latest(other, best, most_s)

@@ -131,14 +131,14 @@ def _unexplained(inputs: Array, output: Array) -> float:
 
 def _refuse_sign(log: Log, problem: PowerProblem, other: PowerFit) -> NoReturn:
     gain, lag = float(other.linear[GAIN]), float(np.exp(other.vector[0]))
-    told = f"{log.name}: the temperature falls as the power rises (gain {gain:.2g} °C/%, time constant {lag:.3g} s)"
+    fault = f"{log.name}: the temperature falls as the power rises (gain {gain:.2g} °C/%, time constant {lag:.3g} s)"
     if lag < _SHORT * _sample(problem) and follows_temperature(log):
         raise InputError(
-            f"{told}: this is the controller seen backwards, which moves the power as the temperature falls, and no "
+            f"{fault}: this is the controller seen backwards, which moves the power as the temperature falls, and no "
             "heater; log a step of the setpoint or an open-loop step of the power"
         )
     raise InputError(
-        f"{told}: a cooling loop, or the sensor of another zone; for a cooler log 100 − power as the power"
+        f"{fault}: a cooling loop, or the sensor of another zone; for a cooler log 100 − power as the power"
     )
 
 
@@ -173,12 +173,12 @@ def _answers_beside_load(problem: PowerProblem, still: PowerProblem, fit: PowerF
     """Return whether the power is seen once a load is allowed: a controller's answer to one hides its own effect."""
     if fit is None:
         return False
-    (loaded, *_), (found, *_) = with_loads([problem], [fit])
+    (loaded, *_), (refit, *_) = with_loads([problem], [fit])
     if not loaded.loads_s:
         return False
     idle = replace(still, loads_s=loaded.loads_s).fit()
     error = problem.readings.temperature_degC - idle.simulated_degC
-    return ar1_bic(error, idle.unknowns - 2) > bic_of(loaded, found) + _SURE
+    return ar1_bic(error, idle.unknowns - 2) > bic_of(loaded, refit) + _SURE
 
 
 def _sample(problem: PowerProblem) -> float:

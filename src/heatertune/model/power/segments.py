@@ -44,9 +44,9 @@ class Segments(NamedTuple):
         """All of them, in order."""
         return np.union1d(self.after_gaps, self.after_jumps)
 
-    def with_jumps(self, found: Places) -> Segments:
+    def with_jumps(self, places: Places) -> Segments:
         """Return the segments with these jumps too."""
-        return self._replace(after_jumps=np.union1d(self.after_jumps, np.setdiff1d(found, self.after_gaps)))
+        return self._replace(after_jumps=np.union1d(self.after_jumps, np.setdiff1d(places, self.after_gaps)))
 
     def kept(self, n: int) -> npt.NDArray[np.bool_]:
         """Return which of n readings lie in a segment that is long enough to tell something, shape (n,)."""
@@ -55,7 +55,7 @@ class Segments(NamedTuple):
         rows = np.repeat(sizes >= _FEWEST, sizes)
         return rows if np.count_nonzero(rows) >= MIN_SAMPLES else np.ones(n, dtype=np.bool_)
 
-    def told(self, log: Log) -> Iterator[str]:
+    def notes(self, log: Log) -> Iterator[str]:
         """Tell where the segments begin, why, and what of the log is not in them."""
         reasons = [f"{what} {_named(log.time_s[places])} s" for what, places in (
             ("a gap in the clock before", self.after_gaps), ("a jump of the temperature before", self.after_jumps),
@@ -76,8 +76,8 @@ class Segments(NamedTuple):
 def gaps(log: Log) -> Segments:
     """Return the segments that gaps in the clock make: the power in a gap is unknown."""
     step = np.diff(log.time_s)
-    found = 1 + np.flatnonzero(step > _GAP * np.quantile(step, 0.9))
-    return Segments(found if len(found) <= MOST else found[:0], found[:0])
+    places = 1 + np.flatnonzero(step > _GAP * np.quantile(step, 0.9))
+    return Segments(places if len(places) <= MOST else places[:0], places[:0])
 
 
 def jumps(record: Array, simulated: Array) -> Places:
@@ -89,9 +89,9 @@ def jumps(record: Array, simulated: Array) -> Places:
     step = np.diff(left)
     usual = 1.4826 * float(np.median(np.abs(step - np.median(step))))
     limit = max(_SHARE * float(np.ptp(tamed(record))), _TIMES * usual)
-    found = 1 + np.flatnonzero(np.abs(step) > limit)
-    lasting = [abs(_apart(left, int(place))) > _LASTS * abs(step[place - 1]) for place in found]
-    return found[np.array(lasting, dtype=np.bool_)]
+    places = 1 + np.flatnonzero(np.abs(step) > limit)
+    lasting = [abs(_apart(left, int(place))) > _LASTS * abs(step[place - 1]) for place in places]
+    return places[np.array(lasting, dtype=np.bool_)]
 
 
 def part(log: Log, rows: npt.NDArray[np.bool_]) -> Log:

@@ -47,11 +47,11 @@ def fits_of_period(problem: PowerProblem, periods: Array) -> tuple[Array, Array]
         step, wide = float(lags[1] - lags[0]), 1.0
         for _ in range(_ZOOMS):
             z = _vectors(problem, period, lags, ratios)
-            found = problem.cost(z, np.tile(problem.readings.temperature_degC, (len(z), 1)))
-            if not len(found) or not np.isfinite(found).any():
+            costs = problem.cost(z, np.tile(problem.readings.temperature_degC, (len(z), 1)))
+            if not len(costs) or not np.isfinite(costs).any():
                 break
-            place = int(np.argmin(found))
-            best[i], cost[i] = z[place], found[place]
+            place = int(np.argmin(costs))
+            best[i], cost[i] = z[place], costs[place]
             lags = best[i, 0] + step * np.linspace(-1.0, 1.0, 9)
             near = best[i, 2] * np.exp(wide * np.linspace(-1.0, 1.0, 5))
             ratios = np.unique(np.clip(near, *problem.low[2:], *problem.high[2:]))
@@ -61,7 +61,7 @@ def fits_of_period(problem: PowerProblem, periods: Array) -> tuple[Array, Array]
 
 def _vectors(problem: PowerProblem, period: float, lags: Array, ratios: Array) -> Array:
     """Return the vectors with this period and these lags (natural logarithms) whose dead time the bounds allow."""
-    lag, ratio = (each.ravel() for each in np.meshgrid(lags, ratios))
+    lag, ratio = (grid.ravel() for grid in np.meshgrid(lags, ratios))
     omega = 2.0 * np.pi / max(period, 1e-300)
     turned = np.arctan(omega * np.exp(lag)) + np.arctan(omega * np.exp(lag) * ratio)
     z = np.column_stack([lag, (np.pi - turned) / omega, ratio])

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy.special import stdtrit
 
 from heatertune.model.intervals import PERIOD, RATIO, Interval, envelope, hull, interval
-from heatertune.model.power.open_loop import FAR, Known, PowerFit, PowerProblem
+from heatertune.model.power.open_loop import FAR, Fixed, PowerFit, PowerProblem
 from heatertune.model.power.projection import AMBIENT, GAIN
 from heatertune.model.power.ultimate import fits_of_period, periods_of
 from heatertune.model.statistics import autocorrelation, block_resamples
@@ -64,35 +64,35 @@ def intervals_by(
     problem: PowerProblem, fit: PowerFit, factors: Sequence[Mapping[str, float]], *, seed: int
 ) -> list[dict[str, Interval]]:
     """Return the intervals for each set of factors by which deviations are larger than the residuals say."""
-    problem, told = problem.thinned(READINGS), fit
+    problem, reported = problem.thinned(READINGS), fit
     fit = problem.refined(fit.vector[None, :])
     noise, ends = noise_of(problem, fit), bounds_of(problem)
     drawn = {name: values for name, values in _bootstrap(problem, fit, seed).items() if name in noise.deviation}
 
-    def found(name: str, times: float) -> Interval:
+    def interval_of(name: str, times: float) -> Interval:
         by_draws = interval(_spread(name, drawn[name], value_of(fit, name), times), *ends[name])
         by_profile = _profile(problem, fit, name, noise, times)
-        return envelope(hull(by_draws, by_profile), [value_of(told, name)])
+        return envelope(hull(by_draws, by_profile), [value_of(reported, name)])
 
-    wide = [{name: found(name, times.get(name, 1.0)) for name in drawn} for times in factors]
-    return [_known(_beyond(each, told), problem) for each in wide]
+    wide = [{name: interval_of(name, times.get(name, 1.0)) for name in drawn} for times in factors]
+    return [_known(_beyond(intervals, reported), problem) for intervals in wide]
 
 
-def _known(found: dict[str, Interval], problem: PowerProblem) -> dict[str, Interval]:
+def _known(intervals: dict[str, Interval], problem: PowerProblem) -> dict[str, Interval]:
     """Return the intervals with the end of the dead time that the user knows, where the log leaves it open."""
-    dead, most = found["dead_time_s"], problem.most_dead_time_s
-    return found if dead.high is not None or most is None else found | {"dead_time_s": replace(dead, high=most)}
+    dead, most = intervals["dead_time_s"], problem.most_dead_time_s
+    return intervals if dead.high is not None or most is None else intervals | {"dead_time_s": replace(dead, high=most)}
 
 
-def _beyond(found: dict[str, Interval], fit: PowerFit) -> dict[str, Interval]:
+def _beyond(intervals: dict[str, Interval], fit: PowerFit) -> dict[str, Interval]:
     """Return the intervals; an open time constant needs less gain per time constant than the longest one searched.
 
     Over the length of the log that one falls behind an integrator of the same rate by half its share on average.
     """
-    lag = found.get("time_constant_s")
+    lag = intervals.get("time_constant_s")
     if lag is None or lag.high is not None:
-        return found
-    return found | {RATIO: envelope(found[RATIO], [value_of(fit, RATIO) * (1.0 - 0.5 / FAR)])}
+        return intervals
+    return intervals | {RATIO: envelope(intervals[RATIO], [value_of(fit, RATIO) * (1.0 - 0.5 / FAR)])}
 
 
 def _spread(name: str, values: Array, best: float, times: float) -> Array:
@@ -178,7 +178,7 @@ def _unseen(triangle: Array, weights: Mapping[str, Array]) -> frozenset[str]:
 
 def sensitivities(problem: PowerProblem, fit: PowerFit) -> tuple[Array, list[str]]:
     """Return the derivative of the temperature by each unknown, shape (m, p), and the unknowns' names."""
-    free = np.flatnonzero(np.isnan(problem.known))
+    free = np.flatnonzero(np.isnan(problem.fixed))
     called = {GAIN: "gain_degC_per_pct", AMBIENT: "ambient_degC"}
     names = [called.get(int(i), str(i)) for i in free]
     basis = [problem.basis(fit.vector)[i] for i in free]
@@ -225,12 +225,12 @@ def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: Noise, time
     best = value_of(fit, name)
     limit = (times * noise.quantile) ** 2 * noise.inflation[name] * noise.variance
     least = float(np.sum((problem.readings.temperature_degC - fit.simulated_degC) ** 2))
-    found = []
+    ends = []
     for side in (-1.0, 1.0):
         values = np.clip(best + side * times * noise.deviation[name] * STEPS, low, high)
         rise = np.array([0.0, *np.maximum(held_squares(problem, fit, name, values) - least, 0.0)])
-        found.append(crossing(np.array([best, *values]), rise, limit))
-    return Interval(low=found[0], high=found[1])
+        ends.append(crossing(np.array([best, *values]), rise, limit))
+    return Interval(low=ends[0], high=ends[1])
 
 
 def crossing(values: Array, rise: Array, limit: float) -> float | None:
@@ -266,8 +266,8 @@ def _slopes_of_period(vector: Array) -> dict[str, float]:
 
 def held_at(problem: PowerProblem, fit: PowerFit, name: str, value: float) -> PowerFit:
     """Return the fit with one number held: "dead_time_s" [s], gain per time constant or the ultimate period."""
-    vectors, known, _ = _held(problem, fit, name, np.array([value]))
-    return problem.at(vectors[0], known)
+    vectors, fixed, _ = _held(problem, fit, name, np.array([value]))
+    return problem.at(vectors[0], fixed)
 
 
 def held_squares(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Array:
@@ -277,7 +277,7 @@ def held_squares(problem: PowerProblem, fit: PowerFit, name: str, values: Array)
 
 def _held(
     problem: PowerProblem, fit: PowerFit, name: str, values: Array
-) -> tuple[Array, Known | None, Array]:
+) -> tuple[Array, Fixed | None, Array]:
     """Return the vectors, what is known with them, and the least sums of squares with the number held at each value."""
     if name == PERIOD:
         vectors, cost = fits_of_period(problem, values)
@@ -291,9 +291,9 @@ def _held(
     given = problem.nothing_more(len(values))
     if held is None:
         given.values[:, AMBIENT if name == "ambient_degC" else GAIN] = values
-    known = replace(given, gain_per_lag=name == RATIO)
-    z = problem.minimum(z, records, known, held=held, iterations=12)
-    return z, known, problem.cost(z, records, known)
+    fixed = replace(given, gain_per_lag=name == RATIO)
+    z = problem.minimum(z, records, fixed, held=held, iterations=12)
+    return z, fixed, problem.cost(z, records, fixed)
 
 
 def value_of(fit: PowerFit, name: str) -> float:

@@ -170,17 +170,17 @@ def estimate(record: RelayRecord, *, ambient_degC: float | None = None) -> Relay
 
     on_s, off_s = record.times()
     gain, source = _static_gain(record)
-    found = oscillating_fopdt(
+    oscillation = oscillating_fopdt(
         relay, on_s=on_s, off_s=off_s, highest_degC=highest, lowest_degC=lowest,
         gain=gain,
     )
-    if found is None and (gain is not None or _lopsided(on_s, off_s)):
+    if oscillation is None and (gain is not None or _lopsided(on_s, off_s)):
         source = f"{source}, but no FOPDT swings like this"
     return RelayEstimate(
         periods=record.periods, period_s=_mean(lengths, float(np.mean(lengths)), sample / record.periods),
         ultimate_gain=_mean(ultimate(record.swings()), float(ultimate(highest - lowest)), 0.0),
-        oscillation=found, source=source,
-        output_error=None if found is None else _refined(record, found, ambient_degC),
+        oscillation=oscillation, source=source,
+        output_error=None if oscillation is None else _refined(record, oscillation, ambient_degC),
     )
 
 
@@ -223,11 +223,11 @@ def oscillating_fopdt(
     if decay is None:
         return None
     (up, down), (on, off) = reach(decay), logs(decay)
-    found = (up + down) / step
+    static_gain = (up + down) / step
     lag = (on_s + off_s) / (on + off)
     return Fopdt(
-        gain_degC_per_pct=found, time_constant_s=lag, dead_time_s=-lag * math.log(decay),
-        ambient_degC=relay.setpoint_degC + up - found * relay.high_pct,
+        gain_degC_per_pct=static_gain, time_constant_s=lag, dead_time_s=-lag * math.log(decay),
+        ambient_degC=relay.setpoint_degC + up - static_gain * relay.high_pct,
     )
 
 
@@ -236,26 +236,26 @@ def with_relay(log: Log, fitted: FittedModel, *, ambient_degC: float | None) -> 
     record = find_relay(log, ambient_degC=ambient_degC)
     if record is None:
         return fitted
-    found = estimate(record, ambient_degC=ambient_degC)
-    told = (
-        f"{log.name} is a relay test: {record.low_pct:g} and {record.high_pct:g} %, {found.periods} whole periods of "
-        f"{found.period_s[0]:.4g} s, thresholds {record.relay.on_degC:.4g} and {record.relay.off_degC:.4g} °C."
+    test = estimate(record, ambient_degC=ambient_degC)
+    summary = (
+        f"{log.name} is a relay test: {record.low_pct:g} and {record.high_pct:g} %, {test.periods} whole periods of "
+        f"{test.period_s[0]:.4g} s, thresholds {record.relay.on_degC:.4g} and {record.relay.off_degC:.4g} °C."
     )
-    model = f"No FOPDT from the oscillation: {found.source}."
-    if found.oscillation is not None and found.output_error is not None:
+    model = f"No FOPDT from the oscillation: {test.source}."
+    if test.oscillation is not None and test.output_error is not None:
         model = (
-            f"FOPDT from the oscillation ({found.source}): {_numbers(found.oscillation)}; output-error fit that starts "
-            f"there: {_numbers(found.output_error)}."
+            f"FOPDT from the oscillation ({test.source}): {_numbers(test.oscillation)}; output-error fit that starts "
+            f"there: {_numbers(test.output_error)}."
         )
     highest, lowest = record.extremes()
     if record.relay.hysteresis_degC > _WIDE * 0.5 * (highest - lowest):
         doubt = "The thresholds lie too far apart for the swing: it does not tell the ultimate gain and period."
-        return replace(fitted, notes=(*fitted.notes, told, model, doubt))
+        return replace(fitted, notes=(*fitted.notes, summary, model, doubt))
     doubt = "On a FOPDT the describing function errs by −19 to +27 %, which its interval does not hold."
     combinations = {
-        "ultimate_gain_pct_per_degC": found.ultimate_gain, "ultimate_period_s": found.period_s, **fitted.combinations,
+        "ultimate_gain_pct_per_degC": test.ultimate_gain, "ultimate_period_s": test.period_s, **fitted.combinations,
     }
-    return replace(fitted, notes=(*fitted.notes, told, model, doubt), combinations=combinations)
+    return replace(fitted, notes=(*fitted.notes, summary, model, doubt), combinations=combinations)
 
 
 def _alternation(values: Array) -> tuple[int, int]:

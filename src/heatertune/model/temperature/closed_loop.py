@@ -227,14 +227,14 @@ class Hypothesis:
     def controller(self, z: Array, segment: int = 0) -> dict[str, float]:
         """Return what was fitted about one segment's controller, name → value, unit in the name."""
         first, law = self._offsets()[segment], self.segments[segment].law
-        found = {"setpoint_degC": float(z[first + 3])}
+        fitted = {"setpoint_degC": float(z[first + 3])}
         if self.segments[segment].event:
             event_s = float(z[first + 5]) + float(self.segments[segment].log.time_s[0])
-            found |= {"setpoint_step_degC": float(z[first + 4]), "setpoint_step_at_s": event_s}
+            fitted |= {"setpoint_step_degC": float(z[first + 4]), "setpoint_step_at_s": event_s}
         for i, constant in enumerate(law.constants):
             value = float(z[first + 6 + i])
-            found[constant.name] = float(np.exp(value)) if constant.logarithmic else value
-        return found
+            fitted[constant.name] = float(np.exp(value)) if constant.logarithmic else value
+        return fitted
 
     def on_bound(self, z: Array) -> tuple[str, ...]:
         """Return the names of the unknowns that ended on a bound of their search."""

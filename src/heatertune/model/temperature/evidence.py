@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import Log
-from heatertune.model.hearing import Told
+from heatertune.model.hearing import Remark
 from heatertune.model.temperature.closed_loop import Bounds
 from heatertune.model.values import HeaterModel
 
@@ -135,7 +135,7 @@ def evidence_notes(log: Log, ambient_degC: Bounds) -> Iterable[str]:
         )
 
 
-def contradictions(log: Log, ambient_degC: Bounds, plants: Sequence[HeaterModel]) -> Iterator[Told]:
+def contradictions(log: Log, ambient_degC: Bounds, plants: Sequence[HeaterModel]) -> Iterator[Remark]:
     """Tell where a free cooling is far quicker or slower than on every model: the law that was assumed is not true."""
     cooling = free_cooling(log, ambient_degC)
     if cooling is None:
@@ -143,7 +143,7 @@ def contradictions(log: Log, ambient_degC: Bounds, plants: Sequence[HeaterModel]
     shortest, longest = cooling.time_constant_s[0] / _FAR_OFF, cooling.time_constant_s[1] * _FAR_OFF
     lags = [lag for plant in plants for lag in (plant.lags_s[0], plant.half_rule().time_constant_s)]
     if all(not shortest <= lag <= longest for lag in lags):
-        yield Told("contradicted", (
+        yield Remark("contradicted", (
             f"From {cooling.start_s:g} to {cooling.end_s:g} s {log.name} cools freely with a time constant of "
             f"{cooling.time_constant_s[0]:.3g}…{cooling.time_constant_s[1]:.3g} s; the models that explain it have "
             f"{min(lags):.3g}…{max(lags):.3g} s."
@@ -165,7 +165,7 @@ def _longest(log: Log, first: int, last: int, is_wanted: Callable[[Stretch], boo
         if whole is not None and is_wanted(whole):
             sizes = (max(_FEWEST, (b - a) * share // 4) for share in (2, 3))
             parts = [whole, *filter(None, (_exponential(log, a, a + size, quiet) for size in sizes))]
-            lags, aims = ([each.time_constant_s for each in parts], [each.aim_degC for each in parts])
+            lags, aims = ([stretch.time_constant_s for stretch in parts], [stretch.aim_degC for stretch in parts])
             return whole._replace(time_constant_s=_hull(lags), aim_degC=_hull(aims))
     return None
 

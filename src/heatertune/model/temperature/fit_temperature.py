@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import Log
-from heatertune.model.hearing import Told, findings_of, poor_told
+from heatertune.model.hearing import Remark, findings_of, poor_remarks
 from heatertune.model.intervals import Interval, envelope, identified, interval
 from heatertune.model.least_squares import minimise
 from heatertune.model.measures import COMBINATIONS, FIELDS
@@ -33,7 +33,7 @@ __all__ = ["fit_temperature"]
 
 Array = npt.NDArray[np.float64]
 
-_NO_POWER = Told("no-power", (
+_NO_POWER = Remark("no-power", (
     "Neither power nor setpoint was logged: the controller's law is a hypothesis, and setpoint and bias show only as "
     "their sum."
 ))
@@ -80,13 +80,13 @@ def fit_temperature(
     if len(used) > 1:
         notes += (joint_note(best, ranked, alone),)
     plants = [fit.hypothesis.plant(fit.vector) for fit in kept]
-    against = [told for s in best.hypothesis.segments for told in contradictions(s.log, s.ambient_degC, plants)]
+    against = [remark for s in best.hypothesis.segments for remark in contradictions(s.log, s.ambient_degC, plants)]
     first, (simulated, *_) = used[0], best.hypothesis.parts(best.simulated_degC)
     outcome, names = _outcome(best.fit_pct, ci95), " and ".join(log.name for log in used)
     return FittedModel(
         model=plant.half_rule(),
         outcome=outcome,
-        findings=findings_of([_NO_POWER, *poor_told(outcome, best.fit_pct, names), *against]),
+        findings=findings_of([_NO_POWER, *poor_remarks(outcome, best.fit_pct, names), *against]),
         method=_method(best),
         ci95=ci95,
         combinations={name: (value, ranges[name]) for name, value in values.items() if np.isfinite(value)},
@@ -133,13 +133,13 @@ def _intervals(best: Fit, ranges: Mapping[str, Interval], ambient_degC: Bounds |
 
     The intervals hold under the hypothesis alone: one that does not foretell the later readings identifies neither.
     """
-    found = {name: identified(ranges[name]) for name in FIELDS}
+    ci95 = {name: identified(ranges[name]) for name in FIELDS}
     lost: dict[str, Interval | None] = {}
     if ambient_degC is not None and ambient_degC[0] == ambient_degC[1]:
         lost["ambient_degC"] = None
-    if not foretells(best) or found["ambient_degC"] is None:
+    if not foretells(best) or ci95["ambient_degC"] is None:
         lost |= {"gain_degC_per_pct": None, "time_constant_s": None}
-    return found | lost
+    return ci95 | lost
 
 
 def _kept(ranked: Sequence[Fit]) -> list[Fit]:
@@ -161,14 +161,14 @@ def _ranges(best: Fit, kept: Sequence[Fit], seed: int, ambient_degC: Bounds | No
     others = [fit.hypothesis.plant(fit.vector) for fit in kept]
     # a bound the user gave is knowledge, not the end of a search
     ambient = hypothesis.segments[0].ambient_degC if ambient_degC is None else (-np.inf, np.inf)
-    found = {}
+    ranges = {}
     for name, measure in (FIELDS | COMBINATIONS).items():
         low, high = ambient if name == "ambient_degC" else (0.0, np.inf)
         values = np.array([measure(plant) for plant in plants])
         range_ = envelope(interval(values, low, high), [measure(plant) for plant in others])
         endless = not np.isfinite(values).all() or range_.high == np.inf
-        found[name] = Interval(low=range_.low, high=None) if endless else range_
-    return found
+        ranges[name] = Interval(low=range_.low, high=None) if endless else range_
+    return ranges
 
 
 def _candidate(fit: Fit, leader: float) -> Candidate:
@@ -227,8 +227,8 @@ def _notes(
     ambient_degC: Bounds | None,
 ) -> tuple[str, ...]:
     hypothesis = best.hypothesis
-    known = ambient_degC is not None and ambient_degC[0] == ambient_degC[1]
-    lost = [name for name, found in ci95.items() if found is None and not (name == "ambient_degC" and known)]
+    given = ambient_degC is not None and ambient_degC[0] == ambient_degC[1]
+    lost = [name for name, limits in ci95.items() if limits is None and not (name == "ambient_degC" and given)]
     names = [segment.log.name for segment in hypothesis.segments]
     notes = [_NO_POWER.sentence, *event_notes(best), *lost_notes(names, lost, ranges),
              ambient_note(ambient_degC, hypothesis.segments[0].ambient_degC),

@@ -20,9 +20,9 @@ def event_notes(best: Fit) -> Iterable[str]:
     """Tell the setpoint steps that were assumed."""
     for i, segment in enumerate(best.hypothesis.segments):
         if segment.event:
-            found = best.hypothesis.controller(best.vector, i)
+            step = best.hypothesis.controller(best.vector, i)
             yield (
-                f"A setpoint step of {found['setpoint_step_degC']:+.1f} °C at {found['setpoint_step_at_s']:.0f} s of "
+                f"A setpoint step of {step['setpoint_step_degC']:+.1f} °C at {step['setpoint_step_at_s']:.0f} s of "
                 f"{segment.log.name} is a hypothesis made after the fact, because the log asks for it; nobody wrote it "
                 "down."
             )
@@ -34,8 +34,8 @@ def lost_notes(names: Sequence[str], lost: Iterable[str], ranges: Mapping[str, I
         _, called, unit = NOMENCLATURE[name]
         low, high = ("the bound of the search" if end is None else f"{end:.3g} {unit}"
                      for end in (ranges[name].low, ranges[name].high))
-        told = f"The {called} is not identified: anything from {low} to {high} explains {' and '.join(names)}"
-        yield f"{told} nearly as well."
+        sentence = f"The {called} is not identified: anything from {low} to {high} explains {' and '.join(names)}"
+        yield f"{sentence} nearly as well."
 
 
 def ambient_note(given: Bounds | None, sought: Bounds) -> str:
@@ -74,9 +74,9 @@ def validation_notes(best: Fit, ranked: Sequence[Fit]) -> Iterable[str]:
         )
     errors = hypothesis.parts(hypothesis.measured - best.simulated_degC)
     for segment, part in zip(hypothesis.segments, errors, strict=True):
-        if (found := ljung_box(part)) > LJUNG_BOX_95:
+        if (score := ljung_box(part)) > LJUNG_BOX_95:
             yield (
-                f"The residuals of {segment.log.name} are not white: Ljung–Box over 20 lags is {found:.0f}, white ones "
+                f"The residuals of {segment.log.name} are not white: Ljung–Box over 20 lags is {score:.0f}, white ones "
                 f"stay below {LJUNG_BOX_95:.0f}; so something moves the temperature that the model does not know."
             )
 

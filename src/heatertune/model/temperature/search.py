@@ -95,10 +95,10 @@ def _begin(hypothesis: Hypothesis, seed: int) -> _Beginning:
     """Return what explains the record's beginning: free of most events, and it holds the heat-up."""
     rng = np.random.default_rng(seed)
     early = hypothesis.early(EARLY)
-    found = _descent(early, _best_of(early, early.starts(rng, _RANDOM), _RACERS), 25)[:_FINALISTS]
-    error = early.measured - early.simulate(found[:1])[0]
-    held_out = hold_out_rmse(hypothesis, early, _descent(early, found[:1], 60)[0])
-    return _Beginning(found, _bic(early, error), held_out)
+    finalists = _descent(early, _best_of(early, early.starts(rng, _RANDOM), _RACERS), 25)[:_FINALISTS]
+    error = early.measured - early.simulate(finalists[:1])[0]
+    held_out = hold_out_rmse(hypothesis, early, _descent(early, finalists[:1], 60)[0])
+    return _Beginning(finalists, _bic(early, error), held_out)
 
 
 def _race(hypothesis: Hypothesis, beginning: _Beginning, seed: int) -> Fit:

@@ -1,9 +1,9 @@
-"""What was found while reading → what was taken, told in one value."""
+"""What was found while reading → what was taken, in one value."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -13,9 +13,9 @@ from heatertune.log.columns import NO_COLUMN, Columns
 from heatertune.log.numbers import Array
 from heatertune.log.power import Power
 from heatertune.log.tags import Tagged
-from heatertune.log.taken import Taken
+from heatertune.log.taken import Option, Taken
 
-__all__ = ["Unit", "taken_of"]
+__all__ = ["Counts", "Unit", "Written", "taken_of"]
 
 _SIGNS: Final = {"degC": "°C", "degF": "°F", "K": "K"}
 
@@ -27,9 +27,31 @@ class Unit(NamedTuple):
     assumed: bool
 
 
+class Written(NamedTuple):
+    """How time, temperature and power were written; without a power None."""
+
+    clock: str
+    temperature: Unit
+    power: Power | None
+
+
+class Counts(NamedTuple):
+    """Rows of a file.
+
+    Attributes:
+        read: that could have been readings, those aside that `Tagged` left out.
+        repeats: that only repeated the one before.
+        filled: in which a setpoint was put in.
+    """
+
+    read: int
+    repeats: int
+    filled: int
+
+
 def taken_of(
-    file: str, sheet: Sheet, columns: Columns, tagged: Tagged, *, time: Array, clock: str, temperature: Unit,
-    power: Power | None, repeats: int, filled: int, read: int, options: Mapping[str, Any],
+    file: str, sheet: Sheet, columns: Columns, tagged: Tagged, *, time: Array, written: Written, counts: Counts,
+    options: Mapping[str, Option],
 ) -> Taken:
     """Return what was taken.
 
@@ -39,35 +61,32 @@ def taken_of(
         columns: which column is what.
         tagged: what was done about tags and flags.
         time: of the readings that stayed, shape (n,) [s].
-        clock: how the time was written.
-        temperature: its unit.
-        power: how it was written.
-        repeats: rows that only repeated the one before.
-        filled: rows in which a setpoint was put in.
-        read: rows that could have been readings, those aside that `tagged` left out.
+        written: how its numbers were written.
+        counts: how many rows were what.
         options: what the user or the file said about its rows.
     """
-    written = {
+    clock, temperature, power = written
+    how = {
         "time": clock, "temperature": _SIGNS[temperature.name] + (", assumed" if temperature.assumed else ""),
         "power": "" if power is None else power.written, "setpoint": "",
     }
-    used = {role: (_names(sheet, columns, role), written[role]) for role in columns.index if role in written}
+    used = {role: (_names(sheet, columns, role), how[role]) for role in columns.index if role in how}
     if clock == "counted":
         used["time"] = ("row", f"{options['sample_time_s']:g} s")
     if power is None:
         used.pop("power", None)
     return Taken(
         file=file, rows=len(time), interval_s=float(np.median(np.diff(time))) if len(time) > 1 else 0.0, columns=used,
-        rows_read=read + tagged.lost, left_out=read + tagged.lost - len(time), repeats=repeats, repaired=filled,
-        unused=tagged.unused or _unused(sheet, columns, tagged, clock), reading=_reading(
-            sheet, columns, tagged, clock, temperature, power, options),
+        rows_read=counts.read + tagged.lost, left_out=counts.read + tagged.lost - len(time), repeats=counts.repeats,
+        repaired=counts.filled, unused=tagged.unused or _unused(sheet, columns, tagged, clock),
+        reading=_reading(sheet, columns, tagged, written, options),
     )
 
 
 def _names(sheet: Sheet, columns: Columns, role: str) -> str:
     """Return a column as it is told: 'T1', 'Date' + 'Time', column 3 of a file without names."""
     roles = ("date", role) if role == "time" and "date" in columns.index else (role,)
-    names = [columns.names[each] for each in roles]
+    names = [columns.names[part] for part in roles]
     return " + ".join(f"'{name}'" if sheet.header else f"column {name}" for name in names)
 
 
@@ -79,23 +98,22 @@ def _unused(sheet: Sheet, columns: Columns, tagged: Tagged, clock: str) -> tuple
 
 
 def _reading(
-    sheet: Sheet, columns: Columns, tagged: Tagged, clock: str, temperature: Unit, power: Power | None,
-    options: Mapping[str, Any],
-) -> dict[str, Any]:
+    sheet: Sheet, columns: Columns, tagged: Tagged, written: Written, options: Mapping[str, Option]
+) -> dict[str, Option]:
     """Return the options that repeat the reading, in the order in which people read a command."""
-    found: dict[str, Any] = {name: value for name, value in options.items() if value}
+    reading: dict[str, Option] = {name: value for name, value in options.items() if value}
     if not tagged.is_long:
-        found |= {f"{role}_column": _reference(sheet, i) for role, i in columns.index.items()
-                  if role != "time" or clock != "counted"}
-        found |= {f"{role}_column": NO_COLUMN for role in ("power", "setpoint") if role not in columns.index}
-    found |= tagged.options
-    unit = clock.partition(",")[0]
+        reading |= {f"{role}_column": _reference(sheet, i) for role, i in columns.index.items()
+                    if role != "time" or written.clock != "counted"}
+        reading |= {f"{role}_column": NO_COLUMN for role in ("power", "setpoint") if role not in columns.index}
+    reading |= tagged.options
+    unit = written.clock.partition(",")[0]
     if unit in TIME_UNITS:
-        found["time_unit"] = unit
-    found["temperature_unit"] = temperature.name
-    if power is not None:
-        found["power_full_scale"] = power.full_scale
-    return found
+        reading["time_unit"] = unit
+    reading["temperature_unit"] = written.temperature.name
+    if written.power is not None:
+        reading["power_full_scale"] = written.power.full_scale
+    return reading
 
 
 def _reference(sheet: Sheet, i: int) -> str:
