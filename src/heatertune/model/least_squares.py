@@ -3,6 +3,10 @@
 Multi-start and bootstrap both solve the same small problem some hundred times; solving all rows together keeps the
 compiled simulation busy. The step is Levenberg's and Marquardt's (D. W. Marquardt, "An algorithm for least-squares
 estimation of nonlinear parameters", SIAM J. Appl. Math. 11 (1963) 431–441), projected onto the bounds.
+
+Where the power meets its limits a sum of squares has kinks, and a descent rests at one of many: the last digit decides
+at which. So sums and systems of equations are written out here: NumPy's and LAPACK's round in an order that changes
+with their version and with the processor.
 """
 
 from __future__ import annotations
@@ -12,6 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+
+from heatertune.compiled import compiled
 
 __all__ = ["Minima", "minimise"]
 
@@ -74,8 +80,9 @@ def minimise(
 
 
 def _evaluate(residuals: Residuals, z: Array, rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
-    r = residuals(z, rows)
-    cost = np.einsum("nm,nm->n", r, r)
+    r = np.ascontiguousarray(residuals(z, rows))
+    cost = np.empty(len(r))
+    compiled(_sum_squares)(r, cost)
     return r, np.where(np.isfinite(cost), cost, np.inf)
 
 
@@ -92,13 +99,58 @@ def _step(
     shifted = residuals(moved.reshape(n * q, -1), np.repeat(rows, q)).reshape(n, q, -1)
     shifted = np.where(np.isfinite(shifted), shifted, r[:, None, :])  # beside a row that is no model: slope unknown
     jacobian = (shifted - r[:, None, :]) / (sign * _DIFFERENCE)[:, :, None]
-    gradient = np.einsum("nqm,nm->nq", jacobian, r)
-    normal = np.einsum("nqm,nrm->nqr", jacobian, jacobian)
+    gradient, normal = np.empty((n, q)), np.empty((n, q, q))
+    compiled(_normal_equations)(jacobian, r, gradient, normal)
     held = ((z[:, free] <= low[free]) & (gradient > 0)) | ((z[:, free] >= high[free]) & (gradient < 0))
-    diagonal = np.einsum("nqq->nq", normal)
+    diagonal = np.diagonal(normal, axis1=1, axis2=2)
     floor = 1e-9 * diagonal.max(axis=1, keepdims=True) + 1e-12
     damped = normal + (damping[:, None] * np.maximum(diagonal, floor))[:, :, None] * np.eye(q)
     moving = ~held[:, :, None] & ~held[:, None, :]
     damped = np.where(moving, damped, np.eye(q))
-    step: Array = -np.linalg.solve(damped, np.where(held, 0.0, gradient)[:, :, None])[:, :, 0]
+    step = np.where(held, 0.0, -gradient)
+    compiled(_solve)(damped, step)
     return step
+
+
+def _sum_squares(r: Array, cost: Array) -> None:
+    """Fill cost (n,) with the sums of squares of r (n, m)."""
+    for i in range(r.shape[0]):
+        total = 0.0
+        for k in range(r.shape[1]):
+            total += r[i, k] * r[i, k]
+        cost[i] = total
+
+
+def _normal_equations(jacobian: Array, r: Array, gradient: Array, normal: Array) -> None:
+    """Fill gradient (n, q) and normal (n, q, q) with J·r and J·Jᵀ of jacobian (n, q, m) and r (n, m)."""
+    for i in range(jacobian.shape[0]):
+        for a in range(jacobian.shape[1]):
+            total = 0.0
+            for k in range(jacobian.shape[2]):
+                total += jacobian[i, a, k] * r[i, k]
+            gradient[i, a] = total
+            for b in range(a + 1):
+                total = 0.0
+                for k in range(jacobian.shape[2]):
+                    total += jacobian[i, a, k] * jacobian[i, b, k]
+                normal[i, a, b] = normal[i, b, a] = total
+
+
+def _solve(matrices: Array, sides: Array) -> None:
+    """Put the solutions of symmetric positive definite systems (n, q, q) in the place of their sides (n, q).
+
+    The matrices are used up. Elimination needs no pivots here.
+    """
+    for i in range(matrices.shape[0]):
+        a, x = matrices[i], sides[i]
+        q = len(x)
+        for j in range(q):
+            for k in range(j + 1, q):
+                share = a[k, j] / a[j, j]
+                for c in range(j, q):
+                    a[k, c] -= share * a[j, c]
+                x[k] -= share * x[j]
+        for j in range(q - 1, -1, -1):
+            for c in range(j + 1, q):
+                x[j] -= a[j, c] * x[c]
+            x[j] /= a[j, j]

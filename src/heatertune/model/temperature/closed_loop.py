@@ -6,6 +6,7 @@ constants. What the law calls setpoint holds a bias too: only their sum shows in
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -70,7 +71,7 @@ class Segment:
         ]
         for constant in self.law.constants:
             ends = (constant.low, constant.high)
-            low, high = np.log(ends) if constant.logarithmic else ends
+            low, high = map(math.log, ends) if constant.logarithmic else ends
             own.append((constant.name, float(low), float(high)))
         return own
 
@@ -88,7 +89,7 @@ class Segment:
         setpoints = np.column_stack([own[:, 3], own[:, 3] + own[:, 4]])
         laws = np.zeros((len(own), _LAW_SLOTS))
         for i, constant in enumerate(self.law.constants):
-            laws[:, i] = np.exp(own[:, 6 + i]) if constant.logarithmic else own[:, 6 + i]
+            laws[:, i] = _exp(own[:, 6 + i]) if constant.logarithmic else own[:, 6 + i]
         events = np.minimum(own[:, 5] / self.interval_s, self.scans).astype(np.int64)
         return np.asarray(
             simulate_many(self.law.step, plants, laws, setpoints, self.interval_s, self.scans, events)[
@@ -116,8 +117,8 @@ class Hypothesis:
         length = max(float(np.ptp(s.log.time_s)) for s in self.segments)
         ratio = _LAG_RATIO if self.two_lags else (0.0, 0.0)
         rows = [
-            ("gain_degC_per_pct", *np.log(_GAIN)),
-            ("time_constant_s", np.log(2.0 * sample), np.log(length)),
+            ("gain_degC_per_pct", *map(math.log, _GAIN)),
+            ("time_constant_s", math.log(2.0 * sample), math.log(length)),
             ("lag_ratio", *ratio),
             ("dead_time_s", 0.0, min(9.0 * sample, length / 5.0)),
         ]
@@ -204,7 +205,7 @@ class Hypothesis:
 
     def simulate(self, z: Array) -> Array:
         """Return all simulated readings, shape (n, m), for vectors (n, p)."""
-        plant = np.column_stack([np.exp(z[:, :2]), z[:, 2:4]])
+        plant = np.column_stack([_exp(z[:, :2]), z[:, 2:4]])
         parts = []
         for segment, first in zip(self.segments, self._offsets(), strict=True):
             parts.append(segment.simulate(plant, z[:, first : first + self._width(segment)]))
@@ -212,7 +213,7 @@ class Hypothesis:
 
     def plant(self, z: Array, segment: int = 0) -> HeaterModel:
         """Return the heater of one vector, with the ambient of a segment."""
-        gain, lag = (float(v) for v in np.exp(z[:2]))
+        gain, lag = map(math.exp, z[:2])
         ambient = float(z[self._offsets()[segment]])
         dead = float(z[3])
         if not self.two_lags:
@@ -233,7 +234,7 @@ class Hypothesis:
             fitted |= {"setpoint_step_degC": float(z[first + 4]), "setpoint_step_at_s": event_s}
         for i, constant in enumerate(law.constants):
             value = float(z[first + 6 + i])
-            fitted[constant.name] = float(np.exp(value)) if constant.logarithmic else value
+            fitted[constant.name] = math.exp(value) if constant.logarithmic else value
         return fitted
 
     def on_bound(self, z: Array) -> tuple[str, ...]:
@@ -248,3 +249,8 @@ class Hypothesis:
     def _offsets(self) -> list[int]:
         widths = [self._width(s) for s in self.segments]
         return [4 + sum(widths[:i]) for i in range(len(widths))]
+
+
+def _exp(values: Array) -> Array:
+    """Return e^values; NumPy's own differs in its last digit between versions, and descents go astray by it."""
+    return np.array([math.exp(value) for value in values.flat]).reshape(values.shape)

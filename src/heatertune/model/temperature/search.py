@@ -125,14 +125,14 @@ def _descend(fit: Fit) -> Fit:
 def _best_of(hypothesis: Hypothesis, z: Array, n: int) -> Array:
     """Return the n vectors with the smallest sums of squares, best first."""
     cost = np.sum((hypothesis.simulate(z) - hypothesis.measured) ** 2, axis=1)
-    return np.asarray(z[np.argsort(np.where(np.isfinite(cost), cost, np.inf))[:n]])
+    return np.asarray(z[np.argsort(np.where(np.isfinite(cost), cost, np.inf), kind="stable")[:n]])
 
 
 def _descent(hypothesis: Hypothesis, starts: Array, iterations: int) -> Array:
     """Return where the starts lead to, best first."""
     residuals = residuals_of(hypothesis, hypothesis.measured)
     minima = minimise(residuals, starts, hypothesis.low, hypothesis.high, iterations=iterations)
-    return np.asarray(minima.parameters[np.argsort(minima.cost)])
+    return np.asarray(minima.parameters[np.argsort(minima.cost, kind="stable")])
 
 
 def _fit(hypothesis: Hypothesis, z: Array, hold_out_rmse_degC: float) -> Fit:
