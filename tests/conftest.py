@@ -70,6 +70,12 @@ def whatever_pays(plain, monkeypatch):
     monkeypatch.setattr(compiled, "_scans_asked", Counter())
 
 
+@pytest.fixture
+def all_compiled(plain, monkeypatch):
+    """Loops run compiled from the first scan: for tests that are long anyway."""
+    monkeypatch.setattr(compiled, "_PLAIN_SCANS", 0)
+
+
 @pytest.fixture(scope="session")
 def run_folder(tmp_path_factory):
     """The folder of this run of the tests, shared by its processes."""
