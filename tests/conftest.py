@@ -8,6 +8,8 @@ from collections import Counter
 from contextlib import contextmanager
 from pathlib import Path
 
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before NumPy reads it: each process of the tests has a core, not all of them
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
@@ -31,6 +33,17 @@ settings.load_profile("dev")
 
 #: what keeps a test out of the fast ones
 SLOW = ("long", "law", "brute", "doc")
+
+
+#: of pytest's own cache
+_CACHE = "heatertune"
+
+
+def pytest_sessionstart(session):
+    """Begin without the fits of an earlier run; the processes of this one start later."""
+    if not hasattr(session.config, "workerinput"):
+        for fit in session.config.cache.mkdir(_CACHE).glob("*.json"):
+            fit.unlink(missing_ok=True)
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
@@ -57,6 +70,12 @@ def whatever_pays(plain, monkeypatch):
     monkeypatch.setattr(compiled, "_scans_asked", Counter())
 
 
+@pytest.fixture
+def all_compiled(plain, monkeypatch):
+    """Loops run compiled from the first scan: for tests that are long anyway."""
+    monkeypatch.setattr(compiled, "_PLAIN_SCANS", 0)
+
+
 @pytest.fixture(scope="session")
 def run_folder(tmp_path_factory):
     """The folder of this run of the tests, shared by its processes."""
@@ -65,18 +84,20 @@ def run_folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def run_cache(run_folder):
-    """The folder in which machine code and, where a test asks for it by `kept`, fits stay for the whole run."""
-    return run_folder / "cache"
+def run_cache(request):
+    """The folder of machine code, kept from run to run, and of fits, kept for the run where a test asks for `kept`.
+
+    Commands that a test starts find there what the tests compiled, and the tests what they did.
+    """
+    return request.config.cache.mkdir(_CACHE)
 
 
 @pytest.fixture(scope="session", autouse=True)
-def machine_code(request, run_cache):
+def machine_code(run_cache, run_folder):
     """What is compiled is kept from run to run of the tests, each function by one process: each loop costs seconds."""
-    kept = request.config.cache.mkdir("machine_code")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiled, "folder", lambda: kept)
-        _compile_in_turn(patch, run_cache / "locks")
+        patch.setattr(compiled, "folder", lambda: run_cache)
+        _compile_in_turn(patch, run_folder / "locks")
         yield
 
 
