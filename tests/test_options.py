@@ -125,7 +125,7 @@ def test_what_samples_are_drawn_from_is_the_proofs_own_where_nothing_is_said():
 def test_every_number_and_name_of_fit_design_and_proof_is_a_key_of_a_study():
     for kind in (FitSettings, TuneSettings, Conditions):
         assert {one.name for one in fields(kind)} - set(KEYS) <= {"accept", "limit"}
-    assert KEYS["tolerance_degC"].what == "how far from the setpoint is still right [°C]"
+    assert KEYS["tolerance_degC"].meaning == "how far from the setpoint is still right [°C]"
 
 
 def test_some_of_the_settings_can_be_changed_by_name_and_no_others():

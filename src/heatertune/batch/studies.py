@@ -98,11 +98,11 @@ def _files(path: Path, cases: Study) -> dict[str, Any]:
 
 
 def _columns(cases: Study) -> tuple[Column, ...]:
-    kinds = {"text": "text", "float": "float", "int": "int", "table": "text"}
+    kinds = {str: "text", float: "float", int: "int", dict: "text"}
     return (
         Column(name="case", kind="int", what="number of the case, from 1"),
         Column(name="name", kind="text", what="what tells the case from the others"),
-        *(Column(name=f"case_{key}", kind=kinds[KEYS[key].kind], what=f"as asked for: {KEYS[key].what}")
+        *(Column(name=f"case_{key}", kind=kinds[KEYS[key].kind], what=f"as asked for: {KEYS[key].meaning}")
           for key in cases.keys),
         *HEAD, *RESULT, *word_columns(cases.settings_of("target")),
     )

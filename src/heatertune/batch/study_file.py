@@ -5,63 +5,53 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
-from heatertune.errors import DocumentError, OutOfRange, UnknownName
+from heatertune.codec import decode
+from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.files import read_text
-from heatertune.options import options_of
+from heatertune.options import Option, options_of
 from heatertune.pid.tune import METHODS
 from heatertune.plc import TARGETS, controller_for
-from heatertune.plc.choose import WAYS
 from heatertune.plc.open_points import settings_of
-from heatertune.settings import Conditions, FitSettings, TuneSettings
+from heatertune.settings import Conditions, FitSettings, TuneSettings, WordSettings
 
-__all__ = ["KEYS", "Key", "Study", "read_study"]
-
-
-class Key(NamedTuple):
-    """What a case may set: a text (one of `allowed`, where these are given), a float, a count, or a table of texts."""
-
-    kind: str
-    what: str
-    allowed: Sequence[str] = ()
+__all__ = ["KEYS", "Study", "read_study"]
 
 
-def _float(what: str) -> Key:
-    return Key("float", what)
+def _key(kind: type, what: str, **more: Any) -> Option:
+    return Option(kind=kind, default=None, what=what, **more)
 
 
-def _keys(kind: type) -> dict[str, Key]:
+def _keys(kind: type) -> dict[str, Option]:
     """Return the keys of a dataclass of options; texts that may be repeated are no setting of a case."""
-    kinds = {float: "float", int: "int", str: "text", dict: "table"}
-    return {name: Key(kinds[its.kind], its.meaning, its.choices) for name, its in options_of(kind).items()
-            if its.kind in kinds}
+    return {name: one for name, one in options_of(kind).items() if one.kind in _TYPES}
 
+
+#: kind of a key → what the file holds
+_TYPES: Final[Mapping[type, Any]] = {float: float, int: int, str: str, dict: dict[str, str]}
 
 #: every key of a study, in the order of the chain
-KEYS: Final[Mapping[str, Key]] = {
-    "log": Key("text", "a log to fit: a CSV file, table3 or table4"),
-    "model": Key("text", "model.json as written by fit"),
-    "gain_degC_per_pct": _float("process gain of a model by hand [°C/%]"),
-    "time_constant_s": _float("its time constant [s]"),
-    "second_time_constant_s": _float("its second time constant [s]"),
-    "dead_time_s": _float("its dead time [s]"),
+KEYS: Final[Mapping[str, Option]] = {
+    "log": _key(str, "a log to fit: a CSV file, table3 or table4"),
+    "model": _key(str, "model.json as written by fit"),
+    "gain_degC_per_pct": _key(float, "process gain of a model by hand", unit="°C/%"),
+    "time_constant_s": _key(float, "its time constant", unit="s"),
+    "second_time_constant_s": _key(float, "its second time constant", unit="s"),
+    "dead_time_s": _key(float, "its dead time", unit="s"),
     **_keys(FitSettings),
-    "target": Key("text", "the controller", tuple(TARGETS)),
-    **_keys(TuneSettings) | {"method": _keys(TuneSettings)["method"]._replace(allowed=METHODS)},
-    "words": Key("text", "how the words are found", WAYS),
-    "range_low_degC": _float("temperature at the sensor's lowest reading [°C]"),
-    "range_high_degC": _float("temperature at the sensor's highest reading [°C]"),
+    "target": _key(str, "the controller", choices=tuple(TARGETS)),
+    **_keys(TuneSettings) | {"method": replace(_keys(TuneSettings)["method"], choices=METHODS)},
+    "words": options_of(WordSettings)["words_by"],
+    "range_low_degC": _key(float, "temperature at the sensor's lowest reading", unit="°C"),
+    "range_high_degC": _key(float, "temperature at the sensor's highest reading", unit="°C"),
     **_keys(Conditions),
-    "samples": Key("int", "drawn heaters on which the words are proven, too"),
+    "samples": _key(int, "drawn heaters on which the words are proven, too", least=0.0),
 }
 
-_EXPECTED: Final = {
-    "float": "a finite number", "int": "a whole number, 0 or more", "text": "a text", "table": "a table of name = text",
-}
 _PARTS: Final = ("fixed", "grid", "case")
 _SOURCES: Final = ("log", "model", "gain_degC_per_pct")
 _BY_HAND: Final = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
@@ -178,32 +168,15 @@ def _table(where: str, given: object) -> dict[str, Any]:
 
 
 def _setting(where: str, key: str, value: Any) -> Any:
-    """Return a setting in its range, numbers as floats."""
-    setting = _of_kind(where, key, value)
+    """Return a setting of its kind and in its range, numbers as floats."""
+    if isinstance(value, list):
+        raise DocumentError(f"{where}: {key} is {value!r}; lists belong in [grid]")
+    setting = decode(_TYPES[KEYS[key].kind], value, where, key)
     try:
-        for kind in (FitSettings, TuneSettings, Conditions):
-            if key in options_of(kind):
-                options_of(kind)[key].check(setting, key)
-    except OutOfRange as problem:
+        KEYS[key].check(setting, key)
+    except InputError as problem:
         raise DocumentError(f"{where}: {problem}") from problem
     return setting
-
-
-def _of_kind(where: str, key: str, value: Any) -> Any:
-    kind, _, allowed = KEYS[key]
-    if kind == "float" and isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
-        return float(value)
-    if kind == "int" and isinstance(value, int) and not isinstance(value, bool) and value >= 0:
-        return value
-    if kind == "text" and isinstance(value, str):
-        if allowed:
-            _demand_known(where, key, value, allowed)
-        return value
-    if kind == "table" and isinstance(value, dict) and all(isinstance(text, str) for text in value.values()):
-        return value
-    expected = _EXPECTED[kind]
-    many = " (lists belong in [grid])" if isinstance(value, list) else ""
-    raise DocumentError(f"{where}: {key} is {value!r}; expected {expected}{many}")
 
 
 def _demand_known(where: str | Path, kind: str, name: str, allowed: Any) -> None:
