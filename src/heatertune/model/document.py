@@ -31,6 +31,8 @@ __all__ = [
 SCHEMA = "heatertune/model/2"
 
 Pair = tuple[float | None, float | None]
+#: parameters as they stand in a document, each with its interval: x, x_ci95
+SideBySide = Mapping[str, float | Pair]
 
 _MOST = 1e150  # of any reading: its square is a number, too
 
@@ -142,7 +144,7 @@ class OneLogView:
     ambient_degC: float
     drift_degC_per_s: float
     noise_degC: float
-    alone: Mapping[str, float | Pair]
+    alone: SideBySide
 
     def __post_init__(self) -> None:
         _ = self.value
@@ -376,18 +378,18 @@ def _interval(pair: Pair | None) -> Interval | None:
     return None if pair is None else Interval(low=pair[0], high=pair[1])
 
 
-def _side_by_side(values: Mapping[str, float], ci95: Mapping[str, Interval]) -> dict[str, Any]:
-    """Return parameters as they stand in a document, each with its interval."""
+def _side_by_side(values: Mapping[str, float], ci95: Mapping[str, Interval]) -> SideBySide:
     return {key: item for name, interval in ci95.items()
             for key, item in ((name, values[name]), (f"{name}_ci95", (interval.low, interval.high)))}
 
 
-def _parameters(flat: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Interval]]:
+def _parameters(flat: SideBySide) -> tuple[dict[str, float], dict[str, Interval]]:
     """Return the values and intervals of parameters that stand side by side."""
     names = [name for name in flat if not name.endswith("_ci95")]
     if sorted(flat) != sorted([*names, *(f"{name}_ci95" for name in names)]):
         raise DocumentError(f"{', '.join(flat)}; expected each parameter with its interval, its name and _ci95")
-    if any(isinstance(flat[name], tuple) or not isinstance(flat[f"{name}_ci95"], tuple) for name in names):
+    values = {name: item for name, item in flat.items() if not isinstance(item, tuple)}
+    if values.keys() != set(names):
         raise DocumentError("a parameter is no number, or its interval no pair")
-    return ({name: flat[name] for name in names},
-            {name: Interval(low=low, high=high) for name in names for low, high in [flat[f"{name}_ci95"]]})
+    pairs = {name: item for name, item in flat.items() if isinstance(item, tuple)}
+    return values, {name: Interval(low=low, high=high) for name in names for low, high in [pairs[f"{name}_ci95"]]}

@@ -128,7 +128,7 @@ def validate(
     bias = max((runs[i].bias_degC for i in designed_for), key=abs)
     kept = {"fit": runs[worst].fit_pct >= asked.least_fit_pct, "bias": abs(bias) <= limit}
     fails = tuple(name for name, is_kept in kept.items() if not is_kept)
-    meaning = _told(runs, worst, len(designed_for), fails, asked.least_fit_pct, limit)
+    meaning = _verdict_notes(runs, worst, len(designed_for), fails, asked.least_fit_pct, limit)
     return Verdict(
         log=log.name, runs=runs, worst=worst, least_fit_pct=asked.least_fit_pct, bias_degC=bias, most_bias_degC=limit,
         fails=fails, notes=(*notes, *feedback_notes(used), *meaning),
@@ -178,7 +178,7 @@ def _vector(model: HeaterModel) -> Array:
     return np.array([math.log(first), model.dead_time_s, second[0] / first if second else 0.0])
 
 
-def _told(
+def _verdict_notes(
     runs: tuple[Run, ...], place: int, count: int, fails: tuple[str, ...], least_fit_pct: float, limit: float
 ) -> list[str]:
     worst = runs[place]

@@ -75,10 +75,10 @@ def intervals_by(
         return envelope(hull(by_draws, by_profile), [value_of(reported, name)])
 
     wide = [{name: interval_of(name, times.get(name, 1.0)) for name in drawn} for times in factors]
-    return [_known(_beyond(intervals, reported), problem) for intervals in wide]
+    return [_capped(_beyond(intervals, reported), problem) for intervals in wide]
 
 
-def _known(intervals: dict[str, Interval], problem: PowerProblem) -> dict[str, Interval]:
+def _capped(intervals: dict[str, Interval], problem: PowerProblem) -> dict[str, Interval]:
     """Return the intervals with the end of the dead time that the user knows, where the log leaves it open."""
     dead, most = intervals["dead_time_s"], problem.most_dead_time_s
     return intervals if dead.high is not None or most is None else intervals | {"dead_time_s": replace(dead, high=most)}
