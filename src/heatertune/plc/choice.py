@@ -89,6 +89,6 @@ class WordChoice:
     words: Words
     search: WordSearch
 
-    def told(self, note: str) -> WordChoice:
+    def noted(self, note: str) -> WordChoice:
         """Return the same with one more sentence."""
         return replace(self, search=replace(self.search, notes=(*self.search.notes, note)))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import partial
+from operator import itemgetter
 from typing import Any, Final
 
 import numpy as np
@@ -70,8 +71,8 @@ def choose_words(
     choice, promise = _choice(design, target, fitted, scaling, way, progress), design.promise
     if promise is None or controller_for(target).decode(choice.words) is None:
         return choice
-    told = demand_kept(choice.words, promise, fitted, told_only=way == "rounded")
-    return replace(choice, search=replace(choice.search, promise=promise)).told(told)
+    note = demand_kept(choice.words, promise, fitted, told_only=way == "rounded")
+    return replace(choice, search=replace(choice.search, promise=promise)).noted(note)
 
 
 def _choice(
@@ -89,18 +90,19 @@ def _choice(
         "step_power": design.step_power_limit_pct_per_degC,
     }
 
-    def run() -> dict[str, Any]:
-        found = _search(rounded, fitted, wished.ms, design)
-        return {"words": found.words, "cost": found.cost, "least": found.least, "boxes": found.boxes}
-
     progress(f"searching the whole numbers of {target}")
-    kept = cache.cached("words", inputs, run, dict, progress=progress)
-    if kept["words"] is None:
+    best = cache.cached("words", inputs, lambda: asdict(_search(rounded, fitted, wished.ms, design)), _kept,
+                        progress=progress)
+    if best.words is None:
         also = "" if design.promise is None else " and the limits on the drawn heaters"
         why = f"no words keep Ms <= {wished.ms:.5g}{also} at TA = {rounded.sample_time_s:g} s"
         return _plainly(rounded, fitted, wished, why)
-    found = Found(words=tuple(kept["words"]), cost=kept["cost"], least=kept["least"], boxes=kept["boxes"])
-    return _chosen(rounded, found, fitted, design, wished)
+    return _chosen(rounded, best, fitted, design, wished)
+
+
+def _kept(document: Mapping[str, Any]) -> Found:
+    words = document["words"]
+    return Found(**{**document, "words": None if words is None else tuple(words)})
 
 
 def tune_for_words(
@@ -108,6 +110,13 @@ def tune_for_words(
     progress: Told = str,
 ) -> PidDesign:
     """Return the design at the sampling interval, out of five around TRdom/10, whose words cost the least load IAE.
+
+    Args:
+        fitted: the heater and its candidates.
+        settings: what is asked for; None: the defaults.
+        target: the controller.
+        scaling: sensor range.
+        progress: told what begins.
 
     Raises:
         UnknownName, OutOfRange, InputError: as `tune`.
@@ -131,9 +140,9 @@ def tune_for_words(
     if not tried:
         assert refused is not None
         raise refused
-    _, best, design = min(tried, key=lambda each: each[:2])
-    told = ", ".join(f"{cost:.4g} at {ta:g} s" for cost, ta, _ in tried)
-    note = f"TA = {best:g} s was chosen by the words: their mean load IAE [°C·s] is {told}."
+    _, best, design = min(tried, key=itemgetter(0, 1))
+    costs = ", ".join(f"{cost:.4g} at {ta:g} s" for cost, ta, _ in tried)
+    note = f"TA = {best:g} s was chosen by the words: their mean load IAE [°C·s] is {costs}."
     return replace(design, notes=(*design.notes, note))
 
 
@@ -159,12 +168,12 @@ def _search(rounded: Words, fitted: FittedModel, ms: float, design: PidDesign) -
     promise = design.promise
     heaters = None if promise is None else Open.of(fitted, promise.way)
     while True:
-        found = best_integers(problem)
-        if promise is None or heaters is None or found.words is None:
-            return found
-        broken = broken_by(_with(rounded, found.words), heaters, promise)
+        best = best_integers(problem)
+        if promise is None or heaters is None or best.words is None:
+            return best
+        broken = broken_by(_with(rounded, best.words), heaters, promise)
         if broken is None or broken.heater in guards:
-            return found
+            return best
         guards.append(broken.heater)
         limits = {name: TOLERANCE * limit for name, limit in promise.limits.items()}
         problem = replace(problem, guards=tuple(guards), limits=limits)
@@ -175,7 +184,7 @@ def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float, step_po
 
     The D part at most doubles: load disturbances alone would ask for ever more of it, and noise would pay.
     """
-    found, names = controller_for(rounded.target), _integers(rounded)
+    controller, names = controller_for(rounded.target), _integers(rounded)
     start = tuple(rounded.whole[name] for name in names)
     largest = [_largest(rounded, name) for name in names]
     largest[2] = min(largest[2], max(2 * start[2], 2))
@@ -183,7 +192,7 @@ def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float, step_po
 
     def decode(values: Vector) -> PidDesign | None:
         try:
-            return found.decode(_with(rounded, values))
+            return controller.decode(_with(rounded, values))
         except OutOfRange:
             return None
 
@@ -192,12 +201,12 @@ def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float, step_po
 
 def _largest(words: Words, name: str) -> int:
     """Return the largest value of a word that the controller allows, the others being as they are."""
-    found = controller_for(words.target)
-    low, high = words.whole[name], next(int(field.high) for field in found.fields if field.name == name)
+    controller = controller_for(words.target)
+    low, high = words.whole[name], next(int(field.high) for field in controller.fields if field.name == name)
     while low < high:
         middle = (low + high + 1) // 2
         try:
-            found.check(replace(words, values=dict(words.values) | {name: middle}))
+            controller.check(replace(words, values=dict(words.values) | {name: middle}))
             low = middle
         except OutOfRange:
             high = middle - 1
@@ -214,50 +223,50 @@ def _with(words: Words, values: Vector) -> Words:
     return replace(words, values=dict(words.values) | dict(zip(_integers(words), values, strict=True)))
 
 
-def _chosen(rounded: Words, found: Found, fitted: FittedModel, design: PidDesign, wished: _Measured) -> WordChoice:
-    assert found.words is not None
-    words = _with(rounded, found.words)
-    plain, best = _realised(rounded, fitted), _realised(words, fitted)
+def _chosen(rounded: Words, best: Found, fitted: FittedModel, design: PidDesign, wished: _Measured) -> WordChoice:
+    assert best.words is not None
+    words = _with(rounded, best.words)
+    plain, real = _realised(rounded, fitted), _realised(words, fitted)
     assert plain is not None
-    assert best is not None
+    assert real is not None
     held = " and ".join(f"{name} = {words.values[name]}" for name in _integers(words) if words.values[name])
-    left = 100.0 * (1.0 - found.least / found.cost)
-    proof = "no other words are better" if found.proven else f"no other words are better by more than {left:.2g} %"
-    gap, gap_rounded = _gap(best, wished), _gap(plain, wished)
+    left = 100.0 * (1.0 - best.least / best.cost)
+    proof = "no other words are better" if best.proven else f"no other words are better by more than {left:.2g} %"
+    gap, gap_rounded = _gap(real, wished), _gap(plain, wished)
     notes = [
         f"{held} are the best whole numbers under Ms <= {wished.ms:.5g}: a load disturbance costs {_more(gap)} than "
         f"the unrounded design; plain rounding costs {_more(gap_rounded)} at Ms = {plain.ms:.5g}.",
-        f"The search looked at {found.boxes} boxes of words and ruled out the rest by bounds: {proof}.",
-        *_told_about_coarse(words, design),
+        f"The search looked at {best.boxes} boxes of words and ruled out the rest by bounds: {proof}.",
+        *_coarse_notes(words, design),
     ]
     return WordChoice(words=words, search=WordSearch(
-        way="optimum", realised=_told(best, wished.iae_load), ms_limit=wished.ms, iae_load_wished=wished.iae_load,
-        notes=tuple(notes), optimum=Optimum(
-            proven=found.proven, left_open_pct=left,
+        way="optimum", realised=_as_realised(real, wished.iae_load), ms_limit=wished.ms,
+        iae_load_wished=wished.iae_load, notes=tuple(notes), optimum=Optimum(
+            proven=best.proven, left_open_pct=left,
             rounded_words={name: rounded.values[name] for name in _integers(words)},
-            rounded=_told(plain, wished.iae_load)),
+            rounded=_as_realised(plain, wished.iae_load)),
     ))
 
 
 def _plainly(rounded: Words, fitted: FittedModel, wished: _Measured, why: str) -> WordChoice:
     plain = _realised(rounded, fitted)
     gap = None if plain is None else _gap(plain, wished)
-    told = "" if plain is None or math.isinf(plain.iae_load) else (
+    price = "" if plain is None or math.isinf(plain.iae_load) else (
         f"; a load disturbance costs {_more(gap)} than the unrounded design, at Ms = {plain.ms:.5g}"
     )
-    notes = [f"The words are rounded: {why}{told}."]
+    notes = [f"The words are rounded: {why}{price}."]
     if plain is not None and controller_for(rounded.target).integers is not None:
         design = controller_for(rounded.target).decode(rounded)
         assert design is not None
-        notes += _told_about_coarse(rounded, design)
+        notes += _coarse_notes(rounded, design)
     return WordChoice(words=rounded, search=WordSearch(
-        way="rounded", realised=_told(plain, wished.iae_load), ms_limit=_finite(wished.ms),
+        way="rounded", realised=_as_realised(plain, wished.iae_load), ms_limit=_finite(wished.ms),
         iae_load_wished=_finite(wished.iae_load), notes=tuple(notes)))
 
 
 def realised_as(words: Words, fitted: FittedModel, wished_iae: float | None) -> Realised:
     """Return what words are on the heaters, beside the mean load IAE that was wished for."""
-    return _told(_realised(words, fitted), wished_iae)
+    return _as_realised(_realised(words, fitted), wished_iae)
 
 
 def search_document(choice: WordChoice, fitted: FittedModel, notes: Sequence[str] = ()) -> dict[str, Any]:
@@ -287,14 +296,14 @@ def _ms_drawn(words: Words, fitted: FittedModel) -> dict[str, Any] | None:
     }
 
 
-def _told(found: _Measured | None, wished_iae: float | None) -> Realised:
-    if found is None:
+def _as_realised(measured: _Measured | None, wished_iae: float | None) -> Realised:
+    if measured is None:
         return Realised(iae_load=None, gap_pct=None, ms=None)
-    gap = None if wished_iae is None else _gap(found, _Measured(iae_load=wished_iae, ms=1.0))
-    return Realised(iae_load=_finite(found.iae_load), gap_pct=gap, ms=_finite(found.ms))
+    gap = None if wished_iae is None else _gap(measured, _Measured(iae_load=wished_iae, ms=1.0))
+    return Realised(iae_load=_finite(measured.iae_load), gap_pct=gap, ms=_finite(measured.ms))
 
 
-def _told_about_coarse(words: Words, design: PidDesign) -> list[str]:
+def _coarse_notes(words: Words, design: PidDesign) -> list[str]:
     """Return a warning where one step of the I part's word is coarse, and the TA that makes the word fine."""
     name = _integers(words)[1]
     value = words.values[name]
@@ -321,10 +330,10 @@ def _measured(plants: tuple[HeaterModel, ...], design: PidDesign) -> _Measured:
     )
 
 
-def _gap(found: _Measured, wished: _Measured) -> float | None:
-    if math.isinf(found.iae_load) or math.isinf(wished.iae_load):
+def _gap(measured: _Measured, wished: _Measured) -> float | None:
+    if math.isinf(measured.iae_load) or math.isinf(wished.iae_load):
         return None
-    return 100.0 * (found.iae_load / wished.iae_load - 1.0)
+    return 100.0 * (measured.iae_load / wished.iae_load - 1.0)
 
 
 def _more(gap: float | None) -> str:

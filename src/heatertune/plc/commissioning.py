@@ -33,7 +33,11 @@ class Commissioning:
 
 
 def commissioning(target: str) -> Commissioning:
-    """Return the steps of a target, read from its COMMISSIONING.md; raise UnknownName with the known ones."""
+    """Return the steps of a target, read from its COMMISSIONING.md.
+
+    Raises:
+        UnknownName: no such target.
+    """
     if target not in TARGETS:
         raise UnknownName("target", target, TARGETS)
     head, *parts = files(TARGETS[target]).joinpath("COMMISSIONING.md").read_text(encoding="utf-8").split("\n## ")

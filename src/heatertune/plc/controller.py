@@ -161,7 +161,12 @@ class Controller(ABC):
 
     @final
     def check(self, words: Words) -> None:
-        """Raise OutOfRange naming the first word that is missing, unknown, of the wrong kind or out of its range."""
+        """Refuse words that the controller cannot hold.
+
+        Raises:
+            OutOfRange: the first word that is missing, unknown, of the wrong kind or out of its range; words that
+                contradict one another, or another interval than they hold.
+        """
         check_fields(self.fields, words)
         if self.consistent is not None:
             self.consistent(words)
@@ -230,7 +235,12 @@ class Controller(ABC):
 
     @final
     def check_ramp(self, words: Words) -> None:
-        """Raise OutOfRange for a ramp that the setpoint word cannot follow, InputError where it has none."""
+        """Refuse words whose ramp the controller cannot follow.
+
+        Raises:
+            InputError: this controller has no ramp.
+            OutOfRange: a step that the setpoint word cannot take.
+        """
         if words.ramp is None:
             return
         if not self.ramped:
@@ -303,7 +313,7 @@ class Controller(ABC):
             begins = bool(inputs.get("CYCLE_START", 1))
             return self.step(running, inputs[setpoint], inputs[reading], cycle_start=begins)
         state, *outcome = self.scan_all(running.parameters, running.state, inputs)
-        return Running(running.parameters, state), self.core.told(outcome)
+        return Running(running.parameters, state), self.core.scanned(outcome)
 
 
 def no_pid(words: Words) -> None:
@@ -311,7 +321,11 @@ def no_pid(words: Words) -> None:
 
 
 def controller_for(target: str) -> Controller:
-    """Return the controller of a target; raise UnknownName with those there are."""
+    """Return the controller of a target.
+
+    Raises:
+        UnknownName: no such target.
+    """
     if target in TARGETS:
         import_module(f"{TARGETS[target]}.controller")
     if target not in _CLASSES:

@@ -82,11 +82,11 @@ class Core:
 
     def run(self, running: Running, setpoint: Any, reading: Any, *, cycle_start: bool) -> tuple[Running, Scan]:
         """Run one scan."""
-        state, *told = self.step(running.parameters, running.state, setpoint, reading, cycle_start)
-        return Running(running.parameters, state), self.told(told)
+        state, *outcome = self.step(running.parameters, running.state, setpoint, reading, cycle_start)
+        return Running(running.parameters, state), self.scanned(outcome)
 
-    def told(self, told: Sequence[Any]) -> Scan:
-        """Return what `step` told beside the state, the flags by name."""
-        power_pct, output, bits = told
+    def scanned(self, outcome: Sequence[Any]) -> Scan:
+        """Return what `step` gave beside the state, the flags by name."""
+        power_pct, output, bits = outcome
         flags = {name: bool(bits >> place & 1) for place, name in enumerate(self.flags)}
         return Scan(power_pct=power_pct, output=output, flags=flags)

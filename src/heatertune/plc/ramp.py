@@ -77,12 +77,12 @@ def course(ramp: Ramp | None, begin: Number, asked: Number, calls: int) -> list[
     """
     if ramp is None:
         return [asked] * calls
-    word, found = begin, []
+    word, followed = begin, []
     for call in range(1, calls + 1):
         if call % ramp.calls == 0:
             word = moved(word, asked, ramp.step)
-        found.append(word)
-    return found
+        followed.append(word)
+    return followed
 
 
 def nearest(per_call: float, *, whole: bool, least: float) -> Ramp:

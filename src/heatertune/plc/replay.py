@@ -48,6 +48,13 @@ def powers(
 ) -> list[float]:
     """Return the power from each scan to the next [%], from the cold state on, one scan per temperature.
 
+    Args:
+        controller: as in `replay`.
+        words: as there.
+        temperatures_degC: the readings [°C].
+        setpoints_degC: as many setpoints [°C].
+        switches: as in `replay`.
+
     Raises:
         OutOfRange, UnknownName: as `replay` and `RunningController`.
     """

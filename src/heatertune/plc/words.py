@@ -152,19 +152,27 @@ def holds(format_: str, value: object) -> bool:
 
 
 def check_fields(fields: tuple[WordField, ...], words: Words) -> None:
-    """Raise OutOfRange for the first word that is missing, unknown, of the wrong kind or outside its field's range."""
-    names = [each.name for each in fields]
+    """Refuse words that are not those of the fields.
+
+    Raises:
+        OutOfRange: the first word that is missing, unknown, of the wrong kind or outside its field's range.
+    """
+    names = [field.name for field in fields]
     unknown = sorted(set(words.values) - set(names))
     if unknown:
         raise OutOfRange(f"word {unknown[0]}", words.values[unknown[0]], f"one of {', '.join(names)}")
-    for each in fields:
-        value = words.values.get(each.name)
-        if value is None or not holds(each.format, value) or not each.low <= value <= each.high:
-            raise OutOfRange(f"word {each.name}", value, each.rule)
+    for field in fields:
+        value = words.values.get(field.name)
+        if value is None or not holds(field.format, value) or not field.low <= value <= field.high:
+            raise OutOfRange(f"word {field.name}", value, field.rule)
 
 
 def kept_by(timer: Timer, sample_time_s: float) -> float:
-    """Return a sampling interval as a timer keeps it; raise NotRepresentable, with the nearest one, where it cannot."""
+    """Return a sampling interval as a timer keeps it [s].
+
+    Raises:
+        NotRepresentable: it cannot; the error tells the nearest one.
+    """
     low, high, step = timer.shortest_s, timer.longest_s, timer.step_s
     steps = round(min(max(sample_time_s, low), high) / step)
     if not abs(sample_time_s / step - steps) <= 1e-6:

@@ -76,7 +76,7 @@ def refine(
     """
     design, limit = controller_for(choice.words.target).decode(choice.words), choice.search.ms_limit
     if design is None or limit is None or math.isinf(design.integral_time_s):
-        return choice.told("The gains were not refined: that needs a stable controller with an I part.")
+        return choice.noted("The gains were not refined: that needs a stable controller with an I part.")
     progress(f"refining the gains in the loop of {choice.words.target}")
     promise = choice.search.promise
     loop = _Loop(
@@ -94,7 +94,7 @@ def refine(
     saved = 1.0 - best.cost / first.cost
     mended = sorted(first.broken - best.broken)
     if saved < WORTH and not mended:
-        return choice.told(f"In the loop of the proof no gains nearby cost {WORTH:.0%} less IAE: none was changed.")
+        return choice.noted(f"In the loop of the proof no gains nearby cost {WORTH:.0%} less IAE: none was changed.")
     kept = f"; {' and '.join(mended)} is kept now" if mended else ""
     told = (
         f"Refined in the loop of the proof, limits, anti-windup and PWM included: K by {_factor(best, first, 'gain')}, "
@@ -102,7 +102,7 @@ def refine(
         f"to {best.cost:.4g} °C·s{kept}."
     )
     real = realised_as(best.words, fitted, choice.search.iae_load_wished)
-    return replace(choice, words=best.words, search=replace(choice.search, way="refined", realised=real)).told(told)
+    return replace(choice, words=best.words, search=replace(choice.search, way="refined", realised=real)).noted(told)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,7 +27,7 @@ def oddities(words: Words) -> tuple[str, ...]:
     """Return what is odd about a controller's words, one sentence each."""
     v, called = words.values, 1000.0 * words.sample_time_s
     half = v["CYCLE"] / 2.0
-    found = [
+    checks = [
         (abs(v["CYCLE"] - called) > _WRONG_CLOCK * called,
          f"CYCLE is {v['CYCLE']} ms, but the block is called every {called:g} ms: all times are "
          f"{called / v['CYCLE']:.3g} times what the words say."),
@@ -45,4 +45,4 @@ def oddities(words: Words) -> tuple[str, ...]:
         ((v["LMN_FAC"], v["LMN_OFF"]) != (1.0, 0.0), "LMN_FAC and LMN_OFF change the output: it is not in %."),
         (v["GAIN"] * v["PV_FAC"] < 0.0, "the gain is negative: the output falls where the temperature is too low."),
     ]
-    return tuple(sentence for is_odd, sentence in found if is_odd)
+    return tuple(sentence for is_odd, sentence in checks if is_odd)

@@ -86,7 +86,15 @@ class State(NamedTuple):
 def step(
     parameters: tuple[Parameters, Assumptions], state: State, setpoint: int, reading: int, _begins: bool
 ) -> tuple[State, float, float, int]:
-    """Compute one scan, see `heatertune.plc.core.Core`."""
+    """Compute one scan, see `heatertune.plc.core.Core`.
+
+    Args:
+        parameters: the block's, and the assumptions.
+        state: before the call.
+        setpoint: analog value, −32768…32767.
+        reading: analog value, −32768…32767.
+        _begins: not looked at: the PWM is behind the output.
+    """
     asked, _ = scaled(parameters[0], setpoint)
     return _called(parameters[0], parameters[1], state, asked, reading)
 
@@ -135,7 +143,16 @@ def scaled(p: Parameters, reading: int, os: bool = False) -> tuple[float, bool]:
 def call(
     p: Parameters, assume: Assumptions, state: State, setpoint: float, reading: float, os: bool = False
 ) -> State:
-    """Return the state after one call; setpoint SP_INT and reading PV in the unit of PV_FAC, OS as it was before."""
+    """Return the state after one call.
+
+    Args:
+        p: the block's parameters.
+        assume: of what the manual leaves open.
+        state: before the call.
+        setpoint: SP_INT, in the unit of PV_FAC.
+        reading: PV, in the same unit.
+        os: the status bit OS as it was before.
+    """
     error, os = real(setpoint - reading, os)
     error, os = _dead_band(p, error, os)
     error, os = real(p.gain * error, os)

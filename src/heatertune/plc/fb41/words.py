@@ -118,7 +118,11 @@ def design_of(words: Words) -> PidDesign | None:
 
 
 def consistent(words: Words) -> None:
-    """Raise OutOfRange for limits that are upside down."""
+    """Refuse words that contradict one another.
+
+    Raises:
+        OutOfRange: limits that are upside down.
+    """
     v = words.values
     if v["LMN_LLM"] >= v["LMN_HLM"]:
         raise OutOfRange("word LMN_LLM", v["LMN_LLM"], f"< LMN_HLM = {v['LMN_HLM']:g}")

@@ -24,14 +24,30 @@ class Memory(NamedTuple):
 
 
 def listed(band: int, state: State, setpoint: int, reading: int, _begins: bool) -> tuple[State, float, int, int]:
-    """Compute one scan by the program, see `heatertune.plc.core.Core`."""
+    """Compute one scan by the program, see `heatertune.plc.core.Core`.
+
+    Args:
+        band: half the hysteresis [counts].
+        state: of the bit processor before the scan.
+        setpoint: in counts.
+        reading: in counts.
+        _begins: not looked at: there is no PWM.
+    """
     after = scan(PROGRAM, _WIRING, state, registers=(setpoint, reading, band))
     is_on = after.is_on(_OUT)
     return after, 100.0 if is_on else 0.0, int(is_on), int(after.overflow) + 2 * int(after.endless)
 
 
 def step(band: int, state: Memory, setpoint: int, reading: int, _begins: bool) -> tuple[Memory, float, int, int]:
-    """Compute the same without the program, all in 16 bits."""
+    """Compute the same without the program, all in 16 bits.
+
+    Args:
+        band: half the hysteresis [counts].
+        state: the memory before the scan.
+        setpoint: in counts.
+        reading: in counts.
+        _begins: not looked at: there is no PWM.
+    """
     w, x, b = _word(setpoint), _word(reading), _word(band)
     above, below = w + b, w - b
     overflow = above != _word(above)

@@ -44,7 +44,11 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:  # noqa: A
 
 
 def consistent(words: Words) -> None:
-    """Raise OutOfRange for a scan interval that is out of its range."""
+    """Refuse words whose interval the timer cannot keep.
+
+    Raises:
+        OutOfRange: a scan interval that is out of its range.
+    """
     low, high = TIMER.shortest_s, TIMER.longest_s
     if not low <= words.sample_time_s <= high:
         raise OutOfRange("sample_time_s", words.sample_time_s, f"{low:g}…{high:g} s")

@@ -33,11 +33,11 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
 
 def _rows(words: Words) -> list[tuple[int, str, str, str]]:
     """Return (DW, format, value, comment) for all 49 words."""
-    known = {int(field.address[2:]): field for field in FIELDS}
+    named = {int(field.address[2:]): field for field in FIELDS}
     rows = []
     for dw in range(LENGTH):
-        if dw in known:
-            field = known[dw]
+        if dw in named:
+            field = named[dw]
             rows.append((dw, field.format, _value(field.format, words.whole[field.name]),
                          f"{field.name} {_meaning(field.name, words) or field.comment}"))
         else:

@@ -44,23 +44,23 @@ def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, in
 def oddities(words: Words) -> tuple[str, ...]:
     """Return what is odd about a controller's words, one sentence each."""
     v = words.whole
-    found = []
+    odd = []
     if v["TI"] == 0:
-        found.append("TI is 0: the controller has no integral action.")
+        odd.append("TI is 0: the controller has no integral action.")
     elif 0.5 / v["TI"] > _COARSE:
-        found.append(f"TI is {v['TI']}: half a word is {50.0 / v['TI']:.0f} % of TN; a slower TA makes it finer.")
+        odd.append(f"TI is {v['TI']}: half a word is {50.0 / v['TI']:.0f} % of TN; a slower TA makes it finer.")
     if v["R"] == 0:
-        found.append("R is 0: the controller has no proportional action.")
+        odd.append("R is 0: the controller has no proportional action.")
     elif v["R"] != FACTOR:
-        found.append(f"R is {v['R']}, not {FACTOR}: the proportional part is K·R; TN and TV change with R.")
+        odd.append(f"R is {v['R']}, not {FACTOR}: the proportional part is K·R; TN and TV change with R.")
     if v["TD"] and abs(v["K"]) > GAIN_WITH_D:
-        found.append(f"K is {v['K']} with a derivative part: the manual allows ±{GAIN_WITH_D} where XW can jump.")
+        odd.append(f"K is {v['K']} with a derivative part: the manual allows ±{GAIN_WITH_D} where XW can jump.")
     if v["BGOG"] <= v["BGUG"]:
-        found.append("BGOG is not above BGUG: the output cannot move.")
+        odd.append("BGOG is not above BGUG: the output cannot move.")
     for bit, meaning in _UNUSUAL:
         if bool(v["STEU"] & bit) != (bit in (1, 32)):
-            found.append(meaning)
-    return tuple(found)
+            odd.append(meaning)
+    return tuple(odd)
 
 
 #: bits of STEU that differ from plain automatic, position, no feed-forward (33)

@@ -46,7 +46,7 @@ def ramp_listing(ramp: Ramp, interval_s: float, db: int, certificate: Certificat
 
 def _lines(statements: list[str]) -> list[str]:
     """Return statements in columns: label, colon, operation."""
-    split = [each.rpartition(":") for each in statements]
+    split = [statement.rpartition(":") for statement in statements]
     return [f"{label:5s}:{operation}" for label, _, operation in split]
 
 

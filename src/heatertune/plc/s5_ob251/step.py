@@ -91,7 +91,15 @@ COLD: Final = State()
 def step(
     parameters: tuple[Parameters, Assumptions], state: State, w: int, x: int, _begins: bool
 ) -> tuple[State, float, int, int]:
-    """Compute one scan, see `heatertune.plc.core.Core`."""
+    """Compute one scan, see `heatertune.plc.core.Core`.
+
+    Args:
+        parameters: the DB's, and the assumptions.
+        state: before the call.
+        w: setpoint, in units of the sensor's range.
+        x: reading, in the same.
+        _begins: not looked at: the PWM is behind the output.
+    """
     return _outcome(call(parameters[0], parameters[1], state, w, x, 0, 0))
 
 
@@ -113,7 +121,17 @@ def _outcome(after: State) -> tuple[State, float, int, int]:
 def call(
     p: Parameters, assume: Assumptions, state: State, w: int, x: int, z: int = 0, xz: int = 0
 ) -> State:
-    """Return the state after one call; its `output` is YA (position) or dY (velocity)."""
+    """Return the state after one call; its `output` is YA (position) or dY (velocity).
+
+    Args:
+        p: the DB's parameters.
+        assume: of what the manual leaves open.
+        state: before the call.
+        w: setpoint.
+        x: reading.
+        z: disturbance variable, added to the output.
+        xz: what the D part acts on where STEU bit 1 is set.
+    """
     if p.steu & REG_AUS:
         return COLD
     error = float(w - x)

@@ -59,7 +59,8 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
 def design_of(words: Words) -> PidDesign:
     """Return the design that these words run: K and R together, TN and TV in seconds.
 
-    Without the R part there is no proportional part and no standard form; such words are refused.
+    Raises:
+        OutOfRange: K or R is 0: without a proportional part there is no standard form.
     """
     v, ta = words.whole, words.sample_time_s
     if v["K"] == 0 or v["R"] == 0:
@@ -78,7 +79,11 @@ def design_of(words: Words) -> PidDesign:
 
 
 def consistent(words: Words) -> None:
-    """Raise OutOfRange for limits that are upside down, and for a K that is too large with a D part."""
+    """Refuse words that contradict one another.
+
+    Raises:
+        OutOfRange: limits that are upside down, or a K that is too large with a D part.
+    """
     if words.whole["BGUG"] > words.whole["BGOG"]:
         raise OutOfRange("word BGUG", words.whole["BGUG"], f"<= BGOG = {words.whole['BGOG']}")
     limit = GAIN_WITH_D

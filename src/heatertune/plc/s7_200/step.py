@@ -45,14 +45,30 @@ class Memory(NamedTuple):
 def listed(
     timed: Timed, state: Interrupted, setpoint: int, reading: int, _begins: bool
 ) -> tuple[Interrupted, float, int, int]:
-    """Compute one PWM cycle by the statement list, see `heatertune.plc.core.Core`."""
+    """Compute one PWM cycle by the statement list, see `heatertune.plc.core.Core`.
+
+    Args:
+        timed: the program.
+        state: of the CPU before the cycle.
+        setpoint: a byte.
+        reading: a byte.
+        _begins: not looked at: each scan is a whole PWM cycle.
+    """
     return run_cycle(timed, state, inputs_of(setpoint, reading))
 
 
 def step(
     p: tuple[Constants, Assumptions], state: Memory, setpoint: int, reading: int, _begins: bool
 ) -> tuple[Memory, float, int, int]:
-    """Compute the same without the listing, which never overflows."""
+    """Compute the same without the listing, which never overflows.
+
+    Args:
+        p: the program's constants, and the assumptions.
+        state: the memory before the cycle.
+        setpoint: a byte.
+        reading: a byte.
+        _begins: not looked at: each scan is a whole PWM cycle.
+    """
     c, assume = p
     after = cycle(c, state, setpoint & 0xFF, reading & 0xFF)
     width = state.width if assume.next_cycle else after.width

@@ -32,8 +32,8 @@ def faults(words: Words) -> tuple[str, ...]:
         "Ki times that sum is cut to its low word before T is multiplied": integral != _word(integral),
         "DIV leaves a remainder in the high word, added as 65536 times as much": np.fmod(change, v["T"]) != 0,
     }
-    found = [(int(np.count_nonzero(where)), text) for text, where in wrong.items()]
-    counted = tuple(f"{text}: {pairs} of {_PAIRS} pairs of setpoint and reading" for pairs, text in found if pairs)
+    counts = [(int(np.count_nonzero(where)), text) for text, where in wrong.items()]
+    counted = tuple(f"{text}: {pairs} of {_PAIRS} pairs of setpoint and reading" for pairs, text in counts if pairs)
     return (
         *counted,
         "the P part is added to the pulse width in every PWM cycle, so it integrates; the D part acts as P",

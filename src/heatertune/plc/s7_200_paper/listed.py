@@ -28,7 +28,15 @@ class Listed(NamedTuple):
 def listed(
     loaded: Loaded, state: Listed, setpoint: int, reading: int, begins: bool
 ) -> tuple[Listed, float, int, int]:
-    """Run the interrupt, where Q0.0 has risen and it is attached, and one scan."""
+    """Run the interrupt, where Q0.0 has risen and it is attached, and one scan.
+
+    Args:
+        loaded: the program and its constants.
+        state: before the scan.
+        setpoint: a byte.
+        reading: a byte.
+        begins: whether a PWM cycle begins with this scan.
+    """
     c, memory = loaded.constants, counted(state.memory)
     cpu, overflow, attached = state.cpu.written(inputs_of(setpoint, reading)), False, dict(state.cpu.attached)
     if rises(c, memory, begins) and cpu.enabled and 0 in attached:

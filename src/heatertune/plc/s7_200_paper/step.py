@@ -67,7 +67,15 @@ class Memory(NamedTuple):
 
 
 def step(c: Constants, state: Memory, setpoint: int, reading: int, begins: bool) -> tuple[Memory, float, int, int]:
-    """Compute one scan, see `heatertune.plc.core.Core`."""
+    """Compute one scan, see `heatertune.plc.core.Core`.
+
+    Args:
+        c: the program's constants.
+        state: the memory before the scan.
+        setpoint: a byte.
+        reading: a byte.
+        begins: whether a PWM cycle begins with this scan.
+    """
     after = scan(c, state, setpoint, reading, begins)
     return after, power_pct(c, after.applied), after.applied, int(after.overflow) + 2 * int(after.zero_division)
 
@@ -93,7 +101,15 @@ def power_pct(c: Constants, applied: int) -> float:
 
 
 def scan(c: Constants, m: Memory, setpoint: int, reading: int, cycle_start: bool) -> Memory:
-    """Return the memory after one scan: the interrupt where Q0.0 rises, then networks 3 to 7."""
+    """Return the memory after one scan: the interrupt where Q0.0 rises, then networks 3 to 7.
+
+    Args:
+        c: the program's constants.
+        m: the memory before the scan.
+        setpoint: a byte.
+        reading: a byte.
+        cycle_start: whether a PWM cycle begins with this scan.
+    """
     m = counted(m)
     if rises(c, m, cycle_start):
         m = _output_interrupt(c, m)

@@ -61,7 +61,14 @@ def paper_words(
 ) -> Words:
     """Return the constants of a run of the paper.
 
-    The paper gives the gain (20, 60) and no more: cycle, Ki, T and the sensor range of 0…140 °C are assumptions.
+    The paper gives the gain (20, 60) and no more: the rest are assumptions.
+
+    Args:
+        gain: constant Kp.
+        ki: constant Ki.
+        t: constant T.
+        cycle_ms: PWM cycle [ms].
+        scaling: sensor range; None: 0…140 °C.
     """
     values = {"KP": gain, "KI": ki, "KD": 0, "T": t, "CYCLE": cycle_ms, "POT1": 0}
     scaling = scaling or Scaling(low_degC=0.0, high_degC=140.0)

@@ -45,16 +45,16 @@ def from_image(image: bytes, sample_time_s: float, source: str) -> dict[str, Num
 def oddities(words: Words) -> tuple[str, ...]:
     """Return what is odd about a loop's words, one sentence each."""
     v = words.values
-    found = []
+    odd = []
     if v["KC"] == 0.0:
-        found.append("KC is 0: there is no proportional part; the integral and derivative parts act with a gain of 1.")
+        odd.append("KC is 0: there is no proportional part; the integral and derivative parts act with a gain of 1.")
     if v["KC"] < 0.0:
-        found.append("KC is negative: the loop cools.")
+        odd.append("KC is negative: the loop cools.")
     if v["TI"] == NO_INTEGRAL:
-        found.append("TI is infinite: the loop has no integral action.")
+        odd.append("TI is infinite: the loop has no integral action.")
     elif v["TI"] * 60.0 < 2.0 * v["TS"]:
-        found.append(f"TI is {v['TI']:.4g} min, below two samples: was it meant in seconds?")
+        odd.append(f"TI is {v['TI']:.4g} min, below two samples: was it meant in seconds?")
     if abs(v["TS"] - words.sample_time_s) > 0.01 * words.sample_time_s:
-        found.append(f"TS is {v['TS']:.4g} s, but the loop is called every {words.sample_time_s:g} s: "
-                     "TN and TV are realised as many times longer or shorter.")
-    return tuple(found)
+        odd.append(f"TS is {v['TS']:.4g} s, but the loop is called every {words.sample_time_s:g} s: "
+                   "TN and TV are realised as many times longer or shorter.")
+    return tuple(odd)

@@ -70,7 +70,15 @@ def measure(sensor: Sensor, temperature_degC: float) -> int:
 def listed(
     timed: Timed, state: Interrupted, setpoint: int, reading: int, _begins: bool
 ) -> tuple[Interrupted, float, int, int]:
-    """Compute one PWM cycle by the statement list, see `heatertune.plc.core.Core`."""
+    """Compute one PWM cycle by the statement list, see `heatertune.plc.core.Core`.
+
+    Args:
+        timed: the program.
+        state: of the CPU before the cycle.
+        setpoint: an analog word.
+        reading: an analog word.
+        _begins: not looked at: each scan is a whole PWM cycle.
+    """
     share = int.from_bytes(struct.pack(">f", _share(setpoint)), "big")
     state, power, width, bits = run_cycle(timed, state, {"AIW0": reading, SETPOINT: share})
     return state, power, width, bits & 1
@@ -79,7 +87,15 @@ def listed(
 def step(
     p: tuple[Table, int, Assumptions], state: Memory, setpoint: int, reading: int, _begins: bool
 ) -> tuple[Memory, float, int, int]:
-    """Compute the same without the listing."""
+    """Compute the same without the listing.
+
+    Args:
+        p: the loop's table, the PWM cycle [ms], and the assumptions.
+        state: the memory before the cycle.
+        setpoint: an analog word.
+        reading: an analog word.
+        _begins: not looked at: each scan is a whole PWM cycle.
+    """
     table, cycle, assume = p
     after = cycled(table, cycle, state, _share(setpoint), _share(reading), assume.bumpless)
     width = state.width if assume.next_cycle else after.width
@@ -91,7 +107,16 @@ def _share(word: int) -> float:
 
 
 def cycled(t: Table, cycle_ms: int, m: Memory, setpoint: float, reading: float, bumpless: bool) -> Memory:
-    """Return the memory after one PWM cycle's computation; `setpoint` and `reading` are shares of the range."""
+    """Return the memory after one PWM cycle's computation.
+
+    Args:
+        t: the loop's table.
+        cycle_ms: PWM cycle [ms].
+        m: the memory before the cycle.
+        setpoint: as a share of the range.
+        reading: as a share of the range.
+        bumpless: whether the first call takes the reading for its setpoint.
+    """
     before = m.reading if m.begun else reading
     error = single((reading if bumpless and not m.begun else setpoint) - reading)
     factor = t.kc if t.kc != 0.0 else 1.0

@@ -34,18 +34,18 @@ def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, Nu
 def oddities(words: Words) -> tuple[str, ...]:
     """Return what is odd about a controller's words, one sentence each."""
     v, called = words.values, 1000.0 * words.sample_time_s
-    found = []
+    odd = []
     if abs(v["SAMPLE"] - called) > _WRONG_CLOCK * called:
-        found.append(f"SAMPLE is {v['SAMPLE']:g} ms, but the block is called every {called:g} ms: TN and TV are "
-                     f"{called / v['SAMPLE']:.3g} times what RESET and RATE say.")
+        odd.append(f"SAMPLE is {v['SAMPLE']:g} ms, but the block is called every {called:g} ms: TN and TV are "
+                   f"{called / v['SAMPLE']:.3g} times what RESET and RATE say.")
     if v["GAIN"] == 0.0:
-        found.append("GAIN is 0: no proportional part; the integral and derivative parts act with a gain of 1.")
+        odd.append("GAIN is 0: no proportional part; the integral and derivative parts act with a gain of 1.")
     elif v["GAIN"] < 0.0:
-        found.append("GAIN is negative: the output falls where the temperature is too low, as for a cooler.")
+        odd.append("GAIN is negative: the output falls where the temperature is too low, as for a cooler.")
     if v["RESET"] == 0.0:
-        found.append("RESET is 0 (or infinite): the controller has no integral part.")
+        odd.append("RESET is 0 (or infinite): the controller has no integral part.")
     elif not v["SAMPLE"] <= v["RESET"] <= _DAY:
-        found.append(f"RESET is {v['RESET']:g} ms: shorter than one call or longer than a day; is it in ms?")
+        odd.append(f"RESET is {v['RESET']:g} ms: shorter than one call or longer than a day; is it in ms?")
     if v["RATE"] and not v["SAMPLE"] / 10.0 <= v["RATE"] <= _DAY:
-        found.append(f"RATE is {v['RATE']:g} ms: shorter than a tenth of a call or longer than a day; is it in ms?")
-    return tuple(found)
+        odd.append(f"RATE is {v['RATE']:g} ms: shorter than a tenth of a call or longer than a day; is it in ms?")
+    return tuple(odd)

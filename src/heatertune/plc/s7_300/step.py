@@ -67,7 +67,15 @@ COLD: Final = State()
 def step(
     parameters: tuple[Parameters, Assumptions], state: State, setpoint: int, reading: int, _begins: bool
 ) -> tuple[State, float, int, int]:
-    """Compute one scan, see `heatertune.plc.core.Core`."""
+    """Compute one scan, see `heatertune.plc.core.Core`.
+
+    Args:
+        parameters: the block's, and the assumptions.
+        state: before the call.
+        setpoint: analog value, −32768…32767.
+        reading: analog value, −32768…32767.
+        _begins: not looked at: the PWM is behind the output.
+    """
     return _outcome(call(parameters[0], parameters[1], state, setpoint, reading))
 
 
@@ -86,7 +94,15 @@ def _outcome(after: State) -> tuple[State, float, int, int]:
 
 
 def call(p: Parameters, assume: Assumptions, state: State, setpoint: int, reading: int) -> State:
-    """Return the state after one call in automatic."""
+    """Return the state after one call in automatic.
+
+    Args:
+        p: the block's parameters.
+        assume: of what the document leaves open.
+        state: before the call.
+        setpoint: analog value, −32768…32767.
+        reading: analog value, −32768…32767.
+    """
     sp, os = quotient(setpoint, FULL_SCALE)
     pv, os = quotient(reading, FULL_SCALE, os)
     before = state.reading if state.started or assume.starts_at_zero else pv

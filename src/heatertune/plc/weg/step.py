@@ -103,7 +103,15 @@ COLD: Final = State()
 def step(
     parameters: tuple[Block, Assumptions], state: State, setpoint: float, feedback: float, _begins: bool
 ) -> tuple[State, float, float, int]:
-    """Compute one scan, see `heatertune.plc.core.Core`."""
+    """Compute one scan, see `heatertune.plc.core.Core`.
+
+    Args:
+        parameters: the block's, and the assumptions.
+        state: before the call.
+        setpoint: a REAL, in the unit of the sensor's range.
+        feedback: a REAL, in the unit of the sensor's range.
+        _begins: not looked at: the PWM is behind the output.
+    """
     automatic = Inputs(setpoint, feedback, setpoint, False, True)  # by hand: nothing, but a REAL like the others
     return _outcome(parameters[0], call(parameters[0], parameters[1], state, automatic))
 

@@ -80,7 +80,11 @@ def design_of(words: Words) -> PidDesign:
 
 
 def consistent(words: Words) -> None:
-    """Raise OutOfRange for limits that are upside down."""
+    """Refuse words that contradict one another.
+
+    Raises:
+        OutOfRange: limits that are upside down.
+    """
     v = words.values
     if v["MinimumOutput"] > v["MaximumOutput"]:
         raise OutOfRange("word MinimumOutput", v["MinimumOutput"], f"<= MaximumOutput = {v['MaximumOutput']:g}")

@@ -53,27 +53,27 @@ def assemble(text: str, names: Names, *, operand_bits: int) -> Program:
 
 
 def _instruction(line: str, number: int, names: Names) -> Instruction:
-    found = _LINE.fullmatch(line)
-    if found is None or found["mnemonic"] not in _OPS:
+    match = _LINE.fullmatch(line)
+    if match is None or match["mnemonic"] not in _OPS:
         raise InputError(f"line {number}: {line!r} is no instruction; known: {', '.join(_OPS)}")
-    if found["number"] is not None and int(found["number"]) != number:
-        raise InputError(f"line {number}: {line!r} is numbered {found['number']}")
-    op = _OPS[found["mnemonic"]]
-    kind, operand = OPERAND[op], found["operand"]
+    if match["number"] is not None and int(match["number"]) != number:
+        raise InputError(f"line {number}: {line!r} is numbered {match['number']}")
+    op = _OPS[match["mnemonic"]]
+    kind, operand = OPERAND[op], match["operand"]
     if (operand is None) != (kind is Operand.NONE):
         wanted = "no operand" if kind is Operand.NONE else "an operand"
-        raise InputError(f"line {number}: {line!r}; {found['mnemonic']} has {wanted}")
+        raise InputError(f"line {number}: {line!r}; {match['mnemonic']} has {wanted}")
     return Instruction(op) if operand is None else Instruction(op, _operand(operand, kind, number, names))
 
 
 def _operand(text: str, kind: Operand, number: int, names: Names) -> int:
     if kind is Operand.LINE:
         text = text.removeprefix("line").strip()
-    known = _table(kind, names)
-    if text in known:
-        return known[text]
+    table = _table(kind, names)
+    if text in table:
+        return table[text]
     if not text.isascii() or not text.isdigit():
-        expected = ", ".join([*known, "a number"])
+        expected = ", ".join([*table, "a number"])
         raise InputError(f"line {number}: unknown operand {text!r}; expected {expected}")
     return int(text)
 
@@ -85,12 +85,12 @@ def _table(kind: Operand, names: Names) -> Mapping[str, int]:
 def disassemble(program: Program, names: Names | None = None) -> str:
     """Return the listing; an address that has one name goes by it, others by their number."""
     names = names or Names()
-    told = []
+    lines = []
     for number, (op, operand) in enumerate(program.lines):
         kind = OPERAND[op]
         table = _table(kind, names)
         shared = Counter(table.values())
         called = {address: name for name, address in table.items() if shared[address] == 1}
         text = {Operand.NONE: "", Operand.LINE: f" line{operand}"}.get(kind, f" {called.get(operand, operand)}")
-        told.append(f"{number}. {MNEMONICS[op]}{text}")
-    return "\n".join(told) + "\n"
+        lines.append(f"{number}. {MNEMONICS[op]}{text}")
+    return "\n".join(lines) + "\n"

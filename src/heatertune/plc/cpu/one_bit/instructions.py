@@ -135,7 +135,12 @@ def from_words(words: tuple[int, ...], operand_bits: int) -> Program:
 
 
 def from_image(image: bytes, operand_bits: int) -> Program:
-    """Return the program of a ROM image; errors as `from_words`, InputError for a broken last word."""
+    """Return the program of a ROM image.
+
+    Raises:
+        OutOfRange: as `from_words`.
+        InputError: the last word is broken.
+    """
     width = _width(operand_bits)
     if len(image) % width:
         raise InputError(f"ROM image of {len(image)} bytes; expected whole words of {width} bytes")

@@ -27,8 +27,8 @@ def assemble(text: str) -> Program:
     current: list[Action] | None = None
     for number, line in enumerate(text.splitlines(), start=1):
         code = line.split("//")[0].strip()
-        if found := _BLOCK.fullmatch(code):
-            current = blocks.setdefault(found[2], [])
+        if match := _BLOCK.fullmatch(code):
+            current = blocks.setdefault(match[2], [])
         elif not _NO_CODE.fullmatch(code):
             name, _, rest = code.partition("\t")
             operands = [part.strip() for part in rest.split(",")] if rest else []

@@ -36,8 +36,8 @@ def cell(text: str, width: int) -> Cell:
     Raises:
         ValueError: no address, none of this width, or beyond its area.
     """
-    if found := _ACCUMULATOR.fullmatch(text):
-        return Cell(_AREAS["AC"][0] + 4 * int(found[1]) + 4 - width, width)
+    if match := _ACCUMULATOR.fullmatch(text):
+        return Cell(_AREAS["AC"][0] + 4 * int(match[1]) + 4 - width, width)
     match = _CELL.fullmatch(text)
     if match is None or _WIDTHS[match[2]] != width:
         raise ValueError(text)
@@ -54,8 +54,8 @@ def bit(text: str) -> tuple[int, int]:
 
 def constant(text: str) -> int | None:
     """Return the value of a decimal or 16# constant, None for what is none."""
-    if found := _HEX.fullmatch(text):
-        return int(found[1], 16)
+    if match := _HEX.fullmatch(text):
+        return int(match[1], 16)
     return int(text) if re.fullmatch(r"[+-]?\d+", text) else None
 
 

@@ -44,20 +44,20 @@ class State(NamedTuple):
 
     def read(self, name: str) -> int:
         """Return a byte (unsigned), word or double word (signed) by its address."""
-        found = cell(name, _width_of(name))
-        return int.from_bytes(self.memory[found.start : found.start + found.width], "big", signed=found.width > 1)
+        place = cell(name, _width_of(name))
+        return int.from_bytes(self.memory[place.start : place.start + place.width], "big", signed=place.width > 1)
 
     def written(self, values: Mapping[str, int]) -> State:
         """Return the state with some bytes, words or bits written from outside: inputs, special memory."""
         memory = bytearray(self.memory)
         for name, value in values.items():
             if "." in name:
-                place, mask = bit(name)
-                memory[place] = memory[place] | mask if value else memory[place] & ~mask
+                byte, mask = bit(name)
+                memory[byte] = memory[byte] | mask if value else memory[byte] & ~mask
             else:
-                found = cell(name, _width_of(name))
-                mask = (1 << 8 * found.width) - 1
-                memory[found.start : found.start + found.width] = (value & mask).to_bytes(found.width, "big")
+                place = cell(name, _width_of(name))
+                mask = (1 << 8 * place.width) - 1
+                memory[place.start : place.start + place.width] = (value & mask).to_bytes(place.width, "big")
         return self._replace(memory=bytes(memory))
 
 
@@ -139,7 +139,15 @@ Program = Mapping[str, Sequence[Action]]
 def run(
     program: Program, block: str, state: State, *, wrap: bool = False, bumpless: bool = True,
 ) -> State:
-    """Return the state after one pass through a block; OB1 once is one scan. Open points: see `Cpu`."""
+    """Return the state after one pass through a block; OB1 once is one scan.
+
+    Args:
+        program: block name → instructions.
+        block: which of them.
+        state: before the pass.
+        wrap: left open by the manual, see `Cpu`.
+        bumpless: left open by the manual, see `Cpu`.
+    """
     fresh = state._replace(pulsed=False, overflow=False, zero_division=False)
     cpu = Cpu(bytearray(state.memory), fresh, program, wrap, bumpless)
     cpu.call(block)

@@ -33,7 +33,11 @@ TICK_FIELDS: Final[tuple[WordField, ...]] = (
 
 
 def check_cycle(words: Words) -> None:
-    """Raise OutOfRange where TICK and TICKS make no PWM cycle."""
+    """Refuse words whose TICK and TICKS make no PWM cycle.
+
+    Raises:
+        OutOfRange: the cycle is too long for a signed word.
+    """
     cycle = cycle_ms(words.whole)
     if cycle > MOST:
         raise OutOfRange("word TICKS", words.whole["TICKS"], f"such that TICK·TICKS is at most {MOST} ms (now {cycle})")

@@ -20,11 +20,15 @@ _ADDRESS: Final = re.compile(r"DB[XWD](\d+)(?:\.(\d))?")
 
 
 def place(address: str) -> tuple[int, int]:
-    """Return byte and bit of an address such as DBD10 or DBX0.3; the bit is 0 where none is named."""
-    found = _ADDRESS.fullmatch(address)
-    if found is None:
+    """Return byte and bit of an address such as DBD10 or DBX0.3; the bit is 0 where none is named.
+
+    Raises:
+        InputError: it is none.
+    """
+    match = _ADDRESS.fullmatch(address)
+    if match is None:
         raise InputError(f"{address} is no address in a data block")
-    return int(found[1]), int(found[2] or 0)
+    return int(match[1]), int(match[2] or 0)
 
 
 def read(image: bytes, fields: Sequence[WordField], source: str) -> dict[str, Number]:
