@@ -58,9 +58,9 @@ def pytest_collection_modifyitems(items):
 
 
 @pytest.fixture(autouse=True)
-def plain(monkeypatch):
-    """Loops run as plain Python but where a test says otherwise: a compiler's start would cost each process seconds."""
-    monkeypatch.setattr(compiled, "_PLAIN_SCANS", 10**12)
+def plain(request, monkeypatch):
+    """Loops run as plain Python, a compiler's start would cost each process seconds; in long tests they run compiled."""
+    monkeypatch.setattr(compiled, "_PLAIN_SCANS", 0 if request.node.get_closest_marker("long") else 10**12)
 
 
 @pytest.fixture
@@ -68,12 +68,6 @@ def whatever_pays(plain, monkeypatch):
     """Loops run as in a fresh process of a user: compiled once that pays."""
     monkeypatch.setattr(compiled, "_PLAIN_SCANS", _PLAIN_SCANS)
     monkeypatch.setattr(compiled, "_scans_asked", Counter())
-
-
-@pytest.fixture
-def all_compiled(plain, monkeypatch):
-    """Loops run compiled from the first scan: for tests that are long anyway."""
-    monkeypatch.setattr(compiled, "_PLAIN_SCANS", 0)
 
 
 @pytest.fixture(scope="session")

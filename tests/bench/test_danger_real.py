@@ -74,7 +74,7 @@ def test_raw_logs_are_those_that_others_have_made_common_columns_of(real_logs):
 
 
 @pytest.mark.long(seconds=25)
-def test_no_pass_on_a_real_log_breaks_on_its_rig(real_logs, all_compiled):
+def test_no_pass_on_a_real_log_breaks_on_its_rig(real_logs):
     settings = argparse.Namespace(
         only=["unal_prbs", "apm_mimo_steps"], targets=["s7-300"], structure="pi", plain=False, workers=1)
     found = danger_real.run(real_logs, settings)
