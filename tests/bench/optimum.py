@@ -40,7 +40,8 @@ def start(dead, structure):
 
 
 def settings(x):
-    return (math.exp(x[0]), math.exp(x[1]), math.exp(x[2]) if len(x) > 2 else 0.0)
+    gain, *times = (math.exp(min(value, 50.0)) for value in x)  # SLSQP tries steps far out
+    return gain, times[0], times[1] if len(times) > 1 else 0.0
 
 
 def by_slsqp(problem, dead, structure):
