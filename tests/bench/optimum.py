@@ -48,7 +48,8 @@ def by_slsqp(problem, dead, structure):
     omega, response = response_grid(problem.plants, structure == "pid", 2.0)
 
     def cost(x):
-        return math.log(min(compiled(continuous.price, allocates=True)(problem.heaters, problem.weights, *settings(x), 0.5, math.inf), 1e6))
+        price = compiled(continuous.price, allocates=True)(problem.heaters, problem.weights, *settings(x), 0.5, math.inf)
+        return math.log(price if 0.0 < price < 1e6 else 1e6)
 
     def room(x):
         gain, tn, tv = settings(x)
