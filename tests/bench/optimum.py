@@ -40,14 +40,16 @@ def start(dead, structure):
 
 
 def settings(x):
-    return (math.exp(x[0]), math.exp(x[1]), math.exp(x[2]) if len(x) > 2 else 0.0)
+    gain, *times = (math.exp(min(value, 50.0)) for value in x)  # SLSQP tries steps far out
+    return gain, times[0], times[1] if len(times) > 1 else 0.0
 
 
 def by_slsqp(problem, dead, structure):
     omega, response = response_grid(problem.plants, structure == "pid", 2.0)
 
     def cost(x):
-        return math.log(min(compiled(continuous.price, allocates=True)(problem.heaters, problem.weights, *settings(x), 0.5, math.inf), 1e6))
+        price = compiled(continuous.price, allocates=True)(problem.heaters, problem.weights, *settings(x), 0.5, math.inf)
+        return math.log(price if 0.0 < price < 1e6 else 1e6)
 
     def room(x):
         gain, tn, tv = settings(x)

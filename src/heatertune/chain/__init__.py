@@ -14,8 +14,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __all__ = [
-    "Asked", "closed", "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove",
-    "prove_ramped", "read_log", "tune", "validate", "write_report",
+    "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "read_log", "tune",
+    "validate", "write_report",
 ]
 
 if TYPE_CHECKING:
@@ -26,16 +26,13 @@ if TYPE_CHECKING:
     from heatertune.log import read_log
     from heatertune.plc.design import encode, tune
     from heatertune.proof import prove
-    from heatertune.proof.closing import Asked, closed
-    from heatertune.proof.setpoint_ramp import prove_ramped
     from heatertune.proof.targets import compare
 
 _HOMES = {
     **dict.fromkeys(("export", "fit", "fit_known", "fit_together"), "chain.stages"),
     **dict.fromkeys(("design", "write_report"), "chain.whole"), "plan": "chain.experiment",
     "validate": "chain.validation", "read_log": "log", **dict.fromkeys(("encode", "tune"), "plc.design"),
-    "prove": "proof", **dict.fromkeys(("Asked", "closed"), "proof.closing"), "prove_ramped": "proof.setpoint_ramp",
-    "compare": "proof.targets",
+    "prove": "proof", "compare": "proof.targets",
 }
 
 

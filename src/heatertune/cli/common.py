@@ -11,11 +11,11 @@ from heatertune.plc.targets import TARGETS
 from heatertune.settings import Conditions, FitSettings, ReadSettings, SensorSettings, TuneSettings, WordSettings
 
 if TYPE_CHECKING:
-    from heatertune.chain import Asked
     from heatertune.model.values import FittedModel
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
     from heatertune.plc.choice import WordChoice
+    from heatertune.proof.closing import Asked
 
 __all__ = [
     "add_condition_options", "add_log_options", "add_model_options", "add_proof_options", "add_reading_options",
@@ -112,7 +112,7 @@ def target(settings: argparse.Namespace) -> str:
 
 def asked(settings: argparse.Namespace) -> Asked:
     """Return what a design is asked for; errors as `heatertune.options.of`."""
-    from heatertune.chain import Asked  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.closing import Asked  # noqa: PLC0415 - the help must not wait for it
 
     by = options.of(WordSettings, settings)
     return Asked(

@@ -56,6 +56,7 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     from heatertune import chain  # noqa: PLC0415 - words that are proven already need none of it
     from heatertune.chain.documents import words_document  # noqa: PLC0415
     from heatertune.plc.choose import search_document  # noqa: PLC0415
+    from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415
 
     progress = printing.Progress(settings)
     words, choice, fitted = common.words_and_model(settings)
@@ -65,7 +66,7 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
         choice = refine(choice, fitted, common.conditions(settings))
         words = choice.words
     ramp = options.of(WordSettings, settings).setpoint_ramp
-    proof, notes = chain.prove_ramped(words, fitted, ramp, common.conditions(settings), progress=progress)
+    proof, notes = prove_ramped(words, fitted, ramp, common.conditions(settings), progress=progress)
     for note in notes:
         progress(note)
     search = None if choice is None else search_document(choice, fitted, notes)

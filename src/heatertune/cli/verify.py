@@ -31,9 +31,9 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.document import digested  # noqa: PLC0415
+    from heatertune.proof.document import digested  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.drawn import replay_document, sample_document  # noqa: PLC0415
+    from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415
     from heatertune.proof.verdict import combined, verdict_line  # noqa: PLC0415
     from heatertune.report.text import criteria_table, ramp_note, samples_table  # noqa: PLC0415
 
@@ -46,7 +46,7 @@ def _run(settings: argparse.Namespace) -> int:
         document = replay_document(words, fitted, drawn.replay, conditions, spread=drawn.spread)
         printing.output(settings, document, lambda: f"{criteria_table(document)}\nVERDICT {document['verdict']}")
         return 0 if document["verdict"] == "PASS" else 1
-    proof, notes = chain.prove_ramped(words, fitted, ramp, conditions)
+    proof, notes = prove_ramped(words, fitted, ramp, conditions)
     document, verdicts = proof.to_document(), [proof.verdict]
     if drawn.samples is not None:
         document["samples"] = sample_document(
