@@ -123,7 +123,7 @@ def _improved(
         progress("keeping the limits on heaters drawn from the fit")
         heaters = Open.of(fitted, robust)
         kept = guarded(
-            heaters, problem.specs, robust, lambda guards: search(replace(plainly, guards=guards), around=plain), plain
+            heaters, problem.specs, robust, lambda guards: search(replace(plainly, guards=guards)), plain
         )
         problem, design = replace(problem, guards=kept.guards), kept.design
     notes = []
@@ -160,8 +160,8 @@ def _rule_round(
 def _search_round(
     plants: tuple[HeaterModel, ...], structure: str, specs: Specs, derivative_filter: float, step_power: float
 ) -> Callable[[float, PidDesign | None], PidDesign]:
-    def one_round(ta: float, before: PidDesign | None) -> PidDesign:
-        return search(_problem(plants, structure, specs, ta, derivative_filter, step_power), around=before)
+    def one_round(ta: float, before: PidDesign | None) -> PidDesign:  # noqa: ARG001 - a grid needs no start
+        return search(_problem(plants, structure, specs, ta, derivative_filter, step_power))
 
     return one_round
 
@@ -185,7 +185,7 @@ def _explained(problem: Problem, design: PidDesign) -> list[str]:
 
     def solve(specs: Specs) -> float:
         other = replace(problem, ms=specs.ms, mt=specs.mt, mks=specs.mks)
-        return other.cost(search(other, around=design))
+        return other.cost(search(other))
 
     return explain(problem.specs, peaks, problem.cost(design), solve)
 
