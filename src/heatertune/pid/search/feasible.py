@@ -12,7 +12,7 @@ until it is above the best cost.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Final
@@ -36,6 +36,10 @@ _PIECES: Final = 4  # feasible pieces tried, from the top
 _TN_RATIO, _TV_RATIO = 1.27, 1.6  # of neighbours in the first grid
 _FINE: Final = 1.01  # ratio of TN at which the zooms end
 
+def _any_gain(_design: PidDesign) -> float:
+    return math.inf
+
+
 #: cost and design
 Priced = tuple[float, PidDesign]
 
@@ -54,6 +58,7 @@ class Problem:
         objective, weight: what is minimised; for ise the feasible-set search takes the load IAE, and IPOPT the rest.
         guards: heaters on which the limits hold too, but which cost nothing.
         step_power: largest power that one scan may move per °C of a reading [%/°C].
+        most_gain: design → the largest K that the target holds beside its times [%/°C].
     """
 
     plants: tuple[HeaterModel, ...]
@@ -67,6 +72,7 @@ class Problem:
     weight: float | None = None
     guards: tuple[HeaterModel, ...] = ()
     step_power: float = math.inf
+    most_gain: Callable[[PidDesign], float] = _any_gain
 
     @property
     def limited(self) -> tuple[HeaterModel, ...]:
@@ -122,7 +128,7 @@ class Problem:
 
 def keeps(problem: Problem, design: PidDesign) -> bool:
     """Return whether a design keeps every limit on every heater, as the margins judge it."""
-    if design.step_power_pct_per_degC > problem.step_power:
+    if design.step_power_pct_per_degC > problem.step_power or design.gain_pct_per_degC > problem.most_gain(design):
         return False
     for plant in problem.limited:
         ms, mt = sensitivity_peaks(plant, design)
@@ -144,9 +150,10 @@ def _at_the_tops(problem: Problem, tn: float, tv: float) -> list[PidDesign]:
     unit, specs = problem.design(1.0, tn, tv), problem.specs
     looked_at = [seen(plant, unit) for plant in problem.limited]
     excluded = [_excluded(plant * c, c, specs) for plant, c in looked_at]
-    most = problem.step_power / step_parts(tn, tv, problem.sample_time_s, problem.derivative_filter)
+    steps = step_parts(tn, tv, problem.sample_time_s, problem.derivative_filter)
+    most = min(problem.step_power / steps, problem.most_gain(unit))
     tops = _tops(np.concatenate([*excluded, [[most, math.inf]]]))
-    return [problem.design((1.0 - ROOM) * top, tn, tv) for top in tops[-_PIECES:][::-1]]
+    return [problem.design((1.0 - ROOM) * top, tn, tv) for top in tops[-_PIECES:][::-1] if top > 0.0]
 
 
 def search(problem: Problem) -> PidDesign:

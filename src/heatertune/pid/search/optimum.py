@@ -64,7 +64,9 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     )
     first = _vector(start, problem.structure)
     value = ca.Function("f", [unknowns], [cost])
-    answer = solver(x0=first, lbg=0.0, ubg=ca.inf, lbx=first - 1.0, ubx=first + 1.0)
+    highest = first + 1.0
+    highest[0] = min(highest[0], max(math.log(problem.most_gain(start)), first[0]))
+    answer = solver(x0=first, lbg=0.0, ubg=ca.inf, lbx=first - 1.0, ubx=highest)
     if not solver.stats()["success"]:
         return start, f"IPOPT stopped with {solver.stats()['return_status']}; the feasible-set search stands."
     found = _on_the_limit(problem, start, np.asarray(answer["x"]).ravel())
