@@ -176,7 +176,7 @@ def judged(plant, ms, structure):
     except InputError as refused:
         return "", str(refused)
     found = margins((plant,), design)[0].ms
-    if not found <= ms * 1.001:
+    if not found <= ms:
         return f"Ms = {found:.5g} above its limit of {ms:.5g}", told
     cost, least = problem.cost(design), design.integral_time_s / design.gain_pct_per_degC
     return ("" if least * (1.0 - 1e-9) <= cost < 100.0 * least else f"cost {cost:.4g} beside TN/K = {least:.4g}"), told

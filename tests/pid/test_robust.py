@@ -46,7 +46,7 @@ def test_over_all_drawn_heaters_no_brute_force_finds_a_better_pi():
     fitted = _fitted(**WIDE)
     heaters = draw_heaters(fitted)
     design = tune(fitted, sample_time_s=0.0, robust="worst")
-    assert _dense_ms(heaters, design.gain_pct_per_degC, design.integral_time_s).max() <= 1.6 * 1.003
+    assert _dense_ms(heaters, design.gain_pct_per_degC, design.integral_time_s).max() <= 1.6 * 1.0001
     feasible = [
         (gain, tn) for tn in np.geomspace(50.0, 130.0, 24) for gain in np.geomspace(5.0, 9.0, 80)
         if tn / gain < design.iae_load and _dense_ms(heaters, gain, tn).max() <= 1.6  # ∫|e| dt is at least ∫e dt = TN/K
@@ -120,11 +120,13 @@ def test_a_structure_without_integral_action_is_guarded_too():
     assert any(f"That costs {more:.1f} %" in note for note in kept.notes)
 
 
-def test_where_the_log_leaves_nothing_open_robustness_costs_nothing():
+def test_where_the_log_leaves_next_to_nothing_open_robustness_costs_as_little():
+    # of 200 heaters drawn with a standard deviation of 1.3e-4 none has a gain more than 4 of these above the middle one
     narrow = _fitted(gain_degC_per_pct=Interval(low=0.3999, high=0.4001))
     plain, kept = (tune(narrow, sample_time_s=8.0, robust=way) for way in ("none", "worst"))
-    assert (kept.gain_pct_per_degC, kept.integral_time_s) == (plain.gain_pct_per_degC, plain.integral_time_s)
-    assert any("that cost nothing" in note for note in kept.notes)
+    assert kept.integral_time_s == pytest.approx(plain.integral_time_s, rel=0.01)
+    assert 1.0 - 4 * 1.3e-4 < kept.gain_pct_per_degC / plain.gain_pct_per_degC <= 1.0
+    assert any("That costs 0.0 %" in note for note in kept.notes)
 
 
 def test_what_cannot_be_is_refused():

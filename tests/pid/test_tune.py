@@ -67,7 +67,7 @@ def test_amigo_keeps_the_robustness_its_authors_design_for(ratio):
 def test_the_optimum_keeps_the_limit_and_no_point_of_a_dense_grid_beats_it(structure):
     problem = Problem(plants=(HEATER,), structure=structure, ms=1.6, sample_time_s=4.0)
     found = search(problem)
-    assert margins(HEATER, found).ms <= 1.605
+    assert margins(HEATER, found).ms <= 1.6
     best = math.inf
     for tn in np.geomspace(20.0, 500.0, 40):
         for tv in np.geomspace(1.0, 30.0, 8) if structure == "pid" else [0.0]:
@@ -120,8 +120,8 @@ def test_just_above_the_largest_gain_the_limit_breaks():
 def test_a_design_serves_every_candidate_not_the_first_alone():
     alone, family = tune(model_by_hand(HEATER)), tune(_family(HEATER, OTHER))
     assert margins(OTHER, alone).ms > 2.0
-    assert margins(OTHER, family).ms < 1.61
-    assert margins(HEATER, family).ms < 1.61
+    assert margins(OTHER, family).ms <= 1.6
+    assert margins(HEATER, family).ms <= 1.6
     assert family.margins.ms == pytest.approx(max(margins(p, family).ms for p in (HEATER, OTHER)))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from heatertune.errors import InputError
 from heatertune.pid.specs import Specs
@@ -15,7 +15,9 @@ _AT = 5e-3  # share of a limit within which it counts as reached
 _NAMES = {"ms": "Ms", "mt": "Mt", "mks": "Mks"}
 
 
-def explain(specs: Specs, peaks: Mapping[str, float], cost: float, solve: Callable[[Specs], float]) -> list[str]:
+def explain(
+    specs: Specs, peaks: Mapping[str, float], cost: float, solve: Callable[[Specs], float], held: Sequence[str] = ()
+) -> list[str]:
     """Return one sentence for each limit that is active, or one that says that none is.
 
     Args:
@@ -23,11 +25,12 @@ def explain(specs: Specs, peaks: Mapping[str, float], cost: float, solve: Callab
         peaks: what the design has, name of the limit → value.
         cost: of the design.
         solve: specs → cost of the optimum under them; called once for each active limit.
+        held: what else holds the gain, one sentence each.
     """
     active = [name for name, limit in specs.limits.items() if peaks[name] >= limit * (1.0 - _AT)]
-    if not active:
+    if not active and not held:
         return [f"No limit is active ({specs.text}): a larger gain would only make the response swing."]
-    return [_sentence(specs, name, cost, solve) for name in active]
+    return [*held, *(_sentence(specs, name, cost, solve) for name in active)]
 
 
 def _sentence(specs: Specs, name: str, cost: float, solve: Callable[[Specs], float]) -> str:

@@ -20,7 +20,7 @@ from heatertune.pid.scheduling import told_about_faces
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.search.optimum import polish
 from heatertune.pid.search.robust import Guarded, Open, guarded
-from heatertune.pid.specs import Specs, refuse_boundless
+from heatertune.pid.specs import ROOM, Specs, refuse_boundless
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign, Promise
 from heatertune.settings import STEP_POWER_PCT, TuneSettings
@@ -40,8 +40,8 @@ _WHOLE = 1e-9  # of a timer's step: rounding
 
 def tune(
     fitted: FittedModel, settings: TuneSettings | None = None, *, timer: Timer | None = None,
-    derivative_filter: float = 0.5, resolution_degC: float = 0.0, progress: Callable[[str], object] = str,
-    **changed: Any,
+    derivative_filter: float = 0.5, resolution_degC: float = 0.0,
+    most_gain: Callable[[PidDesign], float] | None = None, progress: Callable[[str], object] = str, **changed: Any,
 ) -> PidDesign:
     """Find K, TN, TV and TA for a heater and all its candidate models.
 
@@ -56,6 +56,7 @@ def tune(
         timer: what the target's timer can do.
         derivative_filter: weight of its past in the target's derivative part, see `PidDesign`.
         resolution_degC: of the controller's reading [°C]; 0 where it is not known.
+        most_gain: design → the largest K that the target holds beside its times [%/°C]; None: any.
         progress: called with a short message when a round begins.
         changed: fields of `TuneSettings` that are other than in `settings`.
 
@@ -81,19 +82,28 @@ def tune(
     check("derivative_filter", derivative_filter, least=0.0, most=0.99)
     if method == "optimum":
         refuse_boundless(plants, structure, asked.mks)
+    problem = Problem(
+        plants=plants, structure=structure, sample_time_s=sample_time_s or 1.0, derivative_filter=derivative_filter,
+        ms=specs.ms, mt=specs.mt, mks=specs.mks, objective=specs.objective, weight=specs.weight, step_power=step_power,
+    )
+    if most_gain is not None:
+        problem = replace(problem, most_gain=most_gain)
     one_round = (
         _rule_round(fitted, method, structure, derivative_filter, closed_loop_s) if method in RULES
-        else _search_round(plants, structure, specs, derivative_filter, step_power)
+        else _search_round(problem)
     )
-    timer = _shown_by(fitted, timer or Timer())
+    its = timer or Timer()
+    timer = _shown_by(fitted, its)
     design, rounds = settle(one_round, plants, sample_time_s, timer, progress)
+    problem = replace(problem, sample_time_s=design.sample_time_s)
     notes = [_told_about_ta(design, plants, rounds, sample_time_s),
              *_told_about_log(design, fitted, timer, sample_time_s)]
+    if sample_time_s is None:
+        notes += _told_about_stop(design, its, _trdom(plants, design))
     if method in RULES:
         outside = range_note(method, model_for(method, structure, fitted), structure, design.sample_time_s)
         notes += [f"The rule claims: {RULES[method].claim}.", *([] if outside is None else [outside])]
     if method == "optimum":
-        problem = _problem(plants, structure, specs, design.sample_time_s, derivative_filter, step_power)
         design, told = _improved(problem, fitted, design, robust, progress)
         notes += [*told, *told_about_faces(fitted, design, partial(_alone, problem))]
     return _finished(design, fitted, method, specs, notes)
@@ -124,7 +134,7 @@ def _improved(
         progress("keeping the limits on heaters drawn from the fit")
         heaters = Open.of(fitted, robust)
         kept = guarded(
-            heaters, problem.specs, robust, lambda guards: search(replace(plainly, guards=guards), around=plain), plain
+            heaters, problem.specs, robust, lambda guards: search(replace(plainly, guards=guards)), plain
         )
         problem, design = replace(problem, guards=kept.guards), kept.design
     notes = []
@@ -158,24 +168,11 @@ def _rule_round(
     return one_round
 
 
-def _search_round(
-    plants: tuple[HeaterModel, ...], structure: str, specs: Specs, derivative_filter: float, step_power: float
-) -> Callable[[float, PidDesign | None], PidDesign]:
-    def one_round(ta: float, before: PidDesign | None) -> PidDesign:
-        return search(_problem(plants, structure, specs, ta, derivative_filter, step_power), around=before)
+def _search_round(problem: Problem) -> Callable[[float, PidDesign | None], PidDesign]:
+    def one_round(ta: float, before: PidDesign | None) -> PidDesign:  # noqa: ARG001 - a grid needs no start
+        return search(replace(problem, sample_time_s=ta))
 
     return one_round
-
-
-def _problem(
-    plants: tuple[HeaterModel, ...], structure: str, specs: Specs, sample_time_s: float, derivative_filter: float,
-    step_power: float,
-) -> Problem:
-    return Problem(
-        plants=plants, structure=structure, sample_time_s=sample_time_s, derivative_filter=derivative_filter,
-        ms=specs.ms, mt=specs.mt, mks=specs.mks, objective=specs.objective, weight=specs.weight,
-        step_power=step_power,
-    )
 
 
 def _explained(problem: Problem, design: PidDesign) -> list[str]:
@@ -186,9 +183,21 @@ def _explained(problem: Problem, design: PidDesign) -> list[str]:
 
     def solve(specs: Specs) -> float:
         other = replace(problem, ms=specs.ms, mt=specs.mt, mks=specs.mks)
-        return other.cost(search(other, around=design))
+        return other.cost(search(other))
 
-    return explain(problem.specs, peaks, problem.cost(design), solve)
+    return explain(problem.specs, peaks, problem.cost(design), solve, _held(problem, design))
+
+
+def _held(problem: Problem, design: PidDesign) -> list[str]:
+    """Return what holds K beside the limits, one sentence each."""
+    almost, most = 1.0 - 10.0 * ROOM, problem.most_gain(design)
+    sentences = []
+    if design.gain_pct_per_degC >= almost * most:
+        sentences.append(f"K stands at the largest that the target's words hold with this sensor range, {most:.4g} "
+                         "%/°C; a narrower range would hold more.")
+    if design.step_power_pct_per_degC >= almost * problem.step_power:
+        sentences.append("K stands where one step of the reading moves as much power as --step-power allows.")
+    return sentences
 
 
 def settle(
@@ -257,6 +266,16 @@ def _told_about_log(design: PidDesign, fitted: FittedModel, timer: Timer, given_
     if given_s is not None and 0.0 < ta < interval:
         return [f"TA = {ta:g} s is below the log's own interval of {interval:g} s: what the heater does in between was "
                 "never seen."]
+    return []
+
+
+def _told_about_stop(design: PidDesign, timer: Timer, trdom: float) -> list[str]:
+    """Return a sentence where the target's timer, and not the loop, sets TA, else none."""
+    ta, wanted = design.sample_time_s, trdom / _SAMPLES_PER_TRDOM
+    for stop, beyond, which in ((timer.longest_s, wanted > ta, "longest"), (timer.shortest_s, wanted < ta, "shortest")):
+        if ta == stop and beyond and abs(wanted - ta) > _SETTLED * ta:
+            return [f"TA = {ta:g} s is the {which} that the timer makes; TRdom/{_SAMPLES_PER_TRDOM:g} would be "
+                    f"{wanted:.3g} s."]
     return []
 
 

@@ -17,7 +17,7 @@ from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import sensitivity_peaks
 from heatertune.pid.search.integers import Found, Integers, Vector, best_integers
-from heatertune.pid.search.robust import TOLERANCE, Open
+from heatertune.pid.search.robust import Open
 from heatertune.pid.search.uncertain import draw_heaters, ms_over
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
@@ -34,6 +34,7 @@ WAYS: Final = ("auto", "optimum", "rounded")
 
 _COARSE: Final = 10  # below this one step of the word is more than a tenth, and rounding decides
 _FINE: Final = 20
+_LESS: Final = (1.0, *(1.0 - 10.0**power for power in (-6, -5, -4, -3, -2)))  # shares of K, see `_as_robust`
 _INTERVALS: Final = (0.5, 0.7, 1.0, 1.4, 2.0)  # times TRdom/10
 
 
@@ -82,7 +83,7 @@ def _choice(
     wished = _measured(fitted.plants, design)
     why = _why_rounded(design, rounded, way, wished)
     if why is not None:
-        return _plainly(rounded, fitted, wished, why)
+        return _plainly(_as_robust(design, rounded, fitted, wished), fitted, wished, why)
     inputs = {
         "words": dict(rounded.values), "target": target, "range": [rounded.scaling.low_degC, rounded.scaling.high_degC],
         "sample_time_s": rounded.sample_time_s, "ms": wished.ms, "plants": [repr(plant) for plant in fitted.plants],
@@ -162,6 +163,19 @@ def _why_rounded(design: PidDesign, rounded: Words, way: str, wished: _Measured)
     return next((why for applies, why in reasons if applies), None)
 
 
+def _as_robust(design: PidDesign, rounded: Words, fitted: FittedModel, wished: _Measured) -> Words:
+    """Return the words with a little less gain where whole milliseconds have lifted an optimum's Ms over its limit."""
+    its, gain = controller_for(rounded.target), design.gain_pct_per_degC
+    if its.integers is not None or not design.method.startswith("optimum") or math.isinf(wished.ms):
+        return rounded
+    for words in (encode(replace(design, gain_pct_per_degC=less * gain), its.name, scaling=rounded.scaling)
+                  for less in _LESS):
+        real = its.decode(words)
+        if real is None or max(sensitivity_peaks(plant, real)[0] for plant in fitted.plants) <= wished.ms:
+            return words
+    return rounded
+
+
 def _search(rounded: Words, fitted: FittedModel, ms: float, design: PidDesign) -> Found:
     """Return the best whole numbers; a drawn heater on which they break the promise becomes a guard, and again."""
     problem, guards = _problem(rounded, fitted.plants, ms, design.step_power_limit_pct_per_degC), list[HeaterModel]()
@@ -175,8 +189,7 @@ def _search(rounded: Words, fitted: FittedModel, ms: float, design: PidDesign) -
         if broken is None or broken.heater in guards:
             return best
         guards.append(broken.heater)
-        limits = {name: TOLERANCE * limit for name, limit in promise.limits.items()}
-        problem = replace(problem, guards=tuple(guards), limits=limits)
+        problem = replace(problem, guards=tuple(guards), limits=promise.limits)
 
 
 def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float, step_power: float) -> Integers:

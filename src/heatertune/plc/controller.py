@@ -52,6 +52,8 @@ class Controller(ABC):
         ramped: whether the export brings the program of a setpoint ramp along.
         integers: the whole numbers that make its control law and that a search may move: the word of the gain first,
             the one of the I part second, the one of the D part third; None: there is nothing to gain over rounding.
+        most_gain: (scaling, design) → the largest K in size that the words hold beside its times [%/°C]; None: any of
+            use.
         faithful: target that is the same as its source prints it, faults included; None: there is none.
         baseline: target of the two-level control that a report holds it against; None: it is that one.
         interval_s: values → the sampling interval that the words themselves hold [s]; None: they hold none, or another
@@ -82,6 +84,7 @@ class Controller(ABC):
     scans_per_period: ClassVar[int | None] = None
     ramped: ClassVar[bool] = False
     integers: ClassVar[tuple[str, str, str] | None] = None
+    most_gain: ClassVar[staticmethod[[Scaling, PidDesign], float] | None] = None
     faithful: ClassVar[str | None] = None
     baseline: ClassVar[str | None] = "on-off"
     interval_s: ClassVar[staticmethod[[Mapping[str, Number]], float] | None] = None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from typing import Any, Final
 
 from heatertune import cache
@@ -43,14 +45,18 @@ def tune(
 
     asked = merged(TuneSettings, settings, changed)
     held: dict[str, Any] = {}
+    most_gain: Callable[[PidDesign], float] | None = None
     if target is not None:
-        its = controller_for(target)
+        its, sensor = controller_for(target), scaling or Scaling()
         held = {"timer": its.timer, "derivative_filter": its.derivative_filter,
-                "resolution_degC": (scaling or Scaling()).span_degC / its.counts}
-    inputs = {"model": _essence(fitted), "settings": asdict(asked), "held": {name: repr(held[name]) for name in held}}
+                "resolution_degC": sensor.span_degC / its.counts}
+        if its.most_gain is not None:
+            most_gain = partial(its.most_gain, sensor)
+    inputs = {"model": _essence(fitted), "settings": asdict(asked), "held": {name: repr(held[name]) for name in held},
+              "most_gain": target if most_gain else None}
 
     def run() -> dict[str, Any]:
-        return pid_document.to_document(tune_model(fitted, asked, progress=progress, **held))
+        return pid_document.to_document(tune_model(fitted, asked, most_gain=most_gain, progress=progress, **held))
 
     return cache.cached("tune", inputs, run, pid_document.from_document, progress=progress)
 

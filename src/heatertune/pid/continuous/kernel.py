@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.heater.exact import apart
+from heatertune.pid.specs import ROOM
 
 __all__ = [
     "DERIVATIVE_FILTER_N", "Four", "Task", "controller", "encirclements", "pieces", "price", "refine", "scan", "swing",
@@ -129,16 +130,17 @@ def pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four) -> 
     excluded = _exclude(omega, plant, tn, tv, limits, loop)
     ceiling = limits[2] / (1.0 + DERIVATIVE_FILTER_N if tv > 0.0 else 1.0)  # |C·S| at infinite frequency
     bottoms, tops = np.empty(_MOST_PIECES), np.empty(_MOST_PIECES)
-    found, reached = 0, 0.0
+    count, reached = 0, 0.0
     for _ in range(_MOST_PIECES):
         top = ceiling
         for i in range(len(excluded)):
             if reached < excluded[i, 0] < top:
                 top = excluded[i, 0]
+        low, high = (1.0 + ROOM) * reached, (1.0 - ROOM) * top
         # a small gain is stable; higher pieces may not be
-        if top < math.inf and (reached == 0.0 or encirclements(omega, loop, 0.5 * (reached + top)) == 0):
-            bottoms[found], tops[found] = reached, top
-            found += 1
+        if low < high < math.inf and (reached == 0.0 or encirclements(omega, loop, 0.5 * (low + high)) == 0):
+            bottoms[count], tops[count] = low, high
+            count += 1
         before, reached = reached, top
         while reached > before:
             before = reached
@@ -147,7 +149,7 @@ def pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four) -> 
                     reached = excluded[i, 1]
         if reached >= ceiling:
             break
-    return bottoms[:found][::-1], tops[:found][::-1]
+    return bottoms[:count][::-1], tops[:count][::-1]
 
 
 def _grid(heater: Four, high: float, finer: float) -> tuple[float, int, float]:

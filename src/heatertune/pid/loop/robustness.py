@@ -13,7 +13,7 @@ from heatertune.pid.loop.sampled import combined, controller_response, parts_see
 from heatertune.pid.values import Margins, PidDesign
 
 __all__ = [
-    "crossings", "encloses_nothing", "loop_response", "margins", "noise_gain", "sensitivity_peaks", "worst",
+    "crossings", "encloses_nothing", "loop_response", "margins", "noise_gain", "seen", "sensitivity_peaks", "worst",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -27,7 +27,7 @@ def loop_response(model: HeaterModel, design: PidDesign, omega: Array) -> Comple
 
 def margins(model: HeaterModel, design: PidDesign) -> Margins:
     """Return Ms, Mt, gain and phase margin of the sampled loop; Ms and Mt are infinite where it is unstable."""
-    plant, controller = _seen(model, design)
+    plant, controller = seen(model, design)
     loop = plant * controller
     ms, mt = _peaks(loop, design)
     gain, phase = crossings(loop)
@@ -36,18 +36,18 @@ def margins(model: HeaterModel, design: PidDesign) -> Margins:
 
 def sensitivity_peaks(model: HeaterModel, design: PidDesign) -> tuple[float, float]:
     """Return Ms and Mt of `margins`, in a third of its time."""
-    plant, controller = _seen(model, design)
+    plant, controller = seen(model, design)
     return _peaks(plant * controller, design)
 
 
 def noise_gain(model: HeaterModel, design: PidDesign) -> float:
     """Return Mks = max |C·S| of a stable sampled loop: how much of a reading's noise reaches the power [%/°C]."""
-    plant, controller = _seen(model, design)
+    plant, controller = seen(model, design)
     return float(np.max(np.abs(controller / (1.0 + plant * controller))))
 
 
-def _seen(model: HeaterModel, design: PidDesign) -> tuple[Complex, Complex]:
-    """Return G and C at the frequencies of the margins."""
+def seen(model: HeaterModel, design: PidDesign) -> tuple[Complex, Complex]:
+    """Return G [°C/%] and C [%/°C] at the frequencies of the margins, each of shape (n,)."""
     slowest = max(*model.lags_s, model.dead_time_s, design.sample_time_s)
     if math.isfinite(design.integral_time_s):
         slowest = max(slowest, design.integral_time_s)

@@ -2,13 +2,20 @@
 
 With C = K·c(jω), |1 + K·h| ≥ 1/Ms at one frequency excludes one interval of K (a quadratic in K), and so do the limits
 on Mt and Mks; what is left over all frequencies and all models is the feasible set. It need not be connected, so its
-pieces are tried from the top. That leaves a search over TN (and TV) only, and no start value can mislead it.
+pieces are tried from the top. That leaves a search over TN (and TV) only, and no start value can mislead it. What is
+feasible the margins say, on their own frequencies, without a tolerance.
+
+After a load step ∫e dt is TN/K, and ∫|e| is no less: the points of a grid are simulated in the order of this bound,
+until it is above the best cost.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from itertools import product
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -16,19 +23,25 @@ import numpy.typing as npt
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
 from heatertune.pid.loop.response import iae_load, iae_setpoint, itae_load
-from heatertune.pid.loop.robustness import noise_gain, sensitivity_peaks
-from heatertune.pid.loop.sampled import combined, parts_seen, plant_seen
-from heatertune.pid.specs import Specs
+from heatertune.pid.loop.robustness import noise_gain, seen, sensitivity_peaks
+from heatertune.pid.specs import ROOM, Specs
 from heatertune.pid.values import PidDesign, step_parts, structure_of
 
-__all__ = ["Problem", "largest_gain", "search"]
+__all__ = ["Problem", "keeps", "largest_gain", "search"]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-_FREQUENCIES = 300
-_PIECES = 4  # feasible pieces tried, from the top
-_TOLERANCE = 1.002  # the check's frequencies are finer than the search's
+_PIECES: Final = 4  # feasible pieces tried, from the top
+_TN_RATIO, _TV_RATIO = 1.27, 1.6  # of neighbours in the first grid
+_FINE: Final = 1.01  # ratio of TN at which the zooms end
+
+def _any_gain(_design: PidDesign) -> float:
+    return math.inf
+
+
+#: cost and design
+Priced = tuple[float, PidDesign]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +58,7 @@ class Problem:
         objective, weight: what is minimised; for ise the feasible-set search takes the load IAE, and IPOPT the rest.
         guards: heaters on which the limits hold too, but which cost nothing.
         step_power: largest power that one scan may move per °C of a reading [%/°C].
+        most_gain: design → the largest K that the target holds beside its times [%/°C].
     """
 
     plants: tuple[HeaterModel, ...]
@@ -58,6 +72,7 @@ class Problem:
     weight: float | None = None
     guards: tuple[HeaterModel, ...] = ()
     step_power: float = math.inf
+    most_gain: Callable[[PidDesign], float] = _any_gain
 
     @property
     def limited(self) -> tuple[HeaterModel, ...]:
@@ -93,6 +108,17 @@ class Problem:
             return design.integral_time_s / design.gain_pct_per_degC
         return float(np.mean([self._cost_on(plant, design) for plant in self.plants]))
 
+    def least_cost(self, design: PidDesign) -> float:
+        """Return what `cost` cannot be below, by ∫e dt = TN/K after a load step of 1 %."""
+        if not math.isfinite(design.integral_time_s):
+            return -design.gain_pct_per_degC
+        if self.objective == "itae":
+            return 0.0
+        net = design.integral_time_s / design.gain_pct_per_degC
+        if self.objective == "setpoint" or self.weight is not None:
+            return net * float(np.mean([1.0 / plant.gain_degC_per_pct for plant in self.plants]))
+        return net
+
     def _cost_on(self, plant: HeaterModel, design: PidDesign) -> float:
         if self.weight is not None:
             load = iae_load(plant, design) / plant.gain_degC_per_pct
@@ -100,55 +126,88 @@ class Problem:
         return {"setpoint": iae_setpoint, "itae": itae_load}.get(self.objective, iae_load)(plant, design)
 
 
+def keeps(problem: Problem, design: PidDesign) -> bool:
+    """Return whether a design keeps every limit on every heater, as the margins judge it."""
+    if design.step_power_pct_per_degC > problem.step_power or design.gain_pct_per_degC > problem.most_gain(design):
+        return False
+    for plant in problem.limited:
+        ms, mt = sensitivity_peaks(plant, design)
+        if ms > problem.ms or mt > problem.mt:
+            return False
+        if math.isfinite(problem.mks) and noise_gain(plant, design) > problem.mks:
+            return False
+    return True
+
+
 def largest_gain(problem: Problem, integral_time_s: float, derivative_time_s: float) -> list[float]:
     """Return the upper ends of the feasible pieces of K > 0, the largest first; empty where none is stable."""
-    looked_at = problem.sample_time_s, problem.slowest_s, _FREQUENCIES
-    unit, specs = problem.design(1.0, integral_time_s, derivative_time_s), problem.specs
-    c = combined(unit, parts_seen(problem.derivative_filter, *looked_at))
-    excluded = [_excluded(plant_seen(plant, *looked_at) * c, c, specs) for plant in problem.limited]
-    most = problem.step_power / step_parts(
-        integral_time_s, derivative_time_s, problem.sample_time_s, problem.derivative_filter)
+    designs = _at_the_tops(problem, integral_time_s, derivative_time_s)
+    return [design.gain_pct_per_degC for design in designs if keeps(problem, design)]
+
+
+def _at_the_tops(problem: Problem, tn: float, tv: float) -> list[PidDesign]:
+    """Return designs a hair below the upper ends of the pieces of K, stable or not, the largest first."""
+    unit, specs = problem.design(1.0, tn, tv), problem.specs
+    looked_at = [seen(plant, unit) for plant in problem.limited]
+    excluded = [_excluded(plant * c, c, specs) for plant, c in looked_at]
+    steps = step_parts(tn, tv, problem.sample_time_s, problem.derivative_filter)
+    most = min(problem.step_power / steps, problem.most_gain(unit))
     tops = _tops(np.concatenate([*excluded, [[most, math.inf]]]))
-    return [top for top in tops[-_PIECES:][::-1] if _keeps(problem, top, integral_time_s, derivative_time_s)]
+    return [problem.design((1.0 - ROOM) * top, tn, tv) for top in tops[-_PIECES:][::-1] if top > 0.0]
 
 
-def search(problem: Problem, *, around: PidDesign | None = None) -> PidDesign:
+def search(problem: Problem) -> PidDesign:
     """Return the best design: a grid over TN (and TV), then zooms around the best point.
-
-    `around` is a design for a neighbouring problem (another TA); the grid then covers its surroundings only.
 
     Raises:
         InputError: no gain keeps the limit on all models.
     """
-    if problem.structure == "p":
-        found = _best_gain(problem, math.inf, 0.0)
-        if found is None:
-            raise _impossible(problem)
-        return found[1]
-    integral, derivative = _grids(problem, around)
-    best: tuple[float, PidDesign] | None = None
-    for _ in range(4):
-        for tn in integral:
-            for tv in derivative:
-                tried = _best_gain(problem, float(tn), float(tv))
-                if tried is not None and (best is None or tried[0] < best[0]):
-                    best = tried
+    integral, derivative = _grids(problem)
+    best: Priced | None = None
+    while True:
+        best = _best_of(problem, _candidates(problem, product(integral, derivative)), best)
         if best is None:
-            break
+            raise _impossible(problem)
+        if len(integral) == 1 or integral[1] < _FINE * integral[0]:
+            return best[1]
         integral = _zoom(integral, best[1].integral_time_s)
         derivative = _zoom(derivative, best[1].derivative_time_s)
-    if best is None:
-        raise _impossible(problem)
-    return best[1]
 
 
-def _grids(problem: Problem, around: PidDesign | None) -> tuple[Array, Array]:
+def _grids(problem: Problem) -> tuple[Array, Array]:
+    """Return the first TN and TV: what counts is the dead time with half a sample, where the lag is far longer."""
+    if problem.structure == "p":
+        return np.array([math.inf]), np.zeros(1)
     slow = problem.slowest_s
-    derivative = np.geomspace(slow / 80.0, slow / 3.0, 8) if problem.structure == "pid" else np.zeros(1)
-    if around is None:
-        return np.geomspace(slow / 12.0, 3.0 * slow, 16), derivative
-    near = np.geomspace(0.6, 1.6, 5)
-    return around.integral_time_s * near, around.derivative_time_s * near if len(derivative) > 1 else derivative
+    quick = min(plant.dead_time_s + sum(plant.lags_s[1:]) for plant in problem.limited) + 0.5 * problem.sample_time_s
+    integral = _even(min(slow / 12.0, quick), 3.0 * slow, _TN_RATIO)
+    if problem.structure == "pi":
+        return integral, np.zeros(1)
+    return integral, _even(min(slow / 80.0, 0.1 * quick), slow / 3.0, _TV_RATIO)
+
+
+def _even(low: float, high: float, ratio: float) -> Array:
+    return np.geomspace(low, high, math.ceil(math.log(high / low) / math.log(ratio)) + 1)
+
+
+def _candidates(problem: Problem, times: Iterable[tuple[float, float]]) -> list[Priced]:
+    """Return what may be the best of some TN and TV, each with a cost that it cannot be below, the least first."""
+    designs = []
+    for tn, tv in times:
+        tops = _at_the_tops(problem, float(tn), float(tv))
+        # just below the limit the response may ring: a smaller gain can have the smaller cost
+        designs += [*tops, *(replace(top, gain_pct_per_degC=0.85 * top.gain_pct_per_degC) for top in tops[-1:])]
+    return sorted(((problem.least_cost(design), design) for design in designs), key=lambda pair: pair[0])
+
+
+def _best_of(problem: Problem, candidates: list[Priced], best: Priced | None) -> Priced | None:
+    """Return the best of the candidates and of what was the best before; None where nothing keeps the limits."""
+    for bound, design in candidates:
+        if best is not None and bound >= best[0]:
+            break
+        if keeps(problem, design):
+            best = min((pair for pair in (best, (problem.cost(design), design)) if pair), key=lambda pair: pair[0])
+    return best
 
 
 def _impossible(problem: Problem) -> InputError:
@@ -156,15 +215,6 @@ def _impossible(problem: Problem) -> InputError:
         f"no {problem.structure.upper()} controller keeps {problem.specs.text} on all {len(problem.limited)} models; "
         f"loosen {' or '.join(f'--{name}' for name in problem.specs.limits)}, or narrow the models with a better log"
     )
-
-
-def _best_gain(problem: Problem, tn: float, tv: float) -> tuple[float, PidDesign] | None:
-    """Return cost and design of the best feasible gain for one TN and TV."""
-    designs = [problem.design(top, tn, tv) for top in largest_gain(problem, tn, tv)]
-    # just below the limit the response may ring: a smaller gain can have the smaller cost
-    designs += [replace(d, gain_pct_per_degC=0.85 * d.gain_pct_per_degC) for d in designs[-1:]]
-    priced = [(problem.cost(design), design) for design in designs]
-    return min(priced, key=lambda pair: pair[0], default=None)
 
 
 def _zoom(grid: Array, centre: float) -> Array:
@@ -202,13 +252,3 @@ def _tops(excluded: Array) -> list[float]:
     reached = np.maximum.accumulate(np.append(0.0, high))[:-1]
     return [float(top) for top in low[(low > reached) & np.isfinite(low)]]
 
-
-def _keeps(problem: Problem, gain: float, tn: float, tv: float) -> bool:
-    design = problem.design(gain, tn, tv)
-    for plant in problem.limited:
-        ms, mt = sensitivity_peaks(plant, design)
-        if ms > problem.ms * _TOLERANCE or mt > problem.mt * _TOLERANCE:
-            return False
-        if math.isfinite(problem.mks) and noise_gain(plant, design) > problem.mks * _TOLERANCE:
-            return False
-    return True

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from heatertune.pid.loop.sampled import SampledPlant, frequencies, sample_plant
-from heatertune.pid.search.feasible import Problem, largest_gain
+from heatertune.pid.search.feasible import Problem, keeps, largest_gain
 from heatertune.pid.values import PidDesign
 
 __all__ = ["polish"]
@@ -64,10 +64,14 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     )
     first = _vector(start, problem.structure)
     value = ca.Function("f", [unknowns], [cost])
-    answer = solver(x0=first, lbg=0.0, ubg=ca.inf, lbx=first - 1.0, ubx=first + 1.0)
+    highest = first + 1.0
+    highest[0] = min(highest[0], max(math.log(problem.most_gain(start)), first[0]))
+    answer = solver(x0=first, lbg=0.0, ubg=ca.inf, lbx=first - 1.0, ubx=highest)
     if not solver.stats()["success"]:
         return start, f"IPOPT stopped with {solver.stats()['return_status']}; the feasible-set search stands."
     found = _on_the_limit(problem, start, np.asarray(answer["x"]).ravel())
+    if not keeps(problem, found):
+        return start, "IPOPT ended between the feasible gains; the feasible-set search stands."
     change = 100.0 * (float(value(answer["x"])) / float(value(first)) - 1.0)
     told = f"IPOPT ended {abs(change):.1f} % {'below' if change < 0 else 'above'} the feasible-set search's cost."
     if problem.objective == "ise":

@@ -21,13 +21,10 @@ from heatertune.pid.search.uncertain import Drawn, draw_heaters, drawn_of, peaks
 from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign, Promise
 
-__all__ = ["ROBUST", "TOLERANCE", "Broken", "Guarded", "Open", "guarded"]
+__all__ = ["ROBUST", "Broken", "Guarded", "Open", "guarded"]
 
 #: way → over which of the drawn heaters the limits hold
 ROBUST: Final = {"none": "none: quantiles are told only", "p95": "95 % of them", "worst": "all of them"}
-
-#: of a limit on a drawn heater; the search itself keeps its limits to 0.2 %
-TOLERANCE: Final = 1.003
 
 Solve = Callable[[tuple[HeaterModel, ...]], PidDesign]
 
@@ -158,7 +155,7 @@ def _most_broken(
     order = sorted(range(len(strains)), key=strains.__getitem__)
     place = order[len(order) - 1 - math.floor(_MAY_BREAK[promise.way] * len(order))]
     strain, name = strains[place]
-    return None if strain <= TOLERANCE else Broken(heaters[place], name, peaks[place][name])
+    return None if strain <= 1.0 else Broken(heaters[place], name, peaks[place][name])
 
 
 def _quantiles(drawn: Drawn) -> str:

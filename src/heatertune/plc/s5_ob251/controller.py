@@ -10,7 +10,7 @@ from heatertune.plc.core import Core, Running, count
 from heatertune.plc.s5_ob251.export import export_words
 from heatertune.plc.s5_ob251.image import from_image, oddities
 from heatertune.plc.s5_ob251.step import COLD, Assumptions, Parameters, scan, step
-from heatertune.plc.s5_ob251.words import FACTOR, FIELDS, FULL_SCALE, consistent, design_of, values_of
+from heatertune.plc.s5_ob251.words import FACTOR, FIELDS, FULL_SCALE, consistent, design_of, most_gain, values_of
 from heatertune.plc.words import Words
 
 __all__ = ["Ob251"]
@@ -37,7 +37,7 @@ class Ob251(Controller, name="s5-ob251"):
     core = Core(step=step, measure=count, flags=("upper limit", "lower limit"))
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     export, image, oddities = staticmethod(export_words), staticmethod(from_image), staticmethod(oddities)
-    scan_all = staticmethod(scan)
+    scan_all, most_gain = staticmethod(scan), staticmethod(most_gain)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the cold state: DW18 to DW48 cleared."""

@@ -10,10 +10,12 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE, NO_Z
 from heatertune.plc.words import Scaling, WordField, Words, rounded
 
-__all__ = ["FIELDS", "FULL_SCALE", "GAIN_WITH_D", "consistent", "design_of", "values_of"]
+__all__ = ["FIELDS", "FULL_SCALE", "GAIN_WITH_D", "consistent", "design_of", "most_gain", "values_of"]
 
 #: K, R and TI are multiples of this; the manual's 0.001 is its round value (footnote of table 11-11)
 FACTOR: Final = 1024
+
+_MOST: Final = 32767
 
 #: largest K with a derivative part (table 11-11, footnote)
 GAIN_WITH_D: Final = 1500
@@ -46,7 +48,7 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
     if design.derivative_time_s > 0.0:
         faster = f"a faster TA of at most {2.0 * design.derivative_time_s:.2g} s would fit"
         _demand_part("TD", design.derivative_time_s / ta, td, 999, faster if td == 0 else "a slower TA would fit")
-    limit = GAIN_WITH_D if td else 32767
+    limit = GAIN_WITH_D if td else _MOST
     if abs(gain) > limit or gain == 0:
         wider = f"a sensor range of {scaling.span_degC * limit / max(abs(gain), 1):.3g} °C or a smaller K would fit"
         raise NotRepresentable("word K", gain, f"1…{limit} in size", wider)
@@ -54,6 +56,13 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
         "K": gain, "R": FACTOR, "TI": ti, "TD": td, "W": 0, "STEU": AUTO | NO_Z, "YH": 0, "BGOG": FULL_SCALE,
         "BGUG": 0,
     }
+
+
+def most_gain(scaling: Scaling, design: PidDesign) -> float:
+    """Return the largest K that the word holds [%/°C]: less beside a D part, none where TV is no multiple of TA."""
+    if design.derivative_time_s > 0.0 and rounded(design.derivative_time_s / design.sample_time_s) == 0:
+        return 0.0
+    return (GAIN_WITH_D if design.derivative_time_s > 0.0 else _MOST) / FACTOR / _units_gain(scaling)
 
 
 def design_of(words: Words) -> PidDesign:

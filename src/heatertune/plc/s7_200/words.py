@@ -11,7 +11,7 @@ from heatertune.plc.cpu.s7_200.cycle import MOST, TICK_FIELDS, cycle_ms, ticks_o
 from heatertune.plc.cpu.s7_200.wiring import ms_per_count
 from heatertune.plc.words import Scaling, WordField, Words, rounded
 
-__all__ = ["FIELDS", "design_of", "values_of"]
+__all__ = ["FIELDS", "design_of", "most_gain", "values_of"]
 
 _FINEST: Final = 16
 
@@ -39,8 +39,7 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
                                "tune --structure pi would fit")
     cycle = whole_cycle(ta)
     proportional = ms_per_count(scaling, cycle) * design.gain_pct_per_degC
-    half = proportional * ta / design.integral_time_s / 2.0
-    exact = {"KP": proportional + half, "KI": half, "KD": proportional * design.derivative_time_s / ta}
+    exact = {name: share * proportional for name, share in _shares(design).items()}
     scale = min(_FINEST, math.floor(math.log2((MOST + 0.5) / max(map(abs, exact.values())))))
     if scale < 1:
         worst = max(exact, key=lambda name: abs(exact[name]))
@@ -51,6 +50,18 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
             remedy = "a slower TA would fit"
             raise NotRepresentable(f"constant {name}", wanted * 2.0**scale, "at least 1 in size", remedy)
     return values | {"SCALE": scale, **ticks_of(cycle)}
+
+
+def most_gain(scaling: Scaling, design: PidDesign) -> float:
+    """Return the largest K whose constants are words at the coarsest scaling [%/°C]."""
+    per_gain = ms_per_count(scaling, round(1000.0 * design.sample_time_s)) * max(_shares(design).values())
+    return MOST / 2.0 / per_gain
+
+
+def _shares(design: PidDesign) -> dict[str, float]:
+    """Return the constants as multiples of the proportional part."""
+    half = design.sample_time_s / design.integral_time_s / 2.0
+    return {"KP": 1.0 + half, "KI": half, "KD": design.derivative_time_s / design.sample_time_s}
 
 
 def design_of(words: Words) -> PidDesign:
