@@ -132,8 +132,7 @@ def validate(
     fails = tuple(name for name, is_kept in kept.items() if not is_kept)
     return Verdict(
         log=log.name, runs=runs, worst=worst, bias_degC=bias, most_bias_degC=limit, fails=fails,
-        notes=(*notes, *feedback_notes(used),
-               *_verdict_notes(runs, worst, len(designed_for), fails, least_fit_pct, limit)),
+        notes=(*notes, *feedback_notes(used), *_told(runs, worst, len(designed_for), fails, least_fit_pct, limit)),
     )
 
 
@@ -180,7 +179,7 @@ def _vector(model: HeaterModel) -> Array:
     return np.array([math.log(first), model.dead_time_s, second[0] / first if second else 0.0])
 
 
-def _verdict_notes(
+def _told(
     runs: tuple[Run, ...], place: int, count: int, fails: tuple[str, ...], least_fit_pct: float, limit: float
 ) -> list[str]:
     worst = runs[place]
