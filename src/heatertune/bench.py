@@ -5,24 +5,25 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from heatertune.codec import registered
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
+from heatertune.progress import Told
 from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, simulate
 from heatertune.proof.samples import measure
 from heatertune.units import check
 
-__all__ = ["SCHEMA", "speed_document"]
-
-SCHEMA: Final = "heatertune/bench/1"
+__all__ = ["Loop", "Rates", "Speed", "speed"]
 
 #: the loop that is timed: an ordinary heater, a PI every 1 s, PWM of 10 s, 3,000 s long
 _HEATER: Final = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.3, ambient_degC=20.0)
@@ -31,8 +32,47 @@ _PWM: Final = Actuator(pwm_period_s=10.0)
 _ROWS: Final = (300, 100_000)
 
 
-def speed_document(target: str, samples: int = 1000, *, progress: Callable[[str], object] = str) -> dict[str, Any]:
-    """Return how long a scan of the closed loop, samples of a proof and a fit take here, as a JSON object.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loop:
+    """Times of the closed loop: of a scan [ns], and of the first samples [s], the compiler's start among them."""
+
+    plain_ns_per_scan: float
+    compiled_ns_per_scan: float
+    first_samples_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rates:
+    """Samples a second on one processor and on all."""
+
+    one: float
+    all: float
+
+
+@registered("heatertune/bench/1")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Speed:
+    """How long a scan of the closed loop, samples of a proof and a fit take here.
+
+    Attributes:
+        target: the controller.
+        samples: how many were timed, of 3,000 s each.
+        processors: how many "all" are.
+        loop: one closed loop.
+        samples_per_s: drawn, run and measured.
+        fit_ms: rows of a log → time of its fit [ms].
+    """
+
+    target: str
+    samples: int
+    processors: int
+    loop: Loop
+    samples_per_s: Rates
+    fit_ms: Mapping[str, float]
+
+
+def speed(target: str, samples: int = 1000, *, progress: Told = str) -> Speed:
+    """Return how fast this machine is.
 
     The compiled loop is timed as a proof on samples runs it: drawn, run and measured, on one processor and on all.
 
@@ -63,13 +103,11 @@ def speed_document(target: str, samples: int = 1000, *, progress: Callable[[str]
     progress("fitting logs, once unwatched")
     fit(_log(_ROWS[0]))
     fits = {str(rows): 1000.0 * _seconds(partial(fit, _log(rows))) for rows in _ROWS}
-    return {
-        "schema": SCHEMA, "target": target, "samples": samples, "processors": workers,
-        "loop": {"plain_ns_per_scan": 1e9 * plain / scans, "compiled_ns_per_scan": 1e9 * one / samples / scans,
-                 "first_samples_s": start},
-        "samples_per_s": {"one": samples / one, "all": samples / many},
-        "fit_ms": fits,
-    }
+    return Speed(
+        target=target, samples=samples, processors=workers,
+        loop=Loop(plain_ns_per_scan=1e9 * plain / scans, compiled_ns_per_scan=1e9 * one / samples / scans,
+                  first_samples_s=start),
+        samples_per_s=Rates(one=samples / one, all=samples / many), fit_ms=fits)
 
 
 def _seconds(task: Callable[[], object]) -> float:

@@ -12,7 +12,7 @@ from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any, Final
 
-__all__ = ["SCHEMA", "Finding", "document", "examine"]
+__all__ = ["SCHEMA", "Finding", "document", "examine", "works"]
 
 SCHEMA: Final = "heatertune/doctor/1"
 
@@ -45,10 +45,14 @@ def examine() -> tuple[Finding, ...]:
     return (_python(), *_packages(), _ipopt(), _tables(), _results(), _compiled(), *_extras())
 
 
+def works(findings: Sequence[Finding]) -> bool:
+    """Return whether all that heatertune needs works."""
+    return all(finding.ok for finding in findings if finding.needed)
+
+
 def document(findings: Sequence[Finding]) -> dict[str, Any]:
     """Return the JSON document: well, and one object per finding."""
-    well = all(finding.ok for finding in findings if finding.needed)
-    return {"schema": SCHEMA, "well": well, "findings": [asdict(finding) for finding in findings]}
+    return {"schema": SCHEMA, "well": works(findings), "findings": [asdict(finding) for finding in findings]}
 
 
 def _python() -> Finding:

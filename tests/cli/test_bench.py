@@ -2,7 +2,9 @@ import json
 
 import pytest
 
+from heatertune.bench import Speed
 from heatertune.cli.bench import _told
+from heatertune.codec import decode
 
 
 @pytest.mark.long
@@ -18,7 +20,7 @@ def test_bench_tells_times_that_agree_with_each_other(run):
     # machine code is some hundred times faster than plain Python; a tenth is left for a machine that is busy
     assert loop["plain_ns_per_scan"] > 10.0 * loop["compiled_ns_per_scan"]
     assert min(told["fit_ms"].values()) > 0.1
-    said = _told(told)
+    said = _told(decode(Speed, told, "bench"))
     assert "fit of 100,000 rows" in said
     assert f"{loop['compiled_ns_per_scan']:.1f} ns" in said
 

@@ -7,7 +7,7 @@ import json
 import sys
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import cache, partial
 from importlib import metadata
 from pathlib import Path
@@ -98,7 +98,7 @@ def _one_by_one(batch: Batch, chunk: Chunk, workers: Workers, task: Task) -> lis
 
 
 def _task(
-    do: Callable[[Mapping[str, Any], Any], Row], shared: Mapping[str, Any], program: str, cases: list[Any]
+    do: Callable[[Any, Any], Row], shared: Any, program: str, cases: list[Any]
 ) -> list[Row]:
     """Do a chunk; this runs on the worker.
 

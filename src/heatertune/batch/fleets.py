@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
 from functools import partial
 from glob import glob, has_magic
 from pathlib import Path, PurePath
@@ -44,6 +45,16 @@ class Zone(NamedTuple):
     problem: str | None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """What is the same for all zones; arguments as of `fleet`."""
+
+    asked: Asked
+    read: ReadSettings
+    fitted_with: FitSettings
+    samples: int
+
+
 def fleet(
     logs: str | Path, asked: Asked, *, out: str | Path, workers: Workers, resume: bool = False,
     read: ReadSettings | None = None, fitted_with: FitSettings | None = None, samples: int = 0,
@@ -72,15 +83,12 @@ def fleet(
     check("samples", samples, least=0)
     controller_for(asked.target)  # an unknown one is refused before the long part
     folder, names = find_logs(logs)
-    options: dict[str, Any] = {
-        "asked": asked, "read": read or ReadSettings(), "fitted_with": fitted_with or FitSettings(),
-        "samples": samples,
-    }
+    shared = _Asked(asked=asked, read=read or ReadSettings(), fitted_with=fitted_with or FitSettings(), samples=samples)
     listed = hashlib.sha256(json.dumps(names).encode()).hexdigest()
     batch = Batch(
-        do=_zone, shared=options, cases=names, sent=partial(_sent, folder), lost=lost_row,
+        do=_zone, shared=shared, cases=names, sent=partial(_sent, folder), lost=lost_row,
         columns=(*_COLUMNS, *word_columns([asked.target])),
-        identity={name: repr(value) for name, value in options.items()} | {"logs": listed},
+        identity={field.name: repr(getattr(shared, field.name)) for field in fields(shared)} | {"logs": listed},
     )
     return {"schema": SCHEMA} | run(batch, out, workers=workers, resume=resume, progress=progress)
 
@@ -129,14 +137,14 @@ def _sent(folder: str, name: str) -> Zone:
         return Zone(name, None, f"cannot be read: {problem.strerror}")
 
 
-def _zone(options: Mapping[str, Any], zone: Zone) -> Row:
+def _zone(shared: _Asked, zone: Zone) -> Row:
     """Return the row of one log; this runs on the worker."""
-    return zone_row(zone.name, partial(_fitted, options, zone), options["asked"], samples=options["samples"])
+    return zone_row(zone.name, partial(_fitted, shared, zone), shared.asked, samples=shared.samples)
 
 
-def _fitted(options: Mapping[str, Any], zone: Zone) -> FittedModel:
+def _fitted(shared: _Asked, zone: Zone) -> FittedModel:
     if zone.content is None:
         raise LogError(str(zone.problem), file=zone.name)
-    log = read_log(zone.name, options["read"], content=zone.content)
+    log = read_log(zone.name, shared.read, content=zone.content)
     with cache.unused():
-        return fit(log, options["fitted_with"])
+        return fit(log, shared.fitted_with)

@@ -76,7 +76,7 @@ def study(
         return _labelled(case, lost_row(case.name, why))
 
     batch = Batch(
-        do=_row, shared={}, cases=range(len(cases)), sent=sent, lost=lost, columns=_columns(cases),
+        do=_row, shared=None, cases=range(len(cases)), sent=sent, lost=lost, columns=_columns(cases),
         identity={"fixed": cases.fixed, "grid": cases.grid, "case": cases.listed},
     )
     return {"schema": SCHEMA} | run(batch, out, workers=workers, resume=resume, progress=progress)
@@ -122,7 +122,7 @@ def _labelled(case: Case, row: Row) -> Row:
     return {"case": case.number + 1, **settings, **row}
 
 
-def _row(shared: Mapping[str, Any], case: Case) -> Row:  # noqa: ARG001 - the cases of a study share nothing
+def _row(shared: None, case: Case) -> Row:  # noqa: ARG001 - the cases of a study share nothing
     """Return the row of one case; this runs on the worker."""
     settings = case.settings
     sensor = Scaling(**{field: settings[key] for key, field in _RANGE.items() if key in settings})

@@ -63,8 +63,8 @@ class Batch:
             on looks at case by case.
     """
 
-    do: Callable[[Mapping[str, Any], Any], Row]
-    shared: Mapping[str, Any]
+    do: Callable[[Any, Any], Row]
+    shared: Any
     cases: Sequence[Any]
     sent: Callable[[Any], Any]
     lost: Callable[[Any, str], Row]

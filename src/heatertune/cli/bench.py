@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from heatertune.cli import printing
 from heatertune.plc import TARGETS
+
+if TYPE_CHECKING:
+    from heatertune.bench import Speed
 
 __all__ = ["add_to"]
 
@@ -28,25 +31,26 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.bench import speed_document  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.bench import speed  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.codec import encode  # noqa: PLC0415
 
-    speed = speed_document(settings.target, settings.samples, progress=printing.Progress(settings))
-    printing.output(settings, speed, lambda: _told(speed))
+    measured = speed(settings.target, settings.samples, progress=printing.Progress(settings))
+    printing.output(settings, encode(measured), lambda: _told(measured))
     return 0
 
 
-def _told(speed: dict[str, Any]) -> str:
+def _told(speed: Speed) -> str:
     from heatertune.report.text import table  # noqa: PLC0415
 
-    loop, rate = speed["loop"], speed["samples_per_s"]
+    loop, rate = speed.loop, speed.samples_per_s
     rows = [
         ("", "time", ""),
-        ("closed loop, plain Python", f"{loop['plain_ns_per_scan']:,.0f} ns", "per scan"),
-        ("closed loop, compiled", f"{loop['compiled_ns_per_scan']:.1f} ns", "per scan, drawn and measured"),
-        ("samples on 1 processor", f"{rate['one']:,.0f}", "per second, 3,000 s each"),
-        (f"samples on {speed['processors']} processors", f"{rate['all']:,.0f}", "per second"),
-        ("first samples", f"{loop['first_samples_s']:.2f} s", "compiled, or read from the cache"),
+        ("closed loop, plain Python", f"{loop.plain_ns_per_scan:,.0f} ns", "per scan"),
+        ("closed loop, compiled", f"{loop.compiled_ns_per_scan:.1f} ns", "per scan, drawn and measured"),
+        ("samples on 1 processor", f"{rate.one:,.0f}", "per second, 3,000 s each"),
+        (f"samples on {speed.processors} processors", f"{rate.all:,.0f}", "per second"),
+        ("first samples", f"{loop.first_samples_s:.2f} s", "compiled, or read from the cache"),
     ]
     rows += [(f"fit of {int(rows):,} rows", f"{ms:,.0f} ms", "all candidates and intervals")
-             for rows, ms in speed["fit_ms"].items()]
-    return f"{speed['target']}, a PI every second, PWM of 10 s\n\n{table(rows)}"
+             for rows, ms in speed.fit_ms.items()]
+    return f"{speed.target}, a PI every second, PWM of 10 s\n\n{table(rows)}"

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from heatertune.cli import printing
+
+if TYPE_CHECKING:
+    from heatertune.health import Finding
 
 __all__ = ["add_to"]
 
@@ -24,20 +27,19 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.health import document, examine  # noqa: PLC0415 - it loads what it looks at
+    from heatertune.health import document, examine, works  # noqa: PLC0415 - it loads what it looks at
     from heatertune.report.text import table  # noqa: PLC0415
 
-    health = document(examine())
+    findings = examine()
 
     def lines() -> str:
-        findings = health["findings"]
-        rows = [(_mark(finding), finding["name"], finding["found"]) for finding in findings]
-        remedies = [f"{finding['name']}: {finding['remedy']}" for finding in findings if not finding["ok"]]
-        return "\n".join([table(rows), *remedies, "all that is needed works" if health["well"] else "FAIL: see above"])
+        rows = [(_mark(finding), finding.name, finding.found) for finding in findings]
+        remedies = [f"{finding.name}: {finding.remedy}" for finding in findings if not finding.ok]
+        return "\n".join([table(rows), *remedies, "all that is needed works" if works(findings) else "FAIL: see above"])
 
-    printing.output(settings, health, lines)
-    return 0 if health["well"] else 1
+    printing.output(settings, document(findings), lines)
+    return 0 if works(findings) else 1
 
 
-def _mark(finding: dict[str, Any]) -> str:
-    return "ok" if finding["ok"] else "FAIL" if finding["needed"] else "-"
+def _mark(finding: Finding) -> str:
+    return "ok" if finding.ok else "FAIL" if finding.needed else "-"
