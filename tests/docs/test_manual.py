@@ -12,6 +12,7 @@ from tests.docs.blocks import DOCS, INSTALL, PAGES, blocks, differences, run
 from heatertune.cli import COMMANDS
 from heatertune.model.findings import KINDS
 from heatertune.plc import TARGETS
+from heatertune.proof.spec_file import read_spec
 from heatertune.units import NOMENCLATURE
 
 RUNNING = [page for page in PAGES if blocks((DOCS / page).read_text(encoding="utf-8"))]
@@ -47,7 +48,7 @@ def test_the_pages_on_the_papers_log_print_what_they_show(folder):
         _run_page(page)
 
 
-def test_every_page_is_in_the_navigation_and_every_fence_is_one_that_is_looked_at():
+def test_every_page_is_in_the_navigation_and_every_fence_is_one_that_is_looked_at(tmp_path):
     assert set(PAGES) == {str(path.relative_to(DOCS)) for path in DOCS.rglob("*.md")}
     config = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     assert all(f": {page}\n" in config + "\n" for page in PAGES)
@@ -55,7 +56,10 @@ def test_every_page_is_in_the_navigation_and_every_fence_is_one_that_is_looked_a
         text = (DOCS / page).read_text(encoding="utf-8")
         fences = re.findall(r"^[ >]*```.*$", text, re.MULTILINE)
         opened = fences[::2]
-        assert set(opened) <= {"```sh", "```python", "```text"}, page
+        assert set(opened) <= {"```sh", "```python", "```text", "```toml"}, page
+        for number, file in enumerate(re.findall(r"^```toml\n(.*?)^```", text, re.MULTILINE | re.DOTALL)):
+            (tmp_path / f"{number}.toml").write_text(file, encoding="utf-8")
+            read_spec(tmp_path / f"{number}.toml")
         assert opened.count("```sh") + opened.count("```python") == len(blocks(text)), page
         shown = sum(block.output is not None for block in blocks(text))
         assert opened.count("```text") == shown, f"{page}: a text block that is nobody's output"

@@ -47,18 +47,18 @@ def _ruled(name: str, fitted: FittedModel, design: PidDesign) -> Mapping[str, An
 
 def _judged(fitted: FittedModel, design: PidDesign, doubt: str | None) -> dict[str, Any]:
     if design.sample_time_s == 0.0:
-        found = [continuous_margins((plant,), design)[0].ms for plant in fitted.plants]
+        of_each = [continuous_margins((plant,), design)[0].ms for plant in fitted.plants]
     else:
-        found = [margins(plant, design).ms for plant in fitted.plants]
-    unstable = sum(math.isinf(ms) for ms in found)
+        of_each = [margins(plant, design).ms for plant in fitted.plants]
+    unstable = sum(math.isinf(ms) for ms in of_each)
     why_not = [doubt] if doubt is not None else []
     if unstable:
-        why_not.append(f"Unstable on {unstable} of {len(found)} candidate models.")
+        why_not.append(f"Unstable on {unstable} of {len(of_each)} candidate models.")
     return {
         "gain_pct_per_degC": design.gain_pct_per_degC,
         "integral_time_s": design.integral_time_s,
         "derivative_time_s": design.derivative_time_s,
-        "ms": max(found),
+        "ms": max(of_each),
         "iae_load": math.inf if unstable else _load(fitted, design),
         "applicable": not why_not,
         "why_not": " ".join(why_not) or None,

@@ -40,5 +40,5 @@ def _sentence(specs: Specs, name: str, cost: float, solve: Callable[[Specs], flo
     except InputError:  # beyond what a limit may be
         return f"{called} stands at its limit of {limit:g}, the largest there is."
     gained = 100.0 * (1.0 - solve(looser) / cost)
-    told = f"{called} stands at its limit of {limit:g}; with {called} <= {limit * LOOSER:.4g}"
-    return f"{told} the cost would be {gained:.1f} % lower." if gained >= 0.05 else f"{told} nothing would be gained."
+    worth = f"the cost would be {gained:.1f} % lower" if gained >= 0.05 else "nothing would be gained"
+    return f"{called} stands at its limit of {limit:g}; with {called} <= {limit * LOOSER:.4g} {worth}."

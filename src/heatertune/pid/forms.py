@@ -16,7 +16,7 @@ from typing import Any
 
 from heatertune.errors import InputError
 
-__all__ = ["Settings", "ideal_to_parallel", "ideal_to_series", "other_forms", "parallel_to_ideal", "series_to_ideal"]
+__all__ = ["Settings", "ideal_to_parallel", "ideal_to_series", "other_forms", "series_to_ideal"]
 
 #: proportional gain [%/°C], integral-action time [s] (infinite: no I part), derivative-action time [s]
 Settings = tuple[float, float, float]
@@ -48,23 +48,12 @@ def ideal_to_parallel(gain: float, integral_time_s: float, derivative_time_s: fl
     return gain, gain / integral_time_s, gain * derivative_time_s
 
 
-def parallel_to_ideal(kp: float, ki: float, kd: float) -> Settings:
-    """Return the ideal form of parallel gains; without Ki, TN is infinite.
-
-    Raises:
-        InputError: Kp is zero: the ideal form has one gain for all three parts.
-    """
-    if kp == 0.0:
-        raise InputError(f"Kp = 0 beside Ki = {ki:g} and Kd = {kd:g} has no ideal form; Kp must not be zero")
-    return kp, math.inf if ki == 0.0 else kp / ki, kd / kp
-
-
 def other_forms(gain: float, integral_time_s: float, derivative_time_s: float) -> dict[str, Any]:
     """Return the same controller as JSON holds it, "series" (None where there is none) and "parallel".
 
     "kp" [%/°C], "ki" [%/(°C·s)], "kd" [%·s/°C]; the series names are those of the ideal form.
     """
-    found: dict[str, Any] = {
+    forms: dict[str, Any] = {
         "series": None,
         "parallel": dict(
             zip(("kp", "ki", "kd"), ideal_to_parallel(gain, integral_time_s, derivative_time_s), strict=True)
@@ -73,5 +62,5 @@ def other_forms(gain: float, integral_time_s: float, derivative_time_s: float) -
     if derivative_time_s <= integral_time_s / 4.0:
         names = ("gain_pct_per_degC", "integral_time_s", "derivative_time_s")
         series = ideal_to_series(gain, integral_time_s, derivative_time_s)
-        found["series"] = dict(zip(names, series, strict=True))
-    return found
+        forms["series"] = dict(zip(names, series, strict=True))
+    return forms

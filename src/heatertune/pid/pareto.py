@@ -80,15 +80,15 @@ def _cost_name(specs: Specs) -> str:
 def _row(fitted: FittedModel, structure: str, specs: Specs, sample_time_s: float) -> dict[str, Any]:
     if sample_time_s == 0.0:
         problem = ContinuousProblem(plants=fitted.plants, structure=structure, specs=specs)
-        found = optimum(problem)
-        cost, design = problem.cost(found), assessed(fitted, found)
+        optimal = optimum(problem)
+        cost, design = problem.cost(optimal), assessed(fitted, optimal)
     else:
         sampled = Problem(
             plants=fitted.plants, structure=structure, sample_time_s=sample_time_s, ms=specs.ms, mt=specs.mt,
             mks=specs.mks, objective=specs.objective, weight=specs.weight,
         )
-        found = search(sampled)
-        cost, design = sampled.cost(found), assessed_sampled(fitted.plants, found)
+        optimal = search(sampled)
+        cost, design = sampled.cost(optimal), assessed_sampled(fitted.plants, optimal)
     assert design.margins is not None
     return {"ms_limit": specs.ms, "cost": cost, "ms": design.margins.ms, "mt": design.margins.mt} | {
         name: getattr(design, name)

@@ -104,8 +104,8 @@ def tune(
         outside = range_note(method, model_for(method, structure, fitted), structure, design.sample_time_s)
         notes += [f"The rule claims: {RULES[method].claim}.", *([] if outside is None else [outside])]
     if method == "optimum":
-        design, told = _improved(problem, fitted, design, robust, progress)
-        notes += [*told, *told_about_faces(fitted, design, partial(_alone, problem))]
+        design, why = _improved(problem, fitted, design, robust, progress)
+        notes += [*why, *told_about_faces(fitted, design, partial(_alone, problem))]
     return _finished(design, fitted, method, specs, notes)
 
 
@@ -140,15 +140,15 @@ def _improved(
     notes = []
     if problem.structure != "p":
         progress("polishing the optimum with CasADi and IPOPT")
-        polished, told = polish(problem, design)
+        polished, comparison = polish(problem, design)
         better = None if kept is None or heaters is None else kept.improved(heaters, problem.specs, polished)
         if kept is not None and better is None:
-            told = "IPOPT's optimum would break a limit on the drawn heaters; the feasible-set search stands."
+            comparison = "IPOPT's optimum would break a limit on the drawn heaters; the feasible-set search stands."
         else:
             design, kept = polished, better
-        notes = [told, *_explained(problem, design)]
+        notes = [comparison, *_explained(problem, design)]
     if kept is not None:
-        notes.insert(0, kept.told(problem.cost(plain), problem.cost(design)))
+        notes.insert(0, kept.sentence(problem.cost(plain), problem.cost(design)))
         design = replace(design, promise=Promise(way=robust, limits=problem.specs.limits))
     return design, notes
 
@@ -178,8 +178,8 @@ def _search_round(problem: Problem) -> Callable[[float, PidDesign | None], PidDe
 def _explained(problem: Problem, design: PidDesign) -> list[str]:
     if problem.objective == "ise":
         return []  # the feasible-set search does not know this cost
-    found = worst([margins(plant, design) for plant in problem.limited])
-    peaks = {"ms": found.ms, "mt": found.mt, "mks": max(noise_gain(plant, design) for plant in problem.limited)}
+    of_all = worst([margins(plant, design) for plant in problem.limited])
+    peaks = {"ms": of_all.ms, "mt": of_all.mt, "mks": max(noise_gain(plant, design) for plant in problem.limited)}
 
     def solve(specs: Specs) -> float:
         other = replace(problem, ms=specs.ms, mt=specs.mt, mks=specs.mks)
@@ -283,20 +283,20 @@ def _finished(
     design: PidDesign, fitted: FittedModel, method: str, specs: Specs, notes: list[str]
 ) -> PidDesign:
     plants = fitted.plants
-    found = [margins(plant, design) for plant in plants]
-    if any(math.isinf(each.ms) for each in found):
-        notes.append(f"Unstable on {sum(not m.stable for m in found)} of {len(plants)} candidate models.")
+    judged = [margins(plant, design) for plant in plants]
+    if any(not m.stable for m in judged):
+        notes.append(f"Unstable on {sum(not m.stable for m in judged)} of {len(plants)} candidate models.")
     limit = f"{specs.text} on {len(plants)} models" if method == "optimum" else RULES[method].source
     return replace(assessed_sampled(plants, design), method=f"{method} ({limit})", notes=tuple(notes))
 
 
 def assessed_sampled(plants: Sequence[HeaterModel], design: PidDesign) -> PidDesign:
     """Return the design of a sampled loop with its margins and costs, worst over the models."""
-    found = worst([margins(plant, design) for plant in plants])
+    of_all = worst([margins(plant, design) for plant in plants])
     return replace(
         design,
-        margins=found,
+        margins=of_all,
         iae_load=max(iae_load(plant, design) for plant in plants),
         iae_setpoint=max(iae_setpoint(plant, design) for plant in plants),
-        mks=max(noise_gain(plant, design) for plant in plants) if found.stable else None,
+        mks=max(noise_gain(plant, design) for plant in plants) if of_all.stable else None,
     )

@@ -1,4 +1,4 @@
-"""The loop in continuous time with its exact dead time: feasible gains, time responses, the search.
+"""The loop in continuous time with its exact dead time: feasible gains and time responses.
 
 Controller C(s) = K·c(s), c(s) = 1 + 1/(TN·s) + TV·s/(1 + TV·s/N). Each limit excludes, at each frequency, one interval
 of K (`_interval`); what is left is the feasible set, in pieces. Time responses come from the delay equation itself: the
@@ -17,20 +17,17 @@ from heatertune.heater.exact import apart
 from heatertune.pid.specs import ROOM
 
 __all__ = [
-    "DERIVATIVE_FILTER_N", "Four", "Task", "controller", "encirclements", "pieces", "price", "refine", "scan", "swing",
+    "DERIVATIVE_FILTER_N", "Four", "controller", "encirclements", "least_price", "pieces", "price", "swing",
 ]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 Four = tuple[float, float, float, float]
-#: frequencies, heaters' answers there, heaters, weights, limits: see `pieces` and `price`
-Task = tuple[Array, Complex, Array, Array, Four]
 
 DERIVATIVE_FILTER_N = 10.0  # N of the issue's ideal form; K. J. Åström and T. Hägglund use 8…20
 
 _MOST_PIECES = 6
 _MOST_STEPS = 60_000
-_RINGING = 2.0  # a response this much dearer than the best is not made the best by a smaller K
 _REST = 1e-5  # share of the largest deviation, and of ∫e, below which the response has come to rest
 
 
@@ -46,7 +43,7 @@ def _interval(alpha: float, beta: float, gamma: float) -> tuple[float, float]:
 
 
 def controller(omega: Array, tn: float, tv: float) -> Complex:
-    """Return c(jω) at one frequency or many [rad/s]."""
+    """Return c(jω) at one frequency or many [rad/s], in the shape of `omega`."""
     u = omega * (tv / DERIVATIVE_FILTER_N)
     part = DERIVATIVE_FILTER_N * u / (1.0 + u * u)  # jωTV/(1 + ju), in real numbers: a third of the time
     return 1.0 + part * u + 1j * (part - 1.0 / (omega * tn))
@@ -57,7 +54,7 @@ def _exclude(omega: Array, plant: Complex, tn: float, tv: float, limits: Four, l
     ms, mt, mks, _ = limits
     n = len(omega)
     rows = 1 + (mt < math.inf) + (mks < math.inf)
-    found = np.empty((rows * n, 2))
+    excluded = np.empty((rows * n, 2))
     low = np.empty((3, n + 2))
     low[:, 0] = low[:, n + 1] = math.inf
     high = np.empty((3, n))
@@ -82,9 +79,9 @@ def _exclude(omega: Array, plant: Complex, tn: float, tv: float, limits: Four, l
             if here < math.inf:
                 if here < low[row, i] < math.inf and here <= low[row, i + 2] < math.inf:
                     here = _vertex(omega, low[row], i)
-                found[count, 0], found[count, 1] = here, high[row, i]
+                excluded[count, 0], excluded[count, 1] = here, high[row, i]
                 count += 1
-    return found[:count]
+    return excluded[:count]
 
 
 def _vertex(omega: Array, low: Array, i: int) -> float:
@@ -102,7 +99,7 @@ def _vertex(omega: Array, low: Array, i: int) -> float:
 
 
 def encirclements(omega: Array, loop: Complex, gain: float) -> int:
-    """Return the largest number of encirclements of −1 by K·h over the plants (ω begins anew with each).
+    """Return the largest number of encirclements of −1 by K·h over the plants (ω begins anew with each), shapes (n,).
 
     Counted by the crossings of the negative real axis left of −1; the open loop has one integrator and is stable
     otherwise, so none is what a stable loop has.
@@ -121,10 +118,16 @@ def encirclements(omega: Array, loop: Complex, gain: float) -> int:
 
 
 def pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four) -> tuple[Array, Array]:
-    """Return bottoms and tops of the feasible pieces of K with a stable loop, the highest first.
+    """Return bottoms and tops of the feasible pieces of K with a stable loop, the highest first, each of shape (m,).
 
-    `omega` [rad/s] ascends for each plant, one after the other; `plant` is G(jω) there; `tv` is 0 without a derivative
-    part; `limits` are (Ms, Mt, Mks, shortest TV), infinite where there is none.
+    Both ends are a hair, `ROOM`, inside; a piece that is thinner is left out.
+
+    Args:
+        omega: frequencies, ascending for each plant, one plant after the other, shape (n,) [rad/s].
+        plant: G(jω) there, shape (n,) [°C/%].
+        tn: TN [s].
+        tv: TV [s], 0 without a derivative part.
+        limits: (Ms, Mt, Mks, shortest TV), infinite where there is none.
     """
     loop = np.empty(len(omega), dtype=np.complex128)
     excluded = _exclude(omega, plant, tn, tv, limits, loop)
@@ -189,9 +192,13 @@ def swing(  # noqa: PLR0915 - one loop
 ) -> tuple[float, float]:
     """Return ∫v and ∫t·v of v, the part of the deviation whose sign is not that of ∫e dt; infinite where it diverges.
 
-    `heater` is (k [°C/%], larger lag, smaller lag (0: none), dead time [s]), `settings` (K, TN, TV); of `setpoint` [°C]
-    and `load` [%] one is the height of the step, the other 0; `finer` is the factor of the number of steps; `dear`
-    (weight of ∫v, weight of ∫t·v, sum of both at which the response costs too much and is left).
+    Args:
+        heater: (k [°C/%], larger lag, smaller lag (0: none), dead time [s]).
+        settings: (K, TN, TV).
+        setpoint: height of its step [°C], 0 where the load steps.
+        load: height of its step [%], 0 where the setpoint steps.
+        finer: factor of the number of steps.
+        dear: (weight of ∫v, weight of ∫t·v, sum of both at which the response costs too much and is left).
     """
     k, first, second, dead = heater
     gain, tn, tv = settings
@@ -255,26 +262,35 @@ def swing(  # noqa: PLR0915 - one loop
     return area, moment
 
 
-def _bound(heaters: Array, weights: Array, gain: float, tn: float) -> float:
-    """Return the cost of a response that never changes its sign: no loop with these settings costs less."""
-    told = 0.0
+def least_price(heaters: Array, weights: Array, gain: float, tn: float) -> float:
+    """Return the cost of a response that never changes its sign: no loop with these settings costs less.
+
+    `heaters` and `weights`, shape (p, 4), are those of `price`.
+    """
+    least = 0.0
     for p in range(len(heaters)):
         k = heaters[p, 0]
         ie = tn / gain
-        told += (weights[p, 0] + weights[p, 3]) * ie + weights[p, 1] * ie / k
-        told += weights[p, 2] * ie * ie * (1.0 / k + gain)  # ∫t·e dt = −Y′(0) with Y = 1/(s/G + s·C)
-    return told
+        least += (weights[p, 0] + weights[p, 3]) * ie + weights[p, 1] * ie / k
+        least += weights[p, 2] * ie * ie * (1.0 / k + gain)  # ∫t·e dt = −Y′(0) with Y = 1/(s/G + s·C)
+    return least
 
 
 def price(
     heaters: Array, weights: Array, gain: float, tn: float, tv: float, finer: float, best: float
 ) -> float:
-    """Return the cost: Σ over heaters and objectives of weight·value; above `best` it need not be exact.
+    """Return the cost: Σ over heaters and objectives of weight·value.
 
-    `heaters` holds k, lags and dead time of each, `weights` those of load IAE, setpoint IAE, load ITAE and TN/K, both
-    of shape (p, 4); `finer` is the factor of the number of steps.
+    Args:
+        heaters: k, lags and dead time of each, shape (p, 4).
+        weights: of load IAE, setpoint IAE, load ITAE and TN/K, shape (p, 4).
+        gain: K [%/°C].
+        tn: TN [s].
+        tv: TV [s], 0 without a derivative part.
+        finer: factor of the number of steps.
+        best: above this the cost need not be exact.
     """
-    total = _bound(heaters, weights, gain, tn)
+    total = least_price(heaters, weights, gain, tn)
     for p in range(len(heaters)):
         heater = (heaters[p, 0], heaters[p, 1], heaters[p, 2], heaters[p, 3])
         load, setpoint, late = 2.0 * weights[p, 0], 2.0 * weights[p, 1], 2.0 * weights[p, 2]
@@ -284,118 +300,3 @@ def price(
         if setpoint > 0.0:
             total += setpoint * swing(heater, (gain, tn, tv), 1.0, 0.0, finer, (setpoint, 0.0, best - total))[0]
     return total
-
-
-def _inside(
-    heaters: Array, weights: Array, bottom: float, top: float, tn: float, tv: float, at_top: float, finer: float
-) -> tuple[float, float]:
-    """Return the best cost and gain below the top of a piece, by golden section; the bound closes the range below."""
-    a = math.log(max(bottom, top * _bound(heaters, weights, top, tn) / at_top))
-    b = math.log(top)
-    golden = 0.5 * (math.sqrt(5.0) - 1.0)
-    c, d = b - golden * (b - a), a + golden * (b - a)
-    fc = price(heaters, weights, math.exp(c), tn, tv, finer, at_top)
-    fd = price(heaters, weights, math.exp(d), tn, tv, finer, at_top)
-    while b - a > 1e-3:
-        if fc < fd:
-            b, d, fd = d, c, fc
-            c = b - golden * (b - a)
-            fc = price(heaters, weights, math.exp(c), tn, tv, finer, at_top)
-        else:
-            a, c, fc = c, d, fd
-            d = a + golden * (b - a)
-            fd = price(heaters, weights, math.exp(d), tn, tv, finer, at_top)
-    return (fc, math.exp(c)) if fc < fd else (fd, math.exp(d))
-
-
-def reduced(task: Task, tn: float, tv: float, best: float, finer: float) -> tuple[float, float]:
-    """Return the least cost over K at one TN and TV, and that K; infinite where it cannot be below `best`.
-
-    TV > TN is left out: with TV without bound the filtered derivative is a gain, a PI controller under another name;
-    and so is TV below the shortest, where noise would pay for a derivative that does nothing.
-    """
-    omega, plant, heaters, weights, limits = task
-    cost, gain = math.inf, 0.0
-    if tv > tn or 0.0 < tv < limits[3]:
-        return cost, gain
-    bottoms, tops = pieces(omega, plant, tn, tv, limits)
-    for j in range(len(tops)):
-        top = tops[j]
-        lowest = _bound(heaters, weights, top, tn)
-        if lowest >= min(best, cost):
-            break  # lower pieces have higher bounds
-        dear = _RINGING * min(best, cost)
-        found, at = price(heaters, weights, top, tn, tv, finer, dear), top
-        if lowest * (1.0 + 1e-7) < found < dear:
-            near = top * 0.999
-            if near > bottoms[j] and price(heaters, weights, near, tn, tv, finer, found) < found:
-                found, at = _inside(heaters, weights, bottoms[j], top, tn, tv, found, finer)
-        if found < cost:
-            cost, gain = found, at
-    return cost, gain
-
-
-def scan(task: Task, tns: Array, tvs: Array, best: float, finer: float) -> Four:
-    """Return (cost, K, TN, TV) of the best point of a grid that is below `best`; cost `best` where there is none."""
-    found = (best, 0.0, 0.0, 0.0)
-    for tn in tns:
-        for tv in tvs:
-            cost, gain = reduced(task, tn, tv, found[0], finer)
-            if cost < found[0]:
-                found = (cost, gain, tn, tv)
-    return found
-
-
-def refine(task: Task, start: Four, stride: float, least: float, finer: float) -> Four:
-    """Return (cost, K, TN, TV) of the local optimum over ln TN (and ln TV) near a start, found by two simplex searches.
-
-    `stride` and `least` are their first and last distance.
-    """
-    best = _simplex(task, start, stride, least, finer)
-    # begun anew from the other side: a simplex can fall flat where two peaks of |S| meet
-    return _simplex(task, best, -0.3 * stride, least, finer)
-
-
-def _simplex(task: Task, start: Four, stride: float, least: float, finer: float) -> Four:
-    """J. A. Nelder and R. Mead, Computer Journal 7 (1965) 308-313, in one dimension (TV = 0) or two."""
-    n = 1 if start[3] == 0.0 else 2
-    x = np.full((n + 1, 2), -math.inf)
-    cost, gain = np.empty(n + 1), np.empty(n + 1)
-    for j in range(n + 1):
-        for i in range(n):
-            x[j, i] = math.log(start[2 + i]) + (stride if j == i + 1 else 0.0)
-        cost[j], gain[j] = _at(task, x[j], finer)
-    for _ in range(200):
-        order = np.argsort(cost)
-        x, cost, gain = x[order], cost[order], gain[order]
-        if np.abs(x[1:, :n] - x[0, :n]).max() < least:
-            break
-        middle = x[0].copy() if n == 1 else 0.5 * (x[0] + x[1])
-        away = middle[:n] - x[n, :n]
-        point = middle.copy()
-        point[:n] += away
-        told, k = _at(task, point, finer)
-        if told < cost[0]:
-            further = point.copy()
-            further[:n] += away
-            wide, w = _at(task, further, finer)
-            if wide < told:
-                point, told, k = further, wide, w
-        elif told >= cost[n - 1]:
-            level = min(told, cost[n])
-            point[:n] = middle[:n] + (0.5 if told < cost[n] else -0.5) * away
-            told, k = _at(task, point, finer)
-            if told >= level:
-                for j in range(1, n + 1):
-                    x[j, :n] = 0.5 * (x[0, :n] + x[j, :n])
-                    cost[j], gain[j] = _at(task, x[j], finer)
-                continue
-        x[n], cost[n], gain[n] = point, told, k
-    best = np.argmin(cost)
-    found = cost[best], gain[best], math.exp(x[best, 0]), math.exp(x[best, 1])
-    return found if found[0] < start[0] else start
-
-
-def _at(task: Task, x: Array, finer: float) -> tuple[float, float]:
-    """Return least cost and K at x = (ln TN, ln TV)."""
-    return reduced(task, math.exp(x[0]), math.exp(x[1]), math.inf, finer)

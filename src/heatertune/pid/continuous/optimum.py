@@ -17,8 +17,10 @@ import numpy.typing as npt
 from heatertune.compiled import compiled
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
+from heatertune.pid.continuous import descent
 from heatertune.pid.continuous import kernel as continuous
-from heatertune.pid.continuous.kernel import Four, Task
+from heatertune.pid.continuous.descent import Task
+from heatertune.pid.continuous.kernel import Four
 from heatertune.pid.loop.robustness import crossings
 from heatertune.pid.specs import Specs, is_boundless, refuse_boundless
 from heatertune.pid.values import Margins, PidDesign, structure_of
@@ -131,10 +133,10 @@ def response_grid(plants: tuple[HeaterModel, ...], derivative: bool, density: fl
     """
     grids = [_frequencies(plant, derivative, density) for plant in plants]
     responses = [plant.frequency_response(omega) for plant, omega in zip(plants, grids, strict=True)]
-    found = np.concatenate(grids), np.concatenate(responses)
-    for each in found:
-        each.flags.writeable = False
-    return found
+    grid = np.concatenate(grids), np.concatenate(responses)
+    for column in grid:
+        column.flags.writeable = False
+    return grid
 
 
 def _frequencies(plant: HeaterModel, derivative: bool, density: float) -> Array:
@@ -173,8 +175,8 @@ def unrivalled(problem: ContinuousProblem) -> tuple[PidDesign, str]:
     better = global_check(problem, design)
     moved = design if better is None else _descend(problem, better)
     if problem.cost(moved) < problem.cost(design) * (1.0 - _WORTH):
-        told = "The optimum was found by the global check; the first search had ended at another one."
-        return _sharpened(problem, moved), told
+        sentence = "The optimum was found by the global check; the first search had ended at another one."
+        return _sharpened(problem, moved), sentence
     return _sharpened(problem, design), (
         f"No point of a grid of {_points(problem)} over the reduced problem, each with its best K, costs less: "
         "as far as this grid sees, the optimum is global."
@@ -187,8 +189,8 @@ def global_check(problem: ContinuousProblem, design: PidDesign) -> Point | None:
     Points whose lower bound is above the design's cost are excluded without a simulation, so the grid is cheap.
     """
     cost = _price(problem.heaters, problem.weights, design, _STEPS / 4.0)
-    found = _scanned(problem, *_checked(problem), cost * (1.0 - _WORTH), _FINE)
-    return found if found[1] > 0.0 else None
+    rival = _scanned(problem, *_checked(problem), cost * (1.0 - _WORTH), _FINE)
+    return rival if rival[1] > 0.0 else None
 
 
 def peaks(omega: Array, plant: Complex, gain: float, tn: float, tv: float) -> tuple[Complex, float, float, float]:
@@ -213,7 +215,7 @@ def peaks(omega: Array, plant: Complex, gain: float, tn: float, tv: float) -> tu
 
 def margins(plants: tuple[HeaterModel, ...], design: PidDesign) -> tuple[Margins, float]:
     """Return the worst margins of the continuous loop over the models, and the worst Mks [%/°C]."""
-    found = []
+    rows = []
     for plant in plants:
         omega, response = response_grid((plant,), design.derivative_time_s > 0.0, _EXACT)
         settings = _settings(design)
@@ -221,19 +223,19 @@ def margins(plants: tuple[HeaterModel, ...], design: PidDesign) -> tuple[Margins
         if math.isfinite(design.integral_time_s):  # at frequency 0, which no grid reaches
             mt, mks = max(mt, 1.0), max(mks, 1.0 / plant.gain_degC_per_pct)
         gain, phase = crossings(loop, sampled=False)
-        found.append((ms, mt, mks, gain, phase))
-    ms, mt, mks = (max(row[i] for row in found) for i in range(3))
-    gain, phase = (min(row[i] for row in found) for i in (3, 4))
+        rows.append((ms, mt, mks, gain, phase))
+    ms, mt, mks = (max(row[i] for row in rows) for i in range(3))
+    gain, phase = (min(row[i] for row in rows) for i in (3, 4))
     return Margins(ms=ms, mt=mt, gain_margin=gain, phase_margin_deg=phase), mks
 
 
 def _pace(plant: HeaterModel, structure: str, mks: float) -> float:
     """Return dead time and second lag together; where these leave the gain without bound, the time Mks leaves [s]."""
-    known = plant.dead_time_s + sum(plant.lags_s[1:])
+    delays = plant.dead_time_s + sum(plant.lags_s[1:])
     if not is_boundless(plant, structure):
-        return known
+        return delays
     alone = plant.lags_s[0] / (plant.gain_degC_per_pct * mks)  # k·Mks/(T·s), the loop where C is largest, is 1 there
-    return alone if alone >= known else math.sqrt(alone * known)
+    return alone if alone >= delays else math.sqrt(alone * delays)
 
 
 def _row(plant: HeaterModel) -> tuple[float, ...]:
@@ -283,7 +285,7 @@ def _pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four) ->
 
 
 def _refine(problem: ContinuousProblem, density: float, start: Point, stride: float, least: float) -> Point:
-    refine = compiled(continuous.refine, allocates=True)
+    refine = compiled(descent.refine, allocates=True)
     return refine(_task(problem, density), start, stride, least, _STEPS / 4.0)
 
 
@@ -293,24 +295,24 @@ def _task(problem: ContinuousProblem, density: float) -> Task:
 
 
 def _scanned(problem: ContinuousProblem, many_tn: int, many_tv: int, best: float, density: float) -> Point:
-    scan = compiled(continuous.scan, allocates=True)
-    found = scan(_task(problem, density), *_axes(problem, many_tn, many_tv), best, _STEPS / 4.0)
-    if found[1] == 0.0 and math.isinf(best):
+    scan = compiled(descent.scan, allocates=True)
+    best_point = scan(_task(problem, density), *_axes(problem, many_tn, many_tv), best, _STEPS / 4.0)
+    if best_point[1] == 0.0 and math.isinf(best):
         raise _impossible(problem)
-    return found
+    return best_point
 
 
 def _descend(problem: ContinuousProblem, start: Point) -> PidDesign:
     """Return the local optimum near a point of the coarse search."""
     tns, _ = _axes(problem, *_SCANNED)
     stride = math.log(tns[0] / tns[1]) * (0.5 if problem.structure == "pid" else 1.0)
-    found = _refine(problem, _COARSE, start, stride, 0.03)
+    point = _refine(problem, _COARSE, start, stride, 0.03)
     for density in (_FINE, _EXACT):
         # what other frequencies think of the start is not comparable with what these will
-        near = _refine(problem, density, (math.inf, *found[1:]), 0.06, 3e-4)
-        found = near if math.isfinite(near[0]) else found
-        design = _finish(problem, found)
-        if problem.cost(design) < found[0] * 1.002:
+        near = _refine(problem, density, (math.inf, *point[1:]), 0.06, 3e-4)
+        point = near if math.isfinite(near[0]) else point
+        design = _finish(problem, point)
+        if problem.cost(design) < point[0] * 1.002:
             break  # else the optimum lies at a cliff, and only the finest frequencies see its edge
     return design
 
@@ -318,14 +320,14 @@ def _descend(problem: ContinuousProblem, start: Point) -> PidDesign:
 def _sharpened(problem: ContinuousProblem, design: PidDesign) -> PidDesign:
     """Return the optimum on the finest frequencies; on those of the search a PID's cost ends up to 5e-5 above it."""
     begun: Point = (math.inf, *_settings(design))
-    found = _refine(problem, _EXACT, begun, 0.02, 1e-4)
-    better = _finish(problem, found) if math.isfinite(found[0]) else design
+    point = _refine(problem, _EXACT, begun, 0.02, 1e-4)
+    better = _finish(problem, point) if math.isfinite(point[0]) else design
     return min((design, better), key=problem.cost)
 
 
-def _finish(problem: ContinuousProblem, found: Point) -> PidDesign:
+def _finish(problem: ContinuousProblem, point: Point) -> PidDesign:
     """Return the design with K inside the piece that the finest frequencies leave."""
-    _, gain, tn, tv = found
+    _, gain, tn, tv = point
     omega, response = response_grid(problem.limited, tv > 0.0, _EXACT)
     bottoms, tops = _pieces(omega, response, tn, tv, problem.limits)
     for bottom, top in zip(bottoms, tops, strict=True):

@@ -53,15 +53,15 @@ def tune_continuous(
         )
         return replace(assessed(fitted, by_rule), notes=(_TOLD,))
     problem = ContinuousProblem(plants=fitted.plants, structure=structure, specs=specs)
-    found, checked = unrivalled(problem)
+    best, checked = unrivalled(problem)
     notes = [_TOLD, checked]
     if robust != "none":
         kept = guarded(
-            Open.of(fitted, robust), specs, robust, lambda guards: optimum(replace(problem, guards=guards)), found)
+            Open.of(fitted, robust), specs, robust, lambda guards: optimum(replace(problem, guards=guards)), best)
         problem = replace(problem, guards=kept.guards)
-        notes = [_TOLD, kept.told(problem.cost(found), problem.cost(kept.design))]
-        found = replace(kept.design, promise=Promise(way=robust, limits=specs.limits))
-    design = assessed(fitted, found)
+        notes = [_TOLD, kept.sentence(problem.cost(best), problem.cost(kept.design))]
+        best = replace(kept.design, promise=Promise(way=robust, limits=specs.limits))
+    design = assessed(fitted, best)
     notes += [*_explained(problem, design), *_plainer(problem, design)]
     notes += told_about_faces(fitted, design, partial(_alone, problem))
     return replace(design, method=f"optimum ({specs.text} on {len(fitted.plants)} models)", notes=tuple(notes))
@@ -75,8 +75,8 @@ def _alone(problem: ContinuousProblem, plant: HeaterModel) -> tuple[PidDesign, C
 def assessed(fitted: FittedModel, design: PidDesign) -> PidDesign:
     """Return the design with its margins and costs, worst over the models; a cost is None where there is none."""
     worst, mks = margins(fitted.plants, design)
-    known = worst.stable and math.isfinite(design.integral_time_s)
-    alone = [iae(plant, design) for plant in fitted.plants] if known else []
+    at_rest = worst.stable and math.isfinite(design.integral_time_s)
+    alone = [iae(plant, design) for plant in fitted.plants] if at_rest else []
     return replace(
         design, margins=worst, mks=mks if worst.stable else None,
         iae_load=max((load for load, _ in alone), default=None),
@@ -85,8 +85,8 @@ def assessed(fitted: FittedModel, design: PidDesign) -> PidDesign:
 
 
 def _explained(problem: ContinuousProblem, design: PidDesign) -> list[str]:
-    found, noise = margins(problem.limited, design)
-    peaks = {"ms": found.ms, "mt": found.mt, "mks": noise}
+    of_all, noise = margins(problem.limited, design)
+    peaks = {"ms": of_all.ms, "mt": of_all.mt, "mks": noise}
 
     def solve(specs: Specs) -> float:
         other = replace(problem, specs=specs)

@@ -14,7 +14,7 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.pid.loop.sampled import sample_plant
 from heatertune.pid.values import Margins, PidDesign
 
-__all__ = ["control_margins", "loop_transfer_function", "second_opinion", "setpoint_response"]
+__all__ = ["control_margins", "loop_transfer_function", "second_opinion"]
 
 Array = npt.NDArray[np.float64]
 
@@ -70,16 +70,7 @@ def second_opinion(plants: Sequence[HeaterModel], design: PidDesign) -> str:
         return "python-control has no opinion: the loop is continuous, and it knows no exact dead time."
     own = [margins(plant, design).ms for plant in plants]
     at = max(range(len(own)), key=own.__getitem__)
-    found = control_margins(plants[at], design)
-    if found is None:
+    theirs = control_margins(plants[at], design)
+    if theirs is None:
         return "python-control has no opinion: the dead time spans too many samples for its polynomials."
-    return f"python-control sees Ms = {found.ms:.5g} where this program sees {own[at]:.5g}."
-
-
-def setpoint_response(model: HeaterModel, design: PidDesign, samples: int) -> Array:
-    """Return python-control's response to a unit setpoint step at each sample [°C], shape (samples,)."""
-    import control  # noqa: PLC0415
-
-    closed = control.feedback(loop_transfer_function(model, design), 1)
-    times = np.arange(samples) * design.sample_time_s
-    return np.asarray(control.step_response(closed, times).outputs)
+    return f"python-control sees Ms = {theirs.ms:.5g} where this program sees {own[at]:.5g}."

@@ -27,13 +27,16 @@ _PLAIN_SAMPLES = 30_000  # take as long as the compiler's start
 
 
 def _respond(
-    poles: Places, now: Places, before: Places, delay: int, controller: tuple[float, float, float, float],
-    setpoint: float, load: float, x: Places, inputs: Places, out: Places,
+    plant: tuple[Places, Places, Places, int], controller: tuple[float, float, float, float],
+    steps: tuple[float, float], x: Places, inputs: Places, out: Places,
 ) -> None:
     """Write the temperature deviation at each sample to `out`; `x` and `inputs` are zero and of the loop's size.
 
-    `controller` holds K, TA/TN, TV/TA and the weight of the past in the D part.
+    `plant` holds poles, now, before and delay, `controller` K, TA/TN, TV/TA and the weight of the past in the D part,
+    `steps` the heights of setpoint and load.
     """
+    poles, now, before, delay = plant
+    setpoint, load = steps
     gain, integral, derivative, past = controller
     summed = filtered = last = 0.0
     for k in range(len(out)):
@@ -71,13 +74,13 @@ def respond(
     )
     modes = (plant.poles, plant.now, plant.before)
     space = (np.zeros(len(plant.poles)), np.zeros(samples), np.zeros(samples))
-    steps = (plant.delay, controller, float(setpoint_degC), float(load_pct))
+    steps = (float(setpoint_degC), float(load_pct))
     run: Callable[..., None] = _respond
     if worth_compiling(samples, "response", _PLAIN_SAMPLES):
-        compiled(run)(*modes, *steps, *space)
+        compiled(run)((*modes, plant.delay), controller, steps, *space)
         return space[-1]
-    plain = [each.tolist() for each in space]
-    run(*(each.tolist() for each in modes), *steps, *plain)
+    plain = [array.tolist() for array in space]
+    run((*(array.tolist() for array in modes), plant.delay), controller, steps, *plain)
     return np.array(plain[-1])
 
 

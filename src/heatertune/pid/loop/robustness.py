@@ -61,13 +61,13 @@ def _peaks(loop: Complex, design: PidDesign) -> tuple[float, float]:
     return float(np.max(1.0 / np.abs(1.0 + loop))), float(np.max(np.abs(loop / (1.0 + loop))))
 
 
-def worst(found: Sequence[Margins]) -> Margins:
+def worst(judged: Sequence[Margins]) -> Margins:
     """Return the worst of each margin."""
     return Margins(
-        ms=max(m.ms for m in found),
-        mt=max(m.mt for m in found),
-        gain_margin=min(m.gain_margin for m in found),
-        phase_margin_deg=min(m.phase_margin_deg for m in found),
+        ms=max(m.ms for m in judged),
+        mt=max(m.mt for m in judged),
+        gain_margin=min(m.gain_margin for m in judged),
+        phase_margin_deg=min(m.phase_margin_deg for m in judged),
     )
 
 

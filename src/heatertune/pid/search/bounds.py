@@ -130,12 +130,12 @@ class LoopBounds:
             return least
         limited = (*self.heaters, *self.guards)
         distances = compiled(_distances, allocates=True)
-        found = [int(distances(heater.parts, corners, (1.0 - _BESIDE) / heater.ms)) for heater in limited]
-        if 1 in found:
+        verdicts = [int(distances(heater.parts, corners, (1.0 - _BESIDE) / heater.ms)) for heater in limited]
+        if 1 in verdicts:
             return math.inf
         middle, half = (low + high) / 2.0, (high - low) / 2.0
         stable = [encloses_nothing(middle @ heater.parts, integrating=True) for heater in limited]
-        if any(seen == 2 and not calm for seen, calm in zip(found, stable, strict=True)):
+        if any(seen == 2 and not calm for seen, calm in zip(verdicts, stable, strict=True)):
             return math.inf
         if not all(stable) or middle[0] <= 0.0:  # the reference tells nothing
             return least

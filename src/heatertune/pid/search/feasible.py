@@ -235,15 +235,15 @@ def _excluded(h: Complex, c: Complex, specs: Specs) -> Array:
         quadratics.append(((1.0 - 1.0 / specs.mt**2) * size, 1.0))  # |1 + K·h|² ≥ |K·h|²/Mt²
     if math.isfinite(specs.mks):
         quadratics.append((size - np.abs(c) ** 2 / specs.mks**2, 1.0))  # |1 + K·h|² ≥ |K·c|²/Mks²
-    found = []
+    intervals = []
     for alpha, gamma in quadratics:
         square = real**2 - alpha * gamma
         root = np.sqrt(np.maximum(square, 0.0)) - real
         hit = (square > 0.0) & ((real < 0.0) | (alpha < 0.0)) & (root > 0.0)
         high = np.full(len(root), math.inf)
         np.divide(root, alpha, out=high, where=alpha > 0.0)
-        found.append(np.column_stack([gamma / root[hit], high[hit]]))
-    return np.concatenate(found)
+        intervals.append(np.column_stack([gamma / root[hit], high[hit]]))
+    return np.concatenate(intervals)
 
 
 def _tops(excluded: Array) -> list[float]:

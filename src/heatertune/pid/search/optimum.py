@@ -69,14 +69,14 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     answer = solver(x0=first, lbg=0.0, ubg=ca.inf, lbx=first - 1.0, ubx=highest)
     if not solver.stats()["success"]:
         return start, f"IPOPT stopped with {solver.stats()['return_status']}; the feasible-set search stands."
-    found = _on_the_limit(problem, start, np.asarray(answer["x"]).ravel())
-    if not keeps(problem, found):
+    polished = _on_the_limit(problem, start, np.asarray(answer["x"]).ravel())
+    if not keeps(problem, polished):
         return start, "IPOPT ended between the feasible gains; the feasible-set search stands."
     change = 100.0 * (float(value(answer["x"])) / float(value(first)) - 1.0)
-    told = f"IPOPT ended {abs(change):.1f} % {'below' if change < 0 else 'above'} the feasible-set search's cost."
+    comparison = f"IPOPT ended {abs(change):.1f} % {'below' if change < 0 else 'above'} the feasible-set search's cost."
     if problem.objective == "ise":
-        return found, told
-    return min((start, found), key=problem.cost), told
+        return polished, comparison
+    return min((start, polished), key=problem.cost), comparison
 
 
 def _vector(design: PidDesign, structure: str) -> Any:
@@ -99,8 +99,8 @@ def _cost(ca: Any, plant: SampledPlant, samples: int, problem: Problem, settings
     def errors(setpoint: float, load: float) -> Any:
         return _errors(ca, plant, samples, past, setpoint, load)(settings)
 
-    def size(found: Any) -> Any:
-        return ca.sqrt(found**2 + _SMOOTH**2)
+    def size(course: Any) -> Any:
+        return ca.sqrt(course**2 + _SMOOTH**2)
 
     if problem.objective == "setpoint":
         return ca.sum2(size(errors(1.0, 0.0)))

@@ -72,9 +72,9 @@ class Open:
         """Return the heater that has to be guarded, None where enough of both sets keep the limits."""
         for heaters in (self.tuned_on, self.checked_on):
             peaks = [peaks_on(heater, design) for heater in heaters]
-            found = _most_broken(promise, heaters, peaks) if heaters else None
-            if found is not None:
-                return found
+            broken = _most_broken(promise, heaters, peaks) if heaters else None
+            if broken is not None:
+                return broken
         return None
 
     def ms(self, design: PidDesign) -> Drawn:
@@ -99,7 +99,7 @@ class Guarded:
     after: Drawn
     way: str
 
-    def told(self, before: float, after: float) -> str:
+    def sentence(self, before: float, after: float) -> str:
         """Return what robustness gave and what it costs.
 
         Args:
@@ -151,7 +151,7 @@ def guarded(heaters: Open, specs: Specs, way: str, solve: Solve, first: PidDesig
 def _most_broken(
     promise: Promise, heaters: Sequence[HeaterModel], peaks: Sequence[Mapping[str, float]]
 ) -> Broken | None:
-    strains = [max((found[name] / limit, name) for name, limit in promise.limits.items()) for found in peaks]
+    strains = [max((there[name] / limit, name) for name, limit in promise.limits.items()) for there in peaks]
     order = sorted(range(len(strains)), key=strains.__getitem__)
     place = order[len(order) - 1 - math.floor(_MAY_BREAK[promise.way] * len(order))]
     strain, name = strains[place]

@@ -74,8 +74,8 @@ def peaks_on(heater: HeaterModel, design: PidDesign) -> dict[str, float]:
         return {"ms": ms, "mt": mt, "mks": noise_gain(heater, design) if math.isfinite(ms) else math.inf}
     from heatertune.pid.continuous.optimum import margins  # noqa: PLC0415 - compiles; words are of sampled loops
 
-    found, noise = margins((heater,), design)
-    return {"ms": found.ms, "mt": found.mt, "mks": noise}
+    judged, noise = margins((heater,), design)
+    return {"ms": judged.ms, "mt": judged.mt, "mks": noise}
 
 
 def spreads_of(fitted: FittedModel) -> tuple[float, float, float]:
@@ -85,12 +85,12 @@ def spreads_of(fitted: FittedModel) -> tuple[float, float, float]:
     believed; one whose upper end is open is as wide above the working model's as below.
     """
     gain, lag = (_spread(fitted.ci95.get(name)) for name in ("gain_degC_per_pct", "time_constant_s"))
-    found = fitted.ci95.get("dead_time_s")
-    if found is None:
+    dead = fitted.ci95.get("dead_time_s")
+    if dead is None:
         return gain, lag, 0.0
-    low = fitted.least_dead_time_s if found.low is None else max(found.low, fitted.least_dead_time_s)
+    low = fitted.least_dead_time_s if dead.low is None else max(dead.low, fitted.least_dead_time_s)
     middle = max(fitted.model.dead_time_s, low)
-    high = 2.0 * middle - low if found.high is None else max(found.high, low)
+    high = 2.0 * middle - low if dead.high is None else max(dead.high, low)
     return gain, lag, (high - low) / (2.0 * _HALF_WIDTH)
 
 
@@ -98,7 +98,7 @@ def interval_ends(fitted: FittedModel) -> tuple[HeaterModel, ...]:
     """Return the working model with one parameter at a time at each closed end of its 95 % interval."""
     names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
     intervals = [(name, fitted.ci95.get(name)) for name in names]
-    ends = [(name, end) for name, found in intervals if found is not None for end in (found.low, found.high)]
+    ends = [(name, end) for name, its in intervals if its is not None for end in (its.low, its.high)]
     return tuple(replace(fitted.model, **{name: end}) for name, end in ends
                  if end is not None and (end > 0.0 or (name == "dead_time_s" and end == 0.0)))
 
@@ -114,11 +114,11 @@ def ms_over(heaters: tuple[HeaterModel, ...], design: PidDesign) -> Drawn | None
 
 def drawn_of(values: Sequence[float]) -> Drawn:
     """Return the quantiles of Ms of one controller, given its value on each heater; at least one."""
-    found = sorted(values)
-    last = len(found) - 1
+    rising = sorted(values)
+    last = len(rising) - 1
     return Drawn(
-        count=len(found), median=found[round(0.5 * last)], p95=found[round(0.95 * last)], worst=found[-1],
-        unstable=sum(math.isinf(ms) for ms in found),
+        count=len(rising), median=rising[round(0.5 * last)], p95=rising[round(0.95 * last)], worst=rising[-1],
+        unstable=sum(math.isinf(ms) for ms in rising),
     )
 
 
@@ -130,8 +130,8 @@ def _spread(interval: Interval | None) -> float:
 
 
 def _scaled(plant: HeaterModel, gain: float, lag: float, dead_s: float) -> HeaterModel:
-    known = {"gain_degC_per_pct": gain * plant.gain_degC_per_pct, "time_constant_s": lag * plant.time_constant_s,
+    scaled = {"gain_degC_per_pct": gain * plant.gain_degC_per_pct, "time_constant_s": lag * plant.time_constant_s,
              "dead_time_s": dead_s}
     if isinstance(plant, TwoLag):
-        return TwoLag(**known, second_time_constant_s=lag * plant.second_time_constant_s)
-    return Fopdt(**known)
+        return TwoLag(**scaled, second_time_constant_s=lag * plant.second_time_constant_s)
+    return Fopdt(**scaled)
