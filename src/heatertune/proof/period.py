@@ -124,7 +124,8 @@ def life(kind: str, switchings_per_h: float) -> str:
     years = hours / _HOURS_A_YEAR
     if years < _MONTHS_FROM:
         return f"{hours:.0f} h"
-    return f"{years:.2g} years" if years >= 1.0 else f"{12.0 * years:.0f} months"
+    months = round(12.0 * years)
+    return f"{years:.2g} years" if years >= 1.0 else f"{months} months" if months > 1 else "1 month"
 
 
 def _power(model: HeaterModel, setpoint_degC: float, ambient_degC: float) -> float:

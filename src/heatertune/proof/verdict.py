@@ -129,7 +129,7 @@ def _switched(proof: Mapping[str, Any]) -> list[str]:
     """Return how often the heater is switched, and what that means for a contactor."""
     if (often := proof["criteria"].get("switchings")) is None:
         return []
-    return [f"{often['value']:.3g} switchings/h (a contactor lasts {life('contactor', often['value'])})"]
+    return [f"{often['value']:.0f} switchings/h (a contactor lasts {life('contactor', often['value'])})"]
 
 
 def _of_spec(spec: Mapping[str, Any]) -> list[str]:
