@@ -45,7 +45,7 @@ def numbers(
         if is_quantity(cells[row]):
             problem = "a unit that not all cells bear:"
         raise refused(sheet, columns, role, row, problem, expected) from None
-    unusable = np.flatnonzero(~(np.abs(values) < _BEYOND) & ~(np.isnan(values) if holes else False))
+    unusable = np.flatnonzero(~((np.abs(values) < _BEYOND) | (holes & np.isnan(values))))
     if len(unusable):
         row = int(unusable[0])
         finite = expected.replace("a number", f"a finite number below {_BEYOND:g}", 1)
