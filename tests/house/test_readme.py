@@ -53,7 +53,7 @@ def test_the_example_in_every_commands_help_runs(tmp_path, monkeypatch, capsys):
     examples = {command._EXAMPLE.split()[2]: command._EXAMPLE.removeprefix("example: ").splitlines()[0] for command in COMMANDS}
     _write_files(tmp_path)
     for name in ("read", "fit", "validate", "plan", "tune", "pareto", "verify", "export-db", "compare", "advise", "study", "fleet",
-                 "design", "report", "decode", "replay", "targets", "doctor", "bench", "completion"):
+                 "design", "report", "decode", "replay", "targets", "spec", "doctor", "bench", "completion"):
         # the log of another heater fails, as it should
         assert main(shlex.split(examples.pop(name))[1:]) == (name == "validate"), (name, capsys.readouterr())
     assert set(examples) == set(SERVES)
