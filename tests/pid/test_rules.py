@@ -75,6 +75,38 @@ def test_simc_gives_the_settings_of_its_first_example():
     )
 
 
+def test_the_improved_simc_is_simc_where_the_lag_acts_as_an_integrator():
+    # Grimholt and Skogestad 2012, section 5: T + θ/3 is T there; Skogestad 2003, table 1: Ms 1.70, Mt 1.30
+    model = one_lag(1e-4, gain=1e4, lag=1e4)
+    found = _margins(apply_rule("simc-improved", model, "pi", 0.0), model)
+    assert found[:2] == pytest.approx((1.70, 1.30), abs=0.005)
+
+
+@pytest.mark.parametrize("ratio", [3.0, 10.0, 100.0])
+def test_the_improved_simc_is_faster_than_simc_where_dead_time_prevails(ratio):
+    # the same, abstract: SIMC's pure integrator is sluggish there. The settings for a pure dead
+    # time are K = 1/(6k), TN = θ/3 (section 5 with T = 0, τc = θ)
+    model = one_lag(ratio)
+    plain, improved = (apply_rule(name, model, "pi", 0.0) for name in ("simc", "simc-improved"))
+    if ratio == 100.0:
+        assert improved == pytest.approx((1.0 / 6.0, ratio / 3.0, 0.0), rel=0.04)
+    assert _margins(improved, model)[0] < 1.61
+    costs = []
+    for settings in (plain, improved):
+        time, y = exact_loop.respond(settings, 1.0, [1.0], ratio, until=30.0 * ratio, setpoint=1.0)
+        costs.append(np.abs(1.0 - y).mean() * time[-1] / ratio)
+    assert costs[1] < 0.95 * costs[0]
+
+
+@pytest.mark.parametrize("ratio", [0.2, 1.0, 5.0])
+def test_the_improved_simc_pid_is_simcs_loop_with_a_lead_of_a_third_of_the_dead_time(ratio):
+    # Grimholt and Skogestad 2018, abstract: τD = θ/3 in the series form; for T ≤ 8θ the lag cancels and the loop is
+    # e^(−θs)·(1 + θs/3)/(2θs), whatever T is
+    s = 1j * np.geomspace(1e-2, 1e2, 40)
+    loop = exact_loop.controller(_rule("simc-improved", ratio, "pid"), s) * exact_loop.plant(1.0, [1.0], ratio, s)
+    assert loop == pytest.approx(np.exp(-ratio * s) * (1.0 + ratio * s / 3.0) / (2.0 * ratio * s), rel=1e-9)
+
+
 @pytest.mark.parametrize("ratio", [0.05, 0.2, 0.7, 1.5])
 def test_amigo_pid_has_the_sensitivity_it_is_made_for(ratio):
     # Åström and Hägglund 2004, section 5: Ms = 1.4 within 15 % over their batch; the FOPDT lies near the middle

@@ -1,7 +1,8 @@
-"""Rules that ask for a closed-loop time constant: SIMC, lambda tuning, IMC."""
+"""Rules that ask for a closed-loop time constant: SIMC, as it was and improved, lambda tuning, IMC."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 from heatertune.errors import InputError
@@ -24,6 +25,17 @@ def _simc_pid(model: HeaterModel, wanted_s: float | None) -> Settings:
     total = (model.dead_time_s if wanted_s is None else wanted_s) + model.dead_time_s
     slow = model.time_constant_s
     return slow / (model.gain_degC_per_pct * total), min(slow, 4.0 * total), model.second_time_constant_s
+
+
+def _improved_pi(model: HeaterModel, wanted_s: float | None) -> Settings:
+    one = model.half_rule()
+    return _simc_pi(replace(one, time_constant_s=one.time_constant_s + one.dead_time_s / 3.0), wanted_s)
+
+
+def _improved_pid(model: HeaterModel, wanted_s: float | None) -> Settings:
+    one = model.half_rule()
+    gain, integral, _ = _simc_pi(one, wanted_s)
+    return gain, integral, one.dead_time_s / 3.0
 
 
 def _lambda_pi(model: HeaterModel, wanted_s: float | None) -> Settings:
@@ -76,5 +88,16 @@ DIRECT: Final[dict[str, Rule]] = {
         claim="a first-order response with the time constant λ, 1.7·θ (PI), 0.8·θ (PID) or 0.1·τ at least, as here",
         closed_loop="λ",
         errata=("A copy prints TN = τ + θ/τ, which is no time: it is τ + θ/2.",),
+    ),
+    "simc-improved": Rule(
+        source="C. Grimholt and S. Skogestad, IFAC Proc. Vol. 45 (3) (2012) 11–22 (PID'12, Brescia), section 5 (PI); "
+        "J. Process Control 70 (2018) 36–46 (PID)",
+        formulas={"pi": _improved_pi, "pid": _improved_pid},
+        claim="τc = θ: as robust as SIMC where the lag acts as an integrator (PI: Ms 1.70), and no mere integrator "
+        "where dead time prevails",
+        form="series",
+        closed_loop="τc",
+        errata=("Two rules go by this name: T grows by θ/3 in the PI rule of 2012, TV is θ/3 in the PID rule of 2018.",
+                ),
     ),
 }
