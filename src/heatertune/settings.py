@@ -143,7 +143,8 @@ class TuneSettings:
              "lopez-{iae,ise,itae}, rovira-{iae,itae}, usort-{load,setpoint}-{2.0,1.8,1.6,1.4}")
     closed_loop_s: float | None = option(
         None, float, "closed-loop time constant of a rule", unit="s", flag="--closed-loop",
-        help="closed-loop time constant: τc of simc and simc-improved, λ of lambda and imc [s]", instead=("the rule's own", ""))
+        help="closed-loop time constant: τc of simc and simc-improved, λ of lambda and imc [s]",
+        instead=("the rule's own", ""))
     objective: str = option(
         "load", str, "what the optimum minimises", flag="--objective",
         choices=("load", "setpoint", "itae", "ki", "iae", "ise"),
