@@ -90,7 +90,7 @@ def failing(proof):
     (lambda proof: proof["criteria"]["ms"].update(ok=False) or proof.update(verdict="FAIL"), 2,
      "criteria.ms.ok: False; its value says otherwise: no whole proof; prove the words again"),
     (failing, 1,
-     "not kept: ms; the model was given by hand; --force exports these words all the same"),
+     "not kept: ms; the model was given by hand; "),
     (lambda proof: proof.pop("runs"), 2, "proof.json: runs: is missing: no whole proof; prove the words again"),
     (lambda proof: proof.update(schema="x"), 2, "schema is 'x'; expected 'heatertune/proof/3'"),
 ])

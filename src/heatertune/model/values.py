@@ -277,6 +277,10 @@ class FittedModel(Shown, Dynamics):
     reading_step_degC: float = 0.0
     assumed: Mapping[str, float] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        for name in ("log_interval_s", "least_dead_time_s", "reading_step_degC"):
+            check(name, getattr(self, name), least=0.0)
+
     @property
     def _heater(self) -> Fopdt:
         return self.model

@@ -48,6 +48,7 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 
+_MOST_SCANS: Final = 10_000_000
 _PLC_RESOLUTION_S: Final = 0.001  # pulse width register in milliseconds: S7-200 System Manual, SMW70
 
 
@@ -140,8 +141,16 @@ def noise_of(scenario: Scenario, scans: int) -> Array:
 
 
 def scans_of(controller: InLoop, scenario: Scenario) -> int:
-    """Return the number of scans; the last one comes at the end or just after it."""
-    return math.ceil(scenario.duration_s / controller.scan_s - INSTANT_S) + 1
+    """Return the number of scans; the last one comes at the end or just after it.
+
+    Raises:
+        OutOfRange: more than a proof can run.
+    """
+    scans = scenario.duration_s / controller.scan_s
+    if scans > _MOST_SCANS:
+        rule = f"<= {_MOST_SCANS * controller.scan_s:.3g} (ten million scans); a longer TA or a faster heater"
+        raise OutOfRange("duration_s of the proof's story", scenario.duration_s, rule)
+    return math.ceil(scans - INSTANT_S) + 1
 
 
 def traced(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -67,6 +67,8 @@ class Prior:
         """The longest experiment where none is given: six times the slowest heater [s]."""
         return 6.0 * self.slowest_s
 
+_MOST_READINGS: Final = 1e7  # of an experiment
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentSetup:
@@ -94,7 +96,8 @@ class ExperimentSetup:
 
     def __post_init__(self) -> None:
         check("limit_degC", self.limit_degC)
-        check("longest_s", self.longest_s, least=40.0 * self.noise.sample_time_s)
+        interval = self.noise.sample_time_s
+        check("longest_s", self.longest_s, least=40.0 * interval, most=_MOST_READINGS * interval)
         check("least_pct", self.least_pct, least=0.0, most=100.0)
         check("most_pct", self.most_pct, above=self.least_pct, most=100.0)
         check("base_pct", self.base_pct, least=self.least_pct, most=self.most_pct)
