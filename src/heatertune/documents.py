@@ -11,7 +11,7 @@ from typing import Any
 from heatertune.errors import DocumentError
 from heatertune.files import read_text
 
-__all__ = ["peek_schema", "plain", "read_document", "to_json"]
+__all__ = ["peek_schema", "plain", "read_document", "read_toml", "to_json"]
 
 
 def to_json(document: Mapping[str, Any]) -> str:
@@ -43,6 +43,22 @@ def read_document(path: str | Path, schema: str) -> dict[str, Any]:
     if named != schema:
         raise DocumentError(f"{path}: schema is {named!r}; expected {schema!r}")
     return content
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """Return what a TOML file holds.
+
+    Raises:
+        DocumentError: it cannot be read, or is no TOML.
+    """
+    import tomllib  # noqa: PLC0415 - documents are read at every start, TOML files seldom
+
+    try:
+        return tomllib.loads(read_text(path))
+    except OSError as problem:
+        raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from problem
+    except (ValueError, RecursionError) as problem:  # no UTF-8, no TOML, thousands of digits or brackets
+        raise DocumentError(f"{path}: no TOML: {problem}") from problem
 
 
 def peek_schema(path: str | Path) -> str | None:

@@ -90,7 +90,7 @@ def failing(proof):
     (lambda proof: proof["criteria"]["ms"].update(ok=False) or proof.update(verdict="FAIL"), 2,
      "criteria.ms.ok: False; its value says otherwise: no whole proof; prove the words again"),
     (failing, 1,
-     "not kept: ms; the model was given by hand; "),
+     "not kept: ms; the model was given by hand; "),  # and how long a contactor lasts
     (lambda proof: proof.pop("runs"), 2, "proof.json: runs: is missing: no whole proof; prove the words again"),
     (lambda proof: proof.update(schema="x"), 2, "schema is 'x'; expected 'heatertune/proof/3'"),
 ])
@@ -105,7 +105,9 @@ def test_no_words_leave_on_another_proof(change, status, told, proven, tmp_path,
     arguments = ["export-db", str(tmp_path / "words.json"), "--target", "s5-ob251", "-o", str(tmp_path / "new")]
     capsys.readouterr()
     assert main(arguments) == status
-    assert told in capsys.readouterr().err
+    refusal = capsys.readouterr().err
+    assert told in refusal
+    assert ("; --force exports these words all the same" in refusal) == ("not kept" in told)
     assert not (tmp_path / "new").exists()
     if "not kept" in told:
         assert main([*arguments, "--force"]) == 0

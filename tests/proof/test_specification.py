@@ -1,17 +1,22 @@
 """What a user specifies: units, several limits at once, presets, files, and what is refused."""
 
+import math
+import os
 import tomllib
 from contextlib import suppress
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from heatertune.errors import DocumentError, HeatertuneError, InputError, OutOfRange, UnknownName
 from heatertune.proof.criteria import Limits
+from heatertune.proof.fitted import aimed, specified, told_of_aim
 from heatertune.proof.presets import PRESETS, preset
 from heatertune.proof.spec_file import in_force, read_spec, spec_text
 from heatertune.proof.specification import LIMITS, limits_from
+from heatertune.settings import Conditions, TuneSettings
 
 pytestmark = pytest.mark.fast
 
@@ -111,6 +116,36 @@ def test_a_damaged_file_is_refused_by_file_table_and_key(text, says, tmp_path):
         read_spec(file)
     assert str(file) in str(refused.value)
     assert says in str(refused.value)
+
+
+def test_a_limit_by_its_own_option_is_any_number_and_an_infinite_one_asks_for_nothing():
+    conditions = Conditions(tolerance_degC=np.float64(0.5), step_power_pct=math.inf)
+    kept = specified(conditions).limits_for(1.0)
+    assert (kept.tolerance_degC, kept.step_power_pct) == (0.5, None)
+    assert specified(Conditions(tolerance_degC=1e-5)).tolerance_degC == 1e-5
+
+
+def test_a_design_aims_at_what_the_user_specified_and_says_where_that_is_less_than_was_asked():
+    asked = TuneSettings(ms=2.5)
+    assert aimed(asked, Conditions()) is asked  # nobody specified anything
+    tuned = aimed(asked, Conditions(limit=("ms=1.7",)))
+    assert tuned.ms == 1.7
+    assert told_of_aim(asked, tuned) == ("Ms <= 1.7 in place of 2.5: the specification asks for it.",)
+    assert told_of_aim(asked, asked) == ()
+
+
+def test_a_pipe_that_nobody_writes_to_is_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "spec.toml")
+    with pytest.raises(DocumentError, match="a pipe that nobody writes to"):
+        in_force(str(tmp_path / "spec.toml"))
+
+
+def test_a_value_over_two_lines_is_written_as_one(tmp_path):
+    spec = in_force(None, ["overshoot=5\n %"])
+    file = tmp_path / "two\nlines.toml"
+    file.write_text(spec_text(spec), encoding="utf-8")
+    again = in_force(str(file))
+    assert tomllib.loads(spec_text(again))["limits"]["overshoot"] == "5 %"
 
 
 def test_a_file_that_is_not_there_and_a_preset_that_is_none():

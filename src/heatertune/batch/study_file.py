@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -11,8 +10,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune.codec import decode
+from heatertune.documents import read_toml
 from heatertune.errors import DocumentError, InputError, UnknownName
-from heatertune.files import read_text
 from heatertune.options import Option, options_of
 from heatertune.pid.tune import METHODS
 from heatertune.plc import TARGETS, controller_for
@@ -116,12 +115,7 @@ def read_study(path: str | Path) -> Study:
         DocumentError: no such file, no TOML, an unknown key, a setting of the wrong type, an unknown name, an empty
             list, a case without heater or target.
     """
-    try:
-        content = tomllib.loads(read_text(path))
-    except OSError as problem:
-        raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from problem
-    except (ValueError, RecursionError) as problem:  # no UTF-8, no TOML, thousands of digits or brackets
-        raise DocumentError(f"{path}: no TOML: {problem}") from problem
+    content = read_toml(path)
     for part in content:
         _demand_known(path, "part", part, _PARTS)
     study = Study(

@@ -42,9 +42,8 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.pid.document import to_document  # noqa: PLC0415
     from heatertune.pid.forms import other_forms  # noqa: PLC0415
     from heatertune.plc.choose import tune_for_words  # noqa: PLC0415
-    from heatertune.proof.fitted import aimed  # noqa: PLC0415
+    from heatertune.proof.fitted import aimed, told_of_aim  # noqa: PLC0415
     from heatertune.proof.pwm_period import with_pwm  # noqa: PLC0415
-    from heatertune.proof.spec_file import in_force  # noqa: PLC0415
     from heatertune.report.text import alternatives_table, design_lines, forms_lines  # noqa: PLC0415
 
     fitted = common.model_from(settings, settings.model)
@@ -52,8 +51,10 @@ def _run(settings: argparse.Namespace) -> int:
     if by_words and settings.target is None:
         raise InputError("--sample-time words needs --target: the words are its own")
     find = tune_for_words if by_words else chain.tune
-    asked = aimed(options.of(TuneSettings, settings), in_force(settings.spec, settings.limit))
-    design = find(fitted, asked, target=settings.target, progress=printing.Progress(settings))
+    asked = options.of(TuneSettings, settings)
+    tuned = aimed(asked, Conditions(spec=settings.spec, limit=tuple(settings.limit)))
+    design = find(fitted, tuned, target=settings.target, progress=printing.Progress(settings))
+    design = replace(design, notes=(*design.notes, *told_of_aim(asked, tuned)))
     if settings.switch_kind is not None:
         design, _ = with_pwm(design, fitted, settings.switch_kind)
     if settings.second_opinion:

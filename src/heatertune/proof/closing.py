@@ -16,7 +16,7 @@ from heatertune.plc.choose import choose_words, tune_for_words
 from heatertune.plc.design import tune
 from heatertune.progress import Told
 from heatertune.proof import Proof
-from heatertune.proof.fitted import aimed, default_pwm_period_s, specified
+from heatertune.proof.fitted import aimed, default_pwm_period_s, told_of_aim
 from heatertune.proof.pwm_period import with_pwm
 from heatertune.proof.refine import refine
 from heatertune.proof.setpoint_ramp import prove_ramped
@@ -100,8 +100,9 @@ def plainly(
 def _made(fitted: FittedModel, asked: Asked, progress: Told, stage: Told) -> Made:
     stage("design")
     find = tune_for_words if asked.interval_by_words else tune
-    tuned = aimed(asked.tuned, specified(asked.conditions))
+    tuned = aimed(asked.tuned, asked.conditions)
     wished = find(fitted, tuned, target=asked.target, scaling=asked.scaling, progress=progress)
+    wished = replace(wished, notes=(*wished.notes, *told_of_aim(asked.tuned, tuned)))
     stage("words")
     return wished, choose_words(
         wished, asked.target, fitted, scaling=asked.scaling, way=asked.words_by, progress=progress)

@@ -18,11 +18,11 @@ from heatertune.proof.prove import Proof, prove_models
 from heatertune.proof.pwm import Actuator, switched_by
 from heatertune.proof.scenario import scenario_for
 from heatertune.proof.spec_file import in_force
-from heatertune.proof.specification import Specification
+from heatertune.proof.specification import NOTHING, Specification
 from heatertune.proof.verdict import Heard
 from heatertune.settings import Conditions, TuneSettings
 
-__all__ = ["actuator_for", "aimed", "default_pwm_period_s", "limits_of", "prove", "specified"]
+__all__ = ["actuator_for", "aimed", "default_pwm_period_s", "limits_of", "prove", "specified", "told_of_aim"]
 
 
 def prove(
@@ -82,16 +82,26 @@ def specified(conditions: Conditions) -> Specification:
     """
     own = {"tolerance": conditions.tolerance_degC, "step-power": conditions.step_power_pct}
     units = {"tolerance": "degC", "step-power": "%"}
-    flags = [f"{name}={value!r} {units[name]}" for name, value in own.items() if value is not None]
+    flags = [f"{name}={NOTHING if math.isinf(value) else f'{float(value)!r} {units[name]}'}"
+             for name, value in own.items() if value is not None]
     return in_force(conditions.spec, [*flags, *conditions.limit])
 
 
-def aimed(tuned: TuneSettings, specification: Specification) -> TuneSettings:
-    """Return what a design is asked for, so that it aims at what the specification asks for."""
-    limits = specification.limits_for(1.0)
+def aimed(tuned: TuneSettings, conditions: Conditions) -> TuneSettings:
+    """Return what a design is asked for, so that it aims at what a specification of the user's own asks for."""
+    if conditions.spec is None and not conditions.limit:
+        return tuned
+    limits = specified(conditions).limits_for(1.0)
     ms, step_power = (math.inf if limit is None else limit for limit in (limits.ms, limits.step_power_pct))
     own = math.inf if tuned.step_power_pct is None else tuned.step_power_pct
     return replace(tuned, ms=min(tuned.ms, ms), step_power_pct=min(own, step_power))
+
+
+def told_of_aim(asked: TuneSettings, tuned: TuneSettings) -> tuple[str, ...]:
+    """Return the sentence that the design aims at a smaller Ms than it was asked for, where it does."""
+    if tuned.ms < asked.ms:
+        return (f"Ms <= {tuned.ms:g} in place of {asked.ms:g}: the specification asks for it.",)
+    return ()
 
 
 def limits_of(specification: Specification, models: Sequence[HeaterModel]) -> Limits:

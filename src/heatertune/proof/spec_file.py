@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from heatertune.errors import DocumentError, HeatertuneError, UnknownName
+from heatertune.documents import read_toml
+from heatertune.errors import DocumentError, HeatertuneError, UnknownName, one_line
 from heatertune.proof.presets import PRESETS, preset
 from heatertune.proof.specification import GENERAL, LIMITS, NOTHING, Specification, limits_from, split
 
@@ -44,7 +44,7 @@ def read_spec(path: str | Path) -> Specification:
     Raises:
         DocumentError: it cannot be read, is no TOML, or a table, key or value is not one of a specification.
     """
-    document = _document(path)
+    document = read_toml(path)
     for name in document:
         if name not in _TABLES:
             raise DocumentError(f"{path}: {name}: no such table; expected {' or '.join(_TABLES)}")
@@ -68,15 +68,6 @@ def read_spec(path: str | Path) -> Specification:
         reasons={name: why for name, why in begun.reasons.items() if own.get(name) in (None, begun.limits[name])})
 
 
-def _document(path: str | Path) -> Mapping[str, Any]:
-    try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from problem
-    except (ValueError, RecursionError) as problem:
-        raise DocumentError(f"{path}: no TOML: {problem}") from problem
-
-
 def _texts(value: object) -> list[str]:
     if isinstance(value, str):
         return [value]
@@ -94,7 +85,7 @@ def spec_text(spec: Specification) -> str:
 
 def _lines(spec: Specification) -> Iterator[str]:
     origin = spec.name if spec.name in PRESETS else GENERAL
-    yield f"# What words must keep before they leave: the specification {spec.name}"
+    yield f"# What words must keep before they leave: the specification {one_line(spec.name)}"
     yield "# Change what you need, then: heatertune design LOG --target NAME --spec FILE.toml"
     yield f"# Several values of one name hold together: [\"5 %\", \"3 degC\"]; \"{NOTHING}\" asks for nothing."
     yield f'preset = "{origin}"  # {PRESETS[origin].what}; what stands below is in its place'

@@ -189,7 +189,7 @@ def split(name: str, values: Sequence[str]) -> tuple[str, ...]:
     Raises:
         InputError: nothing together with a value.
     """
-    parts = tuple(part.strip() for value in values for part in value.split(" and "))
+    parts = tuple(part.strip() for value in values for part in " ".join(value.split()).split(" and "))
     if NOTHING not in parts:
         return parts
     if len(parts) > 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
@@ -129,7 +130,8 @@ def _switched(proof: Mapping[str, Any]) -> list[str]:
     """Return how often the heater is switched, and what that means for a contactor."""
     if (often := proof["criteria"].get("switchings")) is None:
         return []
-    return [f"{often['value']:.0f} switchings/h (a contactor lasts {life('contactor', often['value'])})"]
+    per_hour = math.inf if often["value"] is None else often["value"]
+    return [f"{per_hour:.0f} switchings/h (a contactor lasts {life('contactor', per_hour)})"]
 
 
 def _of_spec(spec: Mapping[str, Any]) -> list[str]:
