@@ -8,7 +8,7 @@ import pytest
 from tests.conftest import ROOT, heater_log
 
 from heatertune.batch.zone import zone_row
-from heatertune.errors import InputError
+from heatertune.errors import DocumentError, InputError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, Words
@@ -194,6 +194,28 @@ def test_a_log_of_any_name_is_a_row_and_one_that_changed_is_done_again(tmp_path)
     assert [row["name"] for row in rows] == ["a\u2028b.csv", "c\\udcff.csv", "d.csv"]
     assert rows[2]["reason"] == "d.csv: the file is empty; expected rows of time and temperature"
     assert rows[0]["reason"] != rows[2]["reason"]
+
+
+def test_a_fleet_is_not_resumed_under_a_specification_that_has_changed_and_a_missing_one_is_refused_at_once(tmp_path):
+    from heatertune.batch.fleets import fleet  # noqa: PLC0415 - the slow libraries, beside their only use
+
+    (tmp_path / "a.csv").write_text("no log")
+    spec = tmp_path / "spec.toml"
+    asked, out = Asked(target="s7-300", conditions=Conditions(spec=str(spec))), tmp_path / "fleet.parquet"
+
+    def stopped(chunks, do):
+        for chunk in chunks:
+            yield chunk, do(chunk.cases)
+        raise KeyboardInterrupt
+
+    with pytest.raises(DocumentError, match=r"spec\.toml: cannot be read"):
+        fleet(tmp_path / "a.csv", asked, out=out, workers=stopped)
+    spec.write_text('[limits]\novershoot = "5 %"\n')
+    with pytest.raises(KeyboardInterrupt):
+        fleet(tmp_path / "a.csv", asked, out=out, workers=stopped)
+    spec.write_text('[limits]\novershoot = "50 %"\n')
+    with pytest.raises(InputError, match="specification"):
+        fleet(tmp_path / "a.csv", asked, out=out, workers=stopped, resume=True)
 
 
 @pytest.mark.long

@@ -22,6 +22,7 @@ from heatertune.log import read_log
 from heatertune.model.values import FittedModel
 from heatertune.plc import controller_for
 from heatertune.proof.closing import Asked
+from heatertune.proof.fitted import specified
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.units import check
 
@@ -78,17 +79,19 @@ def fleet(
 
     Raises:
         UnknownName: no such target.
-        InputError: no log found; as `heatertune.batch.engine`.
+        InputError: no log found, or as `in_force`; as `heatertune.batch.engine`.
     """
     check("samples", samples, least=0)
     controller_for(asked.target)  # an unknown one is refused before the long part
+    specification = specified(asked.conditions)  # likewise, and a file may change before the fleet is resumed
     folder, names = find_logs(logs)
     shared = _Asked(asked=asked, read=read or ReadSettings(), fitted_with=fitted_with or FitSettings(), samples=samples)
     listed = hashlib.sha256(json.dumps(names).encode()).hexdigest()
     batch = Batch(
         do=_zone, shared=shared, cases=names, sent=partial(_sent, folder), lost=lost_row,
         columns=(*_COLUMNS, *word_columns([asked.target])),
-        identity={field.name: repr(getattr(shared, field.name)) for field in fields(shared)} | {"logs": listed},
+        identity={field.name: repr(getattr(shared, field.name)) for field in fields(shared)} | {
+            "logs": listed, "specification": repr(specification)},
     )
     return {"schema": SCHEMA} | run(batch, out, workers=workers, resume=resume, progress=progress)
 

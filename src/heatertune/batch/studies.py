@@ -25,6 +25,7 @@ from heatertune.model.values import FittedModel, Fopdt, TwoLag
 from heatertune.options import options_of
 from heatertune.plc import Scaling
 from heatertune.proof.closing import Asked
+from heatertune.proof.spec_file import in_force
 from heatertune.settings import Conditions, FitSettings, TuneSettings
 
 __all__ = ["SCHEMA", "study"]
@@ -59,11 +60,14 @@ def study(
         progress: told how many cases are done, and how many there are.
 
     Raises:
-        DocumentError: as `read_study`; a log or model that cannot be read.
+        DocumentError: as `read_study`; a log, model or specification that cannot be read.
+        UnknownName: no such specification.
         InputError: as `heatertune.batch.engine`.
     """
     cases = read_study(path)
     files = _files(Path(path), cases)
+    # refused before the long part, and a file may change before the study is resumed
+    specifications = {name: repr(in_force(name)) for name in cases.settings_of("spec")}
     varied = [key for key in cases.keys if key in cases.grid or any(key in case for case in cases.listed)]
 
     def sent(number: int) -> Case:
@@ -77,7 +81,7 @@ def study(
 
     batch = Batch(
         do=_row, shared=None, cases=range(len(cases)), sent=sent, lost=lost, columns=_columns(cases),
-        identity={"fixed": cases.fixed, "grid": cases.grid, "case": cases.listed},
+        identity={"fixed": cases.fixed, "grid": cases.grid, "case": cases.listed, "specifications": specifications},
     )
     return {"schema": SCHEMA} | run(batch, out, workers=workers, resume=resume, progress=progress)
 
