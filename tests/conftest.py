@@ -59,8 +59,9 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(autouse=True)
 def plain(request, monkeypatch):
-    """Loops run as plain Python, a compiler's start would cost each process seconds; in long tests they run compiled."""
-    monkeypatch.setattr(compiled, "_PLAIN_SCANS", 0 if request.node.get_closest_marker("long") else 10**12)
+    """Few loops run as plain Python, as in a user's process; in long tests none does."""
+    if request.node.get_closest_marker("long"):
+        monkeypatch.setattr(compiled, "_PLAIN_SCANS", 0)
 
 
 @pytest.fixture
@@ -176,4 +177,17 @@ def heater_log(gain, seed):
         if t % 5 == 0:
             rows.append(f"{t};{temperature + chance.gauss(0.0, 0.05):.2f};{60 if t >= 60 else 0}")
         temperature += (20.0 + gain * (60 if t - 10 >= 60 else 0) - temperature) / 120.0
+    return "\n".join(rows) + "\n"
+
+
+def fan_log():
+    """T' = (20 + 0.9·(u(t − 10) − 12·fan(t − 4)) − T)/120, worked out second by second, read every 5 s, noise 0.05 °C."""
+    chance, temperature, rows = random.Random(3), 20.0, ["time [s];T [°C];power [%];fan"]
+    power = [0 if t < 60 else 60 if t < 1200 else 80 for t in range(2400)]
+    fan = [int(700 <= t < 1000 or t >= 1700) for t in range(2400)]
+    for t in range(2400):
+        if t % 5 == 0:
+            rows.append(f"{t};{temperature + chance.gauss(0.0, 0.05):.2f};{power[t]};{fan[t]}")
+        driven = power[max(t - 10, 0)] - 12 * fan[max(t - 4, 0)]
+        temperature += (20.0 + 0.9 * driven - temperature) / 120.0
     return "\n".join(rows) + "\n"

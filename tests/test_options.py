@@ -124,7 +124,8 @@ def test_what_samples_are_drawn_from_is_the_proofs_own_where_nothing_is_said():
 
 def test_every_number_and_name_of_fit_design_and_proof_is_a_key_of_a_study():
     for kind in (FitSettings, TuneSettings, Conditions):
-        assert {one.name for one in fields(kind)} - set(KEYS) <= {"accept", "limit"}
+        # a cooler's log, which is a yes or no, is fitted beforehand and comes as a model
+        assert {one.name for one in fields(kind)} - set(KEYS) <= {"accept", "cooler", "limit"}
     assert KEYS["tolerance_degC"].meaning == "how far from the setpoint is still right [°C]"
 
 

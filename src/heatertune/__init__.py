@@ -24,7 +24,7 @@ _HOMES = {
     **dict.fromkeys(("design", "encode", "export", "fit", "prove", "read_log", "tune", "write_report"), "chain"),
     **dict.fromkeys(("compare", "fit_known", "fit_together", "plan", "validate"), "chain"),
     **dict.fromkeys(("FittedModel", "Fopdt", "TwoLag"), "model.values"),
-    **dict.fromkeys(("Actuator", "Kick", "Limits", "Load", "Proof", "Scenario"), "proof"),
+    **dict.fromkeys(("Actuator", "TemperatureStep", "Limits", "Load", "Proof", "Scenario"), "proof"),
     **dict.fromkeys(("Scaling", "Words"), "plc"),
     **dict.fromkeys(("Conditions", "FitSettings", "ReadSettings", "TuneSettings"), "settings"),
     "Asked": "proof.closing", "Log": "log.values", "PidDesign": "pid.values", "model_by_hand": "model.by_hand",
@@ -36,12 +36,55 @@ _HOMES = {
 }
 
 __all__ = [
-    "Actuator", "Asked", "Conditions", "FitSettings", "FittedModel", "Fopdt", "HeatertuneError", "InputError",
-    "Interval", "Kick", "Limits", "Load", "Log", "Noise", "NotRepresentable", "PidDesign", "Proof",
-    "ReadSettings", "Scaling", "Scenario", "TuneSettings", "TwoLag", "Words",
-    "alternatives", "choose_words", "compare", "controller", "decode", "design", "draw_heaters", "encode",
-    "export", "fit", "fit_known", "fit_together", "fleet", "front", "iae_load", "margins", "model_by_hand",
-    "plan", "prove", "read_log", "replay_document", "sample_document", "simulate", "study", "tune", "validate",
+    "Actuator",
+    "Asked",
+    "Conditions",
+    "FitSettings",
+    "FittedModel",
+    "Fopdt",
+    "HeatertuneError",
+    "InputError",
+    "Interval",
+    "Limits",
+    "Load",
+    "Log",
+    "Noise",
+    "NotRepresentable",
+    "PidDesign",
+    "Proof",
+    "ReadSettings",
+    "Scaling",
+    "Scenario",
+    "TemperatureStep",
+    "TuneSettings",
+    "TwoLag",
+    "Words",
+    "alternatives",
+    "choose_words",
+    "compare",
+    "controller",
+    "decode",
+    "design",
+    "draw_heaters",
+    "encode",
+    "export",
+    "fit",
+    "fit_known",
+    "fit_together",
+    "fleet",
+    "front",
+    "iae_load",
+    "margins",
+    "model_by_hand",
+    "plan",
+    "prove",
+    "read_log",
+    "replay_document",
+    "sample_document",
+    "simulate",
+    "study",
+    "tune",
+    "validate",
     "write_report",
 ]
 
@@ -76,7 +119,7 @@ if TYPE_CHECKING:
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
     from heatertune.plc.choose import choose_words
-    from heatertune.proof import Actuator, Kick, Limits, Load, Proof, Scenario
+    from heatertune.proof import Actuator, Limits, Load, Proof, Scenario, TemperatureStep
     from heatertune.proof.closing import Asked
     from heatertune.proof.drawn import replay_document, sample_document
     from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings

@@ -88,8 +88,9 @@ def bound(function: _Plain, **given: Callable[..., Any]) -> _Plain:
     """
     assert isinstance(function, FunctionType)
     copy = _copy(function, given)
-    names = "_".join(f"{other.__module__}.{other.__qualname__}" for other in given.values())
-    copy.__qualname__ = f"{function.__qualname__}_{names}"  # by which Numba tells what it has on disk
+    names = " ".join(f"{name}={other.__module__}.{other.__qualname__}" for name, other in given.items())
+    digest = hashlib.sha256(names.encode()).hexdigest()[:16]  # a file's name must not grow with what is bound in it
+    copy.__qualname__ = f"{function.__qualname__}_{digest}"  # by which Numba tells what it has on disk
     return cast(_Plain, copy)
 
 

@@ -15,7 +15,7 @@ from typing import Any, Final, TypeVar
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.units import check
 
-__all__ = ["Option", "add", "checked", "merged", "of", "option", "options_of"]
+__all__ = ["Option", "add", "checked", "given", "merged", "of", "option", "options_of"]
 
 _T = TypeVar("_T")
 _METAVARS: Final = {"s": "S"}
@@ -137,7 +137,7 @@ class Option:
         if self.kind is dict:
             given = _pairs(self.flag, given)
         elif self.kind is tuple or self.pair:
-            given = tuple(given)
+            given = None if given is None else tuple(given)
         elif self.several and given is not None:
             if len(given) > 2:
                 raise InputError(f"{self.flag} has {len(given)} values; expected one, or LOW HIGH")
@@ -221,16 +221,25 @@ def add(group: Any, kind: type, *names: str, but: Sequence[str] = (), **changed:
             group.add_argument(one.flag, **one.arguments | changed)
 
 
-def of(kind: type[_T], given: Namespace) -> _T:
+def of(kind: type[_T], namespace: Namespace) -> _T:
     """Return a dataclass of options as the command line has them; flags that a command does not have are not given.
 
     Raises:
         InputError: as `checked`, in the words of the command line.
     """
-    options = options_of(kind)
-    values = {name: one.read(getattr(given, one.dest)) for name, one in options.items() if hasattr(given, one.dest)}
+    options, values = options_of(kind), given(kind, namespace)
     _demand_needed(options, {name: values.get(name, one.default) for name, one in options.items()}, "flag")
     return kind(**values)
+
+
+def given(kind: type, namespace: Namespace) -> dict[str, Any]:
+    """Return the options that the command line has, by name: all of the command, but those that are left out if unsaid.
+
+    Raises:
+        InputError: as `Option.read`.
+    """
+    return {name: one.read(getattr(namespace, one.dest)) for name, one in options_of(kind).items()
+            if hasattr(namespace, one.dest)}
 
 
 def _pairs(flag: str, given: Sequence[str]) -> dict[str, str]:

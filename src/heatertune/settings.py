@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from heatertune.errors import OutOfRange
 from heatertune.options import checked, option
 
 __all__ = [
-    "STEP_POWER_PCT", "Conditions", "FitSettings", "ReadSettings", "SampleSettings", "SensorSettings", "TuneSettings",
-    "ValidateSettings", "WordSettings",
+    "STEP_POWER_PCT", "Conditions", "FeedForwardSettings", "FitSettings", "ReadSettings", "SampleSettings",
+    "SensorSettings", "TuneSettings", "ValidateSettings", "WordSettings",
 ]
 
 #: most power that one step of the reading may move, where nothing is said [%]
@@ -49,6 +50,9 @@ class ReadSettings:
         None, str, "column of the heater power; none: there is none", flag="--power-column", metavar=_COLUMN)
     setpoint_column: str | int | None = option(
         None, str, "column of the setpoint; none: there is none", flag="--setpoint-column", metavar=_COLUMN)
+    disturbance_column: str | int | None = option(
+        None, str, "column of a measured load: a flow, a fan, a door; the fit tells its effect",
+        flag="--disturbance-column", metavar=_COLUMN)
     date_column: str | int | None = option(
         None, str, "column of the date, beside a time of day", flag="--date-column", metavar=_COLUMN)
     temperature_unit: str | None = option(
@@ -99,6 +103,7 @@ class FitSettings:
         help="no dead time is longer, as you know of this heater [s]; the certificate says so")
     sensor_delay_s: float = _time(
         0.0, "by which the sensor is known to lag behind", "--sensor-delay", instead=("0", ""))
+    cooler: bool = option(False, bool, "the power cools: the more, the colder", flag="--cooler")
 
     def __post_init__(self) -> None:
         checked(self)
@@ -199,8 +204,9 @@ class WordSettings:
     setpoint_ramp: float | str | None = option(
         None, float, "how fast the setpoint is led to its end", unit="°C/min", flag="--setpoint-ramp",
         metavar="auto|none|°C/MIN", or_text=("auto", "none"), above=0.0,
-        help="lead the setpoint to its end at so many °C/min; auto: as fast as the limit on overshoot allows, where "
-             "that alone fails (default: as the words have it, else none)")
+        help="lead the setpoint to its end at so many °C/min; auto: as fast as the limits on overshoot allow, where "
+             "they fail, held near the reading where an open circuit takes that (default: as the words have it, else "
+             "none)")
     switch_kind: str | None = option(
         None, str, "what switches the heater", flag="--switch-kind", choices=("ssr", "relay", "contactor"),
         help="what switches the heater: the PWM period is proposed, ripple against wear of contacts")
@@ -216,6 +222,25 @@ class SensorSettings:
     range_degC: tuple[float, float] = option(
         (0.0, 100.0), float, "sensor range at the lowest and highest reading", unit="°C", flag="--range",
         pair=("LOW", "HIGH"), instead=("0 100", ""))
+
+    def __post_init__(self) -> None:
+        checked(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeedForwardSettings:
+    """How the PLC sees a measured disturbance, see `heatertune.chain.feed_forward`.
+
+    Attributes:
+        disturbance_range: the disturbance at the lowest and highest reading of its sensor; None: the levels logged.
+        contact: whether its sensor is a contact, open at the low end of that range and closed at the high one.
+    """
+
+    disturbance_range: tuple[float, float] | None = option(
+        None, float, "the disturbance at the lowest and highest reading of its sensor, in the log's unit",
+        flag="--disturbance-range", pair=("LOW", "HIGH"), instead=("the levels logged", ""))
+    contact: bool = option(
+        False, bool, "the sensor is a contact, open at LOW and closed at HIGH", flag="--contact")
 
     def __post_init__(self) -> None:
         checked(self)
@@ -266,20 +291,23 @@ class Conditions:
     """What a proof assumes of plant and user.
 
     Attributes:
-        setpoint_degC: None: where the log says that the heater was used, see `heatertune.proof.heaters`.
+        setpoint_degC: one, or the lowest and the highest of use; None: where the log says that the heater was used, see
+            `heatertune.proof.heaters`.
         pwm_period_s: None: TA in parts up to 10 s.
         pwm_resolution_s: None: a half-wave of 50 Hz mains.
         limit_degC: None: the end of the sensor range.
         spec: a preset's name or a specification's file; None: the general one, see `heatertune.proof.spec_file`.
+        profile: file of ramps and soaks, see `heatertune.proof.profile_file`; None: the specification's, if it has one.
         limit: limits of one's own, NAME=VALUE; several of one name hold together.
         tolerance_degC, step_power_pct: likewise, by their names; None: the specification's.
         switches: open point → its setting, where it is known of this very controller.
         accept: names of findings of the fit that the user accepts.
     """
 
-    setpoint_degC: float | None = option(
+    setpoint_degC: float | tuple[float, float] | None = option(
         None, float, "setpoint of the proof", unit="°C", flag="--setpoint", label="setpoint", least=_COLDEST_DEGC,
-        instead=("", "where the log was used"))
+        instead=("", "where the log was used"), several=True,
+        help="setpoint of the proof [°C], or the lowest and the highest of use; not right before PID")
     pwm_period_s: float | None = _time(
         None, "PWM period", "--pwm-period", least=None, above=0.0, instead=("TA in parts up to 10 s", "from TA"))
     minimum_on_s: float = _time(
@@ -297,6 +325,10 @@ class Conditions:
     spec: str | None = option(
         None, str, "what words must keep", flag="--spec", metavar="NAME|FILE.toml", label="specification",
         help="what words must keep: a preset or a file, see: heatertune spec", instead=("general", ""))
+    profile: str | None = option(
+        None, str, "ramps and soaks of the setpoint", flag="--profile", metavar="FILE.csv", label="profile",
+        help="ramps and soaks along which your program leads the setpoint: a table target [degC], ramp [degC/h], soak "
+             "[min]; the proof lives through it, too", instead=("the specification's, else none", ""))
     limit: tuple[str, ...] = option(
         (), tuple, "a limit of your own", flag="--limit", metavar="NAME=VALUE",
         help="a limit of your own in place of the specification's, such as overshoot=3degC (see: heatertune spec); "
@@ -329,3 +361,17 @@ class Conditions:
 
     def __post_init__(self) -> None:
         checked(self)
+        if isinstance(self.setpoint_degC, tuple):
+            low, high = self.setpoint_degC
+            if not low < high:
+                raise OutOfRange("setpoint_degC", list(self.setpoint_degC), "the lowest first, then the highest")
+
+    @property
+    def highest_degC(self) -> float | None:
+        """The highest setpoint of use; None: nobody told it [°C]."""
+        return self.setpoint_degC[1] if isinstance(self.setpoint_degC, tuple) else self.setpoint_degC
+
+    @property
+    def lowest_degC(self) -> float | None:
+        """The lowest setpoint of use; None: nobody told it [°C]."""
+        return self.setpoint_degC[0] if isinstance(self.setpoint_degC, tuple) else None

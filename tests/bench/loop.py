@@ -17,7 +17,7 @@ import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import starmap
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import yardsticks
@@ -27,17 +27,18 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.core import Core
-from heatertune.proof import Actuator, Drawing, Kick, Limits, Scenario, Spread
+from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, TemperatureStep
 from heatertune.proof.kernel import LOAD, Batch, Record
-from heatertune.proof.loop import in_loop, pulses_of, ring_size, run_compiled, run_plainly
+from heatertune.proof.loop import InLoop, in_loop, pulses_of, ring_size, run_compiled, run_plainly
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter, no_meter
+from heatertune.proof.program import Program
 from heatertune.proof.samples import measure
 
 CASE = yardsticks.Case()
 LOOPS = 32
 DESIGN = PidDesign(gain_pct_per_degC=3.0, integral_time_s=150.0, derivative_time_s=0.0, sample_time_s=1.0, structure="pi",
                    method="")
-SCENARIO = Scenario(setpoint_degC=40.0, duration_s=3000.0, disturbances=(Kick(time_s=1620.0, temperature_degC=-8.8),))
+SCENARIO = Scenario(setpoint_degC=40.0, duration_s=3000.0, disturbances=(TemperatureStep(time_s=1620.0, temperature_degC=-8.8),))
 HEATER = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.3, ambient_degC=20.0)
 
 
@@ -62,59 +63,59 @@ def as_it_is(_sensor, temperature):
 
 @dataclass(frozen=True)
 class Ours:
-    """A controller in the loop of the proof: what `run_all` takes of it, and its setpoint in its own units."""
+    """A controller in the loop of the proof."""
 
-    core: Core
-    running: tuple[Any, ...]
-    setpoint: Any
+    controller: InLoop
 
     @classmethod
     def pi(cls):
         """Return the benchmark's PI."""
         core = Core(step=pi_step, measure=as_it_is, flags=())
-        return cls(core, (Gains(CASE.kp, CASE.kp / CASE.ti), 0.0, 0.0), CASE.setpoint)
+        return cls(InLoop(core=core, parameters=Gains(CASE.kp, CASE.kp / CASE.ti), state=0.0, sensor=0.0, asked=[CASE.setpoint],
+                          scan_s=yardsticks.CALL_S, ramp_step=0.0))
 
     @classmethod
     def of(cls, target):
         """Return a room that holds the words of the same PI."""
         which = controller_for(target)
         words = which.encode(DESIGN, Scaling())
-        c = in_loop(which, words, CASE.setpoint, {each.name: each.default for each in which.switches}, direct=True)
-        return cls(c.core, (c.parameters, c.state, c.sensor), c.setpoints(0, 1)[0])
+        return cls(in_loop(which, words, [CASE.setpoint], {each.name: each.default for each in which.switches}, direct=True))
 
     def given(self, *, calls=CASE.calls, resolution=yardsticks.RESOLUTION_S, loops=LOOPS, keeps=False, measures=False):
         """Return `run_all`'s arguments for heaters that differ a little in their dead time."""
         pwm = Actuator(pwm_period_s=yardsticks.PERIOD_S, resolution_s=resolution)
         zero = np.zeros((1, 1))
         plants = np.array([[CASE.gain, CASE.lag, 0.0, CASE.dead + 0.01 * i, 0.0, CASE.start] for i in range(loops)])
-        batch = Batch(np.full((1, calls), self.setpoint), zero, zero.copy(), plants, np.full((loops, 1), np.inf),
-                      np.full((loops, 1), LOAD), np.zeros((loops, 1)))
-        places = [np.empty(calls if keeps else 0) for _ in range(3)]
+        batch = Batch(calls, zero, zero.copy(), plants, np.full((loops, 1), np.inf), np.full((loops, 1), LOAD),
+                      np.zeros((loops, 1)))
+        places = [np.empty(calls if keeps else 0) for _ in range(4)]
         record = Record(keeps, *places, np.zeros(calls if keeps else 0, dtype=np.int64),
                         *(np.empty(calls if keeps else 0) for _ in range(4)))
         meter = no_meter(loops)
         if measures:
             ends = np.empty((loops, 1)), np.empty((loops, 1))
             phases, totals = np.zeros((loops, COLUMNS)), np.zeros((loops, TOTALS))
-            meter = Meter(True, CASE.setpoint, 1.0, yardsticks.PERIOD_S, 0, phases, totals, *ends)
+            meter = Meter(True, np.array([CASE.setpoint]), 1.0, yardsticks.PERIOD_S, 0, phases, totals, *ends)
         edges = np.empty(ring_size(pulses_of(CASE.dead + 15.0, pwm)))
-        return (*self.running, yardsticks.CALL_S, batch, pwm.numbers, np.inf, edges, record, meter)
+        c, asked = self.controller, np.array(self.controller.asked)
+        program = Program(asked, np.ones(1, dtype=np.int64), c.ramp_step, c.ramp_calls, c.ramp_hold, asked.copy())
+        return c.parameters, c.state, c.sensor, c.scan_s, program, batch, pwm.numbers, np.inf, edges, record, meter
 
     def absolute(self, run):
         """Return the sum of |e| at the calls."""
         given = self.given(loops=1, keeps=True)
-        run(self.core, given)
+        run(self.controller.core, given)
         return float(np.sum(np.abs(CASE.setpoint - given[-2].temperature)))
 
     def ns(self, **shape):
         """Return nanoseconds per scan, compiled."""
         given = self.given(**shape)
-        return least(lambda: run_compiled(self.core, given)) / LOOPS / shape.get("calls", CASE.calls)
+        return least(lambda: run_compiled(self.controller.core, given)) / LOOPS / shape.get("calls", CASE.calls)
 
     def plain_ns(self):
         """Return the same in plain Python."""
         given = self.given(loops=1)
-        return least(lambda: run_plainly(self.core, given), 2) / CASE.calls
+        return least(lambda: run_plainly(self.controller.core, given), 2) / CASE.calls
 
 
 def least(task, repeats=9, clock=time.process_time):
@@ -181,7 +182,7 @@ def samples_once(target, count):
     which = controller_for(target)
     drawing = Drawing.of(which, which.encode(DESIGN, Scaling()), [HEATER], SCENARIO, Spread(), Actuator(pwm_period_s=10.0))
     found = measure(drawing, Limits(), count)
-    return sum(each.nbytes for each in (found.rows, found.phases, found.totals, found.ripple))
+    return sum(each.nbytes for each in (found.rows, found.table, found.totals, found.ripple))
 
 
 def threads(own, count):
@@ -190,7 +191,7 @@ def threads(own, count):
 
     def together(work):
         with ThreadPoolExecutor(count) as pool:
-            list(pool.map(lambda each: run_compiled(own.core, each), work))
+            list(pool.map(lambda each: run_compiled(own.controller.core, each), work))
 
     one = least(lambda: together(given[:1]), 5, time.perf_counter)
     return one / least(lambda: together(given), 5, time.perf_counter)

@@ -18,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tes
 from heatertune.compiled import decide
 from heatertune.plc import TARGETS
 from heatertune.proof import judge, prove_models, simulate
+from heatertune.proof.scenario import delayed
 from tests.proof.test_metered import NEAR, drawn
 
 _LEAST = 5  # each proof is timed so often, and the least counts
@@ -43,7 +44,7 @@ def compared(target, seed):
     which, words, models, scenario, actuator, limits = given = drawn(target, seed)
 
     def by_traces():
-        return [judge(simulate(which, words, dict(models)[run.model], scenario, actuator, run.switches), limits)
+        return [judge(simulate(which, words, delayed(dict(models)[run.model], which.delay_s), scenario, actuator, run.switches), limits)
                 for run in proof.runs]
 
     proof = prove_models(*given)  # what is to be compiled is

@@ -16,6 +16,7 @@ def base(tmp_path_factory):
     return folder
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "count"), [("logs", 150), ("documents", 100), ("options", 100)])
 def test_whatever_is_thrown_is_taken_or_refused_in_one_line(kind, count, base):
     tallies = fuzz.attack(base, {kind: count}, seed=0, deep=False)

@@ -119,6 +119,7 @@ def test_a_controller_without_whole_numbers_is_held_to_it_as_well(design):
         choose_words(replace(design, promise=Promise(way="worst", limits={"ms": 1.5})), "weg", FITTED)
 
 
+@pytest.mark.long
 def test_without_intervals_nothing_can_be_told_and_without_a_promise_nothing_is(design):
     blind = choose_words(design, "s5-ob251", model_by_hand(SLOW))
     assert "cannot be told" in blind.search.notes[-1]

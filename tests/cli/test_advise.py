@@ -5,6 +5,7 @@ import math
 
 import pytest
 
+KNOWN = ("--switch", "anti_windup=clamp")
 HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
 
 
@@ -31,10 +32,10 @@ def response(tmp_path):
 
 @pytest.fixture
 def pid(tmp_path, run):
-    """A calm PID design: it passes on WEG's block whether that has an anti-windup or not."""
+    """A calm PID design: it passes on WEG's block where that holds its integral part while the heater is cut off."""
     path = tmp_path / "calm.json"
     assert run("tune", *HAND, "-o", path)[0] == 0
-    calm = {"gain_pct_per_degC": 4.5, "integral_time_s": 120.0, "derivative_time_s": 4.0, "sample_time_s": 2.0,
+    calm = {"gain_pct_per_degC": 4.5, "integral_time_s": 160.0, "derivative_time_s": 4.0, "sample_time_s": 2.0,
             "structure": "pid"}
     path.write_text(json.dumps(json.loads(path.read_text()) | calm))
     return path
@@ -46,7 +47,7 @@ def _cases(document):
 
 @pytest.mark.long
 def test_overshoot_is_answered_by_smaller_gains_proven_before_and_after(run, response, pid):
-    status, out, err = run("advise", response(), "--pid", pid, "--json", "--quiet")
+    status, out, err = run("advise", response(), "--pid", pid, *KNOWN, "--json", "--quiet")
     document = json.loads(out)
     assert (status, err, document["symptom"], document["target"]) == (0, "", "OVERSHOOT", "weg")
     assert document["seen"]["overshoot_pct"] == pytest.approx(37.2, abs=0.2)  # exp(−π·0.3/√0.91)
@@ -112,12 +113,20 @@ def test_status_1_says_that_nothing_passes(run, by_hand):
 
 @pytest.mark.long
 def test_a_step_that_raises_what_it_should_lower_is_worse(run, response, by_hand):
-    # without an anti-windup, more gain winds up more: the IAE of a design that fails already grows
+    # without an anti-windup, a faster I part winds up more: the IAE of a design that fails already grows
     _, out, _ = run("advise", response(lag_s=900.0), "--pid", by_hand, "--json", "--quiet")
     document = json.loads(out)
-    before, kp, *_ = document["cases"]
-    assert (document["aim"], before["verdict"], kp["effect"]) == ("iae", "FAIL", "worse")
-    assert kp["iae"] > 1.01 * before["iae"]
+    before, _, ki, *_ = document["cases"]
+    assert (document["aim"], before["verdict"], ki["effect"]) == ("iae", "FAIL", "worse")
+    assert ki["iae"] > 1.01 * before["iae"]
+
+
+@pytest.mark.long
+def test_a_failure_that_hangs_on_what_the_manual_leaves_open_says_what_to_find_out(run, response, pid):
+    # the same design passes above, where --switch says how the block's I part behaves at a limit
+    status, out, _ = run("advise", response(), "--pid", pid, "--quiet")
+    assert status == 1
+    assert "find out what this controller does, and say --switch anti_windup=clamp." in out
 
 
 @pytest.mark.long
@@ -159,9 +168,9 @@ def test_the_proof_itself_can_be_the_response(run, by_hand):
     # on OB251, whose anti-windup is known, the tuned design has nothing to be advised on; its overshoot is the proof's
     status, out, _ = run("advise", "proof", "--pid", by_hand, "--target", "s5-ob251", "--setpoint", 30, "--json", "--quiet")
     document = json.loads(out)
-    assert (status, document["log"]) == (0, None)
-    assert (document["symptom"], document["best"]) == ("NONE", None)
+    assert (document["log"], document["symptom"], document["best"]) == (None, "NONE", None)
     (before,) = document["cases"]
+    assert (status == 0) == (before["verdict"] == "PASS")
     assert document["seen"]["overshoot_pct"] <= before["overshoot"]
 
 

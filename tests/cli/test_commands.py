@@ -8,7 +8,8 @@ import subprocess
 import pytest
 
 from heatertune.cli import COMMANDS, parser
-from heatertune.plc import TARGETS
+from heatertune.pid.values import PidDesign
+from heatertune.plc import TARGETS, Certificate, Scaling, controller_for
 
 HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
 
@@ -66,6 +67,7 @@ def test_an_open_loop_log_of_the_users_own_goes_through(run, tmp_path):
     assert (out / "report.html").stat().st_size > 50_000
 
 
+@pytest.mark.long
 def test_python_control_is_asked_for_a_second_opinion(run):
     # its Ms is computed from poles and a frequency grid of its own; both stand in one sentence
     _, out, _ = run("tune", *HAND, "--second-opinion", "--json", "--quiet")
@@ -103,6 +105,25 @@ def test_an_exported_block_is_read_back_and_proven(run, by_hand, tmp_path):
     status, out, err = run("decode", tmp_path / "short.bin", *conditions, *called)
     assert (status, out) == (2, "")
     assert "2 bytes; expected 98" in err
+
+
+def test_words_are_read_back_from_the_text_that_tools_print(run, tmp_path):
+    design = PidDesign(gain_pct_per_degC=5.0, integral_time_s=90.0, derivative_time_s=0.0, sample_time_s=3.5, structure="pi", method="")
+    words = controller_for("weg").encode(design, Scaling())
+    (tmp_path / "weg_pid_call.st").write_text(controller_for("weg").export(words, Certificate(verdict="PASS"))["weg_pid_call.st"])
+    status, out, _ = run("decode", tmp_path / "weg_pid_call.st", "--target", "weg", "--json")  # Ts tells the interval
+    document = json.loads(out)
+    assert (status, document["words"], document["proof"]) == (0, words.values, None)
+    assert (document["realised"]["gain_pct_per_degC"], document["realised"]["sample_time_s"]) == (5.0, 3.5)
+    status, out, _ = run("decode", tmp_path / "weg_pid_call.st", "--target", "weg")
+    assert (status, "not looked at: SetPoint := HeaterSetPoint" in out) == (0, True)
+    changed = (tmp_path / "weg_pid_call.st").read_text().replace("Kp := ", "Kp := 1.1.")
+    (tmp_path / "weg.st").write_text(changed)
+    line = next(number for number, text in enumerate(changed.splitlines(), 1) if "Kp := " in text)
+    status, out, err = run("decode", tmp_path / "weg.st", "--target", "weg")
+    assert (status, out) == (2, "")
+    assert f"weg.st, line {line}, Kp: '1.1." in err
+    assert "expected REAL" in err
 
 
 @pytest.mark.long
@@ -171,7 +192,8 @@ def test_words_that_fail_leave_only_by_force_and_say_so(run, by_hand, tmp_path):
 
 @pytest.mark.long
 def test_the_s7_200_exports_its_program_and_on_request_the_papers_with_its_faults(run, by_hand, tmp_path):
-    by_target = ("export-db", by_hand, "--target", "s7-200", "--setpoint", 40)
+    short = ("--setpoint", 40, "--spec", "paper")  # a listing takes its time; what is asked here is what is exported
+    by_target = ("export-db", by_hand, "--target", "s7-200", *short)
     assert run(*by_target, "-o", tmp_path / "out")[0] == 0
     assert {"s7_200_program.awl", "words.json", "proof.json"} == {path.name for path in (tmp_path / "out").iterdir()}
     status, _, err = run(*by_target, "--faithful", "-o", tmp_path / "paper")
@@ -182,11 +204,12 @@ def test_the_s7_200_exports_its_program_and_on_request_the_papers_with_its_fault
     faults = json.loads((tmp_path / "paper" / "proof.json").read_text())["faults"]
     assert len(faults) >= 4
     assert all(f"// fault: {fault}" in text for fault in faults)
-    assert "fault: SMB67 = 16#CA" in run("verify", by_hand, "--target", "s7-200", "--setpoint", 40, "--faithful")[1]
+    assert "fault: SMB67 = 16#CA" in run("verify", by_hand, "--target", "s7-200", *short, "--faithful")[1]
     status, _, err = run("verify", by_hand, "--target", "s5-ob251", "--setpoint", 40, "--faithful")
     assert (status, "s7-200" in err) == (2, True)
 
 
+@pytest.mark.long
 def test_an_interlock_watches_the_proof_of_every_command(run, by_hand, tmp_path):
     conditions = ("--target", "s5-ob251", "--setpoint", 40)
     watched = (*conditions, "--interlock", "heater-fan")
@@ -250,6 +273,7 @@ def test_one_of_several_runs_can_be_asked_for(run, tmp_path):
     assert told["schema"] == "heatertune/model/2"
 
 
+@pytest.mark.long
 def test_two_level_control_goes_through_every_command(run, by_hand, tmp_path):
     conditions = ("--target", "on-off", "--setpoint", 40)
     status, out, _ = run("verify", by_hand, *conditions, "--tolerance", 4, "--json")
@@ -327,7 +351,7 @@ def test_the_main_job_passes_and_its_report_can_be_drawn_again(run, tmp_path):
     page = (out / "report.html").read_text()
     assert page.count("<svg") == 6
     assert page.count("<figure id=") == 5, "all but the Nyquist curves can be zoomed"
-    _prints_on(out / "report.html", tmp_path, pages=8)
+    _prints_on(out / "report.html", tmp_path, pages=9)  # two of them tell 23 criteria
     (out / "report.html").unlink()
     assert run("report", out)[0] == 0
     assert (out / "report.html").read_text() == page
@@ -347,7 +371,7 @@ BAD = {
     "an interval that is no number": (("decode", "empty.csv", "--target", "s7-200-pid", "--called-every", "nan"), "--called-every"),
     "an interval of nothing": (("decode", "empty.csv", "--target", "s5-ob251", "--called-every", 0), "--called-every"),
     "half a model": (("tune", "--gain", 1), "--time-constant"),
-    "negative gain": (("tune", "--gain", -1, "--time-constant", 10, "--dead-time", 1), "gain_degC_per_pct"),
+    "no gain": (("tune", "--gain", 0, "--time-constant", 10, "--dead-time", 1), "gain_degC_per_pct"),
     "gain no number": (("tune", "--gain", "big"), "--gain"),
     "no JSON": (("tune", "text.csv"), "no JSON"),
     "wrong document": (("tune", "words.json"), "schema"),

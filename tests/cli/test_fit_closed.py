@@ -40,9 +40,9 @@ def known(tmp_path_factory):
 @pytest.mark.long
 def test_a_known_controller_gives_the_heater_and_the_table_of_its_open_points(run, known):
     given = ("fit", known / "loop.csv", "--controller", "fb41", "--words", known / "words.json", "--setpoint", 50)
-    status, out, _ = run(*given, "--json", "--quiet")
+    status, out, err = run(*given, "--json", "--quiet")
+    assert (status, err) == (0, "")
     document = json.loads(out)
-    assert status == 0
     assert document["gain_degC_per_pct"] == pytest.approx(0.6, rel=0.12)
     assert document["time_constant_s"] == pytest.approx(300.0, rel=0.12)
     assert document["dead_time_s"] == pytest.approx(25.0, abs=4.0)

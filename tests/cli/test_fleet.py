@@ -17,8 +17,8 @@ from heatertune.proof.drawn import sample_document
 from heatertune.report.text import outcome_lines
 from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
 
-#: a rule instead of the optimum, and one structure: what is tested is the fleet, not the search
-QUICK = ("--target", "s7-300", "--method", "simc", "--setpoint", 45)
+#: a rule instead of the optimum, and a short story: what is tested is the fleet, not the search or the proof
+QUICK = ("--target", "s7-300", "--method", "simc", "--setpoint", 45, "--spec", "paper")
 
 
 @pytest.fixture(scope="session")
@@ -83,7 +83,7 @@ def test_a_row_says_what_the_single_commands_say(table, logs, tmp_path, run):
     model, pid = tmp_path / "model.json", tmp_path / "pid.json"
     assert run("fit", logs / "oven.csv", "-o", model, "--quiet")[0] == 0
     assert run("tune", model, "--method", "simc", "--target", "s7-300", "-o", pid, "--quiet")[0] == 0
-    verdict = json.loads(run("verify", pid, "--target", "s7-300", "--setpoint", 45, "--json")[1])
+    verdict = json.loads(run("verify", pid, "--target", "s7-300", "--setpoint", 45, "--spec", "paper", "--json")[1])
     fitted, tuned = json.loads(model.read_text()), json.loads(pid.read_text())
     (row,) = [row for row in pyarrow.parquet.read_table(table[0]).to_pylist() if row["name"] == "oven.csv"]
     for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"):
@@ -218,6 +218,28 @@ def test_a_fleet_is_not_resumed_under_a_specification_that_has_changed_and_a_mis
         fleet(tmp_path / "a.csv", asked, out=out, workers=stopped, resume=True)
 
 
+def test_a_fleet_and_a_study_are_not_resumed_along_a_profile_that_has_changed(tmp_path, monkeypatch):
+    from heatertune.batch import fleets, studies  # noqa: PLC0415 - the slow libraries, beside their only use
+
+    seen = []
+    for module in (fleets, studies):
+        monkeypatch.setattr(module, "run", lambda batch, *_, **__: seen.append(batch.identity) or {})
+    log, firing, cases = tmp_path / "a.csv", tmp_path / "firing.csv", tmp_path / "study.toml"
+    log.write_text("no log")
+    cases.write_text("[fixed]\ngain_degC_per_pct = 1\ntime_constant_s = 100\ndead_time_s = 5\ntarget = 'weg'\n"
+                     f"[grid]\nprofile = ['{firing.as_posix()}']\n")
+    asked = Asked(target="s7-300", conditions=Conditions(profile=str(firing)))
+    with pytest.raises(DocumentError, match=r"firing\.csv: cannot be read"):
+        fleets.fleet(log, asked, out=tmp_path / "fleet.parquet", workers=None)
+    for soak in (10, 10, 11):
+        firing.write_text(f"target [degC],ramp [degC/h],soak [min]\n60,100,{soak}\n")
+        fleets.fleet(log, asked, out=tmp_path / "fleet.parquet", workers=None)
+        studies.study(cases, out=tmp_path / "study.parquet", workers=None)
+    assert seen[:2] == seen[2:4]
+    assert seen[0] != seen[4]
+    assert seen[1] != seen[5]
+
+
 @pytest.mark.long
 def test_a_zone_is_proven_on_drawn_heaters_too():
     # the samples of `verify --samples` on the same words: chain.samples, whose figures tests/proof/test_compiled.py holds
@@ -236,6 +258,20 @@ def test_a_zone_is_proven_on_drawn_heaters_too():
     failed = zone_row("weak", lambda: weak, replace(asked, conditions=Conditions(setpoint_degC=44.0)), samples=20)
     assert failed["outcome"] == "FAIL"
     assert "of 20 samples keep every limit" in failed["reason"]
+
+
+@pytest.mark.long
+def test_drawn_heaters_are_switched_as_the_proof_was():
+    # one lag: at the plain PWM period the ripple alone is beyond the band (tests/chain/test_closing.py has its formula)
+    heater = model_by_hand(Fopdt(gain_degC_per_pct=1.0, time_constant_s=38.0, dead_time_s=11.0, ambient_degC=20.0))
+    conditions = Conditions(setpoint_degC=60.0, tolerance_degC=0.8)
+    asked = Asked(target="s7-300", conditions=conditions, tuned=TuneSettings(sample_time_s=2.0))
+    row = zone_row("zone", lambda: heater, asked, samples=20)
+    assert row["pwm_period_s"] < row["sample_time_s"] == 2.0
+    words = Words(target="s7-300", values=json.loads(row["words"]), scaling=Scaling(), sample_time_s=row["sample_time_s"])
+    assert sample_document(words, heater, 20, conditions)["passing"] == 0.0
+    its = replace(conditions, pwm_period_s=row["pwm_period_s"])
+    assert row["samples_passing_pct"] == 100.0 * sample_document(words, heater, 20, its)["passing"] > 0.0
 
 
 def test_a_fault_of_the_program_is_a_row():

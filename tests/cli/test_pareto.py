@@ -23,6 +23,7 @@ def test_the_front_costs_less_the_larger_ms_may_be_and_is_drawn(run, tmp_path):
     assert (tmp_path / "front.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 def test_rows_that_another_limit_keeps_from_gaining_say_so(run):
     # Mks <= 12 decides from Ms = 1.3 on (the optimum under Mks alone has Ms = 1.293), so nothing is gained after it
     out = run("pareto", *HAND, "--mks", 12, "--points", 3, "--ms-range", 1.2, 2.0, "--quiet")[1]
@@ -51,6 +52,7 @@ def test_what_cannot_be_drawn_is_told_in_one_line(run, arguments, told):
     assert err.count("\n") == 1
 
 
+@pytest.mark.long
 def test_the_continuous_tuning_tells_its_active_limit_and_gives_the_keys(run):
     status, out, _ = run("tune", *HAND, "--sample-time", 0, "--json", "--quiet")
     document = json.loads(out)

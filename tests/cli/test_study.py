@@ -166,8 +166,9 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
         "noise_degC": 0.1, "tolerance_degC": 0.7, "pwm_period_s": 8.0, "pwm_resolution_s": 0.25, "minimum_on_s": 0.5,
         "minimum_off_s": 0.75, "pwm_rule": "pid-compact", "interlock": "heater-fan", "limit_degC": 80.0,
         "fan_stops_s": 99.0, "samples": 3, "spec": "oven", "robust": "none", "step_power_pct": 9.0,
+        "profile": "/any/firing.csv",
     }
-    assert {*settings, "log", "model", *options_of(FitSettings)} == set(KEYS), "no key is forgotten here"
+    assert {*settings, "log", "model", *options_of(FitSettings)} == {*KEYS, "cooler"}, "no key is forgotten here"
     seen = {}
 
     def instead(name, find, asked, *, samples):
@@ -175,7 +176,7 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
         return {"name": name, "outcome": "PASS", "reason": None}
 
     monkeypatch.setattr(studies, "zone_row", instead)
-    row = studies._row({}, studies.Case(4, "five", settings, None))
+    row = studies._row(ROOT, studies.Case(4, "five", settings, None))
     assert row["case"] == 5
     assert row["case_switches"] == '{"a": "b"}'
     assert (seen["heater"].gain_degC_per_pct, *seen["heater"].lags_s) == (0.5, 100.0, 9.0)
@@ -186,6 +187,8 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
     for part in (asked.tuned, asked.conditions):
         assert asdict(part) == {name: settings.get(name, ()) for name in asdict(part)}
     assert "accept" not in KEYS
+    studies._row(ROOT / "any", studies.Case(5, "six", settings | {"spec": "own.toml"}, None))
+    assert seen["asked"].conditions.spec == str(ROOT / "any" / "own.toml")  # beside the study, as its logs
 
 
 def test_the_fit_of_a_log_is_asked_for_once_and_told_what_is_known(monkeypatch):

@@ -92,6 +92,7 @@ def test_a_second_count_begins_anew_and_quiet_is_silent(monkeypatch, capsys):
     assert _told(monkeypatch, capsys, steps, quiet=True) == []
 
 
+@pytest.mark.long
 def test_pareto_tells_its_count(run):
     _, _, err = run("pareto", "--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--structure", "pi",
                     "--points", 2)

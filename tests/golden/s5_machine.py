@@ -6,7 +6,7 @@ ACCU 2 … ACCU 1; JC jumps and BEC ends where RLO is 1; TAK swaps the accumulat
 
 import operator
 
-COMPARE = {">F": operator.gt, "<F": operator.lt, "!=F": operator.eq}
+COMPARE = {">F": operator.gt, ">=F": operator.ge, "<F": operator.lt, "<=F": operator.le, "!=F": operator.eq}
 SUM = {"+F": 1, "-F": -1}
 
 

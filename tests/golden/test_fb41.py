@@ -17,7 +17,7 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.fb41.step import Assumptions, call
 from heatertune.plc.words import holds
-from heatertune.proof import Actuator, Kick, Scenario, simulate
+from heatertune.proof import Actuator, Scenario, TemperatureStep, simulate
 
 ROOM = controller_for("fb41")
 HEATER = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.0, ambient_degC=24.0)
@@ -154,8 +154,8 @@ class _Float32:
     _words(_design(gain=1.7, tv=11.0), scaling=Scaling(low_degC=-50.0, high_degC=333.3)),
 ], ids=["pi", "pid", "hot", "limits", "range"])
 def test_a_closed_loop_is_the_equation_in_numpys_single_precision(words):
-    kicks = (Kick(time_s=1200.0, temperature_degC=40.0), Kick(time_s=2000.0, temperature_degC=-20.0))
-    scenario = Scenario(setpoint_degC=53.3, duration_s=3000.0, noise_degC=0.1, seed=7, disturbances=kicks)
+    jumps = (TemperatureStep(time_s=1200.0, temperature_degC=40.0), TemperatureStep(time_s=2000.0, temperature_degC=-20.0))
+    scenario = Scenario(setpoint_degC=53.3, duration_s=3000.0, noise_degC=0.1, seed=7, disturbances=jumps)
     trace = simulate(ROOM, words, HEATER, scenario, Actuator(pwm_period_s=5.0))
     readings = [ROOM.measure(words, float(t) + 1e-6) for t in trace.reading_degC]
     sp = np.float32(53.3)

@@ -5,11 +5,15 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from heatertune.errors import InputError, NotRepresentable
+from heatertune.errors import InputError, LogError, NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Scaling, Words, controller_for
+from heatertune.plc.machine import realised
+from heatertune.plc.replay import read_inputs
 from heatertune.plc.s5_ob251.image import oddities, to_image
 from heatertune.plc.s5_ob251.step import (
     AUTO,
@@ -21,6 +25,7 @@ from heatertune.plc.s5_ob251.step import (
     XZ_EIN,
     Assumptions,
     Parameters,
+    State,
     call,
 )
 
@@ -159,6 +164,57 @@ def test_the_return_from_manual_to_automatic_is_without_a_bump():
     assert after.total == pytest.approx(600.0 + 2.0 * 0.05 * 50.0)
 
 
+def test_the_integral_stops_at_the_very_limit_and_acts_again_below_it():
+    # manual 11.2.3: off "when the correction information is at a limit": Y = 100 + ½·100 = 150 is at it, 149 is not
+    for sign in (1, -1):
+        at, inside = (_run(_parameters(ti=0.5, upper=150, lower=-150), [sign * e] * 2, [0, 0]) for e in (100, 99))
+        assert [(s.total, s.at_limit) for s in at] == [(sign * 150.0, sign)] * 2
+        assert [(s.total, s.at_limit) for s in inside] == [(sign * 148.5, 0), (sign * 198.0, sign)]
+
+
+def test_integral_action_that_leads_back_from_the_limit_stays_on_where_that_is_so():
+    # by hand, K = R = 1, TI = ½, limit ±100, XW = 80, 80, −10: Y = 120, then 120 (held), then 120 − 90 and −5 where I acts
+    for sign in (1, -1):
+        errors, parameters = [sign * e for e in (80, 80, -10)], _parameters(ti=0.5, upper=100, lower=-100)
+        for inward, last in ((False, 30.0), (True, 25.0)):
+            states = _run(parameters, errors, [0] * 3, Assumptions(inward_allowed=inward))
+            assert [s.total for s in states] == [sign * 120.0, sign * 120.0, sign * last]
+
+
+def test_manual_mode_forgets_the_derivative():
+    # PLC page 1.4: in manual dD_{k−1} = 0 while XW_{k−1} and PW_{k−1} follow. A step of 100: Y = 100 + ½·4·100; two calls
+    # of hand (held) and the same XW again: dP = 0, QW = 0, so dD = ½·(0 + 0); kept, it would add ½·200
+    steu, states = (AUTO | NO_Z, NO_Z | HANDART, NO_Z | HANDART, AUTO | NO_Z), [COLD]
+    for bits in steu:
+        states.append(call(_parameters(td=4.0, steu=bits), Assumptions(), states[-1], 100, 0))
+    assert [s.total for s in states[1:]] == [300.0] * 4
+
+
+def test_the_history_of_xz_rests_while_xz_is_not_looked_at():
+    # PLC page 1.4: XZ_{k−1} and PZ_{k−1} follow where bit 1 of STEU is set. TD = 2, XW = 0, XZ = 10: dD = ½·2·10, then
+    # ½·(−20 + 10), and halves from there on; forgotten, the last call would see XZ jump by 10 again
+    parameters, state, totals = _parameters(r=0.0, td=2.0), COLD, []
+    for bits in (XZ_EIN, XZ_EIN, XZ_EIN, 0, XZ_EIN):
+        state = call(parameters._replace(steu=AUTO | NO_Z | bits), Assumptions(), state, 0, 0, 0, 10)
+        totals.append(state.total)
+    assert totals == [10.0, 5.0, 2.5, 1.25, 0.625]
+
+
+def test_full_power_is_2047_units_and_the_limits_are_told_as_bits():
+    # table 11-11: YA is −2047…+2047
+    running = ROOM.start(Words(target="s5-ob251", values=dict(_WORDS, TI=0), scaling=Scaling(), sample_time_s=1.0), {})
+    shares = {w: ROOM.scan_all(running.parameters, COLD, {"W": w, "X": 0})[1:] for w in (2047, 1024, 0, -5)}
+    assert shares == {2047: (100.0, 2047, 1), 1024: (102400.0 / 2047.0, 1024, 0), 0: (0.0, 0, 2), -5: (0.0, 0, 2)}
+
+
+def test_the_listing_tells_times_in_the_factor_of_the_manual():
+    # footnote of table 11-11: the words are 1/1024. TN = 10 s·512/50, TV = 10 s·3·1024/512, K·R = 1200/1024·½
+    words = Words(target="s5-ob251", values=dict(_WORDS, K=1200, R=512, TI=50, TD=3), scaling=Scaling(), sample_time_s=10.0)
+    listing = ROOM.export(words, Certificate(verdict="PASS"))["DB30_listing.txt"]
+    for told in ("TI TN = 102.4 s", "TD TV = 60 s", "K K·R = 0.58594 units per unit"):
+        assert told in listing
+
+
 @pytest.mark.parametrize(("field", "changes"), [
     ("sum_is_limited", "total"), ("flag_of_same_call", "total"), ("inward_allowed", "total"), ("whole_increments", "total"),
 ])
@@ -217,6 +273,54 @@ def test_a_dump_of_a_running_controller_is_read_and_its_oddities_told():
         assert part in told
 
 
+def _words(**changed):
+    return Words(target="s5-ob251", values=_WORDS | changed, scaling=Scaling(), sample_time_s=10.0)
+
+
+@pytest.mark.parametrize(("changed", "told"), [
+    ({"R": 0}, "R is 0: the controller has no proportional action"), ({"K": 0}, "K is 0: the output never moves"),
+    ({"K": 0, "STEU": 1}, "moves by Z alone"), ({"R": -1024}, "R is -1024: the proportional part acts against the others"),
+    # 0.001 is 1/1024: I alone adds K·TI = 512/1024·20/1024 = 0.009766 units per unit and call
+    ({"R": 0, "K": 512}, "K·TI is 0.009766 units"),
+])
+def test_what_table_11_11_allows_and_has_no_standard_form_is_read_back_with_its_remark(changed, told):
+    words = _words(**changed)
+    assert realised(ROOM, words) is None
+    assert any(told in oddity for oddity in oddities(words))
+    with pytest.raises(OutOfRange, match=r"word [KR]"):  # no margins can be judged: it is not proven
+        ROOM.decode(words)
+
+
+def test_negative_and_large_gains_are_read_back_with_their_remark_and_the_large_ones_not_proven():
+    cooler = _words(K=-512)
+    assert realised(ROOM, cooler).gain_pct_per_degC == ROOM.decode(cooler).gain_pct_per_degC == -0.5
+    assert any("K is -512" in oddity and "cooler" in oddity for oddity in oddities(cooler))
+    assert realised(ROOM, _words(K=-1024, R=-1024, TI=0)).gain_pct_per_degC == 1.0  # both signs: P alone acts as usual
+    # footnote 1 of table 11-11: larger gains where abrupt changes of the system deviation are sufficiently small
+    large = _words(K=2048, TD=3)
+    assert realised(ROOM, large).gain_pct_per_degC == 2.0
+    assert any("K is 2048 with a derivative part" in oddity for oddity in oddities(large))
+    with pytest.raises(OutOfRange, match=r"word K = 2048.*small steps"):
+        ROOM.decode(large)
+    assert realised(ROOM, _words(K=2048)).gain_pct_per_degC == 2.0
+    with pytest.raises(OutOfRange, match=r"word R = 1501.*-1500…1500"):
+        realised(ROOM, _words(R=1501, TD=3))
+    assert realised(ROOM, _words(R=1501)) is not None
+
+
+@pytest.mark.parametrize("name", ["W", "X", "Z", "XZ", "YH"])
+def test_replay_takes_inputs_of_table_11_11_alone(tmp_path, name):
+    path = tmp_path / "inputs.csv"
+    row = {"W": 0, "X": 0} | {name: 0}
+    for value in (-2047, 2047):
+        path.write_text(f"{','.join(row)}\n{','.join(str(cell) for cell in (row | {name: value}).values())}\n")
+        assert read_inputs(path, ROOM)[0][name] == value
+    for value in (-2048, 2048):
+        path.write_text(f"{','.join(row)}\n{','.join(str(cell) for cell in (row | {name: value}).values())}\n")
+        with pytest.raises(LogError, match=f"line 2, column {name}: no input: '{value}'; expected KF, .* -2047…2047"):
+            read_inputs(path, ROOM)
+
+
 @pytest.mark.parametrize("size", [0, 96, 99])
 def test_a_dump_that_is_too_short_or_torn_is_refused(size):
     with pytest.raises(InputError, match=f"DB: {size} bytes; expected 98"):
@@ -228,8 +332,24 @@ def test_the_listing_holds_49_words_and_tells_verdict_and_force():
     files = ROOM.export(words, Certificate(verdict="FAIL", lines=("not kept: ms",), forced=True))
     listing, table = files["DB30_listing.txt"], files["DB30.csv"].splitlines()
     assert "   1:  KF = +03031;" in listing
-    assert "  11:  KM = 00000000 00100001;" in listing
+    assert "  11:  KM = 00000000 00100000;   KM = 00000000 00100001;" in listing  # bit 0: manual, then automatic
     assert "FAIL - FORCED" in listing
     assert "not kept: ms" in listing
     assert [row.split(",")[0] for row in table] == ["DW", *map(str, range(49))]
     assert ROOM.export(words, Certificate(verdict="FAIL", lines=("not kept: ms",), forced=True)) == files
+
+
+@given(state=st.builds(State, error=st.floats(-2047, 2047), total=st.floats(-1e4, 1e4), output=st.integers(0, 2047),
+                       at_limit=st.sampled_from([-1, 0, 1]), derivative=st.floats(-1e4, 1e4)),
+       w=st.integers(0, 2047), x=st.integers(0, 2047))
+def test_the_exported_start_up_leaves_the_controller_as_the_proof_starts_it(state, w, x):
+    # table 11-10: bit 2 of STEU is "controller off, memory cleared"; the block sets it, calls OB251 and resets it
+    words = ROOM.encode(_design(2.0, 100.0, 0.0, 2.0), Scaling())
+    listing = ROOM.export(words, Certificate(verdict="PASS", lines=()))["start_up_listing.txt"]
+    block = listing.partition("NAME :START\n")[2].partition("\n\n")[0].split("\n")
+    assert [line.strip(" :") for line in block] == ["C  DB 30", "SU D 11.2", "JU OB 251", "RU D 11.2", "BE"]
+    running = ROOM.start(words, {})
+    steu = words.whole["STEU"]
+    cleared, power, *_ = ROOM.scan_all(running.parameters, state, {"W": w, "X": x, "STEU": steu | REG_AUS})
+    assert (cleared, power) == (running.state, 0.0)
+    assert running.state == COLD

@@ -40,19 +40,81 @@ def _asked(full):
     return [round(share * full) for calls, share in JOURNEY for _ in range(calls)]
 
 
-def _followed(ramp, begin, asked):
-    """The setpoint at each call by a loop of the test's own: after every `calls`-th call a step, as the export's head says."""
+def _followed(ramp, begin, asked, readings=()):
+    """The setpoint at each call by a loop of the test's own: after every `calls`-th call a step, as the export's head says.
+
+    With a holdback: a step down ends at the reading less the holdback and is none from below it; and never is the setpoint
+    above the reading and the holdback. Of a cooler, whose holdback is below zero, all that is turned upside down.
+    """
+    if ramp.cools:
+        turned = _followed(replace(ramp, hold=-ramp.hold), -begin, [-end for end in asked], [-one for one in readings])
+        return [-word for word in turned]
     word, found = begin, []
     for call, end in enumerate(asked, start=1):
+        way = end - word
+        if ramp.hold is not None and way < 0:
+            way = min(0, max(way, readings[call - 1] - ramp.hold - word))
         if call % ramp.calls == 0:
-            word += max(-ramp.step, min(ramp.step, end - word))
+            word += max(-ramp.step, min(ramp.step, way))
+        if ramp.hold is not None:
+            word = min(word, readings[call - 1] + ramp.hold)
         found.append(word)
     return found
 
 
+def _wandering(full, low=0, seed=3):
+    """Readings that follow the setpoint asked for, late, with a fall and a rise on the way, and now and then jump anywhere."""
+    rng, reading, course = random.Random(seed), 0.25 * full, []
+    for call, end in enumerate(_asked(full)):
+        reading += 0.08 * (end * (0.4 if 20 < call < 30 or 150 < call < 160 else 1.1) - reading)
+        jumps = rng.random() < 0.05
+        course.append(rng.randint(low, full) if jumps else round(reading + 0.01 * full * rng.random()))
+    return course
+
+
 def test_the_loop_of_this_test_is_the_row_of_the_proof():
     ramp = Ramp(step=20, calls=2)
-    assert _followed(ramp, 491, [552] * 8) == course(ramp, 491, 552, 8) == [491, 511, 511, 531, 531, 551, 551, 552]
+    assert _followed(ramp, 491, [552] * 8) == course(ramp, [491] * 8, 552) == [491, 511, 511, 531, 531, 551, 551, 552]
+
+
+@pytest.mark.parametrize("ramp", [
+    Ramp(step=37, hold=60), Ramp(step=90, calls=3, hold=20), Ramp(step=37, hold=-60), Ramp(step=90, calls=3, hold=-20)])
+def test_the_s5_listing_holds_w_at_the_reading(ramp):
+    moves, restart = blocks(_export(_words("s5-ob251", ramp), "ramp_listing.txt"))[:2]
+    asked, readings = _asked(2047), _wandering(2047, low=-2047)
+    memory, found = {"DW 9": -7, "DW 22": readings[0], "FW 202": -1, "FW 204": 99}, []
+    run(restart, memory)
+    for end, reading in zip(asked, readings, strict=True):
+        memory |= {"FW 200": end, "DW 22": reading}
+        run(moves, memory)
+        found.append(memory["DW 9"])
+    assert found == _followed(ramp, readings[0], asked, readings)
+    assert found != _followed(replace(ramp, hold=None), readings[0], asked)
+
+
+@pytest.mark.parametrize("ramp", [
+    Ramp(step=300, hold=700), Ramp(step=1001, calls=3, hold=250), Ramp(step=300, hold=-700),
+    Ramp(step=1001, calls=3, hold=-250)])
+def test_the_s7_300_source_holds_sp_at_the_reading_in_awlsim(awlsim, ramp):
+    asked, readings = _asked(27648), _wandering(27648, low=-32768)
+    readings[50:53] = [32767, 32767, -32768]  # a wire breaks: over-range, then below the range
+    rows = [[1, end, reading, None] for end, reading in zip(asked, readings, strict=True)]
+    answer = awlsim(_export(_words("s7-300", ramp), "s7_300_pid.awl"), rows, restart=5000)
+    at = answer["offsets"]["SP"][0]
+    found = [struct.unpack_from(">h", bytes.fromhex(row), at)[0] for row in answer["rows"]]
+    assert found == _followed(ramp, 5000, asked, readings)
+
+
+@pytest.mark.parametrize("hold", [250, -250])
+def test_the_fb41_source_holds_sp_int_at_the_reading(awlsim, hold):
+    ramp = Ramp(step=1001, calls=3, hold=hold)
+    words, asked, readings = _words("fb41", ramp), _asked(27648), _wandering(27648)
+    rows = [[1, end, reading, None] for end, reading in zip(asked, readings, strict=True)]
+    answer = awlsim(_stub(_export(words, "fb41_cont_c.awl")), rows, block=41, asked=20, restart=5000)
+    at = answer["offsets"]["SP_INT"][0]
+    parameters, _ = controller_for("fb41").start(words, {}).parameters
+    assert [bytes.fromhex(row)[at:at + 4] for row in answer["rows"]] == [
+        struct.pack(">f", scaled(parameters, word)[0]) for word in _followed(ramp, 5000, asked, readings)]
 
 
 @pytest.mark.parametrize("ramp", [Ramp(step=37), Ramp(step=90, calls=3)])
@@ -131,12 +193,39 @@ def test_the_structured_text_moves_the_setpoint_in_single_precision(name, ramp):
     program.call(HeaterOn=False, HeaterTemperature=99.0, HeaterSetPoint=40.0)
     begin = float(np.float32(24.3))
     found = [float(program.call(HeaterOn=True, HeaterTemperature=begin + k, HeaterSetPoint=40.0).HeaterRamp) for k in range(700)]
-    assert found == course(ramp, begin, 40.0, 700)
+    assert found == course(ramp, [begin] * 700, 40.0)
     assert found[-1] == 40.0
     # switched off and on again it begins at the reading of that moment, and goes down as well
     program.call(HeaterOn=False, HeaterTemperature=47.0)
     down = [float(program.call(HeaterOn=True, HeaterTemperature=50.0).HeaterRamp) for _ in range(400)]
-    assert down == course(ramp, 50.0, 40.0, 400)
+    assert down == course(ramp, [50.0] * 400, 40.0)
+
+
+@pytest.mark.parametrize("name", ["weg_pid_call.st", "weg_pid_block.st"])
+@pytest.mark.parametrize(("step", "calls", "hold"), [(0.7, 1, 2.1), (0.3, 3, 0.9)])
+def test_the_structured_text_holds_the_setpoint_at_the_reading_in_single_precision(name, step, calls, hold):
+    step, hold = np.float32(step), np.float32(hold)
+    program = _weg_program(_words("weg", Ramp(step=float(step), calls=calls, hold=float(hold))), name)
+    cooler = _weg_program(_words("weg", Ramp(step=float(step), calls=calls, hold=-float(hold))), name)
+    for each in (program, cooler):
+        each.call(HeaterOn=False)
+    readings = np.array(_wandering(10000), dtype=np.float32) / np.float32(100.0)
+    word, asked = readings[0], np.array(_asked(10000), dtype=np.float32) / np.float32(100.0)
+    for call, (end, reading) in enumerate(zip(asked, readings, strict=True), start=1):
+        if call % calls == 0 and word < end:
+            word = min(word + step, end)
+        elif call % calls == 0 and word > max(end, reading - hold):
+            word = max(word - step, end, reading - hold)
+        word = min(word, reading + hold)
+        assert program.call(HeaterOn=True, HeaterTemperature=reading, HeaterSetPoint=end).HeaterRamp == word
+        assert cooler.call(HeaterOn=True, HeaterTemperature=-reading, HeaterSetPoint=-end).HeaterRamp == -word
+
+
+def test_a_sensor_that_breaks_on_the_way_leaves_the_held_ramp_where_it_is_asked_for():
+    program = _weg_program(_words("weg", Ramp(step=0.5, hold=2.0)), "weg_pid_call.st")
+    assert program.call(HeaterOn=True, HeaterTemperature=20.0, HeaterSetPoint=40.0).HeaterRamp == 20.5
+    assert program.call(HeaterOn=True, HeaterTemperature=np.nan).HeaterRamp == 21.0
+    assert program.call(HeaterOn=True, HeaterTemperature=10.0).HeaterRamp == 12.0
 
 
 def test_a_broken_sensor_at_the_start_does_not_poison_the_structured_text():
@@ -157,14 +246,16 @@ def _loaded(running, text):
     return running._replace(parameters=running.parameters._replace(program=assemble(text)))
 
 
-@pytest.mark.parametrize("ramp", [Ramp(step=3), Ramp(step=7, calls=3)])
+@pytest.mark.parametrize("ramp", [Ramp(step=3), Ramp(step=7, calls=3), Ramp(step=7, calls=3, hold=5), Ramp(step=4, hold=9),
+                                  Ramp(step=7, calls=3, hold=-5), Ramp(step=4, hold=-9)])
 def test_the_s7_200_program_makes_the_setpoints_that_the_room_was_told(ramp):
     words, found = _words("s7-200", ramp), controller_for("s7-200")
     told = made = found.start(words, {})
     made = _loaded(made, _export(words, "s7_200_program.awl"))
-    readings, asked = _readings(61, 255), _asked(255)
+    asked = _asked(255)
+    readings = _readings(61, 255) if ramp.hold is None else _wandering(255)
     widths = set()
-    for reading, end, setpoint in zip(readings, asked, _followed(ramp, readings[0], asked), strict=True):
+    for reading, end, setpoint in zip(readings, asked, _followed(ramp, readings[0], asked, readings), strict=True):
         told, one = found.step(told, setpoint, reading)
         made, other = found.step(made, end, reading)
         assert one == other
@@ -174,14 +265,16 @@ def test_the_s7_200_program_makes_the_setpoints_that_the_room_was_told(ramp):
 
 
 @pytest.mark.parametrize("switches", [{}, {"first_call": "setpoint_kept"}])
-@pytest.mark.parametrize("ramp", [Ramp(step=400), Ramp(step=900, calls=3)])
+@pytest.mark.parametrize("ramp", [Ramp(step=400), Ramp(step=900, calls=3), Ramp(step=900, calls=3, hold=640),
+                                  Ramp(step=900, calls=3, hold=-640)])
 def test_the_program_around_the_pid_instruction_makes_the_setpoints_that_the_room_was_told(ramp, switches):
     words, found = _words("s7-200-pid", ramp), controller_for("s7-200-pid")
     told = made = found.start(words, switches)
     made = _loaded(made, _export(words, "s7_200_pid.awl"))
-    readings, asked = _readings(7600, 32000), _asked(32000)
+    asked = _asked(32000)
+    readings = _readings(7600, 32000) if ramp.hold is None else _wandering(32000)
     widths = set()
-    for reading, end, setpoint in zip(readings, asked, _followed(ramp, readings[0], asked), strict=True):
+    for reading, end, setpoint in zip(readings, asked, _followed(ramp, readings[0], asked, readings), strict=True):
         told, one = found.step(told, setpoint, reading)
         # the panel writes the setpoint asked for to VW80; what `step` writes to VD104 is overwritten by the ramp
         made = made._replace(state=made.state._replace(cpu=made.state.cpu.written({"VW80": end, "AIW0": reading})))

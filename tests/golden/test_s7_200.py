@@ -2,6 +2,7 @@
 statement list that is exported against the direct emulation, which knows nothing of it."""
 
 import math
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -118,6 +119,25 @@ def test_the_faults_are_counted_over_all_pairs_of_bytes():
     assert told[0].endswith("32768 of 65536 pairs of setpoint and reading")
     assert len(told) == 6
     assert len(faults(paper_words(gain=20))) == 4  # nothing is multiplied by Ki = 0
+
+
+def test_the_faults_are_counted_with_analog_adjustment_1_in_the_error():
+    # by hand: E = 256·(SP − PV) + POT1 is right on one side of 128 for every POT1, so half of the pairs stay wrong; with
+    # KD = 1, T = 256 and POT1 = 1 every DIV leaves 1, or what is left of 256·SP + 1; with POT1 = 0 none leaves anything
+    for pot1, left in ((0, []), (1, ["65536 of 65536"])):
+        words = paper_words(gain=20)
+        told = faults(replace(words, values=dict(words.values, KD=1, T=256, POT1=pot1)))
+        assert "32768 of 65536" in told[0]
+        assert [line.partition(": ")[2].partition(" pairs")[0] for line in told if line.startswith("DIV")] == left
+
+
+def test_the_edge_of_the_first_scan_is_served_in_the_third():
+    # DIFFERENCES.md; by hand: E = 256·50, VW100 = ⌊20·E/65536⌋ = 3 from the second scan on, added where Q0.0 has risen
+    memory, widths = printed.Memory(), []
+    for _ in range(5):
+        memory = printed.scan(PLAIN, memory, 110, 60, False)
+        widths.append((memory.change, memory.width))
+    assert widths == [(0, 0), (3, 0), (3, 3), (3, 3), (3, 3)]
 
 
 def test_the_papers_constants_are_those_of_its_equation_in_the_longest_cycle_that_they_fit():

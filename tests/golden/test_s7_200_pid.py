@@ -3,6 +3,7 @@
 import json
 import math
 import struct
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -15,6 +16,7 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run
 from heatertune.plc.s7_200_pid.image import to_image
+from heatertune.plc.s7_200_pid.listing import pid_program
 from heatertune.plc.s7_200_pid.words import NO_INTEGRAL
 from heatertune.proof import Scenario, simulate
 
@@ -157,8 +159,20 @@ def test_what_is_no_loop_table_is_refused(image, named):
 def test_decode_reads_a_dumped_loop_table(tmp_path, capsys):
     dump = tmp_path / "loop.bin"
     dump.write_bytes(ROOM.export(ROOM.encode(_design(), Scaling()), Certificate(verdict="PASS"))["VB100_36.bin"])
-    plant = ["--gain", "0.4", "--time-constant", "150", "--dead-time", "10", "--setpoint", "40"]
+    plant = ["--gain", "0.4", "--time-constant", "150", "--dead-time", "10", "--setpoint", "40", "--spec", "paper"]
     status = main(["decode", str(dump), "--target", "s7-200-pid", "--called-every", "7", "--json", *plant])
     document = json.loads(capsys.readouterr().out)
     assert document["realised"]["integral_time_s"] == pytest.approx(300.0)
     assert (status == 0) == (document["proof"]["verdict"] == "PASS")
+
+
+@pytest.mark.parametrize("ramp", [None, 400.0])
+def test_a_start_up_finds_nothing_of_what_v_memory_retained(ramp):
+    # manual p. 9-92: after STOP → RUN the instruction itself initialises neither M nor MX nor PV_{n−1}
+    words = ROOM.encode(_design(tv=9.0), Scaling())
+    words = words if ramp is None else replace(words, ramp=ROOM.ramp(words, ramp))
+    program = assemble(pid_program(words))
+    retained = {f"VD{100 + at}": 0x40490FDB for at in (8, 28, 32)}  # a REAL of 3.14
+    kept = [run(program, "OB1", COLD.written({"AIW0": 8000, "SM0.1": 1} | before)) for before in ({}, retained)]
+    begun = [[cpu.read(f"VD{100 + at}") for at in (8, 28, 32)] for cpu in kept]
+    assert begun[0] == begun[1] == [0, 0, int.from_bytes(struct.pack(">f", 0.25), "big")]

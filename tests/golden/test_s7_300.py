@@ -16,7 +16,7 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.cpu.s7_300.real import real
 from heatertune.plc.s7_300.step import COLD, Assumptions, Parameters, State, call, manual
-from heatertune.proof import Actuator, Kick, Scenario, simulate
+from heatertune.proof import Actuator, Scenario, TemperatureStep, simulate
 
 ROOM = controller_for("s7-300")
 PASS = Certificate(verdict="PASS")
@@ -56,9 +56,9 @@ def _awlsim_says(answer):
 
 
 def _closed_loop(words, seed):
-    """PV of a loop from cold through a kick upwards (OUT at its lower limit) and one downwards (upper), with noise."""
-    kicks = (Kick(time_s=250 * words.sample_time_s, temperature_degC=12.0), Kick(time_s=400 * words.sample_time_s, temperature_degC=-20.0))
-    scenario = Scenario(setpoint_degC=53.3, duration_s=500 * words.sample_time_s, noise_degC=0.1, seed=seed, disturbances=kicks)
+    """PV of a loop from cold through a jump upwards (OUT at its lower limit) and one downwards (upper), with noise."""
+    jumps = (TemperatureStep(time_s=250 * words.sample_time_s, temperature_degC=12.0), TemperatureStep(time_s=400 * words.sample_time_s, temperature_degC=-20.0))
+    scenario = Scenario(setpoint_degC=53.3, duration_s=500 * words.sample_time_s, noise_degC=0.1, seed=seed, disturbances=jumps)
     trace = simulate(ROOM, words, HEATER, scenario, Actuator(pwm_period_s=5.0))
     setpoint = ROOM.measure(words, 53.3)
     return [[1, setpoint, ROOM.measure(words, float(t) + 1e-6), None] for t in trace.reading_degC]

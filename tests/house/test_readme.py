@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from tests.conftest import ROOT, heater_log
+from tests.conftest import ROOT, fan_log, heater_log
 
 from heatertune.cli import COMMANDS, main, parser
 
@@ -23,6 +23,8 @@ def _write_files(folder):
     (folder / "logs").mkdir()
     (folder / "logs" / "zone.csv").write_text(heater_log(0.5, 1))
     (folder / "other_day.csv").write_text(heater_log(0.5, 2))
+    (folder / "oven.csv").write_text(fan_log())
+    (folder / "firing.csv").write_text("target [degC],ramp [degC/h],soak [min]\n35,60,20\n45,30,20\n")
     (folder / "study.toml").write_text(
         "[fixed]\ngain_degC_per_pct = 0.37\ntime_constant_s = 167\ndead_time_s = 12\nambient_degC = 22\n"
         "[grid]\ntarget = ['weg']\n")
@@ -52,8 +54,9 @@ def test_the_example_in_every_commands_help_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     examples = {command._EXAMPLE.split()[2]: command._EXAMPLE.removeprefix("example: ").splitlines()[0] for command in COMMANDS}
     _write_files(tmp_path)
-    for name in ("read", "fit", "validate", "plan", "tune", "pareto", "verify", "export-db", "compare", "advise", "study", "fleet",
-                 "design", "report", "decode", "replay", "targets", "spec", "doctor", "bench", "completion"):
+    assert main(["design", "oven.csv", "--disturbance-column", "fan", "--target", "fb41", "--setpoint", "70", "--out", "oven"]) == 0
+    for name in ("feed-forward", "read", "fit", "validate", "plan", "tune", "pareto", "verify", "export-db", "compare", "advise", "study", "fleet",
+                 "design", "report", "decode", "diff", "replay", "targets", "spec", "doctor", "bench", "completion"):
         # the log of another heater fails, as it should
         assert main(shlex.split(examples.pop(name))[1:]) == (name == "validate"), (name, capsys.readouterr())
     assert set(examples) == set(SERVES)

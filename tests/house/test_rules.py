@@ -3,6 +3,7 @@
 import ast
 import importlib
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -17,9 +18,19 @@ FREE = ("units", "errors", "options", "progress", "settings", "documents", "code
 MODULES = sorted(SOURCE.rglob("*.py"))
 
 
+@cache
+def _nodes(path):
+    return tuple(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
+@cache
 def _imports(path):
     """Return the second part of every heatertune.X that a file imports, wherever it does so, by name or by string."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    return set(_imported(_nodes(path)))
+
+
+def _imported(nodes):
+    for node in nodes:
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -39,15 +50,15 @@ def test_a_stage_imports_only_stages_that_sort_before_it(stage):
 
 def test_what_is_free_to_all_imports_nothing_but_itself_and_nobody_imports_the_command_line():
     for name in FREE:
-        assert set(_imports(SOURCE / f"{name}.py")) <= set(FREE)
+        assert _imports(SOURCE / f"{name}.py") <= set(FREE)
     for path in MODULES:
         if path.parent.name != "cli" and path.name != "__main__.py":
-            assert "cli" not in set(_imports(path)), path
+            assert "cli" not in _imports(path), path
 
 
 def test_the_studio_is_imported_by_its_command_alone_and_its_logic_knows_no_browser():
     for path in MODULES:
-        if "studio" in set(_imports(path)):
+        if "studio" in _imports(path):
             assert path.parent == SOURCE / "studio" or path == SOURCE / "cli" / "studio.py", path
     knowing = {path.stem for path in (SOURCE / "studio").glob("*.py") if "from nicegui" in path.read_text(encoding="utf-8")}
     assert knowing == {"controls", "page", "server"}
@@ -78,9 +89,8 @@ def test_the_package_offers_what_the_readme_uses():
 
 def test_files_and_functions_stay_small():
     for path in MODULES:
-        text = path.read_text(encoding="utf-8")
-        assert text.count("\n") <= 400, path
-        for node in ast.walk(ast.parse(text)):
+        assert path.read_text(encoding="utf-8").count("\n") <= 400, path
+        for node in _nodes(path):
             if isinstance(node, ast.FunctionDef):
                 first = node.body[1].lineno if ast.get_docstring(node) and len(node.body) > 1 else node.body[0].lineno
                 assert node.end_lineno - first <= 60, f"{path}: {node.name}"

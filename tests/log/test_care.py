@@ -89,6 +89,12 @@ def test_gaps_are_told_and_kept(tmp_path):
     assert np.max(np.diff(log.time_s)) == 210.0
 
 
+def test_a_gap_is_more_than_five_times_the_usual_interval(tmp_path):
+    # readings every 10 s: 45 and 50 s are none, 51 s is one
+    for pause, gaps in ((45, 0), (50, 0), (51, 1)):
+        rows = [[str(int(row[0]) + (pause - 10) * (k >= 60)), *row[1:]] for k, row in enumerate(_rows())]
+        assert len(_read(tmp_path, rows).doubts) == gaps
+
 def test_of_several_runs_the_longest_is_read_unless_another_is_asked_for(tmp_path):
     rows = _rows(30) + _rows(60) + _rows(40)
     log = _read(tmp_path, rows)

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from heatertune.errors import LogError, UnknownName
 from heatertune.log import read_log
+from heatertune.log.stamps import is_day_or_month
 
 ROWS = [(10.0 * k, 20.0 + 0.25 * k, 40.0 if k % 7 else 0.0) for k in range(30)]
 
@@ -227,3 +228,39 @@ def test_a_reading_cut_short_above_the_others_is_no_title(tmp_path):
             read_log(_write(tmp_path, _table("").replace("0,20,0\n", f"{first}\n", 1)))
     with pytest.raises(LogError, match="line 1: 2 cells"):
         read_log(_write(tmp_path, text.replace("time_s,temp_C,duty_pct", "time_s,temp_C")))
+
+
+def test_a_separator_is_what_more_than_four_lines_of_five_hold(tmp_path):
+    """Remarks with semicolons on three lines of five are remarks (RFC 4180: the comma separates); a title is no row."""
+    said = ["door; open" if k % 5 < 3 else "" for k in range(30)]
+    rows = "\n".join(f"{10 * k},{20 + k / 4},{said[k]}" for k in range(30))
+    assert read_log(_write(tmp_path, f"time_s,temp_C,remark\n{rows}\n")).temperature_degC[4] == 21.0
+    titles = "Furnace 3\nSerial 12\nBatch 7\nTuesday\n"  # 31 lines of 35 hold one: 89 %
+    log = read_log(_write(tmp_path, titles + _table("time_s;temp_C;duty_pct", separator=";")))
+    assert len(log.time_s) == len(ROWS)
+
+
+@pytest.mark.parametrize(("begins", "ticks_per_s", "first_s"), [
+    (94_000_000, 1, 94_000_000.0),  # a counter of almost three years: seconds since it was switched on
+    (1_000_000_000, 1, 0.0),  # 9 September 2001, 01:46:40 UTC
+    (1_772_359_200, 1, 0.0),  # 1 March 2026, 10:00 UTC, and the same with 13, 16 and 19 digits
+    (1_772_359_200_000, 1_000, 0.0), (1_772_359_200_000_000, 1_000_000, 0.0),
+    (1_772_359_200_000_000_000, 1_000_000_000, 0.0),
+])
+def test_seconds_since_1970_are_told_by_their_digits(tmp_path, begins, ticks_per_s, first_s):
+    rows = "\n".join(f"{begins + 10 * k * ticks_per_s},{20 + k / 4}" for k in range(30))
+    log = read_log(_write(tmp_path, f"time,temp_C\n{rows}\n"))
+    assert log.time_s[0] == first_s
+    assert np.diff(log.time_s) == pytest.approx([10.0] * 29, abs=1e-6)
+
+
+@pytest.mark.parametrize(("dates", "is_either"), [
+    (["03/04/2026", "03/05/2026"], True),  # 3 April and 3 May, or 4 and 5 March
+    (["12/04/2026", "12/05/2026"], True),  # there is a twelfth month
+    (["13/04/2026", "14/04/2026"], False),  # there is no thirteenth
+    (["12/04/2026", "13/04/2026"], False),  # one date that can be read in one way alone tells how all are
+    (["03/04/2026", "03/04/2026"], False),  # one day: the elapsed time is the same in either
+    (["2026-04-03", "2026-05-03"], False),
+])
+def test_slashed_dates_are_refused_where_they_can_be_read_either_way(dates, is_either):
+    assert is_day_or_month(f"{date} 10:00:00" for date in dates) is is_either

@@ -26,6 +26,7 @@ def test_an_ambient_that_leaves_its_interval_is_taken_at_the_nearest_end(log, gi
     assert any(f"its end of {end:g} °C was taken" in note for note in fitted.notes)
 
 
+@pytest.mark.long
 def test_an_ambient_inside_its_interval_stays_free(log):
     fitted = fit(log, ambient_degC=(20.0, 24.0))
     assert fitted.model.ambient_degC == pytest.approx(22.0, abs=0.5)

@@ -33,7 +33,7 @@ CASES = [([60, 60, 80], 3000.0), ([60, 60, 80], 150.0), ([20, 20, 60], 150.0), (
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(("levels", "lag"), CASES)
 def test_a_noisy_cooler_is_refused_by_its_sign(levels, lag, seed):
-    with pytest.raises(InputError, match="cooling loop"):
+    with pytest.raises(InputError, match="a cooler"):
         _explained(_log(levels, lag, seed, cools=True))
 
 

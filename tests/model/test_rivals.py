@@ -141,6 +141,7 @@ def test_a_dead_time_longer_than_the_time_constant_may_be_a_clock_of_the_power_t
         assert notes[0].startswith(f"The dead time of {fitted.model.dead_time_s:.3g} s is longer than the time const")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("logs", [1, 2])
 def test_a_step_in_a_gap_leaves_the_dead_time_open_by_the_gap(logs):
     # lsim's heater of 60 s dead time; nobody saw that the power came 100 s before the reading after the gap

@@ -83,7 +83,7 @@ def test_a_gain_of_the_wrong_sign_is_refused_with_its_size(mirrored):
         log = _log(temperature=80.0 - log.temperature_degC)
     else:
         log = _log(power=100.0 - log.power_pct, temperature=log.temperature_degC)
-    with pytest.raises(InputError, match=r"gain -0\.5 °C/%, time constant 1[45]\d s\).*cooling loop"):
+    with pytest.raises(InputError, match=r"gain -0\.5 °C/%, time constant 1[45]\d s\).*a cooler.*--cooler"):
         fit(log)
 
 

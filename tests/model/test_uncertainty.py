@@ -21,6 +21,7 @@ def _profile_width(kind):
     return found.high - found.low
 
 
+@pytest.mark.long
 def test_the_profile_alone_widens_with_the_noise_s_colour():
     # a mean of AR(1) noise with correlation 0.8 spreads by sqrt((1 + 0.8)/(1 - 0.8)) = 3 times as much as of white
     assert 2.0 < _profile_width("coloured") / _profile_width("white") < 4.5

@@ -61,6 +61,7 @@ def test_a_heater_that_was_warm_at_the_start_is_no_fault_of_the_model():
     assert _judged(log).runs[0].rmse_degC < 0.02
 
 
+@pytest.mark.long
 def test_every_heater_that_designs_are_made_for_is_judged_and_the_working_model_only_shown():
     time, power = doublet()
     log = logged(time, power, second=60.0, dead=5.0)

@@ -104,6 +104,7 @@ def test_the_margins_of_three_lags_are_those_that_matlab_prints():
     assert ms == pytest.approx(1.0 / np.abs(1.0 + loop).min())
 
 
+@pytest.mark.long
 def test_ms_is_met_at_two_gains_and_both_are_found_with_their_costs():
     # the trap of this project's own notes on tuning: Ms(K) is not monotone, and the load IAE differs 51 times;
     # gains and costs were computed there by another program
@@ -130,6 +131,7 @@ def test_inside_a_piece_every_limit_is_kept_and_at_its_top_one_is_met(limits, se
         assert max(found / limit for found, limit in zip(at, limits, strict=True)) == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.long
 def test_the_first_piece_begins_at_zero_and_no_piece_is_unstable():
     # Routh: the loop K·(1 + 1/s)/((s + 1)(s + 1)) = K/(s(s + 1)) is stable at every K; with e^(−sL), L·K < π/2 at most
     plant = _heater(1.0)
@@ -261,6 +263,7 @@ def test_a_grid_is_searched_from_its_middle_and_holds_numpys_points():
     assert np.sort(continuous_optimum._outwards(0.3, 70.0, 14)) == pytest.approx(np.geomspace(0.3, 70.0, 14))
 
 
+@pytest.mark.long
 def test_a_larger_share_of_the_setpoint_costs_load_and_gains_setpoint():
     plant = _heater(0.3)
     found = [optimum(_problem(plant, weight=w)) for w in (0.0, 0.5, 1.0)]
@@ -271,6 +274,7 @@ def test_a_larger_share_of_the_setpoint_costs_load_and_gains_setpoint():
     assert load[0] == pytest.approx(_problem(plant).cost(optimum(_problem(plant))), rel=1e-4)
 
 
+@pytest.mark.long
 def test_units_of_time_and_gain_only_scale_the_answer():
     # s → 60·s and °C → 7·°C: K goes with 1/gain, the times with the time, ∫|e| dt with both
     one, other = optimum(_problem(_heater(0.4, 2.0), "pid")), optimum(_problem(_heater(24.0, 120.0, 7.0), "pid"))
@@ -279,6 +283,7 @@ def test_units_of_time_and_gain_only_scale_the_answer():
     assert other.derivative_time_s / 60.0 == pytest.approx(one.derivative_time_s, rel=1e-6)
 
 
+@pytest.mark.long
 def test_the_limit_holds_on_every_model_and_one_decides():
     plants = (_heater(0.2), _heater(0.5, lag=1.5, gain=1.3))
     for structure in ("p", "pi", "pid"):
@@ -289,6 +294,7 @@ def test_the_limit_holds_on_every_model_and_one_decides():
         assert margins(plants, design)[0].ms == pytest.approx(1.5, rel=1e-3)
 
 
+@pytest.mark.long
 def test_the_global_check_refutes_a_local_answer_and_agrees_with_the_global_one():
     problem = _problem(_heater(0.05), "pid")
     trapped = _design(0.29820539, 0.13042, 0.02029)  # the lower root of the trap
@@ -318,6 +324,7 @@ def test_specs_that_contradict_themselves_are_told(specs, error, told):
         _problem(_heater(1.0, gain=0.5), **specs)
 
 
+@pytest.mark.long
 def test_a_kick_of_the_derivative_far_shorter_than_a_step_of_time_costs_what_it_costs():
     # the step of this integration is 0.025, the kick dies with TV/10 = 0.0008: its area K·TV has to act all the same;
     # expected: plain Euler steps of 2e-5, without this program. (A straight line between steps made it 9 % less.)
@@ -336,6 +343,7 @@ def test_a_kick_of_the_derivative_far_shorter_than_a_step_of_time_costs_what_it_
         assert _price(heaters, np.eye(4)[1:2], gain, tn, tv, finer, NONE) == pytest.approx(area, rel=3e-3)
 
 
+@pytest.mark.long
 def test_a_gain_beyond_an_excluded_interval_is_no_piece_because_mks_ends_there():
     # without dead time, TN short: |1 + K·h|² < 1/Ms² from the first edge on, so K = Mks is not feasible
     plant = _heater(0.0, lag=3.0, gain=0.5)
@@ -413,6 +421,7 @@ def test_without_dead_time_no_pid_of_a_brute_force_beats_the_optimum_under_limit
     assert 0.95 * best < problem.cost(design) < 1.002 * best
 
 
+@pytest.mark.long
 def test_a_heater_without_dead_time_has_no_best_gain_without_a_limit_on_noise():
     for structure in ("p", "pi", "pid"):
         with pytest.raises(InputError, match="--mks, or give the dead time"):
@@ -429,6 +438,7 @@ def test_the_gain_margin_of_a_loop_that_never_reaches_minus_180_degrees_is_witho
     assert found.ms == 1.0
 
 
+@pytest.mark.long
 def test_a_slow_enough_controller_keeps_every_limit_that_is_possible():
     # on a stable heater T = 1 and C·S = 1/k at frequency 0 are the least there is; slow integral action reaches both
     design = optimum(_problem(_heater(0.5), ms=1.001, mt=1.0, mks=1.0))

@@ -109,6 +109,7 @@ def test_every_limit_is_kept_not_that_of_ms_alone(sample_time_s):
     assert tight.iae_load > 1.05 * loose.iae_load
 
 
+@pytest.mark.long
 def test_a_structure_without_integral_action_is_guarded_too():
     fitted = _fitted(**WIDE)
     plain, kept = (tune(fitted, structure="p", sample_time_s=0.0, robust=way) for way in ("none", "worst"))
@@ -120,6 +121,7 @@ def test_a_structure_without_integral_action_is_guarded_too():
     assert any(f"That costs {more:.1f} %" in note for note in kept.notes)
 
 
+@pytest.mark.long
 def test_where_the_log_leaves_next_to_nothing_open_robustness_costs_as_little():
     # of 200 heaters drawn with a standard deviation of 1.3e-4 none has a gain more than 4 of these above the middle one
     narrow = _fitted(gain_degC_per_pct=Interval(low=0.3999, high=0.4001))
@@ -189,6 +191,7 @@ def test_a_heater_that_cools_slower_is_told_gains_for_each_and_what_one_set_cost
         assert numbers[1] == pytest.approx(own.integral_time_s, rel=0.05)
 
 
+@pytest.mark.long
 def test_what_one_set_costs_is_the_ratio_of_the_load_responses_of_a_linear_program():
     # without dead time the loop is of finite order and scipy knows its response
     heating = Fopdt(gain_degC_per_pct=0.4, time_constant_s=160.0, dead_time_s=0.0)

@@ -36,6 +36,7 @@ def test_ob251_is_given_the_best_of_the_gains_that_its_word_holds():
     assert choose_words(held, "s5-ob251", fitted).words.whole["K"] <= 32767
 
 
+@pytest.mark.long
 def test_ob251_is_given_a_d_part_that_its_word_holds():
     fitted = model_by_hand(SMALL)
     free, held = tune(fitted, structure="pid"), tune(fitted, structure="pid", target="s5-ob251")

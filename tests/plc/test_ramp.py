@@ -37,13 +37,64 @@ def _words(target, scaling=None):
     (None, 491, 552, [552, 552]),
 ], ids=["every second call", "down", "through zero", "one step", "no way", "single precision", "no ramp"])
 def test_a_ramp_is_the_row_worked_out_by_hand(ramp, begin, asked, rows):
-    assert course(ramp, begin, asked, len(rows)) == rows
+    assert course(ramp, [begin] * len(rows), asked) == rows
+
+
+@pytest.mark.parametrize(("ramp", "readings", "asked", "rows"), [
+    # the reading follows late, falls while the circuit is open, and comes back: the setpoint is 30 above it at most
+    (Ramp(step=20, hold=30), [500, 500, 505, 515, 470, 480, 500], 560, [520, 530, 535, 545, 500, 510, 530]),
+    # down: not below the reading less 30; from there on it waits, and is not lifted when the reading rises
+    (Ramp(step=20, hold=30), [560, 560, 555, 540, 545, 570, 520], 500, [540, 530, 525, 510, 510, 510, 500]),
+    # between the steps it does not rise, but falls with the reading
+    (Ramp(step=20, calls=2, hold=30), [500, 500, 470, 470, 480, 510], 560, [500, 520, 500, 500, 500, 520]),
+    # it is where it shall be, and the heater too hot: it stays
+    (Ramp(step=20, hold=30), [500, 600, 600], 500, [500, 500, 500]),
+    (Ramp(step=0.5, hold=0.25), [24.0, 24.0, math.nan, 24.25], 25.0, [24.25, 24.25, 24.75, 24.5]),
+    # a cooler's: the first row, each number below 560 now as far above it
+    (Ramp(step=20, hold=-30), [620, 620, 615, 605, 650, 640, 620], 560, [600, 590, 585, 575, 620, 610, 590]),
+    (Ramp(step=0.5, hold=-0.25), [26.0, 26.0, math.nan, 25.75], 25.0, [25.75, 25.75, 25.25, 25.5]),
+], ids=["up", "down", "between steps", "at rest", "single precision, a broken sensor", "cooler", "cooler, single precision"])
+def test_a_holdback_is_the_row_worked_out_by_hand(ramp, readings, asked, rows):
+    assert course(ramp, readings, asked) == rows
+
+
+@given(ramps, st.integers(1, 300), st.lists(words_, min_size=1, max_size=40), words_)
+def test_a_held_setpoint_is_not_above_the_band_and_goes_down_on_purpose_only(ramp, hold, readings, asked):
+    ramp = replace(ramp, hold=hold)
+    way = [readings[0], *course(ramp, readings, asked)]
+    for before, word, reading in zip(way[:-1], way[1:], readings, strict=True):
+        assert word <= reading + hold
+        assert word - before <= ramp.step
+        if word < before:
+            assert before > reading + hold or (before > asked and word >= reading - hold)
+
+
+@given(ramps, st.integers(1, 300), st.lists(words_, min_size=1, max_size=40), words_)
+def test_a_cooler_is_held_as_its_mirror_image(ramp, hold, readings, asked):
+    heating = course(replace(ramp, hold=hold), readings, asked)
+    assert course(replace(ramp, hold=-hold), [-one for one in readings], -asked) == [-word for word in heating]
+
+
+def test_a_holdback_of_a_room_is_told_in_its_units_and_read_back():
+    # 2 °C of 0…100 °C: 40.94 of 2047 units
+    found, words = controller_for("s5-ob251"), _words("s5-ob251")
+    ramp = found.ramp(words, 3.0, hold_degC=2.0)
+    assert ramp == Ramp(step=4, hold=41)
+    assert found.hold_degC(replace(words, ramp=ramp)) == pytest.approx(41 / 20.47)
+    assert found.ramp(words, 3.0, hold_degC=-2.0) == replace(ramp, hold=-41)
+    assert found.hold_degC(replace(words, ramp=replace(ramp, hold=-41))) == found.hold_degC(replace(words, ramp=ramp))
+    assert found.hold_degC(words) is found.hold_degC(replace(words, ramp=Ramp(step=4))) is None
+    assert controller_for("weg").ramp(_words("weg"), 3.0, hold_degC=2.0).hold == 2.0
+    with pytest.raises(OutOfRange, match="setpoint_hold_degC = 0"):
+        found.ramp(words, 3.0, hold_degC=0.0)
+    with pytest.raises(OutOfRange, match="ramp hold = 3000"):
+        found.check_ramp(replace(words, ramp=Ramp(step=4, hold=3000)))
 
 
 @given(ramps, words_, words_)
 def test_a_ramp_never_turns_never_goes_beyond_and_arrives_when_the_steps_are_done(ramp, begin, asked):
     arrival = math.ceil(abs(asked - begin) / ramp.step) * ramp.calls
-    way = np.array([begin, *course(ramp, begin, asked, arrival + 3)])
+    way = np.array([begin, *course(ramp, [begin] * (arrival + 3), asked)])
     sign = -1 if asked < begin else 1
     assert (np.diff(way) * sign >= 0).all()
     assert (np.abs(np.diff(way)) <= ramp.step).all()
@@ -54,7 +105,7 @@ def test_a_ramp_never_turns_never_goes_beyond_and_arrives_when_the_steps_are_don
 
 @given(singles, singles, st.floats(0.5, 50.0, width=32))
 def test_a_ramp_of_reals_stays_in_single_precision_and_arrives(begin, asked, step):
-    way = course(Ramp(step=step), begin, asked, math.ceil(abs(asked - begin) / step) + 5)
+    way = course(Ramp(step=step), [begin] * (math.ceil(abs(asked - begin) / step) + 5), asked)
     assert way[-1] == asked
     assert all(float(np.float32(each)) == each for each in way)
     # NumPy's float32 does the same sums
@@ -65,7 +116,7 @@ def test_a_ramp_of_reals_stays_in_single_precision_and_arrives(begin, asked, ste
 
 
 def test_a_setpoint_that_is_no_number_is_left_at_once():
-    assert moved(math.nan, 40.0, 0.5) == 40.0
+    assert moved(math.nan, 40.0, Ramp(step=0.5), 20.0) == 40.0
 
 
 @given(st.floats(0.001, 500.0))
@@ -142,11 +193,14 @@ def test_a_ramp_that_the_setpoint_word_cannot_follow_is_refused(target, step):
 
 
 @pytest.mark.parametrize("bad", [{"step": 0}, {"step": -3}, {"step": math.nan}, {"step": 0.1}, {"step": 1, "calls": 0},
-                                 {"step": 1, "calls": 2.0}, {"step": 1, "calls": True}, {"step": 1, "calls": 40000}])
+                                 {"step": 1, "calls": 2.0}, {"step": 1, "calls": True}, {"step": 1, "calls": 40000},
+                                 {"step": 1, "hold": 0}, {"step": 1, "hold": 2.0}, {"step": 0.5, "hold": 0.1}])
 def test_a_ramp_that_makes_no_sense_is_refused(bad):
     with pytest.raises(OutOfRange, match="ramp"):
         Ramp(**bad)
 
 
 def test_a_ramp_says_what_it_is():
+    assert str(Ramp(step=4, hold=41)) == "4 units every call, held within 41 units of the reading"
+    assert str(Ramp(step=4, hold=-41)) == "4 units every call, held within 41 units of the reading (of a cooler)"
     assert (str(Ramp(step=4)), str(Ramp(step=0.25, calls=3))) == ("4 units every call", "0.25 units every 3 calls")

@@ -9,8 +9,9 @@ import pytest
 import heatertune as ht
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.plc import TARGETS, controller_for
-from heatertune.plc.ramp import Ramp
+from heatertune.plc.ramp import Ramp, moved
 from heatertune.proof.loop import simulate
+from heatertune.proof.scenario import Mains, NewSetpoint
 
 HEATER = ht.Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 SCENARIO = ht.Scenario(setpoint_degC=45.0, duration_s=400.0, noise_degC=0.05, seed=3)
@@ -64,6 +65,30 @@ def test_a_setpoint_ramp_is_followed_from_the_first_reading_on():
     assert [c(reading, 45.0) for reading in readings(trace)] == trace.power_asked_pct.tolist()
     with pytest.raises(OutOfRange, match="ramp step"):
         replace(words, ramp=Ramp(step=30000)).controller()
+
+
+@pytest.mark.parametrize(("target", "ramp"), [
+    ("s5-ob251", Ramp(step=11, calls=2, hold=30)), ("weg", Ramp(step=0.5, hold=1.5)), ("s7-200", Ramp(step=2, hold=3)),
+    ("s5-ob251", Ramp(step=11, calls=2, hold=-30)), ("weg", Ramp(step=0.5, hold=-1.5)),
+])
+def test_a_held_ramp_is_that_of_the_proof_compiled_and_plain(target, ramp, monkeypatch):
+    words, room = replace(words_of(target), ramp=ramp), controller_for(target)
+    opened = replace(SCENARIO, noise_degC=0.3, disturbances=(
+        Mains(time_s=150.0, share=0.0), Mains(time_s=220.0, share=1.0), NewSetpoint(time_s=300.0, setpoint_degC=33.0)))
+    unit = 100.0 / (room.measure(words, 100.0) - room.measure(words, 0.0))
+    for compiles in (True, False):
+        monkeypatch.setattr("heatertune.proof.loop.worth_compiling", lambda *_, compiles=compiles: compiles)
+        trace = simulate(room, words, HEATER, opened, ht.Actuator(pwm_period_s=2.0))
+        asked = [room.measure(words, 45.0 if t < 300.0 else 33.0) for t in trace.time_s]
+        seen, led = [], None
+        rows = [round(each / unit) if unit < 1.0 else float(np.float32(each)) for each in trace.reading_degC]
+        for call, (reading, end) in enumerate(zip(rows, asked, strict=True), start=1):
+            led = moved(reading if led is None else led, end, ramp, reading, due=call % ramp.calls == 0)
+            seen.append(led)
+        assert trace.followed_degC == pytest.approx(np.array(seen) * unit, abs=1e-9)
+        # the sum is a single, whose last digit is 3.8e-6 here
+        beyond = (trace.followed_degC - trace.reading_degC) * (-1.0 if ramp.cools else 1.0)
+        assert beyond.max() <= abs(ramp.hold) * unit + 3.8e-6
 
 
 def test_the_setpoint_stays_until_another_one_comes_and_a_reset_begins_anew():

@@ -21,7 +21,7 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.replay import replay
 from heatertune.plc.weg.export import literal
-from heatertune.proof import Actuator, Kick, Scenario, simulate
+from heatertune.proof import Actuator, Scenario, TemperatureStep, simulate
 
 ROOM = controller_for("weg")
 HEATER = Fopdt(gain_degC_per_pct=0.4, time_constant_s=150.0, dead_time_s=10.0, ambient_degC=20.0)
@@ -58,8 +58,8 @@ def _bits(values):
     _words(Type=1, Ki=0.0625, Kd=24.0), _words(TauSetPoint=30.0, MinimumOutput=5.0, MaximumOutput=80.0),
 ], ids=["pid", "pi", "p", "rough", "parallel", "filter and limits"])
 def test_the_exported_block_runs_a_whole_loop_as_the_room_does(words):
-    kick = Kick(time_s=900.0, temperature_degC=-6.0)
-    scenario = Scenario(setpoint_degC=45.0, duration_s=1500.0, disturbances=(kick,), noise_degC=0.05)
+    jump = TemperatureStep(time_s=900.0, temperature_degC=-6.0)
+    scenario = Scenario(setpoint_degC=45.0, duration_s=1500.0, disturbances=(jump,), noise_degC=0.05)
     trace = simulate(ROOM, words, HEATER, scenario, Actuator(pwm_period_s=2.0))
     instance, setpoint = _instance(words), ROOM.measure(words, 45.0)
     found_ = [

@@ -1,5 +1,6 @@
 """A room so simple that its answers can be worked out by hand."""
 
+import math
 from dataclasses import dataclass, field, replace
 
 import pytest
@@ -27,6 +28,7 @@ class TenthsRoom:
     name: str = "tenths"
     counts: int = 1000  # over 0…100 °C
     direct: object = None
+    delay_s: float = 0.0
 
     def check(self, words):
         assert set(words.values) == {"K", "TN"}
@@ -47,6 +49,15 @@ class TenthsRoom:
     def measure(self, words, temperature_degC):
         low, high = words.scaling.low_degC, words.scaling.high_degC
         return round(10.0 * min(max(temperature_degC, low), high))
+
+    def ends(self, words):
+        return self.measure(words, words.scaling.low_degC), self.measure(words, words.scaling.high_degC)
+
+    def ramp_degC_per_min(self, words):
+        return math.inf if words.ramp is None else 6.0 * words.ramp.step / words.ramp.calls / words.sample_time_s
+
+    def hold_degC(self, words):
+        return None if words.ramp is None or words.ramp.hold is None else words.ramp.hold / 10.0
 
     def start(self, words, switches):
         return Running((words, settings_of(self.switches, switches)), (0, 0.0))

@@ -87,7 +87,7 @@ def test_what_does_not_follow_from_the_values_is_refused_even_under_a_digest_of_
 
 @pytest.mark.parametrize("command", ["export-db", "report"])
 @pytest.mark.parametrize(("old", "new", "told"), [
-    ('"duration_s": 3000.0', '"duration_s": 3001.0', "digest: of another proof"), ('"seed": 0', '"seed": 1', "digest: of another proof"),
+    ('"noise_degC": 0.0', '"noise_degC": 0.1', "digest: of another proof"), ('"seed": 0', '"seed": 1', "digest: of another proof"),
     ('"faults": []', '"faults": ["x"]', "digest: of another proof"), ('"value": 1.0', '"value": NaN', "no JSON document: NaN is no number"),
 ])
 def test_a_changed_text_is_refused(old, new, told, command, folder, tmp_path, capsys):
@@ -103,6 +103,55 @@ def test_a_changed_text_is_refused(old, new, told, command, folder, tmp_path, ca
 def test_a_proof_of_other_words_is_refused(field, value, command, folder, tmp_path, capsys):
     proof = digested(json.loads((folder / "proof.json").read_text()) | {field: value})
     assert f"the proof of other words ({field})" in _refusal(command, folder, tmp_path, json.dumps(proof), capsys, status=1)
+
+
+@pytest.mark.parametrize("command", ["export-db", "report"])
+def test_a_proof_of_some_settings_of_what_the_manual_leaves_open_is_refused(command, folder, tmp_path, capsys):
+    proof = json.loads((folder / "proof.json").read_text())
+    whole, proof["runs"] = proof["runs"], proof["runs"][:-1]
+    for name, criterion in proof["criteria"].items():  # the worst of what is left
+        values = [run["criteria"][name]["value"] for run in proof["runs"]]
+        criterion["value"] = min(values) if criterion["bound"] == ">=" else max(values)
+    told = _refusal(command, folder, tmp_path, json.dumps(digested(proof)), capsys)
+    gone = ", ".join(f"{name} = {setting}" for name, setting in whole[-1]["switches"].items())
+    assert f"proof.json: runs: none on {whole[-1]['model']} under {gone}: no whole proof" in told
+
+
+def _with_samples(folder, here, passing):
+    """Copy a design, its proof with samples of which so many pass, as `verify --samples -o proof.json` writes it."""
+    shutil.copytree(folder, here)
+    proof = json.loads((here / "proof.json").read_text())
+    verdict = "PASS" if passing >= 0.95 else "FAIL"
+    settings = [{"switches": {"sum": setting}, "passing": share} for setting, share in (("limited", 1.0), ("unlimited", passing))]
+    proof["samples"] = {"verdict": verdict, "count": 40, "seed": 0, "quantile": 0.95, "passing": passing, "settings": settings,
+                        "worst_seed": 3, "spread": {}, "criteria": {}}
+    (here / "proof.json").write_text(json.dumps(digested(proof | {"verdict": verdict})))
+
+
+def test_samples_that_fail_are_no_pass_of_the_words(folder, tmp_path, capsys):
+    here, out = tmp_path / "in", tmp_path / "out"
+    _with_samples(folder, here, 0.45)
+    export = ["export-db", str(here / "words.json"), "--target", "s5-ob251", "-o", str(out), "--quiet"]
+    assert main(export) == 1
+    told = capsys.readouterr().err
+    assert told.startswith("error: FAIL at ")
+    assert "45 % of 40 samples keep every limit under sum = unlimited" in told
+    assert not out.exists()
+    assert main([*export, "--force"]) == 0
+    words = json.loads((out / "words.json").read_text())
+    assert (words["verdict"], words["forced"]) == ("FAIL", True)
+    listing = (out / "DB30_listing.txt").read_text()
+    assert "45 % of 40 samples keep every limit under sum = unlimited" in listing
+    assert main(["report", str(here), "--quiet"]) == 2, "its words.json still says PASS"
+    assert "words.json: verdict: 'PASS'; proof.json beside it says 'FAIL': export the words again" in capsys.readouterr().err
+
+
+def test_samples_that_pass_let_the_words_pass_and_stand_in_the_certificate(folder, tmp_path):
+    here, out = tmp_path / "in", tmp_path / "out"
+    _with_samples(folder, here, 0.975)
+    assert main(["export-db", str(here / "words.json"), "--target", "s5-ob251", "-o", str(out), "--quiet"]) == 0
+    assert json.loads((out / "words.json").read_text())["verdict"] == "PASS"
+    assert "97.5 % of 40 samples keep every limit" in (out / "DB30_listing.txt").read_text()
 
 
 def _refusal(command, folder, tmp_path, proof, capsys, status=2):

@@ -10,12 +10,13 @@ from heatertune.compiled import bound
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.model.values import Fopdt
 from heatertune.plc.cpu.one_bit.machine import State
-from heatertune.proof import Actuator, Interlock, Kick, Scenario, judge, prove_models, simulate
+from heatertune.proof import Actuator, Interlock, Scenario, TemperatureStep, judge, prove_models, simulate
 from heatertune.proof.criteria import Limits
 from heatertune.proof.interlock import _BITS, INTERLOCKS, _scan
 from heatertune.proof.kernel import LOAD, Clock, Events, Record, run
 from heatertune.proof.meter import no_meter
 from heatertune.proof.plant import Plant
+from heatertune.proof.program import Program
 
 HEATER = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=6.5, ambient_degC=20.0)
 PWM = Actuator(pwm_period_s=2.0)
@@ -27,7 +28,7 @@ def _interlock(limit=90.0, **kept):
 
 
 def test_a_limit_above_the_run_changes_nothing_bit_for_bit(tenths, words, any_heater):
-    scenario = Scenario(setpoint_degC=40.0, duration_s=600.0, disturbances=(Kick(time_s=300.0, temperature_degC=-4.0),),
+    scenario = Scenario(setpoint_degC=40.0, duration_s=600.0, disturbances=(TemperatureStep(time_s=300.0, temperature_degC=-4.0),),
                         noise_degC=0.1, seed=3)
     free = simulate(tenths, words(), any_heater, scenario, PWM)
     watched = simulate(tenths, words(), any_heater, scenario, PWM, interlock=_interlock(60.0))
@@ -111,7 +112,7 @@ def test_the_contact_opens_at_the_first_scan_that_finds_the_heater_hot(temperatu
 
 
 def test_a_limit_below_the_setpoint_fails_the_proof(tenths, words, heater):
-    scenario = Scenario(setpoint_degC=50.0, duration_s=2000.0, disturbances=(Kick(time_s=1200.0, temperature_degC=-3.0),))
+    scenario = Scenario(setpoint_degC=50.0, duration_s=2000.0, disturbances=(TemperatureStep(time_s=1200.0, temperature_degC=-3.0),))
 
     def proven(limit):
         return prove_models(tenths, words(gain=6.0), [("one", heater)], scenario, PWM, interlock=_interlock(limit))
@@ -136,12 +137,12 @@ def test_the_program_rests_until_its_inputs_change(fan, contact, hot, turns):
 
 def test_a_cut_ends_the_pulse_that_runs_and_switches_nothing_on_afterwards():
     def edges(cut):
-        ring, none = [0.0] * 16, [0.0] * 11
+        ring, none = [0.0] * 16, [0.0]
         never = Events([math.inf], [LOAD], [0.0])
         heater = Plant(0.5, 150.0, 0.0, 1.0, 20.0)
         half = bound(run, step=lambda *_: (None, 50.0, 50.0, 0), measure=lambda _, y: y)
-        record = Record(False, *8 * [[]])
-        switched, _ = half(None, None, None, Clock(1.0, none, none, none), heater, 20.0, never, PWM.numbers, cut, ring,
+        record, program = Record(False, *9 * [[]]), Program([40.0], [1], 0.0, 0, 0.0, [0.0])
+        switched, _ = half(None, None, None, Clock(1.0, 11, none, none), program, heater, 20.0, never, PWM.numbers, cut, ring,
                            record, no_meter())
         return ring[:switched]
 

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from heatertune.errors import OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import Margins
-from heatertune.proof import Actuator, Criterion, Kick, Limits, Load, Scenario, Trace, judge
+from heatertune.proof import Actuator, Criterion, Limits, Load, Scenario, TemperatureStep, Trace, judge
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.judge import _stays_within
+from heatertune.proof.scenario import Phase
 
 PERIOD = 0.05
 AMBIENT, SETPOINT = 20.0, 60.0
@@ -77,7 +78,8 @@ def test_the_crossing_into_the_band_is_found_between_the_samples():
     trace = _trace(lambda _t: 57.0, 20.0)
     trace = replace(trace, stretches=np.array([[10.0, 57.0, 57.0, 62.0]]))
     times, error = np.array([0.0, 10.0, 30.0]), np.array([-5.0, -3.0, 1.0])
-    assert _stays_within(trace, times, error, 2.0) == pytest.approx(10.0 + 50.0 * math.log(5.0 / 4.0))
+    phase = Phase(begin_s=0.0, end_s=30.0, rest_s=30.0, limit_s=30.0, setpoint_degC=SETPOINT, kind="heat-up", up=True, by_power=True)
+    assert _stays_within(trace, phase, times, error, 2.0) == pytest.approx(10.0 + 50.0 * math.log(5.0 / 4.0))
 
 
 def test_what_never_settles_fails_and_is_null_in_json():
@@ -113,21 +115,21 @@ def test_rest_lasts_at_least_three_pwm_periods():
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_recovery_from_a_kick_is_the_closed_form(sign):
+def test_recovery_from_a_jump_is_the_closed_form(sign):
     def course(t):
         return _first_order(t, 5.0) + (sign * 8.0 * math.exp(-(t - 100.0) / 15.0) if t >= 100.0 else 0.0)
 
-    found = _judged(_trace(course, 200.0, disturbances=(Kick(time_s=100.0, temperature_degC=sign * 8.0),)))
+    found = _judged(_trace(course, 200.0, disturbances=(TemperatureStep(time_s=100.0, temperature_degC=sign * 8.0),)))
     assert found["recovery_time"].value == pytest.approx(15.0 * math.log(10.0), abs=PERIOD)
     assert found["recovery_time"].limit == pytest.approx(100.0)
     assert found["deviation"].value == pytest.approx(8.0)
     assert found["recovery_overshoot"].value == pytest.approx(0.0, abs=1e-6)
     assert found["settling_time"].limit == pytest.approx(100.0)
-    assert found["overshoot"].value == 0.0, "the kick is not part of the heat-up"
+    assert found["overshoot"].value == 0.0, "the jump is not part of the heat-up"
 
 
 @pytest.mark.parametrize("disturbance", [
-    Kick(time_s=100.0, temperature_degC=-8.0), Load(time_s=100.0, power_pct=-20.0),
+    TemperatureStep(time_s=100.0, temperature_degC=-8.0), Load(time_s=100.0, power_pct=-20.0),
 ])
 def test_overshoot_after_a_disturbance_is_on_its_other_side(disturbance):
     def course(t):
@@ -140,7 +142,7 @@ def test_overshoot_after_a_disturbance_is_on_its_other_side(disturbance):
 
 
 def test_of_several_disturbances_the_worst_counts():
-    both = (Kick(time_s=80.0, temperature_degC=-4.0), Kick(time_s=160.0, temperature_degC=5.0))
+    both = (TemperatureStep(time_s=80.0, temperature_degC=-4.0), TemperatureStep(time_s=160.0, temperature_degC=5.0))
 
     def course(t):
         return _first_order(t, 5.0) + sum(

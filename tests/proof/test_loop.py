@@ -13,7 +13,7 @@ from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Ramp
-from heatertune.proof import Actuator, Kick, Load, Scenario, simulate, simulate_wish
+from heatertune.proof import Actuator, Load, Scenario, TemperatureStep, simulate, simulate_wish
 from heatertune.proof.ideal import _law_of, _State, _step
 from heatertune.proof.loop import noise_of
 
@@ -34,14 +34,14 @@ def _power(trace, model, t):
 def _integrated(trace, model):
     """The temperature at each scan by SciPy's solver, one switching instant after the other."""
     first, second = _lags(model)
-    kicks = {each.time_s: each.temperature_degC for each in trace.scenario.disturbances if isinstance(each, Kick)}
+    jumps = {each.time_s: each.temperature_degC for each in trace.scenario.disturbances if isinstance(each, TemperatureStep)}
     loads = [each for each in trace.scenario.disturbances if isinstance(each, Load)]
     acting = [each.time_s + model.dead_time_s for each in loads]
-    stops = sorted({*trace.time_s, *(trace.edge_time_s + model.dead_time_s), *kicks, *acting})
+    stops = sorted({*trace.time_s, *(trace.edge_time_s + model.dead_time_s), *jumps, *acting})
     state = np.full(2, 20.0)
     seen = []
     for left, right in pairwise([*stops, stops[-1] + 1.0]):
-        state = state + kicks.get(left, 0.0)
+        state = state + jumps.get(left, 0.0)
         if left in trace.time_s:
             seen.append(state[0])
         added = sum(each.power_pct for each, at in zip(loads, acting, strict=True) if at <= left)
@@ -56,7 +56,7 @@ def _integrated(trace, model):
 
 def test_the_heater_agrees_with_an_ode_solver(any_heater, tenths, words):
     scenario = Scenario(setpoint_degC=40.0, duration_s=300.0, disturbances=(
-        Kick(time_s=151.3, temperature_degC=-5.0), Load(time_s=200.1, power_pct=-7.0)))
+        TemperatureStep(time_s=151.3, temperature_degC=-5.0), Load(time_s=200.1, power_pct=-7.0)))
     trace = simulate(tenths, words(gain=6.0, ta=4.0), any_heater, scenario, Actuator(pwm_period_s=7.0))
     assert len(trace.edge_time_s) > 30, "the loop has to switch, or half of it is not tested"
     assert trace.temperature_degC == pytest.approx(_integrated(trace, any_heater), abs=1e-6)
@@ -196,8 +196,8 @@ def test_loads_add_up(constant, words, heater):
     assert trace.temperature_degC[-1] == pytest.approx(24.0, abs=1e-5)
 
 
-def test_a_kick_is_seen_by_the_scan_at_its_instant(any_heater, tenths, words):
-    scenario = Scenario(setpoint_degC=40.0, duration_s=400.0, disturbances=(Kick(time_s=200.0, temperature_degC=-8.8),))
+def test_a_jump_is_seen_by_the_scan_at_its_instant(any_heater, tenths, words):
+    scenario = Scenario(setpoint_degC=40.0, duration_s=400.0, disturbances=(TemperatureStep(time_s=200.0, temperature_degC=-8.8),))
     trace = simulate(tenths, words(), any_heater, scenario, FAST)
     at, jump = trace.temperature_at(200.0), trace.temperature_at(200.0) - trace.temperature_at(200.0, before=True)
     assert jump == pytest.approx(-8.8)

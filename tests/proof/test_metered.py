@@ -16,18 +16,19 @@ from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.proof import (
     Actuator,
     Interlock,
-    Kick,
     Limits,
     Load,
     Scenario,
+    TemperatureStep,
     judge,
     paper_scenario,
     prove_models,
+    runs,
     simulate,
 )
-from heatertune.proof import prove_models as proving
 from heatertune.proof.measured import Measured, columns_of
-from heatertune.proof.meter import TOTALS
+from heatertune.proof.meter import COLUMNS, SETTLED, TOTALS
+from heatertune.proof.scenario import delayed, phases_of
 
 #: between both ways: they add up in another order and take exponentials over other times
 NEAR = {"rel": 1e-9, "abs": 1e-9}
@@ -49,7 +50,7 @@ def heaters(chance, count):
 def conditions(chance):
     """A scenario, a switch and limits."""
     end = chance.choice([240.0, 300.0, 301.3])
-    shaken = [Kick(time_s=end * 0.5, temperature_degC=chance.uniform(-9.0, 5.0)),
+    shaken = [TemperatureStep(time_s=end * 0.5, temperature_degC=chance.uniform(-9.0, 5.0)),
               Load(time_s=end * chance.uniform(0.6, 0.95), power_pct=chance.uniform(-15.0, 15.0))]
     scenario = Scenario(
         setpoint_degC=chance.uniform(35.0, 55.0), duration_s=end, noise_degC=chance.choice([0.0, 0.3]),
@@ -90,7 +91,7 @@ def drawn(target, seed):
 def test_a_run_is_judged_by_the_meter_as_by_its_trace(target, seed):
     which, words, models, scenario, actuator, limits = drawn(target, seed)
     for run in prove_models(which, words, models, scenario, actuator, limits).runs:
-        trace = simulate(which, words, dict(models)[run.model], scenario, actuator, run.switches)
+        trace = simulate(which, words, delayed(dict(models)[run.model], which.delay_s), scenario, actuator, run.switches)
         own = judge(trace, limits, where=run.label)
         for metered, traced in zip(run.criteria, own, strict=False):  # the last, the step's power, is of the words alone
             assert metered.value == pytest.approx(traced.value, **NEAR), (run.label, metered.name)
@@ -101,8 +102,8 @@ def test_a_run_is_judged_by_the_meter_as_by_its_trace(target, seed):
 
 
 def test_traces_are_run_when_they_are_asked_for(monkeypatch):
-    asked, run = [], proving.__globals__["simulate"]
-    monkeypatch.setitem(proving.__globals__, "simulate", lambda *given: asked.append(given[5]) or run(*given))
+    asked, run = [], runs.simulate
+    monkeypatch.setattr(runs, "simulate", lambda *given, **how: asked.append(given[5]) or run(*given, **how))
     which, chance = controller_for("weg"), random.Random(1)
     scenario, actuator, limits = conditions(chance)
     proof = prove_models(which, words_of("weg", chance), heaters(chance, 2), scenario, actuator, limits)
@@ -133,20 +134,21 @@ def test_an_interlock_is_judged_by_traces():
     watch = Interlock(name="heater-fan", limit_degC=scenario.setpoint_degC - 5.0)
     proof = prove_models(which, words, models, scenario, actuator, limits, interlock=watch)
     for run in proof.runs:
-        trace = simulate(which, words, dict(models)[run.model], scenario, actuator, run.switches, watch)
+        heater = delayed(dict(models)[run.model], which.delay_s)
+        trace = simulate(which, words, heater, scenario, actuator, run.switches, watch)
         assert np.isfinite(trace.cut_s)
         assert run.criteria[:-1] == judge(trace, limits, where=run.label)
 
 
 def test_each_loop_is_held_against_the_disturbance_that_uses_most_of_its_time():
-    # 20 s of the 60 s between the kicks and 15 s of the last 30 s; 50 s of 60 s and 3 s of 30 s
+    # 20 s of the 60 s between the jumps and 15 s of the last 30 s; 50 s of 60 s and 3 s of 30 s
     scenario = Scenario(setpoint_degC=50.0, duration_s=190.0, disturbances=(
-        Kick(time_s=100.0, temperature_degC=-5.0), Kick(time_s=160.0, temperature_degC=-5.0)))
-    settled = [[0.0, 120.0, 175.0], [0.0, 150.0, 163.0]]
+        TemperatureStep(time_s=100.0, temperature_degC=-5.0), TemperatureStep(time_s=160.0, temperature_degC=-5.0)))
+    table = np.zeros((2, 3, COLUMNS))
+    table[:, :, SETTLED] = [[0.0, 120.0, 175.0], [0.0, 150.0, 163.0]]
     measured = Measured(
-        scenario=scenario, band_degC=1.0, stops_s=(100.0, 160.0, 190.0), rest_s=80.0, scans=96, rows=np.zeros((2, 6)),
-        phases=np.array([[[0.0, 0.0, 0.0, each] for each in loop] for loop in settled]), totals=np.zeros((2, TOTALS)),
-        ripple=np.zeros(2))
+        scenario=scenario, band_degC=1.0, phases=phases_of(scenario, 190.0, 80.0), rows=np.ones((2, 6)), table=table,
+        totals=np.zeros((2, TOTALS)), ripple=np.zeros(2))
     column = next(each for each in columns_of(measured, Limits()) if each.name == "recovery_time")
     assert [(each.value, each.limit) for each in column.criteria("ab")] == [(15.0, 30.0), (50.0, 60.0)]
     assert column.strains == pytest.approx([15.0 / 30.0, 50.0 / 60.0])

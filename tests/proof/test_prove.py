@@ -8,9 +8,8 @@ import pytest
 from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
 from heatertune.pid.loop.robustness import margins
-from heatertune.plc.open_points import Switch
+from heatertune.plc.open_points import Switch, settings_to_prove
 from heatertune.proof import Actuator, Limits, Scenario, judge, paper_scenario, prove_models, simulate
-from heatertune.proof.prove import settings_to_prove
 
 PWM = Actuator(pwm_period_s=10.0)
 PAPER = paper_scenario(duration_s=3000.0)
@@ -76,6 +75,20 @@ def test_the_worst_setting_counts(switched, words, heater):
             assert found.value == pytest.approx(max(mild.value, hard.value), rel=1e-9)
     overshoot = proof.criteria[0]
     assert overshoot.where.startswith("best, integral = never off"), "an integral that winds up overshoots more"
+
+
+def test_runs_that_are_asked_for_alone_are_those_of_the_whole_proof_and_count_as_no_whole_one(
+    switched, words, heater, slower
+):
+    heaters = [("best", heater), ("second", slower)]
+    whole = prove_models(switched, words(tn=60), heaters, PAPER, PWM, margins_of=margins)
+    chosen = [whole.runs[place] for place in (13, 2, 9)]
+    alone = prove_models(switched, words(tn=60), heaters, PAPER, PWM, margins_of=margins,
+                         only=[(run.model, run.switches) for run in chosen])
+    assert alone.runs == tuple(sorted(chosen, key=whole.runs.index))
+    assert (whole.open_points, alone.open_points) == (True, False)
+    with pytest.raises(InputError, match="at least one run"):
+        prove_models(switched, words(tn=60), heaters, PAPER, PWM, only=[("third", whole.runs[0].switches)])
 
 
 def test_the_worst_trace_is_the_run_that_strains_its_limits_most(switched, words, heater, slower):
@@ -146,3 +159,12 @@ def test_pwm_ripple_and_mean_are_the_closed_form(constant, words, heater):
     assert found["limit_cycle"] == pytest.approx(full * up * down / both / 2.0, rel=1e-6)
     assert found["steady_offset"] == pytest.approx(50.0 - (24.0 + full * duty), abs=1e-3)
     assert found["switchings"] == pytest.approx(90.0, abs=1.0)
+
+
+def test_settings_that_no_run_tells_apart_are_not_tested(switched, words, heater):
+    # the tenths room knows what "integral" does; "second" and "third" do nothing
+    proof = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM)
+    assert proof.heard.not_tested == ("settings of second, third (they change no run)",)
+    known = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM, known={"second": "never off"})
+    assert known.heard.not_tested == ("settings of third (they change no run)",)
+    assert prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM, open_points=False).heard.not_tested == ()

@@ -16,6 +16,7 @@ from heatertune.proof.fitted import aimed, specified, told_of_aim
 from heatertune.proof.presets import PRESETS, preset
 from heatertune.proof.spec_file import in_force, read_spec, spec_text
 from heatertune.proof.specification import LIMITS, limits_from
+from heatertune.proof.story import Story
 from heatertune.settings import Conditions, TuneSettings
 
 pytestmark = pytest.mark.fast
@@ -86,7 +87,8 @@ def test_a_specification_written_and_read_again_says_the_same(name, tmp_path):
     file = tmp_path / "spec.toml"
     file.write_text(spec_text(spec), encoding="utf-8")
     assert in_force(str(file)).limits_for(100.0) == spec.limits_for(100.0)
-    assert set(tomllib.loads(spec_text(spec))) == {"preset", "limits"}
+    assert in_force(str(file)).story_at(40.0) == spec.story_at(40.0)
+    assert set(tomllib.loads(spec_text(spec))) == {"preset", "limits", "story"}
 
 
 def test_a_preset_of_a_file_keeps_its_other_limits(tmp_path):
@@ -108,6 +110,12 @@ def test_a_preset_of_a_file_keeps_its_other_limits(tmp_path):
     ("[limits]\novershoot = []", "limits.overshoot: expected a text"),
     ('[limits]\novershoot = "5"', "limits.overshoot: limit overshoot is '5', with no unit"),
     ("[limits\n", "no TOML"),
+    ("story = 3", "story: expected a table"),
+    ("[story]\nfalls = true", "story.falls: unknown part of the story 'falls'"),
+    ("[story]\ntemperature-step = true", "story.temperature-step: story temperature-step is 'on'; expected a number with its unit %"),
+    ('[story]\nmains = "10 %"', "story.mains: story mains is '10 %'; expected on or off"),
+    ("[story]\nrestart = 3", "story.restart: expected true, false or a text"),
+    ('[story]\nload = "-3 %"', "story.load: load_pct"),
 ])
 def test_a_damaged_file_is_refused_by_file_table_and_key(text, says, tmp_path):
     file = tmp_path / "spec.toml"
@@ -116,6 +124,16 @@ def test_a_damaged_file_is_refused_by_file_table_and_key(text, says, tmp_path):
         read_spec(file)
     assert str(file) in str(refused.value)
     assert says in str(refused.value)
+
+
+def test_a_story_of_ones_own_is_what_words_live_through(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text('[story]\ntemperature-step = "50 %"\nload = "off"\nopen-circuit = false\n')
+    story = read_spec(file).story_at(30.0)
+    assert (story.step_share, story.load_pct, story.opens, story.mains, story.setpoint_low_degC) == (
+        0.5, 0.0, False, True, 30.0)
+    assert in_force().story_at(None) == Story()
+    assert in_force("paper").story_at(None).paper_times
 
 
 def test_a_limit_by_its_own_option_is_any_number_and_an_infinite_one_asks_for_nothing():
@@ -155,6 +173,7 @@ def test_a_file_that_is_not_there_and_a_preset_that_is_none():
         in_force("furnice")
 
 
+@pytest.mark.long
 @given(st.lists(st.text(max_size=30), max_size=4))
 def test_any_text_is_a_limit_or_refused(texts):
     with suppress(HeatertuneError):

@@ -1,7 +1,7 @@
 """PASS, FAIL, NOT PROVEN: every finding that blocks, and every way on; the cases are worked out by hand."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -12,8 +12,8 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.proof import Actuator, Criterion, Limits, paper_scenario, prove_models
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.measured import Column
-from heatertune.proof.verdict import Heard, combined, told_of, verdict_line
-from heatertune.proof.words_file import certificate
+from heatertune.proof.verdict import Heard, combined, told_of, verdict_line, verdict_of_samples
+from heatertune.proof.words_file import certificate, demand_same_words
 
 PWM = Actuator(pwm_period_s=10.0)
 PAPER = paper_scenario(duration_s=3000.0)
@@ -155,3 +155,47 @@ def test_a_sensor_that_widens_the_tolerance_is_no_pass_of_what_was_asked(tenths,
     assert "asked ±1 °C, proven ±1.8 °C" in certificate(accepted).head
     enough = proof(2.0)
     assert (enough["verdict"], enough["findings"]) == ("PASS", [])
+
+
+def test_the_limits_that_hold_unless_others_are_asked_for_are_those_of_the_manual():
+    # docs/explain/proof.md; Ms = 2 by itself means a phase margin of 2·asin(1/4) = 28.96° (Åström, Hägglund)
+    asked = {limit.name: value for limit in fields(Limits) if (value := getattr(Limits(), limit.name)) is not None}
+    assert asked == {
+        "overshoot_pct": 20.0, "reheat_overshoot_pct": 40.0, "recovery_overshoot_pct": 20.0, "tolerance_degC": 1.0,
+        "tolerance_resolutions": 2.0, "steady_share": 0.2, "overflows": 0.0, "overflow_flags": ("SM1.1", "SM1.3", "overflow"),
+        "ms": 2.0, "gain_margin": 1.7, "phase_margin_deg": 30.0, "step_power_pct": 10.0,
+    }
+
+
+def test_how_often_the_heater_is_switched_is_told_last(proven):
+    document = proven().to_document()
+    often = document["criteria"]["switchings"]
+    assert verdict_line(document).partition(f"; {often['value']:.0f} switchings/h (a contactor lasts ")[2].endswith(")")
+    without = document | {"criteria": {name: its for name, its in document["criteria"].items() if name != "switchings"}}
+    assert "switchings" not in verdict_line(without)
+    endless = document | {"criteria": document["criteria"] | {"switchings": often | {"value": None}}}
+    assert verdict_line(endless).endswith("; inf switchings/h (a contactor lasts 0 h)")
+
+
+@pytest.mark.parametrize(("passing", "settings", "verdict"), [
+    (0.95, (0.95, 1.0), "PASS"), (0.9499, (1.0,), "FAIL"), (1.0, (0.9499, 1.0), "FAIL"), (1.0, (None, 1.0), "NOT PROVEN"),
+    (1.0, (), "NOT PROVEN"), (1.0, (None, 0.9), "FAIL"), (math.nan, (1.0,), "FAIL"), (1.0, (math.nan,), "FAIL"),
+])
+def test_samples_pass_where_the_quantile_passes_under_every_setting_and_none_went_without(passing, settings, verdict):
+    assert verdict_of_samples(passing, 0.95, settings) == verdict
+
+
+@pytest.mark.parametrize(("field", "other"), [
+    ("target", "weg"), ("words", {"K": 1025}), ("sample_time_s", 2.0), ("scaling", {"low_degC": 0.0, "high_degC": 101.0}),
+    ("setpoint_ramp", {"step": 4, "calls": 1, "hold": None}), (None, None),
+])
+def test_a_proof_is_of_these_words_where_all_that_makes_them_is_the_same(field, other):
+    """What makes words: the numbers, the controller, its interval, its sensor's range and the ramp of the setpoint."""
+    words = {"target": "s5-ob251", "words": {"K": 1024}, "sample_time_s": 1.0, "setpoint_ramp": None, "realised": None,
+             "scaling": {"low_degC": 0.0, "high_degC": 100.0}}
+    proof = {**words, "criteria": {}, "known": {}, "runs": []}
+    if field is None:
+        demand_same_words(words, proof, "proof.json")
+        return
+    with pytest.raises(ExportRefused, match=rf"proof\.json: the proof of other words \({field}\); prove these first"):
+        demand_same_words(words, proof | {field: other}, "proof.json")

@@ -1,6 +1,7 @@
 """What values say and draw of themselves: numbers against the values, pictures against what matplotlib holds."""
 
 import io
+from dataclasses import replace
 
 import matplotlib as mpl
 import numpy as np
@@ -100,6 +101,7 @@ def test_a_log_is_read_from_a_table_and_from_an_open_file(log):
         assert ht.read_log(file).power_pct == pytest.approx(log.power_pct)
 
 
+@pytest.mark.long
 def test_a_heater_is_fitted_from_whatever_is_at_hand(log, tmp_path):
     pandas = pytest.importorskip("pandas")
     noise = np.random.default_rng(1).normal(0.0, 0.05, len(log.time_s))
@@ -132,14 +134,15 @@ def test_the_loop_is_simulated_for_words_and_whatever_heater(chain):
     trace = ht.simulate(words, HEATER, proof.scenario, proof.nominal.actuator)
     assert np.array_equal(trace.temperature_degC, proof.nominal.temperature_degC)
     assert np.array_equal(ht.simulate(words, model, 40.0).temperature_degC, trace.temperature_degC)
-    c = ht.controller(words)
-    assert [c(reading, 40.0) for reading in trace.reading_degC + 1e-6] == trace.power_asked_pct.tolist()
+    c, first = ht.controller(words), trace.time_s < proof.scenario.disturbances[0].time_s
+    assert [c(reading, 40.0) for reading in trace.reading_degC[first] + 1e-6] == trace.power_asked_pct[first].tolist()
 
 
 def test_margins_are_those_of_a_design_and_of_the_words_that_run_it(chain):
     model, design, words, proof = chain
     ms = ht.margins(HEATER, words).ms
-    assert ms == pytest.approx(next(each.value for each in proof.criteria if each.name == "ms"))
+    late = replace(HEATER, dead_time_s=HEATER.dead_time_s + 0.68)  # input module and process image, DIFFERENCES.md
+    assert ht.margins(late, words).ms == pytest.approx(next(each.value for each in proof.criteria if each.name == "ms"))
     assert ht.margins(model, words) == ht.margins(HEATER, proof.design)
     assert ht.decode(words) == proof.design
     # after a load the integral of the error is TN / K of the load, as long as it does not change sign

@@ -67,8 +67,9 @@ def test_every_axis_has_its_unit(shown):
 
 def test_the_pwm_picture_shows_each_edge_of_its_stretch(shown):
     series, proof = shown
-    (ax,) = plots.plot_pwm(series["nominal"], 1600.0, 1700.0).axes
-    edges = [t for t in proof.nominal.edge_time_s if 1600.0 <= t <= 1700.0]
+    jump = proof.scenario.disturbances[0].time_s
+    (ax,) = plots.plot_pwm(series["nominal"], jump - 20.0, jump + 80.0).axes
+    edges = [t for t in proof.nominal.edge_time_s if jump - 20.0 <= t <= jump + 80.0]
     assert list(ax.lines[0].get_xdata())[1:-1] == pytest.approx(edges, abs=1e-3)
 
 
@@ -136,14 +137,16 @@ def test_a_design_without_integral_action_says_none():
 def test_a_ramp_is_drawn_as_it_was_followed(shown):
     _, proof = shown
     words = replace(proof.words, ramp=Ramp(step=9, calls=2))
-    fitted = model_by_hand(proof.nominal.model)
+    fitted = model_by_hand(replace(proof.nominal.model, dead_time_s=12.0))
     ramped = chain.prove(words, fitted, setpoint_degC=40.0)
     series = plain(pictures(proof.design, fitted, ramped))
     top = plots.plot_loop(series["nominal"], series["worst"], series["others"]).axes[0]
-    drawn = [line for line in top.lines if len(line.get_ydata()) == len(ramped.nominal.time_s)]
-    assert drawn[0].get_ydata() == pytest.approx(ramped.nominal.followed_degC, abs=1e-3)
-    assert drawn[0].get_drawstyle() == "steps-post"
-    assert shown[0]["nominal"]["followed_degC"] is None
+    drawn = next(line for line in top.lines if line.get_label() == "setpoint on its ramp")
+    scans = np.searchsorted(ramped.nominal.time_s, np.asarray(drawn.get_xdata()) - 1e-3)
+    assert drawn.get_ydata() == pytest.approx(ramped.nominal.followed_degC[scans], abs=1e-3)
+    left_out = np.setdiff1d(np.arange(len(ramped.nominal.time_s)), scans)
+    assert np.all(np.diff(ramped.nominal.followed_degC)[left_out - 1] == 0.0), "only what does not move it"
+    assert drawn.get_drawstyle() == "steps-post"
 
 
 def test_a_ramp_is_told_with_its_rate():

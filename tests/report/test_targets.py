@@ -71,6 +71,7 @@ def test_a_controller_that_cannot_hold_the_design_stays_in_the_table_with_its_re
     assert "s7-200: integral-action time TN" in told
 
 
+@pytest.mark.long
 def test_where_no_controller_holds_the_design_there_is_no_picture(document):
     refused = [{"target": "weg", "title": "a controller", "verdict": "not representable", "why": "too large"}]
     assert "<svg" in render_targets(document)

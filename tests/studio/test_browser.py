@@ -1,6 +1,7 @@
 """The studio as a user meets it: a server of its own, and Debian's Chromium driven by Playwright."""
 
 import io
+import json
 import os
 import re
 import subprocess
@@ -127,8 +128,13 @@ def _zip_holds_the_words_on_the_page(page, content):
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         assert {"words.json", "proof.json"} < set(archive.namelist())
         text = archive.read("words.json").decode()
-    shown = dict(re.findall(r"^DW\d+\t(\w+)\t(-?\d+)\t", words_of(page), flags=re.MULTILINE))
+        proof = json.loads(archive.read("proof.json"))
+    lines = re.findall(r"^DW\d+\t(\w+)\t([^\t]*)\t([^\t]*)\t", words_of(page), flags=re.MULTILINE)
+    shown = {name: int(bits.replace(" ", ""), 2) if (bits := then.removeprefix("KM ")) != then else then or first
+             for name, first, then in lines}
     assert len(shown) == 9
+    span = proof["scaling"]["high_degC"] - proof["scaling"]["low_degC"]  # W is the program's; shown is that of the proof
+    assert int(shown.pop("W")) == int(2047 * (proof["scenario"]["setpoint_degC"] - proof["scaling"]["low_degC"]) / span)
     for name, value in shown.items():
         assert re.search(rf'"{name}": {value}\b', text), name
 

@@ -58,9 +58,9 @@ class Cells(HTMLParser):
 
 def test_the_words_stand_in_the_order_in_which_they_are_typed_in(look):
     cells = Cells(views.words(look)).cells
-    assert cells[:4] == ["address", "word", "value", "meaning"]
-    assert cells[5::4] == ["K", "R", "TI", "TD", "W", "STEU", "YH", "BGOG", "BGUG"]  # OB251's controller DB, DW1 … DW16
-    assert cells[6] == str(look.gains.words.values["K"])
+    assert cells[:5] == ["address", "word", "first (manual)", "then (automatic)", "meaning"]
+    assert cells[6::5] == ["K", "R", "TI", "TD", "W", "STEU", "YH", "BGOG", "BGUG"]  # OB251's controller DB, DW1 … DW16
+    assert cells[7] == str(look.gains.words.values["K"])
 
 
 @pytest.mark.long
@@ -91,6 +91,7 @@ def test_a_first_look_bears_no_verdict(look, proof):
     assert views.verdict_text("PASS", proof).startswith(f"PASS at 50 °C in {len(proof.runs)} runs on 1 possible heater")
 
 
+@pytest.mark.long
 def test_a_fail_names_what_was_not_kept(heater):
     settings = Settings(structure="p", setpoint_degC=60.0)
     failed = full_proof(heater, first_look(heater, settings))
@@ -135,13 +136,15 @@ def test_every_axis_has_its_unit_and_every_line_its_name_beside_it(heater, look,
 def test_the_lines_show_the_numbers_of_the_loop(look):
     words, wish = charts.loop_chart(look, ())["series"]
     nominal = look.proof.nominal
-    assert len(nominal.time_s) < 800  # so every scan is drawn
-    assert [time for time, _ in words["data"]] == pytest.approx(nominal.time_s, abs=6e-3)
-    assert [shown for _, shown in words["data"]] == pytest.approx(nominal.temperature_degC, abs=6e-4)
+    drawn = np.array(words["data"])  # some of the scans of a long story
+    assert len(drawn) > 400
+    assert drawn[:, 1] == pytest.approx(np.interp(drawn[:, 0], nominal.time_s, nominal.temperature_degC), abs=6e-4 + 0.02)
     assert words["markLine"]["data"] == [{"yAxis": nominal.setpoint_degC}]
     assert words["lineStyle"]["color"] == LOOK["realised"]["color"]
     assert wish["lineStyle"]["type"] != "solid"
-    assert [point[1] for point in charts.power_chart(look)["series"][0]["data"]] == pytest.approx(nominal.power_asked_pct, abs=6e-4)
+    asked = np.array(charts.power_chart(look)["series"][0]["data"])
+    places = np.searchsorted(nominal.time_s, asked[:, 0] - 6e-3)
+    assert asked[:, 1] == pytest.approx(nominal.power_asked_pct[places], abs=6e-4)
 
 
 def test_the_step_of_a_heater_is_that_of_the_textbook():

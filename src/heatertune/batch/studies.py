@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
@@ -25,6 +25,7 @@ from heatertune.model.values import FittedModel, Fopdt, TwoLag
 from heatertune.options import options_of
 from heatertune.plc import Scaling
 from heatertune.proof.closing import Asked
+from heatertune.proof.profile_file import read_profile
 from heatertune.proof.spec_file import in_force
 from heatertune.settings import Conditions, FitSettings, TuneSettings
 
@@ -67,7 +68,9 @@ def study(
     cases = read_study(path)
     files = _files(Path(path), cases)
     # refused before the long part, and a file may change before the study is resumed
-    specifications = {name: repr(in_force(name)) for name in cases.settings_of("spec")}
+    folder = Path(path).parent
+    specifications = {name: repr(in_force(_beside(folder, name))) for name in cases.settings_of("spec")}
+    profiles = {name: repr(read_profile(folder / name)) for name in cases.settings_of("profile")}
     varied = [key for key in cases.keys if key in cases.grid or any(key in case for case in cases.listed)]
 
     def sent(number: int) -> Case:
@@ -80,8 +83,9 @@ def study(
         return _labelled(case, lost_row(case.name, why))
 
     batch = Batch(
-        do=_row, shared=None, cases=range(len(cases)), sent=sent, lost=lost, columns=_columns(cases),
-        identity={"fixed": cases.fixed, "grid": cases.grid, "case": cases.listed, "specifications": specifications},
+        do=_row, shared=folder, cases=range(len(cases)), sent=sent, lost=lost, columns=_columns(cases),
+        identity={"fixed": cases.fixed, "grid": cases.grid, "case": cases.listed, "specifications": specifications,
+                  **({"profiles": profiles} if profiles else {})},
     )
     return {"schema": SCHEMA} | run(batch, out, workers=workers, resume=resume, progress=progress)
 
@@ -126,14 +130,24 @@ def _labelled(case: Case, row: Row) -> Row:
     return {"case": case.number + 1, **settings, **row}
 
 
-def _row(shared: None, case: Case) -> Row:  # noqa: ARG001 - the cases of a study share nothing
+def _row(folder: Path, case: Case) -> Row:
     """Return the row of one case; this runs on the worker."""
     settings = case.settings
+    conditions = _of(Conditions, settings)
+    if conditions.spec is not None:
+        conditions = replace(conditions, spec=_beside(folder, conditions.spec))
+    if conditions.profile is not None:
+        conditions = replace(conditions, profile=str(folder / conditions.profile))
     sensor = Scaling(**{field: settings[key] for key, field in _RANGE.items() if key in settings})
     asked = Asked(
         target=settings["target"], scaling=sensor, tuned=_of(TuneSettings, settings),
-        conditions=_of(Conditions, settings), words_by=settings.get("words", "auto"))
+        conditions=conditions, words_by=settings.get("words", "auto"))
     return _labelled(case, zone_row(case.name, partial(_heater, case), asked, samples=settings.get("samples", 0)))
+
+
+def _beside(folder: Path, spec: str) -> str:
+    """Return what to read a specification by: a file stands beside the study."""
+    return str(folder / spec) if spec.endswith(".toml") else spec
 
 
 def _of(kind: type[_T], settings: Mapping[str, Any]) -> _T:

@@ -62,6 +62,7 @@ RESULT: Final = (
     Column(name="method", kind="text", what="how the design was found"),
     Column(name="words", kind="text", what="the words the PLC will hold, as JSON"),
     Column(name="setpoint_degC", kind="float", what="setpoint of the proof [°C]"),
+    Column(name="pwm_period_s", kind="float", what="PWM period of the proof [s]: the one to set where none was given"),
     Column(name="runs", kind="int", what="closed-loop runs of the proof"),
     *(Column(name=name, kind="float", what=f"{criterion.replace('_', ' ')}, the worst over all runs")
       for name, criterion in _CRITERIA.items()),
@@ -111,7 +112,7 @@ def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked, *, sample
                 stage = f"no {begun[-1]}"
             words = design.proof.words
             row |= _design(design.wished) | _words(words) | _proof(design.proof)
-            return row | _sampled(row, sample_document(words, fitted, samples, asked.conditions)) if samples else row
+            return row | _sampled(row, sample_document(words, fitted, samples, design.conditions)) if samples else row
     except HeatertuneError as problem:
         return row | {"outcome": "no log" if isinstance(problem, LogError) else stage, "reason": str(problem)}
     except Exception as problem:  # one zone must not stop the others, whatever is wrong in the program
@@ -150,7 +151,8 @@ def _proof(proof: Proof) -> Row:
     reasons += [f"not proven: {criterion['name']}" for criterion in blocking(proof.heard.to_document())]
     return {
         "outcome": proof.verdict, "reason": "; ".join(reasons) or None,
-        "setpoint_degC": proof.scenario.setpoint_degC, "runs": len(proof.runs),
+        "setpoint_degC": proof.scenario.setpoint_degC, "pwm_period_s": proof.actuator.pwm_period_s,
+        "runs": len(proof.runs),
         **{column: None if name not in worst or math.isnan(worst[name].value) else float(worst[name].value)
            for column, name in _CRITERIA.items()},
     }

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from heatertune.codec import built, decode, encode, schema_of
 from heatertune.documents import plain, read_document
+from heatertune.errors import DocumentError
 from heatertune.log.values import Log
 from heatertune.model.document import ModelView
 from heatertune.pid import document as pid_document
@@ -51,7 +52,8 @@ def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
     """Return the documents that `design` wrote into a directory.
 
     Raises:
-        DocumentError: one is missing or is none, or the proof does not follow from its values.
+        DocumentError: one is missing or is none, the proof does not follow from its values, or the words do not say
+            its verdict.
         ExportRefused: the proof is of other words.
     """
     documents = {}
@@ -63,4 +65,8 @@ def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
     if documents["words"]["realised"] is not None:
         decode(PidView, documents["words"]["realised"], directory / "words.json", "realised")
     demand_same_words(documents["words"], documents["proof"], directory / "proof.json")
+    own, proven = (documents[name]["verdict"] for name in ("words", "proof"))
+    if own != proven:
+        raise DocumentError(f"{directory / 'words.json'}: verdict: {own!r}; proof.json beside it says {proven!r}: "
+                            "export the words again (heatertune export-db)")
     return documents

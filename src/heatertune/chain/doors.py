@@ -10,9 +10,10 @@ from heatertune.pid.loop import response, robustness
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.running import RunningController
-from heatertune.proof import Actuator, Interlock, Scenario, Trace, scenario_for
+from heatertune.proof import Actuator, Interlock, Scenario, Trace
 from heatertune.proof import simulate as simulate_loop
-from heatertune.proof.fitted import actuator_for
+from heatertune.proof.fitted import actuator_for, course_for
+from heatertune.proof.scenario import delayed
 from heatertune.settings import Conditions
 
 __all__ = ["controller", "decode", "iae_load", "margins", "simulate"]
@@ -61,7 +62,7 @@ def simulate(
     words: Words, heater: HeaterModel | FittedModel, scenario: Scenario | float, actuator: Actuator | None = None, *,
     switches: Mapping[str, str] | None = None, interlock: Interlock | None = None,
 ) -> Trace:
-    """Return what a heater does when the PLC runs these words.
+    """Return what a heater does when the PLC runs these words, the delay of its input module and output included.
 
     Args:
         words: what the PLC holds; they know their controller.
@@ -76,10 +77,11 @@ def simulate(
         OutOfRange: a setpoint outside the sensor's range or out of the heater's reach, words out of their range.
         UnknownName: a switch or setting that the controller does not have.
     """
-    model = _model(heater)
-    happens = scenario if isinstance(scenario, Scenario) else scenario_for([model], setpoint_degC=float(scenario))
+    controller, model = controller_for(words.target), _model(heater)
+    happens = (scenario if isinstance(scenario, Scenario)
+               else course_for(words, [model], Conditions(), float(scenario)).scenario)
     switch = actuator_for(Conditions(), words) if actuator is None else actuator
-    return simulate_loop(controller_for(words.target), words, model, happens, switch, switches, interlock)
+    return simulate_loop(controller, words, delayed(model, controller.delay_s), happens, switch, switches, interlock)
 
 
 def _design(what: PidDesign | Words) -> PidDesign:

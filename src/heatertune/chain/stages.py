@@ -126,7 +126,7 @@ def _fit_one(log: Log, given: FitSettings, progress: Told, *, thorough: bool = F
 
 
 def _columns(log: Log) -> dict[str, Any]:
-    names = ("name", "time_s", "temperature_degC", "power_pct", "setpoint_degC", "rests_at_degC")
+    names = ("name", "time_s", "temperature_degC", "power_pct", "setpoint_degC", "rests_at_degC", "disturbance")
     taken = None if log.taken is None else (log.taken.line, log.taken.repaired_share)
     return {name: getattr(log, name) for name in names} | {"taken": taken}
 

@@ -17,6 +17,7 @@ from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
 from heatertune.pid import document as pid_document
+from heatertune.pid.recipe import Recipe
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.plc.choose import search_document
@@ -80,7 +81,7 @@ def design(
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
     progress("comparing with other designs, drawing the report")
     documents = dossier(log, fitted, result.wished, proof, files,
-                        search=search_document(result.choice, fitted, result.notes))
+                        search=search_document(result.choice, fitted, result.notes), recipe=result.recipe)
     _write(documents, files, out)
     return ChainResult(log=log, fitted=fitted, closed=result, files=files, documents=documents)
 
@@ -108,7 +109,7 @@ def write_report(
 
 def dossier(
     log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
-    search: Mapping[str, Any] | None = None,
+    search: Mapping[str, Any] | None = None, recipe: Recipe | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Return the documents of all stages, as JSON holds them: a report drawn now is one drawn later from the files.
 
@@ -119,11 +120,12 @@ def dossier(
         proof: of its words.
         files: that were exported, name → content; none where the words may not leave.
         search: how the words were found, see `heatertune.plc.choose.search_document`; None: not told.
+        recipe: how the design became these words; None: not told.
     """
     documents: dict[str, dict[str, Any]] = {
         "log": log_document(log),
         "model": model_document.to_document(fitted),
-        "pid": pid_document.to_document(wished, fitted),
+        "pid": pid_document.to_document(wished, fitted, recipe),
         "words": words_document(proof.words, proof, files, search),
         "proof": proof.to_document(),
         "pictures": pictures(wished, fitted, proof),

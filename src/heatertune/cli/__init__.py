@@ -18,8 +18,10 @@ from heatertune.cli import (
     completion,
     decode,
     design,
+    diff,
     doctor,
     export_db,
+    feed_forward,
     fit,
     fleet,
     pareto,
@@ -42,8 +44,8 @@ from heatertune.errors import ExportRefused, HeatertuneError, one_line
 __all__ = ["main"]
 
 COMMANDS = (
-    design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, compare, advise, study, fleet, report,
-    decode, replay, targets, studio, doctor, bench, completion,
+    design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, feed_forward, compare, advise, study,
+    fleet, report, decode, diff, replay, targets, studio, doctor, bench, completion,
 )
 
 #: exit status of a crash, as EX_SOFTWARE of sysexits.h

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from heatertune import options
@@ -12,15 +13,16 @@ from heatertune.settings import Conditions, FitSettings, ReadSettings, SensorSet
 
 if TYPE_CHECKING:
     from heatertune.model.values import FittedModel
+    from heatertune.pid.recipe import Recipe
     from heatertune.pid.values import PidDesign
-    from heatertune.plc import Scaling, Words
-    from heatertune.plc.choice import WordChoice
+    from heatertune.plc import Scaling
+    from heatertune.plc.machine import Machine
     from heatertune.proof.closing import Asked
 
 __all__ = [
     "add_condition_options", "add_log_options", "add_model_options", "add_proof_options", "add_reading_options",
-    "add_tuning_options", "asked", "conditions", "design_and_model", "interval_by_words", "model_from", "proof_asked",
-    "reading", "sample_time", "scaling", "target", "words_and_model",
+    "add_tuning_options", "add_word_options", "asked", "by_hand", "conditions", "design_and_model", "interval_by_words",
+    "model_from", "proof_asked", "reading", "sample_time", "scaling", "target", "words_of_machine",
 ]
 
 
@@ -40,7 +42,8 @@ def add_log_options(command: argparse.ArgumentParser) -> None:
 def add_model_options(command: argparse.ArgumentParser) -> None:
     """Add the options of a model given by hand."""
     group = command.add_argument_group("a model by hand, instead of a model file")
-    group.add_argument("--gain", type=float, metavar="°C/%", help="rise per percent of power [°C/%%]")
+    group.add_argument("--gain", type=float, metavar="°C/%",
+                       help="rise per percent of power [°C/%%]; below zero for a cooler")
     group.add_argument("--time-constant", type=float, metavar="S", help="time constant [s]")
     group.add_argument("--second-time-constant", type=float, metavar="S", help="second time constant, if any [s]")
     group.add_argument("--dead-time", type=float, metavar="S", help="dead time [s]")
@@ -52,23 +55,28 @@ def add_tuning_options(command: argparse.ArgumentParser) -> None:
     options.add(command.add_argument_group("tuning"), TuneSettings, but=("step_power_pct",))
 
 
-def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = None) -> None:
-    """Add the target, which must be given unless it has a default, and the conditions of the proof."""
+def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = None, needed: bool = True) -> None:
+    """Add the target, which must be given where it is needed and has no default, and the conditions of the proof."""
     group = command.add_argument_group("target")
     default = "" if target is None else f" (default: {target})"
-    group.add_argument("--target", required=target is None, default=target, metavar="NAME",
+    group.add_argument("--target", required=needed and target is None, default=target, metavar="NAME",
                        help=f"the controller: {', '.join(TARGETS)}{default}")
     group.add_argument("--faithful", action="store_true",
                        help="the program as its source prints it, faults included (s7-200)")
-    options.add(group, Conditions, "switches")
+    options.add(group, Conditions, "switches", default=argparse.SUPPRESS)
     add_condition_options(command)
 
 
 def add_condition_options(command: argparse.ArgumentParser) -> None:
-    """Add the conditions of the proof."""
+    """Add the conditions of the proof; what is not said is not there, so that another source of it can be asked."""
     group = command.add_argument_group("conditions of the proof")
-    options.add(group, SensorSettings)
-    options.add(group, Conditions, but=("switches",))
+    options.add(group, SensorSettings, default=argparse.SUPPRESS)
+    options.add(group, Conditions, but=("switches",), default=argparse.SUPPRESS)
+
+
+def add_word_options(command: argparse.ArgumentParser, *names: str, but: Sequence[str] = ()) -> None:
+    """Add the options of the words, or those of the names; what is not said is not there."""
+    options.add(command, WordSettings, *names, but=but, default=argparse.SUPPRESS)
 
 
 def conditions(settings: argparse.Namespace) -> Conditions:
@@ -129,46 +137,45 @@ def scaling(settings: argparse.Namespace) -> Scaling:
     return Scaling(low_degC=low, high_degC=high)
 
 
-def words_and_model(settings: argparse.Namespace) -> tuple[Words, WordChoice | None, FittedModel]:
-    """Return the words of a design or words file, how they were found (None: given), and the model to prove them on.
-
-    Raises:
-        InputError: the file holds no model and none is given by hand; words of another target.
-        NotRepresentable, OutOfRange: the words do not fit.
-    """
-    from heatertune.plc.choose import choose_words  # noqa: PLC0415
-    from heatertune.proof.words_file import read_words  # noqa: PLC0415
-
-    words = read_words(settings.pid, target(settings))
-    if words is not None:
-        return words, None, model_from(settings, None)
-    design, model = design_and_model(settings)
-    choice = choose_words(design, target(settings), model, scaling=scaling(settings), way=settings.words)
-    return choice.words, choice, model
-
-
-def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedModel]:
-    """Return the design of a file, and the model to prove it on: the one given by hand, else the file's.
+def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedModel, Recipe | None]:
+    """Return the design of a file, the model to prove it on, given by hand or else the file's, and its words' recipe.
 
     Raises:
         InputError: the file holds no model and none is given by hand.
     """
     from heatertune.pid.document import read_design  # noqa: PLC0415
 
-    design, model = read_design(settings.pid)
-    return design, model if model is not None and not _by_hand(settings) else model_from(settings, None)
+    design, model, recipe = read_design(settings.pid)
+    return design, model if model is not None and not by_hand(settings) else model_from(settings, None), recipe
+
+
+def words_of_machine(settings: argparse.Namespace, path: str) -> Machine:
+    """Return what a dump or text of a controller holds; errors as `heatertune.plc.machine.read_machine`.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    from heatertune.plc import controller_for  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc.machine import content_of, read_machine  # noqa: PLC0415
+    from heatertune.units import check  # noqa: PLC0415
+
+    if settings.called_every is not None:
+        check("--called-every", settings.called_every, above=0.0)
+    return read_machine(controller_for(target(settings)), content_of(path), sample_time_s=settings.called_every,
+                        scaling=scaling(settings), source=path)
 
 
 def proof_asked(settings: argparse.Namespace) -> bool:
     """Return whether an option asks for a proof of its own: a heater by hand, another condition, a ramp."""
-    usual = Conditions(accept=tuple(settings.accept))  # an export hears these without another proof
-    other = conditions(settings) != usual or settings.setpoint_ramp is not None or settings.refine
-    return other or _by_hand(settings)
+    heard = {"accept"}  # an export hears these without another proof
+    other = options.given(Conditions, settings).keys() - heard
+    by = options.of(WordSettings, settings)
+    return bool(other) or by.setpoint_ramp is not None or by.refined or by_hand(settings)
 
 
-def _by_hand(settings: argparse.Namespace) -> bool:
+def by_hand(settings: argparse.Namespace) -> bool:
     """Return whether a model is given by hand."""
-    return any(getattr(settings, name) is not None for name in ("gain", "time_constant", "dead_time"))
+    return any(getattr(settings, name, None) is not None for name in ("gain", "time_constant", "dead_time"))
 
 
 def _given(settings: argparse.Namespace, *names: str) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from heatertune.cli import common, printing
+from heatertune.cli.recorded import in_force
 
 __all__ = ["add_to"]
 
@@ -30,14 +31,16 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.documents import plain, to_json  # noqa: PLC0415
+    from heatertune.proof.recipes import scaling_of  # noqa: PLC0415
     from heatertune.report.targets import render_targets, targets_table  # noqa: PLC0415
     from heatertune.writing import write_files  # noqa: PLC0415
 
-    design, fitted = common.design_and_model(settings)
+    design, fitted, kept = common.design_and_model(settings)
+    progress, (recipe, notes) = printing.Progress(settings), in_force(settings, kept, settings.pid)
+    for note in notes:
+        progress(note)
     document = plain(chain.compare(
-        design, fitted, common.conditions(settings), scaling=common.scaling(settings),
-        progress=printing.Progress(settings),
-    ))
+        design, fitted, recipe.conditions, scaling=scaling_of(recipe), recipe=recipe, progress=progress))
     if settings.out is not None:
         write_files(settings.out, {"compare.json": to_json(document), "compare.html": render_targets(document)})
     printing.output(settings, document, lambda: targets_table(document))

@@ -21,7 +21,7 @@ fish: heatertune completion fish > ~/.config/fish/completions/heatertune.fish
 """
 
 #: what stands for a file and for a directory in the help
-_FILES: Final = ("FILE", "LOG", "LOG|proof", "MODEL", "PID", "PID|WORDS", "WORDS", "INPUTS", "IMAGE", "DUMP")
+_FILES: Final = ("FILE", "LOG", "LOG|proof", "MODEL", "PID", "PID|WORDS", "WORDS", "INPUTS", "IMAGE", "DUMP", "A", "B")
 _DIRECTORIES: Final = ("DIR",)
 
 

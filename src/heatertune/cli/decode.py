@@ -1,4 +1,4 @@
-"""`heatertune decode`: the dump of a running controller → what it really does."""
+"""`heatertune decode`: the dump or listing of a running controller → what it really does."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import argparse
 from typing import Any
 
 from heatertune.cli import common, printing
-from heatertune.errors import InputError
 
 __all__ = ["add_to"]
 
@@ -16,12 +15,16 @@ _EXAMPLE = "example: heatertune decode out/DB30.bin --target s5-ob251 --called-e
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "decode", help="a dumped controller DB → K, TN, TV as realised, what is odd, and its proof", epilog=_EXAMPLE,
-        description="Read the data block of a running controller, high byte first (OB251: 49 words; S7-300: "
-        "its instance data block); with a model by hand or --model, prove it.",
+        "decode", help="a controller's words as dumped or printed → K, TN, TV as realised, what is odd, and its proof",
+        epilog=_EXAMPLE,
+        description="Read the words of a running controller: the bytes of its data block, high byte first, or text as "
+        "its programming tool saves or prints it (S5: listing of the block; S7-200: statement list or data block; "
+        "S7-300: STL source; WEG: the block's call or a list of parameters; one-bit processor: Intel HEX); with a "
+        "model by hand or --model, prove them.",
     )
-    command.add_argument("dump", metavar="DUMP", help="binary file of the data block")
-    command.add_argument("--called-every", type=float, required=True, metavar="S", help="sampling interval TA [s]")
+    command.add_argument("dump", metavar="DUMP", help="binary or text file")
+    command.add_argument("--called-every", type=float, metavar="S",
+                         help="sampling interval TA [s]; needed where no word tells it")
     command.add_argument("--model", metavar="FILE", help="model.json to prove the controller on")
     common.add_proof_options(command)
     common.add_model_options(command)
@@ -32,21 +35,18 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.pid.document import to_document  # noqa: PLC0415
-    from heatertune.plc import TARGETS, controller_for  # noqa: PLC0415
+    from heatertune.plc import controller_for  # noqa: PLC0415
+    from heatertune.plc.machine import realised  # noqa: PLC0415
     from heatertune.report.text import criteria_table, design_lines  # noqa: PLC0415
-    from heatertune.units import check  # noqa: PLC0415
 
-    check("--called-every", settings.called_every, above=0.0)
     controller = controller_for(common.target(settings))
-    if controller.image is None or controller.oddities is None:
-        decodable = ", ".join(name for name in TARGETS if controller_for(name).image is not None)
-        raise InputError(f"a dump of {controller.name} cannot be decoded; known: {decodable}")
-    image, scaling = _bytes(settings.dump), common.scaling(settings)
-    words = controller.read_image(image, sample_time_s=settings.called_every, scaling=scaling, source=settings.dump)
-    realised = controller.decode(words)
+    words, passed_over, unlike = common.words_of_machine(settings, settings.dump)
+    design = realised(controller, words)
+    odd = [] if controller.oddities is None else list(controller.oddities(words))
+    odd += () if unlike is None else unlike(words)
     document: dict[str, Any] = {
         "schema": "heatertune/decode/1", "target": controller.name, "words": dict(words.values),
-        "realised": None if realised is None else to_document(realised), "odd": list(controller.oddities(words)),
+        "realised": None if design is None else to_document(design), "odd": odd, "passed_over": list(passed_over),
         "proof": None,
     }
     if settings.model is not None or settings.gain is not None:
@@ -55,18 +55,9 @@ def _run(settings: argparse.Namespace) -> int:
     proof = document["proof"]
 
     def text() -> str:
-        realised_lines = "no PID" if realised is None else design_lines(document["realised"])
-        lines = [realised_lines, *[f"odd: {oddity}" for oddity in document["odd"]]]
+        lines = ["no PID" if design is None else design_lines(document["realised"])]
+        lines += [*(f"odd: {oddity}" for oddity in odd), *(f"not looked at: {rest}" for rest in passed_over)]
         return "\n".join(lines + ([criteria_table(proof), f"VERDICT {proof['verdict']}"] if proof else []))
 
     printing.output(settings, document, text)
-    return 1 if proof and proof["verdict"] == "FAIL" else 0
-
-
-def _bytes(path: str) -> bytes:
-    from heatertune.files import read_bytes  # noqa: PLC0415
-
-    try:
-        return read_bytes(path)
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be read: {problem.strerror}") from problem
+    return 1 if proof and proof["verdict"] != "PASS" else 0

@@ -24,7 +24,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("--out", required=True, metavar="DIR", help="directory for the results")
     options.add(command, WordSettings)
     command.add_argument("--as-is", action="store_true",
-                         help="keep the plain design where a more robust one, or a setpoint ramp, would pass")
+                         help="keep the plain design where other gains, another PWM or TA, or a ramp would pass")
     command.add_argument("--force", action="store_true", help="export whatever the verdict")
     common.add_proof_options(command)
     common.add_log_options(command)
@@ -46,5 +46,8 @@ def _run(settings: argparse.Namespace) -> int:
     result = chain.design(
         log, asked, out=settings.out, fitted_with=beside, as_is=settings.as_is, force=settings.force,
         progress=progress)
-    printing.output(settings, result.documents, lambda: f"{summary(result.documents)}\nwritten to {settings.out}")
+    effect, feed = result.fitted.disturbance, controller_for(asked.target).feed
+    fed = "" if effect is None or not effect.acts or feed is None else (
+        f"\nfeed it forward: heatertune feed-forward {settings.out}")
+    printing.output(settings, result.documents, lambda: f"{summary(result.documents)}\nwritten to {settings.out}{fed}")
     return 0 if result.closed.proof.verdict == "PASS" else 1

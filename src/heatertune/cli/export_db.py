@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune import options
 from heatertune.cli import common, printing
-from heatertune.settings import WordSettings
+from heatertune.cli.recorded import proving
 
 __all__ = ["add_to"]
 
@@ -24,7 +23,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("pid", metavar="PID|WORDS", help=(
         "pid.json as written by tune; or words.json, exported again as the proof.json beside it says"))
     command.add_argument("-o", "--out", required=True, metavar="DIR", help="directory for the files")
-    options.add(command, WordSettings, but=("switch_kind",))
+    common.add_word_options(command, but=("switch_kind",))
     command.add_argument("--force", action="store_true", help="export whatever the verdict; the files say so")
     common.add_proof_options(command)
     common.add_model_options(command)
@@ -40,7 +39,8 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.writing import write_files  # noqa: PLC0415
 
     again = None if common.proof_asked(settings) else export_again(
-        settings.pid, common.target(settings), force=settings.force, accept=settings.accept)
+        settings.pid, common.target(settings), force=settings.force,
+        accept=common.conditions(settings).accept)
     proven = again or _proven(settings)
     document = proven["words"]
     documents = {"words.json": to_json(document), "proof.json": to_json(proven["proof"])}
@@ -59,17 +59,12 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415
 
     progress = printing.Progress(settings)
-    words, choice, fitted = common.words_and_model(settings)
-    if settings.refine and choice is not None:
-        from heatertune.proof.refine import refine  # noqa: PLC0415
-
-        choice = refine(choice, fitted, common.conditions(settings))
-        words = choice.words
-    ramp = options.of(WordSettings, settings).setpoint_ramp
-    proof, notes = prove_ramped(words, fitted, ramp, common.conditions(settings), progress=progress)
+    asked = proving(settings)
+    proof, notes = prove_ramped(asked.words, asked.fitted, asked.ramp, asked.conditions, progress=progress)
+    notes = [*asked.notes, *notes]
     for note in notes:
         progress(note)
-    search = None if choice is None else search_document(choice, fitted, notes)
+    search = None if asked.choice is None else search_document(asked.choice, asked.fitted, notes)
     files = chain.export(proof.words, proof, force=settings.force)
     document = words_document(proof.words, proof, files, search)
     return {"words": document, "proof": proof.to_document(), "files": files}

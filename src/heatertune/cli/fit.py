@@ -62,7 +62,7 @@ def _fitted(settings: argparse.Namespace, logs: Sequence[Log], progress: printin
     if words is not None:
         its = common.conditions(settings)
         return chain.fit_known(
-            logs[0], words, given, setpoint_degC=its.setpoint_degC, known=its.switches, progress=progress)
+            logs[0], words, given, setpoint_degC=its.highest_degC, known=its.switches, progress=progress)
     if len(logs) == 1:
         return chain.fit(logs[0], given, thorough=settings.hypotheses, progress=progress)
     return chain.fit_together(logs, given, progress=progress)

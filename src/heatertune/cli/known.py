@@ -23,7 +23,8 @@ def add_known_options(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("a log without power, of a controller you know")
     group.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(TARGETS)}")
     group.add_argument("--words", metavar="FILE", help="its words: words.json as written by export-db")
-    group.add_argument("--setpoint", type=float, metavar="°C", help="its setpoint, where the log does not hold it [°C]")
+    group.add_argument("--setpoint", type=float, nargs=1, metavar="°C",
+                       help="its setpoint, where the log does not hold it [°C]")
     options.add(group, Conditions, "switches",
                 help="setting of an open point, where you know it (see: heatertune targets); may be repeated")
 

@@ -18,7 +18,7 @@ _EXAMPLE = "example: heatertune read table4"
 _ROWS: Final = 5  # shown
 _NO_FLAG: Final = {"sample_time_s": "log-interval"}
 _COLUMNS: Final = (("time_s", "time [s]"), ("temperature_degC", "temperature [°C]"), ("power_pct", "power [%]"),
-                   ("setpoint_degC", "setpoint [°C]"))
+                   ("setpoint_degC", "setpoint [°C]"), ("disturbance", "disturbance"))
 
 
 def add_to(commands: Any) -> None:

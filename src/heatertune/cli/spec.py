@@ -23,7 +23,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("spec", metavar="NAME|FILE.toml", nargs="?",
                          help="a preset (heatertune spec --list) or a file (default: general)")
-    options.add(command, Conditions, "limit")
+    options.add(command, Conditions, "limit", "profile")
     command.add_argument("-o", "--out", metavar="FILE.toml", help="write the specification to this file")
     command.add_argument("--list", action="store_true", help="list the presets")
     printing.add_output_options(command)
@@ -41,7 +41,7 @@ def _run(settings: argparse.Namespace) -> int:
         document = {"schema": "heatertune/presets/1", "presets": {name: one.what for name, one in PRESETS.items()}}
         printing.output(settings, document, lambda: table([(name, one.what) for name, one in PRESETS.items()]))
         return 0
-    specification = in_force(settings.spec, settings.limit)
+    specification = in_force(settings.spec, settings.limit, settings.profile)
     document = {"schema": "heatertune/specification/1", **encode(specification)}
     if settings.out is not None:
         target = Path(settings.out)

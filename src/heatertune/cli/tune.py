@@ -4,32 +4,42 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.errors import InputError
 from heatertune.settings import Conditions, TuneSettings, WordSettings
 
+if TYPE_CHECKING:
+    from heatertune.model.values import FittedModel
+    from heatertune.pid.values import PidDesign
+    from heatertune.proof.closing import Closed
+
 __all__ = ["add_to"]
 
 _EXAMPLE = "example: heatertune tune --gain 0.37 --time-constant 167 --dead-time 12 --ambient 22 -o pid.json"
+_UNPROVEN = ("Nothing was proven or changed so that it passes, for no --target says in whose words: the design aims at "
+             "the limits on Ms and on the power of one step alone.")
 
 
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "tune", help="model → pid: K, TN, TV and TA by a rule or the optimum", epilog=_EXAMPLE,
-        description="Find the controller for a heater and all its candidate models.",
+        description="Find the controller for a heater and all its candidate models. With --target and a specification "
+                    "(--spec, --limit) its words are proven, and where they fail the cheapest change that passes is "
+                    "taken; exit status 1 where none is found.",
     )
     command.add_argument("model", metavar="MODEL", nargs="?", help="model.json as written by fit")
     command.add_argument("-o", "--out", metavar="FILE", help="write the design to this JSON file")
-    command.add_argument("--target", metavar="NAME", help="round TA to what this controller's timer can do")
-    options.add(command, WordSettings, "switch_kind")
+    common.add_word_options(command)
+    command.add_argument("--as-is", action="store_true",
+                         help="keep the plain design where another one would keep the specification")
+    common.add_proof_options(command, needed=False)
     common.add_model_options(command)
     common.add_tuning_options(command)
-    options.add(command, TuneSettings, "step_power_pct")
-    options.add(command, Conditions, "spec", "limit")
     command.add_argument("--second-opinion", action="store_true",
                          help="have python-control compute Ms, too (takes seconds to load)")
     printing.add_output_options(command)
@@ -37,34 +47,61 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.pid.alternatives import alternatives  # noqa: PLC0415
+    from heatertune.pid.alternatives import alternatives  # noqa: PLC0415 - the help must not wait for it
     from heatertune.pid.document import to_document  # noqa: PLC0415
     from heatertune.pid.forms import other_forms  # noqa: PLC0415
-    from heatertune.plc.choose import tune_for_words  # noqa: PLC0415
-    from heatertune.proof.fitted import aimed, told_of_aim  # noqa: PLC0415
-    from heatertune.proof.pwm_period import with_pwm  # noqa: PLC0415
+    from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
     from heatertune.report.text import alternatives_table, design_lines, forms_lines  # noqa: PLC0415
 
-    fitted = common.model_from(settings, settings.model)
-    by_words = common.interval_by_words(settings)
-    if by_words and settings.target is None:
-        raise InputError("--sample-time words needs --target: the words are its own")
-    find = tune_for_words if by_words else chain.tune
-    asked = options.of(TuneSettings, settings)
-    tuned = aimed(asked, Conditions(spec=settings.spec, limit=tuple(settings.limit)))
-    design = find(fitted, tuned, target=settings.target, progress=printing.Progress(settings))
-    design = replace(design, notes=(*design.notes, *told_of_aim(asked, tuned)))
-    if settings.switch_kind is not None:
-        design, _ = with_pwm(design, fitted, settings.switch_kind)
+    fitted, progress = common.model_from(settings, settings.model), printing.Progress(settings)
+    proven = _closed(settings, fitted, progress)
+    design = _plain(settings, fitted, progress) if proven is None else replace(
+        proven.wished, notes=(*proven.wished.notes, *proven.notes))
     if settings.second_opinion:
         from heatertune.pid.loop.linear import second_opinion  # noqa: PLC0415 - loads python-control
 
         design = replace(design, notes=(*design.notes, second_opinion(fitted.plants, design)))
     others = alternatives(fitted, design)
     settled = (design.gain_pct_per_degC, design.integral_time_s, design.derivative_time_s)
-    document = to_document(design, fitted) | {"forms": other_forms(*settled), "alternatives": others}
+    document = to_document(design, fitted, None if proven is None else proven.recipe) | {
+        "forms": other_forms(*settled), "alternatives": others}
     printing.save(settings.out, document)
+    verdict = [] if proven is None else ["", f"VERDICT {verdict_line(proven.proof.to_document())}"]
     printing.output(settings, document, lambda: "\n".join(
-        (design_lines(document), forms_lines(document["forms"]), "", alternatives_table(others))))
-    return 0
+        (design_lines(document), forms_lines(document["forms"]), "", alternatives_table(others), *verdict)))
+    return 0 if proven is None or proven.proof.verdict == "PASS" else 1
+
+
+def _closed(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> Closed | None:
+    """Return the design closed on the verdict of its words, None where no proof is asked for or can be made."""
+    from heatertune.proof.closing import closed, plainly  # noqa: PLC0415 - the help must not wait for it
+
+    if settings.target is None or not _proof_asked(settings):
+        return None
+    return (plainly if settings.as_is else closed)(fitted, common.asked(settings), progress=progress)
+
+
+def _proof_asked(settings: argparse.Namespace) -> bool:
+    """Return whether there is an option that only a proof hears."""
+    beside = {"step_power_pct", "switch_kind"}  # a design hears these, too
+    return bool({*options.given(Conditions, settings), *options.given(WordSettings, settings)} - beside)
+
+
+def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> PidDesign:
+    """Return the design as asked for; of the conditions of a proof it hears those that it can aim at."""
+    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc.choose import tune_for_words  # noqa: PLC0415
+    from heatertune.proof.fitted import aimed, told_of_aim  # noqa: PLC0415
+    from heatertune.proof.pwm_period import with_pwm  # noqa: PLC0415
+
+    by_words = common.interval_by_words(settings)
+    if by_words and settings.target is None:
+        raise InputError("--sample-time words needs --target: the words are its own")
+    asked = options.of(TuneSettings, settings)
+    tuned = aimed(asked, common.conditions(settings))
+    find = partial(tune_for_words if by_words else chain.tune, target=settings.target, progress=progress)
+    design = find(fitted, tuned, scaling=common.scaling(settings))
+    notes = [*told_of_aim(asked, tuned), *([_UNPROVEN] if _proof_asked(settings) else [])]
+    design = replace(design, notes=(*design.notes, *notes))
+    kind = options.of(WordSettings, settings).switch_kind
+    return design if kind is None else with_pwm(design, fitted, kind)[0]

@@ -45,7 +45,7 @@ def _run(settings: argparse.Namespace) -> int:
     printing.tell_taken(settings, [log], progress)
     verdict = chain.validate(
         model, log, options.of(ValidateSettings, settings), words=known_words(settings, [log]),
-        setpoint_degC=settings.setpoint, known=common.conditions(settings).switches,
+        setpoint_degC=common.conditions(settings).highest_degC, known=common.conditions(settings).switches,
     )
     document = to_document(verdict)
     printing.save(settings.out, document)

@@ -7,8 +7,9 @@ from typing import Any
 
 from heatertune import options
 from heatertune.cli import common, printing
+from heatertune.cli.recorded import proving
 from heatertune.errors import InputError
-from heatertune.settings import SampleSettings, WordSettings
+from heatertune.settings import SampleSettings
 
 __all__ = ["add_to"]
 
@@ -22,7 +23,7 @@ def add_to(commands: Any) -> None:
         description="Run the closed loop in the PLC's own arithmetic on every candidate model and judge it.",
     )
     command.add_argument("pid", metavar="PID|WORDS", help="pid.json as written by tune, or words.json by export-db")
-    options.add(command, WordSettings, "words_by", "setpoint_ramp")
+    common.add_word_options(command, "words_by", "setpoint_ramp")
     common.add_proof_options(command)
     common.add_model_options(command)
     options.add(command.add_argument_group("many heaters"), SampleSettings)
@@ -37,16 +38,15 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.proof.verdict import combined, verdict_line  # noqa: PLC0415
     from heatertune.report.text import criteria_table, ramp_note, samples_table  # noqa: PLC0415
 
-    words, _, fitted = common.words_and_model(settings)
-    conditions, drawn = common.conditions(settings), options.of(SampleSettings, settings)
-    ramp = options.of(WordSettings, settings).setpoint_ramp
+    asked, drawn = proving(settings), options.of(SampleSettings, settings)
+    fitted, conditions = asked.fitted, asked.conditions
     if drawn.replay is not None:
-        if ramp is not None:
+        if asked.ramp is not None:
             raise InputError("--replay runs the words with the ramp they have; --setpoint-ramp would be another proof")
-        document = replay_document(words, fitted, drawn.replay, conditions, spread=drawn.spread)
+        document = replay_document(asked.words, fitted, drawn.replay, conditions, spread=drawn.spread)
         printing.output(settings, document, lambda: f"{criteria_table(document)}\nVERDICT {document['verdict']}")
         return 0 if document["verdict"] == "PASS" else 1
-    proof, notes = prove_ramped(words, fitted, ramp, conditions)
+    proof, notes = prove_ramped(asked.words, fitted, asked.ramp, conditions)
     document, verdicts = proof.to_document(), [proof.verdict]
     if drawn.samples is not None:
         document["samples"] = sample_document(
@@ -55,7 +55,7 @@ def _run(settings: argparse.Namespace) -> int:
         verdicts.append(document["samples"]["verdict"])
     verdict = document["verdict"] = combined(verdicts)
     document = digested(document)
-    remarks, line = [f"- {note}" for note in (*ramp_note(document), *notes)], verdict_line(document)
+    remarks, line = [f"- {note}" for note in (*asked.notes, *ramp_note(document), *notes)], verdict_line(document)
     printing.output(settings, document, lambda: "\n".join(
         [line, criteria_table(document), *remarks, *samples_table(document), f"VERDICT {line}"]
     ))

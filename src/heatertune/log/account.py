@@ -68,7 +68,7 @@ def taken_of(
     clock, temperature, power = written
     how = {
         "time": clock, "temperature": _SIGNS[temperature.name] + (", assumed" if temperature.assumed else ""),
-        "power": "" if power is None else power.written, "setpoint": "",
+        "power": "" if power is None else power.written, "setpoint": "", "disturbance": "",
     }
     used = {role: (_names(sheet, columns, role), how[role]) for role in columns.index if role in how}
     if clock == "counted":

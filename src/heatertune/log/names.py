@@ -69,7 +69,8 @@ def is_second_choice(name: str) -> bool:
 def unit_in_name(role: str, name: str) -> str | None:
     """Return the unit a column's name tells, None where it tells none; for power its full scale."""
     lower = plain_name(name).lower()
-    units = (unit for unit, pattern in _UNITS["temperature" if role == "setpoint" else role] if pattern.search(lower))
+    patterns = _UNITS.get("temperature" if role == "setpoint" else role, ())
+    units = (unit for unit, pattern in patterns if pattern.search(lower))
     return next(units, None)
 
 

@@ -19,6 +19,7 @@ from heatertune.log.columns import Columns, find_columns, with_names
 from heatertune.log.names import ROLES
 from heatertune.log.numbers import Array, numbers, refused
 from heatertune.log.power import power_of
+from heatertune.log.quantities import on_or_off
 from heatertune.log.repeats import kept_rows
 from heatertune.log.tables import BUILT_IN, BuiltIn, built_in
 from heatertune.log.tags import Tags, by_tags
@@ -48,6 +49,7 @@ class _Series(NamedTuple):
     temperature_degC: Array
     power_pct: Array | None
     setpoint_degC: Array | None
+    disturbance: Array | None
 
 
 def read_log(
@@ -78,10 +80,15 @@ def read_log(
     sheet, doubts = _opened(Path(source), table, content, asked.skip_rows, asked.errata)
     given = (asked.time_column, asked.temperature_column, asked.power_column, asked.setpoint_column)
     wanted = {role: column for role, column in zip(ROLES, given, strict=True) if column is not None}
+    if asked.disturbance_column is not None:
+        wanted["disturbance"] = asked.disturbance_column
     tags = Tags(
         temperature=asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag, column=asked.tag_column,
         quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column, date=asked.date_column)
     tagged = by_tags(sheet, tags, asked.time_unit)
+    if tagged.is_long and "disturbance" in wanted:
+        raise LogError("a table with a row for each tag has no column of a disturbance", file=sheet.file,
+                       value=str(asked.disturbance_column), expected="a table with a column for each")
     sheet = plain_cells(tagged.sheet) if tagged.is_long else tagged.sheet
     columns = find_columns(sheet, tagged.wanted or wanted, counted=asked.sample_time_s is not None)
     sheet, columns = with_dates(sheet, columns, None if tagged.is_long else asked.date_column)
@@ -95,16 +102,18 @@ def read_log(
     kept &= ~no_readings(sheet, columns, raw, time, repairs)
     unit = _temperature_unit(sheet, columns, asked.temperature_unit, raw[kept], repairs, doubts)
     setpoint, filled = _setpoint(sheet, columns, unit.name, repairs)
+    disturbance, held = _disturbance(sheet, columns, repairs)
     power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts)
     series = _Series(
         time_s=time[kept], temperature_degC=_temperature(sheet, columns, "temperature", unit, raw, kept)[kept],
         power_pct=None if power is None else power.percent[kept],
-        setpoint_degC=None if setpoint is None else setpoint[kept])
+        setpoint_degC=None if setpoint is None else setpoint[kept],
+        disturbance=None if disturbance is None else disturbance[kept])
     lines = [line for line, keeps in zip(sheet.lines, kept, strict=True) if keeps]
     tell_gaps(series.time_s, lines, power is not None, doubts)
     taken = taken_of(
         table.name if table else Path(source).name, sheet, columns, tagged, time=series.time_s,
-        written=Written(clock, unit, power), counts=Counts(read=len(time), repeats=repeats, filled=filled),
+        written=Written(clock, unit, power), counts=Counts(read=len(time), repeats=repeats, filled=filled + held),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above)},
     )
@@ -205,17 +214,44 @@ def _setpoint(sheet: Sheet, columns: Columns, unit: str, repairs: list[str]) -> 
     """
     if "setpoint" not in columns.index:
         return None, 0
-    raw = numbers(sheet, columns, "setpoint", holes=True)
-    written = np.flatnonzero(~np.isnan(raw))
-    if not len(written):
+    raw, filled = _held(sheet, columns, "setpoint", repairs)
+    if filled == len(raw):
         repairs.append("The column of the setpoint is empty; no setpoint was read.")
         return None, 0
-    filled = len(raw) - len(written)
-    if filled:
-        raw = raw[written[np.maximum(np.searchsorted(written, np.arange(len(raw)), side="right") - 1, 0)]]
-        repairs.append(f"The setpoint is empty in {count(filled, 'row')}; the last one was held there.")
     own = columns.unit("setpoint") or unit
     if own != unit:
         repairs.append(f"The setpoint is in {own} by its name.")
     everywhere = np.ones(len(raw), dtype=np.bool_)
     return _temperature(sheet, columns, "setpoint", Unit(own, assumed=False), raw, everywhere), filled
+
+
+def _disturbance(sheet: Sheet, columns: Columns, repairs: list[str]) -> tuple[Array | None, int]:
+    """Return the column that the user names as a disturbance, in its own unit, and how many cells were filled.
+
+    On and off are 1 and 0; an empty cell is filled as one of the setpoint.
+
+    Raises:
+        LogError: a cell that is no number, or no cell that holds one.
+    """
+    if "disturbance" not in columns.index:
+        return None, 0
+    switched = on_or_off([row[columns.index["disturbance"]] for row in sheet.rows])
+    if switched is not None:
+        repairs.append("The disturbance is on or off; taken as 1 and 0.")
+        return np.array(switched, dtype=np.float64), 0
+    values, filled = _held(sheet, columns, "disturbance", repairs)
+    if filled == len(values):
+        raise LogError("the column of the disturbance is empty", file=sheet.file,
+                       column=columns.names["disturbance"], expected="numbers, or on and off in every row")
+    return values, filled
+
+
+def _held(sheet: Sheet, columns: Columns, role: str, repairs: list[str]) -> tuple[Array, int]:
+    """Return a column, its empty cells holding the last value, those before the first that one; and how many."""
+    raw = numbers(sheet, columns, role, holes=True)
+    written = np.flatnonzero(~np.isnan(raw))
+    filled = len(raw) - len(written)
+    if filled and len(written):
+        raw = raw[written[np.maximum(np.searchsorted(written, np.arange(len(raw)), side="right") - 1, 0)]]
+        repairs.append(f"The {role} is empty in {count(filled, 'row')}; the last one was held there.")
+    return raw, filled

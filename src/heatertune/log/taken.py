@@ -11,6 +11,8 @@ __all__ = ["MOST_REPAIRED", "Option", "Taken"]
 Option = bool | float | str | None
 
 _ROLES: Final = ("time", "temperature", "power", "setpoint")
+#: told where the user names it alone
+_NAMED: Final = "disturbance"
 #: share of the rows: more is told on the verdict's line
 MOST_REPAIRED: Final = 0.01
 _SHOWN: Final = 12  # unused columns named
@@ -52,7 +54,7 @@ class Taken:
     @property
     def line(self) -> str:
         """All of it in one line."""
-        parts = [f"{self.rows} rows every {self.interval_s:.4g} s", ", ".join(map(self._column, _ROLES))]
+        parts = [f"{self.rows} rows every {self.interval_s:.4g} s", ", ".join(map(self._column, self._roles))]
         for number, what in ((self.left_out, "left out"), (self.repaired, "repaired")):
             if number:
                 parts.append(f"{number} row{'s' if number > 1 else ''} {what}")
@@ -60,6 +62,10 @@ class Taken:
             more = f" and {len(self.unused) - _SHOWN} more" if len(self.unused) > _SHOWN else ""
             parts.append(f"not used: {', '.join(map(repr, self.unused[:_SHOWN]))}{more}")
         return f"{self.file}: {'; '.join(parts)}"
+
+    @property
+    def _roles(self) -> tuple[str, ...]:
+        return (*_ROLES, _NAMED) if _NAMED in self.columns else _ROLES
 
     def _column(self, role: str) -> str:
         if role not in self.columns:

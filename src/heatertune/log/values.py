@@ -36,6 +36,7 @@ class Log(Shown):
         temperature_degC: process variable [°C], shape (n,).
         power_pct: heater power [0…100 % of full power], held from its instant to the next, shape (n,), or None.
         setpoint_degC: setpoint [°C], shape (n,), or None.
+        disturbance: a measured load in a unit of its own, held from its instant to the next, shape (n,), or None.
         repairs: what the reader changed or assumed, one sentence each.
         doubts: readings that look odd but were left as they are, one sentence each.
         same_heater: names of built-in logs taken on the same heater.
@@ -53,6 +54,7 @@ class Log(Shown):
     temperature_degC: Array
     power_pct: Array | None = None
     setpoint_degC: Array | None = None
+    disturbance: Array | None = None
     repairs: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     same_heater: tuple[str, ...] = field(default=())
@@ -63,7 +65,7 @@ class Log(Shown):
         n = len(self.time_s)
         if n < MIN_SAMPLES:
             raise OutOfRange("number of samples", n, f">= {MIN_SAMPLES}")
-        for name in ("time_s", "temperature_degC", "power_pct", "setpoint_degC"):
+        for name in ("time_s", "temperature_degC", "power_pct", "setpoint_degC", "disturbance"):
             column = getattr(self, name)
             if column is not None:
                 object.__setattr__(self, name, _frozen(name, column, n))
@@ -127,7 +129,8 @@ class Log(Shown):
         return Log(
             name=self.name, source=self.source, time_s=self.time_s[keep],
             temperature_degC=self.temperature_degC[keep], power_pct=cut(self.power_pct),
-            setpoint_degC=cut(self.setpoint_degC), repairs=self.repairs, doubts=self.doubts,
+            setpoint_degC=cut(self.setpoint_degC), disturbance=cut(self.disturbance), repairs=self.repairs,
+            doubts=self.doubts,
             same_heater=self.same_heater, taken=self.taken, rests_at_degC=self.rests_at_degC,
         )
 

@@ -16,6 +16,7 @@ from heatertune.codec import FLAT, LEFT_OUT, OrUnknown, built, decode, encode, r
 from heatertune.documents import plain, read_document
 from heatertune.errors import DocumentError
 from heatertune.model.by_hand import model_by_hand
+from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.findings import Finding
 from heatertune.model.intervals import Interval
 from heatertune.model.judgement import Half, HeldOut, InputCorrelation, Validation, disagreeing
@@ -312,6 +313,7 @@ class ModelView:
     least_dead_time_s: float | None = None
     reading_step_degC: float | None = None
     assumed: Mapping[str, float] = field(default_factory=dict)
+    disturbance: DisturbanceEffect | None = field(default=None, metadata=LEFT_OUT)
     logs: tuple[OneLogView, ...] = field(default=(), metadata=LEFT_OUT)
     validation: ValidationView | None = field(default=None, metadata=FLAT)
     residuals: _Residuals | None = field(default=None, metadata=LEFT_OUT)

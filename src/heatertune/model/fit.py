@@ -14,8 +14,10 @@ from heatertune.log.taken import MOST_REPAIRED
 from heatertune.log.values import Log
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.circumstances import DelaysKnown
+from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.findings import Finding
 from heatertune.model.hearing import Remark, findings_of
+from heatertune.model.mirrored import middle_degC, mirrored, mirrored_log
 from heatertune.model.power.explained import Explained, explained
 from heatertune.model.power.feedback import loop_remarks
 from heatertune.model.power.fit_logs import fit_logs
@@ -46,6 +48,8 @@ def fit(
 ) -> FittedModel:
     """Identify the heater behind a log.
 
+    A measured disturbance is fitted together with the heater first; what it did is then taken out of the readings.
+
     Args:
         log: with power, the power is believed; without, the controller laws are run inside the fit.
         settings: what is known beside the log; None: nothing.
@@ -56,26 +60,52 @@ def fit(
         changed: fields of `FitSettings` that are other than in `settings`.
 
     Raises:
-        InputError: the power never changes, or neither power nor laws are there, or power_before without power.
+        InputError: the power never changes, or neither power nor laws are there, or power_before without power; a
+            disturbance without power, or one that never changes.
         OutOfRange: fewer than 20 readings are left, an ambient above all readings, a power outside 0…100 %.
     """
     given = merged(FitSettings, settings, changed)
+    if given.cooler:
+        return _of_cooler(log, given, seed, progress)
     bounds, delays = _bounds(given.ambient_degC), _delays(given)
     _check_given(log, bounds, given.power_before_pct)
     used, notes = _used(log, given.until_s)
     if used.power_pct is None:
+        _refuse_disturbance(log)
         _demand_laws(log, laws)
         _refuse_bound(log, delays)
         progress(f"{log.name}: fitting {len(laws)} controller laws inside the loop")
         fitted = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
     else:
+        used, effect = _cleared(used, progress)
         progress(f"{log.name}: fitting one and two lags to the logged power")
         fitted = _fit_logged(used, bounds, given.power_before_pct, seed, delays)
         fitted = with_relay(used, fitted, ambient_degC=_single(bounds))
         loop = loop_remarks(used)
         notes += tuple(remark.sentence for remark in loop)
-        fitted = replace(fitted, findings=(*fitted.findings, *findings_of(loop)))
+        notes += () if effect is None else (effect.sentence,)
+        fitted = replace(fitted, findings=(*fitted.findings, *findings_of(loop)), disturbance=effect)
     return _of_files(delays.applied(replace(fitted, notes=notes + fitted.notes), [used]), [log])
+
+
+def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str], object]) -> FittedModel:
+    """Return the cooler behind a log with power: the mirror image of the heater behind the mirrored log."""
+    if log.power_pct is None:
+        raise InputError(f"{log.name}: the power was not logged, and no law is known by which a controller cools; log "
+                         "the power")
+    about, bounds = middle_degC(log), _bounds(given.ambient_degC)
+    _check_given(mirrored_log(log, about), None, given.power_before_pct)
+    turned = None if bounds is None else (2.0 * about - bounds[1], 2.0 * about - bounds[0])
+    found = fit(mirrored_log(log, about), replace(given, cooler=False, ambient_degC=turned), seed=seed,
+                progress=progress)
+    note = (f"{log.name}: of a cooler, and fitted as a heater, mirrored at {about:.4g} °C; a temperature in the notes "
+            "of the fit is that of the mirror image.")
+    return replace(mirrored(found, about), notes=(note, *found.notes))
+
+
+def _refuse_cooler(given: FitSettings) -> None:
+    if given.cooler:
+        raise InputError("--cooler goes with one log that holds the power; fit it alone")
 
 
 def fit_known(
@@ -104,8 +134,10 @@ def fit_known(
         OutOfRange: as `fit`.
     """
     asked = merged(FitSettings, settings, changed)
+    _refuse_cooler(asked)
     bounds, delays, power_before = _bounds(asked.ambient_degC), _delays(asked), asked.power_before_pct or 0.0
     _check_given(log, bounds, None)
+    _refuse_disturbance(log)
     used, notes = _used(log, asked.until_s)
     progress(f"{log.name}: running {controllers[0].name.partition(',')[0]} on the logged readings")
     ambient = _single(bounds)
@@ -159,6 +191,7 @@ def fit_together(
         OutOfRange: as `fit`.
     """
     given = merged(FitSettings, settings, changed)
+    _refuse_cooler(given)
     bounds, delays = _bounds(given.ambient_degC), _delays(given)
     powered = [log for log in logs if log.power_pct is not None]
     if powered and len(powered) < len(logs):
@@ -168,6 +201,7 @@ def fit_together(
     parts, notes = [], []
     for log in logs:
         _check_given(log, bounds, given.power_before_pct)
+        _refuse_disturbance(log)
         used, own_notes = _used(log, given.until_s)
         parts.append(used)
         notes += [f"{log.name}: {note}" for note in own_notes]
@@ -244,6 +278,22 @@ def _used(log: Log, until_s: float | None) -> tuple[Log, tuple[str, ...]]:
     if until_s is None:
         return undisturbed(log) if log.power_pct is None else (log, ())  # with power it is fitted in segments
     return log.window(float(log.time_s[0]), until_s), (f"Readings after {until_s:g} s were not used.",)
+
+
+def _cleared(log: Log, progress: Callable[[str], object]) -> tuple[Log, DisturbanceEffect | None]:
+    """Return a log without what its disturbance did, and that, None where it has none."""
+    if log.disturbance is None:
+        return log, None
+    from heatertune.model.power.disturbance import without_disturbance  # noqa: PLC0415 - an optimiser; few logs need it
+
+    progress(f"{log.name}: fitting heater and disturbance together")
+    return without_disturbance(log)
+
+
+def _refuse_disturbance(log: Log) -> None:
+    if log.disturbance is not None:
+        raise InputError(f"{log.name}: the effect of a disturbance is told from a log that holds the power, fitted by "
+                         "itself; leave --disturbance-column out, or log the power")
 
 
 def _demand_laws(log: Log, laws: Sequence[ControllerLaw]) -> None:

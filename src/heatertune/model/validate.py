@@ -16,6 +16,7 @@ import numpy.typing as npt
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.judgement import InputCorrelation
+from heatertune.model.mirrored import cools, middle_degC, mirrored, mirrored_log, mirrored_model
 from heatertune.model.outliers import tamed
 from heatertune.model.power.feedback import feedback_notes
 from heatertune.model.power.input_correlation import input_correlation
@@ -110,14 +111,22 @@ def validate(
         changed: fields of `ValidateSettings` that are other than in `settings`.
 
     Raises:
-        InputError: the log holds no power.
+        InputError: the log holds no power, or a disturbance, which is not run.
         OutOfRange: fewer than 20 readings are left, a power outside 0…100 %, an ambient below absolute zero.
     """
     if log.power_pct is None:
         raise InputError(
             f"{log.name}: the power was not logged, so the model cannot be run; name its --controller, or log the power"
         )
+    if log.disturbance is not None:
+        raise InputError(f"{log.name}: a model is run with the power alone, without what the disturbance does; leave "
+                         "--disturbance-column out, and --until the instant before it changes")
     asked = merged(ValidateSettings, settings, changed)
+    if cools(fitted):
+        about = middle_degC(log)
+        turned = None if asked.ambient_degC is None else 2.0 * about - asked.ambient_degC
+        return _turned_back(
+            validate(mirrored(fitted, about), mirrored_log(log, about), replace(asked, ambient_degC=turned)), about)
     used, notes = undisturbed(log) if asked.until_s is None else (log.window(float(log.time_s[0]), asked.until_s), ())
     labelled: list[tuple[str, HeaterModel]] = [("working model", fitted.model)]
     labelled += [(label, model) for label, model in fitted.heaters if model != fitted.model]
@@ -133,6 +142,15 @@ def validate(
         log=log.name, runs=runs, worst=worst, least_fit_pct=asked.least_fit_pct, bias_degC=bias, most_bias_degC=limit,
         fails=fails, notes=(*notes, *feedback_notes(used), *meaning),
     )
+
+
+def _turned_back(verdict: Verdict, about_degC: float) -> Verdict:
+    """Return the verdict on a cooler for the one on its mirror image."""
+    runs = tuple(replace(
+        run, model=mirrored_model(run.model, about_degC), ambient_degC=2.0 * about_degC - run.ambient_degC,
+        bias_degC=-run.bias_degC, free_ambient_degC=2.0 * about_degC - run.free_ambient_degC,
+    ) for run in verdict.runs)
+    return replace(verdict, runs=runs, bias_degC=-verdict.bias_degC)
 
 
 def _run(label: str, model: HeaterModel, log: Log, ambient_degC: float | None, before_pct: float | None) -> Run:

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.errors import OutOfRange
 from heatertune.model.dynamics import Dynamics
 from heatertune.model.findings import Finding
 from heatertune.show import Shown
 from heatertune.units import check
 
 if TYPE_CHECKING:
+    from heatertune.model.disturbance import DisturbanceEffect
     from heatertune.model.intervals import Interval
     from heatertune.model.judgement import Validation
 
@@ -29,13 +31,13 @@ class Fopdt(Dynamics):
     """First order plus dead time: T' = (ambient + gain·power(t − dead time) − T)/time constant.
 
     Attributes:
-        gain_degC_per_pct: steady rise per percent of heater power [°C/%].
+        gain_degC_per_pct: steady rise per percent of power [°C/%]; negative for a cooler.
         time_constant_s: [s].
         dead_time_s: [s].
         ambient_degC: temperature without power [°C], None where unknown.
 
     Raises:
-        OutOfRange: a gain or time constant that is not positive, a negative dead time.
+        OutOfRange: a gain of zero, a time constant that is not positive, a negative dead time.
     """
 
     gain_degC_per_pct: float
@@ -69,14 +71,14 @@ class TwoLag(Dynamics):
     """Two lags in series and a dead time: the heater and the sensor (or the mass behind it).
 
     Attributes:
-        gain_degC_per_pct: steady rise per percent of heater power [°C/%].
+        gain_degC_per_pct: steady rise per percent of power [°C/%]; negative for a cooler.
         time_constant_s: the larger lag [s].
         second_time_constant_s: the smaller lag [s].
         dead_time_s: [s].
         ambient_degC: temperature without power [°C], None where unknown.
 
     Raises:
-        OutOfRange: a gain or lag that is not positive, lags in the wrong order, a negative dead time.
+        OutOfRange: a gain of zero, a lag that is not positive, lags in the wrong order, a negative dead time.
     """
 
     gain_degC_per_pct: float
@@ -121,7 +123,9 @@ HeaterModel = Fopdt | TwoLag
 
 
 def _check_plant(plant: HeaterModel) -> None:
-    check("gain_degC_per_pct", plant.gain_degC_per_pct, above=0.0)
+    check("gain_degC_per_pct", plant.gain_degC_per_pct)
+    if plant.gain_degC_per_pct == 0.0:
+        raise OutOfRange("gain_degC_per_pct", 0.0, "not zero: above for a heater, below for a cooler")
     check("time_constant_s", plant.time_constant_s, above=0.0)
     check("dead_time_s", plant.dead_time_s, least=0.0)
     if plant.ambient_degC is not None:
@@ -255,6 +259,7 @@ class FittedModel(Shown, Dynamics):
         least_dead_time_s: no dead time below this is believed: half the log's interval, and the sensor's delay [s].
         reading_step_degC: sensor step, or the noise of one reading where that is more, 0 where unknown [°C].
         assumed: what the user knows beside the log, name with unit → value.
+        disturbance: what a measured disturbance does, None where the log has none.
     """
 
     model: Fopdt
@@ -276,6 +281,7 @@ class FittedModel(Shown, Dynamics):
     least_dead_time_s: float = 0.0
     reading_step_degC: float = 0.0
     assumed: Mapping[str, float] = field(default_factory=dict)
+    disturbance: DisturbanceEffect | None = None
 
     def __post_init__(self) -> None:
         for name in ("log_interval_s", "least_dead_time_s", "reading_step_degC"):

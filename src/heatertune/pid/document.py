@@ -14,6 +14,7 @@ from heatertune.errors import DocumentError
 from heatertune.model.document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.document import ModelView
 from heatertune.model.values import FittedModel
+from heatertune.pid.recipe import Recipe
 from heatertune.pid.values import Margins, PidDesign, Promise, structure_of
 
 __all__ = ["SCHEMA", "PidView", "from_document", "promise_document", "read_design", "to_document"]
@@ -61,6 +62,7 @@ class PidView:
     notes: tuple[str, ...] = ()
     robust: PromiseView | None = None
     step_power_limit_pct_per_degC: OrInfinite = math.inf
+    made_for: Recipe | None = field(default=None, metadata=LEFT_OUT)
     model: ModelView | None = field(default=None, metadata=LEFT_OUT)
     forms: Any = field(default=None, metadata=LEFT_OUT)
     alternatives: Any = field(default=None, metadata=LEFT_OUT)
@@ -70,11 +72,11 @@ class PidView:
             raise DocumentError(f"structure: {self.structure!r}; TN and TV make it {self.value.structure!r}")
 
     @classmethod
-    def of(cls, design: PidDesign, model: FittedModel | None = None) -> PidView:
-        """Return what is written of a design, and of the model it was made for."""
+    def of(cls, design: PidDesign, model: FittedModel | None = None, recipe: Recipe | None = None) -> PidView:
+        """Return what is written of a design, of the model it was made for, and of the words that were proven."""
         return built(
             cls, design, design.margins, robust=None if design.promise is None else built(PromiseView, design.promise),
-            model=None if model is None else ModelView.of(model))
+            made_for=recipe, model=None if model is None else ModelView.of(model))
 
     @property
     def value(self) -> PidDesign:
@@ -87,14 +89,16 @@ class PidView:
             promise=None if self.robust is None else self.robust.value)
 
 
-def to_document(design: PidDesign, model: FittedModel | None = None) -> dict[str, Any]:
+def to_document(
+    design: PidDesign, model: FittedModel | None = None, recipe: Recipe | None = None
+) -> dict[str, Any]:
     """Return the document; an integral time that is infinite is null."""
-    document: dict[str, Any] = encode(PidView.of(design, model))
+    document: dict[str, Any] = encode(PidView.of(design, model, recipe))
     return document
 
 
-def read_design(path: str | Path) -> tuple[PidDesign, FittedModel | None]:
-    """Return the design of a file, and the model it was made for where the file holds it.
+def read_design(path: str | Path) -> tuple[PidDesign, FittedModel | None, Recipe | None]:
+    """Return the design of a file, the model it was made for and the recipe of its words, where the file holds them.
 
     Raises:
         DocumentError: a field is missing, unknown, of the wrong kind or against its rule.
@@ -105,7 +109,7 @@ def read_design(path: str | Path) -> tuple[PidDesign, FittedModel | None]:
         raise DocumentError(f"{path}: the model's schema is {model.get('schema')!r}; expected {MODEL_SCHEMA!r}: fit "
                             "and tune again")
     view = decode(PidView, document, path)
-    return view.value, None if view.model is None else view.model.value
+    return view.value, None if view.model is None else view.model.value, view.made_for
 
 
 def from_document(document: Mapping[str, Any], *, where: str | Path = "design") -> PidDesign:

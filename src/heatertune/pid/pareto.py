@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from heatertune.errors import OutOfRange
+from heatertune.model.mirrored import cools, mirrored
 from heatertune.model.values import FittedModel
 from heatertune.pid.continuous.optimum import ContinuousProblem, optimum
 from heatertune.pid.continuous.tune import assessed
@@ -53,6 +54,10 @@ def front(
     check("points", points, least=2, most=_MOST_POINTS)
     if not ms_low < ms_high:
         raise OutOfRange("ms_low", ms_low, f"< ms_high = {ms_high:g}")
+    if cools(fitted):
+        document = front(mirrored(fitted), structure=structure, ms_low=ms_low, ms_high=ms_high, points=points,
+                         sample_time_s=sample_time_s, progress=progress, **specs)
+        return document | {"rows": [row | {"gain_pct_per_degC": -row["gain_pct_per_degC"]} for row in document["rows"]]}
     wanted = Specs(ms=ms_high, **specs)
     if sample_time_s is None:
         half_way = {"ms": 0.5 * (ms_low + ms_high), **specs}

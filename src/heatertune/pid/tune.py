@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from heatertune.errors import InputError, UnknownName
+from heatertune.model.mirrored import cools, mirrored
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.options import merged, options_of
 from heatertune.pid.continuous.tune import tune_continuous
@@ -47,7 +48,7 @@ def tune(
 
     The optimum minimises the mean of the objective of the sampled loop over the candidates, subject to the limits on
     Ms, Mt and Mks on each. A rule is applied to the working FOPDT, and its margins are reported for the worst
-    candidate.
+    candidate. A cooler is tuned as its mirror image, with a negative K.
     TA = TRdom/10 of the fastest candidate's closed loop, iterated until it rests.
 
     Args:
@@ -67,6 +68,10 @@ def tune(
             a rule is to be robust, or the fit has no intervals to draw from.
     """
     asked = merged(TuneSettings, settings, changed)
+    if cools(fitted):
+        design = tune(mirrored(fitted), asked, timer=timer, derivative_filter=derivative_filter, most_gain=most_gain,
+                      resolution_degC=resolution_degC, progress=progress)
+        return replace(design, gain_pct_per_degC=-design.gain_pct_per_degC)
     method, structure, robust, closed_loop_s = asked.method, asked.structure, asked.robust, asked.closed_loop_s
     _refuse_nonsense(asked)
     plants, sample_time_s = fitted.plants, asked.sample_time_s

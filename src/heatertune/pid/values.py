@@ -53,7 +53,7 @@ class PidDesign(Shown):
     """u = K·(e + 1/TN·∫e dt + TV·de/dt), sampled every TA.
 
     Attributes:
-        gain_pct_per_degC: K, proportional gain [% of full power per °C].
+        gain_pct_per_degC: K, proportional gain [% of full power per °C]; negative for a cooler.
         integral_time_s: TN [s]; infinite without integral action.
         derivative_time_s: TV [s]; 0 without derivative action.
         sample_time_s: TA [s]; 0: continuous, with the derivative filter N of `heatertune.pid.continuous.kernel`.
@@ -105,8 +105,8 @@ class PidDesign(Shown):
     def step_power_pct_per_degC(self) -> float:
         """Power that a scan moves at once per °C by which its reading differs from the one before [%/°C]."""
         if self.sample_time_s == 0.0:
-            return math.inf if self.derivative_time_s else self.gain_pct_per_degC
-        return self.gain_pct_per_degC * step_parts(
+            return math.inf if self.derivative_time_s else abs(self.gain_pct_per_degC)
+        return abs(self.gain_pct_per_degC) * step_parts(
             self.integral_time_s, self.derivative_time_s, self.sample_time_s, self.derivative_filter)
 
 

@@ -189,7 +189,8 @@ def _search(rounded: Words, fitted: FittedModel, ms: float, design: PidDesign) -
         if broken is None or broken.heater in guards:
             return best
         guards.append(broken.heater)
-        problem = replace(problem, guards=tuple(guards), limits=promise.limits)
+        upright = tuple(map(_heating, guards))
+        problem = replace(problem, guards=upright, limits=promise.limits)
 
 
 def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float, step_power: float) -> Integers:
@@ -198,28 +199,38 @@ def _problem(rounded: Words, plants: tuple[HeaterModel, ...], ms: float, step_po
     The D part at most doubles: load disturbances alone would ask for ever more of it, and noise would pay.
     """
     controller, names = controller_for(rounded.target), _integers(rounded)
-    start = tuple(rounded.whole[name] for name in names)
+    start = tuple(abs(rounded.whole[name]) for name in names)
     largest = [_largest(rounded, name) for name in names]
     largest[2] = min(largest[2], max(2 * start[2], 2))
     ranges = tuple((1, high) if value else (0, 0) for value, high in zip(start, largest, strict=True))
 
     def decode(values: Vector) -> PidDesign | None:
         try:
-            return controller.decode(_with(rounded, values))
+            return _upright(controller.decode(_with(rounded, values)))
         except OutOfRange:
             return None
 
-    return Integers(decode=decode, ranges=ranges, plants=plants, ms=ms, start=start, step_power=step_power)
+    upright = tuple(map(_heating, plants))
+    return Integers(decode=decode, ranges=ranges, plants=upright, ms=ms, start=start, step_power=step_power)
+
+
+def _upright(design: PidDesign | None) -> PidDesign | None:
+    return None if design is None else replace(design, gain_pct_per_degC=abs(design.gain_pct_per_degC))
+
+
+def _heating(plant: HeaterModel) -> HeaterModel:
+    """Return the heater whose mirror image a cooler is: the search of words knows positive gains alone."""
+    return replace(plant, gain_degC_per_pct=abs(plant.gain_degC_per_pct))
 
 
 def _largest(words: Words, name: str) -> int:
-    """Return the largest value of a word that the controller allows, the others being as they are."""
-    controller = controller_for(words.target)
-    low, high = words.whole[name], next(int(field.high) for field in controller.fields if field.name == name)
+    """Return the largest size of a word that the controller allows, the others being as they are."""
+    controller, sign = controller_for(words.target), -1 if words.whole[name] < 0 else 1
+    low, high = abs(words.whole[name]), next(int(field.high) for field in controller.fields if field.name == name)
     while low < high:
         middle = (low + high + 1) // 2
         try:
-            controller.check(replace(words, values=dict(words.values) | {name: middle}))
+            controller.check(replace(words, values=dict(words.values) | {name: sign * middle}))
             low = middle
         except OutOfRange:
             high = middle - 1
@@ -232,8 +243,11 @@ def _integers(words: Words) -> tuple[str, str, str]:
     return names
 
 
-def _with(words: Words, values: Vector) -> Words:
-    return replace(words, values=dict(words.values) | dict(zip(_integers(words), values, strict=True)))
+def _with(words: Words, sizes: Vector) -> Words:
+    """Return the words with others of these sizes, each with the sign it has."""
+    changed = {name: -size if words.whole[name] < 0 else size
+               for name, size in zip(_integers(words), sizes, strict=True)}
+    return replace(words, values=dict(words.values) | changed)
 
 
 def _chosen(rounded: Words, best: Found, fitted: FittedModel, design: PidDesign, wished: _Measured) -> WordChoice:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache, partial
 from importlib import import_module
 from typing import Any, ClassVar, Final, NamedTuple, cast, final
@@ -18,8 +19,10 @@ from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
 from heatertune.plc.core import Core, Running, Scan, Sensor, Timing
+from heatertune.plc.feed_forward import Feed
 from heatertune.plc.open_points import NothingOpen, Switch, assumed, declared
 from heatertune.plc.ramp import Number, Ramp, nearest
+from heatertune.plc.readback import ReadBack
 from heatertune.plc.running import RunningController
 from heatertune.plc.single import single
 from heatertune.plc.targets import TARGETS
@@ -40,6 +43,8 @@ class Controller(ABC):
         title: controller, manual and edition.
         fields: the words, in the order in which they are typed in.
         inputs: what one scan reads, in the controller's units: name → format; the first two are setpoint and reading.
+        written: names of words that the program around writes while it runs, so that no proof is of them.
+        input_ranges: input name → its smallest and largest value, where its format holds more.
         can: what the controller can do, one sentence each.
         cannot: what it can't do, or what is left out here, one sentence each.
         counts: steps of the input module over the sensor range.
@@ -54,6 +59,7 @@ class Controller(ABC):
             the one of the I part second, the one of the D part third; None: there is nothing to gain over rounding.
         most_gain: (scaling, design) → the largest K in size that the words hold beside its times [%/°C]; None: any of
             use.
+        most_power: (word that limits the output from above, its value at 100 %); None: there is none.
         faithful: target that is the same as its source prints it, faults included; None: there is none.
         baseline: target of the two-level control that a report holds it against; None: it is that one.
         interval_s: values → the sampling interval that the words themselves hold [s]; None: they hold none, or another
@@ -61,11 +67,20 @@ class Controller(ABC):
         consistent: raises OutOfRange for words that each are in range, but not together; None: all go together.
         image: (memory of a running controller, sample_time_s, source) → values; raises InputError where its length is
             wrong; None: words cannot be read back.
-        oddities: what is odd about a running controller's words, one sentence each; None without `image`.
+        tolerated: as `consistent`, for words that were read from a machine: what its manual allows under a condition of
+            the process raises nothing; None: as `consistent`.
+        text: text that a programming tool saves or prints, the sampling interval [s] (None: the words tell it) and a
+            name for error messages → the words; None: they cannot be read back from text.
+        oddities: what is odd about a running controller's words, one sentence each; None: nothing is known to be.
         faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
+        delay_s: longest time from a temperature to its reading and from the controller's output to the heater's switch,
+            as input module and process image make it; part of the dead time in a proof [s].
         direct: for a core that runs a listing, which no compiler takes: words and assumptions → a core that gives the
             same power, output and flags, and its parameters and cold state; None: the core itself compiles, or none
             does.
+        feed: the input that a measured disturbance is written to; None: there is none.
+        typed: (words, setpoint of the proof [°C], the same in units; None without a proof) → word → what of its
+            `heatertune.plc.typed.TypedWord` is other than the words and their fields say; None: nothing.
         scan_all: (parameters, state, all inputs) → what the core's `step` gives, those not named being as the words
             have them; None: there are no inputs but `step`'s.
     """
@@ -74,6 +89,8 @@ class Controller(ABC):
     title: ClassVar[str]
     fields: ClassVar[tuple[WordField, ...]]
     inputs: ClassVar[Mapping[str, str]]
+    written: ClassVar[tuple[str, ...]] = ()
+    input_ranges: ClassVar[Mapping[str, tuple[Number, Number]]] = {}
     can: ClassVar[tuple[str, ...]]
     cannot: ClassVar[tuple[str, ...]]
     counts: ClassVar[int]
@@ -85,14 +102,20 @@ class Controller(ABC):
     ramped: ClassVar[bool] = False
     integers: ClassVar[tuple[str, str, str] | None] = None
     most_gain: ClassVar[staticmethod[[Scaling, PidDesign], float] | None] = None
+    most_power: ClassVar[tuple[str, Number] | None] = None
     faithful: ClassVar[str | None] = None
     baseline: ClassVar[str | None] = "on-off"
     interval_s: ClassVar[staticmethod[[Mapping[str, Number]], float] | None] = None
     consistent: ClassVar[staticmethod[[Words], None] | None] = None
     image: ClassVar[staticmethod[[bytes, float, str], Mapping[str, Number]] | None] = None
+    tolerated: ClassVar[staticmethod[[Words], None] | None] = None
+    text: ClassVar[staticmethod[[str, float | None, str], ReadBack] | None] = None
     oddities: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     faults: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
+    delay_s: ClassVar[float] = 0.0
     direct: ClassVar[staticmethod[[Words, Any], tuple[Core, Running]] | None] = None
+    feed: ClassVar[Feed | None] = None
+    typed: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, Mapping[str, Any]]] | None] = None
     scan_all: ClassVar[staticmethod[[Any, Any, Mapping[str, Any]], tuple[Any, float, Any, int]] | None] = None
 
     def __init_subclass__(cls, *, name: str) -> None:
@@ -163,6 +186,21 @@ class Controller(ABC):
         return self.design(words)
 
     @final
+    def limited(self, words: Words, most_pct: float) -> Words:
+        """Return words that never ask for more power than that [%].
+
+        Raises:
+            OutOfRange: the controller has no word for it, or none of that value.
+        """
+        if self.most_power is None:
+            raise OutOfRange("largest power", most_pct, f"100 %: {self.name} has no word that limits its output")
+        name, full = self.most_power
+        value = full * most_pct / 100.0
+        limited = replace(words, values={**words.values, name: round(value) if isinstance(full, int) else value})
+        self.check(limited)
+        return limited
+
+    @final
     def check(self, words: Words) -> None:
         """Refuse words that the controller cannot hold.
 
@@ -206,18 +244,18 @@ class Controller(ABC):
         return Timing(scan_s=ta) if scans is None else Timing(scan_s=ta / scans, pwm_period_s=ta)
 
     @final
-    def ramp(self, words: Words, rate_degC_per_min: float) -> Ramp:
-        """Return the setpoint ramp that comes near a rate [°C/min].
+    def ramp(self, words: Words, rate_degC_per_min: float, hold_degC: float | None = None) -> Ramp:
+        """Return the setpoint ramp near a rate [°C/min] and a holdback [°C]; None: none, below zero: a cooler's.
 
         Raises:
             InputError: this controller has no ramp.
             OutOfRange: a rate that is not positive, so slow that the word would not move, or so fast that one step
-                crosses the sensor's range.
+                crosses the sensor's range; a holdback of nothing or one that crosses it.
         """
         if not self.ramped:
             raise InputError(f"{self.name} has no setpoint ramp (see: heatertune targets)")
         check("setpoint_ramp_degC_per_min", rate_degC_per_min, above=0.0)
-        low, high = self._ends(words)
+        low, high = self.ends(words)
         per_degree = (high - low) / words.scaling.span_degC
         per_call = rate_degC_per_min / 60.0 * self.timing(words).scan_s * per_degree
         ramp = nearest(per_call, whole=isinstance(high, int), least=(high - low) / self.counts)
@@ -225,14 +263,19 @@ class Controller(ABC):
             fastest = 60.0 * words.scaling.span_degC / self.timing(words).scan_s
             raise OutOfRange("setpoint_ramp_degC_per_min", rate_degC_per_min,
                              f"< {fastest:.4g}, the sensor's whole range in one call")
-        return ramp
+        if hold_degC is None:
+            return ramp
+        check("setpoint_hold_degC", abs(hold_degC), above=0.0, most=words.scaling.span_degC)
+        size = abs(hold_degC) * per_degree
+        hold = max(1, round(size)) if isinstance(high, int) else single(size)
+        return replace(ramp, hold=-hold if hold_degC < 0.0 else hold)
 
     @final
     def ramp_degC_per_min(self, words: Words) -> float:
         """Return how fast the words' ramp moves the setpoint [°C/min], infinite without one."""
         if words.ramp is None:
             return math.inf
-        low, high = self._ends(words)
+        low, high = self.ends(words)
         per_call = words.ramp.step * words.scaling.span_degC / (high - low) / words.ramp.calls
         return 60.0 * per_call / self.timing(words).scan_s
 
@@ -242,20 +285,34 @@ class Controller(ABC):
 
         Raises:
             InputError: this controller has no ramp.
-            OutOfRange: a step that the setpoint word cannot take.
+            OutOfRange: a step or holdback that the setpoint word cannot take.
         """
         if words.ramp is None:
             return
         if not self.ramped:
             raise InputError(f"{self.name} has no setpoint ramp (see: heatertune targets)")
-        low, high = self._ends(words)
+        low, high = self.ends(words)
         least = 1 if isinstance(high, int) else single((high - low) / self.counts)
         if isinstance(words.ramp.step, int) != isinstance(high, int) or not least <= words.ramp.step < high - low:
             kind = "a whole number" if isinstance(high, int) else "a number in single precision"
             raise OutOfRange("ramp step", words.ramp.step, f"{kind} from {least:.4g} to below {high - low:g}")
+        if words.ramp.hold is not None:
+            check("ramp hold", abs(words.ramp.hold), least=least, most=high - low)
 
-    def _ends(self, words: Words) -> tuple[Number, Number]:
-        return self.measure(words, words.scaling.low_degC), self.measure(words, words.scaling.high_degC)
+    @final
+    def hold_degC(self, words: Words) -> float | None:
+        """Return how far from the reading the words' ramp lets the setpoint be [°C], None without a holdback."""
+        if words.ramp is None or words.ramp.hold is None:
+            return None
+        low, high = self.ends(words)
+        return abs(words.ramp.hold) * words.scaling.span_degC / (high - low)
+
+    @final
+    def ends(self, words: Words) -> tuple[Number, Number]:
+        """Return the readings at the ends of the sensor's range [units]."""
+        scaling = words.scaling  # beyond the range the module limits: at its end the last digit may fall short
+        return (self.measure(words, scaling.low_degC - scaling.span_degC),
+                self.measure(words, scaling.high_degC + scaling.span_degC))
 
     @final
     def sensor(self, words: Words) -> Sensor:

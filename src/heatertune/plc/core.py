@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from heatertune.plc.ramp import Number
 
-__all__ = ["Core", "Running", "Scan", "Sensor", "Timing", "count"]
+__all__ = ["Core", "Running", "Scan", "Sensor", "Timing", "as_it_is", "cold_again", "count"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +60,16 @@ class Running(NamedTuple):
     state: Any
 
 
+def as_it_is(value: Any) -> Any:
+    """Return a number as it is."""
+    return value
+
+
+def cold_again(_parameters: Any, cold: Any, _state: Any) -> Any:
+    """Return the state after a start-up that clears the controller."""
+    return cold
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Core:
     """How a controller computes, as plain functions of numbers and named tuples that a compiler takes as they are.
@@ -70,6 +80,9 @@ class Core:
         measure: (sensor, temperature [°C]) → reading.
         flags: names of the flags, the lowest bit first.
         compiles: whether a compiler takes it.
+        restarted: (parameters, cold state, state) → the state after a start-up of the PLC, as the exported program and
+            what the PLC retains leave it.
+        stored: a sum as the setpoint word holds it.
         singles: whether all floats of parameters, state and setpoint are REALs: a compiled step may then be given them
             in single precision.
     """
@@ -79,6 +92,8 @@ class Core:
     flags: tuple[str, ...]
     compiles: bool = True
     singles: bool = False
+    restarted: Callable[[Any, Any, Any], Any] = cold_again
+    stored: Callable[[Any], Any] = as_it_is
 
     def run(self, running: Running, setpoint: Any, reading: Any, *, cycle_start: bool) -> tuple[Running, Scan]:
         """Run one scan."""

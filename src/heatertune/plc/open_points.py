@@ -11,14 +11,18 @@ that the step reads. Nothing goes by position: fields may stand in any order.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple, cast, get_args, get_type_hints
+from itertools import product
+from typing import Any, Final, NamedTuple, cast, get_args, get_type_hints
 
 from heatertune.errors import UnknownName
 
-__all__ = ["NothingOpen", "Switch", "assumed", "declared", "settings_of"]
+__all__ = ["NothingOpen", "Switch", "assumed", "declared", "settings_of", "settings_to_prove"]
+
+_ALL_TOGETHER: Final = 8  # up to so many combinations of settings all are run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,3 +103,22 @@ def settings_of(switches: Sequence[Switch], given: Mapping[str, str]) -> dict[st
         if setting not in by_name[name].settings:
             raise UnknownName(f"setting of {name}", setting, by_name[name].settings)
     return {name: given.get(name, switch.default) for name, switch in by_name.items()}
+
+
+def settings_to_prove(switches: Sequence[Switch], known: Mapping[str, str] | None = None) -> list[dict[str, str]]:
+    """Return the settings under which words are proven, the defaults (and what is known) first.
+
+    Every combination where there are few of them; otherwise each switch on its own.
+
+    Raises:
+        UnknownName: what is known is no switch or setting.
+    """
+    default = settings_of(switches, known or {})
+    open_ = [switch for switch in switches if switch.name not in (known or {})]
+    varied: Iterable[dict[str, str]]
+    if math.prod(len(switch.settings) for switch in open_) <= _ALL_TOGETHER:
+        names = [switch.name for switch in open_]
+        varied = (default | dict(zip(names, chosen, strict=True)) for chosen in product(*(s.settings for s in open_)))
+    else:
+        varied = (default | {switch.name: setting} for switch in open_ for setting in switch.settings)
+    return [default, *(setting for setting in varied if setting != default)]

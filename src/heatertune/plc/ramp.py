@@ -8,14 +8,16 @@ they are.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 from heatertune.errors import OutOfRange
 from heatertune.plc.single import is_single, single
 from heatertune.units import check
 
-__all__ = ["Number", "Ramp", "course", "moved", "nearest"]
+__all__ = ["Number", "Ramp", "course", "for_coolers", "moved", "nearest"]
 
 #: a word or reading: whole, or a REAL (single precision) in controllers that have them
 Number = int | float
@@ -33,54 +35,98 @@ class Ramp:
     After a restart the word holds the reading. Before every `calls`-th call of the controller it moves by `step`
     towards what is asked for, and by what is left where that is less.
 
+    With a holdback, as ramp controllers of kilns have it, the error that the controller sees stays small while the
+    reading cannot follow, and so what its integral winds up by: the word is never more than `hold` above the reading,
+    and falls with it; down it goes no farther than `hold` below the reading, and stays where it is meanwhile, for
+    raised it would keep up a heater that is too hot. A cooler's is the mirror image, up for down.
+
     Attributes:
         step: [units of the setpoint word]; whole where the word is.
         calls: of the controller, from one step to the next.
+        hold: the farthest from the reading [units], below zero a cooler's; None: as far as the ramp goes.
 
     Raises:
-        OutOfRange: a step that is not positive or that the word's format cannot hold, calls that are not whole or not
-            1…32767.
+        OutOfRange: a step that is not positive, a holdback of nothing, one that the word's format cannot hold or in
+            another format than the step, calls that are not whole or not 1…32767.
     """
 
     step: Number
     calls: int = 1
+    hold: Number | None = None
 
     def __post_init__(self) -> None:
-        check("ramp step", self.step, above=0.0)
-        if isinstance(self.step, float) and not is_single(self.step):
-            raise OutOfRange("ramp step", self.step, "a whole number, or one in single precision")
+        _check_size("ramp step", self.step)
+        if self.hold is not None:
+            _check_size("ramp hold", abs(self.hold))
+            if isinstance(self.hold, float) != isinstance(self.step, float):
+                raise OutOfRange("ramp hold", self.hold, f"of one kind with the step, {self.step!r}")
         if isinstance(self.calls, bool) or not isinstance(self.calls, int) or not 1 <= self.calls <= _MOST_CALLS:
             raise OutOfRange("ramp calls", self.calls, f"a whole number 1…{_MOST_CALLS}")
 
     def __str__(self) -> str:
         """Return it as told to people."""
-        return f"{self.step:.9g} units every {'call' if self.calls == 1 else f'{self.calls} calls'}"
+        held = "" if self.hold is None else f", held within {abs(self.hold):.9g} units of the reading"
+        cooler = " (of a cooler)" if self.cools else ""
+        return f"{self.step:.9g} units every {'call' if self.calls == 1 else f'{self.calls} calls'}{held}{cooler}"
+
+    @property
+    def cools(self) -> bool:
+        """Whether the holdback is a cooler's."""
+        return self.hold is not None and self.hold < 0
 
 
-def moved(setpoint: Number, asked: Number, step: Number) -> Number:
-    """Return the setpoint one step nearer to what is asked for; REALs round once, what is no number is left at once."""
-    if setpoint < asked:
-        return min(_stored(setpoint + step, step), asked)
-    if setpoint > asked:
-        return max(_stored(setpoint - step, step), asked)
-    return asked
+def moved(setpoint: Number, asked: Number, ramp: Ramp, reading: Number, *, due: bool = True) -> Number:
+    """Return the setpoint at the next call of the controller; sums of REALs round once.
+
+    Args:
+        setpoint: at the call before.
+        asked: where it goes to.
+        ramp: how.
+        reading: at this call.
+        due: whether this call makes a step; a step leaves what is no number at once.
+    """
+    if ramp.hold is not None and ramp.cools:
+        return -moved(-setpoint, -asked, replace(ramp, hold=-ramp.hold), -reading, due=due)
+    lowest = asked if ramp.hold is None else max(asked, _stored(reading - ramp.hold, ramp.step))  # nan: asked
+    if not due:
+        pass
+    elif setpoint < asked:
+        setpoint = min(_stored(setpoint + ramp.step, ramp.step), asked)
+    elif setpoint > lowest:
+        setpoint = max(_stored(setpoint - ramp.step, ramp.step), lowest)
+    elif not setpoint > asked:
+        setpoint = asked
+    if ramp.hold is None:
+        return setpoint
+    highest = _stored(reading + ramp.hold, ramp.step)
+    return highest if setpoint > highest else setpoint
 
 
-def course(ramp: Ramp | None, begin: Number, asked: Number, calls: int) -> list[Number]:
+def for_coolers(statements: str, swapped: Mapping[str, str]) -> str:
+    """Return the statements of a heater's holdback turned into a cooler's.
+
+    Args:
+        statements: in the controller's language, one a line.
+        swapped: operation, label or words of a comment → what stands there in the mirror image; both ways.
+    """
+    both = {**swapped, **{there: here for here, there in swapped.items()}}
+    words = "|".join(re.escape(word) for word in sorted(both, key=len, reverse=True))
+    return re.sub(rf"(?<![\w+<>-])({words})(?![\w+<>=-])", lambda match: both[match[0]], statements)
+
+
+def course(ramp: Ramp | None, readings: Sequence[Number], asked: Number) -> list[Number]:
     """Return the setpoint word at each call of the controller; without a ramp it is what is asked for from the first.
 
     Args:
         ramp: None: none.
-        begin: the word after the restart: the reading.
+        readings: at each call; after the restart the word is the first of them.
         asked: where it goes to.
-        calls: how many calls.
     """
     if ramp is None:
-        return [asked] * calls
-    word, followed = begin, []
-    for call in range(1, calls + 1):
-        if call % ramp.calls == 0:
-            word = moved(word, asked, ramp.step)
+        return [asked] * len(readings)
+    word, followed = readings[0], []
+    for call, reading in enumerate(readings, start=1):
+        word = moved(word, asked, ramp, reading, due=call % ramp.calls == 0)
         followed.append(word)
     return followed
 
@@ -113,3 +159,9 @@ def nearest(per_call: float, *, whole: bool, least: float) -> Ramp:
 
 def _stored(value: Number, step: Number) -> Number:
     return value if isinstance(step, int) else single(value)
+
+
+def _check_size(name: str, size: Number) -> None:
+    check(name, size, above=0.0)
+    if isinstance(size, float) and not is_single(size):
+        raise OutOfRange(name, size, "a whole number, or one in single precision")

@@ -81,18 +81,19 @@ def read_inputs(path: str | Path, controller: Controller) -> list[dict[str, Numb
         if len(cells) != len(header):
             raise LogError(f"{len(cells)} cells in this row", file=path, line=line, expected=str(len(header)))
         pairs = zip(header, cells, strict=True)
-        rows.append({name: _number(path, line, name, cell, controller.inputs[name]) for name, cell in pairs})
+        rows.append({name: _number(path, line, name, cell, controller) for name, cell in pairs})
     return rows
 
 
-def _number(path: str | Path, line: int, name: str, cell: str, format_: str) -> Number:
+def _number(path: str | Path, line: int, name: str, cell: str, controller: Controller) -> Number:
     value: Number | None
+    format_ = controller.inputs[name]
+    low, high = controller.input_ranges.get(name, FORMATS[format_])
     try:
         value = single(float(cell)) if format_ == "REAL" else int(cell)
     except ValueError:
         value = None
-    if value is None or not holds(format_, value):
-        low, high = FORMATS[format_]
+    if value is None or not holds(format_, value) or not low <= value <= high:
         expected = f"{format_}, a {'' if format_ == 'REAL' else 'whole '}number {low:.9g}…{high:.9g}"
         raise LogError("no input:", file=path, line=line, column=name, value=cell, expected=expected)
     return value

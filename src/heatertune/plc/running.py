@@ -83,4 +83,4 @@ class RunningController:
         if self._ramp is None:
             return asked
         word = self._followed if self._calls else reading
-        return word if (self._calls + 1) % self._ramp.calls else moved(word, asked, self._ramp.step)
+        return moved(word, asked, self._ramp, reading, due=(self._calls + 1) % self._ramp.calls == 0)

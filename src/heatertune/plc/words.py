@@ -130,11 +130,13 @@ class Certificate:
         verdict: "PASS", "FAIL" or "NOT PROVEN".
         lines: one line per fact (models proven on, worst criterion, …); no date, no locale.
         forced: whether the words left although the verdict is not PASS.
+        setpoint_degC: what was proven [°C]; None: told nowhere.
     """
 
     verdict: str
     lines: tuple[str, ...] = ()
     forced: bool = False
+    setpoint_degC: float | None = None
 
     @property
     def head(self) -> tuple[str, ...]:

@@ -10,7 +10,17 @@ from heatertune.proof.prove import Proof, RunResult, prove_models
 from heatertune.proof.pwm import Actuator, pid_compact, pulsegen
 from heatertune.proof.sampled import SampleProof, prove_samples
 from heatertune.proof.samples import Drawing, Spread, replay
-from heatertune.proof.scenario import Kick, Load, Scenario, paper_scenario, scenario_for
+from heatertune.proof.scenario import (
+    Load,
+    Mains,
+    NewSetpoint,
+    PlcPower,
+    Scenario,
+    TemperatureStep,
+    paper_scenario,
+    scenario_for,
+)
+from heatertune.proof.story import Story, story_for
 from heatertune.proof.trace import Trace
 
 __all__ = [
@@ -18,14 +28,18 @@ __all__ = [
     "Criterion",
     "Drawing",
     "Interlock",
-    "Kick",
     "Limits",
     "Load",
+    "Mains",
+    "NewSetpoint",
+    "PlcPower",
     "Proof",
     "RunResult",
     "SampleProof",
     "Scenario",
     "Spread",
+    "Story",
+    "TemperatureStep",
     "Trace",
     "judge",
     "paper_scenario",
@@ -38,4 +52,5 @@ __all__ = [
     "scenario_for",
     "simulate",
     "simulate_wish",
+    "story_for",
 ]

@@ -14,6 +14,7 @@ from heatertune.errors import InputError, NotRepresentable
 from heatertune.log.values import Log
 from heatertune.model.values import FittedModel
 from heatertune.model.windows import undisturbed
+from heatertune.pid.recipe import Recipe
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Scaling
 from heatertune.plc.design import encode
@@ -22,6 +23,8 @@ from heatertune.progress import Told
 from heatertune.proof import Proof, prove
 from heatertune.proof.fitted import specified
 from heatertune.proof.heaters import labelled
+from heatertune.proof.nearest import settings_told
+from heatertune.proof.recipes import finished
 from heatertune.proof.symptoms import Response, observe
 from heatertune.proof.verdict import NOT_PROVEN
 from heatertune.settings import Conditions
@@ -43,7 +46,8 @@ _LAGS: Final = 3.0  # time constants after which a heater has done 95 % of a ste
 
 def advise(
     design: PidDesign, fitted: FittedModel, log: Log | None = None, conditions: Conditions | None = None, *,
-    target: str = "weg", scaling: Scaling | None = None, until_s: float | None = None, progress: Told = str,
+    target: str = "weg", scaling: Scaling | None = None, recipe: Recipe | None = None, until_s: float | None = None,
+    progress: Told = str,
 ) -> dict[str, Any]:
     """Return the symptom, and every step of the advice with the proof before and after it.
 
@@ -54,6 +58,7 @@ def advise(
         conditions: of the proof; its setpoint is that of the log, too; None: as logged.
         target: the controller whose words are proven.
         scaling: sensor range.
+        recipe: what the words get beside the gains; None: nothing.
         until_s: last instant of the log to look at [s]; None: up to a disturbance.
         progress: told what begins.
 
@@ -64,9 +69,9 @@ def advise(
     """
     seen_log = None if log is None else _part(log, until_s)
     assumed = conditions or Conditions()
-    if assumed.setpoint_degC is None and seen_log is not None:
+    if assumed.highest_degC is None and seen_log is not None:
         assumed = replace(assumed, setpoint_degC=_setpoint(seen_log))
-    proven = partial(_proven, fitted, assumed, target, scaling)
+    proven = partial(_proven, fitted, assumed, target, scaling, recipe)
     progress("proving the design as it is")
     before = proven(design)
     expected = max(m.dead_time_s + _LAGS * sum(m.lags_s) for _, m in labelled(fitted))
@@ -83,6 +88,7 @@ def advise(
         "symptom": seen.symptom.name, "symptom_text": seen.symptom.value,
         "seen": {name: value for name, value in asdict(seen).items() if name != "symptom"},
         "aim": aim, "cases": cases, "best": _best(cases, aim),
+        "notes": settings_told(before, "the design as it is"),
     }
 
 
@@ -102,17 +108,18 @@ def _setpoint(log: Log) -> float:
 
 
 def _proven(
-    fitted: FittedModel, assumed: Conditions, target: str, scaling: Scaling | None, design: PidDesign
+    fitted: FittedModel, assumed: Conditions, target: str, scaling: Scaling | None, recipe: Recipe | None,
+    design: PidDesign,
 ) -> Proof:
-    return prove(encode(design, target, scaling=scaling), fitted, assumed)
+    return prove(finished(encode(design, target, scaling=scaling), recipe), fitted, assumed)
 
 
 def _observed(log: Log | None, before: Proof, assumed: Conditions, expected_s: float) -> Response:
-    if log is not None and assumed.setpoint_degC is not None:
-        time, temperature, setpoint = log.time_s, log.temperature_degC, assumed.setpoint_degC
+    if log is not None and assumed.highest_degC is not None:
+        time, temperature, setpoint = log.time_s, log.temperature_degC, assumed.highest_degC
     else:
         trace = before.nominal
-        stop = [each.time_s for each in trace.scenario.disturbances] or [math.inf]
+        stop = [event.time_s for event in trace.scenario.disturbances] or [math.inf]
         keep = trace.time_s < stop[0]
         time, temperature, setpoint = trace.time_s[keep], trace.temperature_degC[keep], trace.setpoint_degC
     tolerance = specified(assumed).tolerance_degC
@@ -148,10 +155,11 @@ def _tried(
 
 
 def _case(label: str, gains: Gains, proof: Proof | None) -> dict[str, Any]:
-    found = {} if proof is None else {each.name: each.value for each in proof.criteria if each.name in _TOLD}
-    failed = [] if proof is None else [each.name for each in proof.criteria if not each.ok]
-    told = {"step": label, **gains._asdict(), "words": None, "verdict": "", "fails": failed, "effect": "", **found}
-    return told if proof is None else told | {"words": dict(proof.words.values), "verdict": proof.verdict}
+    criteria = () if proof is None else proof.criteria
+    values = {criterion.name: criterion.value for criterion in criteria if criterion.name in _TOLD}
+    failed = [criterion.name for criterion in criteria if not criterion.ok]
+    case = {"step": label, **gains._asdict(), "words": None, "verdict": "", "fails": failed, "effect": "", **values}
+    return case if proof is None else case | {"words": dict(proof.words.values), "verdict": proof.verdict}
 
 
 def _effect(before: Mapping[str, Any], after: Mapping[str, Any], aim: str) -> str:

@@ -3,183 +3,361 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final, NamedTuple
+from functools import partial
+from typing import Final
 
-from heatertune.errors import InputError, NotRepresentable
+from heatertune.errors import HeatertuneError, InputError
 from heatertune.model.values import FittedModel
+from heatertune.pid.tune import assessed_sampled
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, controller_for
-from heatertune.plc.choice import WordChoice
-from heatertune.plc.choose import choose_words, tune_for_words
-from heatertune.plc.design import tune
+from heatertune.plc import Scaling
+from heatertune.plc.choose import choose_words
+from heatertune.plc.design import encode
 from heatertune.progress import Told
 from heatertune.proof import Proof
-from heatertune.proof.fitted import aimed, default_pwm_period_s, told_of_aim
-from heatertune.proof.pwm_period import with_pwm
-from heatertune.proof.refine import refine
-from heatertune.proof.setpoint_ramp import prove_ramped
-from heatertune.settings import Conditions, TuneSettings, WordSettings
+from heatertune.proof.asked import Asked, Closed, Made, made_for, plainly
+from heatertune.proof.fitted import aimed
+from heatertune.proof.frames import Frame, calmest_pwm, frames
+from heatertune.proof.gains import Family, Place
+from heatertune.proof.nearest import (
+    broken_names,
+    broken_told,
+    passing_settings,
+    settings_told,
+    suspects,
+    tolerance_that_passes,
+)
+from heatertune.proof.screen import Screen
 
 __all__ = ["Asked", "Closed", "closed", "plainly"]
 
-#: tried in turn, each below what was asked for: the more robust loop overshoots less and is slower
-_TIGHTER_MS: Final = (1.5, 1.4, 1.3)
-#: PWM period that a solid-state relay takes well and a contactor does not [s]
-_FAST_S: Final = 2.5
-#: criteria that a setpoint ramp helps to keep
-_BEYOND: Final = frozenset({"overshoot", "overshoot_degC"})
+_HELPS: Final = 0.9  # of the least badness so far: where a change leaves more, no gains are looked for around it
+_DEAR: Final = 0.3  # more IAE of load disturbances: then another change may be the cheaper one
+_CHEAPER: Final = 0.8  # of the price of the first that passes: what saves less is not worth its changes
+_STEPS: Final = (0.24, 0.12, 0.06, 0.03)  # around the best place of a frame
+_MOST_PROOFS: Final = 3  # whole proofs in a frame
+_HALVINGS: Final = 3  # of the way from the optimum to gains that pass
+_COARSE: Final = 0.8  # of the band: PWM leaves the loop next to nothing
+_HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
+_NOTICED: Final = 0.1  # a smaller change of heat-up or switchings is not told
+_NEAR: Final = 0.05  # a factor nearer to 1 is told with a digit more
+_SAME: Final = 0.005  # a factor of gains nearer to 1 is not told
 _NOTHING_PCT: Final = 0.05  # more IAE than this is told
-
-
-#: a design and its words
-Made = tuple[PidDesign, WordChoice]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Asked(WordSettings):
-    """What a design is asked for.
-
-    Attributes:
-        target: the controller.
-        scaling: sensor range; None: 0…100 °C.
-        tuned: how the design is found.
-        conditions: of the proof.
-        interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
-    """
-
-    target: str
-    scaling: Scaling | None = None
-    tuned: TuneSettings = field(default_factory=TuneSettings)
-    conditions: Conditions = field(default_factory=Conditions)
-    interval_by_words: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Closed:
-    """A design, its words and their proof.
-
-    Attributes:
-        wished: the design.
-        choice: its words, and how they were found.
-        proof: of the words.
-        notes: what was done to make them pass and what that costs, one sentence each.
-    """
-
-    wished: PidDesign
-    choice: WordChoice
-    proof: Proof
-    notes: tuple[str, ...]
-
-
-def plainly(
-    fitted: FittedModel, asked: Asked, *, made: Made | None = None, progress: Told = str, stage: Told = str
-) -> Closed:
-    """Return the design as asked for, proven; errors as the stages.
-
-    Args:
-        fitted: the heater and its candidates.
-        asked: what for.
-        made: the design and its words, where they are made already.
-        progress: told what begins.
-        stage: told "design", "words" and "proof".
-    """
-    wished, choice = _made(fitted, asked, progress, stage) if made is None else made
-    conditions = asked.conditions
-    if asked.switch_kind is not None:
-        wished, conditions = with_pwm(wished, fitted, asked.switch_kind, conditions, words=choice.words)
-    if asked.refined:
-        choice = refine(choice, fitted, conditions, progress=progress)
-    stage("proof")
-    progress(f"proving the words on {len(fitted.plants)} possible heaters")
-    proof, notes = prove_ramped(choice.words, fitted, asked.setpoint_ramp, conditions, progress=progress)
-    return Closed(wished=wished, choice=choice, proof=proof, notes=tuple(notes))
-
-
-def _made(fitted: FittedModel, asked: Asked, progress: Told, stage: Told) -> Made:
-    stage("design")
-    find = tune_for_words if asked.interval_by_words else tune
-    tuned = aimed(asked.tuned, asked.conditions)
-    wished = find(fitted, tuned, target=asked.target, scaling=asked.scaling, progress=progress)
-    wished = replace(wished, notes=(*wished.notes, *told_of_aim(asked.tuned, tuned)))
-    stage("words")
-    return wished, choose_words(
-        wished, asked.target, fitted, scaling=asked.scaling, way=asked.words_by, progress=progress)
 
 
 def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: Told = str) -> Closed:
     """Return the first design that keeps every limit: as asked for, or changed by as little as will do.
 
-    A more robust loop first, then a faster PWM, then a setpoint ramp. The limits are never moved, Ms is only lowered,
-    and what the user gave stays. Where nothing helps it is the plain design. Arguments as `plainly`.
+    Other gains on the bound of Ms or a tighter one first, then another PWM period, another TA, at last a setpoint
+    ramp; what swings gets another PWM first. The limits are never moved, Ms is only lowered, and what the user gave
+    stays. Where nothing helps it is the plain design, and its proof says what would pass. Arguments as `plainly`.
 
     Raises:
         HeatertuneError: as the stages on the plain design.
     """
-    made = {asked.tuned.ms: _made(fitted, asked, progress, stage)}
     still = replace(asked, setpoint_ramp=asked.setpoint_ramp or "none")
-    first = plainly(fitted, still, made=made[asked.tuned.ms], progress=progress, stage=stage)
+    first = plainly(fitted, still, made=made_for(fitted, asked, progress, stage), progress=progress, stage=stage)
     if first.proof.verdict != "FAIL":
         return first
-    for changed in _changes(asked, first):
-        progress(f"{_broken(first)} fails: trying {changed.what}")
-        ms = changed.asked.tuned.ms
-        try:
-            made[ms] = made.get(ms) or _made(fitted, changed.asked, progress, str)
-            found = plainly(fitted, changed.asked, made=made[ms], progress=progress)
-        except (InputError, NotRepresentable):
-            continue
-        if found.proof.verdict != "FAIL":
-            heard = found.proof.heard
-            proof = replace(found.proof, heard=replace(heard, remarks=(*heard.remarks, f"with {changed.what}")))
-            return replace(found, proof=proof, notes=(_told(first, found, changed.what), *found.notes))
-    return first
+    search = _Search(fitted=fitted, asked=asked, first=first, progress=progress)
+    mended = None if first.proof.design is None else search.cheapest()  # without gains there are none to change
+    if mended is None:
+        return search.nearest()
+    return replace(mended, notes=(*mended.notes, *search.hints(mended)))
 
 
-class _Change(NamedTuple):
+@dataclass(slots=True, kw_only=True)
+class _Search:
+    """What may mend a design that fails; grows with what was tried.
+
+    Attributes:
+        screen: the runs that were failed.
+        best: the frame of the least badness so far; None: what was asked for.
+        place: of that least.
+        least: it, in the runs that are known to be failed by now.
+        calmer: the first frame that helped.
+    """
+
+    fitted: FittedModel
     asked: Asked
-    what: str
+    first: Closed
+    progress: Told
+    screen: Screen = field(init=False)
+    best: _Within | None = None
+    place: Place | None = None
+    least: float = field(init=False)
+    calmer: Frame = field(default_factory=Frame)
+
+    def __post_init__(self) -> None:
+        self.screen = Screen(fitted=self.fitted).with_failed(self.first.proof)
+        self.least = self.screen.badness(self.first.choice.words, self.first.conditions)
+
+    def failed(self, proof: Proof) -> None:
+        """Watch the runs that a proof fails, too; what was best so far is held against them."""
+        self.screen = self.screen.with_failed(proof)
+        if self.best is None or self.place is None:
+            self.least = self.screen.badness(self.first.choice.words, self.first.conditions)
+        else:
+            self.least = self.best.badness(self.place)
+
+    def cheapest(self) -> Closed | None:
+        """Return the first that passes and is not dear, else the least dear; None where nothing passes.
+
+        What helps without passing stays for what follows.
+        """
+        asked, words, dear = self.asked, self.first.proof.words, list[Closed]()
+        for frame in frames(
+            self.first.proof, self.fitted.plants, asked.tuned, ramp_open=asked.setpoint_ramp is None,
+            period_given=asked.switch_kind is not None or asked.conditions.pwm_period_s is not None,
+            interval_given=asked.tuned.sample_time_s is not None or asked.interval_by_words,
+            least_interval_s=min(self.fitted.log_interval_s, words.sample_time_s),
+        ):
+            tried = map(self._changed, self._wholes(frame))
+            mended = next((one for one in tried if one is not None), None)
+            if mended is not None:
+                dear.append(mended)
+                if _more_iae(self.first, mended) <= _DEAR:
+                    return mended
+        best = min(dear, key=partial(_more_iae, self.first), default=None)
+        return dear[0] if best and _more_iae(self.first, best) > _CHEAPER * _more_iae(self.first, dear[0]) else best
+
+    def _wholes(self, frame: Frame) -> Iterator[Frame]:
+        """Return a change with what has helped so far; a led setpoint alone first, as it may need no other help."""
+        helped = Frame() if self.best is None else self.best.frame
+        if frame.ramped:
+            yield from dict.fromkeys(before.with_(frame) for before in (Frame(), self.calmer, helped))
+        else:
+            yield helped.with_(frame)
+
+    def _changed(self, whole: Frame) -> Closed | None:
+        self.progress(f"{_broken(self.first)} fails: trying {self.told(whole) or 'other gains'}")
+        return self.within(whole)
+
+    def told(self, frame: Frame) -> str:
+        """Return the changes of a frame for a reader, empty where there are none."""
+        return frame.told(frame.sample_time_s or self.first.wished.sample_time_s)
+
+    def hints(self, mended: Closed) -> Iterator[str]:
+        """Return what is to be said beside a design that passes: which open point it is the price of."""
+        hanging = settings_told(self.first.proof, "the optimum")
+        yield from hanging
+        if not hanging and _more_iae(self.first, mended) > _DEAR and (told := self._with_settings()):
+            yield f"It {told}."
+
+    def nearest(self) -> Closed:
+        """Return the design as asked for; its proof says which other question would be answered with PASS."""
+        first, proof = self.first, self.first.proof
+        share, coarse = self._coarse()
+        why = coarse if share >= _COARSE else None
+        told = self._with_settings() or "; ".join(filter(None, (why, self._with_tolerance())))
+        told = told or "nothing tried mends it"
+        heard = replace(proof.heard, remarks=(*proof.heard.remarks, told))
+        note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
+        return replace(first, proof=replace(proof, heard=heard), notes=(*first.notes, note))
+
+    def _with_settings(self) -> str | None:
+        """Return what is told where one setting of an open point would do, None where none does."""
+        proof = self.first.proof
+        settings = {name: kept[0] for name, kept in passing_settings(proof).items()}
+        settings = dict(list(settings.items())[:1]) or (suspects(proof) if self._coarse()[0] < _HOPELESS else {})
+        if not settings:
+            return None
+        known = {**self.asked.conditions.switches, **settings}
+        asked = replace(self.asked, conditions=replace(self.asked.conditions, switches=known))
+        options = " ".join(f"--switch {name}={setting}" for name, setting in settings.items())
+        self.progress(f"{_broken(self.first)} fails: trying {options}")
+        other = closed(self.fitted, asked, progress=self.progress)
+        if other.proof.verdict == "FAIL":
+            return None
+        changes = f", {other.proof.heard.remarks[-1]}" if other.notes else ""
+        return f"would pass with {options}{changes}: find out what this controller does"
+
+    def _coarse(self) -> tuple[float, str]:
+        """Return how much of the band the calmest PWM of whole half-waves takes, and what is told of it."""
+        proof, tolerance = self.first.proof, self.first.proof.limits.tolerance_degC
+        calm = None if self.asked.conditions.pwm_period_s else calmest_pwm(proof, self.fitted.plants)
+        if calm is None or "limit_cycle" not in broken_names(proof):
+            return 0.0, ""
+        told = (f"at the calmest PWM of a solid-state relay, {calm.period_s:.3g} s, the ripple is "
+                f"{calm.ripple_degC:.2g} °C and one half-wave is {calm.half_wave_degC:.2g} °C, asked ±{tolerance:.3g} "
+                "°C: a power controller without PWM would be calmer")
+        return 0.5 * (calm.ripple_degC + calm.half_wave_degC) / tolerance, told
+
+    def _with_tolerance(self) -> str | None:
+        first = self.first
+        wider = tolerance_that_passes(first.proof.words, self.fitted, first.proof, first.conditions)
+        return None if wider is None else f"would pass at --tolerance {wider:g}"
+
+    def within(self, frame: Frame) -> Closed | None:
+        """Return the cheapest gains that pass within a frame; None where none do."""
+        if not self.by_optimum:
+            return self.proven(frame, (self.first.wished, self.first.choice)) if frame.only_outside else None
+        try:
+            inside = _Within(search=self, frame=frame)
+        except HeatertuneError:
+            return None
+        if not frame.ramped:
+            return inside.cheapest()
+        places = dict.fromkeys((inside.family.place, self.place or inside.family.place))
+        tried = (self.proven(frame, inside.made(place)) for place in places)
+        return next((mended for mended in tried if mended is not None), None)
+
+    @property
+    def by_optimum(self) -> bool:
+        """Whether the design is an optimum with an I part: other gains are not looked for otherwise."""
+        wished = self.first.wished
+        return wished.method.startswith("optimum") and math.isfinite(wished.integral_time_s)
+
+    def framed(self, frame: Frame) -> Asked:
+        """Return what is asked for within a frame."""
+        ta = frame.sample_time_s
+        tuned = replace(
+            self.asked.tuned, structure=frame.structure or self.asked.tuned.structure,
+            ms=frame.ms or self.asked.tuned.ms, sample_time_s=ta or self.asked.tuned.sample_time_s)
+        conditions = self.first.conditions if ta is None else self.asked.conditions
+        period = frame.pwm_at(ta or self.first.wished.sample_time_s)
+        if period is not None:
+            conditions = replace(conditions, pwm_period_s=period)
+        return replace(
+            self.asked, tuned=tuned, conditions=conditions, refined=False,
+            setpoint_ramp="auto" if frame.ramped else self.asked.setpoint_ramp or "none")
+
+    def proven(self, frame: Frame, made: Made) -> Closed | None:
+        """Return a design with its price where it passes; else the runs that it fails are watched."""
+        try:
+            tried = plainly(self.fitted, self.framed(frame), made=made, progress=self.progress)
+        except HeatertuneError:
+            return None
+        if tried.proof.verdict == "FAIL":
+            self.failed(tried.proof)
+            return None
+        hold = tried.proof.hold_degC
+        held = "" if hold is None else f"a holdback of {hold:.3g} °C"
+        what = " and ".join(filter(None, (_gains_told(self.first.wished, made[0]), self.told(frame), held)))
+        heard = tried.proof.heard
+        proof = replace(tried.proof, heard=replace(heard, remarks=(*heard.remarks, f"with {what}")))
+        refined = self.asked.refined and made[1] is self.first.choice
+        recipe = replace(tried.recipe, power_most_pct=frame.power_most_pct, refined=refined)
+        return replace(tried, proof=proof, recipe=recipe, notes=(_told(self.first, tried, what), *tried.notes))
 
 
-def _changes(asked: Asked, first: Closed) -> Iterator[_Change]:
-    """Return what is tried, the least first."""
-    still = replace(asked, setpoint_ramp=asked.setpoint_ramp or "none")
-    by_optimum = first.wished.method.startswith("optimum") and math.isfinite(first.wished.integral_time_s)
-    ms = asked.tuned.ms
-    robust = [_Change(replace(still, tuned=replace(asked.tuned, ms=tighter)), f"Ms <= {tighter:g}")
-              for tighter in _TIGHTER_MS if by_optimum and tighter < ms]
-    yield from robust
-    fast = _faster(asked, first)
-    if fast is not None:
-        conditions = replace(asked.conditions, pwm_period_s=fast)
-        told = f"a PWM period of {fast:.3g} s (a solid-state relay)"
-        for each, what in [_Change(still, ""), *robust]:
-            yield _Change(replace(each, conditions=conditions), " and ".join(filter(None, (what, told))))
-    broken = {each.name for each in first.proof.criteria if not each.ok}
-    if asked.setpoint_ramp is None and controller_for(asked.target).ramped and broken & _BEYOND:
-        ramped = replace(asked, setpoint_ramp="auto")
-        yield _Change(ramped, "a setpoint ramp")
-        if fast is not None:
-            yield _Change(replace(ramped, conditions=conditions), f"a setpoint ramp and {told}")
+@dataclass(slots=True, kw_only=True)
+class _Within:
+    """The search for gains within a frame.
 
+    Raises:
+        InputError: no gains keep the limits.
+    """
 
-def _faster(asked: Asked, first: Closed) -> float | None:
-    """Return a shorter PWM period [s]; None where the user chose one, or the controller makes the PWM itself."""
-    chosen = asked.switch_kind is not None or asked.conditions.pwm_period_s is not None
-    words = first.proof.words
-    if chosen or controller_for(words.target).timing(words).pwm_period_s is not None:
+    search: _Search
+    frame: Frame
+    asked: Asked = field(init=False)
+    family: Family = field(init=False)
+    proofs: int = 0
+
+    def __post_init__(self) -> None:
+        self.asked = asked = self.search.framed(self.frame)
+        self.family = Family.of(
+            self.search.first.wished, self.search.fitted, aimed(asked.tuned, asked.conditions), asked.target,
+            asked.scaling or Scaling())
+
+    def cheapest(self) -> Closed | None:
+        """Return the cheapest that passes; None where none does, or where the frame helps too little to look on."""
+        search, family = self.search, self.family
+        changed = self.frame != Frame()
+        places = [family.place, *([search.place] if search.place else [])] if changed else family.places()
+        tried = [] if changed else [(search.least, family.place)]
+        for place in places:
+            tried.append((self.badness(place), place))
+            if tried[-1][0] == 0.0 and (mended := self.mended(place)):
+                return mended
+        best = min(tried, key=lambda pair: pair[0])
+        steps = () if changed and best[0] > _HELPS * search.least else _STEPS
+        return self.nearby(best, steps)
+
+    def nearby(self, best: tuple[float, Place], steps: Sequence[float]) -> Closed | None:
+        """Return what passes in ever smaller steps from the best place so far; if nothing does, what is best stays."""
+        for step in steps:
+            screen = self.search.screen
+            for place in self.family.near(best[1], step):
+                bad = self.badness(place)
+                if bad == 0.0 and (mended := self.mended(place)):
+                    return mended
+                best = min(best, (bad, place), key=lambda pair: pair[0])
+            if self.search.screen is not screen:
+                best = self.badness(best[1]), best[1]
+        if best[0] < self.search.least:
+            if self.search.best is None:
+                self.search.calmer = self.frame
+            self.search.least, self.search.place, self.search.best = *best, self
         return None
-    period = default_pwm_period_s(words.sample_time_s, most_s=_FAST_S)
-    return period if period < default_pwm_period_s(words.sample_time_s) else None
+
+    def badness(self, place: Place) -> float:
+        """Return by how much the words at a place break the limits in the runs that others have failed."""
+        design, asked = self.family.at(place), self.asked
+        if design is None:
+            return math.inf
+        try:
+            words = self.frame.on(encode(design, asked.target, scaling=asked.scaling))
+            return self.search.screen.badness(words, asked.conditions)
+        except HeatertuneError:
+            return math.inf
+
+    def mended(self, place: Place) -> Closed | None:
+        """Return what passes nearest to the optimum on the way to a place, None where the whole proof fails."""
+        for simpler in self.frame.without_one():
+            inside = _Within(search=self.search, frame=simpler)
+            if inside.badness(place) == 0.0 and (mended := inside.mended(place)):
+                return mended
+        if self.proofs >= _MOST_PROOFS:
+            return None
+        self.proofs += 1
+        failing, passing = self.family.place, place
+        for _ in range(_HALVINGS if place != failing else 0):
+            between = failing.towards(passing, 0.5)
+            failing, passing = (failing, between) if self.badness(between) == 0.0 else (between, passing)
+        tried = (self.search.proven(self.frame, self.made(near)) for near in dict.fromkeys((passing, place)))
+        return next((mended for mended in tried if mended is not None), None)
+
+    def made(self, place: Place) -> Made:
+        """Return the design at a place and its words."""
+        design, asked, fitted = self.family.at(place), self.asked, self.search.fitted
+        if design is None:
+            raise InputError("no gain keeps the limits")
+        assessed = assessed_sampled(fitted.plants, design)
+        choice = choose_words(assessed, asked.target, fitted, scaling=asked.scaling, way=asked.words_by)
+        return assessed, replace(choice, words=self.frame.on(choice.words))
+
+
+def _gains_told(first: PidDesign, other: PidDesign) -> str:
+    """Return by what factors gains were changed, empty where they were not."""
+    factors = [other.gain_pct_per_degC / first.gain_pct_per_degC, other.integral_time_s / first.integral_time_s]
+    return " and ".join(f"{name} times {factor:.{3 if abs(factor - 1.0) < _NEAR else 2}g}"
+                        for name, factor in zip(("K", "TN"), factors, strict=True) if abs(factor - 1.0) >= _SAME)
 
 
 def _told(first: Closed, found: Closed, what: str) -> str:
+    price = ", ".join(_price(first, found))
+    return f"The optimum as asked for fails ({_broken(first)}); with {what} every limit is kept; {price}."
+
+
+def _more_iae(first: Closed, found: Closed) -> float:
+    """Return how much more a load disturbance costs, as a share of what it did; 0 where that is not known."""
     before, after = first.choice.search.realised.iae_load, found.choice.search.realised.iae_load
-    more = None if before is None or after is None else 100.0 * (after / before - 1.0)
-    dearer = more is not None and more > _NOTHING_PCT
-    price = "" if more is None else f"; a load disturbance costs {more:.2g} % more IAE" if dearer else "; IAE stays"
-    return f"The optimum as asked for fails ({_broken(first)}); with {what} every limit is kept{price}."
+    return 0.0 if before is None or after is None else after / before - 1.0
+
+
+def _price(first: Closed, found: Closed) -> Iterator[str]:
+    """Return what a change costs: load disturbances, heat-up, wear of the switch."""
+    more = 100.0 * _more_iae(first, found)
+    yield f"a load disturbance costs {more:.2g} % more IAE" if more > _NOTHING_PCT else "IAE stays"
+    for name, unit in (("settling_time", "s"), ("switchings", "1/h")):
+        old, new = (next(each.value for each in closed_.proof.criteria if each.name == name)
+                    for closed_ in (first, found))
+        if abs(new - old) > _NOTICED * old:
+            yield f"the worst {name.replace('_', ' ')} goes from {old:.3g} to {new:.3g} {unit}"
 
 
 def _broken(found: Closed) -> str:

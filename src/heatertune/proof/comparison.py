@@ -57,17 +57,18 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
     except NotRepresentable as problem:
         return RivalView(label=label, verdict="not representable", ms=None, fails=(str(problem),))
     if proof.words.ramp is not None and controller_for(target).ramped:
-        words = replace(words, ramp=controller_for(target).ramp(words, proof.ramp_degC_per_min))
+        ramp = controller_for(target).ramp(words, proof.ramp_degC_per_min, proof.hold_degC)
+        words = replace(words, ramp=ramp)
     actuator = Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s))
-    found = prove_models(
+    proven = prove_models(
         controller_for(target), words, holding(fitted, proof.scenario.setpoint_degC), proof.scenario, actuator,
         proof.limits, margins,
         open_points=False, interlock=proof.interlock,
         known=proof.known if target == proof.words.target else None,
     )
-    ms = next((criterion.value for criterion in found.criteria if criterion.name == "ms"), None)
-    fails = tuple(criterion.name for criterion in found.criteria if not criterion.ok)
-    return RivalView(label=label, verdict=found.verdict, ms=ms, fails=fails)
+    ms = next((criterion.value for criterion in proven.criteria if criterion.name == "ms"), None)
+    fails = tuple(criterion.name for criterion in proven.criteria if not criterion.ok)
+    return RivalView(label=label, verdict=proven.verdict, ms=ms, fails=fails)
 
 
 def price_of_doubt(fitted: FittedModel, wished: PidDesign) -> str | None:
@@ -77,22 +78,24 @@ def price_of_doubt(fitted: FittedModel, wished: PidDesign) -> str | None:
         return None
     (label, best) = models[0]
     ms, ta = wished.margins.ms, wished.sample_time_s
-    alone = Problem(plants=(best,), structure=wished.structure, ms=ms, sample_time_s=ta)
-    found = search(alone)
+    sign = math.copysign(1.0, wished.gain_pct_per_degC)  # a cooler's mirror image is searched
+    alone = Problem(plants=(replace(best, gain_degC_per_pct=abs(best.gain_degC_per_pct)),),
+                    structure=wished.structure, ms=ms, sample_time_s=ta)
+    optimum, own = search(alone), replace(wished, gain_pct_per_degC=abs(wished.gain_pct_per_degC))
     return (
-        f"On {label} alone the same Ms would allow K = {found.gain_pct_per_degC:.3g} %/°C and TN = "
-        f"{found.integral_time_s:.3g} s instead of {wished.gain_pct_per_degC:.3g} %/°C and "
+        f"On {label} alone the same Ms would allow K = {sign * optimum.gain_pct_per_degC:.3g} %/°C and TN = "
+        f"{optimum.integral_time_s:.3g} s instead of {wished.gain_pct_per_degC:.3g} %/°C and "
         f"{wished.integral_time_s:.3g} s, and a load disturbance would cost "
-        f"{alone.cost(found) / alone.cost(wished):.2f} times the IAE: that is the price of what the log does not tell."
+        f"{alone.cost(optimum) / alone.cost(own):.2f} times the IAE: that is the price of what the log does not tell."
     )
 
 
 def best_single_lag(fitted: FittedModel) -> Fopdt:
     """Return the single-lag model that fits the log best, else the working one."""
     singles = [c for c in fitted.candidates if isinstance(c.model, Fopdt) and c.log == fitted.candidates[0].log]
-    found = max(singles, key=lambda c: c.fit_pct).model if singles else fitted.model
-    assert isinstance(found, Fopdt)
-    return found
+    best = max(singles, key=lambda c: c.fit_pct).model if singles else fitted.model
+    assert isinstance(best, Fopdt)
+    return best
 
 
 def paper_runs(fitted: FittedModel) -> PaperView:
@@ -102,21 +105,22 @@ def paper_runs(fitted: FittedModel) -> PaperView:
     """
     model = replace(best_single_lag(fitted), ambient_degC=PAPER_ROOM_DEGC)
     scenario = paper_scenario()
-    kick = scenario.disturbances[0].time_s
+    fall_s = scenario.disturbances[0].time_s
     runs = []
     for label, settings in PAPER_RUNS.items():
         words = paper_words(**settings)
-        trace = simulate(controller_for(words.target), words, model, scenario, switches={"rails": "edges_go_on"})
-        rests = [trace.course(start, end)[1] for start, end in ((kick - 200.0, kick), (2250.0, 2400.0))]
-        peak = float(trace.course(0.0, kick)[1].max())
+        trace = simulate(
+            controller_for(words.target), words, model, scenario, switches={"rails": "edges_go_on"}, direct=True)
+        rests = [trace.course(start, end)[1] for start, end in ((fall_s - 200.0, fall_s), (2250.0, 2400.0))]
+        peak = float(trace.course(0.0, fall_s)[1].max())
         runs.append(PaperRunView(
             label=label, overshoot_degC=max(0.0, peak - scenario.setpoint_degC),
             offset_degC=scenario.setpoint_degC - float(rests[0].mean()),
             offset_after_degC=scenario.setpoint_degC - float(rests[1].mean()),
             series=SeriesView(**trace_series(trace, label))))
-    told = (
+    assumed = (
         f"The program as printed on {model.gain_degC_per_pct:.3g} °C/%, {model.time_constant_s:.3g} s, "
         f"{model.dead_time_s:.3g} s, setpoint {scenario.setpoint_degC:g} °C. Assumed, because the paper does not print "
         "them: PWM cycle 2 s, sensor 0…140 °C, Ki = 1 with T = 40."
     )
-    return PaperView(told=told, runs=tuple(runs))
+    return PaperView(told=assumed, runs=tuple(runs))

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
-from typing import Any, Literal
+from dataclasses import dataclass, field, fields
+from typing import Any, Final, Literal
 
-from heatertune.codec import OrInfinite, built, encode
+from heatertune.codec import LEFT_OUT, OrInfinite, built, encode
 from heatertune.settings import STEP_POWER_PCT
 from heatertune.units import check
 
 __all__ = ["Criterion", "Limits", "worst_of"]
 
-
+_SETTLES_WITHIN: Final = 0.5  # of a soak
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
@@ -107,6 +107,8 @@ class Limits:
 
     Attributes:
         overshoot_pct, overshoot_degC: beyond the setpoint during heat-up [% of the setpoint step, °C]; both hold.
+        reheat_overshoot_pct, reheat_overshoot_degC: beyond the setpoint after the heater's circuit was open [% of the
+            setpoint step, °C]; both hold.
         settling_s: time after which the temperature stays in the band [s]; None: the time of the first
             disturbance, or the end.
         tolerance_degC: how far from the setpoint the process still is as it should be [°C]: half width of the band,
@@ -122,11 +124,17 @@ class Limits:
             [% of the step, °C]; both hold.
         deviation_degC: largest distance from the setpoint after a disturbance, on its side [°C].
         saturation_pct: share of the scans that ask for 0 or 100 % power [%].
+        power_reserve_pct: power that is left over where the heater holds the highest setpoint [% of full power].
         switchings_per_h: how often the heater is switched on [1/h]; a relay's life is counted in these.
         overflows: how often such a flag was set.
         overflow_flags: names of the flags that mean a wrong result; SM1.1 overflow, SM1.3 division by zero (S7-200).
         ms, gain_margin, phase_margin_deg: margins of the words as realised.
         step_power_pct: power that one step of the reading, or its noise, moves within one scan [%].
+        soak_band_degC: how far from the temperature of a profile's soak is still right [°C]; None: the tolerance.
+        soak_settling_s, soak_settling_pct: time of a soak after which it has to be [s, % of the soak]; the sooner
+            holds; None: half of it.
+        ramp_deviation_degC: largest distance from the setpoint on a profile's ramps [°C].
+        peak_degC: highest temperature along a profile [°C].
 
     Raises:
         OutOfRange: a limit that is negative or not finite, a share outside (0, 1].
@@ -134,6 +142,8 @@ class Limits:
 
     overshoot_pct: float | None = 20.0
     overshoot_degC: float | None = None
+    reheat_overshoot_pct: float | None = 40.0
+    reheat_overshoot_degC: float | None = None
     settling_s: float | None = None
     tolerance_degC: float = 1.0
     tolerance_resolutions: float = 2.0
@@ -145,6 +155,7 @@ class Limits:
     recovery_overshoot_degC: float | None = None
     deviation_degC: float | None = None
     saturation_pct: float | None = None
+    power_reserve_pct: float | None = None
     switchings_per_h: float | None = None
     overflows: float = 0.0
     overflow_flags: tuple[str, ...] = ("SM1.1", "SM1.3", "overflow")
@@ -152,10 +163,20 @@ class Limits:
     gain_margin: float | None = 1.7
     phase_margin_deg: float | None = 30.0
     step_power_pct: float | None = STEP_POWER_PCT
+    soak_band_degC: float | None = field(default=None, metadata=LEFT_OUT)
+    soak_settling_s: float | None = field(default=None, metadata=LEFT_OUT)
+    soak_settling_pct: float | None = field(default=None, metadata=LEFT_OUT)
+    ramp_deviation_degC: float | None = field(default=None, metadata=LEFT_OUT)
+    peak_degC: float | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            value = getattr(self, each.name)
+        for limit in fields(self):
+            value = getattr(self, limit.name)
             if isinstance(value, int | float):
-                check(each.name, value, least=0.0)
+                check(limit.name, value, least=0.0)
         check("steady_share", self.steady_share, above=0.0, most=1.0)
+
+    def soak_settles_s(self, soak_s: float) -> float:
+        """Return after what time of a soak the temperature has to be right [s]."""
+        given = (self.soak_settling_s, self.soak_settling_pct and self.soak_settling_pct / 100.0 * soak_s)
+        return min((limit for limit in given if limit is not None), default=_SETTLES_WITHIN * soak_s)

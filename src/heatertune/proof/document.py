@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -16,35 +16,52 @@ from typing import Any, Final, Literal
 from heatertune.codec import LEFT_OUT, OrInfinite, decode, encode, registered
 from heatertune.documents import plain
 from heatertune.errors import DocumentError
+from heatertune.pid.recipe import RampView
 from heatertune.plc import Scaling
 from heatertune.proof.criteria import CriterionView, Limits
 from heatertune.proof.interlock import Interlock
+from heatertune.proof.measured import IN_DEGC
 from heatertune.proof.pwm import Actuator
-from heatertune.proof.scenario import Scenario
+from heatertune.proof.scenario import LED, WAYS, Scenario, kinds_of
 from heatertune.proof.specification import Specification
-from heatertune.proof.verdict import ASSUMED, NOT_PROVEN, PROOF_SCHEMA, HeardView, blocking, combined
+from heatertune.proof.verdict import (
+    ASSUMED,
+    NOT_PROVEN,
+    PROOF_SCHEMA,
+    HeardView,
+    blocking,
+    combined,
+    verdict_of_samples,
+)
 
-__all__ = ["OutcomeView", "ProofView", "RampView", "RunView", "checked", "digested"]
+__all__ = ["OutcomeView", "ProofView", "RunView", "checked", "digested"]
 
 Verdict = Literal["PASS", "FAIL", "NOT PROVEN"]
 
-#: criteria of every run, and those of a run with disturbances, of a controller that is a PID, behind an interlock
-_ALWAYS: Final = ("overshoot", "overshoot_degC", "settling_time", "steady_offset", "limit_cycle", "pwm_ripple", "iae",
-                  "saturation", "switchings", "overflow")
-_DISTURBED: Final = ("recovery_time", "recovery_overshoot", "recovery_overshoot_degC", "deviation")
+#: criteria of every run beside those of its ways to a setpoint, and those of a run with disturbances, of a controller
+#: that is a PID, behind an interlock
+_ALWAYS: Final = ("steady_offset", "limit_cycle", "pwm_ripple", "iae", "power_reserve", "saturation", "switchings",
+                  "overflow")
+_DISTURBED: Final = ("recovery_time", "recovery_overshoot", "deviation")
 _OF_PID: Final = ("stability", "ms", "gain_margin", "phase_margin", "step_power")
 _GUARDED: Final = ("interlock_trips",)
 #: criterion → the limit it is held against, by its name among the limits
 _LIMITS: Final = {
-    "overshoot": "overshoot_pct", "overshoot_degC": "overshoot_degC", "pwm_ripple": "pwm_ripple_degC",
-    "iae": "iae_degC_s", "recovery_overshoot": "recovery_overshoot_pct",
-    "recovery_overshoot_degC": "recovery_overshoot_degC", "deviation": "deviation_degC", "saturation": "saturation_pct",
-    "switchings": "switchings_per_h", "overflow": "overflows", "ms": "ms", "gain_margin": "gain_margin",
-    "phase_margin": "phase_margin_deg", "step_power": "step_power_pct",
+    **{overshoot: "overshoot_pct" for overshoot, *_ in WAYS.values()},
+    **{f"{overshoot}{IN_DEGC}": "overshoot_degC" for overshoot, *_ in WAYS.values()},
+    "reheat_overshoot": "reheat_overshoot_pct", f"reheat_overshoot{IN_DEGC}": "reheat_overshoot_degC",
+    "recovery_overshoot": "recovery_overshoot_pct", f"recovery_overshoot{IN_DEGC}": "recovery_overshoot_degC",
+    "pwm_ripple": "pwm_ripple_degC", "iae": "iae_degC_s", "deviation": "deviation_degC",
+    "power_reserve": "power_reserve_pct", "saturation": "saturation_pct", "switchings": "switchings_per_h",
+    "overflow": "overflows", "ms": "ms", "gain_margin": "gain_margin", "phase_margin": "phase_margin_deg",
+    "step_power": "step_power_pct", "ramp_overshoot": "overshoot_pct", f"ramp_overshoot{IN_DEGC}": "overshoot_degC",
+    "ramp_deviation": "ramp_deviation_degC", "peak": "peak_degC",
 }
 #: criteria whose limit is the band around the setpoint
-_IN_BAND: Final = ("steady_offset", "limit_cycle")
-_AT_LEAST: Final = ("stability", "gain_margin", "phase_margin")
+_IN_BAND: Final = ("steady_offset", "limit_cycle", "soak_deviation")
+#: limits that may be in the lags and dead time of a heater
+_IN_HEATERS: Final = ("settling_s", "recovery_s", "soak_settling_s")
+_AT_LEAST: Final = ("stability", "gain_margin", "phase_margin", "power_reserve")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,12 +83,44 @@ class RunView:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RampView:
-    """The setpoint ramp."""
+class SettingView:
+    """A setting of what the manual leaves open, and the share of its samples that keep every limit."""
 
-    step: int | float
-    calls: int
-    degC_per_min: float
+    switches: Mapping[str, str]
+    passing: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SamplesView:
+    """What many samples show."""
+
+    verdict: Verdict
+    count: int
+    seed: int
+    quantile: float
+    passing: float
+    settings: tuple[SettingView, ...]
+    worst_seed: int
+    spread: Mapping[str, Any]
+    criteria: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise DocumentError(f"count: {self.count}; no samples prove nothing")
+        if not 0.0 < self.quantile <= 1.0:
+            raise DocumentError(f"quantile: {self.quantile:g}; expected a share > 0 and <= 1")
+        shares = [setting.passing for setting in self.settings if setting.passing is not None]
+        if not all(0.0 <= share <= 1.0 for share in (self.passing, *shares)):
+            raise DocumentError("passing: expected shares from 0 to 1")
+        if self.passing != min(shares, default=self.passing):
+            raise DocumentError(f"passing: {self.passing:g}; under the worst setting {min(shares):g} pass")
+        if self.verdict != self.derived:
+            raise DocumentError(f"verdict: {self.verdict!r}; its values make it {self.derived!r}")
+
+    @property
+    def derived(self) -> str:
+        """The verdict that follows from the values."""
+        return verdict_of_samples(self.passing, self.quantile, [setting.passing for setting in self.settings])
 
 
 @registered(PROOF_SCHEMA)
@@ -97,11 +146,16 @@ class ProofView:
     findings: tuple[HeardView, ...]
     assumed: Mapping[Literal[tuple(ASSUMED)], float]  # type: ignore[valid-type]  # declared once
     remarks: tuple[str, ...]
-    samples: Mapping[str, Any] | None = field(default=None, metadata=LEFT_OUT)
+    not_tested: tuple[str, ...]
+    samples: SamplesView | None = field(default=None, metadata=LEFT_OUT)
     digest: str
 
     def demand_whole(self, where: str | Path) -> None:
-        """Refuse a proof that lacks criteria, or says what does not follow from its values, by DocumentError."""
+        """Refuse a proof that lacks criteria, or says what does not follow from its values.
+
+        Raises:
+            DocumentError: it does.
+        """
         try:
             self._check()
         except DocumentError as problem:
@@ -124,7 +178,7 @@ class ProofView:
     def _check_limits(self, specification: Specification) -> None:
         """Refuse limits that the specification does not mean; times may be in units of a heater that is not here."""
         meant = specification.limits_for(1.0)
-        for name in (one.name for one in fields(Limits) if one.name not in ("settling_s", "recovery_s")):
+        for name in (one.name for one in fields(Limits) if one.name not in _IN_HEATERS):
             if getattr(self.limits, name) != getattr(meant, name):
                 raise DocumentError(f"limits.{name}: {getattr(self.limits, name)}; the specification says otherwise")
 
@@ -132,12 +186,17 @@ class ProofView:
     def derived(self) -> str:
         """The verdict that follows from the values."""
         kept = all(criterion.keeps(criterion.value) for criterion in self.criteria.values())
-        drawn = [] if self.samples is None else [str(self.samples.get("verdict", "FAIL"))]
-        heard = [{"name": each.name, "accepted": each.accepted} for each in self.findings]
+        drawn = [] if self.samples is None else [self.samples.derived]
+        heard = [{"name": finding.name, "accepted": finding.accepted} for finding in self.findings]
         return combined(["PASS" if kept else "FAIL", *drawn, *([NOT_PROVEN] if blocking({"findings": heard}) else [])])
 
     def _demand_all_criteria(self) -> None:
-        needed = [*_ALWAYS, *(_DISTURBED if self.scenario.disturbances else ()), *(_GUARDED if self.interlock else ())]
+        kinds = {kind for kind, *_ in kinds_of(self.scenario)}
+        ways = [name for kind in kinds & set(WAYS) for name in WAYS[kind][:2]]
+        needed = [*_ALWAYS, *ways, *(_DISTURBED if "recovery" in kinds else ()), *(_GUARDED if self.interlock else ()),
+                  *self._led(kinds)]
+        needed += [f"{name}{IN_DEGC}" for name in needed if name.endswith("overshoot")
+                   and getattr(self.limits, _LIMITS[f"{name}{IN_DEGC}"]) is not None]
         if any(name in self.criteria for name in _OF_PID):
             needed += _OF_PID
         if missing := [name for name in needed if name not in self.criteria]:
@@ -145,11 +204,23 @@ class ProofView:
         if more := [name for name in self.criteria if name not in needed]:
             raise DocumentError(f"criteria.{more[0]}: no such criterion")
 
+    def _led(self, kinds: set[str]) -> Iterator[str]:
+        """Return the criteria of a profile."""
+        phases = zip(kinds_of(self.scenario), self.scenario.rests_s, strict=False)
+        if any(kind == "soak" and rest > 0.0 for (kind, *_), rest in phases):
+            yield "soak_deviation"
+        if "ramp" in kinds:
+            yield from ("ramp_overshoot", "ramp_deviation")
+        if kinds & set(LED):
+            yield "peak"
+
     def _demand_band(self) -> None:
         """Refuse a band that is wider than the tolerance without the finding that says so."""
-        asked, coarse = self.limits.tolerance_degC, any(heard.name == "coarse-sensor" for heard in self.findings)
-        for name in _IN_BAND:
-            band = self.criteria[name].limit
+        coarse, soak = any(heard.name == "coarse-sensor" for heard in self.findings), self.limits.soak_band_degC
+        for name in (name for name in _IN_BAND if name in self.criteria):
+            band, asked = self.criteria[name].limit, self.limits.tolerance_degC
+            if name == "soak_deviation" and soak is not None:
+                asked, coarse = soak, False
             if band is None or (band > asked and not coarse):
                 raise DocumentError(f"criteria.{name}.limit: {band}; the tolerance is {asked:g} °C")
 

@@ -10,9 +10,9 @@ from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
 from heatertune.pid.search.uncertain import spreads_of
 from heatertune.plc import Words, controller_for
-from heatertune.proof import Drawing, Limits, Spread, judge, prove_samples, replay, scenario_for
-from heatertune.proof.fitted import actuator_for, limits_of, specified
-from heatertune.proof.heaters import default_setpoint, holding
+from heatertune.proof import Drawing, Limits, Spread, judge, prove_samples, replay
+from heatertune.proof.fitted import actuator_for, course_for, limits_of, setpoints_for, specified
+from heatertune.proof.heaters import holding
 from heatertune.proof.series import trace_series
 from heatertune.settings import Conditions
 from heatertune.units import check
@@ -55,22 +55,29 @@ def replay_document(
 ) -> dict[str, Any]:
     """Return the one sample that has this seed: its heater, criteria and trace, as a JSON object.
 
+    Args:
+        words: what the PLC will hold.
+        fitted: the heater.
+        seed: of the sample.
+        conditions: as for `prove`.
+        spread: as for `sample_document`.
+
     Raises:
         InputError, OutOfRange, UnknownName: as `sample_document`.
     """
     assumed = conditions or Conditions()
     drawing = _drawing(words, fitted, spread or {}, assumed)
     trace = replay(drawing, seed)
-    found = judge(trace, _limits(assumed, drawing))
+    criteria = judge(trace, _limits(assumed, drawing))
     model = trace.model
     return {
-        "schema": SCHEMA, "seed": seed, "verdict": "PASS" if all(each.ok for each in found) else "FAIL",
+        "schema": SCHEMA, "seed": seed, "verdict": "PASS" if all(criterion.ok for criterion in criteria) else "FAIL",
         "target": words.target, "words": dict(words.values),
         "heater": {
             "gain_degC_per_pct": model.gain_degC_per_pct, "lags_s": list(model.lags_s),
             "dead_time_s": model.dead_time_s, "ambient_degC": model.ambient_degC,
         },
-        "criteria": {each.name: each.to_document() for each in found}, "faults": [],
+        "criteria": {criterion.name: criterion.to_document() for criterion in criteria}, "faults": [],
         "trace": trace_series(trace, f"sample {seed}"),
     }
 
@@ -83,11 +90,11 @@ def _limits(assumed: Conditions, drawing: Drawing) -> Limits:
 def _drawing(words: Words, fitted: FittedModel, spread: Mapping[str, float], assumed: Conditions) -> Drawing:
     if assumed.interlock is not None:
         raise InputError("samples are run without an interlock: leave out --interlock, or --samples and --replay")
-    setpoint = default_setpoint(fitted) if assumed.setpoint_degC is None else assumed.setpoint_degC
-    family = [model for _, model in holding(fitted, setpoint)]
+    setpoint, farthest = setpoints_for(fitted, assumed)
+    family = [model for _, model in holding(fitted, farthest)]
     heaters = [model for _, model in holding(replace(
-        fitted, candidates=tuple(each for each in fitted.candidates if not each.part)), setpoint)]
-    scenario = scenario_for(family, noise_degC=assumed.noise_degC, setpoint_degC=setpoint)
+        fitted, candidates=tuple(candidate for candidate in fitted.candidates if not candidate.part)), farthest)]
+    scenario = course_for(words, family, assumed, setpoint).scenario
     return Drawing.of(
         controller_for(words.target), words, heaters, scenario,
         Spread(heater=spreads_of(fitted), least_dead_time_s=fitted.least_dead_time_s, **spread),

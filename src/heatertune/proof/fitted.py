@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
+from heatertune.errors import InputError
+from heatertune.model.mirrored import cools
 from heatertune.model.values import FittedModel, HeaterModel, Outcome
 from heatertune.options import merged
 from heatertune.pid.loop.robustness import margins
@@ -16,18 +18,24 @@ from heatertune.proof.heaters import default_setpoint, holding, unreached
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.prove import Proof, prove_models
 from heatertune.proof.pwm import Actuator, switched_by
-from heatertune.proof.scenario import scenario_for
 from heatertune.proof.spec_file import in_force
 from heatertune.proof.specification import NOTHING, Specification
+from heatertune.proof.story import Course, Loop, story_for
 from heatertune.proof.verdict import Heard
 from heatertune.settings import Conditions, TuneSettings
 
-__all__ = ["actuator_for", "aimed", "default_pwm_period_s", "limits_of", "prove", "specified", "told_of_aim"]
+__all__ = [
+    "actuator_for", "aimed", "course_for", "default_pwm_period_s", "limits_of", "prove", "setpoints_for", "specified",
+    "told_of_aim",
+]
+
+#: of the band of soaks: as near to the ambient a heater has to be before a profile
+_OF_BAND: Final = 0.5
 
 
 def prove(
     words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool = False,
-    **changed: Any,
+    only: Sequence[tuple[str, Mapping[str, str]]] | None = None, **changed: Any,
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
 
@@ -39,25 +47,67 @@ def prove(
         fitted: the heater and its candidates.
         conditions: what is assumed; None: the defaults.
         first_look: only the nominal model under the default settings, in the same scenario; `export` refuses it.
+        only: only these runs, label of a model and settings, in the same scenario; `export` refuses it too.
         changed: fields of `Conditions` that are other than in `conditions`.
 
     Raises:
-        InputError, OutOfRange: as `heatertune.proof.prove_models`.
+        InputError: an interlock for a cooler; or as `heatertune.proof.prove_models`.
+        OutOfRange: as `heatertune.proof.prove_models`.
         UnknownName: no such interlock, switch or setting, or no finding to accept.
     """
     asked = merged(Conditions, conditions, changed)
-    setpoint = default_setpoint(fitted) if asked.setpoint_degC is None else asked.setpoint_degC
-    models = holding(fitted, setpoint)
-    scenario = scenario_for([model for _, model in models], noise_degC=asked.noise_degC, setpoint_degC=setpoint)
-    specification = specified(asked)
+    if asked.interlock is not None and cools(fitted):
+        raise InputError("an interlock switches off a heater that gets too hot; for a cooler leave --interlock out")
+    setpoint, farthest = setpoints_for(fitted, asked)
+    models = holding(fitted, farthest)
+    course, specification = course_for(words, [model for _, model in models], asked, setpoint), specified(asked)
     return prove_models(
-        controller_for(words.target), words, models[:1] if first_look else models, scenario, actuator_for(asked, words),
-        limits_of(specification, [model for _, model in models]), margins,
-        open_points=not first_look, known=asked.switches, interlock=_interlock(asked, words),
-        heard=Heard(findings=(*fitted.findings, *unreached(fitted, len(models), setpoint)), accepted=asked.accept,
-                    assumed=fitted.assumed, remarks=tuple(_remarks(words, fitted))),
+        controller_for(words.target), words, models[:1] if first_look else models, course.scenario,
+        actuator_for(asked, words), limits_of(specification, [model for _, model in models]), margins,
+        open_points=not first_look, draws=not first_look, known=asked.switches, only=only,
+        interlock=_interlock(asked, words),
+        heard=Heard(findings=(*fitted.findings, *unreached(fitted, len(models), farthest)), accepted=asked.accept,
+                    assumed=fitted.assumed, remarks=(*_remarks(words, fitted), *course.told),
+                    not_tested=course.not_tested),
         reading_step_degC=fitted.reading_step_degC, specification=specification,
     )
+
+
+def setpoints_for(fitted: FittedModel, conditions: Conditions) -> tuple[float, float]:
+    """Return the upper end of the setpoints of use, and what is the farthest of it and a profile's targets [°C].
+
+    Where the user tells none it is where the log says that the heater was used, or the farthest of the profile.
+    """
+    profile = specified(conditions).profile
+    given, cold = conditions.highest_degC, cools(fitted)
+    farthest = min if cold else max
+    targets = [] if profile is None else [segment.target_degC for segment in profile.segments]
+    if given is None:
+        given = farthest(targets) if targets else default_setpoint(fitted)
+    return given, farthest([given, *targets])
+
+
+def course_for(
+    words: Words, models: Sequence[HeaterModel], conditions: Conditions, setpoint_degC: float
+) -> Course:
+    """Return what words have to live through on heaters.
+
+    Raises:
+        InputError, OutOfRange: as `story_for`.
+    """
+    controller, actuator = controller_for(words.target), actuator_for(conditions, words)
+    timing, design = controller.timing(words), controller.decode(words)
+    specification = specified(conditions)
+    limits = limits_of(specification, models)
+    loop = Loop(
+        scan_s=timing.scan_s, sample_time_s=words.sample_time_s,
+        pwm_period_s=actuator.pwm_period_s if timing.pwm_period_s is None else timing.pwm_period_s,
+        integral_time_s=None if design is None else design.integral_time_s,
+        ramp_degC_per_min=controller.ramp_degC_per_min(words), settling_s=limits.settling_s or 0.0,
+        recovery_s=limits.recovery_s or 0.0, soak_settles_s=limits.soak_settles_s,
+        cold_degC=_OF_BAND * (limits.tolerance_degC if limits.soak_band_degC is None else limits.soak_band_degC))
+    story = specification.story_at(conditions.lowest_degC)
+    return story_for(models, loop, story, noise_degC=conditions.noise_degC, setpoint_degC=setpoint_degC)
 
 
 def actuator_for(conditions: Conditions, words: Words) -> Actuator:
@@ -84,7 +134,7 @@ def specified(conditions: Conditions) -> Specification:
     units = {"tolerance": "degC", "step-power": "%"}
     flags = [f"{name}={NOTHING if math.isinf(value) else f'{float(value)!r} {units[name]}'}"
              for name, value in own.items() if value is not None]
-    return in_force(conditions.spec, [*flags, *conditions.limit])
+    return in_force(conditions.spec, [*flags, *conditions.limit], conditions.profile)
 
 
 def aimed(tuned: TuneSettings, conditions: Conditions) -> TuneSettings:
@@ -125,5 +175,7 @@ def _remarks(words: Words, fitted: FittedModel) -> Iterator[str]:
     """Return what stands on the verdict's line beside the findings of the fit."""
     if fitted.outcome is Outcome.BY_HAND:
         yield "the model was given by hand"
+    if (delay := controller_for(words.target).delay_s) > 0.0:
+        yield f"dead time {delay:g} s longer, for input module and process image"
     if words.sample_time_s < fitted.log_interval_s:
         yield f"TA {words.sample_time_s:g} s is below the log's interval of {fitted.log_interval_s:g} s"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
@@ -38,10 +39,17 @@ def unreached(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[
 
 
 def default_setpoint(fitted: FittedModel) -> float:
-    """Return where the log says that the heater was used, else half way up on the weakest model [°C]."""
+    """Return where the log says that the heater was used, else half way up (or down) on the weakest model [°C]."""
     if fitted.setpoint_degC is not None:
         return fitted.setpoint_degC
-    return min(float(m.ambient_degC or 0.0) + 50.0 * m.gain_degC_per_pct for _, m in labelled(fitted))
+    weakest = min((model for _, model in labelled(fitted)), key=_half_way)
+    return float(weakest.ambient_degC or 0.0) + 50.0 * weakest.gain_degC_per_pct
+
+
+def _half_way(model: HeaterModel) -> float:
+    """Return how high half power lifts a heater [°C], or how deep a cooler."""
+    sign = math.copysign(1.0, model.gain_degC_per_pct)
+    return sign * (float(model.ambient_degC or 0.0) + 50.0 * model.gain_degC_per_pct)
 
 
 def _with_ambient(model: HeaterModel) -> HeaterModel:

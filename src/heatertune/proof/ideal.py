@@ -31,29 +31,33 @@ class _State(NamedTuple):
 
 def simulate_wish(
     design: PidDesign, model: HeaterModel, scenario: Scenario, actuator: Actuator, *,
-    ramp_degC_per_min: float = math.inf,
+    ramp_degC_per_min: float = math.inf, hold_degC: float | None = None,
 ) -> Trace:
     """Return what the heater would do if the controller knew no words.
 
     The law is that of the sampled margins: u = K·(e + I + D), I by the backward rectangle, D filtered as the
     design says; readings and power are not rounded. While the power is at a limit, an I step that would
     drive it further is left out. With a ramp the setpoint starts at the reading and has moved once when the first
-    power is asked for.
+    power is asked for; see `heatertune.plc.ramp.Ramp` for the holdback.
+
+    Args:
+        design: what was meant.
+        model: the heater.
+        scenario: what happens.
+        actuator: the switch.
+        ramp_degC_per_min: of the setpoint [°C/min].
+        hold_degC: how far from the reading it may be on its way [°C]; None: as far as it goes.
 
     Raises:
         InputError, OutOfRange: as `simulate`.
     """
-    per_scan, asked = ramp_degC_per_min / 60.0 * design.sample_time_s, scenario.setpoint_degC
+    ramped = math.isfinite(ramp_degC_per_min)
     controller = InLoop(
         core=_CORE, parameters=_law_of(design), state=_State(0.0, 0.0, 0.0), sensor=0.0,
-        setpoints=lambda first, scans: [_on_the_way(first, asked, (k + 1) * per_scan) for k in range(scans)],
-        scan_s=design.sample_time_s,
+        asked=scenario.setpoints_degC, scan_s=design.sample_time_s, ramp_calls=int(ramped),
+        ramp_step=ramp_degC_per_min / 60.0 * design.sample_time_s if ramped else 0.0, ramp_hold=hold_degC or 0.0,
     )
     return run_loop(controller, model, scenario, actuator)
-
-
-def _on_the_way(begin: float, asked: float, distance: float) -> float:
-    return min(begin + distance, asked) if begin <= asked else max(begin - distance, asked)
 
 
 def _law_of(design: PidDesign) -> _Law:

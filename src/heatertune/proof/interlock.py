@@ -65,17 +65,18 @@ class Interlock:
         if self.fan_stops_s is not None:
             check("fan_stops_s", self.fan_stops_s, least=0.0)
 
-    def opens_s(self, temperature_at: Callable[[Array], Array], end_s: float) -> float:
+    def opens_s(self, temperature_at: Callable[[Array], Array], end_s: float, cold_until_s: float = 0.0) -> float:
         """Return the instant at which the contact opens [s], infinite where it does not.
 
         The program rests between changes of its inputs, so it is run only at the scans that see one.
 
         Args:
-            temperature_at: instants [s] → temperatures [°C] of a run whose contact stays closed.
+            temperature_at: instants [s] → temperatures [°C] of a run whose contact stays closed, both of shape (n,).
             end_s: of that run [s].
+            cold_until_s: up to then it is known to be colder than the limit [s].
         """
         stops = None if self.fan_stops_s is None else math.ceil(self.fan_stops_s / _SCAN_S - INSTANT_S)
-        changes = {0, 1, self._first_hot(temperature_at, end_s), stops}
+        changes = {0, 1, self._first_hot(temperature_at, end_s, cold_until_s), stops}
         state = START
         for k in sorted(k for k in changes if k is not None and k * _SCAN_S <= end_s):
             hot = float(temperature_at(np.array([k * _SCAN_S]))[0]) >= self.limit_degC
@@ -84,10 +85,12 @@ class Interlock:
                 return k * _SCAN_S
         return math.inf
 
-    def _first_hot(self, temperature_at: Callable[[Array], Array], end_s: float) -> int | None:
+    def _first_hot(
+        self, temperature_at: Callable[[Array], Array], end_s: float, cold_until_s: float
+    ) -> int | None:
         """Return the first scan after the buttons' at which the limit sensor reads 1."""
         last = math.floor(end_s / _SCAN_S)
-        for begin in range(1, last + 1, _BLOCK):
+        for begin in range(1 + math.floor(min(cold_until_s, end_s) / _SCAN_S), last + 1, _BLOCK):
             scans = np.arange(begin, min(begin + _BLOCK, last + 1), dtype=np.float64)
             hot = np.flatnonzero(temperature_at(scans * _SCAN_S) >= self.limit_degC)
             if len(hot):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -14,7 +13,8 @@ from heatertune.pid.values import Margins
 from heatertune.proof.criteria import Criterion, Limits
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.loop import plant_row
-from heatertune.proof.measured import Measured, band_of, columns_of, rest_of
+from heatertune.proof.measured import Measured, band_of, columns_of, periods_at_rest, phases_measured
+from heatertune.proof.scenario import Led, Phase
 from heatertune.proof.trace import Trace
 
 __all__ = ["judge", "of_words"]
@@ -34,8 +34,15 @@ def judge(
     The setpoint is always the one asked for, also while a ramp is on its way to it: overshoot is what goes beyond it,
     and settling time and IAE count the time that a ramp takes.
 
-    Criteria of disturbances, interlock, margins and the power that one step of the reading moves at once [%] are there
-    where the run has them and they are given. All temperatures are the true ones, at any instant, not the sensor's.
+    Criteria of disturbances and interlock are there where the run has them. All temperatures are the true ones, at any
+    instant, not the sensor's.
+
+    Args:
+        trace: of the run.
+        limits: what it has to keep.
+        margins: of the words on this heater; None: they are not judged.
+        step_power_pct: power that one step of the reading moves at once; None: it is not judged [%].
+        where: label of the run.
     """
     columns = columns_of(_measured(trace, limits), limits)
     return (
@@ -46,37 +53,57 @@ def judge(
 
 
 def _measured(trace: Trace, limits: Limits) -> Measured:
-    band, scenario, end = band_of(limits, trace.resolution_degC), trace.scenario, float(trace.time_s[-1])
-    stops = (*(each.time_s for each in scenario.disturbances), end)
-    periods, begin = rest_of(limits, stops[0], trace.actuator.pwm_period_s)
-    times, error = _error(trace, begin, stops[0])
-    limited = (trace.power_asked_pct <= 0.0) | (trace.power_asked_pct >= 100.0)
+    scenario, period = trace.scenario, trace.actuator.pwm_period_s
+    band, phases = band_of(limits, trace.resolution_degC), phases_measured(
+        scenario, limits, float(trace.time_s[-1]), period)
+    ran = np.array(scenario.supplied)[np.searchsorted([phase.begin_s for phase in phases], trace.time_s, "right") - 1]
+    asked = trace.power_asked_pct[ran]
     wrong = sum(trace.flags.get(name, 0) for name in limits.overflow_flags)
-    totals = [_integrals(trace, times).sum(), error.max(), error.min(), np.count_nonzero(limited),
-              wrong + np.count_nonzero(np.isnan(trace.power_asked_pct)), np.count_nonzero(trace.edge_on)]
-    phases = [_phase(trace, *_error(trace, a, b), band) for a, b in pairwise((0.0, *stops))]
+    totals = [len(asked), np.count_nonzero((asked <= 0.0) | (asked >= 100.0)),
+              wrong + np.count_nonzero(np.isnan(asked)), np.count_nonzero(trace.edge_on)]
     return Measured(
-        scenario=scenario, band_degC=band, stops_s=stops, rest_s=begin, scans=len(trace.time_s),
-        rows=np.array([plant_row(trace.model, scenario)]), phases=np.array([phases]),
+        scenario=scenario, band_degC=band, phases=phases,
+        rows=np.array([plant_row(trace.model, scenario)]),
+        table=np.array([[_phase(trace, number, phase, band) for number, phase in enumerate(phases)]]),
         totals=np.array([totals], dtype=np.float64),
-        ripple=np.array([_ripple((times, error), begin, periods, trace.actuator.pwm_period_s)]),
+        ripple=np.array([_ripple(trace, phases[0], period)]),
     )
 
 
-def _error(trace: Trace, start_s: float, end_s: float) -> Course:
-    times, temperature = trace.course(start_s, end_s)
-    return times, temperature - trace.setpoint_degC
+def _error(trace: Trace, phase: Phase, start_s: float) -> Course:
+    times, temperature = trace.course(start_s, phase.end_s)
+    return times, temperature - phase.setpoint_degC
 
 
-def _phase(trace: Trace, times: Array, error: Array, band: float) -> list[float]:
-    """Return the columns of `Measured.phases`."""
+def _phase(trace: Trace, number: int, phase: Phase, band: float) -> list[float]:
+    """Return the columns of `Measured.table`."""
+    times, error = _error(trace, phase, phase.begin_s)
     crossed = np.flatnonzero(error[1:] * error[:-1] < 0.0)
-    zeros = _halved(trace, times[crossed], times[crossed + 1], np.zeros(len(crossed)))
-    absolute = np.abs(_integrals(trace, np.union1d(times, zeros))).sum()
-    return [float(error.max()), float(error.min()), float(absolute), _stays_within(trace, times, error, band)]
+    level = np.full(len(crossed), phase.setpoint_degC)
+    zeros = _halved(trace, times[crossed], times[crossed + 1], level)
+    absolute = np.abs(_integrals(trace, phase, np.union1d(times, zeros))).sum()
+    settled = _stays_within(trace, phase, times, error, band)
+    lag = _lag(trace, number, times)
+    return [float(error.max()), float(error.min()), float(absolute), settled, *_rest(trace, phase), lag]
 
 
-def _stays_within(trace: Trace, times: Array, error: Array, band: float) -> float:
+def _lag(trace: Trace, number: int, times: Array) -> float:
+    """Return the largest distance from a setpoint that moves in a phase [°C], 0 where it does not."""
+    event = trace.scenario.disturbances[number - 1] if number > 0 else None
+    if not isinstance(event, Led) or event.degC_per_s == 0.0:
+        return 0.0
+    asked = np.interp(times - event.time_s, [0.0, event.duration_s], [event.from_degC, event.setpoint_degC])
+    return float(np.abs(trace.temperature_at(times) - asked).max())
+
+
+def _rest(trace: Trace, phase: Phase) -> list[float]:
+    if phase.rest_s >= phase.end_s:
+        return [0.0, 0.0, 0.0]
+    times, error = _error(trace, phase, phase.rest_s)
+    return [float(_integrals(trace, phase, times).sum()), float(error.max()), float(error.min())]
+
+
+def _stays_within(trace: Trace, phase: Phase, times: Array, error: Array, band: float) -> float:
     """Return the instant after which |error| ≤ band [s], infinite where it ends outside."""
     outside = np.flatnonzero(np.abs(error) > band)
     if len(outside) == 0:
@@ -84,29 +111,29 @@ def _stays_within(trace: Trace, times: Array, error: Array, band: float) -> floa
     last = int(outside[-1])
     if last == len(times) - 1:
         return math.inf
-    edge = np.array([math.copysign(band, error[last])])
+    edge = np.array([phase.setpoint_degC + math.copysign(band, error[last])])
     return float(_halved(trace, times[last : last + 1], times[last + 1 : last + 2], edge)[0])
 
 
-def _halved(trace: Trace, low_s: Array, high_s: Array, levels: Array) -> Array:
-    """Return the instants at which the error is at these levels, each the only one between two instants [s]."""
-    above = trace.temperature_at(low_s) - trace.setpoint_degC > levels
+def _halved(trace: Trace, low_s: Array, high_s: Array, levels_degC: Array) -> Array:
+    """Return the instants at which the temperature is at these levels, each the only one between two instants [s]."""
+    above = trace.temperature_at(low_s) > levels_degC
     for _ in range(_HALVINGS):
         middle = 0.5 * (low_s + high_s)
-        still = (trace.temperature_at(middle) - trace.setpoint_degC > levels) == above
+        still = (trace.temperature_at(middle) > levels_degC) == above
         low_s, high_s = np.where(still, middle, low_s), np.where(still, high_s, middle)
     return high_s
 
 
-def _integrals(trace: Trace, times: Array) -> Array:
+def _integrals(trace: Trace, phase: Phase, times: Array) -> Array:
     """Return ∫error dt from each instant to the next [°C·s]."""
-    return trace.areas(times) - trace.setpoint_degC * np.diff(times)
+    return trace.areas(times) - phase.setpoint_degC * np.diff(times)
 
 
-def _ripple(course: Course, begin: float, periods: int, period: float) -> float:
-    """Return the median peak to peak within one PWM period [°C]."""
-    times, error = course
-    number = np.minimum((times - begin) / period, periods - 1).astype(int)
+def _ripple(trace: Trace, phase: Phase, period: float) -> float:
+    """Return the median peak to peak within one PWM period at rest [°C]."""
+    times, error = _error(trace, phase, phase.rest_s)
+    number = np.minimum((times - phase.rest_s) / period, periods_at_rest(phase, period) - 1).astype(int)
     firsts = np.flatnonzero(np.diff(number, prepend=-1))
     return float(np.median(np.maximum.reduceat(error, firsts) - np.minimum.reduceat(error, firsts)))
 

@@ -1,8 +1,8 @@
 """The closed loop, event by event: scans, PWM edges and disturbances, each at its exact instant.
 
-Plain functions of numbers, named tuples and sequences, run as they are or compiled (`heatertune.compiled`); both give
-the same, bit for bit. Nothing is allocated: what is kept goes to places made before, and edges under way to the heater
-stand in a ring. A loop may keep a trace (`Record`), be measured while it runs (`proof.meter`), or both.
+Plain functions of numbers, run as they are or compiled (`heatertune.compiled`), the same bit for bit. Nothing is
+allocated: what is kept goes to places made before, and edges under way to the heater stand in a ring. A loop may keep
+a trace (`Record`), be measured while it runs (`proof.meter`), or both.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from typing import Any, Final, NamedTuple
 from heatertune.proof.meter import (
     FAULTS,
     LIMITED,
+    NOT_LED,
+    SCANS,
     SWITCHINGS,
     Meter,
     Places,
@@ -20,41 +22,51 @@ from heatertune.proof.meter import (
     Seen,
     begin,
     close,
+    is_led,
+    led_to,
     rest_begins,
     rested,
     seen_on,
 )
 from heatertune.proof.plant import Flow, Plant, factors, moved, turn
+from heatertune.proof.program import Program, asked_now
 from heatertune.proof.pwm import INSTANT_S, on_time
 
 __all__ = [
-    "HEAT", "JUMP", "LOAD", "PHASE", "REST", "Batch", "Clock", "Events", "Record", "measure", "run", "run_all", "step",
+    "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Batch", "Clock", "Events", "Record", "measure", "restarted",
+    "run", "run_all", "step",
 ]
 
-#: what an event does: all lags jump, the load grows, the heater is switched; the others only divide what is measured
+#: what an event does: all lags jump, the load grows, the mains change, the heater is switched, a phase begins (as it
+#: does with a jump), the rest of a phase begins
 JUMP: Final = 0
 LOAD: Final = 1
-HEAT: Final = 2
-PHASE: Final = 3
-REST: Final = 4
+MAINS: Final = 2
+HEAT: Final = 3
+PHASE: Final = 4
+REST: Final = 5
 
 
 class Events(NamedTuple):
-    """What happens beside the switch, in order of time and kind, at least one event; the last instant is infinite."""
+    """What happens beside the switch, in order of time and kind, at least one event; the last instant is infinite.
+
+    `leads` tells how the setpoint is led, see `Meter.leads`.
+    """
 
     time: Places
     kind: Places
     value: Places
+    leads: Places = NOT_LED
 
 
 class Clock(NamedTuple):
-    """The scans: interval [s], and for each the setpoint in the controller's units, noise [°C] and delay [s].
+    """The scans: interval [s], how many, and for each noise [°C] and delay [s].
 
     One number of noise or delay serves all scans.
     """
 
     scan_s: float
-    setpoints: Places
+    scans: int
     noise: Places
     late: Places
 
@@ -64,6 +76,7 @@ class Record(NamedTuple):
 
     keeps: bool
     temperature: Places
+    followed: Places
     reading: Places
     power: Places
     flags: Places
@@ -76,21 +89,29 @@ class Record(NamedTuple):
 class Batch(NamedTuple):
     """Many loops of one controller: what differs between them, one row for each; see `run` for the meaning.
 
-    Of a plant the numbers of `Plant` and the temperature at the start. One row of setpoints, noise
-    or delays may serve all.
+    Of a plant the numbers of `Plant` and the temperature at the start. One row of noise or delays may serve all.
     """
 
-    setpoints: Places
+    scans: int
     noise: Places
     late: Places
     plants: Places
     event_time: Places
     event_kind: Places
     event_value: Places
+    leads: Places = NOT_LED
 
 
 def step(_parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_start: bool) -> tuple[Any, ...]:
-    """Stand in for a controller's own, see `heatertune.plc.core.Core` and `heatertune.compiled.bound`."""
+    """Stand in for a controller's own, see `heatertune.plc.core.Core` and `heatertune.compiled.bound`.
+
+    Args:
+        _parameters: of the controller.
+        _state: before the scan.
+        _setpoint: in its units.
+        _reading: likewise.
+        _cycle_start: whether a PWM period begins.
+    """
     raise NotImplementedError
 
 
@@ -99,19 +120,27 @@ def measure(_sensor: Any, _temperature: float) -> Any:
     raise NotImplementedError
 
 
+def restarted(_parameters: Any, _cold: Any, _state: Any) -> Any:
+    """Stand in likewise, for the controller's state after a start-up."""
+    raise NotImplementedError
+
+
 def run(
-    parameters: Any, state: Any, sensor: Any, clock: Clock, plant: Plant, start: float, events: Events,
-    pwm: tuple[float, float, float, float, bool], cut: float, edges: Places, record: Record, meter: Meter,
+    parameters: Any, state: Any, sensor: Any, clock: Clock, program: Program, plant: Plant, start: float,
+    events: Events, pwm: tuple[float, float, float, float, bool], cut: float, edges: Places, record: Record,
+    meter: Meter,
 ) -> tuple[int, int]:
     """Run the loop over all scans; scans and PWM periods both begin at 0.
 
     The power asked for last when a PWM period begins holds for that period; at equal instants the scan is first.
+    Without supply no scan is run, and the power asked for is 0.
 
     Args:
         parameters: what `step` takes.
         state: what `step` begins with.
         sensor: what `measure` takes.
         clock: the scans; each is late by less than the interval.
+        program: what is asked of the controller.
         plant: the heater.
         start: temperature of all lags at 0 [°C].
         events: beside the switch.
@@ -124,17 +153,16 @@ def run(
     Returns:
         How often the heater was switched, and how many stretches of constant power there were.
     """
-    scan_s, late, noise = clock.scan_s, clock.late, clock.noise
-    shaken, noisy = len(late) > 1, len(noise) > 1
+    scan_s, late, noise, cold = clock.scan_s, clock.late, clock.noise, state
+    leads, shaken, noisy = events.leads, len(late) > 1, len(noise) > 1
     whole = factors(scan_s, plant)
-    flow = Flow(0.0, start, start, plant.ambient, 0.0, 0.0)
+    flow = Flow(0.0, start, start, plant.ambient, 0.0, 0.0, 1.0)
     carried = begin = tick = 0.0
-    begun = ticked = switched = arrived = happened = 0
-    rows = _stretch(record, 0, flow)
+    begun = ticked = switched = arrived = happened = phase = calls = 0
+    rows, t, following = _stretch(record, 0, flow), late[0], 0.0
     seen, rest = _begin(meter, start)
-    t, following = late[0], 0.0
     due, kind = _next(plant, events, happened, edges, arrived, switched)
-    for k in range(len(clock.setpoints)):
+    for k in range(clock.scans):
         # the time between two scans is a whole interval where neither is late and nothing happens between them
         quiet = k > 0 and (not shaken or late[k] == late[k - 1])
         while due <= t:
@@ -144,8 +172,8 @@ def run(
             flow = _changed(plant, before, kind, events.value[happened], arrived)
             seen, rest = _divided(meter, seen, rest, flow, kind)
             arrived, happened = arrived + (kind == HEAT), happened + (kind != HEAT)
-            if kind <= HEAT:
-                rows = _stretch(record, rows, flow)
+            phase += _begins_phase(kind)
+            rows = _stretch(record, rows, flow) if kind <= HEAT else rows
             due, kind = _next(plant, events, happened, edges, arrived, switched)
         before, flow = flow, moved(flow, t, whole if quiet else factors(t - flow.now, plant))
         seen, rest = _measured(meter, seen, rest, plant, before, flow)
@@ -154,8 +182,18 @@ def run(
         while tick <= t + INSTANT_S:
             ticked += 1
             tick = ticked * pwm[0]
-        state, power, _, flags = step(parameters, state, clock.setpoints[k], reading, cycle_start)
-        _scanned(record, meter, k, flow.y, reading, power, flags)
+        power, flags = 0.0, 0
+        if program.supplied[phase]:
+            if calls == 0 and k > 0:
+                state = restarted(parameters, cold, state)
+            program.asked[phase] = (
+                measure(sensor, led_to(leads, phase, t)) if is_led(leads, phase) else program.asked[phase])
+            calls = asked_now(program, phase, calls, reading)
+            state, power, _, flags = step(parameters, state, program.word[0], reading, cycle_start)
+            _counted(meter, power, flags)
+        else:
+            calls = 0
+        _scanned(record, k, flow.y, program.word[0], reading, power, flags)
         power = 0.0 if math.isnan(power) else power  # which the meter has counted as a fault
         following = (k + 1) * scan_s + (late[min(k + 1, len(late) - 1)] if shaken else late[0])
         if begin < following - INSTANT_S:
@@ -171,7 +209,7 @@ def run(
 
 
 def run_all(
-    parameters: Any, state: Any, sensor: Any, scan_s: float, batch: Batch,
+    parameters: Any, state: Any, sensor: Any, scan_s: float, program: Program, batch: Batch,
     pwm: tuple[float, float, float, float, bool], cut: float, edges: Places, record: Record, meter: Meter,
 ) -> tuple[int, int]:
     """Run many loops, one after the other; return what `run` returns of the last one.
@@ -181,6 +219,7 @@ def run_all(
         state: likewise.
         sensor: likewise.
         scan_s: [s].
+        program: likewise.
         batch: what differs.
         pwm: `Actuator.numbers`.
         cut: [s].
@@ -188,19 +227,19 @@ def run_all(
         record: places of one trace: that of the last loop stays.
         meter: its phases, totals, high and low have one row for each loop.
     """
-    found = 0, 0
+    counted = 0, 0
     for i in range(len(batch.plants)):
         row = batch.plants[i]
-        setpoints = batch.setpoints[i % len(batch.setpoints)]
         noise, late = batch.noise[i % len(batch.noise)], batch.late[i % len(batch.late)]
-        found = run(
-            parameters, state, sensor, Clock(scan_s, setpoints, noise, late),
+        counted = run(
+            parameters, state, sensor, Clock(scan_s, batch.scans, noise, late), program,
             Plant(row[0], row[1], row[2], row[3], row[4]), row[5],
-            Events(batch.event_time[i], batch.event_kind[i], batch.event_value[i]), pwm, cut, edges, record,
-            Meter(meter.measures, meter.setpoint, meter.band, meter.period, meter.wrong, meter.phases[i],
-                  meter.totals[i], meter.high[i], meter.low[i]),
+            Events(batch.event_time[i], batch.event_kind[i], batch.event_value[i], batch.leads), pwm, cut, edges,
+            record,
+            Meter(meter.measures, meter.setpoints, meter.band, meter.period, meter.wrong, meter.phases[i],
+                  meter.totals[i], meter.high[i], meter.low[i], meter.leads),
         )
-    return found
+    return counted
 
 
 def _next(
@@ -217,14 +256,21 @@ def _next(
 
 def _changed(plant: Plant, flow: Flow, kind: int, value: float, arrived: int) -> Flow:
     """Return the heater just after an event; edges alternate, so their number tells whether it gets hot."""
-    heat, load, jump = flow.heat, flow.load, 0.0
+    heat, load, mains, jump = flow.heat, flow.load, flow.mains, 0.0
     if kind == HEAT:
         heat = 0.0 if arrived % 2 else 100.0
     elif kind == LOAD:
         load += value
+    elif kind == MAINS:
+        mains = value
     elif kind == JUMP:
         jump = value
-    return Flow(flow.now, flow.y + jump, flow.x + jump, plant.ambient + plant.gain * (heat + load), heat, load)
+    target = plant.ambient + plant.gain * (heat * mains + load)
+    return Flow(flow.now, flow.y + jump, flow.x + jump, target, heat, load, mains)
+
+
+def _begins_phase(kind: int) -> int:
+    return int(kind in (JUMP, PHASE))
 
 
 def _pulse(
@@ -251,16 +297,20 @@ def _stretch(record: Record, rows: int, flow: Flow) -> int:
     return rows + 1
 
 
-def _scanned(
-    record: Record, meter: Meter, k: int, y: float, reading: Any, power: float, flags: int
-) -> None:
-    """Keep and count what one scan gave."""
+def _scanned(record: Record, k: int, y: float, followed: Any, reading: Any, power: float, flags: int) -> None:
+    """Keep what one scan gave."""
     if record.keeps:
         record.temperature[k] = y
+        record.followed[k] = followed
         record.reading[k] = reading
         record.power[k] = power
         record.flags[k] = flags
+
+
+def _counted(meter: Meter, power: float, flags: int) -> None:
+    """Count one scan."""
     if meter.measures:
+        meter.totals[SCANS] += 1.0
         if power <= 0.0 or power >= 100.0:
             meter.totals[LIMITED] += 1.0
         if math.isnan(power):
@@ -273,7 +323,8 @@ def _scanned(
 
 def _begin(meter: Meter, start: float) -> tuple[Seen, Rest]:
     """Return what is measured at the start."""
-    return begin(0, 0.0, start - meter.setpoint, meter.band), Rest(False, 0.0, 0.0, 0.0, 0.0)
+    error = start - meter.setpoints[0] if meter.measures else 0.0
+    return begin(meter, 0, 0.0, error), Rest(False, 0.0, 0.0, 0.0, 0.0)
 
 
 def _measured(
@@ -286,22 +337,21 @@ def _measured(
     if before.now < turned < after.now:
         top = moved(before, turned, factors(turned - before.now, plant))
         seen = seen_on(meter, seen, plant, before, top)
-        rest = rested(meter, rest, plant, before, top) if rest.lasts else rest
+        rest = rested(meter, seen.phase, rest, plant, before, top) if rest.lasts else rest
         before = top
     seen = seen_on(meter, seen, plant, before, after)
-    return seen, rested(meter, rest, plant, before, after) if rest.lasts else rest
+    return seen, rested(meter, seen.phase, rest, plant, before, after) if rest.lasts else rest
 
 
 def _divided(meter: Meter, seen: Seen, rest: Rest, flow: Flow, kind: int) -> tuple[Seen, Rest]:
     """End a phase and begin the next one, or begin the rest, where an event does so."""
     if not meter.measures:
         return seen, rest
-    error = flow.y - meter.setpoint
     if kind == REST:
-        return seen, rest_begins(meter, flow.now, error)
-    if kind in (JUMP, PHASE):
-        rest = close(meter, seen, rest)
-        return begin(seen.phase + 1, flow.now, error, meter.band), rest
+        return seen, rest_begins(meter, seen.phase, flow.now, flow.y - meter.setpoints[seen.phase])
+    if _begins_phase(kind):
+        rest, phase = close(meter, seen, rest), seen.phase + 1
+        return begin(meter, phase, flow.now, flow.y - meter.setpoints[phase]), rest
     return seen, rest
 
 

@@ -13,9 +13,9 @@ from heatertune.log.values import Log
 from heatertune.model.statistics import fit_pct
 from heatertune.model.values import FittedModel
 from heatertune.plc import Controller, Words, controller_for
+from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.replay import powers
 from heatertune.proof import Actuator, Scenario, simulate
-from heatertune.proof.prove import settings_to_prove
 
 __all__ = ["KnownController", "closed_again", "controllers"]
 
@@ -48,7 +48,12 @@ class KnownController:
         return self.words.scaling.span_degC / self.controller.counts
 
     def power_pct(self, temperature_degC: Array, setpoint_degC: Array) -> Array:
-        """Return the power after each scan, from the cold state on [%]."""
+        """Return the power after each scan, from the cold state on [%], shape (n,).
+
+        Args:
+            temperature_degC: at each scan [°C], shape (n,).
+            setpoint_degC: likewise [°C], shape (n,).
+        """
         temperatures, setpoints = temperature_degC.tolist(), setpoint_degC.tolist()
         return np.array(powers(self.controller, self.words, temperatures, setpoints, self.switches))
 

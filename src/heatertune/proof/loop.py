@@ -1,4 +1,4 @@
-"""The closed loop: a room's own arithmetic, the switch, the heater and the sensor."""
+"""The closed loop: a controller's own arithmetic, the switch, the heater and the sensor."""
 
 from __future__ import annotations
 
@@ -16,14 +16,23 @@ from heatertune.model.values import HeaterModel
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core
 from heatertune.plc.open_points import settings_of
-from heatertune.plc.ramp import Number, course
-from heatertune.plc.single import narrowed
+from heatertune.plc.ramp import Number
+from heatertune.plc.single import narrowed, single
 from heatertune.plc.words import Words
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.kernel import JUMP, LOAD, Batch, Record, run, run_all
+from heatertune.proof.kernel import JUMP, LOAD, MAINS, PHASE, Batch, Record, run, run_all
 from heatertune.proof.meter import Meter, no_meter
+from heatertune.proof.program import Program, asked_now
 from heatertune.proof.pwm import INSTANT_S, Actuator
-from heatertune.proof.scenario import Kick, Scenario, conditions, temperatures
+from heatertune.proof.scenario import (
+    Disturbance,
+    Load,
+    NewSetpoint,
+    Scenario,
+    TemperatureStep,
+    conditions,
+    temperatures,
+)
 from heatertune.proof.trace import Trace
 
 __all__ = [
@@ -34,6 +43,7 @@ __all__ = [
     "in_loop",
     "noise_of",
     "plant_row",
+    "program_of",
     "pulses_of",
     "ring_size",
     "run_compiled",
@@ -41,7 +51,6 @@ __all__ = [
     "run_plainly",
     "run_with",
     "scans_of",
-    "setpoints_of",
     "simulate",
     "traced",
 ]
@@ -59,8 +68,10 @@ class InLoop:
     Attributes:
         core: how it computes.
         parameters, state, sensor: what the core takes.
-        setpoints: (first reading, number of scans) → setpoint at each scan, all in the controller's units.
+        asked: setpoint of each phase, in the controller's units.
         scan_s: interval between two steps [s].
+        ramp_step, ramp_calls, ramp_hold: of the setpoint ramp, see `heatertune.plc.ramp.Ramp`; no calls: no ramp; a
+            hold of 0: none.
         pwm_period_s: where it makes the PWM itself [s], else None.
         unit_degC, zero_degC: a reading r means zero + unit·r [°C].
         resolution_degC: step of the input module [°C]; 0: none.
@@ -71,8 +82,11 @@ class InLoop:
     parameters: Any
     state: Any
     sensor: Any
-    setpoints: Callable[[Number, int], Sequence[Number]]
+    asked: Sequence[Number]
     scan_s: float
+    ramp_step: Number = 0
+    ramp_calls: int = 0
+    ramp_hold: Number = 0
     pwm_period_s: float | None = None
     unit_degC: float = 1.0
     zero_degC: float = 0.0
@@ -82,61 +96,79 @@ class InLoop:
 
 
 def simulate(
-    room: Controller, words: Words, model: HeaterModel, scenario: Scenario,
-    actuator: Actuator | None = None, switches: Mapping[str, str] | None = None, interlock: Interlock | None = None,
+    controller: Controller, words: Words, model: HeaterModel, scenario: Scenario,
+    actuator: Actuator | None = None, switches: Mapping[str, str] | None = None, interlock: Interlock | None = None, *,
+    direct: bool = False,
 ) -> Trace:
     """Return what the heater does when the PLC runs these words.
 
     Args:
-        room: the controller.
+        controller: that is to run the words.
         words: what it holds; with a ramp, its setpoint goes from the first reading to the scenario's.
         model: the heater.
         scenario: what happens.
         actuator: the switch; not used where the controller makes the PWM itself.
-        switches: settings of the room's open points; those not named have their default.
+        switches: settings of the controller's open points; those not named have their default.
         interlock: what may switch the heater off for good; None: nothing.
+        direct: without the controller's listing, where that can be.
 
     Raises:
         InputError: no actuator where one is needed, an unknown ambient temperature.
         OutOfRange: a setpoint outside the sensor's range or out of the heater's reach, words out of their range.
-        UnknownName: a switch or setting the room does not have.
+        UnknownName: a switch or setting the controller does not have.
     """
-    check_words(room, words, scenario)
+    check_words(controller, words, scenario)
 
     def run_from_cold(cut_s: float) -> Trace:
-        controller = in_loop(room, words, scenario.setpoint_degC, switches or {})
-        return run_loop(controller, model, scenario, actuator, cut_s=cut_s)
+        loop = in_loop(controller, words, scenario.setpoints_degC, switches or {}, direct=direct)
+        return run_loop(loop, model, scenario, actuator, cut_s=cut_s)
 
     trace = run_from_cold(math.inf)
     if interlock is None:
         return trace
     # up to the cut both runs are the same, so the one without it tells when it comes
-    cut_s = interlock.opens_s(trace.temperature_at, float(trace.time_s[-1]))
+    cold_until_s = trace.below_until(interlock.limit_degC)
+    cut_s = interlock.opens_s(trace.temperature_at, float(trace.time_s[-1]), cold_until_s)
     return replace(trace if math.isinf(cut_s) else run_from_cold(cut_s), interlock=interlock, cut_s=cut_s)
 
 
-def check_words(room: Controller, words: Words, scenario: Scenario) -> None:
-    """Raise OutOfRange where the room cannot have such words, or their sensor does not see the setpoint."""
-    room.check(words)
-    room.check_ramp(words)
+def check_words(controller: Controller, words: Words, scenario: Scenario) -> None:
+    """Check words against their controller, and the setpoints of a scenario against their sensor.
+
+    Raises:
+        OutOfRange: the controller cannot have such words, or their sensor does not see a setpoint.
+    """
+    controller.check(words)
+    controller.check_ramp(words)
     scaling = words.scaling
-    if not scaling.low_degC < scenario.setpoint_degC < scaling.high_degC:
-        rule = f"> {scaling.low_degC:g} and < {scaling.high_degC:g}, the sensor's range"
-        raise OutOfRange("setpoint_degC", scenario.setpoint_degC, rule)
+    for setpoint in scenario.setpoints_degC:
+        if not scaling.low_degC < setpoint < scaling.high_degC:
+            rule = f"> {scaling.low_degC:g} and < {scaling.high_degC:g}, the sensor's range"
+            raise OutOfRange("setpoint_degC", setpoint, rule)
 
 
 def run_loop(
     controller: InLoop, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, *,
     cut_s: float = math.inf,
 ) -> Trace:
-    """Return the trace of any controller, the heater kept off from `cut_s` on [s]; errors as in `simulate`."""
+    """Return the trace of any controller; errors as in `simulate`.
+
+    Args:
+        controller: the words, running.
+        model: the heater.
+        scenario: what happens.
+        actuator: the switch; None: the controller makes the PWM itself.
+        cut_s: instant from which on the heater is kept off [s].
+    """
     conditions(scenario, model)
     scans = scans_of(controller, scenario)
     return traced(controller, model, scenario, actuator, noise_of(scenario, scans), np.zeros(1), cut_s=cut_s)
 
 
 def noise_of(scenario: Scenario, scans: int) -> Array:
-    """Return the noise of a proof's readings, the same in each of its runs [°C], shape (scans,)."""
+    """Return the noise of a proof's readings, the same in each of its runs [°C], shape (scans,), or (1,) for none."""
+    if scenario.noise_degC == 0.0:
+        return np.zeros(1)
     return np.random.default_rng(scenario.seed).normal(0.0, abs(scenario.noise_degC), scans)  # -0.0
 
 
@@ -157,31 +189,40 @@ def traced(
     controller: InLoop, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, noise_degC: Array,
     late_s: Array, *, cut_s: float = math.inf,
 ) -> Trace:
-    """Return the trace of one run whose noise and delay are given, able to hold the setpoint or not; see `Clock`."""
+    """Return the trace of one run whose noise and delay are given, able to hold the setpoint or not.
+
+    Args:
+        controller: the words, running.
+        model: the heater.
+        scenario: what happens.
+        actuator: the switch; None: the controller makes the PWM itself.
+        noise_degC: of the readings, one number for all or one for each scan [°C], shape (1,) or (n,).
+        late_s: delay of the scans, likewise [s], shape (1,) or (n,).
+        cut_s: instant from which on the heater is kept off [s].
+    """
     actuator, scans = actuator_of(controller, actuator), scans_of(controller, scenario)
     time = np.arange(scans, dtype=np.float64) * controller.scan_s + late_s
     plant = plant_row(model, scenario)
-    setpoints = setpoints_of(controller, [plant[-1] + float(noise_degC[0])], scans)
     events = events_of(scenario, [model.dead_time_s])
-    batch = Batch(setpoints, noise_degC[None], late_s[None], np.array([plant]), *events)
+    batch = Batch(scans, noise_degC[None], late_s[None], np.array([plant]), *events, np.array(scenario.leads))
     pulses = pulses_of(time[-1] + 2.0 * controller.scan_s, actuator)
     edges = np.empty(ring_size(pulses))
     record = Record(
-        True, np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
+        True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
         *(np.empty(pulses + batch.event_time.size) for _ in range(4)),
     )
-    given = (batch, actuator.numbers, cut_s, edges, record, no_meter())
+    given = (program_of(controller, scenario), batch, actuator.numbers, cut_s, edges, record, no_meter())
     switched, rows = run_with(controller, given, scans)
     shown = edges[:switched][edges[:switched] <= time[-1]]
     return Trace(
         time_s=time,
         temperature_degC=record.temperature,
         reading_degC=controller.zero_degC + controller.unit_degC * record.reading,
-        followed_degC=controller.zero_degC + controller.unit_degC * setpoints[0],
+        followed_degC=controller.zero_degC + controller.unit_degC * record.followed,
         power_asked_pct=record.power,
         edge_time_s=shown,
         edge_on=np.arange(len(shown)) % 2 == 0,
-        stretches=np.column_stack([each[:rows] for each in record[-4:]]),
+        stretches=np.column_stack([column[:rows] for column in record[-4:]]),
         model=model,
         scenario=scenario,
         actuator=actuator,
@@ -195,28 +236,28 @@ def traced(
 
 
 def run_with(controller: InLoop, given: tuple[Any, ...], scans: int) -> tuple[int, int]:
-    """Run the kernel with a controller, compiled where that pays; `given` are `run_all`'s arguments from the batch on.
+    """Run the kernel with a controller, compiled where that pays; `given` is what `run_all` takes from the program on.
 
     `scans` tells how much work it is.
     """
-    core = controller.core
     given = (controller.parameters, controller.state, controller.sensor, controller.scan_s, *given)
-    if core.compiles and worth_compiling(scans):
+    core = controller.core
+    if core.compiles and worth_compiling(scans, f"{core.step.__module__}.{core.step.__qualname__}"):
         return run_compiled(core, given)
     return run_plainly(core, given)
 
 
 def _run_of(core: Core) -> Callable[..., tuple[int, int]]:
-    loop = bound(run, step=core.step, measure=core.measure)
+    loop = bound(run, step=core.step, measure=core.measure, restarted=core.restarted,
+                 asked_now=bound(asked_now, stored=core.stored))
     return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop))
 
 
 def run_compiled(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
     """Run the kernel as machine code, compiled where it is not yet; `given` are all of `run_all`'s arguments."""
     if core.singles:
-        parameters, state, sensor, scan_s, batch, *others = given
-        batch = batch._replace(setpoints=narrowed(batch.setpoints))
-        given = narrowed(parameters), narrowed(state), sensor, scan_s, batch, *others
+        parameters, state, sensor, scan_s, program, *others = given
+        given = narrowed(parameters), narrowed(state), sensor, scan_s, narrowed(program), *others
     return compiled(_run_of(core))(*given)
 
 
@@ -228,16 +269,20 @@ def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
         if isinstance(value, np.ndarray):
             lists.append((value, value.tolist()))
             return lists[-1][1]
-        return type(value)(*map(plain, value)) if isinstance(value, Batch | Record | Meter) else value
+        return type(value)(*map(plain, value)) if isinstance(value, Program | Batch | Record | Meter) else value
 
-    found = _run_of(core)(*map(plain, given))
+    counted = _run_of(core)(*map(plain, given))
     for array, written in lists:
         array[:] = written
-    return found
+    return counted
 
 
 def actuator_of(controller: InLoop, given: Actuator | None) -> Actuator:
-    """Return the switch: the controller's own PWM, else the one given; raise InputError where there is none."""
+    """Return the switch: the controller's own PWM, else the one given.
+
+    Raises:
+        InputError: there is none.
+    """
     if controller.pwm_period_s is not None:
         period = controller.pwm_period_s
         return Actuator(pwm_period_s=period, resolution_s=min(_PLC_RESOLUTION_S, period))
@@ -257,32 +302,48 @@ def events_of(
     scenario: Scenario, dead_times_s: Sequence[float], sizes: Array | None = None,
     marks: Sequence[tuple[float, int]] = (),
 ) -> tuple[Array, npt.NDArray[np.int64], Array]:
-    """Return the disturbances as three arrays of a `Batch`: instants, kinds and values, a row for each dead time.
+    """Return the disturbances as three arrays of a `Batch`: instants, kinds and values, each of shape (n, events).
 
     Args:
         scenario: whose disturbances.
-        dead_times_s: of the heaters [s].
-        sizes: by what each disturbance is multiplied, a row for each heater; None: by nothing.
+        dead_times_s: of the n heaters [s].
+        sizes: by what each disturbance is multiplied, shape (n, disturbances); None: by nothing.
         marks: (instant, kind) of what divides what is measured.
     """
     rows = []
     for number, dead in enumerate(dead_times_s):
         factors = [1.0] * len(scenario.disturbances) if sizes is None else sizes[number].tolist()
-        acting = [
-            (each.time_s, JUMP, factor * each.temperature_degC) if isinstance(each, Kick)
-            else (each.time_s + dead, LOAD, factor * each.power_pct)
-            for each, factor in zip(scenario.disturbances, factors, strict=True)
-        ]
+        happening = zip(scenario.disturbances, _powers(scenario), factors, strict=True)
+        acting = [event for what, power, factor in happening for event in _acting(what, power, factor, dead)]
         rows.append(sorted([*acting, *((time, kind, 0.0) for time, kind in marks), (math.inf, LOAD, 0.0)]))
     table = np.array(rows)
     return table[..., 0].copy(), table[..., 1].astype(np.int64), table[..., 2].copy()
 
 
-def setpoints_of(controller: InLoop, first_degC: Sequence[float], scans: int) -> npt.NDArray[Any]:
-    """Return the setpoints of runs that first see these temperatures, shape (n, scans); without a ramp one row."""
-    moves = controller.words is None or controller.words.ramp is not None
-    firsts = [controller.core.measure(controller.sensor, each) for each in (first_degC if moves else first_degC[:1])]
-    return np.array([controller.setpoints(first, scans) for first in firsts])
+def _powers(scenario: Scenario) -> list[float]:
+    """Return what full power is from each disturbance on, as a share of the rated one: none while the PLC is off."""
+    return [mains * supplied for mains, supplied in zip(scenario.mains, scenario.supplied, strict=True)][1:]
+
+
+def _acting(event: Disturbance, power: float, factor: float, dead_s: float) -> list[tuple[float, int, float]]:
+    """Return what the kernel is told of a disturbance; only temperature steps and loads have a size."""
+    if isinstance(event, TemperatureStep):
+        return [(event.time_s, JUMP, factor * event.temperature_degC)]
+    begins = (event.time_s, PHASE, 0.0)
+    if isinstance(event, Load):
+        return [begins, (event.time_s + dead_s, LOAD, factor * event.power_pct)]
+    if isinstance(event, NewSetpoint):
+        return [begins]
+    return [begins, (event.time_s + dead_s, MAINS, power)]  # also of a led setpoint, with which a PLC gets its supply
+
+
+def program_of(controller: InLoop, scenario: Scenario) -> Program:
+    """Return the program around a controller, phase by phase; raise ValueError where it is asked for other phases."""
+    asked = np.array(controller.asked)
+    if len(asked) != len(scenario.setpoints_degC):
+        raise ValueError(f"{len(asked)} setpoints for {len(scenario.setpoints_degC)} phases")
+    return Program(asked, np.array(scenario.supplied, dtype=np.int64), controller.ramp_step, controller.ramp_calls,
+                   controller.ramp_hold, asked[:1].copy())
 
 
 def pulses_of(seconds: float, actuator: Actuator) -> int:
@@ -296,30 +357,43 @@ def ring_size(pulses: int) -> int:
 
 
 def in_loop(
-    room: Controller, words: Words, setpoint_degC: float, switches: Mapping[str, str], *, direct: bool = False
+    controller: Controller, words: Words, setpoints_degC: Sequence[float], switches: Mapping[str, str], *,
+    direct: bool = False,
 ) -> InLoop:
-    """Return a room that runs words, its switches set; `direct`: without its listing, where that can be.
+    """Return a controller that runs words, asked for the setpoint of each phase.
+
+    Args:
+        controller: that is to run the words.
+        words: what it holds.
+        setpoints_degC: of the phases [°C].
+        switches: settings of the controller's open points; those not named have their default.
+        direct: without its listing, where that can be.
 
     Raises:
-        UnknownName: a switch or setting the room does not have.
+        UnknownName: a switch or setting the controller does not have.
     """
-    timing = room.timing(words)
-    core, running = room.start_directly(words, switches) if direct else (room.core, room.start(words, switches))
-    asked = room.measure(words, setpoint_degC)
+    timing = controller.timing(words)
+    core, running = (
+        controller.start_directly(words, switches) if direct else (controller.core, controller.start(words, switches)))
+    asked = [controller.measure(words, setpoint) for setpoint in setpoints_degC]
     low, high = words.scaling.low_degC, words.scaling.high_degC
-    lowest = room.measure(words, low)
-    unit = (high - low) / (room.measure(words, high) - lowest)
+    lowest, highest = controller.ends(words)
+    unit = (high - low) / (highest - lowest)
+    none, ramp = type(asked[0])(0), words.ramp
     return InLoop(
-        core=core,
+        core=replace(core, stored=single) if isinstance(asked[0], float) else core,
         parameters=running.parameters,
         state=running.state,
-        sensor=room.sensor(words),
-        setpoints=lambda first, scans: course(words.ramp, first, asked, scans),
+        sensor=controller.sensor(words),
+        asked=asked,
         scan_s=timing.scan_s,
+        ramp_step=none if ramp is None else ramp.step,
+        ramp_calls=0 if ramp is None else ramp.calls,
+        ramp_hold=none if ramp is None or ramp.hold is None else ramp.hold,
         pwm_period_s=timing.pwm_period_s,
         unit_degC=unit,
         zero_degC=low - unit * lowest,
-        resolution_degC=words.scaling.span_degC / room.counts,
+        resolution_degC=words.scaling.span_degC / controller.counts,
         words=words,
-        switches=settings_of(room.switches, switches),
+        switches=settings_of(controller.switches, switches),
     )

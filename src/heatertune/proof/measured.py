@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -17,20 +18,29 @@ from heatertune.proof.meter import (
     ABSOLUTE,
     FAULTS,
     HIGHEST,
+    LAG,
     LIMITED,
     LOWEST,
     MEAN,
     REST_HIGHEST,
     REST_LOWEST,
+    SCANS,
     SETTLED,
     SWITCHINGS,
 )
-from heatertune.proof.scenario import Kick, Scenario
+from heatertune.proof.pwm import INSTANT_S
+from heatertune.proof.scenario import LED, WAYS, Led, Phase, Scenario, phases_of
 
-__all__ = ["Column", "Measured", "band_of", "columns_of", "joined", "rest_of"]
+__all__ = [
+    "IN_DEGC", "Column", "Measured", "band_of", "columns_of", "joined", "ordered", "periods_at_rest", "phases_measured",
+]
 
 Array = npt.NDArray[np.float64]
 
+#: end of the name of a criterion that is told in percent, where it is limited in °C, too
+IN_DEGC: Final = "_degC"
+#: kinds of phases that are held against no criterion, or against those of a profile
+_OWN: Final = ("off", *LED)
 _PERIODS_AT_REST = 3  # PWM periods that the time at rest spans at least
 
 
@@ -39,24 +49,20 @@ class Measured:
     """What was measured on loops that live through one scenario, a row each, see `proof.meter`.
 
     Attributes:
-        scenario: all temperatures are distances from its setpoint.
-        band_degC: how far from it is still right [°C].
-        stops_s: where each phase ends: the disturbances and the end [s].
-        rest_s: where the time at rest begins; it ends with the first phase [s].
-        scans: of each loop.
+        scenario: what they live through.
+        band_degC: how far from the setpoint is still right [°C].
+        phases: of the scenario; all temperatures are distances from their setpoints.
         rows: of `Batch.plants`, shape (n, 6).
-        phases: shape (n, disturbances + 1, `COLUMNS`).
+        table: what was measured in each phase, shape (n, phases, `COLUMNS`).
         totals: shape (n, `TOTALS`).
         ripple: peak to peak in each PWM period at rest [°C], median, shape (n,).
     """
 
     scenario: Scenario
     band_degC: float
-    stops_s: tuple[float, ...]
-    rest_s: float
-    scans: int
+    phases: tuple[Phase, ...]
     rows: Array
-    phases: Array
+    table: Array
     totals: Array
     ripple: Array
 
@@ -66,7 +72,7 @@ class Column:
     """One criterion of many loops.
 
     Attributes:
-        name, unit, what: see `Criterion`; no value may exceed its limit.
+        name, unit, what, at_least: see `Criterion`.
         values: of the loops, shape (n,).
         limits: of each of them, shape (n,); None: the numbers inform.
     """
@@ -76,32 +82,45 @@ class Column:
     what: str
     values: Array
     limits: Array | None
+    at_least: bool = False
 
     @property
     def strains(self) -> Array:
         """How much of its limit each loop uses, as `Criterion.strain`, shape (n,)."""
-        unknown = np.isnan(self.values)
-        if self.limits is None:
-            return np.where(unknown, math.inf, 0.0)
-        over = np.where(self.values <= self.limits, 0.0, math.inf)
-        used = np.maximum(0.0, np.divide(self.values, self.limits, out=over, where=self.limits > 0.0))
-        return np.where(unknown, math.inf, used)
+        return _strains(self.values, self.limits, at_least=self.at_least)
 
     def criteria(self, labels: Iterable[str]) -> Iterator[Criterion]:
         """Return the criterion of each loop, the loops being called so."""
         limits = [None] * len(self.values) if self.limits is None else self.limits.tolist()
         for value, limit, label in zip(self.values.tolist(), limits, labels, strict=True):
-            yield Criterion(name=self.name, value=value, limit=limit, unit=self.unit, what=self.what, where=label)
+            yield Criterion(name=self.name, value=value, limit=limit, unit=self.unit, what=self.what,
+                            at_least=self.at_least, where=label)
 
 
-def joined(parts: Sequence[Measured], *, in_turn: bool = False) -> Measured:
-    """Return the loops of all parts, which differ in nothing else: part by part, or in turn one of each part."""
+def _strains(values: Array, limits: Array | None, *, at_least: bool) -> Array:
+    """Return how much of its limit each value uses, as `Criterion.strain`, arrays of one shape."""
+    unknown = np.isnan(values)
+    if limits is None:
+        return np.where(unknown, math.inf, 0.0)
+    used, allowed = (limits, values) if at_least else (values, limits)
+    over = np.where(used <= allowed, 0.0, math.inf)
+    used = np.maximum(0.0, np.divide(used, allowed, out=over, where=allowed > 0.0))
+    return np.where(unknown, math.inf, used)
+
+
+def joined(parts: Sequence[Measured]) -> Measured:
+    """Return the loops of all parts, which differ in nothing else, part by part."""
     def all_of(name: str) -> Array:
-        arrays = [getattr(part, name) for part in parts]
-        return np.stack(arrays, axis=1).reshape(-1, *arrays[0].shape[1:]) if in_turn else np.concatenate(arrays)
+        return np.concatenate([getattr(part, name) for part in parts])
 
     return replace(
-        parts[0], rows=all_of("rows"), phases=all_of("phases"), totals=all_of("totals"), ripple=all_of("ripple"))
+        parts[0], rows=all_of("rows"), table=all_of("table"), totals=all_of("totals"), ripple=all_of("ripple"))
+
+
+def ordered(measured: Measured, places: npt.NDArray[np.intp]) -> Measured:
+    """Return the n loops in another order: first the one of the first place, shape (n,)."""
+    return replace(measured, rows=measured.rows[places], table=measured.table[places], totals=measured.totals[places],
+                   ripple=measured.ripple[places])
 
 
 def band_of(limits: Limits, resolution_degC: float) -> float:
@@ -109,16 +128,23 @@ def band_of(limits: Limits, resolution_degC: float) -> float:
     return max(limits.tolerance_degC, limits.tolerance_resolutions * resolution_degC)
 
 
-def rest_of(limits: Limits, end_s: float, period_s: float) -> tuple[int, float]:
-    """Return how many PWM periods the time at rest spans, and where it begins [s]; it ends with the heat-up."""
-    periods = max(_PERIODS_AT_REST, math.floor(limits.steady_share * end_s / period_s))
-    return periods, max(0.0, end_s - periods * period_s)
+def phases_measured(scenario: Scenario, limits: Limits, end_s: float, period_s: float) -> tuple[Phase, ...]:
+    """Return the phases of a run; a rest that the scenario does not tell is whole PWM periods at the heat-up's end."""
+    heated_s = scenario.disturbances[0].time_s if scenario.disturbances else end_s
+    periods = max(_PERIODS_AT_REST, math.floor(limits.steady_share * heated_s / period_s))
+    return phases_of(scenario, end_s, max(0.0, heated_s - periods * period_s))
+
+
+def periods_at_rest(phase: Phase, period_s: float) -> int:
+    """Return how many PWM periods the rest of a phase spans."""
+    return max(1, math.floor((phase.end_s - phase.rest_s) / period_s + INSTANT_S))
 
 
 def columns_of(measured: Measured, limits: Limits) -> list[Column]:
     """Return what the loops amount to, in a fixed order."""
-    return [*_heat_up(measured, limits), *_at_rest(measured, limits), *_recovery(measured, limits),
-            *_switching(measured, limits)]
+    return [*_ways(measured, limits, "heat-up"), *_at_rest(measured, limits), *_recovery(measured, limits),
+            *(column for kind in WAYS if kind != "heat-up" for column in _ways(measured, limits, kind)),
+            *_profile(measured, limits), *_switching(measured, limits)]
 
 
 def _column(name: str, unit: str, values: Array, limit: float | None, what: str) -> Column:
@@ -127,83 +153,169 @@ def _column(name: str, unit: str, values: Array, limit: float | None, what: str)
 
 
 def _steps(measured: Measured) -> Array:
-    """Return how far each loop has to go [°C]."""
-    return np.asarray(measured.scenario.setpoint_degC - measured.rows[:, 5])
+    """Return how far each loop has to go, up or down [°C]."""
+    return np.asarray(np.abs(measured.scenario.setpoint_degC - measured.rows[:, 5]))
 
 
-def _heat_up(measured: Measured, limits: Limits) -> Iterator[Column]:
-    first, end = measured.phases[:, 0], measured.stops_s[0]
+def _rises(measured: Measured, phase: Phase) -> npt.NDArray[np.bool_]:
+    """Return for each loop whether the event of a phase moves the temperature up: a cooler's power moves it down."""
+    heats = measured.rows[:, 0] > 0.0
+    return np.asarray((heats == phase.up) if phase.by_power else np.full(len(heats), phase.up))
+
+
+def _ways(measured: Measured, limits: Limits, kind: str) -> Iterator[Column]:
+    """Return the criteria of the phases on which the temperature has to go to a setpoint."""
+    return _worst(_way(measured, limits, number, phase) for number, phase in enumerate(measured.phases)
+                  if phase.kind == kind)
+
+
+def _way(measured: Measured, limits: Limits, number: int, phase: Phase) -> Iterator[Column]:
+    overshoot, time, when, since = WAYS[phase.kind]
+    seen, asked = measured.table[:, number], limits.settling_s if phase.kind == "heat-up" else None
+    beyond = np.where(_rises(measured, phase), seen[:, HIGHEST], -seen[:, LOWEST])
+    yield from _beyond(overshoot, np.maximum(0.0, beyond), _steps(measured), _limits_of(limits, overshoot), when)
     yield _column(
-        "overshoot", "%", np.maximum(0.0, first[:, HIGHEST]) / _steps(measured) * 100.0, limits.overshoot_pct,
-        "Beyond the setpoint during heat-up, of the setpoint step.")
-    yield _column(
-        "overshoot_degC", "°C", np.maximum(0.0, first[:, HIGHEST]), limits.overshoot_degC,
-        "Beyond the setpoint during heat-up.")
-    yield _column(
-        "settling_time", "s", first[:, SETTLED], end if limits.settling_s is None else limits.settling_s,
-        f"Time after which the temperature stays within ±{measured.band_degC:.3g} °C of the setpoint.")
+        time, "s", seen[:, SETTLED] - phase.begin_s, phase.limit_s if asked is None else asked,
+        f"{since} after which the temperature stays within ±{measured.band_degC:.3g} °C of the setpoint.")
+
+
+def _beyond(
+    name: str, beyond: Array, steps: Array, limits: tuple[float | None, float | None], when: str,
+    step: str = "the setpoint step",
+) -> Iterator[Column]:
+    """Return how far beyond the setpoint, in percent of the step, and in °C where that is limited."""
+    pct, degC = limits
+    yield _column(name, "%", beyond / steps * 100.0, pct, f"Beyond the setpoint {when}, of {step}.")
+    if degC is not None:
+        yield _column(f"{name}{IN_DEGC}", "°C", beyond, degC, f"Beyond the setpoint {when}.")
+
+
+def _limits_of(limits: Limits, overshoot: str) -> tuple[float | None, float | None]:
+    """Return the limits of an overshoot, in percent and °C: that after an open circuit has its own."""
+    own = overshoot if hasattr(limits, f"{overshoot}_pct") else "overshoot"
+    return getattr(limits, f"{own}_pct"), getattr(limits, f"{own}{IN_DEGC}")
+
+
+def _worst(phases: Iterable[Iterator[Column]]) -> Iterator[Column]:
+    """Return the criteria of several phases, for each loop that of the one that uses most of its limit.
+
+    Without limits it is the largest value; of equals the first.
+    """
+    for same in zip(*phases, strict=True):
+        first = same[0]
+        values = np.array([column.values for column in same])
+        limits = None if first.limits is None else np.array([column.limits for column in same])
+        used = _strains(values, limits, at_least=first.at_least)
+        most = np.where(used == used.max(axis=0), values, -math.inf).argmax(axis=0)
+        loops = np.arange(values.shape[1])
+        yield replace(first, values=values[most, loops], limits=None if limits is None else limits[most, loops])
 
 
 def _at_rest(measured: Measured, limits: Limits) -> Iterator[Column]:
-    total, band = measured.totals, measured.band_degC
-    begin, end = measured.rest_s, measured.stops_s[0]
-    yield _column(
-        "steady_offset", "°C", np.abs(total[:, MEAN]) / (end - begin), band,
-        f"Mean distance from the setpoint from {begin:.0f} to {end:.0f} s, before any disturbance.")
-    yield _column(
-        "limit_cycle", "°C", (total[:, REST_HIGHEST] - total[:, REST_LOWEST]) / 2.0, band,
-        f"Half of the temperature's peak to peak from {begin:.0f} to {end:.0f} s, PWM ripple included.")
+    yield from _worst(_rest(measured, number, phase) for number, phase in enumerate(measured.phases)
+                      if phase.kind not in _OWN and phase.rest_s < phase.end_s)
     yield _column(
         "pwm_ripple", "°C", measured.ripple, limits.pwm_ripple_degC,
-        "Peak to peak within one PWM period over the same time, median.")
+        "Peak to peak within one PWM period at rest after the heat-up, median.")
+    judged = [number for number, phase in enumerate(measured.phases) if phase.kind not in _OWN]
     yield _column(
-        "iae", "°C·s", measured.phases[:, :, ABSOLUTE].sum(axis=1), limits.iae_degC_s,
-        "Integral of the absolute error over the whole record.")
+        "iae", "°C·s", measured.table[:, judged, ABSOLUTE].sum(axis=1), limits.iae_degC_s,
+        "Integral of the absolute error over the whole record, but for the time without heater or PLC.")
+
+
+def _rest(measured: Measured, number: int, phase: Phase) -> Iterator[Column]:
+    seen, band = measured.table[:, number], measured.band_degC
+    yield _column(
+        "steady_offset", "°C", np.abs(seen[:, MEAN]) / (phase.end_s - phase.rest_s), band,
+        "Mean distance from the setpoint at rest.")
+    yield _column(
+        "limit_cycle", "°C", (seen[:, REST_HIGHEST] - seen[:, REST_LOWEST]) / 2.0, band,
+        "Half of the temperature's peak to peak at rest, PWM ripple included.")
 
 
 def _recovery(measured: Measured, limits: Limits) -> Iterator[Column]:
-    """Return the criteria of the disturbances, for each loop that of the one that uses most of its limit."""
-    after = [list(_after(measured, limits, number)) for number in range(len(measured.scenario.disturbances))]
-    for first, *later in zip(*after, strict=True):
-        worst = first
-        for other in later:
-            worst = _worse(worst, other)
-        yield worst
+    """Return the criteria of the disturbances."""
+    return _worst(_after(measured, limits, number, phase) for number, phase in enumerate(measured.phases)
+                  if phase.kind == "recovery")
 
 
-def _after(measured: Measured, limits: Limits, number: int) -> Iterator[Column]:
-    disturbance, phase = measured.scenario.disturbances[number], measured.phases[:, number + 1]
-    change = disturbance.temperature_degC if isinstance(disturbance, Kick) else disturbance.power_pct
-    up = math.copysign(1.0, change) > 0.0
-    along, beyond = (phase[:, HIGHEST], -phase[:, LOWEST]) if up else (-phase[:, LOWEST], phase[:, HIGHEST])
-    begin, end = measured.stops_s[number : number + 2]
-    time = end - begin if limits.recovery_s is None else limits.recovery_s
+def _after(measured: Measured, limits: Limits, number: int, phase: Phase) -> Iterator[Column]:
+    seen = measured.table[:, number]
+    rises = _rises(measured, phase)
+    along, beyond = (np.where(rises == up, seen[:, HIGHEST], -seen[:, LOWEST]) for up in (True, False))
     yield _column(
-        "recovery_time", "s", phase[:, SETTLED] - begin, time,
+        "recovery_time", "s", seen[:, SETTLED] - phase.begin_s,
+        phase.limit_s if limits.recovery_s is None else limits.recovery_s,
         f"Time after a disturbance until the temperature stays within ±{measured.band_degC:.3g} °C of the setpoint.")
-    yield _column(
-        "recovery_overshoot", "%", np.maximum(0.0, beyond) / _steps(measured) * 100.0, limits.recovery_overshoot_pct,
-        "Beyond the setpoint after a disturbance, on the other side, of the setpoint step.")
-    yield _column(
-        "recovery_overshoot_degC", "°C", np.maximum(0.0, beyond), limits.recovery_overshoot_degC,
-        "Beyond the setpoint after a disturbance, on the other side.")
+    yield from _beyond(
+        "recovery_overshoot", np.maximum(0.0, beyond), _steps(measured), _limits_of(limits, "recovery_overshoot"),
+        "after a disturbance, on the other side")
     yield _column(
         "deviation", "°C", np.maximum(0.0, along), limits.deviation_degC,
         "Largest distance from the setpoint after a disturbance, on its side.")
 
 
-def _worse(one: Column, other: Column) -> Column:
-    """Return, for each loop, the one that uses more of its limit; without limits the larger value."""
-    used, more = one.strains, other.strains
-    worse = (more > used) | ((more == used) & (other.values > one.values))
-    limits = None if one.limits is None or other.limits is None else np.where(worse, other.limits, one.limits)
-    return replace(one, values=np.where(worse, other.values, one.values), limits=limits)
+def _profile(measured: Measured, limits: Limits) -> Iterator[Column]:
+    """Return the criteria of a profile, none where the setpoint is led along none."""
+    led = [number for number, phase in enumerate(measured.phases) if phase.kind in LED]
+    ramps = [number for number in led if measured.phases[number].kind == "ramp"]
+    yield from _worst(_soak(measured, limits, number) for number, phase in enumerate(measured.phases)
+                      if phase.kind == "soak" and phase.rest_s < phase.end_s)
+    yield from _worst(_ramp_end(measured, limits, number) for number in ramps)
+    if ramps:
+        yield _column("ramp_deviation", "°C", measured.table[:, ramps, LAG].max(axis=1), limits.ramp_deviation_degC,
+                      "Largest distance from the setpoint on the ramps of the profile.")
+    if led:
+        yield _column("peak", "°C", _highest(measured, led), limits.peak_degC, "Highest temperature along the profile.")
+
+
+def _soak(measured: Measured, limits: Limits, number: int) -> Iterator[Column]:
+    seen, band = measured.table[:, number], limits.soak_band_degC
+    yield _column(
+        "soak_deviation", "°C", np.maximum(seen[:, REST_HIGHEST], -seen[:, REST_LOWEST]),
+        measured.band_degC if band is None else band,
+        "Largest distance from the temperature of a soak of the profile, after what it may settle in.")
+
+
+def _ramp_end(measured: Measured, limits: Limits, number: int) -> Iterator[Column]:
+    """Return what goes beyond the end of a ramp: on it, in the soak after it, and on a way back that follows."""
+    phases, ramp, led = measured.phases, measured.phases[number], measured.scenario.disturbances[number - 1]
+    assert isinstance(led, Led)
+    after = [number]
+    for later in range(number + 1, len(phases)):
+        if phases[later].kind == "ramp" and phases[later].up == ramp.up:
+            break
+        after.append(later)
+        if phases[later].kind == "ramp":
+            break
+    beyond = (_highest(measured, after) - ramp.setpoint_degC if ramp.up
+              else ramp.setpoint_degC - _lowest(measured, after))
+    step = abs(led.setpoint_degC - led.from_degC)
+    yield from _beyond("ramp_overshoot", np.maximum(0.0, beyond), np.full(len(beyond), step),
+                       _limits_of(limits, "ramp_overshoot"), "at the end of a ramp of the profile", "that ramp's step")
+
+
+def _highest(measured: Measured, phases: Sequence[int]) -> Array:
+    """Return the highest temperature in some phases [°C]."""
+    setpoints = [measured.phases[number].setpoint_degC for number in phases]
+    return np.asarray((measured.table[:, phases, HIGHEST] + setpoints).max(axis=1))
+
+
+def _lowest(measured: Measured, phases: Sequence[int]) -> Array:
+    setpoints = [measured.phases[number].setpoint_degC for number in phases]
+    return np.asarray((measured.table[:, phases, LOWEST] + setpoints).min(axis=1))
 
 
 def _switching(measured: Measured, limits: Limits) -> Iterator[Column]:
+    gain, ambient = measured.rows[:, :1], measured.rows[:, 4:5]
+    held = ((np.asarray(measured.scenario.setpoints_degC) - ambient) / gain).max(axis=1)
+    reserve = _column(
+        "power_reserve", "%", 100.0 - held, limits.power_reserve_pct,
+        "Power that is left over where the heater holds the highest setpoint, of full power.")
+    yield replace(reserve, at_least=True)
     total, hours = measured.totals, measured.scenario.duration_s / 3600.0
     yield _column(
-        "saturation", "%", total[:, LIMITED] / measured.scans * 100.0, limits.saturation_pct,
+        "saturation", "%", total[:, LIMITED] / np.maximum(total[:, SCANS], 1.0) * 100.0, limits.saturation_pct,
         "Share of the scans that ask for 0 or 100 % power.")
     yield _column(
         "switchings", "1/h", total[:, SWITCHINGS] / hours, limits.switchings_per_h,

@@ -3,7 +3,7 @@
 The same numbers as `judge` takes from a trace. Between two instants at which the temperature may turn (scan, change of
 power, jump, and with two lags the turn itself) it only rises or only falls: there integrals, and the instants at which
 it crosses the setpoint or an edge of the band, are those of the heater's own answer, not of a line between two points.
-A phase lasts from the start, or a disturbance, to the next one, or the end; the rest is the last part of the first.
+A phase lasts from the start, or a disturbance, to the next one, or the end; its rest is its last part.
 """
 
 from __future__ import annotations
@@ -16,30 +16,37 @@ import numpy as np
 from heatertune.proof.plant import Flow, Plant, area, reached
 
 __all__ = [
-    "ABSOLUTE", "COLUMNS", "FAULTS", "HIGHEST", "LIMITED", "LOWEST", "MEAN", "REST_HIGHEST", "REST_LOWEST", "SETTLED",
-    "SWITCHINGS", "TOTALS", "Meter", "Places", "Rest", "Seen", "begin", "close", "no_meter", "rest_begins", "rested",
-    "seen_on",
+    "ABSOLUTE", "COLUMNS", "FAULTS", "HIGHEST", "LAG", "LIMITED", "LOWEST", "MEAN", "NOT_LED", "REST_HIGHEST",
+    "REST_LOWEST", "SCANS", "SETTLED", "SWITCHINGS", "TOTALS", "Meter", "Places", "Rest", "Seen", "begin", "close",
+    "is_led", "led_to", "no_meter", "rest_begins", "rested", "seen_on",
 ]
 
 #: places for numbers: an array where the loop is compiled, a list in plain Python
 Places: TypeAlias = Any
 
-#: columns of `Meter.phases`: largest and smallest error, ∫|error|, instant from which the error stays in the band
+#: columns of `Meter.phases`: largest and smallest error, ∫|error|, instant from which the error stays in the band; at
+#: rest ∫error, largest and smallest error; largest distance from a setpoint that is led, at each scan and wherever the
+#: power changes: in between it is more by about rate·interval²/(8·lag) at most
 HIGHEST: Final = 0
 LOWEST: Final = 1
 ABSOLUTE: Final = 2
 SETTLED: Final = 3
-COLUMNS: Final = 4
+MEAN: Final = 4
+REST_HIGHEST: Final = 5
+REST_LOWEST: Final = 6
+LAG: Final = 7
+COLUMNS: Final = 8
 
-#: places of `Meter.totals`: ∫error at rest, largest and smallest error there, scans at a power limit, scans times
-#: flags that mean a wrong result (a power that is no number counts as one), how often the heater was switched on
-MEAN: Final = 0
-REST_HIGHEST: Final = 1
-REST_LOWEST: Final = 2
-LIMITED: Final = 3
-FAULTS: Final = 4
-SWITCHINGS: Final = 5
-TOTALS: Final = 6
+#: places of `Meter.totals`: scans that were run, those at a power limit, scans times flags that mean a wrong result (a
+#: power that is no number counts as one), how often the heater was switched on
+SCANS: Final = 0
+LIMITED: Final = 1
+FAULTS: Final = 2
+SWITCHINGS: Final = 3
+TOTALS: Final = 4
+
+#: see `Meter.leads`
+NOT_LED: Final = np.empty(0)
 
 
 class Meter(NamedTuple):
@@ -47,16 +54,19 @@ class Meter(NamedTuple):
 
     Attributes:
         measures: whether anything is.
-        setpoint, band: the error's origin and how far from it is still right [°C].
+        setpoints: the error's origin in each phase [°C].
+        band: how far from it is still right [°C].
         period: PWM period [s].
         wrong: flags that mean a wrong result, as bits.
         phases: `COLUMNS` numbers for each phase, one after the other.
         totals: `TOTALS` numbers.
-        high, low: largest and smallest error in each PWM period at rest.
+        high, low: largest and smallest error in each PWM period at rest in the first phase.
+        leads: begin [s], setpoint there [°C], how fast it moves [°C/s] and how long [s], of each phase in turn; a rate
+            of 0: it does not move; empty: in no phase.
     """
 
     measures: bool
-    setpoint: float
+    setpoints: Places
     band: float
     period: float
     wrong: int
@@ -64,10 +74,11 @@ class Meter(NamedTuple):
     totals: Places
     high: Places
     low: Places
+    leads: Places = NOT_LED
 
 
 class Seen(NamedTuple):
-    """One phase so far: its number, extremes, ∫|error|, and whether it is outside the band, else since when not."""
+    """One phase so far: its number, extremes, ∫|error|, whether it is outside the band, else since when not, lag."""
 
     phase: int
     highest: float
@@ -75,6 +86,7 @@ class Seen(NamedTuple):
     absolute: float
     outside: bool
     settled: float
+    lag: float
 
 
 class Rest(NamedTuple):
@@ -90,69 +102,108 @@ class Rest(NamedTuple):
 def no_meter(loops: int = 1) -> Meter:
     """Return a meter that measures nothing of any number of loops."""
     nothing = np.empty((loops, 0))
-    return Meter(False, 0.0, 0.0, 0.0, 0, nothing, nothing, nothing, nothing)
+    return Meter(False, np.empty(0), 0.0, 0.0, 0, nothing, nothing, nothing, nothing)
 
 
-def begin(phase: int, time: float, error: float, band: float) -> Seen:
+def is_led(leads: Places, phase: int) -> bool:
+    """Return whether the setpoint moves in a phase."""
+    return len(leads) > 0 and leads[4 * phase + 2] != 0.0
+
+
+def led_to(leads: Places, phase: int, time: float) -> Any:
+    """Return the setpoint of a phase in which it moves, at an instant [°C]."""
+    return leads[4 * phase + 1] + leads[4 * phase + 2] * min(time - leads[4 * phase], leads[4 * phase + 3])
+
+
+def _lag(meter: Meter, phase: int, time: float, error: float) -> float:
+    """Return how far the temperature is from a setpoint that moves; 0 where none does."""
+    if is_led(meter.leads, phase):
+        return float(abs(error + meter.setpoints[phase] - led_to(meter.leads, phase, time)))
+    return 0.0
+
+
+def begin(meter: Meter, phase: int, time: float, error: float) -> Seen:
     """Return a phase at its first instant."""
-    return Seen(phase, error, error, 0.0, abs(error) > band, time)
+    return Seen(phase, error, error, 0.0, abs(error) > meter.band, time, _lag(meter, phase, time, error))
 
 
 def seen_on(meter: Meter, seen: Seen, plant: Plant, before: Flow, after: Flow) -> Seen:
-    """Return the phase after a stretch on which the temperature does not turn."""
-    error, later = before.y - meter.setpoint, after.y - meter.setpoint
+    """Return the phase after a stretch on which the temperature does not turn.
+
+    Args:
+        meter: what is measured.
+        seen: the phase so far.
+        plant: the heater.
+        before: at the stretch's begin.
+        after: at its end.
+    """
+    setpoint = meter.setpoints[seen.phase]
+    error, later = before.y - setpoint, after.y - setpoint
     outside, settled = abs(later) > meter.band, seen.settled
     if seen.outside and not outside:
-        edge = meter.setpoint + math.copysign(meter.band, error)
-        settled = reached(before, after, edge, plant).now
+        settled = reached(before, after, setpoint + math.copysign(meter.band, error), plant).now
     return Seen(
         seen.phase, max(seen.highest, later), min(seen.lowest, later),
-        seen.absolute + _absolute(meter, plant, before, after), outside, settled,
+        seen.absolute + _absolute(setpoint, plant, before, after), outside, settled,
+        max(seen.lag, _lag(meter, seen.phase, after.now, later)),
     )
 
 
-def _absolute(meter: Meter, plant: Plant, before: Flow, after: Flow) -> float:
+def _absolute(setpoint: float, plant: Plant, before: Flow, after: Flow) -> float:
     """Return ∫|error| over a stretch on which the temperature does not turn: it is split where the error is 0."""
-    whole = _integral(meter, plant, before, after)
-    if (before.y - meter.setpoint) * (after.y - meter.setpoint) >= 0.0:
+    whole = _integral(setpoint, plant, before, after)
+    if (before.y - setpoint) * (after.y - setpoint) >= 0.0:
         return abs(whole)
-    part = _integral(meter, plant, before, reached(before, after, meter.setpoint, plant))
+    part = _integral(setpoint, plant, before, reached(before, after, setpoint, plant))
     return abs(part) + abs(whole - part)
 
 
-def _integral(meter: Meter, plant: Plant, before: Flow, after: Flow) -> float:
-    return area(before, after, plant) - meter.setpoint * (after.now - before.now)
+def _integral(setpoint: float, plant: Plant, before: Flow, after: Flow) -> float:
+    return area(before, after, plant) - setpoint * (after.now - before.now)
 
 
 def close(meter: Meter, seen: Seen, rest: Rest) -> Rest:
-    """Write down a phase that ends, and the rest with it."""
+    """Write down a phase that ends, and its rest."""
     place = seen.phase * COLUMNS
     meter.phases[place + HIGHEST] = seen.highest
     meter.phases[place + LOWEST] = seen.lowest
     meter.phases[place + ABSOLUTE] = seen.absolute
     meter.phases[place + SETTLED] = math.inf if seen.outside else seen.settled
+    meter.phases[place + LAG] = seen.lag
     if rest.lasts:
-        meter.totals[MEAN] = rest.integral
-        meter.totals[REST_HIGHEST] = rest.highest
-        meter.totals[REST_LOWEST] = rest.lowest
+        meter.phases[place + MEAN] = rest.integral
+        meter.phases[place + REST_HIGHEST] = rest.highest
+        meter.phases[place + REST_LOWEST] = rest.lowest
     return Rest(False, rest.start, rest.integral, rest.highest, rest.lowest)
 
 
-def rest_begins(meter: Meter, time: float, error: float) -> Rest:
-    """Return the rest at its first instant."""
-    for number in range(len(meter.high)):
-        meter.high[number] = -math.inf
-        meter.low[number] = math.inf
-    _in_period(meter, time, time, error)
+def rest_begins(meter: Meter, phase: int, time: float, error: float) -> Rest:
+    """Return the rest of a phase at its first instant."""
+    if phase == 0:
+        for number in range(len(meter.high)):
+            meter.high[number] = -math.inf
+            meter.low[number] = math.inf
+        _in_period(meter, time, time, error)
     return Rest(True, time, 0.0, error, error)
 
 
-def rested(meter: Meter, rest: Rest, plant: Plant, before: Flow, after: Flow) -> Rest:
-    """Return the rest after a stretch on which the temperature does not turn."""
-    error = after.y - meter.setpoint
-    _in_period(meter, rest.start, after.now, error)
+def rested(meter: Meter, phase: int, rest: Rest, plant: Plant, before: Flow, after: Flow) -> Rest:
+    """Return the rest after a stretch on which the temperature does not turn.
+
+    Args:
+        meter: what is measured.
+        phase: number of the phase.
+        rest: so far.
+        plant: the heater.
+        before: at the stretch's begin.
+        after: at its end.
+    """
+    setpoint = meter.setpoints[phase]
+    error = after.y - setpoint
+    if phase == 0:
+        _in_period(meter, rest.start, after.now, error)
     return Rest(
-        rest.lasts, rest.start, rest.integral + _integral(meter, plant, before, after),
+        rest.lasts, rest.start, rest.integral + _integral(setpoint, plant, before, after),
         max(rest.highest, error), min(rest.lowest, error),
     )
 

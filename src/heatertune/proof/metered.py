@@ -6,12 +6,12 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.proof.criteria import Limits
-from heatertune.proof.kernel import PHASE, REST, Batch, Record
-from heatertune.proof.loop import InLoop, events_of, pulses_of, ring_size, run_with, scans_of, setpoints_of
-from heatertune.proof.measured import Measured, band_of, rest_of
+from heatertune.proof.kernel import REST, Batch, Record
+from heatertune.proof.loop import InLoop, events_of, program_of, pulses_of, ring_size, run_with, scans_of
+from heatertune.proof.measured import Measured, band_of, periods_at_rest, phases_measured
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter
 from heatertune.proof.pwm import Actuator
-from heatertune.proof.scenario import Load, Scenario
+from heatertune.proof.scenario import Scenario
 
 __all__ = ["metered"]
 
@@ -35,25 +35,26 @@ def metered(
         sizes: by what each disturbance is multiplied, a row for each heater; None: by nothing.
     """
     scans, period, count = scans_of(controller, scenario), actuator.pwm_period_s, len(rows)
-    stops = (*(each.time_s for each in scenario.disturbances), (scans - 1) * controller.scan_s)
-    periods, begin = rest_of(limits, stops[0], period)
-    marks = [(begin, REST), *((each.time_s, PHASE) for each in scenario.disturbances if isinstance(each, Load))]
+    phases = phases_measured(scenario, limits, (scans - 1) * controller.scan_s, period)
+    marks = [(phase.rest_s, REST) for phase in phases if phase.rest_s < phase.end_s]
+    periods = periods_at_rest(phases[0], period)
     dead = rows[:, 3].tolist()
-    phases = np.zeros((count, len(stops) * COLUMNS))
-    totals, high, low = np.zeros((count, TOTALS)), np.empty((count, periods)), np.empty((count, periods))
+    table, totals = np.zeros((count, len(phases) * COLUMNS)), np.zeros((count, TOTALS))
+    high, low = np.empty((count, periods)), np.empty((count, periods))
     band = band_of(limits, controller.resolution_degC)
     wrong = sum(1 << place for place, name in enumerate(controller.core.flags) if name in limits.overflow_flags)
-    meter = Meter(True, scenario.setpoint_degC, band, period, wrong, phases, totals, high, low)
+    leads = np.array(scenario.leads)
+    meter = Meter(True, np.array(scenario.setpoints_degC), band, period, wrong, table, totals, high, low, leads)
     edges = np.empty(ring_size(pulses_of(max(dead) + 3.0 * controller.scan_s + period, actuator)))  # those under way
     none = np.empty(0)
-    record = Record(False, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
-    setpoints = setpoints_of(controller, (rows[:, 5] + noise_degC[:, 0]).tolist(), scans)
-    batch = Batch(setpoints, noise_degC, late_s, rows, *events_of(scenario, dead, sizes, marks))
-    run_with(controller, (batch, actuator.numbers, np.inf, edges, record, meter), count * scans)
+    record = Record(False, none, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
+    batch = Batch(scans, noise_degC, late_s, rows, *events_of(scenario, dead, sizes, marks), leads)
+    given = (program_of(controller, scenario), batch, actuator.numbers, np.inf, edges, record, meter)
+    run_with(controller, given, count * scans)
     ripple = _medians(np.where(high >= low, high - low, np.nan))
     return Measured(
-        scenario=scenario, band_degC=band, stops_s=stops, rest_s=begin, scans=scans, rows=rows,
-        phases=phases.reshape(count, -1, COLUMNS), totals=totals, ripple=ripple,
+        scenario=scenario, band_degC=band, phases=phases, rows=rows, table=table.reshape(count, -1, COLUMNS),
+        totals=totals, ripple=ripple,
     )
 
 

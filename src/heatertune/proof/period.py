@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.values import HeaterModel
 from heatertune.units import check
 
-__all__ = ["SWITCHES", "PwmPeriod", "life", "propose_period", "ripple_degC"]
+__all__ = ["SWITCHES", "PwmPeriod", "holding_power_pct", "life", "propose_period", "ripple_at", "ripple_degC"]
 
 
 class _Switch(NamedTuple):
@@ -61,7 +62,21 @@ def ripple_degC(model: HeaterModel, period_s: float, power_pct: float) -> float:
         power_pct: mean power, 0…100 %.
     """
     on, off = (share * period_s / model.time_constant_s for share in (power_pct / 100.0, 1.0 - power_pct / 100.0))
-    return 100.0 * model.gain_degC_per_pct * math.expm1(-on) * math.expm1(-off) / -math.expm1(-on - off)
+    return 100.0 * abs(model.gain_degC_per_pct) * math.expm1(-on) * math.expm1(-off) / -math.expm1(-on - off)
+
+
+def ripple_at(
+    models: Sequence[HeaterModel], period_s: float, *, setpoint_degC: float, ambient_degC: float
+) -> float:
+    """Return the largest peak to peak over models at rest at a setpoint [°C].
+
+    Args:
+        models: the heaters.
+        period_s: PWM period [s].
+        setpoint_degC: where the loop rests [°C].
+        ambient_degC: temperature without power, for models that do not know theirs [°C].
+    """
+    return max(ripple_degC(model, period_s, holding_power_pct(model, setpoint_degC, ambient_degC)) for model in models)
 
 
 def propose_period(
@@ -92,9 +107,7 @@ def propose_period(
     check("sample_time_s", sample_time_s, above=0.0)
     check("ripple_degC_most", ripple_degC_most, above=0.0)
 
-    def ripple(period_s: float) -> float:
-        return max(ripple_degC(model, period_s, _power(model, setpoint_degC, ambient_degC)) for model in models)
-
+    ripple = partial(ripple_at, models, setpoint_degC=setpoint_degC, ambient_degC=ambient_degC)
     switch = SWITCHES[kind]
     most = math.floor(sample_time_s / switch.shortest_s + 1e-9)  # periods in a sampling interval
     if most == 0 and math.isfinite(switch.life):
@@ -128,7 +141,7 @@ def life(kind: str, switchings_per_h: float) -> str:
     return f"{years:.2g} years" if years >= 1.0 else f"{months} months" if months > 1 else "1 month"
 
 
-def _power(model: HeaterModel, setpoint_degC: float, ambient_degC: float) -> float:
-    """Return the power that holds the setpoint, 0…100 %."""
+def holding_power_pct(model: HeaterModel, setpoint_degC: float, ambient_degC: float) -> float:
+    """Return the power that holds a setpoint, 0…100 %; the ambient is that of models that do not know theirs [°C]."""
     ambient = ambient_degC if model.ambient_degC is None else model.ambient_degC
     return min(100.0, max(0.0, (setpoint_degC - ambient) / model.gain_degC_per_pct))

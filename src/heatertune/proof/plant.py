@@ -28,7 +28,7 @@ class Plant(NamedTuple):
 
 
 class Flow(NamedTuple):
-    """The heater at an instant [s]: y and x, the target they go to [°C], the heater's power and the load [%]."""
+    """The heater at an instant [s]: y and x, the target they go to [°C], power and load [%], share of the mains."""
 
     now: float
     y: float
@@ -36,6 +36,7 @@ class Flow(NamedTuple):
     target: float
     heat: float
     load: float
+    mains: float = 1.0
 
 
 def factors(t: float, plant: Plant) -> Factors:
@@ -46,7 +47,7 @@ def factors(t: float, plant: Plant) -> Factors:
 def moved(flow: Flow, now: float, f: Factors) -> Flow:
     """Return the heater at `now`, the power being constant since; the factors are those of the time between."""
     y, x = advanced(flow.y, flow.x, flow.target, f)
-    return Flow(now, y, x, flow.target, flow.heat, flow.load)
+    return Flow(now, y, x, flow.target, flow.heat, flow.load, flow.mains)
 
 
 def turn(before: Flow, after: Flow, plant: Plant) -> float:
@@ -91,4 +92,4 @@ def _reached_by_one_lag(before: Flow, after: Flow, level: float, plant: Plant) -
     left, ahead = level - before.target, before.y - before.target
     seconds = plant.first * math.log(ahead / left) if left * ahead > 0.0 else math.inf
     now = min(max(before.now + seconds, before.now), after.now)  # by rounding alone it lies outside
-    return Flow(now, level, before.x, before.target, before.heat, before.load)
+    return Flow(now, level, before.x, before.target, before.heat, before.load, before.mains)

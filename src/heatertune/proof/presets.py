@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from heatertune.errors import UnknownName
@@ -19,52 +20,62 @@ __all__ = ["PRESETS", "Preset", "preset"]
 
 
 class Preset(NamedTuple):
-    """What a kind of user asks for beyond the general: whose it is, and limits with their reasons."""
+    """What a kind of user asks for beyond the general: whose it is, limits with their reasons, parts of the story."""
 
     what: str
     limits: Mapping[str, tuple[str, str]]
+    story: Mapping[str, str] = MappingProxyType({})
 
 
 PRESETS: Final[dict[str, Preset]] = {
     GENERAL: Preset("any heater", {}),
+    "paper": Preset("the record of the paper: heat-up, and a fall in the 27th minute", {}, {"paper-times": "on"}),
     "teaching": Preset("a first course in control", {
         "overshoot": ("25 %", "a quarter decay, as the first tuning rules aimed at, still passes"),
         "recovery-overshoot": ("25 %", "likewise"),
+        "reheat-overshoot": ("50 %", "likewise, twice"),
     }),
     "furnace": Preset("heat treatment: no overshoot, slow ramps", {
         "tolerance": ("1.5 degC", "a quarter of the ±6 °C of class 2, AMS 2750F: the rest is the furnace's uniformity"),
         "overshoot": ("1.5 degC", "no sensor above the class's limit at any time, AMS 2750F"),
         "recovery-overshoot": ("3 degC", "half of the class"),
+        "reheat-overshoot": ("6 degC", "the class itself"),
     }),
     "kiln": Preset("ceramics and glass", {
         "tolerance": ("3 degC", "hold within 2 to 3 °C: practice"),
         "overshoot": ("5 degC", "3 to 5 °C: practice; cones answer to the peak"),
+        "reheat-overshoot": ("10 degC", "twice that of the heat-up"),
     }),
     "extruder": Preset("extruder and injection barrels", {
         "tolerance": ("1 degC", "±1 °C, ±0.5 °C is good: practice"),
         "overshoot": ("5 degC", "3 to 5 °C, or the melt is damaged: practice"),
         "recovery-overshoot": ("3 degC", "practice"),
+        "reheat-overshoot": ("10 degC", "twice that of the heat-up"),
     }),
     "hot-end": Preset("3D printer's nozzle", {
         "tolerance": ("1 degC", "TEMP_WINDOW of Marlin's Configuration.h"),
         "overshoot": ("10 degC", "MAXTEMP stands 15 °C above the hottest setpoint (HOTEND_OVERSHOOT, Marlin): a third "
                       "is kept"),
         "recovery-overshoot": ("5 degC", "practice"),
+        "reheat-overshoot": ("15 degC", "HOTEND_OVERSHOOT, Marlin"),
     }),
     "reflow": Preset("reflow soldering", {
         "tolerance": ("5 degC", "time within 5 °C of the peak counts, J-STD-020"),
         "overshoot": ("5 degC", "the peak may not be exceeded by more than its own window, J-STD-020"),
+        "reheat-overshoot": ("10 degC", "twice that of the heat-up"),
         "settling": ("8 min", "25 °C to peak in 8 min at most, J-STD-020 (lead-free)"),
     }),
     "bath": Preset("laboratory bath", {
         "tolerance": ("0.1 degC", "half of the difference of largest and smallest reading over 30 min, DIN 12876"),
         "overshoot": ("0.5 degC", "practice"),
         "recovery-overshoot": ("0.5 degC", "practice"),
+        "reheat-overshoot": ("2 degC", "practice"),
     }),
     "oven": Preset("drying or heating oven", {
         "tolerance": ("1 degC", "±1 to ±2 °C in time, DIN 12880"),
         "overshoot": ("2 degC", "practice: goods must not be hotter than the setpoint says"),
         "recovery-overshoot": ("2 degC", "likewise"),
+        "reheat-overshoot": ("4 degC", "twice that of the heat-up"),
     }),
 }
 
@@ -73,6 +84,7 @@ _REASONS: Final = {
     "tolerance": "what most heaters' users call right",
     "overshoot": "this project's choice for heaters; ask for less where the goods do",
     "recovery-overshoot": "as on heat-up",
+    "reheat-overshoot": "twice that of the heat-up: a fault, not use; a controller that winds up without end breaks it",
     "ms": "K. J. Åström, T. Hägglund, Advanced PID Control, ISA 2006",
     "gain-margin": "D. E. Seborg, T. F. Edgar, D. A. Mellichamp, Process Dynamics and Control: 1.7 to 4",
     "phase-margin": "Seborg, Edgar, Mellichamp: 30 to 45°",
@@ -81,12 +93,16 @@ _REASONS: Final = {
 
 
 def preset(name: str) -> Specification:
-    """Return a specification to begin from; raise UnknownName where there is none of that name."""
+    """Return a specification to begin from.
+
+    Raises:
+        UnknownName: there is none of that name.
+    """
     if name not in PRESETS:
         raise UnknownName("specification", name, PRESETS)
     own = PRESETS[name].limits
     return Specification(
-        name=name,
+        name=name, story=dict(PRESETS[name].story),
         limits={**_general(), **{limit: (value,) for limit, (value, _) in own.items()}},
         reasons={**_REASONS, **{limit: why for limit, (_, why) in own.items()}})
 

@@ -103,6 +103,13 @@ def switched_by(
 ) -> Actuator:
     """Return the switch of a named block, or a plain one that drops what is too short.
 
+    Args:
+        rule: one of `RULES`; None: a plain switch.
+        pwm_period_s: [s].
+        resolution_s: the on time is a multiple of it; of a block, its call interval [s].
+        minimum_on_s: shortest pulse [s].
+        minimum_off_s: shortest pause [s].
+
     Raises:
         UnknownName: a rule that does not exist.
         OutOfRange: two minimum times for PULSEGEN, which has one; or as `Actuator`.

@@ -7,8 +7,8 @@ from dataclasses import replace
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
-from heatertune.proof.fitted import specified
-from heatertune.proof.heaters import ROOM_DEGC, default_setpoint
+from heatertune.proof.fitted import setpoints_for, specified
+from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.period import propose_period
 from heatertune.proof.pwm import HALF_WAVE_S
 from heatertune.settings import Conditions
@@ -37,10 +37,9 @@ def with_pwm(
         UnknownName: no such kind of switch.
     """
     assumed = conditions or Conditions()
-    setpoint = assumed.setpoint_degC
+    setpoint, _ = setpoints_for(fitted, assumed)
     wanted = propose_period(
-        fitted.plants, kind=kind, sample_time_s=design.sample_time_s, ambient_degC=ROOM_DEGC,
-        setpoint_degC=default_setpoint(fitted) if setpoint is None else setpoint,
+        fitted.plants, kind=kind, sample_time_s=design.sample_time_s, ambient_degC=ROOM_DEGC, setpoint_degC=setpoint,
         ripple_degC_most=_OF_TOLERANCE * specified(assumed).tolerance_degC,
     )
     if words is not None and (own := controller_for(words.target).timing(words).pwm_period_s) is not None:

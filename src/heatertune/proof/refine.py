@@ -96,13 +96,13 @@ def refine(
     if saved < WORTH and not mended:
         return choice.noted(f"In the loop of the proof no gains nearby cost {WORTH:.0%} less IAE: none was changed.")
     kept = f"; {' and '.join(mended)} is kept now" if mended else ""
-    told = (
+    changes = (
         f"Refined in the loop of the proof, limits, anti-windup and PWM included: K by {_factor(best, first, 'gain')}, "
         f"TN by {_factor(best, first, 'time')}; the worst IAE of the scenario goes from {first.cost:.4g} "
         f"to {best.cost:.4g} °C·s{kept}."
     )
     real = realised_as(best.words, fitted, choice.search.iae_load_wished)
-    return replace(choice, words=best.words, search=replace(choice.search, way="refined", realised=real)).noted(told)
+    return replace(choice, words=best.words, search=replace(choice.search, way="refined", realised=real)).noted(changes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

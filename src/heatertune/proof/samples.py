@@ -1,5 +1,7 @@
 """A proof on many heaters: each sample one loop whose heater, mains, room, goods and sensor are drawn.
 
+The settings of what the manual leaves open are taken in turn, so that each gets as many samples.
+
 Sample number i of a run with seed S has the seed S + i, and all that is drawn for it comes from a Philox generator of
 that key (J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC11, 2011). So a sample depends neither
 on how many there are nor on how many workers share them, and its seed alone brings it back, with its trace.
@@ -12,7 +14,7 @@ What is drawn, each independently:
   value for the whole run, for a sag that lasts is the one that counts;
 - ambient temperature: even within ±5 °C, the span between a cold morning and a hot afternoon in a hall (this project's
   choice), the heater starting from it;
-- each disturbance: its size times an even factor of 0.5…1.5 (this project's choice);
+- each temperature step and load: its size times an even factor of 0.5…1.5 (this project's choice);
 - sensor noise: Gaussian, as the scenario says;
 - delay of each scan: even within 0 and the jitter, none by default: some milliseconds are nothing to a heater.
 """
@@ -31,13 +33,14 @@ import numpy.typing as npt
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 from heatertune.plc.controller import Controller
+from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Limits
 from heatertune.proof.loop import InLoop, actuator_of, in_loop, plant_row, scans_of, traced
-from heatertune.proof.measured import Measured, joined
+from heatertune.proof.measured import Measured, joined, ordered
 from heatertune.proof.metered import metered
 from heatertune.proof.pwm import Actuator
-from heatertune.proof.scenario import Kick, Scenario
+from heatertune.proof.scenario import Disturbance, Load, Scenario, TemperatureStep
 from heatertune.proof.trace import Trace
 from heatertune.units import check
 
@@ -87,52 +90,72 @@ class Drawing:
     """Whose samples are drawn.
 
     Attributes:
-        controller: the words, running.
-        heaters: candidates, in turn.
+        controllers: the words, running under each setting of what is open, in turn.
+        heaters: candidates, in turn, after each turn of the settings.
         scenario: what is drawn around.
         actuator: the switch.
         spread: how far they differ.
+        delay_s: of the controller, added to each dead time that is drawn [s].
 
     Raises:
-        InputError: no heater, or no switch where one is needed.
+        InputError: no heater, no controller, or no switch where one is needed.
         OutOfRange: an ambient that may reach the setpoint, a jitter as long as a scan.
     """
 
-    controller: InLoop
+    controllers: Sequence[InLoop]
     heaters: Sequence[HeaterModel]
     scenario: Scenario
     actuator: Actuator
     spread: Spread
+    delay_s: float = 0.0
     rows: tuple[tuple[float, ...], ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        if not self.heaters:
-            raise InputError("a proof needs at least one model")
+        if not self.heaters or not self.controllers:
+            raise InputError("a proof needs at least one model and one controller")
         rows = tuple(tuple(plant_row(heater, self.scenario)) for heater in self.heaters)
         object.__setattr__(self, "rows", rows)
-        low = self.scenario.setpoint_degC - max(row[4] for row in rows)
+        low = min(abs(asked - row[4]) for row in rows for asked in self.scenario.setpoints_degC)
         if not self.spread.ambient_degC < low:
             rule = f"< {low:g}, or it reaches the setpoint"
             raise OutOfRange("spread of the ambient", self.spread.ambient_degC, rule)
-        if not self.spread.jitter_s < self.controller.scan_s:
-            raise OutOfRange("jitter_s", self.spread.jitter_s, f"< {self.controller.scan_s:g}, the scan interval")
+        scan_s = self.controllers[0].scan_s
+        if not self.spread.jitter_s < scan_s:
+            raise OutOfRange("jitter_s", self.spread.jitter_s, f"< {scan_s:g}, the scan interval")
 
     @classmethod
     def of(
-        cls, room: Controller, words: Words, heaters: Sequence[HeaterModel], scenario: Scenario, spread: Spread,
+        cls, controller: Controller, words: Words, heaters: Sequence[HeaterModel], scenario: Scenario, spread: Spread,
         actuator: Actuator | None = None, switches: dict[str, str] | None = None,
     ) -> Drawing:
-        """Return the drawing of a room that runs words; errors as in `simulate`."""
-        room.check(words)
-        room.check_ramp(words)
-        controller = in_loop(room, words, scenario.setpoint_degC, switches or {}, direct=True)
-        switch = actuator_of(controller, actuator)
-        return cls(controller=controller, heaters=heaters, scenario=scenario, actuator=switch, spread=spread)
+        """Return the drawing of a controller that runs words; errors as in `simulate`.
+
+        Args:
+            controller: that is to run the words.
+            words: what it holds.
+            heaters: candidates.
+            scenario: what is drawn around.
+            spread: how far samples differ.
+            actuator: the switch; None: the controller makes the PWM itself.
+            switches: settings of open points that are known; the others are drawn.
+        """
+        controller.check(words)
+        controller.check_ramp(words)
+        controllers = [in_loop(controller, words, scenario.setpoints_degC, setting, direct=True)
+                       for setting in settings_to_prove(controller.switches, switches)]
+        return cls(controllers=controllers, heaters=heaters, scenario=scenario, spread=spread,
+                   delay_s=controller.delay_s, actuator=actuator_of(controllers[0], actuator))
+
+    def setting(self, seed: int) -> int:
+        """Return the number of the controller that the sample of a seed runs."""
+        return seed % len(self.controllers)
 
     def sample(
         self, seed: int, scans: int, generator: np.random.Generator | None = None
     ) -> tuple[list[float], Array, Array, Array]:
-        """Return a row of `Batch.plants`, factors of the disturbances, noise [°C] and delay [s], see `Clock`.
+        """Return a row of `Batch.plants`, factors of the disturbances, noise [°C] and delay [s] of the scans.
+
+        Their shapes are (6,), (disturbances,), and (1,) or (scans,).
 
         Args:
             seed: of the sample.
@@ -144,20 +167,28 @@ class Drawing:
         normal = generator.standard_normal(3) * self.spread.heater
         heater, moved = np.exp(normal[:2]), float(normal[2])
         even = generator.uniform(-1.0, 1.0, 2 + len(self.scenario.disturbances))
-        gain, first, second, dead, ambient, start = self.rows[seed % len(self.rows)]
+        gain, first, second, dead, ambient, start = self.rows[seed // len(self.controllers) % len(self.rows)]
         power = (1.0 + self.spread.mains_pct / 100.0 * even[0]) ** 2
         shift = self.spread.ambient_degC * even[1]
         row = [gain * heater[0] * power, first * heater[1], second * heater[1],
-               max(dead + moved, self.spread.least_dead_time_s), ambient + shift,
+               max(dead + moved, self.spread.least_dead_time_s) + self.delay_s, ambient + shift,
                start + shift if self.scenario.start_degC is None else start]
-        noisy, shaken = self.scenario.noise_degC > 0.0, self.spread.jitter_s > 0.0 and not self.controller.pwm_period_s
+        noisy = self.scenario.noise_degC > 0.0
+        shaken = self.spread.jitter_s > 0.0 and not self.controllers[0].pwm_period_s
         noise = generator.normal(0.0, self.scenario.noise_degC, scans) if noisy else np.zeros(1)
         late = generator.uniform(0.0, self.spread.jitter_s, scans) if shaken else np.zeros(1)
         return row, 1.0 + self.spread.disturbance_pct / 100.0 * even[2:], noise, late
 
 
 def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, workers: int | None = None) -> Measured:
-    """Run samples and return what was measured; without `workers` every processor takes a share.
+    """Run samples and return what was measured.
+
+    Args:
+        drawing: what is drawn.
+        limits: what is right.
+        count: how many samples.
+        seed: of the first one.
+        workers: how many share them; None: every processor.
 
     Raises:
         OutOfRange: no samples, a negative seed.
@@ -173,10 +204,18 @@ def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, work
 
 
 def _chunk(drawing: Drawing, limits: Limits, seed: int, count: int) -> Measured:
-    scans, generator = scans_of(drawing.controller, drawing.scenario), np.random.Generator(np.random.Philox(key=0))
-    samples = [drawing.sample(each, scans, generator) for each in range(seed, seed + count)]
+    scans = scans_of(drawing.controllers[0], drawing.scenario)
+    generator = np.random.Generator(np.random.Philox(key=0))
+    samples = [drawing.sample(drawn, scans, generator) for drawn in range(seed, seed + count)]
     rows, sizes, noise, late = (np.array(same) for same in zip(*samples, strict=True))
-    return metered(drawing.controller, rows, drawing.scenario, drawing.actuator, limits, noise, late, sizes)
+    settings = np.array([drawing.setting(drawn) for drawn in range(seed, seed + count)])
+    parts, places = [], []
+    for number in np.unique(settings):
+        own = np.flatnonzero(settings == number)
+        places.append(own)
+        parts.append(metered(drawing.controllers[number], rows[own], drawing.scenario, drawing.actuator, limits,
+                             noise[own], late[own], sizes[own]))
+    return ordered(joined(parts), np.argsort(np.concatenate(places)))
 
 
 def _begun(seed: int) -> dict[str, Any]:
@@ -192,14 +231,18 @@ def replay(drawing: Drawing, seed: int) -> Trace:
         OutOfRange: a negative seed.
     """
     check("seed", seed, least=0)
-    row, factors, noise, late = drawing.sample(seed, scans_of(drawing.controller, drawing.scenario))
+    controller = drawing.controllers[drawing.setting(seed)]
+    row, factors, noise, late = drawing.sample(seed, scans_of(controller, drawing.scenario))
     gain, first, second, dead, ambient, start = row
     known = {"gain_degC_per_pct": gain, "time_constant_s": first, "dead_time_s": dead, "ambient_degC": ambient}
     model = TwoLag(**known, second_time_constant_s=second) if second else Fopdt(**known)
-    disturbances = tuple(
-        replace(each, temperature_degC=factor * each.temperature_degC) if isinstance(each, Kick)
-        else replace(each, power_pct=factor * each.power_pct)
-        for each, factor in zip(drawing.scenario.disturbances, factors.tolist(), strict=True)
-    )
+    disturbances = tuple(map(_sized, drawing.scenario.disturbances, factors.tolist()))
     scenario = replace(drawing.scenario, ambient_degC=ambient, start_degC=start, disturbances=disturbances, seed=seed)
-    return traced(drawing.controller, model, scenario, drawing.actuator, noise, late)
+    return traced(controller, model, scenario, drawing.actuator, noise, late)
+
+
+def _sized(event: Disturbance, factor: float) -> Disturbance:
+    """Return a disturbance times a factor, where it has a size."""
+    if isinstance(event, TemperatureStep):
+        return replace(event, temperature_degC=factor * event.temperature_degC)
+    return replace(event, power_pct=factor * event.power_pct) if isinstance(event, Load) else event

@@ -2,87 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
+from heatertune.proof.events import Disturbance, Led, Load, Mains, NewSetpoint, PlcPower, TemperatureStep
 from heatertune.units import check
 
-__all__ = ["Kick", "Load", "Scenario", "can_hold", "conditions", "paper_scenario", "scenario_for", "temperatures"]
+__all__ = [
+    "LED",
+    "WAYS",
+    "Disturbance",
+    "Led",
+    "Load",
+    "Mains",
+    "NewSetpoint",
+    "Phase",
+    "PlcPower",
+    "Scenario",
+    "TemperatureStep",
+    "can_hold",
+    "conditions",
+    "delayed",
+    "kinds_of",
+    "named",
+    "paper_scenario",
+    "phases_of",
+    "scenario_for",
+    "temperatures",
+]
 
 #: The paper's record (Tables 3 and 4): disturbance in the 27th minute, last row at 40 min [s].
-_PAPER_KICK_S: Final = 1620.0
+_PAPER_STEP_S: Final = 1620.0
 _PAPER_DURATION_S: Final = 2400.0
 #: Sum of lags and dead time up to which the paper's times suit a heater [s].
 _PAPER_HEATER_S: Final = 600.0
-#: The paper's kick, 53.3 → 44.5 °C, is 30 % of its setpoint step of 29.3 °C.
-_KICK_SHARE: Final = 0.3
+#: The paper's temperature step, 53.3 → 44.5 °C, is 30 % of its setpoint step of 29.3 °C.
+_TEMPERATURE_STEP_SHARE: Final = 0.3
 #: Record of a heater as fast as the paper's [s]; recovery gets nearly as long as heat-up.
 _DURATION_S: Final = 3000.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Kick:
-    """The temperature of every lag jumps at once: cold goods, an opened door.
-
-    Attributes:
-        time_s: [s].
-        temperature_degC: the jump, signed [°C].
-    """
-
-    time_s: float
-    temperature_degC: float
-
-    def __post_init__(self) -> None:
-        check("time_s", self.time_s, above=0.0)
-        check("temperature_degC", self.temperature_degC)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Load:
-    """A power that is added at the heater's input from then on: a draught, a second source of heat.
-
-    It acts after the dead time, as the heater's own power does.
-
-    Attributes:
-        time_s: [s].
-        power_pct: added to all that is there already, signed [% of full power].
-    """
-
-    time_s: float
-    power_pct: float
-
-    def __post_init__(self) -> None:
-        check("time_s", self.time_s, above=0.0)
-        check("power_pct", self.power_pct)
+_NOT_LED: Final = (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """One run of the loop, from a cold heater with the power off.
+    """One run of the loop, from a heater (or cooler) at rest with the power off.
 
     Attributes:
-        setpoint_degC: [°C], constant: what is asked for. A ramp on the way to it belongs to the words.
+        setpoint_degC: what is asked for first [°C]. A ramp on the way to it belongs to the words.
         duration_s: [s].
         ambient_degC: temperature without power [°C]; None: the model's own.
         start_degC: temperature of all lags at the start [°C]; None: ambient.
-        disturbances: in order of time.
+        disturbances: in order of time; each begins a phase.
+        rests_s: how long the heater has to be at rest at the end of each phase, one number more than disturbances [s];
+            empty: see `Limits.steady_share`.
         noise_degC: standard deviation of the sensor's Gaussian noise [°C].
         seed: of that noise.
 
     Raises:
-        OutOfRange: a time or temperature without meaning, a start that is not below the setpoint, disturbances
-            out of order or after the end.
+        OutOfRange: a time or temperature without meaning, a start at the setpoint, disturbances out of order or
+            after the end, a rest longer than its phase.
     """
 
     setpoint_degC: float
     duration_s: float
     ambient_degC: float | None = None
     start_degC: float | None = None
-    disturbances: tuple[Kick | Load, ...] = ()
+    disturbances: tuple[Disturbance, ...] = ()
+    rests_s: tuple[float, ...] = ()
     noise_degC: float = 0.0
     seed: int = 0
 
@@ -94,11 +84,150 @@ class Scenario:
         for name in ("ambient_degC", "start_degC"):
             if (value := getattr(self, name)) is not None:
                 check(name, value, least=-273.15)
-                if not value < self.setpoint_degC:
-                    raise OutOfRange(name, value, f"< setpoint_degC = {self.setpoint_degC:g}")
-        times = [each.time_s for each in self.disturbances]
-        if any(later <= earlier for earlier, later in pairwise([*times, self.duration_s])):
+                if value == self.setpoint_degC:
+                    raise OutOfRange(name, value, f"not setpoint_degC = {self.setpoint_degC:g}")
+        times = [event.time_s for event in self.disturbances]
+        ends = [*times, self.duration_s]
+        if any(later <= earlier for earlier, later in pairwise(ends)):
             raise OutOfRange("disturbances", times, f"ascending in time and < duration_s = {self.duration_s:g}")
+        if not self.rests_s:
+            return
+        lengths = [end - begin for begin, end in pairwise([0.0, *ends])]
+        short = any(not 0.0 <= rest <= length for rest, length in zip(self.rests_s, lengths, strict=False))
+        if short or len(self.rests_s) != len(lengths):
+            raise OutOfRange("rests_s", self.rests_s, f"one for each phase, of {lengths} s, and no longer")
+
+    @property
+    def setpoints_degC(self) -> tuple[float, ...]:
+        """The setpoint of each phase [°C]."""
+        asked = [self.setpoint_degC]
+        for event in self.disturbances:
+            asked.append(event.setpoint_degC if isinstance(event, NewSetpoint | Led) else asked[-1])
+        return tuple(asked)
+
+    @property
+    def supplied(self) -> tuple[bool, ...]:
+        """Whether the PLC has its supply in each phase."""
+        powered = [True]
+        for event in self.disturbances:
+            powered.append(event.on if isinstance(event, PlcPower) else isinstance(event, Led) or powered[-1])
+        return tuple(powered)
+
+    @property
+    def leads(self) -> tuple[float, ...]:
+        """See `heatertune.proof.meter.Meter`; empty where the setpoint is led in no phase."""
+        if not any(isinstance(event, Led) for event in self.disturbances):
+            return ()
+        led = [(event.time_s, event.from_degC, event.degC_per_s, event.duration_s) if isinstance(event, Led)
+               else _NOT_LED for event in self.disturbances]
+        return (*_NOT_LED, *(number for phase in led for number in phase))
+
+    @property
+    def mains(self) -> tuple[float, ...]:
+        """The share of the rated power that full power is in each phase, whether or not the PLC has its supply."""
+        shares = [1.0]
+        for event in self.disturbances:
+            shares.append(event.share if isinstance(event, Mains) else shares[-1])
+        return tuple(shares)
+
+
+#: kind of a phase that leads to a setpoint → its two criteria, when they are, and from when on time counts
+WAYS: Final = {
+    "heat-up": ("overshoot", "settling_time", "during heat-up", "Time"),
+    "reheat": ("reheat_overshoot", "reheat_time", "after the heater's circuit was open",
+               "Time after the heater's circuit is closed again"),
+    "change": ("change_overshoot", "change_time", "after a change of the setpoint", "Time after it"),
+    "restart": ("restart_overshoot", "restart_time", "after a start-up of the PLC", "Time after it"),
+}
+
+
+#: kinds of the phases of a profile
+LED: Final = ("ramp", "soak")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Phase:
+    """What a run lives through from one event to the next.
+
+    Attributes:
+        begin_s, end_s: [s].
+        rest_s: from when on it is held to be at rest; `end_s`: not at all [s].
+        limit_s: in which it has to get there [s].
+        setpoint_degC: what is asked for [°C].
+        kind: by which criteria it is judged: "heat-up", "recovery" (from a disturbance), "change" (of the setpoint),
+            "reheat" (the heater's circuit was open), "restart" (the PLC was without supply), "ramp" and "soak" (of a
+            profile), or "off": by none.
+        up: whether the event moves the temperature up, or adds power.
+        by_power: whether it adds or takes power; a cooler's power moves the temperature down.
+    """
+
+    begin_s: float
+    end_s: float
+    rest_s: float
+    limit_s: float
+    setpoint_degC: float
+    kind: str
+    up: bool
+    by_power: bool
+
+
+def phases_of(scenario: Scenario, end_s: float, first_rest_s: float) -> tuple[Phase, ...]:
+    """Return the phases of a run.
+
+    Args:
+        scenario: what happens.
+        end_s: instant of the last scan [s].
+        first_rest_s: from when on the first phase has to be at rest, where the scenario does not tell [s].
+    """
+    ends = [*(event.time_s for event in scenario.disturbances), end_s]
+    begins = [0.0, *ends[:-1]]
+    last = [end - rest for end, rest in zip(ends, scenario.rests_s, strict=False)]
+    rests, limits = (last, last) if last else ([first_rest_s, *ends[1:]], ends)
+    return tuple(
+        Phase(begin_s=begin, end_s=end, rest_s=min(max(begin, rest), end), limit_s=limit - begin, setpoint_degC=asked,
+              kind=kind, up=up, by_power=by_power)
+        for begin, end, rest, limit, asked, (kind, up, by_power) in zip(
+            begins, ends, rests, limits, scenario.setpoints_degC, kinds_of(scenario), strict=True))
+
+
+def named(event: Disturbance | None) -> str:
+    """Return what an event is, in the few words of a picture."""
+    if event is None:
+        return "heat-up"
+    if isinstance(event, TemperatureStep):
+        return f"{event.temperature_degC:+.3g} °C at once"
+    if isinstance(event, Load):
+        return f"load {event.power_pct:+.3g} %"
+    if isinstance(event, NewSetpoint | Led):
+        return f"{_led(event) if isinstance(event, Led) else 'setpoint'} {event.setpoint_degC:.4g} °C"
+    if isinstance(event, Mains):
+        return f"power {100.0 * event.share:.3g} %" if event.share > 0.0 else "heater's circuit open"
+    return "PLC on" if event.on else "PLC off"
+
+
+def kinds_of(scenario: Scenario) -> Iterator[tuple[str, bool, bool]]:
+    """Return kind and direction of each phase, and whether the direction is that of the power, see `Phase`."""
+    yield "heat-up", True, True
+    asked, supplied, mains = scenario.setpoints_degC, scenario.supplied, scenario.mains
+    for number, event in enumerate(scenario.disturbances):
+        if not supplied[number + 1] or mains[number + 1] == 0.0:
+            yield "off", False, True
+        elif isinstance(event, PlcPower):
+            yield "restart", True, True
+        elif isinstance(event, Led):
+            yield _led(event), event.setpoint_degC > event.from_degC, False
+        elif isinstance(event, NewSetpoint):
+            yield "change", asked[number + 1] > asked[number], False
+        elif isinstance(event, Mains):
+            yield "reheat" if mains[number] == 0.0 else "recovery", mains[number + 1] > mains[number], True
+        elif isinstance(event, TemperatureStep):
+            yield "recovery", event.temperature_degC > 0.0, False
+        else:
+            yield "recovery", event.power_pct > 0.0, True
+
+
+def _led(event: Led) -> str:
+    return "soak" if event.degC_per_s == 0.0 else "ramp"
 
 
 def conditions(scenario: Scenario, model: HeaterModel) -> tuple[float, float]:
@@ -108,20 +237,22 @@ def conditions(scenario: Scenario, model: HeaterModel) -> tuple[float, float]:
         InputError: neither scenario nor model knows the ambient temperature.
         OutOfRange: the setpoint lies outside what the heater can hold, between ambient and full power.
     """
-    ambient, start = temperatures(scenario, model)
+    ambient = _ambient(scenario, model)
     top = ambient + 100.0 * model.gain_degC_per_pct
-    if not can_hold(model, scenario.setpoint_degC, ambient):
-        rule = (
-            f"> {ambient:g} (ambient) and < {top:g} (ambient + 100 % · {model.gain_degC_per_pct:g} °C/%), "
-            "or this heater cannot hold it"
-        )
-        raise OutOfRange("setpoint_degC", scenario.setpoint_degC, rule)
-    return ambient, start
+    above, below, called = (">", "<", "heater") if model.gain_degC_per_pct > 0.0 else ("<", ">", "cooler")
+    for setpoint in scenario.setpoints_degC:
+        if not can_hold(model, setpoint, ambient):
+            rule = (
+                f"{above} {ambient:g} (ambient) and {below} {top:g} (ambient + 100 % · {model.gain_degC_per_pct:g} "
+                f"°C/%), or this {called} cannot hold it"
+            )
+            raise OutOfRange("setpoint_degC", setpoint, rule)
+    return temperatures(scenario, model)
 
 
 def can_hold(model: HeaterModel, setpoint_degC: float, ambient_degC: float) -> bool:
-    """Return whether a heater reaches a setpoint with less than full power, and is colder without any."""
-    return ambient_degC < setpoint_degC < ambient_degC + 100.0 * model.gain_degC_per_pct
+    """Return whether a heater or cooler holds a setpoint with less than full power, and with more than none."""
+    return 0.0 < (setpoint_degC - ambient_degC) / model.gain_degC_per_pct < 100.0
 
 
 def temperatures(scenario: Scenario, model: HeaterModel) -> tuple[float, float]:
@@ -129,15 +260,31 @@ def temperatures(scenario: Scenario, model: HeaterModel) -> tuple[float, float]:
 
     Raises:
         InputError: neither scenario nor model knows the ambient temperature.
+        OutOfRange: ambient or start on the side of the setpoint to which the power leads.
     """
+    ambient = _ambient(scenario, model)
+    start = ambient if scenario.start_degC is None else scenario.start_degC
+    for name, value in (("ambient_degC", ambient), ("start_degC", start)):
+        if not (scenario.setpoint_degC - value) * model.gain_degC_per_pct > 0.0:
+            side = "<" if model.gain_degC_per_pct > 0.0 else ">"
+            raise OutOfRange(name, value, f"{side} setpoint_degC = {scenario.setpoint_degC:g}")
+    return ambient, start
+
+
+def _ambient(scenario: Scenario, model: HeaterModel) -> float:
     ambient = model.ambient_degC if scenario.ambient_degC is None else scenario.ambient_degC
     if ambient is None:
         raise InputError("ambient_degC is unknown to both model and scenario: give the temperature without power")
-    return ambient, ambient if scenario.start_degC is None else scenario.start_degC
+    return ambient
+
+
+def delayed(model: HeaterModel, delay_s: float) -> HeaterModel:
+    """Return a heater whose temperature is read, or whose switch is reached, so much later."""
+    return replace(model, dead_time_s=model.dead_time_s + delay_s) if delay_s > 0.0 else model
 
 
 def paper_scenario(
-    *, setpoint_degC: float = 53.3, ambient_degC: float | None = None, kick_degC: float = -8.8,
+    *, setpoint_degC: float = 53.3, ambient_degC: float | None = None, temperature_step_degC: float = -8.8,
     duration_s: float = _PAPER_DURATION_S,
 ) -> Scenario:
     """Return the paper's record: heat-up, and from 53.3 to 44.5 °C at once in the 27th minute."""
@@ -145,18 +292,27 @@ def paper_scenario(
         setpoint_degC=setpoint_degC,
         ambient_degC=ambient_degC,
         duration_s=duration_s,
-        disturbances=(Kick(time_s=_PAPER_KICK_S, temperature_degC=kick_degC),),
+        disturbances=(TemperatureStep(time_s=_PAPER_STEP_S, temperature_degC=temperature_step_degC),),
     )
 
 
 def scenario_for(
     models: Sequence[HeaterModel], *, setpoint_degC: float, ambient_degC: float | None = None,
-    kick_degC: float | None = None, noise_degC: float = 0.0, seed: int = 0,
+    temperature_step_degC: float | None = None, noise_degC: float = 0.0, seed: int = 0,
 ) -> Scenario:
     """Return the paper's story in times that suit the slowest of the models.
 
-    Up to 600 s of lags and dead time the kick comes at 1620 s, as in the paper; above, all times grow in
-    proportion. Without `kick_degC` the temperature falls by 30 % of the largest setpoint step, as in the paper.
+    Up to 600 s of lags and dead time the temperature step comes at 1620 s, as in the paper; above, all times grow in
+    proportion.
+
+    Args:
+        models: the possible heaters.
+        setpoint_degC: [°C].
+        ambient_degC: temperature without power; None: the models' own [°C].
+        temperature_step_degC: step of the temperature; None: 30 % of the largest setpoint step back to the
+            ambient, as in the paper [°C].
+        noise_degC: of the sensor, standard deviation [°C].
+        seed: of that noise.
 
     Raises:
         InputError: no model, or nobody knows the ambient temperature.
@@ -170,6 +326,6 @@ def scenario_for(
         setpoint_degC=setpoint_degC, ambient_degC=ambient_degC, duration_s=stretch * _DURATION_S,
         noise_degC=noise_degC, seed=seed,
     )
-    step = max(setpoint_degC - conditions(plain, model)[0] for model in models)
-    fall = -_KICK_SHARE * step if kick_degC is None else kick_degC
-    return replace(plain, disturbances=(Kick(time_s=stretch * _PAPER_KICK_S, temperature_degC=fall),))
+    step = max((setpoint_degC - conditions(plain, model)[0] for model in models), key=abs)
+    fall = -_TEMPERATURE_STEP_SHARE * step if temperature_step_degC is None else temperature_step_degC
+    return replace(plain, disturbances=(TemperatureStep(time_s=stretch * _PAPER_STEP_S, temperature_degC=fall),))

@@ -11,19 +11,34 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from heatertune.errors import OutOfRange
+from heatertune.model.mirrored import cools
 from heatertune.model.values import FittedModel
 from heatertune.plc import Ramp, Words, controller_for
 from heatertune.progress import Told
-from heatertune.proof import Criterion, Proof, RunResult, prove, prove_models
+from heatertune.proof import Proof, prove
 from heatertune.proof.heaters import labelled
+from heatertune.proof.measured import band_of
 from heatertune.proof.scenario import conditions as conditions_of
+from heatertune.proof.screen import Screen
 from heatertune.settings import Conditions
 
-__all__ = ["prove_ramped"]
+__all__ = ["OVERSHOOTS", "REHEATS", "prove_ramped"]
 
 _STEP: Final = math.sqrt(2.0)  # from one duration to the next, while looking for one that is long enough
 _NEAR: Final = 1.03  # the ramp found is the fastest within this factor
 _MOST_ROUNDS: Final = 6
+#: times how far from the setpoint is still right, from the loosest on; the looser ones only where none of these will do
+_HOLDS: Final = ((8.0, 4.0, 2.0), (32.0, 16.0))
+#: criteria that a slower way to the setpoint helps to keep
+OVERSHOOTS: Final = frozenset(
+    f"{way}{unit}" for way in ("overshoot", "change_overshoot", "restart_overshoot") for unit in ("", "_degC"))
+#: criteria that only a holdback helps to keep: the setpoint is at its end when the heater's circuit opens
+REHEATS: Final = frozenset({"reheat_overshoot", "reheat_overshoot_degC", "reheat_time"})
+#: what stays where even the slowest way to the setpoint leaves it
+_UNLED: Final = frozenset({"steady_offset", "limit_cycle", "recovery_time"})
+#: what a windup on the way leaves behind
+_LEFT_BEHIND: Final = frozenset(
+    {"settling_time", "steady_offset", "limit_cycle", "recovery_time", "change_time", "restart_time"})
 
 
 def prove_ramped(
@@ -35,38 +50,68 @@ def prove_ramped(
     Args:
         words: that were chosen.
         fitted: the heater and its candidates.
-        ramp: [°C/min]; "none": at once; "auto": the fastest that keeps the limit on overshoot in every run, where
-            that is broken without one; None: as the words have it, and, where nothing but that limit is broken, told
-            what "auto" would find.
+        ramp: [°C/min]; "none": at once; "auto": the fastest that keeps the limits on overshoot in every run, where
+            they are broken without one, and with a holdback where that takes one; None: as the words have it, and,
+            where nothing but these limits is broken, told what "auto" would find.
         conditions: of the proof.
         progress: told what begins.
 
     Raises:
-        InputError: a ramp for a room that has none, or as `prove`.
-        OutOfRange, UnknownName: as `prove`; a rate that the room cannot have.
+        InputError: a ramp for a controller that has none, or as `prove`.
+        OutOfRange, UnknownName: as `prove`; a rate that the controller cannot have.
     """
-    found = controller_for(words.target)
+    controller = controller_for(words.target)
     if isinstance(ramp, float | int):
-        words = replace(words, ramp=found.ramp(words, ramp))
+        words = replace(words, ramp=controller.ramp(words, ramp))
     elif ramp is not None:
         words = replace(words, ramp=None)
     plain = prove(words, fitted, conditions)
     if words.ramp is not None or ramp == "none":
         return plain, []
-    broken = [criterion.name for criterion in plain.criteria if not criterion.ok]
-    helps = "overshoot" in broken if ramp == "auto" else broken == ["overshoot"]
-    if not helps or not found.ramped:
-        return plain, [_why_none(plain, broken, ramped=found.ramped)] if ramp == "auto" else []
+    broken = {criterion.name for criterion in plain.criteria if not criterion.ok}
+    alone = bool(broken) and broken <= OVERSHOOTS | REHEATS
+    helps = bool(broken & (OVERSHOOTS | REHEATS | _LEFT_BEHIND)) if ramp == "auto" else alone
+    if not helps or not controller.ramped:
+        return plain, [_why_none(plain, sorted(broken), ramped=controller.ramped)] if ramp == "auto" else []
     progress("looking for the fastest setpoint ramp that keeps the limit on overshoot")
-    ramped = _Search(plain=plain, fitted=fitted, conditions=conditions).fastest()
+    ramped = _cheapest(plain, fitted, conditions or Conditions(), broken)
     if ramped is None:
         return plain, ["No setpoint ramp that ends half way to the disturbance keeps the limit on overshoot."]
-    told = _told(plain, ramped)
-    if ramp == "auto" and (ramped.verdict != "FAIL" or broken == ["overshoot"]):
-        return ramped, [f"With {told}"]
+    price = _told(plain, ramped)
+    if ramp == "auto" and (ramped.verdict != "FAIL" or alone):
+        return ramped, [f"With {price}"]
     if ramp == "auto":
-        return plain, [f"A setpoint ramp mends the overshoot alone: with {told}"]
-    return plain, [f"Only the overshoot fails. --setpoint-ramp auto would mend it: with {told}"]
+        return plain, [f"A setpoint ramp mends the overshoot alone: with {price}"]
+    failed = " and the ".join(sorted(broken)).replace("_", " ")
+    fail = "fails" if len(broken) == 1 else "fail"
+    return plain, [f"Only the {failed} {fail}. --setpoint-ramp auto would mend it: with {price}"]
+
+
+def _cheapest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: set[str]) -> Proof | None:
+    """Return the proof with the fastest ramp without holdback, with one that settles first where that passes alone."""
+    free = None if broken & REHEATS else _fastest(plain, fitted, conditions, broken)
+    kept = OVERSHOOTS | REHEATS | _LEFT_BEHIND
+    if (free is not None and free.verdict != "FAIL") or not broken <= kept:
+        return free
+    side = -1.0 if cools(fitted) else 1.0
+    band = band_of(plain.limits, plain.nominal.resolution_degC)
+    for holds in _HOLDS:
+        searches = (
+            _Search(plain=plain, fitted=fitted, conditions=conditions, kept=kept, hold_degC=side * times * band)
+            for times in holds)
+        held = [ramped for search in searches if (ramped := search.fastest()) is not None and ramped.verdict != "FAIL"]
+        if held:
+            return min(held, key=lambda ramped: _value(ramped, "settling_time"))
+    return free
+
+
+def _fastest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: set[str]) -> Proof | None:
+    """Return the proof with the fastest ramp that mends all it can mend, else with the fastest that mends overshoot."""
+    kept = OVERSHOOTS | _LEFT_BEHIND
+    wanted = [kept, OVERSHOOTS] if broken & _LEFT_BEHIND and broken & OVERSHOOTS else [kept & (broken | OVERSHOOTS)]
+    searches = (_Search(plain=plain, fitted=fitted, conditions=conditions, kept=names)
+                for names in wanted)
+    return next((ramped for search in searches if (ramped := search.fastest()) is not None), None)
 
 
 def _why_none(plain: Proof, broken: list[str], *, ramped: bool) -> str:
@@ -84,11 +129,13 @@ def _told(plain: Proof, ramped: Proof) -> str:
 
     others = [criterion.name for criterion in ramped.criteria if not criterion.ok]
     fails = f" {' and '.join(others)} fails with it." if others else ""
+    held = f", which follows the reading within {ramped.hold_degC:.3g} °C," if ramped.hold_degC is not None else ""
+    opened = f", after an open circuit {change('reheat_overshoot', '%')}" if held else ""
     return (
-        f"a setpoint ramp of {ramped.ramp_degC_per_min:.3g} °C/min ({ramped.words.ramp}) the worst overshoot goes "
-        f"{change('overshoot', '%')}, and the worst settling time {change('settling_time', 's')}. The gains are the "
-        f"same: after the disturbance the worst deviation goes {change('deviation', '°C')}, the recovery time "
-        f"{change('recovery_time', 's')}.{fails}"
+        f"a setpoint ramp of {ramped.ramp_degC_per_min:.3g} °C/min ({ramped.words.ramp}){held} the worst overshoot "
+        f"goes {change('overshoot', '%')}{opened}, and the worst settling time {change('settling_time', 's')}. The "
+        f"gains are the same: after the disturbance the worst deviation goes {change('deviation', '°C')}, the recovery "
+        f"time {change('recovery_time', 's')}.{fails}"
     )
 
 
@@ -96,35 +143,36 @@ def _value(proof: Proof, name: str) -> float:
     return next(criterion.value for criterion in proof.criteria if criterion.name == name)
 
 
-def _overshoot(proof: Proof | RunResult) -> Criterion:
-    return next(criterion for criterion in proof.criteria if criterion.name == "overshoot")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Search:
     plain: Proof
     fitted: FittedModel
-    conditions: Conditions | None
+    conditions: Conditions
+    kept: frozenset[str]
+    hold_degC: float | None = None
 
     def fastest(self) -> Proof | None:
         """Return the proof with the fastest ramp found.
 
-        Only the worst run is looked at, until a whole proof finds another one that breaks the limit; that one is then
+        Only the worst runs are looked at, until a whole proof finds another one that breaks a limit; that one is then
         watched as well. Overshoot need not fall with each slower ramp, so the durations are walked through from the
         shortest, and only the last stretch is halved.
         """
-        watched: list[RunResult] = [_worst(self.plain)]
+        watched = Screen(fitted=self.fitted, names=self.kept).with_failed(self.plain)
+        slowest = self._with(self.longest_s)
+        if slowest is None or not self._keeps(slowest, replace(watched, names=self.kept & _UNLED)):
+            return None
         for _ in range(_MOST_ROUNDS):
             words = self._fastest_on(watched)
             if words is None:
                 return None
             proof = prove(words, self.fitted, self.conditions)
-            if _overshoot(proof).ok:
+            if all(criterion.ok for criterion in proof.criteria if criterion.name in self.kept):
                 return proof
-            watched.append(_worst(proof))
+            watched = watched.with_failed(proof)
         return None
 
-    def _fastest_on(self, watched: list[RunResult]) -> Words | None:
+    def _fastest_on(self, watched: Screen) -> Words | None:
         shorter = None
         for duration in self._durations():
             words = self._with(duration)
@@ -134,7 +182,7 @@ class _Search:
             return self._refined(shorter, duration, words, watched)
         return None
 
-    def _refined(self, shorter: float | None, longer: float, words: Words, watched: list[RunResult]) -> Words:
+    def _refined(self, shorter: float | None, longer: float, words: Words, watched: Screen) -> Words:
         while shorter is not None and longer > _NEAR * shorter:
             between = math.sqrt(shorter * longer)
             tried = self._with(between)
@@ -146,35 +194,28 @@ class _Search:
 
     def _durations(self) -> Iterator[float]:
         """Return how long a ramp may take, from a few calls up to half of the time before the disturbance [s]."""
-        scenario = self.plain.scenario
-        stops = [each.time_s for each in scenario.disturbances]
-        longest = (stops[0] if stops else scenario.duration_s) / 2.0
         duration = 4.0 * controller_for(self.plain.words.target).timing(self.plain.words).scan_s
-        while duration < longest:
+        while duration < self.longest_s:
             yield duration
             duration *= _STEP
-        yield longest
+        yield self.longest_s
+
+    @property
+    def longest_s(self) -> float:
+        """How long a ramp may take [s]."""
+        scenario = self.plain.scenario
+        return (scenario.disturbances[0].time_s if scenario.disturbances else scenario.duration_s) / 2.0
 
     def _with(self, duration_s: float) -> Words | None:
-        """Return the words with a ramp that takes so long on the nominal heater; None where the room cannot have it."""
+        """Return the words with a ramp that takes so long on the nominal heater; None where there can be none."""
         scenario, words = self.plain.scenario, self.plain.words
-        way = scenario.setpoint_degC - conditions_of(scenario, dict(labelled(self.fitted))[self.plain.runs[0].model])[1]
+        model = dict(labelled(self.fitted))[self.plain.runs[0].model]
+        way = abs(scenario.setpoint_degC - conditions_of(scenario, model)[1])
         try:
-            ramp: Ramp = controller_for(words.target).ramp(words, 60.0 * way / duration_s)
+            ramp: Ramp = controller_for(words.target).ramp(words, 60.0 * way / duration_s, self.hold_degC)
         except OutOfRange:
             return None
         return replace(words, ramp=ramp)
 
-    def _keeps(self, words: Words, watched: list[RunResult]) -> bool:
-        plain, models = self.plain, dict(labelled(self.fitted))
-        return all(
-            _overshoot(prove_models(controller_for(words.target), words, [(run.model, models[run.model])],
-                                    plain.scenario, plain.actuator, plain.limits, known=run.switches,
-                                    interlock=plain.interlock)).ok
-            for run in watched
-        )
-
-
-def _worst(proof: Proof) -> RunResult:
-    """Return the run with the largest overshoot."""
-    return max(proof.runs, key=lambda run: _overshoot(run).value)
+    def _keeps(self, words: Words, watched: Screen) -> bool:
+        return watched.badness(words, self.conditions) == 0.0

@@ -3,32 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Final
 
 from heatertune.documents import read_toml
 from heatertune.errors import DocumentError, HeatertuneError, UnknownName, one_line
 from heatertune.proof.presets import PRESETS, preset
-from heatertune.proof.specification import GENERAL, LIMITS, NOTHING, Specification, limits_from, split
+from heatertune.proof.profile import Profile
+from heatertune.proof.profile_file import profile_of_table, read_profile, table_of
+from heatertune.proof.specification import GENERAL, LIMITS, NOTHING, STORY, Part, Specification, limits_from, split
+from heatertune.proof.story import Story
 
 __all__ = ["in_force", "read_spec", "spec_text"]
 
-_TABLES: Final = ("preset", "limits")
+_TABLES: Final = ("preset", "limits", "story", "profile")
 
 
-def in_force(spec: str | None = None, limits: Sequence[str] = ()) -> Specification:
+def in_force(spec: str | None = None, limits: Sequence[str] = (), profile: str | None = None) -> Specification:
     """Return the specification that holds.
 
     Args:
         spec: name of a preset, or path of a file (it ends in .toml); None: the general one.
         limits: NAME=VALUE, each in place of the specification's own of that name.
+        profile: path of a profile's file; None: the specification's own, if it has one.
 
     Raises:
         UnknownName: no such preset or limit.
-        DocumentError: a file that cannot be read as a specification; it names the file, the table and the key.
+        DocumentError: a file that cannot be read as a specification or profile; it names the file and the place in it.
         InputError, OutOfRange: as `limits_from` and `Specification`.
     """
-    begun = preset(spec or GENERAL) if spec is None or spec in PRESETS else _of_file(spec)
+    limits = tuple(limits)
+    begun = _of_preset(spec or GENERAL, limits) if spec is None or spec in PRESETS else _limited(_of_file(spec), limits)
+    return begun if profile is None else replace(begun, profile=read_profile(profile))
+
+
+@cache
+def _of_preset(name: str, limits: tuple[str, ...]) -> Specification:
+    return _limited(preset(name), limits)
+
+
+def _limited(begun: Specification, limits: Sequence[str]) -> Specification:
     return begun.with_limits(limits_from(limits)) if limits else begun
 
 
@@ -48,10 +64,10 @@ def read_spec(path: str | Path) -> Specification:
     for name in document:
         if name not in _TABLES:
             raise DocumentError(f"{path}: {name}: no such table; expected {' or '.join(_TABLES)}")
-    base, given = document.get("preset", GENERAL), document.get("limits", {})
-    if not isinstance(base, str) or not isinstance(given, dict):
-        wrong = "preset: expected a text" if not isinstance(base, str) else "limits: expected a table"
-        raise DocumentError(f"{path}: {wrong}")
+    base, given, story = document.get("preset", GENERAL), document.get("limits", {}), document.get("story", {})
+    for name, value, kind in (("preset", base, str), ("limits", given, dict), ("story", story, dict)):
+        if not isinstance(value, kind):
+            raise DocumentError(f"{path}: {name}: expected a {'text' if kind is str else 'table'}")
     try:
         begun = preset(base)
     except UnknownName as problem:
@@ -63,9 +79,28 @@ def read_spec(path: str | Path) -> Specification:
             begun.with_limits({name: own[name]})
         except HeatertuneError as problem:
             raise DocumentError(f"{path}: limits.{name}: {problem}") from problem
+    parts: dict[str, str] = {}
+    for name, value in story.items():
+        try:
+            parts[name] = _setting(value)
+            replace(begun, story={name: parts[name]})
+        except HeatertuneError as problem:
+            raise DocumentError(f"{path}: story.{name}: {problem}") from problem
     return Specification(
-        name=Path(path).name, limits={**begun.limits, **own},
+        name=Path(path).name, limits={**begun.limits, **own}, story={**begun.story, **parts},
+        profile=_profile(Path(path), document.get("profile")),
         reasons={name: why for name, why in begun.reasons.items() if own.get(name) in (None, begun.limits[name])})
+
+
+def _profile(path: Path, given: object) -> Profile | None:
+    """Return the profile of a file beside the specification, or of its own table."""
+    if isinstance(given, str):
+        return read_profile(path.parent / given)
+    if isinstance(given, dict):
+        return profile_of_table(path.name, given, f"{path}: profile")
+    if given is not None:
+        raise DocumentError(f"{path}: profile: expected the name of a file, or a table of lists")
+    return None
 
 
 def _texts(value: object) -> list[str]:
@@ -76,6 +111,14 @@ def _texts(value: object) -> list[str]:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return [repr(value)]
     raise DocumentError(f"expected a text such as {'5 %'!r}, or a list of such texts")
+
+
+def _setting(value: object) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, str):
+        return value
+    raise DocumentError("expected true, false or a text such as '10 %'")
 
 
 def spec_text(spec: Specification) -> str:
@@ -101,6 +144,23 @@ def _lines(spec: Specification) -> Iterator[str]:
         else:
             dropped = bool(preset(origin).limits.get(name))
             yield f'{name} = "{NOTHING}"' if dropped else f'# {name} = "{kind.example}"'
+
+
+    yield ""
+    yield "[story]"
+    for name, part in STORY.items():
+        yield f"# {part.what}"
+        yield f"{name} = {_told(spec.story_at(None), part)}"
+    if spec.profile is not None:
+        yield ""
+        yield f"[profile]  # {one_line(spec.profile.name)}"
+        yield from (f'"{head}" = {cells}' for head, cells in table_of(spec.profile).items())
+
+
+def _told(story: Story, part: Part) -> str:
+    """Return how a part of the story is, as TOML says it."""
+    value = getattr(story, part.field)
+    return str(value).lower() if isinstance(value, bool) else f'"{value / part.factor:g} {part.unit}"'
 
 
 def _value(values: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""What a user specifies: limits in the units of the plant, several of one name at once, and where they come from."""
+"""What a user specifies: limits in the units of the plant, and the story that words live through."""
 
 from __future__ import annotations
 
@@ -7,11 +7,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.proof.criteria import Limits
+from heatertune.proof.profile import Profile
+from heatertune.proof.story import Story
 from heatertune.units import check
 
-__all__ = ["GENERAL", "LIMITS", "NOTHING", "Limit", "Measure", "Specification", "limit_of", "limits_from", "split"]
+__all__ = [
+    "GENERAL", "LIMITS", "NOTHING", "STORY", "Limit", "Measure", "Part", "Specification", "limit_of", "limits_from",
+    "split",
+]
 
 #: what holds where nothing is said
 GENERAL: Final = "general"
@@ -24,6 +30,7 @@ _SPELLINGS: Final = {
     "°C": "degC", "K": "degC", "C": "degC", "°": "deg", "sec": "s", "seconds": "s", "minutes": "min", "hours": "h",
     "1/h": "/h", "per hour": "/h", "percent": "%", "degC s": "degC·s", "degC*s": "degC·s", "(T+L)": "T+L",
 }
+_SETTINGS: Final = {"on": True, "off": False}
 _TIMES: Final = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
 
@@ -65,6 +72,9 @@ LIMITS: Final[dict[str, Limit]] = {
     "overshoot": Limit(
         what="beyond the setpoint on heat-up, of the setpoint step",
         units={"%": Measure("overshoot_pct"), "degC": Measure("overshoot_degC")}, example="5 %"),
+    "reheat-overshoot": Limit(
+        what="beyond the setpoint after the heater's circuit was open for a while, of the setpoint step",
+        units={"%": Measure("reheat_overshoot_pct"), "degC": Measure("reheat_overshoot_degC")}, example="40 %"),
     "settling": Limit(
         what="time from cold until the temperature stays in the band", units=_of_time("settling_s"), example="20 min"),
     "recovery": Limit(
@@ -82,6 +92,9 @@ LIMITS: Final[dict[str, Limit]] = {
     "iae": Limit(
         what="integral of the absolute error over the whole story", units={"degC·s": Measure("iae_degC_s")},
         example="5000 degC·s"),
+    "power-reserve": Limit(
+        what="power that is left over where the heater holds the highest setpoint, of full power",
+        units={"%": Measure("power_reserve_pct")}, example="10 %", at_least=True),
     "saturation": Limit(
         what="share of the scans that ask for 0 or 100 % power", units={"%": Measure("saturation_pct")},
         example="50 %"),
@@ -97,6 +110,50 @@ LIMITS: Final[dict[str, Limit]] = {
     "step-power": Limit(
         what="power that one step of the reading, or its noise, may move", units={"%": Measure("step_power_pct")},
         example="10 %"),
+    "soak-band": Limit(
+        what="how far from the temperature of a profile's soak is still right; else the tolerance",
+        units={"degC": Measure("soak_band_degC")}, example="3 degC"),
+    "soak-settling": Limit(
+        what="time of a profile's soak after which it has to be right, of the soak; else its half",
+        units={"%": Measure("soak_settling_pct"), **_of_time("soak_settling_s")}, example="10 min"),
+    "ramp-deviation": Limit(
+        what="largest distance from the setpoint on a profile's ramps",
+        units={"degC": Measure("ramp_deviation_degC")}, example="20 degC"),
+    "peak": Limit(
+        what="highest temperature along a profile", units={"degC": Measure("peak_degC")}, example="1070 degC"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """What of the story can be set.
+
+    Attributes:
+        what: its meaning.
+        field: of `Story`.
+        unit: of its number; empty: it is there or not, "on" or "off".
+        factor: by which its number is multiplied.
+    """
+
+    what: str
+    field: str
+    unit: str = ""
+    factor: float = 1.0
+
+
+#: everything of the story that a user can set, by the name that a user writes
+STORY: Final[dict[str, Part]] = {
+    "temperature-step": Part(what="the temperature falls at once, of the setpoint step: cold goods, an opened door",
+                 field="step_share", unit="%", factor=0.01),
+    "load": Part(what="a load takes so much of full power for five (T+L), and gives it back",
+                 field="load_pct", unit="%"),
+    "open-circuit": Part(what="the heater's circuit is open for two TN, the PLC running", field="opens"),
+    "setpoint-change": Part(what="the setpoint falls to the lower end of the setpoints of use, and rises again",
+                            field="changes"),
+    "mains": Part(what="the mains voltage falls and rises by 10 %", field="mains"),
+    "restart": Part(what="the PLC is restarted with the heater hot, and cold", field="restarts"),
+    "paper-times": Part(what="heat-up and temperature step alone, in the 27th minute as in the paper's record, "
+                        "slower heaters in proportion", field="paper_times"),
 }
 
 
@@ -107,8 +164,10 @@ class Specification:
     Attributes:
         name: of the preset it began from, or of the file.
         limits: name → values as written, all of which hold; no value: nothing is asked for.
+        story: part → how it is, as written; what is not named is as `Story` has it.
         reasons: name → why, where it is told.
         changed: names of the limits that options set beside preset and file.
+        profile: along which the setpoint is led; None: along none.
 
     Raises:
         UnknownName: no such limit.
@@ -118,8 +177,10 @@ class Specification:
 
     name: str
     limits: Mapping[str, tuple[str, ...]]
+    story: Mapping[str, str] = field(default_factory=dict)
     reasons: Mapping[str, str] = field(default_factory=dict)
     changed: tuple[str, ...] = ()
+    profile: Profile | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         for name, values in self.limits.items():
@@ -128,6 +189,7 @@ class Specification:
                 raise InputError(f"limit {name} is {NOTHING!r}; expected a value, such as {kind.example!r}")
             for value in values:
                 _quantity(name, value)
+        self.story_at(None)
 
     @property
     def tolerance_degC(self) -> float:
@@ -152,15 +214,29 @@ class Specification:
                 given[measure.field] = wanted if before is None else tighter(before, wanted)
         return Limits(**given)  # type: ignore[arg-type]  # the fields are named in LIMITS
 
+    def story_at(self, setpoint_low_degC: float | None) -> Story:
+        """Return what words have to live through.
+
+        Args:
+            setpoint_low_degC: lower end of the setpoints of use; None: nobody told it [°C].
+        """
+        settings = {_part(name).field: _setting(name, value) for name, value in self.story.items()}
+        return Story(setpoint_low_degC=setpoint_low_degC, profile=self.profile, **settings)  # type: ignore[arg-type]  # named in STORY
+
     def with_limits(self, given: Mapping[str, tuple[str, ...]]) -> Specification:
         """Return it with some limits as given instead; errors as on construction."""
         return Specification(
-            name=self.name, limits={**self.limits, **given}, changed=tuple(dict.fromkeys((*self.changed, *given))),
+            name=self.name, limits={**self.limits, **given}, story=self.story, profile=self.profile,
+            changed=tuple(dict.fromkeys((*self.changed, *given))),
             reasons={name: why for name, why in self.reasons.items() if name not in given})
 
 
 def limit_of(name: str) -> Limit:
-    """Return what a name limits; raise UnknownName where it is none."""
+    """Return what a name limits.
+
+    Raises:
+        UnknownName: it limits nothing.
+    """
     if name not in LIMITS:
         raise UnknownName("limit", name, LIMITS)
     return LIMITS[name]
@@ -195,6 +271,27 @@ def split(name: str, values: Sequence[str]) -> tuple[str, ...]:
     if len(parts) > 1:
         raise InputError(f"limit {name} is {' and '.join(parts)!r}; {NOTHING} stands alone")
     return ()
+
+
+def _part(name: str) -> Part:
+    if name not in STORY:
+        raise UnknownName("part of the story", name, STORY)
+    return STORY[name]
+
+
+def _setting(name: str, text: str) -> float | bool:
+    """Return a setting of the story: whether a part is there, or how hard it is."""
+    part = STORY[name]
+    if not part.unit:
+        if text not in _SETTINGS:
+            raise InputError(f"story {name} is {text!r}; expected {' or '.join(_SETTINGS)}")
+        return _SETTINGS[text]
+    if text == "off":
+        return 0.0
+    spelled = _NUMBER.match(text)
+    if spelled is None or spelled[2] != part.unit:
+        raise InputError(f"story {name} is {text!r}; expected a number with its unit {part.unit}, or off")
+    return float(spelled[1]) * part.factor
 
 
 def _quantity(name: str, text: str) -> tuple[float, str]:

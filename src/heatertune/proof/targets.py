@@ -9,12 +9,15 @@ from typing import Any
 
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
+from heatertune.pid.recipe import Recipe
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, Words, controller_for
 from heatertune.plc.design import encode
 from heatertune.progress import Told
 from heatertune.proof import Proof, Trace, judge, prove, simulate_wish
-from heatertune.proof.heaters import default_setpoint, labelled
+from heatertune.proof.fitted import setpoints_for
+from heatertune.proof.heaters import labelled
+from heatertune.proof.recipes import finished
 from heatertune.proof.series import trace_series
 from heatertune.settings import Conditions
 
@@ -27,7 +30,7 @@ _NAMES = ("overshoot", "settling_time", "steady_offset", "recovery_time", "iae")
 
 def compare(
     wished: PidDesign, fitted: FittedModel, conditions: Conditions | None = None, *, scaling: Scaling | None = None,
-    first_look: bool = False, progress: Told = str,
+    recipe: Recipe | None = None, first_look: bool = False, progress: Told = str,
 ) -> dict[str, Any]:
     """Return the document of one design on all targets, on the model that fits best.
 
@@ -40,32 +43,34 @@ def compare(
         fitted: the heater and its candidates.
         conditions: of the proofs.
         scaling: sensor range.
+        recipe: what the words of its own target get beside the gains; None: nothing.
         first_look: as for `prove`.
         progress: told what begins.
 
     Raises:
         InputError, OutOfRange: as `prove`.
     """
-    rows = []
+    rows, asked = [], conditions or Conditions()
     for number, target in enumerate(TARGETS, 1):
         progress(f"proving the words of {target} ({number} of {len(TARGETS)})")
-        rows.append(_row(target, wished, scaling, partial(prove, fitted=fitted, conditions=conditions,
-                                                          first_look=first_look)))
+        its = asked if recipe is None or recipe.target == target else replace(asked, switches={})
+        rows.append(_row(target, wished, scaling, recipe, partial(prove, fitted=fitted, conditions=its,
+                                                                  first_look=first_look)))
     label, model = labelled(fitted)[0]
-    asked = None if conditions is None else conditions.setpoint_degC
-    setpoint = default_setpoint(fitted) if asked is None else asked
+    setpoint, _ = setpoints_for(fitted, asked)
     return {"schema": SCHEMA, "model": label, "setpoint_degC": setpoint,
             "gain_degC_per_pct": model.gain_degC_per_pct, "rows": rows}
 
 
 def _row(
-    target: str, wished: PidDesign, scaling: Scaling | None, proven: Callable[[Words], Proof]
+    target: str, wished: PidDesign, scaling: Scaling | None, recipe: Recipe | None,
+    proven: Callable[[Words], Proof]
 ) -> dict[str, Any]:
-    told: dict[str, Any] = {"target": target, "title": controller_for(target).title}
+    row: dict[str, Any] = {"target": target, "title": controller_for(target).title}
     try:
-        words = encode(wished, target, scaling=scaling)
+        words = finished(encode(wished, target, scaling=scaling), recipe)
     except NotRepresentable as problem:
-        return told | {"verdict": "not representable", "why": str(problem)}
+        return row | {"verdict": "not representable", "why": str(problem)}
     proof = proven(words)
     nominal = proof.nominal
     same = replace(wished, derivative_filter=_filter(proof))
@@ -73,7 +78,7 @@ def _row(
     rounded = None if proof.design is None else simulate_wish(
         proof.design, nominal.model, nominal.scenario, nominal.actuator
     )
-    return told | {
+    return row | {
         "verdict": proof.verdict,
         "words": dict(words.values),
         "fails": [criterion.name for criterion in proof.criteria if not criterion.ok],
@@ -91,5 +96,5 @@ def _filter(proof: Proof) -> float:
 
 
 def _figures(proof: Proof, trace: Trace) -> dict[str, float | None]:
-    found = {criterion.name: criterion for criterion in judge(trace, proof.limits)}
-    return {name: found[name].to_document()["value"] for name in _NAMES}
+    criteria = {criterion.name: criterion for criterion in judge(trace, proof.limits)}
+    return {name: criteria[name].to_document()["value"] for name in _NAMES}

@@ -14,7 +14,7 @@ from heatertune.model.values import HeaterModel
 from heatertune.plc.words import Words
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.pwm import Actuator
-from heatertune.proof.scenario import Scenario
+from heatertune.proof.scenario import Scenario, phases_of
 from heatertune.show import Shown
 
 __all__ = ["Trace"]
@@ -62,8 +62,8 @@ class Trace(Shown):
     cut_s: float = math.inf
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            value = getattr(self, each.name)
+        for attribute in fields(self):
+            value = getattr(self, attribute.name)
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
 
@@ -94,7 +94,7 @@ class Trace(Shown):
         return up_to(instants_s[1:]) - up_to(instants_s[:-1])
 
     def course(self, start_s: float, end_s: float) -> tuple[Array, Array]:
-        """Return instants and temperatures between which the temperature neither jumps nor turns.
+        """Return instants and temperatures between which it neither jumps nor turns, both of shape (n,).
 
         The first is `start_s` after a jump, the last `end_s` before one; disturbances in between are not
         expected. So the extremes of the temperature are among the values.
@@ -105,6 +105,16 @@ class Trace(Shown):
         values = self.temperature_at(times)
         values[-1] = self.temperature_at(end_s, before=True)
         return times, values
+
+    def below_until(self, level_degC: float) -> float:
+        """Return an instant up to which the temperature is below a level [s]; infinite where it always is."""
+        end = float(self.time_s[-1])
+        for phase in phases_of(self.scenario, end, end):
+            times, temperature = self.course(phase.begin_s, phase.end_s)
+            reached = np.flatnonzero(temperature >= level_degC)
+            if len(reached):
+                return float(times[max(0, int(reached[0]) - 1)])
+        return math.inf
 
     def _stretch_at(self, times: Array, *, before: bool = False) -> tuple[Array, ...]:
         rows = np.searchsorted(self.stretches[:, 0], times, side="left" if before else "right") - 1

@@ -7,19 +7,20 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from heatertune.codec import built, encode
+from heatertune.codec import built, decode, encode
 from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.log.cells import count
 from heatertune.model.findings import KINDS, Finding
 from heatertune.proof.period import life
+from heatertune.proof.profile import Profile
 from heatertune.proof.specification import GENERAL, NOTHING
 
 __all__ = [
-    "ASSUMED", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "extent", "told_of",
-    "verdict_line",
+    "ASSUMED", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "derived", "extent",
+    "sampled", "told_of", "verdict_line", "verdict_of_samples",
 ]
 
-#: of a proof's document; those of the first did not hear the fit, of the second no specification
+#: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use
 PROOF_SCHEMA: Final = "heatertune/proof/3"
 
 NOT_PROVEN: Final = "NOT PROVEN"
@@ -54,6 +55,7 @@ class Heard:
         accepted: names of findings that the user accepts; they block nothing.
         assumed: what the user knows beside the log, name with unit → value.
         remarks: what else stands on the verdict's line.
+        not_tested: what no part of the runs shows, a few words each.
 
     Raises:
         UnknownName: no finding of this name blocks a verdict.
@@ -63,6 +65,7 @@ class Heard:
     accepted: tuple[str, ...] = ()
     assumed: Mapping[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    not_tested: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         blocks = [name for name, kind in KINDS.items() if kind.effect == "blocks"]
@@ -73,36 +76,79 @@ class Heard:
     @property
     def views(self) -> tuple[HeardView, ...]:
         """What is written of the findings."""
-        return tuple(built(HeardView, each, effect=each.kind.effect, accepted=each.name in self.accepted)
-                     for each in self.findings)
+        return tuple(built(HeardView, finding, effect=finding.kind.effect, accepted=finding.name in self.accepted)
+                     for finding in self.findings)
 
     def to_document(self) -> dict[str, Any]:
-        """Return "findings", "assumed" and "remarks" of a proof's document."""
-        return {"findings": encode(self.views), "assumed": dict(self.assumed), "remarks": list(self.remarks)}
+        """Return "findings", "assumed", "remarks" and "not_tested" of a proof's document."""
+        return {"findings": encode(self.views), "assumed": dict(self.assumed), "remarks": list(self.remarks),
+                "not_tested": list(self.not_tested)}
 
 
 def combined(verdicts: Iterable[str]) -> str:
-    """Return the one verdict of several: the worst; raise InputError where there is none."""
+    """Return the one verdict of several: the worst.
+
+    Raises:
+        InputError: there is none, or something else than a verdict.
+    """
     heard = set(verdicts)
     if not heard:
         raise InputError("a verdict needs at least one run: none proves nothing")
+    if others := sorted(map(repr, heard - {"PASS", NOT_PROVEN, "FAIL"})):
+        raise InputError(f"verdict: expected PASS, {NOT_PROVEN} or FAIL, got {', '.join(others)}")
     return "FAIL" if "FAIL" in heard else NOT_PROVEN if NOT_PROVEN in heard else "PASS"
+
+
+def verdict_of_samples(passing: float, quantile: float, settings: Sequence[float | None]) -> str:
+    """Return the verdict of samples.
+
+    Args:
+        passing: least share that keeps every limit.
+        quantile: share that must.
+        settings: share under each setting of what the manual leaves open; None: it got no sample.
+    """
+    if not passing >= quantile or any(share is not None and not share >= quantile for share in settings):
+        return "FAIL"
+    return NOT_PROVEN if None in settings or not settings else "PASS"
 
 
 def blocking(proof: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the findings in a proof's document that leave it unproven, by what their names mean."""
-    return [each for each in proof["findings"] if KINDS[each["name"]].effect == "blocks" and not each["accepted"]]
+    return [finding for finding in proof["findings"]
+            if KINDS[finding["name"]].effect == "blocks" and not finding["accepted"]]
 
 
 def verdict_line(proof: Mapping[str, Any]) -> str:
     """Return the verdict of a proof's document as one line: where, on how many heaters, why not, and what is told."""
     parts = [f"{proof['verdict']} {extent(proof)}"]
     parts += [f"not kept: {', '.join(broken)}"] if (broken := _broken(proof)) else []
-    if (drawn := proof.get("samples")) is not None:
-        parts.append(f"{100.0 * drawn['passing']:.3g} % of {drawn['count']} samples keep every limit")
-    parts += [f"{KINDS[each['name']].short} ({each['name']}): {KINDS[each['name']].remedy}, or --accept {each['name']}"
-              for each in blocking(proof)]
+    parts += sampled(proof)
+    parts += [f"{KINDS[name].short} ({name}): {KINDS[name].remedy}, or --accept {name}"
+              for name in (finding["name"] for finding in blocking(proof))]
     return "; ".join([*parts, *told_of(proof), *_switched(proof)])
+
+
+def sampled(proof: Mapping[str, Any]) -> list[str]:
+    """Return how many samples of a proof's document keep every limit, a few words; nothing where there are none."""
+    if (drawn := proof.get("samples")) is None:
+        return []
+    return [f"{100.0 * drawn['passing']:.3g} % of {drawn['count']} samples keep every limit{_under(drawn)}"]
+
+
+def derived(proof: Mapping[str, Any]) -> str:
+    """Return the verdict that follows from a proof's values; what the document calls it is not asked."""
+    heard = ["FAIL" if _broken(proof) else "PASS", *([NOT_PROVEN] if blocking(proof) else [])]
+    if (drawn := proof.get("samples")) is not None:
+        shares = [setting["passing"] for setting in drawn["settings"]]
+        heard.append(verdict_of_samples(drawn["passing"], drawn["quantile"], shares))
+    return combined(heard)
+
+
+def _under(drawn: Mapping[str, Any]) -> str:
+    """Return under which setting of what the manual leaves open the fewest samples pass, where there are several."""
+    shares = {", ".join(f"{name} = {setting}" for name, setting in one["switches"].items()): one["passing"]
+              for one in drawn["settings"] if one["passing"] is not None}
+    return f" under {min(shares, key=lambda setting: shares[setting])}" if len(shares) > 1 else ""
 
 
 def extent(proof: Mapping[str, Any]) -> str:
@@ -113,17 +159,19 @@ def extent(proof: Mapping[str, Any]) -> str:
 
 
 def _broken(proof: Mapping[str, Any]) -> Sequence[str]:
-    return [name.replace("_", " ") for name, each in proof["criteria"].items() if not each["ok"]]
+    return [name.replace("_", " ") for name, criterion in proof["criteria"].items() if not criterion["ok"]]
 
 
 def told_of(proof: Mapping[str, Any]) -> list[str]:
     """Return what is told, widened, accepted and assumed in a proof's document, a few words each."""
     under = [] if (spec := proof.get("specification")) is None else _of_spec(spec)
-    told = [KINDS[each["name"]].short for each in proof["findings"]
-            if KINDS[each["name"]].effect != "blocks"]
-    accepted = [f"accepted: {KINDS[each['name']].short}" for each in proof["findings"] if each["accepted"]]
+    findings = [(KINDS[finding["name"]], finding["accepted"]) for finding in proof["findings"]]
+    others = [kind.short for kind, _ in findings if kind.effect != "blocks"]
+    accepted = [f"accepted: {kind.short}" for kind, accepts in findings if accepts]
     assumed = [f"taken as known: {ASSUMED[name].format(value)}" for name, value in proof["assumed"].items()]
-    return [*under, *assumed, *accepted, *dict.fromkeys(told), *proof["remarks"]]
+    untold = [f"not tested: {', '.join(proof['not_tested'])}"] if proof["not_tested"] else []
+    return [*under, *assumed, *accepted, *dict.fromkeys(others), *proof["remarks"], *untold]
+
 
 
 def _switched(proof: Mapping[str, Any]) -> list[str]:
@@ -136,6 +184,9 @@ def _switched(proof: Mapping[str, Any]) -> list[str]:
 
 def _of_spec(spec: Mapping[str, Any]) -> list[str]:
     """Return which specification was kept or broken, where it is not the general one as it is."""
+    led = spec.get("profile")
+    along = "" if led is None else (
+        f"along the profile {decode(Profile, led, PROOF_SCHEMA).told}, which your own program has to lead")
     own = ", ".join(f"{name} {' and '.join(spec['limits'][name]) or NOTHING}" for name in spec["changed"])
     preset = "" if spec["name"] == GENERAL else f"specification {spec['name']}"
-    return [part for part in (preset, f"own limits: {own}" if own else "") if part]
+    return [part for part in (preset, f"own limits: {own}" if own else "", along) if part]

@@ -118,12 +118,27 @@ class CurveView:
             _demand_drawable(real=self.real, imaginary=self.imaginary)
 
 
-@registered("heatertune/pictures/1")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhaseView:
+    """What begins when in a run, and when its time at rest begins and ends."""
+
+    label: str
+    begin_s: float
+    rest_s: float
+    end_s: float
+
+    def __post_init__(self) -> None:
+        _demand_drawable(phase_s=(self.begin_s, self.rest_s, self.end_s))
+        if not self.begin_s <= self.rest_s <= self.end_s:
+            raise DocumentError("begin_s, rest_s, end_s: expected in ascending order")
+
+
+@registered("heatertune/pictures/2")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PicturesView:
     """The series that the report draws."""
 
-    kick_s: float
+    phases: tuple[PhaseView, ...]
     ms_limit: float | None
     nominal: SeriesView
     worst: SeriesView
@@ -132,7 +147,8 @@ class PicturesView:
     curves: tuple[CurveView, ...]
 
     def __post_init__(self) -> None:
-        _demand_drawable(kick_s=(self.kick_s,))
+        if not self.phases:
+            raise DocumentError("phases: none; expected at least the heat-up")
         if self.curves and not (self.ms_limit is not None and 1.0 < self.ms_limit < _MOST):
             raise DocumentError(f"ms_limit: {self.ms_limit}; expected a number above 1 beside curves")
 

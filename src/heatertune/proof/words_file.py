@@ -11,10 +11,12 @@ from heatertune.codec import decode, registered
 from heatertune.documents import peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused
 from heatertune.plc import Certificate, Ramp, Scaling, Words, controller_for
+from heatertune.plc.open_points import settings_to_prove
 from heatertune.proof.document import checked, digested
-from heatertune.proof.verdict import NOT_PROVEN, PROOF_SCHEMA, Heard, blocking, extent, told_of, verdict_line
+from heatertune.proof.verdict import PROOF_SCHEMA, Heard, blocking, derived, extent, sampled, told_of, verdict_line
 
-__all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_again", "read_words"]
+__all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_again", "read_words",
+           "words_of"]
 
 WORDS_SCHEMA: Final = "heatertune/words/1"
 
@@ -25,12 +27,14 @@ class WordsRampView:
 
     step: int | float
     calls: int = 1
+    hold: int | float | None = None
+    hold_degC: float | None = None
     degC_per_min: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WordsView:
-    """What the words of a document need to be read as words; these themselves the room checks."""
+    """What the words of a document need to be read as words; these themselves the controller checks."""
 
     scaling: Scaling
     sample_time_s: float
@@ -89,7 +93,7 @@ class WholeWordsView:
     search: Mapping[str, Any] | None
 
     def __post_init__(self) -> None:
-        if set(self.words) != {each.name for each in self.fields}:
+        if set(self.words) != {word.name for word in self.fields}:
             raise DocumentError("fields: others than the words")
         if self.search is not None:
             decode(SearchNotesView, {name: self.search.get(name, "") for name in ("notes", "ms_drawn")}, "search")
@@ -103,10 +107,23 @@ def read_words(path: str | Path, target: str) -> Words | None:
         OutOfRange: a word the target does not allow, a ramp that makes no sense (the proof asks whether the target
             can follow it).
     """
-    found = peek_schema(path)
-    if found != WORDS_SCHEMA:
+    if peek_schema(path) != WORDS_SCHEMA:
         return None
-    document = read_document(path, WORDS_SCHEMA)
+    return words_of(read_document(path, WORDS_SCHEMA), target, path)
+
+
+def words_of(document: Mapping[str, Any], target: str, path: str | Path) -> Words:
+    """Return the words of a document.
+
+    Args:
+        document: of words.
+        target: the controller they have to be of.
+        path: names the document in an error.
+
+    Raises:
+        DocumentError: it holds words of another target, or none.
+        OutOfRange: as `read_words`.
+    """
     if document.get("target") != target or not isinstance(document.get("words"), dict):
         raise DocumentError(f"{path}: words of target {document.get('target')!r}; expected {target!r}")
     view = decode(WordsView, {name: document.get(name) for name in ("scaling", "sample_time_s", "setpoint_ramp")}, path)
@@ -114,7 +131,7 @@ def read_words(path: str | Path, target: str) -> Words | None:
     words = Words(
         target=target, values=document["words"], sample_time_s=view.sample_time_s,
         scaling=view.scaling,
-        ramp=None if ramp is None else Ramp(step=ramp.step, calls=ramp.calls),
+        ramp=None if ramp is None else Ramp(step=ramp.step, calls=ramp.calls, hold=ramp.hold),
     )
     controller_for(target).check(words)
     return words
@@ -127,43 +144,42 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
         ExportRefused: the verdict is not PASS and `force` was not given.
     """
     failed = [name for name, criterion in proof["criteria"].items() if not criterion["ok"]]
-    open_ = blocking(proof)
-    if (failed or open_) and not force:
+    open_, verdict = blocking(proof), derived(proof)
+    if verdict != "PASS" and not force:
         raise ExportRefused(f"{verdict_line(proof)}; --force exports these words all the same")
     lines = [f"proven {extent(proof)}"]
     if proof["setpoint_ramp"] is not None:
         ramp = proof["setpoint_ramp"]
-        rate = f"{Ramp(step=ramp['step'], calls=ramp['calls'])}, {ramp['degC_per_min']:.3g} °C/min"
+        led = Ramp(**{name: ramp[name] for name in ("step", "calls", "hold")})
+        rate = f"{led}, {ramp['degC_per_min']:.3g} °C/min"
         lines.append(f"proven with the setpoint ramp {rate}; nothing is proven without it")
     watch = proof["interlock"]
     lines += [] if watch is None else [f"behind the interlock {watch['name']}, limit {watch['limit_degC']:g} °C"]
     lines += [f"taken as known: {name} = {setting}" for name, setting in proof["known"].items()]
     lines += [f"not kept: {name}" for name in failed]
-    lines += [f"not proven: {each['told']}" for each in open_]
-    lines += told_of(proof)
-    return Certificate(verdict=_verdict(proof), lines=tuple(lines), forced=bool(failed or open_))
-
-
-def _verdict(proof: Mapping[str, Any]) -> str:
-    """Return the verdict that follows from a proof's values; what the document calls it is not asked."""
-    broken = any(not criterion["ok"] for criterion in proof["criteria"].values())
-    return "FAIL" if broken else NOT_PROVEN if blocking(proof) else "PASS"
+    lines += [f"not proven: {finding['told']}" for finding in open_]
+    lines += [*sampled(proof), *told_of(proof)]
+    return Certificate(verdict=verdict, lines=tuple(lines), forced=verdict != "PASS",
+                       setpoint_degC=proof["scenario"]["setpoint_degC"])
 
 
 def _accepting(proof: Mapping[str, Any], accept: Sequence[str]) -> dict[str, Any]:
     """Return a proof's document with findings accepted that the user names; errors as `Heard`."""
     Heard(accepted=tuple(accept))
-    found = [{**each, "accepted": each["accepted"] or each["name"] in accept} for each in proof["findings"]]
-    accepted = {**proof, "findings": found}
-    return digested(accepted | {"verdict": _verdict(accepted)})
+    findings = [{**finding, "accepted": finding["accepted"] or finding["name"] in accept}
+                for finding in proof["findings"]]
+    accepted = {**proof, "findings": findings}
+    return digested(accepted | {"verdict": derived(accepted)})
 
 
 def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where: str | Path) -> None:
-    """Refuse a proof (document) of other words than these (document), or one of a PID without its margins.
+    """Refuse a proof (document) of other words than these (document), of a PID without its margins, or of a part alone.
 
     Raises:
         ExportRefused: it is of other words.
-        DocumentError: they make a PID, whose margins the proof does not judge.
+        DocumentError: they make a PID, whose margins the proof does not judge; a setting of what the manual leaves open
+            was not run on each heater.
+        UnknownName: the target has no such switch or setting.
     """
     names = ("target", "words", "sample_time_s", "scaling", "setpoint_ramp")
     other = [name for name in names if proof.get(name) != words.get(name)]
@@ -171,6 +187,13 @@ def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where:
         raise ExportRefused(f"{where}: the proof of other words ({', '.join(other)}); prove these first")
     if words.get("realised") is not None and "ms" not in proof["criteria"]:
         raise DocumentError(f"{where}: criteria.ms: is missing: no whole proof; prove the words again")
+    demanded = settings_to_prove(controller_for(proof["target"]).switches, proof["known"])
+    for model in dict.fromkeys(run["model"] for run in proof["runs"]):
+        ran = [dict(run["switches"]) for run in proof["runs"] if run["model"] == model]
+        if missing := [setting for setting in demanded if setting not in ran]:
+            untried = ", ".join(f"{name} = {setting}" for name, setting in missing[0].items())
+            raise DocumentError(
+                f"{where}: runs: none on {model} under {untried}: no whole proof; prove the words again")
 
 
 def export_again(
@@ -198,7 +221,7 @@ def export_again(
     proof = checked(read_document(beside, PROOF_SCHEMA), beside)
     demand_same_words(document, proof, beside)
     proof = _accepting(proof, accept)
-    found = certificate(proof, force=force)
-    files = dict(controller_for(target).export(words, found))
-    told = {"files": sorted(files), "verdict": found.verdict, "forced": found.forced}
-    return {"words": document | told, "proof": proof, "files": files}
+    certified = certificate(proof, force=force)
+    files = dict(controller_for(target).export(words, certified))
+    exported = {"files": sorted(files), "verdict": certified.verdict, "forced": certified.forced}
+    return {"words": document | exported, "proof": proof, "files": files}

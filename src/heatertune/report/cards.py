@@ -14,11 +14,12 @@ from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
+from heatertune.plc.typed import typed_table, typed_words
 from heatertune.proof import Proof, Trace
 from heatertune.report.html import bullets, table, text_of
 from heatertune.report.pictures import drawn
 from heatertune.report.style import to_svg
-from heatertune.report.text import criterion_value, figure, model_rows, word
+from heatertune.report.text import criterion_value, figure, model_rows
 
 __all__ = ["card"]
 
@@ -102,10 +103,10 @@ def _constants(design: PidDesign) -> list[tuple[str, str, str]]:
 @card.register
 def _words(value: Words) -> str:
     controller = controller_for(value.target)
-    rows = [(field.address, field.name, word(value.values[field.name]), field.comment) for field in controller.fields]
+    heads, values, rows = typed_table(typed_words(value))
     scale = (f"<p>Called every {figure(value.sample_time_s)} s; sensor {figure(value.scaling.low_degC)} … "
              f"{figure(value.scaling.high_degC)} °C.</p>")
-    parts = [table(["address", "word", "value", "meaning"], rows, numeric=(2,)), scale]
+    parts = [table(heads, rows, numeric=values), scale]
     real = controller.decode(value)
     if real is not None:
         parts += ["<p>What the controller makes of them:</p>",

@@ -14,11 +14,12 @@ from heatertune.model.values import FittedModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
+from heatertune.plc.typed import typed_table, typed_words
 from heatertune.proof import Proof, Trace
 from heatertune.proof.verdict import verdict_line
 from heatertune.report.cards import card
 from heatertune.report.pictures import drawn, panels
-from heatertune.report.text import criteria_table, design_lines, figure, model_lines, table, word
+from heatertune.report.text import criteria_table, design_lines, figure, model_lines, table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,12 +68,12 @@ def _design(value: PidDesign) -> str:
 @summary.register
 def _words(value: Words) -> str:
     controller = controller_for(value.target)
-    rows = [("address", "word", "value", "meaning"), *(
-        (field.address, field.name, word(value.values[field.name]), field.comment) for field in controller.fields)]
+    heads, values, rows = typed_table(typed_words(value))
     faults = () if controller.faults is None else controller.faults(value)
     called = (f"called every {figure(value.sample_time_s)} s; sensor {figure(value.scaling.low_degC)} … "
               f"{figure(value.scaling.high_degC)} °C")
-    return "\n".join([controller.title, table(rows, right=(2,)), called, *(f"! {fault}" for fault in faults)])
+    shown = table([heads, *rows], right=values)
+    return "\n".join([controller.title, shown, called, *(f"! {fault}" for fault in faults)])
 
 
 @summary.register

@@ -183,16 +183,18 @@ def _proof(documents: Documents) -> str:
         mark = "" if c["limit"] is None else "ok" if c["ok"] else "FAIL"
         rows.append([name.replace("_", " "), criterion_value(c), limit, c["unit"], mark, c["where"], c["what"]])
     heads = ["criterion", "worst", "limit", "unit", "", "in the run", "meaning"]
-    nominal, kick = pictures["nominal"], pictures["kick_s"]
+    nominal, phases = pictures["nominal"], pictures["phases"]
+    shaken = phases[min(1, len(phases) - 1)]
+    parts = ", ".join(f"{part['label']} at {part['begin_s']:.0f} s" for part in phases)
     return (
         "<h2>Proof</h2>"
         + table(heads, rows, numeric=(1,), source="closed loop of the PLC's own arithmetic; each line names its run")
         + (f"<h3>Known faults of this controller</h3>{bullets(proof['faults'])}" if proof["faults"] else "")
-        + picture(plots.plot_loop(nominal, pictures["worst"], pictures["others"]),
-                   f"Heat-up and a disturbance at {figure(kick)} s; nominal: {pictures['nominal']['label']}, worst: "
-                   f"{pictures['worst']['label']}.")
-        + picture(plots.plot_pwm(nominal, kick - 60.0, kick + 180.0), "The heater's switching around the disturbance.")
-        + picture(plots.plot_wish(nominal, pictures["wish"]),
+        + picture(plots.plot_loop(nominal, pictures["worst"], pictures["others"], phases),
+                   f"One run, {parts}; nominal: {pictures['nominal']['label']}, worst: {pictures['worst']['label']}.")
+        + picture(plots.plot_pwm(nominal, shaken["begin_s"] - 60.0, shaken["begin_s"] + 180.0),
+                   f"The heater's switching around the time {shaken['begin_s']:.0f} s ({shaken['label']}).")
+        + picture(plots.plot_wish(nominal, pictures["wish"], phases),
                    "What the design meant, in floating point, against the words.")
     )
 
@@ -221,6 +223,7 @@ def _comparison(documents: Documents) -> str:
 
 
 _SECTIONS: Sequence[Callable[[Documents], str]] = (
-    _verdict, record.words, record.site, record.signature, _proof, record.limits, _design, _model, _log, record.assumed,
+    _verdict, record.words, record.site, record.signature, record.specification, _proof, record.limits, _design,
+    _model, _log, record.assumed,
     _comparison,
 )

@@ -17,6 +17,9 @@ __all__ = ["plot_fit", "plot_loop", "plot_paper", "plot_pareto", "plot_pwm", "pl
 
 Part = Mapping[str, Any]
 
+_MANY_PARTS: Final = 4  # a run of fewer is drawn on an even axis
+_RESTS_DRAWN: Final = 0.05  # of a time at rest
+_NAMED: Final = 0.015  # a part that is narrower, of the whole picture, stands in the words below alone
 _SEEN: Final = 0.02  # |S| that can be told from 0 in the picture
 
 
@@ -39,7 +42,7 @@ def plot_fit(log: Part, residuals: Part) -> Figure:
     return figure
 
 
-def plot_loop(nominal: Part, worst: Part, others: Sequence[Part]) -> Figure:
+def plot_loop(nominal: Part, worst: Part, others: Sequence[Part], phases: Sequence[Part] = ()) -> Figure:
     """Draw the proven loop: temperature on all models, power asked for on the nominal and the worst."""
     figure, (top, low) = new_figure(2, 4.2, sharex=True, height_ratios=(2, 1))
     for run in others:
@@ -52,6 +55,7 @@ def plot_loop(nominal: Part, worst: Part, others: Sequence[Part]) -> Figure:
     for run, name, look in ((worst, "worst", "worst"), (nominal, "nominal", "realised")):
         low.step(run["asked_time_s"], run["asked_pct"], where="post", label=name, **LOOK[look])
     low.set(ylabel="power asked for [%]", ylim=(-4, 104), xlabel="time [s]")
+    _parts(phases, top, low)
     return figure
 
 
@@ -70,7 +74,7 @@ def plot_pwm(nominal: Part, start_s: float, end_s: float) -> Figure:
     return figure
 
 
-def plot_wish(nominal: Part, wish: Part) -> Figure:
+def plot_wish(nominal: Part, wish: Part, phases: Sequence[Part] = ()) -> Figure:
     """Draw what the design meant against what the words do."""
     figure, (top, low) = new_figure(2, 3.8, sharex=True, height_ratios=(2, 1))
     _temperature(top, nominal, "realised", "realised")
@@ -81,6 +85,7 @@ def plot_wish(nominal: Part, wish: Part) -> Figure:
     key(top, ("realised", "realised"), ("wished", "wish"))
     low.plot(instants, np.asarray(nominal["temperature_degC"]) - wished, label="realised − wished", **LOOK["realised"])
     low.set(ylabel="difference [°C]", xlabel="time [s]")
+    _parts(phases, top, low)
     return figure
 
 
@@ -149,6 +154,24 @@ def _circle(ax: Axes, ms: float, text: str, look: str, *, inner: bool) -> None:
     ax.add_patch(Circle((-1.0, 0.0), 1.0 / ms, fill=False, **LOOK[look]))
     ax.annotate(f"Ms, {text}", (-1.0, 0.0 if inner else 1.0 / ms), xytext=(0, -6 if inner else 3), ha="center",
                 textcoords="offset points", va="top" if inner else "bottom", fontsize=8)
+
+
+def _parts(phases: Sequence[Part], top: Axes, low: Axes) -> None:
+    """Mark where the parts of a run begin, and draw long times at rest short; each part has its name and instant."""
+    if len(phases) < _MANY_PARTS:
+        return
+    ends = np.array([0.0, *(instant for part in phases for instant in (part["rest_s"], part["end_s"]))])
+    lengths = np.diff(ends) * np.tile([1.0, _RESTS_DRAWN], len(phases))
+    drawn = np.concatenate([[0.0], np.cumsum(lengths)]) + 1e-9 * np.arange(len(ends))  # no two of them the same
+    instants = ends + 1e-9 * np.arange(len(ends))
+    for ax in (top, low):
+        ax.set_xscale("function", functions=(
+            lambda time: np.interp(time, instants, drawn), lambda place: np.interp(place, drawn, instants)))
+        ax.set_xlim(instants[0], instants[-1])
+    places = np.interp([*(part["begin_s"] for part in phases), instants[-1]], instants, drawn)
+    told = [part for part, wide in zip(phases, np.diff(places), strict=True) if wide > _NAMED * places[-1]]
+    low.set_xticks([part["begin_s"] for part in told], [f"{part['label']}, {part['begin_s']:.0f} s" for part in told],
+                   rotation=40, ha="right", fontsize=7, rotation_mode="anchor")
 
 
 def _temperature(ax: Axes, run: Part, name: str, look: str) -> None:

@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from heatertune.codec import decode
 from heatertune.options import options_of
 from heatertune.plc import controller_for
 from heatertune.plc.commissioning import commissioning
+from heatertune.plc.typed import typed_table
+from heatertune.proof.profile import Profile
+from heatertune.proof.specification import LIMITS
 from heatertune.report.html import bullets, steps, table, text_of, tick
-from heatertune.report.text import figure, ramp_note, search_notes, word
+from heatertune.report.text import figure, ramp_note, search_notes, typed
 from heatertune.settings import Conditions, SensorSettings
 
-__all__ = ["assumed", "limits", "signature", "site", "words"]
+__all__ = ["assumed", "limits", "signature", "site", "specification", "words"]
 
 Documents = Mapping[str, Mapping[str, Any]]
 
@@ -26,18 +30,20 @@ def signature(_: Documents) -> str:
 def words(documents: Documents) -> str:
     """Return the words, in the order in which they are typed in, each with a box to tick."""
     document = documents["words"]
-    rows = [[tick(f"word-{f['name']}", f"{f['name']} typed in"), f["address"], f["name"],
-             word(document["words"][f["name"]]), f["format"], f["comment"]] for f in document["fields"]]
+    typed_in = typed(document)
+    heads, values, cells = typed_table(typed_in)
+    rows = [[tick(f"word-{row.name}", f"{row.name} typed in"), *line[:-1], row.format, row.meaning]
+            for row, line in zip(typed_in, cells, strict=True)]
     files = "".join(f"<li><code>{text_of(name)}</code></li>" for name in document["files"])
     scale = document["scaling"]
-    heads = ["typed", "address", "word", "value", "format", "meaning, unit"]
+    listed = table(["typed", *heads[:-1], "format", "meaning, unit"], rows, numeric=[1 + i for i in values],
+                   source=controller_for(document["target"]).title)
     return (
         f"<h2>Words for {text_of(document['target'])}</h2><p>In the order in which they are typed in. Sensor "
         f"{figure(scale['low_degC'])}…{figure(scale['high_degC'])} °C; call every "
         f"{figure(document['sample_time_s'])} s. The setpoint of the proof, {figure(document['setpoint_degC'])} °C, is "
         f"{document['setpoint_units']} units.</p>"
-        f"{table(heads, rows, numeric=(3,), source=controller_for(document['target']).title)}"
-        f"{bullets([*ramp_note(document), *search_notes(document)])}<ul>{files}</ul>"
+        f"{listed}{bullets([*ramp_note(document), *search_notes(document)])}<ul>{files}</ul>"
     )
 
 
@@ -62,11 +68,10 @@ def assumed(documents: Documents) -> str:
         _row("setpoint_degC", story["setpoint_degC"]),
         _row("noise_degC", story["noise_degC"]),
         _row("tolerance_degC", limit["tolerance_degC"]),
-        ["duration of the proof", figure(story["duration_s"]), "s", "from the slowest model"],
+        ["duration of the proof", f"{story['duration_s']:.0f}", "s", "from the slowest possible heater"],
     ]
-    rows += [[f"disturbance at {figure(happening['time_s'])} s", figure(happening["temperature_degC"]), "°C",
-              "as in the paper's record, in times that suit the slowest model"] for happening in story["disturbances"]
-             if happening.get("temperature_degC") is not None]
+    rows += [[part["label"], f"{part['begin_s']:.0f}", "s", "the story of the specification, in times that suit the "
+              "slowest possible heater"] for part in documents["pictures"]["phases"][1:]]
     if switch is not None:
         rows += [_row(name, switch[key]) for name, key in (
             ("pwm_period_s", "pwm_period_s"), ("pwm_resolution_s", "resolution_s"), ("minimum_on_s", "minimum_on_s"),
@@ -92,13 +97,28 @@ def _row(name: str, value: float) -> list[str]:
     return [its.label or its.what, figure(value), its.unit, its.given_by]
 
 
+def specification(documents: Documents) -> str:
+    """Return what was asked for, in the user's words, with its reasons; empty where limits were given as they are."""
+    asked = documents["proof"]["specification"]
+    if asked is None:
+        return ""
+    rows = [[name, " and ".join(values), LIMITS[name].what, asked["reasons"].get(name, "")]
+            for name, values in asked["limits"].items() if values]
+    if (profile := asked.get("profile")) is not None:
+        rows.append(["profile", decode(Profile, profile, "proof.json").told,
+                     "ramps and soaks along which your own program leads the setpoint", ""])
+    return (f"<h2>Asked</h2><p>The specification {text_of(asked['name'])}.</p>"
+            + table(["limit", "value", "meaning", "why"], rows, source="heatertune spec"))
+
+
 def limits(documents: Documents) -> str:
     """Return what the proof does not say."""
+    proof = documents["proof"]
+    ends = f"Setpoints above {figure(proof['scenario']['setpoint_degC'])} °C, and below those of the story."
     unproven = [
         "Heaters outside the listed models: nothing is claimed for them.",
-        "A sensor that is wrong, a relay that sticks, mains voltage that changes, a jittering timer "
-        "(`heatertune verify --samples` draws the last two).",
-        "Anything but one heat-up from ambient and one disturbance at one setpoint.",
-        *documents["proof"].get("unproven", ()),
+        "A sensor that is wrong, a relay that sticks, a jittering timer (`heatertune verify --samples` draws this).",
+        ends,
+        *(f"Not tested: {part}." for part in proof["not_tested"]),
     ]
     return f"<h2>What was not proven</h2>{bullets(unproven)}"

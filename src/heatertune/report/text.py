@@ -6,14 +6,16 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from heatertune.plc.typed import TypedWord, typed_table, typed_words, word_text
 from heatertune.proof.verdict import verdict_line
+from heatertune.proof.words_file import words_of
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
-    "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "model_lines", "model_rows", "outcome_lines",
-    "pareto_table", "ramp_note", "samples_table", "search_notes", "summary", "table", "validation_lines", "word",
-    "words_table",
+    "feed_forward_lines", "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "model_lines", "model_rows",
+    "outcome_lines", "pareto_table", "ramp_note", "samples_table", "search_notes", "summary", "table", "typed",
+    "validation_lines", "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -28,11 +30,6 @@ def figure(value: Any, digits: int = 4) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return f"{value:.{digits}g}"
     return str(value)
-
-
-def word(value: float) -> str:
-    """Return a word as it is typed in: a REAL with the nine digits that tell every single from the next."""
-    return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
 def criterion_value(criterion: Document) -> str:
@@ -166,9 +163,14 @@ def pareto_table(front: Document) -> str:
 
 def words_table(words: Document) -> str:
     """Return the words in the order in which they are typed in, and how they were found."""
-    rows = [("address", "word", "value", "meaning")]
-    rows += [(f["address"], f["name"], word(words["words"][f["name"]]), f["comment"]) for f in words["fields"]]
-    return "\n".join([table(rows, right=(2,)), *(f"- {note}" for note in (*ramp_note(words), *search_notes(words)))])
+    heads, values, cells = typed_table(typed(words))
+    notes = [f"- {note}" for note in (*ramp_note(words), *search_notes(words))]
+    return "\n".join([table([heads, *cells], right=values), *notes])
+
+
+def typed(words: Document) -> tuple[TypedWord, ...]:
+    """Return the words of a document as they are typed in."""
+    return typed_words(words_of(words, words["target"], "words.json"), words["setpoint_degC"])
 
 
 def ramp_note(words: Document) -> list[str]:
@@ -178,8 +180,10 @@ def ramp_note(words: Document) -> list[str]:
         return []
     every = "call" if ramp["calls"] == 1 else f"{ramp['calls']} calls"
     rate = figure(ramp["degC_per_min"], 3)
-    return [f"The setpoint moves by {figure(ramp['step'])} units every {every}, {rate} °C/min: the exported files "
-            "hold the program of this ramp, and the words are proven with it only."]
+    held = ramp.get("hold_degC")
+    hold = "" if held is None else f", and follows the reading within {figure(held, 3)} °C while it is led"
+    return [f"The setpoint moves by {figure(ramp['step'])} units every {every}, {rate} °C/min{hold}: the exported "
+            "files hold the program of this ramp, and the words are proven with it only."]
 
 
 def search_notes(words: Document) -> list[str]:
@@ -212,9 +216,11 @@ def samples_table(proof: Document) -> list[str]:
         limit = "" if spot["limit"] is None else f"<= {figure(spot['limit'])}"
         kept = "" if spot["limit"] is None else f"{100.0 * spot['passing']:.4g} %"
         rows.append((_spaced(name), *numbers, limit, spot["unit"], kept))
+    settings = len(samples["settings"])
+    worst = f" under the worst of {settings} settings that the manual leaves open" if settings > 1 else ""
     return [
         f"{samples['count']} samples from seed {samples['seed']} on: {100.0 * samples['passing']:.4g} % keep every "
-        f"limit, {100.0 * samples['quantile']:.4g} % must: {samples['verdict']}; the worst: --replay "
+        f"limit{worst}, {100.0 * samples['quantile']:.4g} % must: {samples['verdict']}; the worst: --replay "
         f"{samples['worst_seed']}",
         table(rows, right=(1, 2, 3, 4)),
     ]
@@ -239,7 +245,29 @@ def advice_table(advice: Document) -> str:
         rows.append((case["step"], *[figure(case[gain]) for gain in ("kp", "ki", "kd")], case["verdict"], *numbers,
                      case["effect"], ", ".join(case["fails"])))
     best = f"best: {advice['best']}" if advice["best"] else "none of the steps helps on the model and passes"
-    return "\n".join([*lines, table(rows, right=(1, 2, 3, 5, 6, 7)), *([best] if len(rows) > 2 else [])])
+    notes = [f"- {note}" for note in advice["notes"]]
+    return "\n".join([*lines, table(rows, right=(1, 2, 3, 5, 6, 7)), *([best] if len(rows) > 2 else []), *notes])
+
+
+def feed_forward_lines(fed: Document) -> str:
+    """Return what is fed forward, and the working heater and the worst run beside plain feedback."""
+    low, high = fed["effect_pct_per_unit_ci95"]
+    (calm, strong), (begin, end) = fed["step"], fed["range"]
+    named = {"as found": fed["runs"][0], f"worst of {len(fed['runs'])} runs": fed["runs"][fed["worst"]]}
+    rows = [("", "error plain", "fed forward", "°C·s", "largest plain", "fed forward", "°C", "")]
+    rows += [(name, *map(figure, run["iae_degC_s"]), "",
+              *(figure(number, 3) for number in run["deviation_degC"]), "", run["label"])
+             for name, run in named.items()]
+    return "\n".join([
+        f"{fed['disturbance']}: {figure(fed['effect_pct_per_unit'])} % of full power per unit "
+        f"({figure(low, 3)} … {figure(high, 3)})",
+        f"{fed['input']} = {word_text(fed['at_low'])} at {begin:g}, {word_text(fed['at_high'])} at {end:g}: "
+        f"{fed['pct_per_unit']:+.4g} % per unit, none at {fed['calm']:g}",
+        f"the disturbance from {calm:g} to {figure(strong)} (logged: up to {figure(fed['logged'][1])}) and back, "
+        f"{figure(fed['load_pct'], 3)} % of full power, at {fed['setpoint_degC']:g} °C:",
+        table(rows, right=(1, 2, 4, 5)),
+        f"VERDICT {fed['verdict']}{', ' if fed['refusal'] else ''}{fed['refusal']}",
+    ])
 
 
 def _spaced(name: str) -> str:

@@ -115,10 +115,9 @@ assert {slider.field for slider in SLIDERS} <= {field.name for field in fields(S
 
 def settings_for(fitted: FittedModel, start: Settings) -> Settings:
     """Return settings that suit a new heater: the sensor's range reaches beyond the setpoint and ambient."""
-    setpoint = default_setpoint(fitted)
-    ambient = min(float(model.ambient_degC or 0.0) for _, model in labelled(fitted))
-    high = max(2.0, math.ceil(_ABOVE * setpoint / _SENSOR_STEP)) * _SENSOR_STEP
-    low = min(0.0, math.floor(ambient / _SENSOR_STEP) * _SENSOR_STEP)
+    places = [default_setpoint(fitted), *(float(model.ambient_degC or 0.0) for _, model in labelled(fitted))]
+    high = max(2.0, math.ceil(_ABOVE * max(places) / _SENSOR_STEP)) * _SENSOR_STEP
+    low = min(0.0, math.floor(min(places) / _SENSOR_STEP) * _SENSOR_STEP)
     return replace(start, sample_time_s=None, pwm_period_s=None, setpoint_degC=None, low_degC=low, high_degC=high)
 
 
@@ -126,8 +125,10 @@ def sliders_for(fitted: FittedModel) -> tuple[Slider, ...]:
     """Return the sliders with ends that suit a heater: times up to a third of it, setpoints all its models can hold."""
     models = [model for _, model in labelled(fitted)]
     slowest = max(sum(model.lags_s) + model.dead_time_s for model in models)
-    coldest = max(float(model.ambient_degC or 0.0) for model in models)
-    hottest = min(float(model.ambient_degC or 0.0) + 100.0 * model.gain_degC_per_pct for model in models)
+    ambients = [float(model.ambient_degC or 0.0) for model in models]
+    spans = [sorted((ambient, ambient + 100.0 * model.gain_degC_per_pct))
+             for ambient, model in zip(ambients, models, strict=True)]
+    coldest, hottest = max(low for low, _ in spans), min(high for _, high in spans)
     ends = {
         "sample_time_s": (0.1, max(1.0, math.ceil(slowest / 3.0))),
         "pwm_period_s": (0.1, max(10.0, math.ceil(slowest / 3.0))),

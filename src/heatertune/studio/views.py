@@ -10,10 +10,11 @@ from heatertune.model.document import to_document
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
+from heatertune.plc.typed import typed_table, typed_words, word_text
 from heatertune.proof import Proof
 from heatertune.proof.verdict import verdict_line
 from heatertune.report.html import bullets, table, text_of
-from heatertune.report.text import criterion_value, figure, model_rows, word
+from heatertune.report.text import criterion_value, figure, model_rows
 from heatertune.studio.loop import Look
 from heatertune.studio.session import Pinned
 
@@ -48,10 +49,8 @@ def _folded(title: str, items: Sequence[str]) -> str:
 
 def words(look: Look) -> str:
     """Return the words in the order in which they are typed in, as HTML."""
-    held = look.gains.words
-    rows = [[field.address, field.name, word(held.values[field.name]), field.comment]
-            for field in controller_for(held.target).fields]
-    return table(["address", "word", "value", "meaning"], rows, numeric=(2,))
+    heads, values, rows = typed_table(typed_words(look.gains.words, look.proof.scenario.setpoint_degC))
+    return table(heads, rows, numeric=values)
 
 
 def rounding(look: Look) -> str:
@@ -128,7 +127,8 @@ def compared(pinned: Sequence[Pinned]) -> str:
         rows.append([f"{name} [{unit}]", *(
             "—" if pin.look.realised is None else _part(pin.look.realised, field) for pin in pinned)])
     rows.append(["words", *(
-        ", ".join(f"{n} {word(v)}" for n, v in pin.look.gains.words.values.items()) for pin in pinned)])
+        ", ".join(f"{row.name} {word_text(row.then, row.format)}" for row in typed_words(
+            pin.look.gains.words, pin.look.proof.scenario.setpoint_degC)) for pin in pinned)])
     rows.append(["Ms of the words", *(
         "—" if pin.look.margins is None else figure(pin.look.margins.ms, 3) for pin in pinned)])
     for name in ("overshoot", "settling_time", "iae"):

@@ -39,6 +39,9 @@ class Prior:
         ambient_known: whether the fit after the experiment is told the ambient.
         values: the quantities of each model, shape (g, 4).
         by_order: indices and rows (see `response.rows_of`) of the models with one lag, and of those with two.
+
+    Raises:
+        OutOfRange: one of the models cools.
     """
 
     models: Mapping[str, HeaterModel]
@@ -48,6 +51,10 @@ class Prior:
 
     def __post_init__(self) -> None:
         models = list(self.models.values())
+        weakest = min(model.gain_degC_per_pct for model in models)
+        if weakest < 0.0:
+            raise OutOfRange("gain_degC_per_pct", weakest, "> 0: no experiment is planned for a cooler, a plan keeps "
+                             "a heater from getting too hot and knows nothing of too cold")
         values = [[m.gain_degC_per_pct, sum(m.lags_s), m.dead_time_s, m.ambient_degC] for m in models]
         object.__setattr__(self, "values", np.array(values, dtype=np.float64))
         orders = []

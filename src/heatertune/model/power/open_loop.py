@@ -203,7 +203,7 @@ class PowerProblem:
     def roughly(self) -> tuple[float, Array]:
         """Return the least sum of squares on a grid over lags and dead time, by a few readings, and where it lies."""
         coarse = self.thinned(_ROUGH_READINGS)
-        grid = self._grid()[::_ROUGH]
+        grid = self._grid()[::_ROUGH].copy()  # rows side by side: of others `project` would be compiled once more
         cost = coarse.cost(grid, np.tile(coarse.readings.temperature_degC, (len(grid), 1)))
         place = int(np.argmin(cost))
         return float(cost[place]) / len(coarse.readings.time_s), grid[place]

@@ -138,7 +138,7 @@ def _refuse_sign(log: Log, problem: PowerProblem, other: PowerFit) -> NoReturn:
             "heater; log a step of the setpoint or an open-loop step of the power"
         )
     raise InputError(
-        f"{fault}: a cooling loop, or the sensor of another zone; for a cooler log 100 − power as the power"
+        f"{fault}: a cooler, or the sensor of another zone; for a cooler say --cooler"
     )
 
 

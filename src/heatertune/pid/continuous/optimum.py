@@ -8,7 +8,7 @@ problem then looks for a better answer elsewhere; that is evidence as fine as th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -109,8 +109,10 @@ class ContinuousProblem:
 
 def iae(plant: HeaterModel, design: PidDesign) -> tuple[float, float]:
     """Return ∫|e| dt after a load step of 1 % [°C·s] and after a setpoint step of 1 °C [s]; the loop is stable."""
+    upright = replace(design, gain_pct_per_degC=abs(design.gain_pct_per_degC))  # a cooler's answer, mirrored
+    row = np.abs([_row(plant)])
     load, setpoint = (
-        _price(np.array([_row(plant)]), weights, design, _STEPS)
+        _price(row, weights, upright, _STEPS)
         for weights in np.eye(4)[:2, None]
     )
     return load, setpoint
@@ -208,7 +210,7 @@ def peaks(omega: Array, plant: Complex, gain: float, tn: float, tv: float) -> tu
     if compiled(continuous.encirclements)(omega, loop, 1.0) != 0:
         return loop, math.inf, math.inf, math.inf
     size = np.append(1.0 / np.abs(1.0 + loop), 1.0)  # far out S is 1
-    highest = gain * (1.0 + continuous.DERIVATIVE_FILTER_N if tv > 0.0 else 1.0)  # |C·S| at infinite frequency
+    highest = abs(gain) * (1.0 + continuous.DERIVATIVE_FILTER_N if tv > 0.0 else 1.0)  # |C·S| at infinite frequency
     noise = max(highest, float(np.max(np.abs(control) * size[:-1])))
     return loop, float(np.max(size)), float(np.max(np.abs(loop) * size[:-1])), noise
 
@@ -221,7 +223,7 @@ def margins(plants: tuple[HeaterModel, ...], design: PidDesign) -> tuple[Margins
         settings = _settings(design)
         loop, ms, mt, mks = peaks(omega, response, *settings)
         if math.isfinite(design.integral_time_s):  # at frequency 0, which no grid reaches
-            mt, mks = max(mt, 1.0), max(mks, 1.0 / plant.gain_degC_per_pct)
+            mt, mks = max(mt, 1.0), max(mks, 1.0 / abs(plant.gain_degC_per_pct))
         gain, phase = crossings(loop, sampled=False)
         rows.append((ms, mt, mks, gain, phase))
     ms, mt, mks = (max(row[i] for row in rows) for i in range(3))

@@ -86,7 +86,7 @@ def respond(
 
 def horizon(model: HeaterModel, design: PidDesign) -> int:
     """Return the number of samples in which a well-damped loop comes to rest."""
-    loop_gain = abs(design.gain_pct_per_degC) * model.gain_degC_per_pct
+    loop_gain = abs(design.gain_pct_per_degC * model.gain_degC_per_pct)
     slow = sum(model.lags_s) + model.dead_time_s
     if math.isfinite(design.integral_time_s):
         slow += design.integral_time_s * (1.0 + 1.0 / loop_gain)
@@ -96,7 +96,7 @@ def horizon(model: HeaterModel, design: PidDesign) -> int:
 def iae_load(model: HeaterModel, design: PidDesign) -> float:
     """Return ∫|e| dt after a load step of 1 % power [°C·s]; infinite where the loop keeps an offset or diverges."""
     deviation = respond(model, design, horizon(model, design), load_pct=1.0)
-    return _integral(deviation, design.sample_time_s, model.gain_degC_per_pct)
+    return _integral(deviation, design.sample_time_s, abs(model.gain_degC_per_pct))
 
 
 def iae_setpoint(model: HeaterModel, design: PidDesign) -> float:
@@ -108,7 +108,7 @@ def iae_setpoint(model: HeaterModel, design: PidDesign) -> float:
 def itae_load(model: HeaterModel, design: PidDesign) -> float:
     """Return ∫t·|e| dt after a load step of 1 % power [°C·s²]; infinite as `iae_load`."""
     deviation = respond(model, design, horizon(model, design), load_pct=1.0)
-    if math.isinf(_integral(deviation, design.sample_time_s, model.gain_degC_per_pct)):
+    if math.isinf(_integral(deviation, design.sample_time_s, abs(model.gain_degC_per_pct))):
         return math.inf
     return float(np.arange(len(deviation)) @ np.abs(deviation)) * design.sample_time_s**2
 

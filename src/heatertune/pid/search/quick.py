@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -61,10 +62,13 @@ def quick_tune(
     if sample_time_s is not None:
         check("sample_time_s", sample_time_s, above=0.0)
 
+    sign = math.copysign(1.0, plants[0].gain_degC_per_pct)
+    upright = [replace(plant, gain_degC_per_pct=sign * plant.gain_degC_per_pct) for plant in plants]
+
     def one_round(ta: float, before: PidDesign | None) -> PidDesign:  # noqa: ARG001 - a grid needs no start
-        gain, tn = _best(plants, structure, ms, ta, derivative_filter)
+        gain, tn = _best(upright, structure, ms, ta, derivative_filter)
         return PidDesign(
-            gain_pct_per_degC=gain, integral_time_s=tn, sample_time_s=ta, structure=structure,
+            gain_pct_per_degC=sign * gain, integral_time_s=tn, sample_time_s=ta, structure=structure,
             derivative_time_s=_TV_OF_TN * tn if structure == "pid" else 0.0, derivative_filter=derivative_filter,
             method=f"quick (largest integral gain with Ms <= {ms:g} on {len(plants)} models)",
         )

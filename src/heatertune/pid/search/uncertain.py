@@ -99,8 +99,8 @@ def interval_ends(fitted: FittedModel) -> tuple[HeaterModel, ...]:
     names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
     intervals = [(name, fitted.ci95.get(name)) for name in names]
     ends = [(name, end) for name, its in intervals if its is not None for end in (its.low, its.high)]
-    return tuple(replace(fitted.model, **{name: end}) for name, end in ends
-                 if end is not None and (end > 0.0 or (name == "dead_time_s" and end == 0.0)))
+    return tuple(replace(fitted.model, **{name: end}) for name, end in ends if end is not None and (
+        end >= 0.0 if name == "dead_time_s" else end * getattr(fitted.model, name) > 0.0))
 
 
 def ms_over(heaters: tuple[HeaterModel, ...], design: PidDesign) -> Drawn | None:
@@ -124,9 +124,10 @@ def drawn_of(values: Sequence[float]) -> Drawn:
 
 def _spread(interval: Interval | None) -> float:
     """Return the standard deviation of the logarithm."""
-    if interval is None or interval.low is None or interval.high is None or interval.low <= 0.0:
+    if interval is None or interval.low is None or interval.high is None or interval.low * interval.high <= 0.0:
         return 0.0
-    return math.log(interval.high / interval.low) / (2.0 * _HALF_WIDTH)
+    small, large = sorted((abs(interval.low), abs(interval.high)))
+    return math.log(large / small) / (2.0 * _HALF_WIDTH)
 
 
 def _scaled(plant: HeaterModel, gain: float, lag: float, dead_s: float) -> HeaterModel:

@@ -10,7 +10,9 @@ from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, TIMER
 from heatertune.plc.cpu.s7_300.real import quotient, real
 from heatertune.plc.fb41.export import export_words
+from heatertune.plc.fb41.feed_forward import FEED
 from heatertune.plc.fb41.image import from_image, oddities
+from heatertune.plc.fb41.readback import from_text
 from heatertune.plc.fb41.step import Assumptions, Parameters, restart, scan, step
 from heatertune.plc.fb41.words import FIELDS, consistent, design_of, values_of
 from heatertune.plc.ramp import Number
@@ -39,10 +41,14 @@ class ContC(Controller, name="fb41"):
         "INT_HOLD": "BOOL", "COM_RST": "BOOL",
     }
     ramped = True
+    # SM 331, eight channels at 50 Hz (S7-300 module data, A5E00105505), and one cycle of OB1 until an output of the
+    # process image is written (1 to 50 ms)
+    delay_s = 0.176 + 0.05
+    most_power = ("LMN_HLM", 100.0)
     core = Core(step=step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"))
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     export, image, oddities = staticmethod(export_words), staticmethod(from_image), staticmethod(oddities)
-    scan_all = staticmethod(scan)
+    text, scan_all, feed = staticmethod(from_text), staticmethod(scan), FEED
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after OB100's call with COM_RST."""

@@ -8,6 +8,7 @@ from heatertune.plc.controller import Controller, no_pid
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cpu.one_bit.machine import START
 from heatertune.plc.on_off.export import export_words, from_image
+from heatertune.plc.on_off.readback import from_text
 from heatertune.plc.on_off.step import Memory, listed, step
 from heatertune.plc.on_off.words import COUNTS, FIELDS, TIMER, consistent, oddities, values_of
 from heatertune.plc.open_points import NothingOpen
@@ -41,7 +42,7 @@ class OnOff(Controller, name="on-off"):
     core = Core(step=listed, measure=count, flags=_FLAGS, compiles=False)
     values, design, consistent = staticmethod(values_of), staticmethod(no_pid), staticmethod(consistent)
     export, direct = staticmethod(export_words), staticmethod(_direct)
-    image, oddities = staticmethod(from_image), staticmethod(oddities)
+    image, oddities, text = staticmethod(from_image), staticmethod(oddities), staticmethod(from_text)
 
     def begin(self, words: Words, assume: NothingOpen) -> Running:  # noqa: ARG002 - the same for all
         """Return the state after power-on: heater off."""

@@ -28,12 +28,15 @@ FIELDS: Final[tuple[WordField, ...]] = (
 )
 
 
-def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:  # noqa: ARG001 - no PID
+def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
     """Return BAND, the counts nearest 0.5 °C and at least 1; of the design only TA is taken, as the scan interval.
 
     Raises:
-        NotRepresentable: a sensor range so narrow that 0.5 °C are more than half of it.
+        NotRepresentable: a cooler, whose gain is negative; a sensor range so narrow that 0.5 °C are more than half.
     """
+    if design.gain_pct_per_degC < 0.0:
+        raise NotRepresentable("gain", design.gain_pct_per_degC, "positive: on-off switches on below the setpoint",
+                               "a PID controller would fit")
     exact = BAND_DEGC * COUNTS / scaling.span_degC
     band = max(1, int(exact + 0.5))
     if band > _MOST:

@@ -8,9 +8,21 @@ from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.s5_ob251.export import export_words
+from heatertune.plc.s5_ob251.feed_forward import FEED
 from heatertune.plc.s5_ob251.image import from_image, oddities
+from heatertune.plc.s5_ob251.readback import from_text
 from heatertune.plc.s5_ob251.step import COLD, Assumptions, Parameters, scan, step
-from heatertune.plc.s5_ob251.words import FACTOR, FIELDS, FULL_SCALE, consistent, design_of, most_gain, values_of
+from heatertune.plc.s5_ob251.typed import typed
+from heatertune.plc.s5_ob251.words import (
+    FACTOR,
+    FIELDS,
+    FULL_SCALE,
+    consistent,
+    design_of,
+    most_gain,
+    tolerated,
+    values_of,
+)
 from heatertune.plc.words import Words
 
 __all__ = ["Ob251"]
@@ -32,12 +44,19 @@ class Ob251(Controller, name="s5-ob251"):
     fields, assumptions, counts = FIELDS, Assumptions, FULL_SCALE
     timer = Timer(shortest_s=0.01, longest_s=600.0, step_s=0.01)  # OB10 to OB13
     inputs: ClassVar = {"W": "KF", "X": "KF", "Z": "KF", "XZ": "KF", "YH": "KF", "STEU": "KM"}
-    integers = ("K", "TI", "TD")
+    input_ranges: ClassVar = dict.fromkeys(("W", "X", "Z", "XZ", "YH"), (-FULL_SCALE, FULL_SCALE))  # table 11-11
+    integers, written = ("K", "TI", "TD"), ("W",)
     ramped = True
+    # analog input 460, eight channels at their slowest, and one cycle of OB1 until an output of the process image is
+    # written (S5-115U manual EWA 4NEB 811 6130, tables of the analog modules; cycles of 10 to 200 ms)
+    delay_s = 0.48 + 0.2
+    most_power = ("BGOG", 2047)
     core = Core(step=step, measure=count, flags=("upper limit", "lower limit"))
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
-    export, image, oddities = staticmethod(export_words), staticmethod(from_image), staticmethod(oddities)
-    scan_all, most_gain = staticmethod(scan), staticmethod(most_gain)
+    export, typed = staticmethod(export_words), staticmethod(typed)
+    image, oddities = staticmethod(from_image), staticmethod(oddities)
+    text, tolerated = staticmethod(from_text), staticmethod(tolerated)
+    scan_all, most_gain, feed = staticmethod(scan), staticmethod(most_gain), FEED
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the cold state: DW18 to DW48 cleared."""

@@ -47,6 +47,7 @@ class Parameters(NamedTuple):
     manual: int  # YH
     upper: int  # BGOG
     lower: int  # BGUG
+    z: int = 0  # Z, where the program writes it
 
 
 class Assumptions(NamedTuple):
@@ -100,7 +101,7 @@ def step(
         x: reading, in the same.
         _begins: not looked at: the PWM is behind the output.
     """
-    return _outcome(call(parameters[0], parameters[1], state, w, x, 0, 0))
+    return _outcome(call(parameters[0], parameters[1], state, w, x, parameters[0].z, 0))
 
 
 def scan(
@@ -109,7 +110,7 @@ def scan(
     """Compute one scan with W, X and, where named, Z, XZ, YH and STEU."""
     p, assume = parameters
     p = p._replace(manual=inputs.get("YH", p.manual), steu=inputs.get("STEU", p.steu))
-    return _outcome(call(p, assume, state, inputs["W"], inputs["X"], inputs.get("Z", 0), inputs.get("XZ", 0)))
+    return _outcome(call(p, assume, state, inputs["W"], inputs["X"], inputs.get("Z", p.z), inputs.get("XZ", 0)))
 
 
 def _outcome(after: State) -> tuple[State, float, int, int]:

@@ -10,7 +10,9 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE, NO_Z
 from heatertune.plc.words import Scaling, WordField, Words, rounded
 
-__all__ = ["FIELDS", "FULL_SCALE", "GAIN_WITH_D", "consistent", "design_of", "most_gain", "values_of"]
+__all__ = [
+    "FACTOR", "FIELDS", "FULL_SCALE", "GAIN_WITH_D", "consistent", "design_of", "most_gain", "tolerated", "values_of",
+]
 
 #: K, R and TI are multiples of this; the manual's 0.001 is its round value (footnote of table 11-11)
 FACTOR: Final = 1024
@@ -69,14 +71,17 @@ def design_of(words: Words) -> PidDesign:
     """Return the design that these words run: K and R together, TN and TV in seconds.
 
     Raises:
-        OutOfRange: K or R is 0: without a proportional part there is no standard form.
+        OutOfRange: K or R is 0: without a proportional part there is no standard form; nor is there where a negative R
+            sets it against the others.
     """
     v, ta = words.whole, words.sample_time_s
     if v["K"] == 0 or v["R"] == 0:
         raise OutOfRange("word K" if v["K"] == 0 else "word R", 0, "not 0: the standard form needs a P part")
+    if v["R"] < 0 and (v["TI"] or v["TD"]):
+        raise OutOfRange("word R", v["R"], "above 0 beside TI or TD: the P part would act against theirs")
     r = v["R"] / FACTOR
     tn = math.inf if v["TI"] == 0 else r * ta * FACTOR / v["TI"]
-    tv = ta * v["TD"] / r
+    tv = ta * v["TD"] / r if v["TD"] else 0.0
     return PidDesign(
         gain_pct_per_degC=v["K"] / FACTOR * r / _units_gain(words.scaling),
         integral_time_s=tn,
@@ -91,13 +96,26 @@ def consistent(words: Words) -> None:
     """Refuse words that contradict one another.
 
     Raises:
-        OutOfRange: limits that are upside down, or a K that is too large with a D part.
+        OutOfRange: limits that are upside down, or a K or R that is too large with a D part.
+    """
+    tolerated(words)
+    limit = GAIN_WITH_D
+    if words.whole["TD"] and not -limit <= words.whole["K"] <= limit:
+        raise OutOfRange("word K", words.whole["K"], f"-{limit}…{limit} with a D part (TD is not 0); larger only where "
+                         "XW moves in small steps (table 11-11, footnote 1), which is not proven")
+
+
+def tolerated(words: Words) -> None:
+    """Refuse words that contradict one another whatever the process: a K above its limit may run where XW is smooth.
+
+    Raises:
+        OutOfRange: limits that are upside down, or an R that is too large with a D part.
     """
     if words.whole["BGUG"] > words.whole["BGOG"]:
         raise OutOfRange("word BGUG", words.whole["BGUG"], f"<= BGOG = {words.whole['BGOG']}")
     limit = GAIN_WITH_D
-    if words.whole["TD"] and not -limit <= words.whole["K"] <= limit:
-        raise OutOfRange("word K", words.whole["K"], f"-{limit}…{limit} with a D part (TD is not 0)")
+    if words.whole["TD"] and not -limit <= words.whole["R"] <= limit:
+        raise OutOfRange("word R", words.whole["R"], f"-{limit}…{limit} with a D part (TD is not 0)")
 
 
 def _units_gain(scaling: Scaling) -> float:

@@ -12,6 +12,7 @@ from heatertune.plc.cpu.s7_200.cycle import TIMER, Interrupted, Timed, check_cyc
 from heatertune.plc.cpu.s7_200.wiring import COUNTS
 from heatertune.plc.s7_200.export import export_words
 from heatertune.plc.s7_200.listing import repaired_program
+from heatertune.plc.s7_200.readback import from_text
 from heatertune.plc.s7_200.step import Assumptions, Constants, Memory, listed, step
 from heatertune.plc.s7_200.words import FIELDS, design_of, most_gain, values_of
 from heatertune.plc.words import Words
@@ -49,7 +50,7 @@ class S7200(Controller, name="s7-200"):
     core = Core(step=listed, measure=count, flags=_FLAGS, compiles=False)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(check_cycle)
     interval_s, export, direct = staticmethod(cycle_s), staticmethod(export_words), staticmethod(_direct)
-    most_gain = staticmethod(most_gain)
+    most_gain, text = staticmethod(most_gain), staticmethod(from_text)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""

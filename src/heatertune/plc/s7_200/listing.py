@@ -56,7 +56,7 @@ def _ramped(words: Words) -> list[Network]:
         return []
     word, _ = _RAMP
     follow = Network("set point on its ramp", ["LD SM0.0", f"MOVW {word}, VW10"])
-    return [*ramp_moves(words.ramp, "VW10", *_RAMP), follow]
+    return [*ramp_moves(words.ramp, "VW10", "VW0", *_RAMP), follow]
 
 
 def _interrupt(words: Words) -> list[Network]:
@@ -67,8 +67,8 @@ def _interrupt(words: Words) -> list[Network]:
             "LD SM0.0", "MOVW VW2, VW4", "MOVW VW0, VW2", "MOVW VW10, VW20",
             "MOVW +0, VW10", "MOVB SMB28, VB11", "MOVB IB0, VB1",
         ]),
-        *_ramped(words),
         Network("its bit 0 is wired to I1.0", ["LD I1.0", "= V1.0"]),
+        *_ramped(words),
         Network("error, its change and sum, second difference of the process variable", [
             "LD SM0.0", "-I VW0, VW10", "MOVW VW10, VW24", "-I VW20, VW24", "MOVW VW10, VW26", "+I VW20, VW26",
             "MOVW VW2, VW28", "-I VW0, VW28", "+I VW2, VW28", "-I VW4, VW28",

@@ -13,6 +13,7 @@ from heatertune.plc.s7_200_paper.export import export_words
 from heatertune.plc.s7_200_paper.faults import faults
 from heatertune.plc.s7_200_paper.listed import Listed, Loaded, listed
 from heatertune.plc.s7_200_paper.listing import printed_program
+from heatertune.plc.s7_200_paper.readback import from_text
 from heatertune.plc.s7_200_paper.step import Assumptions, Constants, Memory, step
 from heatertune.plc.s7_200_paper.words import FIELDS, cycle_s, values_of
 from heatertune.plc.words import Words
@@ -52,6 +53,7 @@ class PaperProgram(Controller, name="s7-200-paper"):
     core = Core(step=listed, measure=count, flags=_FLAGS, compiles=False)
     values, design, interval_s = staticmethod(values_of), staticmethod(no_pid), staticmethod(cycle_s)
     export, faults, direct = staticmethod(export_words), staticmethod(faults), staticmethod(_direct)
+    text = staticmethod(from_text)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before the first scan: all words 0."""

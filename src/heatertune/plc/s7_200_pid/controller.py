@@ -12,6 +12,7 @@ from heatertune.plc.cpu.s7_200.cycle import TIMER, Interrupted, Timed, check_cyc
 from heatertune.plc.s7_200_pid.export import export_words
 from heatertune.plc.s7_200_pid.image import from_image, oddities
 from heatertune.plc.s7_200_pid.listing import pid_program
+from heatertune.plc.s7_200_pid.readback import from_text
 from heatertune.plc.s7_200_pid.step import FULL, STEP, Assumptions, Memory, Table, listed, measure, step
 from heatertune.plc.s7_200_pid.words import FIELDS, design_of, values_of
 from heatertune.plc.words import Words
@@ -46,7 +47,7 @@ class S7200Pid(Controller, name="s7-200-pid"):
     core = Core(step=listed, measure=measure, flags=_FLAGS, compiles=False)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(check_cycle)
     interval_s, export, direct = staticmethod(cycle_s), staticmethod(export_words), staticmethod(_direct)
-    image, oddities = staticmethod(from_image), staticmethod(oddities)
+    image, oddities, text = staticmethod(from_image), staticmethod(oddities), staticmethod(from_text)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""

@@ -41,6 +41,8 @@ def _initialisation(words: Words) -> list[Network]:
         Network("output and bias begin at 0", [
             "LD SM0.0", f"MOVR 0.0, VD{TABLE + 8}", f"MOVR 0.0, VD{TABLE + 28}", f"MOVW +1, {_TICKS}",
         ]),
+        Network("reading of the call before: the one at the start, whatever V memory retained",
+                _share("AIW0", f"VD{TABLE + 32}")),
         *([] if words.ramp is None else [ramp_begins(words.ramp, "AIW0", *_RAMP[1:])]),
         pwm_registers(cycle_ms(words.whole)),
         timed_interrupt(words.whole["TICK"]),
@@ -68,4 +70,6 @@ def _setpoint(words: Words) -> list[Network]:
     """Return how a ramp leads the setpoint; without one the operator's panel writes it itself."""
     if words.ramp is None:
         return []
-    return [*ramp_moves(words.ramp, *_RAMP), Network("setpoint as a share of the range", _share(_RAMP[1], SETPOINT))]
+    asked, *led = _RAMP
+    share = Network("setpoint as a share of the range", _share(led[0], SETPOINT))
+    return [*ramp_moves(words.ramp, asked, "AIW0", *led), share]

@@ -9,6 +9,7 @@ from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, TIMER
 from heatertune.plc.s7_300.export import export_words
 from heatertune.plc.s7_300.image import from_image, oddities
+from heatertune.plc.s7_300.readback import from_text
 from heatertune.plc.s7_300.step import COLD, Assumptions, Parameters, scan, step
 from heatertune.plc.s7_300.words import FIELDS, design_of, values_of
 from heatertune.plc.words import Words
@@ -32,9 +33,13 @@ class PidTip(Controller, name="s7-300"):
     inputs: ClassVar = {"SP": "INT", "PV": "INT", "mode_req": "BOOL", "OUT": "INT"}
     derivative_filter = 0.0
     ramped = True
+    # SM 331, eight channels at 50 Hz (S7-300 module data, A5E00105505), and one cycle of OB1 until an output of the
+    # process image is written (1 to 50 ms)
+    delay_s = 0.176 + 0.05
     core = Core(step=step, measure=count, flags=("overflow",))
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     image, oddities, scan_all = staticmethod(from_image), staticmethod(oddities), staticmethod(scan)
+    text = staticmethod(from_text)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after OB100."""

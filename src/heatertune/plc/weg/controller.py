@@ -9,8 +9,9 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, Sensor, count
 from heatertune.plc.single import single
 from heatertune.plc.weg.export import export_words
+from heatertune.plc.weg.readback import from_text
 from heatertune.plc.weg.step import COLD, Assumptions, block_of, scan, step
-from heatertune.plc.weg.words import FIELDS, consistent, design_of, interval_s, values_of
+from heatertune.plc.weg.words import FIELDS, consistent, design_of, interval_s, oddities, values_of
 from heatertune.plc.words import Words
 
 __all__ = ["Weg"]
@@ -43,9 +44,11 @@ class Weg(Controller, name="weg"):
     counts = 4095  # of the 12-bit input module that is assumed
     derivative_filter = 0.0
     ramped = True
+    most_power = ("MaximumOutput", 100.0)
     core = Core(step=step, measure=_measure, flags=("upper limit", "lower limit", "overflow"), singles=True)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     interval_s, export, scan_all = staticmethod(interval_s), staticmethod(export_words), staticmethod(scan)
+    text, oddities = staticmethod(from_text), staticmethod(oddities)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before EN has ever been TRUE."""

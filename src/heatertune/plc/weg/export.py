@@ -8,13 +8,14 @@ from __future__ import annotations
 from decimal import Decimal
 from typing import Final
 
+from heatertune.plc.ramp import Number, for_coolers
 from heatertune.plc.single import single
 from heatertune.plc.weg.plcopen import project
 from heatertune.plc.weg.source import BLOCK_NAME, function_block
 from heatertune.plc.weg.words import FIELDS
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words", "literal"]
+__all__ = ["RENAMED", "export_words", "literal"]
 
 #: variables of the program around the block; the names are free
 _VARIABLES = (
@@ -32,6 +33,7 @@ _RAMP_VARIABLES = (
     ("HeaterRampCalls", "INT", "0", "calls since its last step"),
     ("HeaterWasOn", "BOOL", "FALSE", "HeaterOn of the call before"),
 )
+_HOLD_VARIABLES = (("HeaterLimit", "REAL", "0.0", "degC, how far from the temperature the ramp may be"),)
 
 _WIRES = (
     ("ManualSetPoint", "HandPower"), ("SelectSetPoint", "ByHand"),
@@ -43,7 +45,7 @@ _LOWEST_PLAIN: Final = 1e-4
 _PLAIN: Final = 1e6
 
 #: input of WEG's block → input of the exported one, where the language reserves the name
-_RENAMED = {"Type": "Form", "Action": "Acting"}
+RENAMED: Final = {"Type": "Form", "Action": "Acting"}
 
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
@@ -86,7 +88,9 @@ def _values(words: Words) -> list[tuple[str, str]]:
 
 
 def _variables(words: Words) -> tuple[tuple[str, str, str, str], ...]:
-    return _VARIABLES if words.ramp is None else _VARIABLES + _RAMP_VARIABLES
+    if words.ramp is None:
+        return _VARIABLES
+    return _VARIABLES + _RAMP_VARIABLES + (() if words.ramp.hold is None else _HOLD_VARIABLES)
 
 
 def _wires(words: Words) -> list[tuple[str, str]]:
@@ -98,17 +102,36 @@ def _ramp(words: Words) -> str:
     if words.ramp is None:
         return ""
     step, calls = literal(words.ramp.step), words.ramp.calls
-    return (
-        "IF NOT HeaterWasOn THEN\n  HeaterRamp := HeaterTemperature;\n  HeaterRampCalls := 0;\nEND_IF;\n"
-        "HeaterWasOn := HeaterOn;\nHeaterRampCalls := HeaterRampCalls + 1;\n"
-        f"IF HeaterRampCalls >= {calls} THEN\n  HeaterRampCalls := 0;\n"
+    below, lowest, above = ("", "HeaterSetPoint", "") if words.ramp.hold is None else _held(words.ramp.hold)
+    arrived = "  ELSE\n" if not below else "  ELSIF NOT (HeaterRamp > HeaterSetPoint) THEN\n"
+    moves = (
+        f"{below}"
         "  IF HeaterRamp < HeaterSetPoint THEN\n"
         f"    HeaterRamp := HeaterRamp + {step};\n"
         "    IF HeaterRamp > HeaterSetPoint THEN\n      HeaterRamp := HeaterSetPoint;\n    END_IF;\n"
-        "  ELSIF HeaterRamp > HeaterSetPoint THEN\n"
+        f"  ELSIF HeaterRamp > {lowest} THEN\n"
         f"    HeaterRamp := HeaterRamp - {step};\n"
-        "    IF HeaterRamp < HeaterSetPoint THEN\n      HeaterRamp := HeaterSetPoint;\n    END_IF;\n"
-        "  ELSE\n    HeaterRamp := HeaterSetPoint;\n  END_IF;\nEND_IF;\n"
+        f"    IF HeaterRamp < {lowest} THEN\n      HeaterRamp := {lowest};\n    END_IF;\n"
+        f"{arrived}    HeaterRamp := HeaterSetPoint;\n  END_IF;\nEND_IF;\n{above}"
+    )
+    if words.ramp.cools:
+        moves = for_coolers(moves, {"<": ">", "+": "-"})
+    return (
+        "IF NOT HeaterWasOn THEN\n  HeaterRamp := HeaterTemperature;\n  HeaterRampCalls := 0;\nEND_IF;\n"
+        "HeaterWasOn := HeaterOn;\nHeaterRampCalls := HeaterRampCalls + 1;\n"
+        f"IF HeaterRampCalls >= {calls} THEN\n  HeaterRampCalls := 0;\n{moves}"
+    )
+
+
+def _held(size: Number) -> tuple[str, str, str]:
+    """Return the statements that find the lowest setpoint, its name, and those that keep the setpoint from above."""
+    hold = literal(abs(size))
+    return (
+        f"  HeaterLimit := HeaterTemperature - {hold};\n"
+        "  IF NOT (HeaterLimit > HeaterSetPoint) THEN\n    HeaterLimit := HeaterSetPoint;\n  END_IF;\n",
+        "HeaterLimit",
+        f"HeaterLimit := HeaterTemperature + {hold};\n"
+        "IF HeaterRamp > HeaterLimit THEN\n  HeaterRamp := HeaterLimit;\nEND_IF;\n",
     )
 
 
@@ -123,7 +146,7 @@ def _weg_call(words: Words) -> str:
 
 
 def _block_call(words: Words) -> str:
-    values = [(_RENAMED.get(name, name), value) for name, value in _values(words)]
+    values = [(RENAMED.get(name, name), value) for name, value in _values(words)]
     call = _called("HeaterPid", [("Enable", "HeaterOn"), *_wires(words), *values])
     return f"{_ramp(words)}{call}HeaterPower := HeaterPid.Output;\n"
 

@@ -11,7 +11,10 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import FORMATS, Scaling, WordField, Words, stored
 
-__all__ = ["ACADEMIC", "DIRECT", "FIELDS", "PARALLEL", "REVERSE", "consistent", "design_of", "interval_s", "values_of"]
+__all__ = [
+    "ACADEMIC", "DIRECT", "FIELDS", "PARALLEL", "REVERSE", "consistent", "design_of", "interval_s", "oddities",
+    "values_of",
+]
 
 #: Type# and Action# in the order in which the manual lists them; its example has 0 and 0
 ACADEMIC: Final = 0
@@ -88,6 +91,22 @@ def consistent(words: Words) -> None:
     v = words.values
     if v["MinimumOutput"] > v["MaximumOutput"]:
         raise OutOfRange("word MinimumOutput", v["MinimumOutput"], f"<= MaximumOutput = {v['MaximumOutput']:g}")
+
+
+def oddities(words: Words) -> tuple[str, ...]:
+    """Return what is odd about a block's words, one sentence each."""
+    v = words.values
+    checks = [
+        (v["Kp"] == 0.0 and v["Type"] == ACADEMIC, "Kp is 0: in the academic form nothing acts."),
+        (v["Kp"] == 0.0 and v["Type"] == PARALLEL, "Kp is 0: there is no proportional part."),
+        (v["Ki"] == 0.0, "Ki is 0: there is no integral part."),
+        (v["Type"] == PARALLEL, "Type is 1, the parallel form: Ki and Kd act by themselves, not times Kp."),
+        (v["Action"] == REVERSE, "Action is 1: the output falls where the temperature is too low, as for a cooler."),
+        (v["TauSetPoint"] > 0.0, f"TauSetPoint is {v['TauSetPoint']:g} s: the setpoint is filtered."),
+        ((v["MinimumOutput"], v["MaximumOutput"]) != (0.0, 100.0),
+         f"Output is limited to {v['MinimumOutput']:g}…{v['MaximumOutput']:g} %, not to 0…100 %."),
+    ]
+    return tuple(sentence for is_odd, sentence in checks if is_odd)
 
 
 def interval_s(values: Mapping[str, Number]) -> float:

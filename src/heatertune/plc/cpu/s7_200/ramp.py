@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from heatertune.plc.cpu.s7_200.text import Network
-from heatertune.plc.ramp import Ramp
+from heatertune.plc.ramp import Number, Ramp
 
 __all__ = ["ramp_begins", "ramp_moves"]
 
@@ -22,10 +22,19 @@ def ramp_begins(ramp: Ramp, reading: str, word: str, countdown: str) -> Network:
     ])
 
 
-def ramp_moves(ramp: Ramp, asked: str, word: str, countdown: str) -> list[Network]:
-    """Return the networks of each call; AC0 to AC2 are used.
+def ramp_moves(ramp: Ramp, asked: str, reading: str, word: str, countdown: str) -> list[Network]:
+    """Return the networks of each call; AC0 to AC3 are used.
 
-    What is left to the setpoint asked for is limited to a step, and to nothing between the steps.
+    What is left to the setpoint asked for is limited to a step, and to nothing between the steps; what is between
+    setpoint and reading is limited to the holdback, which is below zero for a cooler. Setpoint and readings are not
+    negative: no difference overflows.
+
+    Args:
+        ramp: of the setpoint.
+        asked: word of the setpoint asked for.
+        reading: word of the reading.
+        word: of the setpoint on its way.
+        countdown: word of the calls to the next step.
     """
     step = int(ramp.step)
     due = Network("setpoint ramp: no step but every so many calls", [
@@ -40,5 +49,28 @@ def ramp_moves(ramp: Ramp, asked: str, word: str, countdown: str) -> list[Networ
         Network("what is left to go", ["LD SM0.0", f"MOVW {asked}, AC0", f"-I {word}, AC0"]),
         Network("not more than a step up", ["LDW> AC0, AC1", "MOVW AC1, AC0"]),
         Network("not more than a step down", ["LDW< AC0, AC2", "MOVW AC2, AC0"]),
+        *([] if ramp.hold is None else _not_far_down(ramp.hold, reading, word)),
         Network("move the setpoint", ["LD SM0.0", f"+I AC0, {word}"]),
+        *([] if ramp.hold is None else _not_far_up(ramp.hold, reading, word)),
+    ]
+
+
+def _not_far_down(hold: Number, reading: str, word: str) -> list[Network]:
+    below, up, down, more, less = ("above", "down", "up", "<", ">") if hold < 0 else ("below", "up", "down", ">", "<")
+    return [
+        Network(f"holdback: what is left to the process variable and so much {below} it, which is no way {up}", [
+            "LD SM0.0", f"MOVW {reading}, AC3", f"-I {word}, AC3", f"-I {hold:+d}, AC3",
+        ]),
+        Network(f"never {up}", [f"LDW{more} AC3, +0", "MOVW +0, AC3"]),
+        Network(f"not farther {down}", [f"LDW{less} AC0, AC3", "MOVW AC3, AC0"]),
+    ]
+
+
+def _not_far_up(hold: Number, reading: str, word: str) -> list[Network]:
+    above, more = ("below", "<") if hold < 0 else ("above", ">")
+    return [
+        Network(f"holdback: how far the setpoint is {above} the process variable", [
+            "LD SM0.0", f"MOVW {word}, AC0", f"-I {reading}, AC0",
+        ]),
+        Network("not farther", [f"LDW{more} AC0, {hold:+d}", f"MOVW {reading}, {word}", f"+I {hold:+d}, {word}"]),
     ]

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final
 
-from heatertune.plc.ramp import Ramp
+from heatertune.plc.ramp import Number, Ramp, for_coolers
 
 __all__ = ["WORD", "ramp_begins", "ramp_moves"]
 
 #: the setpoint that the controller follows, and the calls to its next step; free in most programs
 WORD: Final = "MW 30"
 _COUNTDOWN: Final = "MW 32"
+#: how far a holdback lets the setpoint go down, or up for a cooler
+_LOWEST: Final = "MW 38"
+_SWAPPED: Final = {
+    "+I": "-I", ">I": "<I", ">=I": "<=I", "+D": "-D", ">D": "<D", ">=D": "<=D", "down": "rise", "low": "top",
+    "the reading less the holdback where that is more": "the reading and the holdback where that is less",
+    "the reading and the holdback": "the reading less the holdback",
+}
 
 
 def ramp_begins(ramp: Ramp) -> list[str]:
@@ -22,16 +30,36 @@ def ramp_begins(ramp: Ramp) -> list[str]:
 def ramp_moves(ramp: Ramp, asked: str) -> list[str]:
     """Return the statements of each call: the setpoint moves by a step, or by what is left where that is less.
 
-    It comes from the side on which it is, so that no sum can overflow on a setpoint within 0…27648.
+    It comes from the side on which it is, so that no sum can overflow on a setpoint within 0…27648. A holdback is
+    reckoned in 32 bits: the reading of a broken sensor is at the end of 16.
     """
-    step = int(ramp.step)
-    return [
-        *([] if ramp.calls == 1 else _count(ramp.calls)),
-        f"      L     {WORD};", f"      L     {asked};", "      >I    ;", "      JC    down;",
-        *_by(step, asked, "+I", ">I"), "      JU    ramp;",
-        *_by(step, asked, "-I", "<I", label="down:"),
+    step, counts = int(ramp.step), [] if ramp.calls == 1 else _count(ramp.calls)
+    up = [*_by(step, asked, "+I", ">I"), "      JU    ramp;"]
+    if ramp.hold is None:
+        return [
+            *counts, f"      L     {WORD};", f"      L     {asked};", "      >I    ;", "      JC    down;",
+            *up, *_by(step, asked, "-I", "<I", label="down:"),
+            f"ramp: T     {WORD};", *(["kept: NOP   0;"] if counts else []),
+        ]
+    hold = abs(ramp.hold)
+    heaters = [
+        *_beside(hold, "-D", asked), "      <D    ;", "      JC    low;", "      TAK   ;",
+        f"low:  T     {_LOWEST};  // the setpoint asked for, or the reading less the holdback where that is more",
+        f"      L     {WORD};", f"      L     {asked};", "      >I    ;", "      JC    down;", *up,
+        f"down: L     {WORD};", f"      L     {_LOWEST};", "      <=I   ;", "      JC    kept;",
+        *_by(step, _LOWEST, "-I", "<I"),
         f"ramp: T     {WORD};",
-        *([] if ramp.calls == 1 else ["kept: NOP   0;"]),
+        *_beside(hold, "+D", WORD, label="kept:"), "      >=D   ;", "      JC    held;", "      TAK   ;",
+        f"      T     {WORD};  // the reading and the holdback", "held: NOP   0;",
+    ]
+    return [*counts, *(map(partial(for_coolers, swapped=_SWAPPED), heaters) if ramp.cools else heaters)]
+
+
+def _beside(hold: Number, sum_: str, word: str, label: str = "") -> list[str]:
+    """Return the statements that leave the reading and a holdback in ACCU 2, a word in ACCU 1, both in 32 bits."""
+    return [
+        f"{label:6s}L     PIW 256;", "      ITD   ;", f"      L     L#{hold};", f"      {sum_}    ;",
+        f"      L     {word};", "      ITD   ;",
     ]
 
 

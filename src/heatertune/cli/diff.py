@@ -1,0 +1,51 @@
+"""`heatertune diff`: two word sets apart."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from heatertune import options
+from heatertune.cli import printing
+from heatertune.plc.targets import TARGETS
+from heatertune.settings import SensorSettings
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune diff out/ out/DB30.bin"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "diff", help="two word sets apart in engineering terms: exit status 1 where they differ", epilog=_EXAMPLE,
+        description="Tell what K, TN, TV, limits and mode two word sets have, word by word, and whether the proof of "
+        "one covers the other. Each is a folder, a words.json, a pid.json, or a dump or text of a controller; what a "
+        "file does not tell is as in the other.",
+    )
+    command.add_argument("before", metavar="A", help="the words before")
+    command.add_argument("after", metavar="B", help="the words after")
+    command.add_argument("--target", metavar="NAME",
+                         help=f"the controller, where neither file tells it: {', '.join(TARGETS)}")
+    command.add_argument("--called-every", type=float, metavar="S",
+                         help="sampling interval TA of a dump or text [s] (default: as in the other)")
+    options.add(command, SensorSettings, default=None,
+                help="sensor range at the lowest and highest reading of a design, dump or text [°C] (default: as in "
+                     "the other, else 0 100)")
+    printing.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune.plc import Scaling  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.difference import Given, difference, read_sides  # noqa: PLC0415
+    from heatertune.report.difference import difference_lines  # noqa: PLC0415
+    from heatertune.units import check  # noqa: PLC0415
+
+    if settings.called_every is not None:
+        check("--called-every", settings.called_every, above=0.0)
+    scaling = None if settings.range is None else Scaling(low_degC=settings.range[0], high_degC=settings.range[1])
+    given = Given(target=settings.target, sample_time_s=settings.called_every, scaling=scaling)
+    document = difference(*read_sides(settings.before, settings.after, given))
+    printing.output(settings, document, lambda: difference_lines(document))
+    return 0 if document["same"] else 1

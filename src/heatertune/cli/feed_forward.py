@@ -1,0 +1,46 @@
+"""`heatertune feed-forward`: a design with a measured disturbance → what the PLC makes of it."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from heatertune import options
+from heatertune.cli import printing
+from heatertune.errors import ExportRefused
+from heatertune.settings import FeedForwardSettings
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune feed-forward oven/ --disturbance-range 0 1 --contact"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "feed-forward", help="a measured disturbance → what the PLC adds for it, run beside plain feedback",
+        epilog=_EXAMPLE,
+        description="Design feed-forward of the disturbance that `heatertune design --disturbance-column` found in the "
+                    "log, run it beside plain feedback on every possible heater, and write the program that feeds it.",
+    )
+    command.add_argument("directory", metavar="DIR", help="directory that `heatertune design` wrote")
+    command.add_argument("-o", "--out", metavar="DIR", help="directory for the results (default: the same)")
+    options.add(command, FeedForwardSettings)
+    command.add_argument("--force", action="store_true", help="write the program whatever the verdicts")
+    printing.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune.chain.feed_forward import feed_forward  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.report.text import feed_forward_lines  # noqa: PLC0415
+    from heatertune.writing import write_files  # noqa: PLC0415
+
+    fed = feed_forward(settings.directory, options.of(FeedForwardSettings, settings), force=settings.force)
+    out, document = settings.out or settings.directory, fed.proof.to_document()
+    write_files(out, fed.files)
+    written = f"written to {out}: {', '.join(sorted(fed.files))}"
+    printing.output(settings, document, lambda: f"{feed_forward_lines(document)}\n{written}")
+    if fed.proof.refusal and not settings.force:
+        raise ExportRefused(f"{fed.proof.refusal}; --force writes the program all the same")
+    return 0

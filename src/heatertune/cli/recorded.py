@@ -1,0 +1,154 @@
+"""What `pid.json` says of the words that were proven, and the options that take its place."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from heatertune import options
+from heatertune.cli import common
+from heatertune.options import Option, options_of
+from heatertune.settings import Conditions, SensorSettings, WordSettings
+
+if TYPE_CHECKING:
+    from heatertune.model.values import FittedModel
+    from heatertune.pid.recipe import Recipe
+    from heatertune.plc import Words
+    from heatertune.plc.choice import WordChoice
+
+__all__ = ["Proving", "in_force", "proving"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proving:
+    """What is to be proven.
+
+    Attributes:
+        words: of a words file, or of a design.
+        choice: how they were found; None: they were given.
+        fitted: the heater to prove them on.
+        conditions: of the proof.
+        ramp: another way of the setpoint than the words have, see `heatertune.proof.setpoint_ramp.prove_ramped`.
+        notes: what was taken from the file, and what options took its place, one sentence each.
+    """
+
+    words: Words
+    choice: WordChoice | None
+    fitted: FittedModel
+    conditions: Conditions
+    ramp: float | str | None
+    notes: tuple[str, ...]
+
+
+def proving(settings: argparse.Namespace) -> Proving:
+    """Return what is to be proven of a design or words file.
+
+    Raises:
+        InputError: the file holds no model and none is given by hand; words of another target; as `in_force`.
+        NotRepresentable, OutOfRange: the words do not fit.
+    """
+    from heatertune.proof.recipes import made_again  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.words_file import read_words  # noqa: PLC0415
+
+    words, ramp = read_words(settings.pid, common.target(settings)), options.of(WordSettings, settings).setpoint_ramp
+    if words is not None:
+        return Proving(words=words, choice=None, fitted=common.model_from(settings, None),
+                       conditions=common.conditions(settings), ramp=ramp, notes=())
+    design, fitted, kept = common.design_and_model(settings)
+    recipe, notes = in_force(settings, kept, settings.pid)
+    choice = made_again(design, fitted, recipe)
+    return Proving(words=choice.words, choice=choice, fitted=fitted, conditions=recipe.conditions, ramp=ramp,
+                   notes=tuple(notes))
+
+
+def in_force(settings: argparse.Namespace, kept: Recipe | None, where: str) -> tuple[Recipe, list[str]]:
+    """Return the recipe in force: that of the file with options in the place of what it says, and what is told of it.
+
+    Of a recipe for another controller the conditions hold, but for what is known of that controller.
+
+    Raises:
+        InputError: a file of the specification has changed since; as `heatertune.options.of`.
+    """
+    from heatertune.pid.recipe import Recipe  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.recipes import demand_same_files  # noqa: PLC0415
+
+    target = common.target(settings) if hasattr(settings, "target") else None
+    sensor, own = options.given(SensorSettings, settings), options.given(Conditions, settings)
+    by = {name: value for name, value in options.given(WordSettings, settings).items()
+          if name in ("words_by", "refined")}
+    if kept is None:
+        return Recipe(target=target or "", conditions=common.conditions(settings), **sensor, **by), []
+    demand_same_files(kept, own, where)
+    kept, foreign = _of(kept, kept.target if target is None else target, where)
+    if common.by_hand(settings):  # what was accepted was found in another model
+        kept = replace(kept, conditions=replace(kept.conditions, accept=()))
+    recipe = replace(kept, conditions=_merged(kept.conditions, own), **sensor, **by)
+    if "setpoint_ramp" in options.given(WordSettings, settings):
+        recipe = replace(recipe, setpoint_ramp=None)
+    return recipe, [*foreign, *_told(kept, recipe, where)]
+
+
+def _of(kept: Recipe, target: str, where: str) -> tuple[Recipe, list[str]]:
+    """Return what a recipe says of any controller, where it is of another one, and what of it is not taken then."""
+    if target == kept.target:
+        return kept, []
+    theirs = replace(
+        kept, target=target, words_by="auto", refined=False, power_most_pct=None, setpoint_ramp=None,
+        conditions=replace(kept.conditions, switches={}))
+    left = [part for part in _parts(kept) if part not in _parts(theirs)]
+    return theirs, [f"Of {where} not taken, as it is of {kept.target}: {', '.join(left)}."] if left else []
+
+
+def _merged(kept: Conditions, own: Mapping[str, Any]) -> Conditions:
+    """Return conditions with the user's own: a specification in the place of the whole, limits and settings by name."""
+    if "spec" in own:
+        kept = replace(kept, limit=(), tolerance_degC=None, step_power_pct=None)
+    limits = own.get("limit", ())
+    named = {_name(limit) for limit in limits}
+    others = tuple(limit for limit in kept.limit if _name(limit) not in named)
+    return replace(kept, **{
+        **own, "limit": (*others, *limits), "switches": {**kept.switches, **own.get("switches", {})},
+        "accept": tuple(dict.fromkeys((*kept.accept, *own.get("accept", ()))))})
+
+
+def _name(limit: str) -> str:
+    return limit.partition("=")[0].strip()
+
+
+def _told(kept: Recipe, recipe: Recipe, where: str) -> Iterator[str]:
+    """Return what is taken from the file, and what of it is not."""
+    said, heard = list(_parts(kept)), list(_parts(recipe))
+    if taken := [part for part in heard if part in said]:
+        yield f"As {where} has it: {', '.join(taken)}."
+    if left := [part for part in said if part not in heard]:
+        yield f"Not as {where} has it, for an option says otherwise: {', '.join(left)}."
+
+
+def _parts(recipe: Recipe) -> Iterator[str]:
+    """Return what a recipe says beyond the defaults, as the command line would."""
+    for kind, holder in ((SensorSettings, recipe), (WordSettings, recipe), (Conditions, recipe.conditions)):
+        for name, one in options_of(kind).items():
+            value = getattr(holder, name, one.default)
+            if name != "setpoint_ramp" and value != one.default:
+                yield from _flags(one, value)
+    if recipe.power_most_pct is not None:
+        yield f"an output of at most {recipe.power_most_pct:.3g} %"
+    if recipe.setpoint_ramp is not None:
+        ramp = recipe.setpoint_ramp
+        held = "" if ramp.hold_degC is None else f" held within {ramp.hold_degC:.3g} °C of the reading"
+        yield f"a setpoint ramp of {ramp.degC_per_min:.3g} °C/min{held}"
+
+
+def _flags(one: Option, value: Any) -> Iterator[str]:
+    """Return an option as the command line would have it, as often as it would."""
+    if isinstance(value, Mapping):
+        yield from (f"{one.flag} {name}={setting}" for name, setting in value.items())
+    elif one.kind is tuple:
+        yield from (f"{one.flag} {item}" for item in value)
+    elif one.kind is bool:
+        yield one.flag
+    else:
+        values = value if isinstance(value, tuple) else (value,)
+        yield " ".join([one.flag, *(f"{item:.6g}" if isinstance(item, float) else str(item) for item in values)])

@@ -1,0 +1,204 @@
+"""A measured disturbance in a log with power: what it does, and the log without it.
+
+Heater and disturbance are fitted together: temperature = ambient + k·G[power](t − L) + k·c·G[disturbance](t − L′), G
+the heater's one or two lags. For given lags and delays it is linear in the rest (variable projection), so four numbers
+are searched. Beside it: no effect at all, and an effect through one lag of its own. Intervals are those of the
+linearised problem under AR(1) errors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import least_squares
+
+from heatertune.errors import InputError
+from heatertune.log.values import Log
+from heatertune.model.disturbance import DisturbanceEffect
+from heatertune.model.power.open_loop import FAR, PowerProblem
+from heatertune.model.power.projection import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE
+from heatertune.model.power.readings import Readings
+from heatertune.model.statistics import ar1_bic
+
+__all__ = ["without_disturbance"]
+
+Array = npt.NDArray[np.float64]
+
+_READINGS: Final = 400  # averaged, of the search
+_TAILS_PCT: Final = (1.0, 99.0)  # of the levels: a lone wild cell is no level
+_NORMAL: Final = 1.96  # of a 95 % interval
+_MOST_COLOUR: Final = 0.98
+_SMALL: Final = 1e-4  # step of a difference quotient, of the unknown's range
+
+
+class _Fit(NamedTuple):
+    """A least-squares solution: what was searched, the linear part, residuals (m,) and columns of the linear part."""
+
+    z: Array
+    linear: Array
+    residuals: Array
+    columns: Callable[[Array], Array]
+
+    @property
+    def bic(self) -> float:
+        return ar1_bic(self.residuals, len(self.z) + len(self.linear))
+
+
+class _Problem(NamedTuple):
+    """Power and disturbance as the compiled columns take them, on averaged readings, and the bounds [s]."""
+
+    power: PowerProblem
+    disturbance: PowerProblem
+    bounds: Array
+
+    @property
+    def measured(self) -> Array:
+        return self.power.readings.temperature_degC
+
+
+def without_disturbance(log: Log) -> tuple[Log, DisturbanceEffect]:
+    """Return a log with power as it would be with its disturbance at the calm level all the time, and what that does.
+
+    Where the log does not show that it acts, the readings stay as they are.
+
+    Raises:
+        InputError: it or the power never changes, they move together, or no heater explains the log.
+    """
+    assert log.disturbance is not None
+    assert log.power_pct is not None
+    if float(np.ptp(log.power_pct)) == 0.0:
+        raise InputError(f"{log.name}: the power never changes, so no disturbance can be told in power: log a step of "
+                         "each")
+    calm, strong = np.percentile(log.disturbance, _TAILS_PCT).tolist()
+    if not strong > calm:
+        raise InputError(f"{log.name}: the disturbance {_named(log)!r} is {calm:g} in all but a hundredth of the "
+                         "readings, so its effect is unknown: log a step of it")
+    problem = _problem(log)
+    through = min((_searched(problem, two_lags=two) for two in (False, True)), key=lambda fit: fit.bic)
+    two_lags = len(through.z) == 4
+    none = _searched(problem, two_lags=two_lags, effect=False)
+    own = _searched(problem, two_lags=two_lags, own_lag=True)
+    together = _one_shape(log.power_pct, log.disturbance)  # what the fit divides is then rounding, of either sign
+    if together or through.linear[0] <= 0.0:
+        why = (f"the disturbance {_named(log)!r} moves with the power, so their effects are not told apart: log a step "
+               "of it with the power held") if together or none.linear[0] > 0.0 else (
+            "no heater explains the log: a rising power never warms it")
+        raise InputError(f"{log.name}: {why}")
+    pct_per_unit, (spread, lead_spread) = _interval(problem, through)
+    delay, lead = float(through.z[-1]), float(through.z[1] - through.z[-1])
+    lead_spread += float(np.median(np.diff(log.time_s)))  # a change is logged up to an interval late
+    effect = DisturbanceEffect(
+        column=_named(log), pct_per_unit=pct_per_unit, pct_per_unit_ci95=(pct_per_unit - spread, pct_per_unit + spread),
+        delay_s=delay, lead_s=lead, lead_s_ci95=(lead - lead_spread, lead + lead_spread), calm=calm, strong=strong,
+        delta_bic=none.bic - through.bic, delta_bic_own_lag=none.bic - own.bic, own_lag_s=math.exp(own.z[-1]))
+    cleared = replace(log, disturbance=None)
+    if not effect.acts:
+        return cleared, effect
+    course = _problem(log, most=len(log.time_s)).disturbance.basis(_vector(through.z[:-1], delay))[GAIN]
+    return replace(cleared, temperature_degC=log.temperature_degC - through.linear[-1] * (course - calm)), effect
+
+
+def _one_shape(power: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> bool:
+    """Return whether two signals are, but for rounding, one and the same line of the other, arrays of shape (n,)."""
+    first, second = power - power.mean(), other - other.mean()
+    alike = float(first @ second) ** 2
+    return alike >= (1.0 - 1e-12) * float(first @ first) * float(second @ second)
+
+
+def _named(log: Log) -> str:
+    name, _ = ("disturbance", "") if log.taken is None else log.taken.columns.get("disturbance", ("disturbance", ""))
+    return name.strip("'")
+
+
+def _problem(log: Log, most: int = _READINGS) -> _Problem:
+    assert log.disturbance is not None
+    power = Readings.of(log)
+    changes = np.concatenate([[True], np.diff(log.disturbance) != 0.0])
+    course = replace(power, edge_s=log.time_s[changes], level_pct=log.disturbance[changes])
+    thin = power.thinned(most)
+    held = PowerProblem(readings=thin, two_lags=True)
+    length, sample = float(np.ptp(log.time_s)), float(np.median(np.diff(log.time_s)))
+    lags = (math.log(0.5 * sample), math.log(FAR * length))
+    bounds = np.array([lags, (0.0, length / 4.0), (0.01, 0.98), (0.0, length / 4.0)])
+    return _Problem(held, PowerProblem(readings=replace(
+        thin, edge_s=course.edge_s, level_pct=course.level_pct), two_lags=True), bounds)
+
+
+def _vector(heater: Array, delay_s: float) -> Array:
+    """Return lags and a delay as `PowerProblem.basis` takes them: ln lag, delay, ratio of the lags."""
+    return np.array([heater[0], delay_s, heater[2] if len(heater) > 2 else 0.0])
+
+
+def _searched(problem: _Problem, *, two_lags: bool, effect: bool = True, own_lag: bool = False) -> _Fit:
+    """Return the best fit of one or two lags, with an effect or without, through the heater's lags or its own."""
+    bounds = problem.bounds[:3] if two_lags else problem.bounds[:2]
+    if effect:
+        bounds = np.vstack([bounds, problem.bounds[0] if own_lag else problem.bounds[3]])
+
+    def columns(z: Array) -> Array:
+        heater = z[:-1] if effect else z
+        basis = problem.power.basis(_vector(heater, heater[1]))
+        parts = [basis[GAIN], basis[AMBIENT], basis[FIRST_STATE]] + ([basis[SECOND_STATE]] if two_lags else [])
+        if effect:
+            along = np.array([z[-1], 0.0, 0.0]) if own_lag else _vector(heater, z[-1])
+            parts.append(problem.disturbance.basis(along)[GAIN])
+        return np.column_stack(parts)
+
+    def residuals(z: Array) -> Array:
+        basis = columns(z)
+        return basis @ np.linalg.lstsq(basis, problem.measured, rcond=None)[0] - problem.measured
+
+    starts = [np.array([*start, *([_last(start, bounds, own_lag=own_lag)] if effect else [])])
+              for start in _starts(bounds, two_lags=two_lags)]
+    tried = sorted(starts, key=lambda z: float(np.sum(residuals(z) ** 2)))[:3]
+    solutions = [least_squares(residuals, z, bounds=bounds.T, x_scale=np.ptp(bounds, axis=1), max_nfev=60)
+                 for z in tried]
+    z = min(solutions, key=lambda solution: float(solution.cost)).x
+    linear = np.asarray(np.linalg.lstsq(columns(z), problem.measured, rcond=None)[0], dtype=np.float64)
+    return _Fit(z, linear, residuals(z), columns)
+
+
+def _starts(bounds: Array, *, two_lags: bool) -> list[tuple[float, ...]]:
+    """Return lags and dead times over the whole region that is searched."""
+    lags = np.linspace(bounds[0, 0], bounds[0, 1], 12)[1:-1]
+    dead = [share * bounds[1, 1] for share in (0.002, 0.02, 0.1, 0.4)]
+    return [(lag, time, *((0.3,) if two_lags else ())) for lag in lags for time in dead]
+
+
+def _last(start: tuple[float, ...], bounds: Array, *, own_lag: bool) -> float:
+    return start[0] if own_lag else min(start[1], bounds[-1, 1])
+
+
+def _interval(problem: _Problem, fit: _Fit) -> tuple[float, tuple[float, float]]:
+    """Return the effect as power, and half its 95 % interval and that of the difference of the delays [s]."""
+    jacobian, scale = [], np.ptp(problem.bounds, axis=1)[[0, 1, 2, 3] if len(fit.z) == 4 else [0, 1, 3]]
+    base = fit.columns(fit.z)
+    for place, size in enumerate(_SMALL * scale):
+        moved = fit.z.copy()
+        moved[place] += size
+        jacobian.append((fit.columns(moved) - base) @ fit.linear / size)
+    slopes = np.column_stack([*jacobian, base])
+    power, effect = float(fit.linear[0]), float(fit.linear[-1])
+    covariance = _covariance(slopes / (norms := np.linalg.norm(slopes, axis=0)), fit.residuals) / np.outer(norms, norms)
+    searched = len(fit.z)
+    gradients = np.zeros((2, slopes.shape[1]))
+    gradients[0, searched], gradients[0, -1] = -effect / power**2, 1.0 / power
+    gradients[1, 1], gradients[1, searched - 1] = 1.0, -1.0
+    spread, lead_spread = (_NORMAL * np.sqrt(np.diag(gradients @ covariance @ gradients.T))).tolist()
+    return effect / power, (spread, lead_spread)
+
+
+def _covariance(slopes: Array, residuals: Array) -> Array:
+    """Return the covariance of the unknowns, the residuals being AR(1) of their own colour."""
+    n = len(residuals)
+    colour = float(residuals[1:] @ residuals[:-1]) / max(float(residuals @ residuals), 1e-300)
+    colour = min(max(colour, 0.0), _MOST_COLOUR)
+    variance = float(residuals @ residuals) / max(n - slopes.shape[1], 1)
+    apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    inverse = np.linalg.pinv(slopes.T @ slopes)
+    return np.asarray(inverse @ slopes.T @ (variance * colour**apart) @ slopes @ inverse)

@@ -1,0 +1,55 @@
+"""What gains do not tell of the words that were proven: controller, changes beside the gains, conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from heatertune.settings import Conditions, SensorSettings, WordSettings
+from heatertune.units import check
+
+__all__ = ["RampView", "Recipe"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RampView:
+    """The setpoint ramp; hold: how far from the reading the setpoint may be, null: as far as it goes."""
+
+    step: int | float
+    calls: int
+    hold: int | float | None
+    hold_degC: float | None
+    degC_per_min: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """How a design became words, and what these were proven under.
+
+    Attributes:
+        target: the controller.
+        range_degC: of the sensor, at its lowest and highest reading [°C].
+        words_by, refined: see `heatertune.settings.WordSettings`.
+        power_most_pct: the controller never asks for more [%]; None: as it would.
+        setpoint_ramp: None: the setpoint goes to its end at once.
+        conditions: of the proof.
+        files: "spec" and "profile" → digest of what that file asked for, where there is one.
+
+    Raises:
+        OutOfRange, UnknownName: what the options of these names cannot be.
+    """
+
+    target: str
+    range_degC: tuple[float, float] = (0.0, 100.0)
+    words_by: str = "auto"
+    refined: bool = False
+    power_most_pct: float | None = None
+    setpoint_ramp: RampView | None = None
+    conditions: Conditions
+    files: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        SensorSettings(range_degC=self.range_degC)
+        WordSettings(words_by=self.words_by, refined=self.refined)
+        if self.power_most_pct is not None:
+            check("power_most_pct", self.power_most_pct, above=0.0, most=100.0)

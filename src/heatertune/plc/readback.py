@@ -1,0 +1,139 @@
+"""Words in text that a programming tool saves or prints: every line is understood, named as passed over, or refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Final, NamedTuple
+
+from heatertune.errors import InputError
+from heatertune.plc.ramp import Number
+from heatertune.plc.single import single
+from heatertune.plc.words import WordField, Words, holds
+
+__all__ = ["Collected", "ReadBack", "first_unlike", "lines_of", "real_of", "text_of", "whole_of", "wrong"]
+
+#: control characters that a text may hold: tab, line and form feeds, the end mark of CP/M and DOS
+_IN_TEXT: Final = frozenset(b"\t\n\r\f\x1a")
+_UTF_16: Final = (b"\xff\xfe", b"\xfe\xff")
+
+_UNLIKE: Final = "the program around the words is not the one that is exported with them"
+
+
+class ReadBack(NamedTuple):
+    """The words in a text.
+
+    Attributes:
+        values: word name → number.
+        passed_over: what stands there besides and was not compared with anything, a few words each.
+        unlike: where the text holds the program around the words: words → where it first differs from the one that is
+            exported with them, empty where it does not; None: there is no program in it.
+    """
+
+    values: dict[str, Number]
+    passed_over: tuple[str, ...] = ()
+    unlike: Callable[[Words], tuple[str, ...]] | None = None
+
+
+def text_of(content: bytes) -> str | None:
+    """Return the text in a file's bytes, None where they are none; what is no UTF-8 is read as Windows writes it."""
+    if content[:2] in _UTF_16:
+        wide = content.decode("utf-16", errors="replace")
+        return wide if all(sign >= " " or ord(sign) in _IN_TEXT for sign in wide) else None
+    if not content or any(byte < 0x20 and byte not in _IN_TEXT for byte in content):
+        return None
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")
+
+
+def lines_of(text: str) -> Iterator[tuple[int, str]]:
+    """Yield number, from 1 on, and content of each line, without what surrounds it; form feeds are left out."""
+    broken = text.replace("\r\n", "\n").replace("\r", "\n").translate({0x0C: None, 0x1A: None})
+    for number, line in enumerate(broken.split("\n"), start=1):
+        yield number, line.strip()
+
+
+def first_unlike(read: Sequence[tuple[int, str]], ours: Sequence[tuple[int, str]]) -> tuple[str, ...]:
+    """Return where a program, by lines and statements, first differs from heatertune's, if it does."""
+    for (line, code), (_, own) in zip(read, ours, strict=False):
+        if code != own:
+            return (f"{_UNLIKE} (line {line}: {code}, not {own})",)
+    return () if len(read) == len(ours) else (f"{_UNLIKE} ({len(read)} statements, not {len(ours)})",)
+
+
+def wrong(source: str, line: int, field: str, value: str, expected: str) -> InputError:
+    """Return the error of one line.
+
+    Args:
+        source: the file.
+        line: its number.
+        field: what the line is about.
+        value: what stands there.
+        expected: what would be right.
+    """
+    return InputError(f"{source}, line {line}, {field}: {value!r}; expected {expected}")
+
+
+def whole_of(text: str) -> int | None:
+    """Return a decimal whole number, or one as 16#…, 8#… or 2#…; None where it is none."""
+    base, mark, digits = text.partition("#")
+    try:
+        if not mark:
+            return int(text) if text.lstrip("+-").isdigit() and text.isascii() else None
+        return int(digits.replace("_", ""), int(base)) if base in ("2", "8", "16") and digits[:1].isalnum() else None
+    except ValueError:
+        return None
+
+
+def real_of(text: str) -> float | None:
+    """Return a number as a REAL holds it, None where it is none."""
+    plain = text.replace("_", "") if text[:1] not in ("_", "") else ""
+    if not plain.isascii() or set(plain.upper()) - set("0123456789+-.E"):
+        return None
+    try:
+        return single(float(plain))
+    except ValueError:
+        return None
+
+
+class Collected:
+    """The words of a text, gathered line by line.
+
+    Args:
+        source: name for error messages.
+        fields: the words that have to be there.
+    """
+
+    def __init__(self, source: str, fields: Sequence[WordField]) -> None:
+        self._source, self._fields = source, {field.name: field for field in fields}
+        self._values: dict[str, Number] = {}
+        self._before: dict[str, str] = {}
+
+    def put(self, name: str, value: Number | None, line: int, shown: str) -> None:
+        """Take a word.
+
+        Raises:
+            InputError: it is None or not of its field, or stands there twice with different values.
+        """
+        field = self._fields[name]
+        if value is None or not holds(field.format, value) or not field.low <= value <= field.high:
+            raise wrong(self._source, line, name, shown, f"{field.format}, {field.rule}")
+        if self._values.setdefault(name, value) != value:
+            raise wrong(self._source, line, name, shown, self._before[name])
+        self._before.setdefault(name, f"{shown}, as in line {line}")
+
+    def values(self) -> dict[str, Number]:
+        """Return all words.
+
+        Raises:
+            InputError: one is missing.
+        """
+        missing = [field for name, field in self._fields.items() if name not in self._values]
+        if missing:
+            first = missing[0]
+            place = "" if first.address == first.name else f" ({first.address})"
+            more = f", nor are {', '.join(field.name for field in missing[1:])}" if len(missing) > 1 else ""
+            raise InputError(f"{self._source}: {first.name}{place} is not there{more}; expected {first.comment}, "
+                             f"{first.rule}")
+        return {name: self._values[name] for name in self._fields}

@@ -1,0 +1,58 @@
+"""How the controller DB is typed in: in manual first, what the numbers mean, and W as it was proven."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from heatertune.plc.ramp import Number
+from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE
+from heatertune.plc.words import Words
+
+__all__ = ["typed"]
+
+_SMALL: Final = 200  # units of YH: a tenth of the power, see COMMISSIONING.md
+
+
+def typed(words: Words, setpoint_degC: float | None, units: Number | None) -> Mapping[str, Mapping[str, Any]]:
+    """Return what is typed otherwise than it stands in the words, see `heatertune.plc.typed.TypedWord`.
+
+    Args:
+        words: of OB251.
+        setpoint_degC: as proven [°C]; None: nothing is.
+        units: the same as W.
+    """
+    v = words.whole
+    return {
+        "K": {"meaning": f"K·R = {v['K'] * v['R'] / 1024**2:.5g} units per unit"},
+        "TI": {"meaning": _integral_time(words)},
+        "TD": {"meaning": _derivative_time(words)},
+        "W": _setpoint(words, setpoint_degC, units),
+        "STEU": {"first": v["STEU"] & ~AUTO, "meaning": "control word; bit 0: automatic"},
+        "YH": {"first": min(_SMALL, v["BGOG"])},
+    }
+
+
+def _integral_time(words: Words) -> str:
+    v = words.whole
+    return f"TN = {words.sample_time_s * v['R'] / v['TI']:.4g} s" if v["TI"] else "no integral action"
+
+
+def _derivative_time(words: Words) -> str:
+    v = words.whole
+    if not v["TD"]:
+        return "no derivative action"
+    return f"TV = {words.sample_time_s * v['TD'] * 1024 / v['R']:.4g} s" if v["R"] else f"TV = {v['TD']} TA/R"
+
+
+def _setpoint(words: Words, setpoint_degC: float | None, units: Number | None) -> dict[str, Any]:
+    """Return W with the factor for others; a ramp leads it to what the program asks for."""
+    scale = words.scaling
+    factor = f"whole part of ({FULL_SCALE}/{scale.span_degC:g})·(°C − {scale.low_degC:g})"
+    if units is None:
+        asked = f"setpoint: {factor}, enter yours"
+        return {"meaning": asked if words.ramp is None else f"{asked} in FW 200: ramp_listing.txt leads W there"}
+    if words.ramp is not None:
+        return {"meaning": f"ramp_listing.txt leads it to FW 200 = {units:+d}: {setpoint_degC:g} °C as proven; "
+                           f"others: {factor}"}
+    return {"first": units, "then": units, "meaning": f"setpoint: {setpoint_degC:g} °C as proven; others: {factor}"}

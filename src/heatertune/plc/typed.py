@@ -1,0 +1,81 @@
+"""The words as they are typed in: the one table behind listing, CSV, terminal, studio and report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
+
+from heatertune.plc.controller import controller_for
+from heatertune.plc.ramp import Number
+from heatertune.plc.words import Words
+
+__all__ = ["FIRST", "THEN", "TypedTable", "TypedWord", "bits", "typed_table", "typed_words", "word_text"]
+
+FIRST: Final = "first (manual)"
+THEN: Final = "then (automatic)"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TypedWord:
+    """One word as a person types it: first, while the controller is put into service in manual, and then for good."""
+
+    address: str
+    name: str
+    format: str
+    first: Number
+    then: Number
+    meaning: str
+
+    @property
+    def changes(self) -> bool:
+        """Whether it is typed twice."""
+        return self.first != self.then
+
+
+class TypedTable(NamedTuple):
+    """Heads, which columns are values, and the cells, row by row."""
+
+    heads: tuple[str, ...]
+    values: tuple[int, ...]
+    cells: list[tuple[str, ...]]
+
+
+def typed_words(words: Words, setpoint_degC: float | None = None) -> tuple[TypedWord, ...]:
+    """Return the words in the order in which they are typed in.
+
+    Args:
+        words: of any controller.
+        setpoint_degC: the one of the proof, for the word that holds it [°C]; None: none is proven.
+    """
+    controller = controller_for(words.target)
+    plain = [TypedWord(address=field.address, name=field.name, format=field.format, first=words.values[field.name],
+                       then=words.values[field.name], meaning=field.comment) for field in controller.fields]
+    other: Mapping[str, Mapping[str, Any]] = {}
+    if controller.typed is not None:
+        units = None if setpoint_degC is None else controller.measure(words, setpoint_degC)
+        other = controller.typed(words, setpoint_degC, units)
+    return tuple(replace(row, **other.get(row.name, {})) for row in plain)
+
+
+def typed_table(rows: Sequence[TypedWord]) -> TypedTable:
+    """Return the rows as text: with one column of values, or two where a word is typed twice."""
+    if not any(row.changes for row in rows):
+        return TypedTable(("address", "word", "value", "meaning"), (2,), [
+            (row.address, row.name, word_text(row.then, row.format), row.meaning) for row in rows])
+    return TypedTable(("address", "word", FIRST, THEN, "meaning"), (2, 3), [
+        (row.address, row.name, word_text(row.first, row.format),
+         word_text(row.then, row.format) if row.changes else "", row.meaning) for row in rows])
+
+
+def word_text(value: Number, format_: str = "") -> str:
+    """Return a word as people read it: a pattern of bits as bits, a REAL with nine digits, so none is another's."""
+    if format_ == "KM":
+        return f"KM {bits(int(value))}"
+    return f"{value:.9g}" if isinstance(value, float) else str(value)
+
+
+def bits(value: int) -> str:
+    """Return 16 bits as STEP 5 writes them: high byte, low byte."""
+    text = f"{value:016b}"
+    return f"{text[:8]} {text[8:]}"

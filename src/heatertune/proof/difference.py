@@ -1,0 +1,287 @@
+"""Two word sets apart: in engineering terms, word by word, and whether the proof of one covers the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from heatertune.documents import peek_schema, read_document
+from heatertune.errors import DocumentError, ExportRefused, InputError
+from heatertune.pid.document import SCHEMA as DESIGN_SCHEMA
+from heatertune.pid.document import read_design
+from heatertune.plc import Controller, Scaling, Words, controller_for
+from heatertune.plc.machine import content_of, read_machine, realised
+from heatertune.proof.document import checked
+from heatertune.proof.verdict import PROOF_SCHEMA
+from heatertune.proof.words_file import WORDS_SCHEMA, demand_same_words, read_words
+
+__all__ = ["DIFF_SCHEMA", "Given", "Side", "difference", "read_sides"]
+
+DIFF_SCHEMA: Final = "heatertune/diff/1"
+
+#: of a proof's document: under what it was made, and how that is called
+_CONDITIONS: Final = {
+    "scenario": "what the words live through", "actuator": "the switch", "limits": "the limits",
+    "specification": "the specification", "known": "what is known of the controller", "interlock": "the interlock",
+    "findings": "the findings of the fit", "assumed": "what is assumed of the heater", "remarks": "the remarks",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Given:
+    """What a user says of words that do not tell it themselves; None: as the words beside them have it.
+
+    Attributes:
+        target: the controller.
+        sample_time_s: interval at which it is called [s].
+        scaling: sensor range.
+    """
+
+    target: str | None = None
+    sample_time_s: float | None = None
+    scaling: Scaling | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Side:
+    """One of two word sets.
+
+    Attributes:
+        source: the file or folder.
+        kind: "words" (a document), "design" (rounded here) or "machine" (a dump or text).
+        words: the words.
+        proof: its document, None where there is none of exactly these words.
+        taken_over: what is not known of them and was taken to be as in the other set, a few words each.
+        is_changed: whether the program around the words is not the one that is exported with them.
+        notes: what stands in a text besides, and why a proof beside the words was not taken.
+    """
+
+    source: str
+    kind: str
+    words: Words
+    proof: Mapping[str, Any] | None = None
+    taken_over: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    is_changed: bool = False
+
+    @property
+    def controller(self) -> Controller:
+        """Its controller."""
+        return controller_for(self.words.target)
+
+
+class _Term(NamedTuple):
+    """One quantity in both sets; None: there is none of it."""
+
+    name: str
+    unit: str
+    a: float | None
+    b: float | None
+
+
+def read_sides(first: str | Path, second: str | Path, given: Given) -> tuple[Side, Side]:
+    """Return two word sets; what one does not tell is as the user says, else as in the other.
+
+    Args:
+        first: a folder with words.json, a words.json, a pid.json, or a dump or text of a controller.
+        second: likewise.
+        given: what the user says.
+
+    Raises:
+        InputError: a file that is none of them or cannot be read; a target or interval that nobody tells.
+        NotRepresentable, OutOfRange: words that the controller does not allow, a design that does not fit its words.
+    """
+    a, b = (_document(Path(path), given.target) for path in (first, second))
+    if a is None and b is None and _is_json(Path(second)):  # a design tells its interval, a dump does not
+        b = _made(str(second), given, None)
+    a = _made(str(first), given, b) if a is None else a
+    return a, _made(str(second), given, a) if b is None else b
+
+
+def _document(path: Path, target: str | None) -> Side | None:
+    """Return the words of a folder or of words.json, None of another file."""
+    file = path / "words.json" if path.is_dir() else path
+    if path.is_dir() and not file.exists():
+        raise DocumentError(f"{path}: no words.json in this folder, as export-db writes it")
+    if not path.is_dir() and not (_is_json(file) and peek_schema(file) == WORDS_SCHEMA):
+        return None
+    document = read_document(file, WORDS_SCHEMA)
+    words = read_words(file, target or str(document.get("target")))
+    assert words is not None
+    proof, notes = _proof_beside(file, document)
+    return Side(source=str(path), kind="words", words=words, proof=proof, notes=notes)
+
+
+def _is_json(file: Path) -> bool:
+    return content_of(file).lstrip().startswith(b"{")
+
+
+def _proof_beside(file: Path, document: Mapping[str, Any]) -> tuple[Mapping[str, Any] | None, tuple[str, ...]]:
+    beside = file.with_name("proof.json")
+    if not beside.exists():
+        return None, ()
+    try:
+        proof = checked(read_document(beside, PROOF_SCHEMA), beside)
+        demand_same_words(document, proof, beside)
+    except (DocumentError, ExportRefused) as problem:
+        return None, (f"its proof is not taken: {problem}",)
+    return proof, ()
+
+
+def _made(path: str, given: Given, other: Side | None) -> Side:
+    """Return words that a design becomes or a machine holds."""
+    return _designed(path, given, other) if _is_json(Path(path)) else _dumped(path, given, other)
+
+
+def _designed(path: str, given: Given, other: Side | None) -> Side:
+    """Return the words of a design: as its own recipe makes them, where it has one and the user says nothing else."""
+    schema = peek_schema(path)
+    if schema != DESIGN_SCHEMA:
+        raise DocumentError(f"{path}: schema is {schema!r}; expected {WORDS_SCHEMA!r} or {DESIGN_SCHEMA!r}")
+    from heatertune.proof.recipes import finished, made_again  # noqa: PLC0415 - dumps need none of its libraries
+
+    design, model, recipe = read_design(path)
+    is_own = recipe is not None and given.target in (None, recipe.target) and given.scaling is None
+    if is_own and model is not None and recipe is not None:
+        return Side(source=path, kind="design", words=made_again(design, model, recipe).words)
+    controller, scaling, taken_over = _whose(path, given, other)
+    words = finished(controller.encode(design, scaling), recipe)
+    return Side(source=path, kind="design", words=words, taken_over=taken_over)
+
+
+def _dumped(path: str, given: Given, other: Side | None) -> Side:
+    """Return the words in a dump or text, with the other set's interval and ramp where it does not tell them."""
+    controller, scaling, taken_over = _whose(path, given, other)
+    interval = given.sample_time_s
+    if interval is None and other is not None and controller.interval_s is None:
+        interval = other.words.sample_time_s
+        taken_over += (f"call interval {interval:g} s",)
+    read = read_machine(controller, content_of(path), sample_time_s=interval, scaling=scaling, source=path)
+    words = read.words
+    if other is not None and other.words.target == controller.name and other.words.ramp is not None:
+        words = replace(words, ramp=other.words.ramp)
+    unlike = () if read.unlike is None else read.unlike(words)
+    if read.unlike is None:
+        ramp = () if words.ramp is None else (f"setpoint ramp, {words.ramp}",)
+        taken_over += (*ramp, "the program around the words")
+    notes = [*unlike, *(f"not looked at: {rest}" for rest in read.passed_over)]
+    return Side(source=path, kind="machine", words=words, taken_over=taken_over, notes=tuple(notes),
+                is_changed=bool(unlike))
+
+
+def _whose(path: str, given: Given, other: Side | None) -> tuple[Controller, Scaling, tuple[str, ...]]:
+    """Return the controller and sensor range of words that do not tell them, and what was taken over of the other's."""
+    target = given.target or (None if other is None else other.words.target)
+    if target is None:
+        raise InputError(f"{path}: --target is needed: neither file tells whose words these are")
+    if given.scaling is not None or other is None:
+        return controller_for(target), given.scaling or Scaling(), ()
+    scaling = other.words.scaling
+    return controller_for(target), scaling, (f"sensor range {scaling.low_degC:g}…{scaling.high_degC:g} °C",)
+
+
+def difference(a: Side, b: Side) -> dict[str, Any]:
+    """Return the document of what differs.
+
+    Args:
+        a: the words before.
+        b: those after.
+    """
+    terms = [_Term(name, unit, one, two) for (name, unit, one), (_, _, two) in zip(_terms(a), _terms(b), strict=True)]
+    words = _words(a, b)
+    odd = [set(_odd(side)) for side in (a, b)]
+    around = ["program around the words"] if a.is_changed or b.is_changed else []
+    around += [name for name, one, two in _around(a, b) if one != two]
+    return {
+        "schema": DIFF_SCHEMA, "a": _told(a), "b": _told(b),
+        "same": not around and not [word for word in words if not word["written"]],
+        "terms": [term._asdict() | {"change_pct": _change_pct(term)} for term in terms],
+        "around": around, "words": words,
+        "odd_in_a_alone": [sentence for sentence in _odd(a) if sentence not in odd[1]],
+        "odd_in_b_alone": [sentence for sentence in _odd(b) if sentence not in odd[0]],
+        "proofs": [_covers(one, two) for one, two in ((a, b), (b, a)) if one.proof is not None],
+        "conditions": None if a.proof is None or b.proof is None else _conditions(a.proof, b.proof),
+    }
+
+
+def _told(side: Side) -> dict[str, Any]:
+    return {
+        "source": side.source, "kind": side.kind, "target": side.words.target,
+        "verdict": None if side.proof is None else side.proof["verdict"],
+        "digest": None if side.proof is None else side.proof["digest"],
+        "taken_over": list(side.taken_over), "notes": list(side.notes),
+    }
+
+
+def _odd(side: Side) -> tuple[str, ...]:
+    return () if side.controller.oddities is None else side.controller.oddities(side.words)
+
+
+def _terms(side: Side) -> Iterator[tuple[str, str, float | None]]:
+    """Yield name, unit and value of what words mean."""
+    words, controller = side.words, side.controller
+    design = realised(controller, words)
+    yield "K", "%/°C", None if design is None else design.gain_pct_per_degC
+    yield "TN", "s", None if design is None or math.isinf(design.integral_time_s) else design.integral_time_s
+    yield "TV", "s", None if design is None else design.derivative_time_s
+    yield "TA", "s", words.sample_time_s
+    yield "largest power", "%", _largest_power(controller, words)
+    yield "range from", "°C", words.scaling.low_degC
+    yield "range to", "°C", words.scaling.high_degC
+    rate = controller.ramp_degC_per_min(words)
+    yield "setpoint ramp", "°C/min", None if math.isinf(rate) else rate
+    yield "holdback", "°C", controller.hold_degC(words)
+
+
+def _largest_power(controller: Controller, words: Words) -> float | None:
+    if controller.most_power is None:
+        return None
+    name, full = controller.most_power
+    return 100.0 * words.values[name] / full
+
+
+def _change_pct(term: _Term) -> float | None:
+    """Return by how much b is more than a [%], None where there is no such share."""
+    if term.a is None or term.b is None or term.a == 0.0 or term.unit == "°C":
+        return None
+    return 100.0 * (term.b / term.a - 1.0)
+
+
+def _words(a: Side, b: Side) -> list[dict[str, Any]]:
+    """Return the words that differ; of two controllers none can be compared."""
+    if a.words.target != b.words.target:
+        return []
+    return [
+        {"address": one.address, "name": one.name, "a": a.words.values[one.name], "b": b.words.values[one.name],
+         "format": one.format, "comment": one.comment, "written": one.name in a.controller.written}
+        for one in a.controller.fields if a.words.values[one.name] != b.words.values[one.name]]
+
+
+def _around(a: Side, b: Side) -> Iterator[tuple[str, object, object]]:
+    """Yield name and values of what belongs to words besides them."""
+    yield "target", a.words.target, b.words.target
+    yield "call interval", a.words.sample_time_s, b.words.sample_time_s
+    yield "sensor range", a.words.scaling, b.words.scaling
+    yield "setpoint ramp", a.words.ramp, b.words.ramp
+
+
+def _covers(proven: Side, other: Side) -> dict[str, Any]:
+    """Return whether a proof is of the other's words, why not, and what is not known of these."""
+    assert proven.proof is not None
+    why = [name for name, one, two in _around(proven, other) if one != two]
+    why += ["program around the words"] if other.is_changed else []
+    why += [f"word {word['name']}" for word in _words(proven, other) if not word["written"]]
+    return {
+        "proof_of": proven.source, "verdict": proven.proof["verdict"], "words_of": other.source, "covers": not why,
+        "why_not": why, "provided": [] if why else list(other.taken_over),
+    }
+
+
+def _conditions(one: Mapping[str, Any], two: Mapping[str, Any]) -> list[str]:
+    """Return under what two proofs were not made alike; empty: under the same."""
+    unlike = [meaning for name, meaning in _CONDITIONS.items() if one[name] != two[name]]
+    models = [{run["model"] for run in proof["runs"]} for proof in (one, two)]
+    return [*unlike, *(["the possible heaters"] if models[0] != models[1] else [])]

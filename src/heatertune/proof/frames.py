@@ -1,0 +1,232 @@
+"""What can be changed beside the gains: PWM period, sampling interval, way of the setpoint, by what is broken."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Final, NamedTuple
+
+from heatertune.model.values import HeaterModel
+from heatertune.plc import Words, controller_for
+from heatertune.proof.fitted import default_pwm_period_s
+from heatertune.proof.heaters import ROOM_DEGC
+from heatertune.proof.period import holding_power_pct, ripple_at
+from heatertune.proof.prove import Proof
+from heatertune.proof.pwm import HALF_WAVE_S
+from heatertune.proof.setpoint_ramp import OVERSHOOTS, REHEATS
+from heatertune.settings import TuneSettings
+
+__all__ = ["Calmest", "Frame", "calmest_pwm", "frames"]
+
+#: PWM periods that a solid-state relay takes well and a contactor does not [s]
+_FAST_S: Final = 2.5
+_FASTEST_S: Final = 1.0
+_ROUNDED: Final = 1e-9
+#: of the band, which is the limit of half a swing: ripple that leaves the rest to the loop
+_RIPPLE: Final = 0.5
+#: of a design that nobody asked a limit of
+_LOOSER_MS: Final = 1.8
+#: criteria that a windup breaks: with less power to wind up to, less has to be unwound
+_OF_WINDUP: Final = frozenset({"reheat_overshoot", "reheat_overshoot_degC", *OVERSHOOTS})
+#: of the power left over at the setpoint, what a limit of the output leaves for loads and low mains voltage
+_RESERVES: Final = (0.6, 0.4, 0.25)
+#: times TA
+_INTERVALS: Final = (0.5, 2.0, 0.25)
+
+
+class Calmest(NamedTuple):
+    """A PWM period [s], its ripple, peak to peak, and by how much one half-wave in it moves the temperature [°C]."""
+
+    period_s: float
+    ripple_degC: float
+    half_wave_degC: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """Changes beside the gains; None and False: as it was.
+
+    Attributes:
+        pwm_about_s: the PWM period is a whole part of TA, the nearest to that which suits a solid-state relay [s].
+        pwm_period_s: it is this [s].
+        sample_time_s: TA [s].
+        structure: of the design.
+        ms: a looser limit of the optimum than asked for, within the specification.
+        power_most_pct: the controller never asks for more [%].
+        ramped: whether the setpoint is led by a ramp.
+    """
+
+    pwm_about_s: float | None = None
+    pwm_period_s: float | None = None
+    sample_time_s: float | None = None
+    structure: str | None = None
+    ms: float | None = None
+    power_most_pct: float | None = None
+    ramped: bool = False
+
+    def with_(self, other: Frame) -> Frame:
+        """Return the changes of both; of the other where both change the same."""
+        changes = {one.name: value for one in fields(other) if (value := getattr(other, one.name))}
+        return replace(self, **changes)
+
+    def without_one(self) -> list[Frame]:
+        """Return what is left where one of several changes is taken back; none where there is one change or none."""
+        changes = {one.name: value for one in fields(self) if (value := getattr(self, one.name))}
+        rests = ({name: value for name, value in changes.items() if name != left} for left in changes)
+        return [Frame(**rest) for rest in rests if rest]
+
+    def pwm_at(self, sample_time_s: float) -> float | None:
+        """Return the PWM period at an interval [s], None where it is not changed."""
+        about = self.pwm_about_s
+        if about is None:
+            return self.pwm_period_s
+        few = max(1, math.floor(sample_time_s / about))
+        parts = few + 1 if sample_time_s / few / about > about * (few + 1) / sample_time_s else few
+        return sample_time_s / max(1, min(parts, math.floor(sample_time_s / _FASTEST_S + _ROUNDED)))
+
+    def on(self, words: Words) -> Words:
+        """Return words with what these changes do to them, gains aside; raise OutOfRange where they cannot be so."""
+        if self.power_most_pct is None:
+            return words
+        return controller_for(words.target).limited(words, self.power_most_pct)
+
+    @property
+    def only_outside(self) -> bool:
+        """Whether a design that shall stay as it is can be proven with these changes."""
+        inside = (self.sample_time_s, self.structure, self.ms, self.power_most_pct)
+        return self != Frame() and not any(inside)
+
+    def told(self, sample_time_s: float) -> str:
+        """Return the changes for a reader, TA being that [s]; empty where there are none."""
+        about, period = self.pwm_about_s, self.pwm_at(sample_time_s)
+        parts = (
+            self.sample_time_s and f"TA = {self.sample_time_s:g} s",
+            self.structure and "a D part",
+            self.ms and f"Ms <= {self.ms:g}",
+            period and f"a PWM period of {period:.3g} s{' (a solid-state relay)' if about else ''}",
+            self.power_most_pct and f"an output of at most {self.power_most_pct:.3g} %",
+            self.ramped and "a setpoint ramp")
+        return " and ".join(part for part in parts if part)
+
+
+def frames(
+    proof: Proof, models: Sequence[HeaterModel], tuned: TuneSettings, *, period_given: bool, interval_given: bool,
+    ramp_open: bool, least_interval_s: float,
+) -> Iterator[Frame]:
+    """Return what may help where a proof fails, the least change first.
+
+    Args:
+        proof: that fails.
+        models: the possible heaters.
+        tuned: how the design was found.
+        period_given: whether the user chose the PWM period: it stays.
+        interval_given: likewise TA.
+        ramp_open: whether nobody said anything about a setpoint ramp.
+        least_interval_s: TA is not taken below [s].
+    """
+    words, broken = proof.words, {each.name for each in proof.criteria if not each.ok}
+    own = controller_for(words.target).timing(words).pwm_period_s is not None
+    switch = _Switch(proof=proof, models=tuple(models), own=own)
+    quick = [] if own or period_given or broken <= _OF_WINDUP else switch.quicker(words.sample_time_s)
+    slow = [] if own or period_given or "switchings" not in broken else switch.slower()
+    swings = bool(broken & {"limit_cycle", "pwm_ripple"}) and switch.share(proof.actuator.pwm_period_s) > 1.0
+    yield from (*quick, Frame(), *slow) if swings else (Frame(), *quick, *slow)
+    if controller_for(words.target).most_power is not None and broken & _OF_WINDUP:
+        yield from switch.limited()
+    if not interval_given:
+        yield from _intervals(switch, words, least_interval_s)
+    yield from _designs(proof, tuned)
+    if ramp_open and controller_for(words.target).ramped and broken & (OVERSHOOTS | REHEATS):
+        yield Frame(ramped=True)
+
+
+def calmest_pwm(proof: Proof, models: Sequence[HeaterModel]) -> Calmest | None:
+    """Return the calmest PWM of a solid-state relay, None where the controller makes the PWM itself."""
+    own = controller_for(proof.words.target).timing(proof.words).pwm_period_s is not None
+    switch = _Switch(proof=proof, models=tuple(models), own=own)
+    return None if own else switch.calmest
+
+
+def _designs(proof: Proof, tuned: TuneSettings) -> Iterator[Frame]:
+    """Return what was not asked for but left at its default: a less robust design, within the limits; a D part."""
+    usual, most = TuneSettings(), proof.limits.ms
+    if tuned.ms == usual.ms and (most is None or most > _LOOSER_MS):
+        yield Frame(ms=_LOOSER_MS)
+    if tuned.structure == usual.structure and proof.design is not None:
+        yield Frame(structure="pid")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Switch:
+    proof: Proof
+    models: tuple[HeaterModel, ...]
+    own: bool
+
+    def share(self, period_s: float) -> float:
+        """Return the ripple of a PWM period as a multiple of what leaves the loop its part of the band."""
+        ripple = abs(ripple_at(self.models, period_s, setpoint_degC=self.proof.scenario.setpoint_degC,
+                               ambient_degC=ROOM_DEGC))
+        limits = self.proof.limits
+        least = min(2.0 * _RIPPLE * limits.tolerance_degC, limits.pwm_ripple_degC or ripple + 1.0)
+        return ripple / least if least > 0.0 else float("inf")
+
+    def quicker(self, sample_time_s: float) -> list[Frame]:
+        """Return shorter PWM periods for a solid-state relay, none where there is none.
+
+        Where ripple leaves the loop its part of the band, the pulses need not be short; else ripple and the step of
+        power that a half-wave is are the least together.
+        """
+        fast = default_pwm_period_s(sample_time_s, most_s=_FAST_S)
+        own = self.proof.actuator.pwm_period_s
+        quick = [Frame(pwm_about_s=about)
+                 for about in (*([fast] if self.share(fast) <= 1.0 else []), self.calmest_s, _FASTEST_S)]
+        periods = {frame.pwm_at(sample_time_s): frame for frame in reversed(quick)}
+        return [frame for period, frame in reversed(periods.items()) if period is not None and period < own]
+
+    @property
+    def calmest_s(self) -> float:
+        """The PWM period at which ripple and one half-wave more or less move the temperature equally much [s].
+
+        The ripple of a period P is about 100·k·d·(1 − d)·P/T at a share d of power, a half-wave 100·k·10 ms/P.
+        """
+        setpoint = self.proof.scenario.setpoint_degC
+        powers = [(model, holding_power_pct(model, setpoint, ROOM_DEGC) / 100.0) for model in self.models]
+        return min(_FAST_S, max(_FASTEST_S, min(
+            math.sqrt(HALF_WAVE_S * model.time_constant_s / max(_ROUNDED, share * (1.0 - share)))
+            for model, share in powers)))
+
+    @property
+    def calmest(self) -> Calmest:
+        """The PWM of that period."""
+        period = self.calmest_s
+        ripple = ripple_at(self.models, period, setpoint_degC=self.proof.scenario.setpoint_degC, ambient_degC=ROOM_DEGC)
+        gain = max(abs(model.gain_degC_per_pct) for model in self.models)
+        return Calmest(period, abs(ripple), 100.0 * gain * HALF_WAVE_S / period)
+
+    def limited(self) -> Iterator[Frame]:
+        """Return limits of the output, the highest first."""
+        setpoint = self.proof.scenario.setpoint_degC
+        held = max(holding_power_pct(model, setpoint, ROOM_DEGC) for model in self.models)
+        for share in _RESERVES:
+            yield Frame(power_most_pct=float(round(held + share * (100.0 - held))))
+
+    def slower(self) -> list[Frame]:
+        """Return a longer PWM period, which switches as often as the limit allows."""
+        most, ta = self.proof.limits.switchings_per_h, self.proof.words.sample_time_s
+        if not most:
+            return []
+        least = 3600.0 / most
+        period = ta * -(-least // ta) if least > ta else ta / (ta // least)
+        return [Frame(pwm_period_s=period)]
+
+
+def _intervals(switch: _Switch, words: Words, least_s: float) -> Iterator[Frame]:
+    """Return other sampling intervals; the one that the ripple asks for first where the PWM is the controller's own."""
+    timer, ta = controller_for(words.target).timer, words.sample_time_s
+    share = switch.share(ta) if switch.own else 0.0
+    factors = [*([1.0 / share] if share > 1.0 else []), *_INTERVALS]
+    intervals = dict.fromkeys(timer.round(max(least_s, factor * ta)) for factor in factors)
+    for interval in intervals:
+        if interval != ta:
+            yield Frame(sample_time_s=interval)

@@ -1,0 +1,154 @@
+"""The runs of a proof: words on every model under every setting, traced or measured, and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from heatertune.errors import InputError, OutOfRange
+from heatertune.model.values import HeaterModel
+from heatertune.plc.controller import Controller
+from heatertune.plc.words import Words
+from heatertune.proof.criteria import Criterion, Limits
+from heatertune.proof.interlock import Interlock
+from heatertune.proof.judge import judge
+from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop, noise_of, plant_row, scans_of, simulate
+from heatertune.proof.measured import columns_of, joined, ordered
+from heatertune.proof.metered import metered
+from heatertune.proof.pwm import Actuator
+from heatertune.proof.scenario import Scenario, conditions, delayed
+from heatertune.proof.trace import Trace
+
+__all__ = ["Runs"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Runs:
+    """The loops of a proof.
+
+    Attributes:
+        controller: that runs the words.
+        words: what it holds.
+        cases: label of the model, heater with the controller's delay, and setting, of each run.
+        loops: the words under each setting that is run.
+        scenario: what happens in each run.
+        actuator: the switch.
+        limits: that are to be kept.
+        interlock: what watches the heater in every run; None: nothing.
+    """
+
+    controller: Controller
+    words: Words
+    cases: Sequence[tuple[str, HeaterModel, Mapping[str, str]]]
+    loops: Sequence[InLoop]
+    scenario: Scenario
+    actuator: Actuator
+    limits: Limits
+    interlock: Interlock | None
+
+    @classmethod
+    def of(
+        cls, controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]],
+        settings: Sequence[Mapping[str, str]], only: Sequence[tuple[str, Mapping[str, str]]] | None, *,
+        scenario: Scenario, actuator: Actuator | None, limits: Limits, interlock: Interlock | None,
+    ) -> Runs:
+        """Return the runs of every model under every setting.
+
+        Args:
+            controller: that runs the words; its delay is added to the dead times.
+            words: what it holds.
+            models: (label, heater).
+            settings: of what the manual leaves open.
+            only: label of a model and settings of each run; None: all.
+            scenario: as the attribute.
+            actuator: not used where the controller makes the PWM itself.
+            limits: as the attribute.
+            interlock: as the attribute.
+
+        Raises:
+            InputError: no model or no run, or as in `simulate`, with the model's label.
+            OutOfRange, UnknownName: as in `simulate`.
+        """
+        if not models:
+            raise InputError("a proof needs at least one model")
+        late = [(name, delayed(model, controller.delay_s)) for name, model in models]
+        _check(controller, words, late, scenario)
+        cases = [(name, model, setting) for (name, model), setting in product(late, settings)
+                if only is None or (name, setting) in only]
+        if not cases:
+            raise InputError("a proof needs at least one run")
+        loops = [in_loop(controller, words, scenario.setpoints_degC, setting, direct=True) for setting in settings
+                 if any(setting is ran for *_, ran in cases)]
+        return cls(controller=controller, words=words, cases=cases, loops=loops, scenario=scenario,
+                   actuator=actuator_of(loops[0], actuator), limits=limits, interlock=interlock)
+
+    def label(self, run: int) -> str:
+        """Return the model of a run, and the settings that are not the default."""
+        name, _, setting = self.cases[run]
+        changed = [f"{switch.name} = {setting[switch.name]}" for switch in self.controller.switches
+                   if setting[switch.name] != switch.default]
+        return ", ".join([name, *changed])
+
+    @property
+    def resolution_degC(self) -> float:
+        """Step of the controller's reading [°C]."""
+        return self.loops[0].resolution_degC
+
+    @property
+    def scans(self) -> int:
+        """Scans of a run."""
+        return scans_of(self.loops[0], self.scenario)
+
+    def traced(self, run: int, seed: int | None = None, *, direct: bool = False) -> Trace:
+        """Return the trace of a run, `direct` without the controller's listing; `seed` of its noise, None: its own."""
+        _, model, setting = self.cases[run]
+        scenario = self.scenario if seed is None else replace(self.scenario, seed=seed)
+        return simulate(
+            self.controller, self.words, model, scenario, self.actuator, setting, self.interlock, direct=direct)
+
+    def judged(self) -> list[tuple[Criterion, ...]]:
+        """Return the criteria of each run."""
+        if self.interlock is None:
+            return self._metered(range(len(self.cases)))
+        return [criteria for run in range(len(self.cases)) for criteria in self.judged_with([self.scenario.seed], run)]
+
+    def judged_with(self, seeds: Sequence[int], run: int) -> list[tuple[Criterion, ...]]:
+        """Return the criteria of one run with noise of other seeds."""
+        if self.interlock is None:
+            return self._metered([run] * len(seeds), seeds)
+        # what it sees is the temperature at any instant, which only a trace tells
+        return [judge(self.traced(run, seed, direct=True), self.limits, where=self.label(run)) for seed in seeds]
+
+    def _metered(self, runs: Sequence[int], seeds: Sequence[int] = ()) -> list[tuple[Criterion, ...]]:
+        """Return the criteria of some runs, and no trace: many times as fast.
+
+        Args:
+            runs: their numbers.
+            seeds: of each one's noise, all being under one setting; none: the scenario's for all.
+        """
+        rows = np.array([plant_row(self.cases[run][1], self.scenario) for run in runs])
+        noise = np.array([noise_of(replace(self.scenario, seed=seed), self.scans)
+                          for seed in seeds or [self.scenario.seed]])
+        placed = [(loop, [place for place, run in enumerate(runs) if self.cases[run][2] == loop.switches])
+                  for loop in self.loops]
+        parts = [metered(loop, rows[own], self.scenario, self.actuator, self.limits, noise, np.zeros((1, 1)))
+                 for loop, own in placed if own]
+        back = np.argsort(np.concatenate([own for _, own in placed if own]))
+        columns = columns_of(ordered(joined(parts), back), self.limits)
+        labels = [self.label(run) for run in runs]
+        return list(zip(*(column.criteria(labels) for column in columns), strict=True))
+
+
+def _check(
+    controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario
+) -> None:
+    """Raise what `simulate` would, with the model's label."""
+    for name, model in models:
+        try:
+            check_words(controller, words, scenario)
+            conditions(scenario, model)
+        except OutOfRange as problem:
+            raise InputError(f"model {name}: {problem}") from problem

@@ -1,0 +1,388 @@
+"""What words have to live through: all that goes wrong with a heater in use, one thing after the other in one run.
+
+Each part lasts as long as the slowest of the possible heaters needs for it and then goes on at rest, so that a later
+hunt is seen: ten of the loop's slowest periods wherever the power at rest is a new one, one after every other part.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from heatertune.errors import InputError
+from heatertune.heater.exact import since_step
+from heatertune.model.values import HeaterModel
+from heatertune.proof.criteria import Limits
+from heatertune.proof.profile import Leg, Profile
+from heatertune.proof.scenario import (
+    Disturbance,
+    Led,
+    Load,
+    Mains,
+    NewSetpoint,
+    PlcPower,
+    Scenario,
+    TemperatureStep,
+    conditions,
+    scenario_for,
+)
+from heatertune.units import check
+
+__all__ = ["Course", "Loop", "Story", "story_for"]
+
+#: periods of the loop's slowest motion that count as rest at a new power, and after any other part
+_LONG_REST: Final = 10
+_SHORT_REST: Final = 1
+#: sums of lags and dead time that a loop may take beside what the heater itself needs
+_LOOP_TIMES: Final = 5.0
+#: a TN beyond so many sums of lags and dead time is no motion of the loop that a proof waits for
+_SLOWEST_TN: Final = 20.0
+_SLOWEST_BEAT: Final = 10.0  # of the slowest other period; a slower beat is a drift, which the loop follows
+#: power that is left over where a load or a low mains voltage is tested [%]
+_RESERVE_PCT: Final = 5.0
+#: ±10 % of the voltage (EN 50160), as power
+_LOW_MAINS: Final = 0.9**2
+_HIGH_MAINS: Final = 1.1**2
+_HOT_OFF: Final = 0.1  # of the sum of lags and dead time: a PLC that is restarted while the heater is hot
+_COLD: Final = 0.95  # share of the way to the ambient after which a heater is cold
+_LOW_SHARE: Final = 0.2  # of the setpoint step, where nobody tells the lower end of the setpoints of use
+_ROUNDED: Final = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Story:
+    """Which parts there are after the heat-up, and how hard they are.
+
+    Attributes:
+        step_share: by which the temperature falls at once, of the setpoint step; 0: left out. The paper's is 0.3.
+        load_pct: power that a load takes, and gives back later; less where that would leave a heater without reserve;
+            0: left out [% of full power].
+        opens: whether the heater's circuit is open for a while, the PLC running.
+        changes: whether the setpoint changes down and up.
+        setpoint_low_degC: lower end of the setpoints of use; None: a fifth of the setpoint step below the upper one.
+        mains: whether the mains voltage falls and rises by 10 %.
+        restarts: whether the PLC is restarted, with the heater hot and cold.
+        paper_times: whether there is nothing but heat-up and temperature step at the paper's times, see `scenario_for`.
+        profile: along which the setpoint is led at the end, from cold; None: along none.
+
+    Raises:
+        OutOfRange: a share or load that is negative or all of it.
+        InputError: a profile beside the paper's times.
+    """
+
+    step_share: float = 0.3
+    load_pct: float = 10.0
+    opens: bool = True
+    changes: bool = True
+    setpoint_low_degC: float | None = None
+    mains: bool = True
+    restarts: bool = True
+    paper_times: bool = False
+    profile: Profile | None = None
+
+    def __post_init__(self) -> None:
+        check("step_share", self.step_share, least=0.0, most=0.99)
+        check("load_pct", self.load_pct, least=0.0, most=99.0)
+        if self.setpoint_low_degC is not None:
+            check("setpoint_low_degC", self.setpoint_low_degC, least=-273.15)
+        if self.paper_times and self.profile is not None:
+            raise InputError("story paper-times is on: the paper's record has no profile; leave one of them out")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loop:
+    """What the times of a story depend on beside the heaters.
+
+    Attributes:
+        scan_s, pwm_period_s, sample_time_s: of controller and switch [s].
+        integral_time_s: TN as the words realise it; infinite or None: there is none [s].
+        ramp_degC_per_min: of the setpoint; infinite: none.
+        settling_s, recovery_s: that heat-up and recovery may take as specified; a part lasts so long or longer [s].
+        soak_settles_s: time of a soak [s] → when in it the temperature has to be right [s].
+        cold_degC: how near to the ambient a heater has to be before a profile [°C].
+    """
+
+    scan_s: float
+    pwm_period_s: float
+    sample_time_s: float
+    integral_time_s: float | None = None
+    ramp_degC_per_min: float = math.inf
+    settling_s: float = 0.0
+    recovery_s: float = 0.0
+    soak_settles_s: Callable[[float], float] = Limits().soak_settles_s
+    cold_degC: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """A story made for heaters and words.
+
+    Attributes:
+        scenario: of each run.
+        not_tested: parts that were left out and why, a few words each.
+        told: what was made easier, likewise.
+    """
+
+    scenario: Scenario
+    not_tested: tuple[str, ...]
+    told: tuple[str, ...]
+
+
+def story_for(
+    models: Sequence[HeaterModel], loop: Loop, story: Story | None = None, *, setpoint_degC: float,
+    ambient_degC: float | None = None, noise_degC: float = 0.0, seed: int = 0,
+) -> Course:
+    """Return a story in times that suit the slowest of the heaters.
+
+    Args:
+        models: the possible heaters.
+        loop: of the words.
+        story: which parts; None: all.
+        setpoint_degC: upper end of the setpoints of use [°C].
+        ambient_degC: temperature without power; None: the models' own [°C].
+        noise_degC: of the sensor, standard deviation [°C].
+        seed: of that noise.
+
+    Raises:
+        InputError: no model, nobody knows the ambient temperature, or one of the heaters cannot follow the profile.
+        OutOfRange: one of the heaters cannot hold the setpoint.
+    """
+    if not models:
+        raise InputError("a story needs at least one model")
+    if story is not None and story.paper_times:
+        record = scenario_for(models, setpoint_degC=setpoint_degC, ambient_degC=ambient_degC, noise_degC=noise_degC,
+                              seed=seed)
+        return Course(scenario=record, told=("heat-up and temperature step at the paper's times",), not_tested=(
+            "a load", "an open circuit of the heater", "a change of the setpoint", "mains voltage",
+            "a restart of the PLC"))
+    plain = Scenario(setpoint_degC=setpoint_degC, ambient_degC=ambient_degC, duration_s=1.0, noise_degC=noise_degC,
+                     seed=seed)
+    ambients = [conditions(plain, model)[0] for model in models]
+    teller = _Teller(models=tuple(models), ambients_degC=tuple(ambients), loop=loop, story=story or Story(),
+                     setpoint_degC=setpoint_degC)
+    parts = [teller.heat_up, *teller.parts()]
+    # whole scans are counted, not seconds added: an event that is late by a last digit would be seen a scan later
+    ends = (np.cumsum([teller.scans(part.limit_s + part.rest_s) for part in parts]) * loop.scan_s).tolist()
+    events = tuple(replace(part.event, time_s=begin) for part, begin in zip(parts[1:], ends, strict=False)
+                   if part.event is not None)
+    scenario = replace(plain, duration_s=ends[-1], disturbances=events, rests_s=tuple(part.rest_s for part in parts))
+    scenario = scenario if teller.story.profile is None else teller.along(teller.story.profile, scenario)
+    return Course(scenario=scenario, not_tested=tuple(teller.not_tested()), told=tuple(teller.told()))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Part:
+    """An event, in how much time the loop has to be at rest after it, and how long it is watched there [s]."""
+
+    event: Disturbance | None
+    limit_s: float
+    rest_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Teller:
+    """Makes the parts; all events are at 1 s until they are put in order."""
+
+    models: tuple[HeaterModel, ...]
+    ambients_degC: tuple[float, ...]
+    loop: Loop
+    story: Story
+    setpoint_degC: float
+
+    @property
+    def heat_up(self) -> _Part:
+        """The first part."""
+        return _Part(event=None, limit_s=max(self.way_s, self.loop.settling_s), rest_s=self.long_rest_s)
+
+    def parts(self) -> Iterator[_Part]:
+        """Return the parts after the heat-up, in order."""
+        if self.story.step_share > 0.0:
+            yield self._part(TemperatureStep(time_s=1.0, temperature_degC=-self.story.step_share * self.step_degC))
+        if self.load_pct > 0.0:
+            yield replace(self._part(Load(time_s=1.0, power_pct=-self.load_pct)), rest_s=self.long_rest_s)
+            yield self._part(Load(time_s=1.0, power_pct=self.load_pct))
+        if self.story.opens:
+            yield self._off(Mains(time_s=1.0, share=0.0), max(2.0 * self.integral_time_s, self.heater_s))
+            yield self._part(Mains(time_s=1.0, share=1.0), self.way_s)
+        if self.low_degC is not None:
+            yield _Part(event=NewSetpoint(time_s=1.0, setpoint_degC=self.low_degC),
+                        limit_s=self._cooling_s + self.loop_s + self._ramp_s, rest_s=self.long_rest_s)
+            yield self._part(NewSetpoint(time_s=1.0, setpoint_degC=self.setpoint_degC), self.way_s)
+        if self._mains_tested:
+            for share in (_LOW_MAINS, _HIGH_MAINS):
+                yield replace(self._part(Mains(time_s=1.0, share=share)), rest_s=self.long_rest_s)
+            yield self._part(Mains(time_s=1.0, share=1.0))
+        if self.story.restarts:
+            for off_s in (_HOT_OFF * self.heater_s, self._longest_s(_COLD for _ in self.models)):
+                yield self._off(PlcPower(time_s=1.0, on=False), off_s)
+                yield self._part(PlcPower(time_s=1.0, on=True), self.way_s)
+
+    def along(self, profile: Profile, scenario: Scenario) -> Scenario:
+        """Return the story with a profile at its end, led from the first heater's ambient on, the heaters being cold.
+
+        A profile's times are its own, no whole scans.
+        """
+        profile.demand_followed(list(zip(self.models, self.ambients_degC, strict=True)))
+        cold = 1.0 - min(1.0 - _COLD, self.loop.cold_degC / abs(self.step_degC))
+        off_s, legs = scenario.duration_s, self._legs(profile)
+        on_s = off_s + self.scans(self._longest_s(cold for _ in self.models)) * self.loop.scan_s
+        led = [Led(time_s=on_s + leg.begin_s, from_degC=leg.from_degC, setpoint_degC=leg.to_degC,
+                   duration_s=leg.duration_s) for leg in legs]
+        ends = [*(event.time_s for event in led[1:]), led[-1].time_s + led[-1].duration_s]
+        rests = [min(self._judged_s(leg), end - event.time_s)
+                 for leg, event, end in zip(legs, led, ends, strict=True)]
+        return replace(scenario, duration_s=ends[-1], rests_s=(*scenario.rests_s, 0.0, *rests),
+                       disturbances=(*scenario.disturbances, PlcPower(time_s=off_s, on=False), *led))
+
+    def scans(self, seconds: float) -> int:
+        """Return the scans of whole PWM periods, of the next longer time."""
+        scan, step = self.loop.scan_s, max(self.loop.scan_s, self.loop.pwm_period_s)
+        return math.ceil(math.ceil(seconds / step - _ROUNDED) * step / scan - _ROUNDED)
+
+    def not_tested(self) -> Iterator[str]:
+        """Return what is left out, and why."""
+        story = self.story
+        if story.step_share == 0.0:
+            yield "a step of the temperature"
+        if story.load_pct == 0.0:
+            yield "a load"
+        elif self.load_pct == 0.0:
+            yield f"a load (a heater has {self._reserve_pct():.3g} % of power left over)"
+        if not story.opens:
+            yield "an open circuit of the heater"
+        if self.low_degC is None:
+            yield "a change of the setpoint"
+        if not story.mains:
+            yield "mains voltage"
+        elif not self._mains_tested:
+            yield f"mains voltage (at −10 % a heater has {self._reserve_pct(_LOW_MAINS):.3g} % of power left over)"
+        if not story.restarts:
+            yield "a restart of the PLC"
+        if self.period_s < self._beat_s:
+            yield f"the beat of PWM and TA as a whole, {self._beat_s:.3g} s"
+        legs = self._legs(story.profile)
+        arrived = {leg.segment for leg in legs if self._judged_s(leg) > 0.0}
+        yield from (f"whether segment {number} of the profile arrives (no soak longer than what it may settle in)"
+                    for number in dict.fromkeys(leg.segment for leg in legs) if number not in arrived)
+
+    def told(self) -> Iterator[str]:
+        """Return what is made easier."""
+        if 0.0 < self.load_pct < self.story.load_pct:
+            yield f"load of {self.load_pct:.3g} % in place of {self.story.load_pct:.3g} %: no more power is left over"
+
+    @property
+    def step_degC(self) -> float:
+        """The largest setpoint step, negative for a cooler."""
+        return max((self.setpoint_degC - ambient for ambient in self.ambients_degC), key=abs)
+
+    @property
+    def heater_s(self) -> float:
+        """The largest sum of lags and dead time."""
+        return max(sum(model.lags_s) + model.dead_time_s for model in self.models)
+
+    @property
+    def loop_s(self) -> float:
+        """What a loop may take."""
+        return _LOOP_TIMES * self.heater_s
+
+    @property
+    def integral_time_s(self) -> float:
+        """TN, or what stands for it: the heater's own time where there is none."""
+        tn = self.loop.integral_time_s
+        return self.heater_s if tn is None or math.isinf(tn) else min(tn, _SLOWEST_TN * self.heater_s)
+
+    @property
+    def period_s(self) -> float:
+        """The slowest period of what may move at rest."""
+        own = max(self.loop.pwm_period_s, 2.0 * math.pi * self.integral_time_s)
+        return max(own, min(self._beat_s, _SLOWEST_BEAT * own))
+
+    @property
+    def long_rest_s(self) -> float:
+        """How long a loop is watched at rest at a power that no part before it had."""
+        return _LONG_REST * self.period_s
+
+    @property
+    def way_s(self) -> float:
+        """In which the setpoint has to be reached from cold: at full power, and what loop and ramp take."""
+        shares = ((self.setpoint_degC - ambient) / (100.0 * model.gain_degC_per_pct)
+                  for model, ambient in zip(self.models, self.ambients_degC, strict=True))
+        return self._longest_s(shares) + self.loop_s + self._ramp_s
+
+    @property
+    def load_pct(self) -> float:
+        """The load that leaves every heater its reserve."""
+        return max(0.0, min(self.story.load_pct, self._reserve_pct() - _RESERVE_PCT))
+
+    @property
+    def low_degC(self) -> float | None:
+        """The lower end of the setpoints of use, None where none is tested."""
+        if not self.story.changes:
+            return None
+        low = self.story.setpoint_low_degC
+        low = self.setpoint_degC - _LOW_SHARE * self.step_degC if low is None else low
+        between = all(0.0 < (low - ambient) / (self.setpoint_degC - ambient) < 1.0 for ambient in self.ambients_degC)
+        return low if between else None
+
+    def _legs(self, profile: Profile | None) -> list[Leg]:
+        return [] if profile is None else list(profile.legs(self.ambients_degC[0], self.heater_s))
+
+    def _judged_s(self, leg: Leg) -> float:
+        """Return how much of a leg, at its end, is held against the band of soaks [s]."""
+        return max(0.0, leg.duration_s - self.loop.soak_settles_s(leg.duration_s)) if leg.soaks else 0.0
+
+    def _part(self, event: Disturbance, limit_s: float | None = None) -> _Part:
+        return _Part(event=event, limit_s=max(self.loop_s, self.loop.recovery_s) if limit_s is None else limit_s,
+                     rest_s=_SHORT_REST * self.period_s)
+
+    def _off(self, event: Disturbance, seconds: float) -> _Part:
+        return _Part(event=event, limit_s=seconds, rest_s=0.0)
+
+    @property
+    def _mains_tested(self) -> bool:
+        return self.story.mains and self._reserve_pct(_LOW_MAINS) >= _RESERVE_PCT
+
+    def _reserve_pct(self, mains: float = 1.0) -> float:
+        """Return the least power that is left over at the setpoint [% of full power]."""
+        return min(100.0 - (self.setpoint_degC - ambient) / (mains * model.gain_degC_per_pct)
+                   for model, ambient in zip(self.models, self.ambients_degC, strict=True))
+
+    @property
+    def _cooling_s(self) -> float:
+        low = self.setpoint_degC if self.low_degC is None else self.low_degC
+        return self._longest_s((self.setpoint_degC - low) / (self.setpoint_degC - ambient)
+                               for ambient in self.ambients_degC)
+
+    @property
+    def _ramp_s(self) -> float:
+        return 60.0 * abs(self.step_degC) / self.loop.ramp_degC_per_min
+
+    @property
+    def _beat_s(self) -> float:
+        """The beat of PWM and TA, 0 where one is a multiple of the other."""
+        short, long = sorted((self.loop.pwm_period_s, self.loop.sample_time_s))
+        apart = abs(long - round(long / short) * short)
+        return 0.0 if apart <= 1e-6 * short else long * short / apart
+
+    def _longest_s(self, shares: Iterator[float]) -> float:
+        """Return the longest time in which a heater does a share of its way, each its own."""
+        return max(model.dead_time_s + _time_to(share, model) for model, share in zip(self.models, shares, strict=True))
+
+
+def _time_to(share: float, model: HeaterModel) -> float:
+    """Return the time after which the answer to a step has done a share of its way, without the dead time [s]."""
+    first, *second = model.lags_s
+    if not second:
+        return -first * math.log1p(-share)
+    low, high = 0.0, sum(model.lags_s) * (1.0 - math.log1p(-share))  # no two lags take longer
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if since_step(np.array(middle), first, second[0])[0] < share:
+            low = middle
+        else:
+            high = middle
+    return high

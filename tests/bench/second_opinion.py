@@ -1,0 +1,377 @@
+"""The story and its limits a second time, and the loop of second_opinion.c: a judge that shares nothing with the proof.
+
+What it knows is what manuals and documentation say: the controllers' equations (plc/*/DIFFERENCES.md), the parts of the
+story and their times (proof/story.py), what each criterion means (proof/measured.py), how the exported program leads the
+setpoint (weg_pid_call.st, and the same law in whole units). All is computed here anew.
+
+What it cannot judge: margins, Ms and step power (of the words, not of a run), the ripple within a PWM period, several
+heaters at once, samples, coolers, two-level control and the program as the paper prints it, feed-forward, an interlock,
+the paper's times, a story with parts left out or of another size, and what an exported listing of the S7-200 does itself.
+"""
+
+import ctypes
+import math
+import subprocess
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+SOURCE = Path(__file__).parent / "second_opinion.c"
+
+#: target → its number in the C program, counts of the input module, seconds from temperature to reading and from output
+#: to switch
+TARGETS = {
+    "s5-ob251": (0, 2047, 0.68), "weg": (1, 4095, 0.0), "fb41": (2, 27648, 0.226), "s7-300": (3, 27648, 0.226),
+    "s7-200": (4, 255, 0.0), "s7-200-pid": (5, 4000, 0.0),
+}
+#: open point → its settings in the order of their numbers, of those that a heater in automatic can meet
+SWITCHES = {
+    "s5-ob251": {"sum": ("unlimited", "limited"), "integral_off": ("previous_call", "same_call"),
+                 "integral_inward": ("off", "on"), "rounding": ("fraction_kept", "whole_increments")},
+    "weg": {"anti_windup": ("clamp", "freeze", "none"), "order": ("as_printed", "by_parts"),
+            "edge": ("output_zero", "runs_at_once"), "history": ("present", "zero")},
+    "fb41": {"integral": ("trapezoid", "rectangle"), "derivative_lag": ("half_cycle", "whole_cycle"),
+             "anti_windup": ("taken_back", "held")},
+    "s7-300": {"conversion": ("rnd", "trunc"), "bias_clamp": ("adjusted", "always"), "first_reading": ("taken", "zero")},
+    "s7-200": {"width_applies": ("this_cycle", "next_cycle")},
+    "s7-200-pid": {"width_applies": ("this_cycle", "next_cycle"), "first_call": ("setpoint_is_pv", "setpoint_kept")},
+}
+KINDS = {"heat-up": 0, "temperature-step": 1, "load": 2, "setpoint": 3, "mains": 4, "plc": 5}
+_TOO_SLOW = 20.0  # sums of lags and dead time
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """A heater, its switch, the words, and what is asked for.
+
+    Attributes:
+        gain, lags, dead, ambient: of the heater [°C/%, s, °C].
+        target, words, low, high: of the controller.
+        interval: TA [s]; its part or multiple `ratio` (a pair of whole numbers) is the PWM period.
+        resolution, least_on, least_off: of the switch [s]; `carries`: what rounding leaves goes to the next period.
+        settings: of the open points.
+        setpoint, tolerance, noise: [°C]; `seed`: of the noise.
+        ramp: step of the setpoint word, its calls, and how far from the reading it may be (0: as far as it goes), None:
+            there is none.
+        asked_low: lower end of the setpoints of use [°C], None: a fifth of the step below the upper one.
+        heats_in, recovers_in: that heat-up and disturbances may take as specified, where that is more [s].
+    """
+
+    gain: float
+    lags: tuple
+    dead: float
+    ambient: float
+    target: str
+    words: dict
+    low: float
+    high: float
+    interval: float
+    ratio: tuple
+    resolution: float
+    least_on: float
+    least_off: float
+    carries: bool
+    settings: dict
+    setpoint: float
+    tolerance: float
+    noise: float
+    seed: int
+    ramp: tuple | None = None
+    asked_low: float | None = None
+    heats_in: float = 0.0
+    recovers_in: float = 0.0
+
+    @property
+    def period(self):
+        """PWM period [s]."""
+        return self.interval * self.ratio[0] / self.ratio[1]
+
+    @property
+    def slow(self):
+        """Sum of lags and dead time [s]."""
+        return sum(self.lags) + self.dead
+
+    @property
+    def power(self):
+        """Power that holds the setpoint [%]."""
+        return (self.setpoint - self.ambient) / self.gain
+
+    @property
+    def band(self):
+        """How far from the setpoint is right [°C]: nobody sees less than two counts."""
+        return max(self.tolerance, 2.0 * (self.high - self.low) / TARGETS[self.target][1])
+
+    @property
+    def integral_time(self):
+        """TN as the words make it [s], infinite without an integral part."""
+        w, ta = self.words, self.interval
+        if self.target == "s5-ob251":
+            return ta * w["R"] / w["TI"] if w["TI"] else math.inf
+        if self.target == "weg":
+            return 1.0 / w["Ki"] if w["Ki"] else math.inf
+        if self.target == "fb41":  # its trapezoids are rectangles half an interval shorter
+            return w["TI"] / 1000.0 - ta / 2.0 if w["I_SEL"] else math.inf
+        if self.target == "s7-300":
+            return w["RESET"] / 1000.0 if w["RESET"] else math.inf
+        if self.target == "s7-200":  # KI acts on the sum of two errors
+            return ta * (w["KP"] - w["KI"]) / (2.0 * w["KI"]) if w["KI"] else math.inf
+        return 60.0 * w["TI"] * ta / w["TS"] if w["TI"] < 1e38 else math.inf
+
+
+@dataclass
+class Part:
+    """A part of the story: its event, how long it may take, how long it then rests [s], and what it is judged as."""
+
+    event: str
+    value: float
+    takes: float
+    rest: float
+    kind: str
+    up: bool = True
+    asked: float = 0.0
+    power: float = 1.0
+    supplied: bool = True
+
+
+def story(b):
+    """Return the parts of a bench's story, in order, each as the documentation of proof/story.py tells it."""
+    tn = min(b.integral_time, _TOO_SLOW * b.slow) if math.isfinite(b.integral_time) else b.slow
+    calm = max(b.period, 2.0 * math.pi * tn)
+    calm = max(calm, min(_beat(b), 10.0 * calm))
+    step, loop = b.setpoint - b.ambient, 5.0 * b.slow
+    recovers = max(loop, b.recovers_in)
+    ramp = 0.0 if b.ramp is None else step / _degrees_per_second(b)
+    way = _takes(b, b.power / 100.0) + loop + ramp
+    yield Part("heat-up", 0.0, max(way, b.heats_in), 10.0 * calm, "heat-up", asked=b.setpoint)
+    state = {"asked": b.setpoint, "power": 1.0, "supplied": True}
+
+    def part(event, value, kind, up=True, takes=recovers, rest=calm, **changed):
+        state.update(changed)
+        return Part(event, value, takes, rest, kind, up, **state)
+
+    yield part("temperature-step", -0.3 * step, "recovery", up=False)
+    load = min(10.0, 95.0 - b.power)
+    if load > 0.0:
+        yield part("load", -load, "recovery", up=False, rest=10.0 * calm)
+        yield part("load", load, "recovery")
+    yield part("mains", 0.0, "off", takes=max(2.0 * tn, b.slow), rest=0.0, power=0.0)
+    yield part("mains", 0.0, "reheat", takes=way, power=1.0)
+    low = b.setpoint - 0.2 * step if b.asked_low is None else b.asked_low
+    yield part("setpoint", 0.0, "change", up=False, takes=_takes(b, (b.setpoint - low) / step) + loop + ramp, rest=10.0 * calm, asked=low)
+    yield part("setpoint", 0.0, "change", takes=way, asked=b.setpoint)
+    if b.power / 0.81 <= 95.0:
+        for power, up, rest in ((0.81, False, 10.0), (1.21, True, 10.0), (1.0, False, 1.0)):
+            yield part("mains", 0.0, "recovery", up=up, rest=rest * calm, power=power)
+    for off in (0.1 * b.slow, _takes(b, 0.95)):
+        yield part("plc", 0.0, "off", takes=off, rest=0.0, power=0.0, supplied=False)
+        yield part("plc", 0.0, "restart", takes=way, power=1.0, supplied=True)
+
+
+def ends_of(b, parts):
+    """Return when each part ends [ticks]: whole PWM periods, in whole scans."""
+    scan, grid, ends = b.ratio[1], max(b.ratio), [0]
+    tick = b.interval / scan
+    for part in parts:
+        periods = math.ceil((part.takes + part.rest) / (grid * tick) - 1e-9)
+        ends.append(ends[-1] + scan * math.ceil(periods * grid / scan))
+    return ends[1:]
+
+
+def _beat(b):
+    short, long = sorted((b.period, b.interval))
+    apart = abs(long - round(long / short) * short)
+    return long * short / apart if apart > 1e-6 * short else 0.0
+
+
+def _degrees_per_second(b):
+    step, calls, _ = b.ramp
+    unit = 1.0 if b.target == "weg" else (b.high - b.low) / TARGETS[b.target][1]
+    return step * unit / (8.0 if b.target == "s7-200-pid" else 1.0) / calls / b.interval
+
+
+def _takes(b, share):
+    """Return the time in which the heater does a share of a step's way [s]."""
+    def left(t):
+        if len(b.lags) == 1:
+            return math.exp(-t / b.lags[0])
+        one, two = b.lags
+        if one - two < 1e-4 * one:  # equal lags
+            return (1.0 + t / one) * math.exp(-t / one)
+        return (one * math.exp(-t / one) - two * math.exp(-t / two)) / (one - two)
+
+    low, high = 0.0, 100.0 * sum(b.lags)
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if left(middle) > 1.0 - share else (low, middle)
+    return b.dead + high
+
+
+class _Case(ctypes.Structure):
+    _fields_ = (
+        ("target", ctypes.c_int), ("sw", ctypes.c_int * 8), ("words", ctypes.c_double * 16),
+        ("low", ctypes.c_double), ("span", ctypes.c_double), ("counts", ctypes.c_double),
+        ("scan", ctypes.c_int64), ("period", ctypes.c_int64), ("tick", ctypes.c_double),
+        ("resolution", ctypes.c_double), ("least_on", ctypes.c_double), ("least_off", ctypes.c_double),
+        ("carries", ctypes.c_int),
+        *((name, ctypes.c_double) for name in ("gain", "lag", "inner", "dead", "ambient", "start", "per_lag", "per_inner", "ramp", "hold")),
+        ("ramp_calls", ctypes.c_int64), ("phases", ctypes.c_int),
+        ("begin", ctypes.c_void_p), ("rest", ctypes.c_void_p), ("kind", ctypes.c_void_p), ("value", ctypes.c_void_p),
+        ("asked", ctypes.c_void_p), ("power", ctypes.c_void_p), ("supplied", ctypes.c_void_p),
+        ("band", ctypes.c_double), ("noise", ctypes.c_void_p), ("noises", ctypes.c_int64), ("sigma", ctypes.c_double),
+        ("longer", ctypes.c_double),
+    )
+
+
+FOUND = ("highest", "lowest", "absolute", "settled", "rest_integral", "rest_highest", "rest_lowest", "later_highest",
+         "later_lowest", "later_mean", "later_swing", "later_s", "repeats")
+
+
+def compiled(folder):
+    """Return the C program, compiled into a folder; raise FileNotFoundError where there is no compiler."""
+    library = Path(folder) / "second_opinion.so"
+    subprocess.run(["cc", "-O3", "-ffp-contract=off", "-shared", "-fPIC", "-o", str(library), str(SOURCE), "-lm"],
+                   check=True)
+    return ctypes.CDLL(str(library))
+
+
+@dataclass
+class Opinion:
+    """What the judge saw.
+
+    Attributes:
+        parts: of the story.
+        begins: of each part and the end [s].
+        seen: per part, see `FOUND`; temperatures from the setpoint [°C].
+        values: criterion → its value and limit, those of the part that uses most of it; what has no limit but is told
+            stands at an infinite one.
+        iae: over all parts but those without heater or PLC [°C·s].
+        later: what the rests do after the story, of the band: "hunts" farthest, "drifts" in the mean, "swings".
+    """
+
+    parts: list
+    begins: list
+    seen: list = field(default_factory=list)
+    values: dict = field(default_factory=dict)
+    iae: float = 0.0
+    later: dict = field(default_factory=dict)
+
+
+def _numbers(b):
+    order = {"s5-ob251": ("K", "R", "TI", "TD", "BGOG", "BGUG"), "weg": ("Kp", "Ki", "Kd", "Ts"),
+             "fb41": ("GAIN", "TI", "TD", "TM_LAG", "CYCLE", "PV_FAC", "PV_OFF", "I_SEL", "D_SEL"),
+             "s7-300": ("GAIN", "RATE", "RESET", "SAMPLE"), "s7-200": ("KP", "KI", "KD", "SCALE"),
+             "s7-200-pid": ("KC", "TS", "TI", "TD")}[b.target]
+    numbers = [float(b.words[name]) for name in order]
+    return [*numbers, float(b.words["TICK"] * b.words["TICKS"])] if b.target.startswith("s7-200") else numbers
+
+
+def opinion(library, b, limits, *, longer):
+    """Return what the judge sees: the story, and its rests gone on with for `longer` times the whole story altogether.
+
+    Args:
+        library: of `compiled`.
+        b: a bench.
+        limits: name → number, as `LIMITS` has them.
+        longer: 0: the story alone.
+    """
+    told, case, held = _prepared(b)
+    case.longer = longer / sum(part.rest > 0.0 for part in told.parts)
+    table, totals = np.zeros((len(told.parts), len(FOUND))), np.zeros(4)
+    if library.second_opinion(ctypes.byref(case), _place(table), _place(totals)):
+        raise RuntimeError("too many pulses were under way")
+    del held
+    _counted(told, b, limits, *totals)
+    return _seen(told, b, table, limits)
+
+
+def in_plain_steps(library, b, limits, edges, *, step=1e-3):
+    """Return what plain steps of so many seconds give, the instants being known at which the heater is switched."""
+    told, case, held = _prepared(b)
+    table, edges = np.zeros((len(told.parts), len(FOUND))), np.ascontiguousarray(edges, dtype=np.float64)
+    library.plain_steps(ctypes.byref(case), _place(edges), ctypes.c_int64(len(edges)), ctypes.c_double(step), _place(table))
+    del held
+    return _seen(told, b, table, limits)
+
+
+def _place(array):
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def _prepared(b):
+    """Return an opinion without anything seen, what the C program is given, and what must be kept for it."""
+    number, counts, delay = TARGETS[b.target]
+    parts, (numer, denom) = list(story(b)), b.ratio
+    tick, begins = b.interval / denom, [0, *ends_of(b, parts)]
+    rests = [end * tick - part.rest for end, part in zip(begins[1:], parts, strict=True)]
+    noise = np.random.default_rng(b.seed).normal(0.0, b.noise, begins[-1] // denom + 2) if b.noise else np.zeros(0)
+    held = {
+        "begin": np.array(begins, dtype=np.int64), "rest": np.array(rests),
+        "kind": np.array([KINDS[part.event] for part in parts], dtype=np.int32),
+        "value": np.array([part.value for part in parts]), "asked": np.array([part.asked for part in parts]),
+        "power": np.array([part.power for part in parts]),
+        "supplied": np.array([part.supplied for part in parts], dtype=np.int32), "noise": noise,
+    }
+    settings = [choices.index(b.settings[name]) for name, choices in SWITCHES[b.target].items()]
+    ramp, calls, hold = (0.0, 1, 0.0) if b.ramp is None else b.ramp
+    lag, inner = (*b.lags, 0.0)[:2]
+    case = _Case(
+        target=number, sw=(ctypes.c_int * 8)(*settings), words=(ctypes.c_double * 16)(*_numbers(b)), low=b.low,
+        span=b.high - b.low, counts=counts, scan=denom, period=numer, tick=tick, resolution=b.resolution,
+        least_on=b.least_on, least_off=b.least_off, carries=b.carries, gain=b.gain, lag=lag, inner=inner,
+        dead=b.dead + delay, ambient=b.ambient, start=b.ambient, per_lag=1.0 / lag,
+        per_inner=1.0 / inner if inner else 0.0, ramp=ramp, hold=hold, ramp_calls=calls, phases=len(parts), band=b.band,
+        noises=len(noise), sigma=b.noise,
+        **{name: array.ctypes.data if len(array) else None for name, array in held.items()})
+    return Opinion(parts, [begin * tick for begin in begins]), case, held
+
+
+def _seen(told, b, table, limits):
+    told.seen = [dict(zip(FOUND, row, strict=True)) for row in table.tolist()]
+    _judged(told, b, limits)
+    return told
+
+
+_NAMES = {"heat-up": ("overshoot", "settling_time"), "change": ("change_overshoot", "change_time"),
+          "reheat": ("reheat_overshoot", "reheat_time"), "restart": ("restart_overshoot", "restart_time"),
+          "recovery": ("recovery_overshoot", "recovery_time")}
+
+
+def _enter(told, name, value, limit):
+    """Enter a criterion's value where none uses more of its limit; None: nothing is asked for."""
+    limit = math.inf if limit is None else limit
+    if name not in told.values or value / limit > told.values[name][0] / told.values[name][1]:
+        told.values[name] = value, limit
+
+
+def _judged(told, b, limits):
+    """Enter the worst value of each criterion."""
+    for part, seen, begin, end in zip(told.parts, told.seen, told.begins, told.begins[1:], strict=False):
+        if part.kind == "off":
+            continue
+        beyond, time = _NAMES[part.kind]
+        above = part.up != (part.kind == "recovery")  # what a disturbance pushes up is overshot below
+        over, under = (max(0.0, each) for each in (seen["highest"], -seen["lowest"]))
+        over, under = (over, under) if above else (under, over)
+        _enter(told, beyond, over / (b.setpoint - b.ambient) * 100.0, limits[beyond])
+        _enter(told, f"{beyond} in degC", over, limits.get(f"{beyond} in degC"))
+        if part.kind == "recovery":
+            _enter(told, "deviation", under, limits.get("deviation"))
+        _enter(told, time, seen["settled"] - begin, limits.get(time) or end - part.rest - begin)
+        _enter(told, "steady_offset", abs(seen["rest_integral"]) / part.rest, b.band)
+        _enter(told, "limit_cycle", (seen["rest_highest"] - seen["rest_lowest"]) / 2.0, b.band)
+        told.iae += seen["absolute"]
+        if seen["later_s"] > 0.0:
+            later = {"hunts": max(seen["later_highest"], -seen["later_lowest"]), "drifts": abs(seen["later_mean"]),
+                     "swings": seen["later_swing"]}
+            for name, value in later.items():
+                told.later[name] = max(told.later.get(name, 0.0), value / b.band)
+    _enter(told, "iae", told.iae, limits.get("iae"))
+
+
+def _counted(told, b, limits, scans, limited, faults, pulses):
+    """Enter what is counted over the whole story."""
+    _enter(told, "saturation", limited / scans * 100.0, limits.get("saturation"))
+    _enter(told, "switchings", pulses / told.begins[-1] * 3600.0, limits.get("switchings"))
+    _enter(told, "power held", b.power, limits.get("power held"))
+    told.values["overflow"] = (math.inf, 1.0) if faults else (0.0, 1.0)

@@ -1,0 +1,118 @@
+"""The holdback of the setpoint ramp: what a controller winds up by while the heater's circuit is open."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from heatertune.chain.stages import export
+from heatertune.model.by_hand import model_by_hand
+from heatertune.model.mirrored import mirrored as mirrored_fit
+from heatertune.model.values import Fopdt
+from heatertune.plc import Ramp, controller_for
+from heatertune.plc.design import encode, tune
+from heatertune.proof import Story, prove
+from heatertune.proof.closing import Asked, closed
+from heatertune.proof.frames import frames
+from heatertune.proof.setpoint_ramp import prove_ramped
+from heatertune.proof.specification import Specification
+from heatertune.proof.words_file import read_words
+from heatertune.settings import Conditions, TuneSettings
+
+HEATER = model_by_hand(Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=15.0, ambient_degC=22.0))
+#: WEG's block adds up on and on where it has no anti-windup, which its manual leaves open
+WINDING = {"anti_windup": "none", "manual": "limited", "manual_return": "held", "filter": "implicit"}
+PROVING = Conditions(setpoint_degC=46.0, switches=WINDING)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def heat_up_jump_and_an_open_circuit():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Specification, "story_at", lambda *_: Story(load_pct=0.0, changes=False, mains=False, restarts=False))
+        yield
+
+
+@pytest.fixture(scope="module")
+def words():
+    return encode(tune(HEATER, target="weg", sample_time_s=6.0), "weg")
+
+
+@pytest.fixture(scope="module")
+def found(words, heat_up_jump_and_an_open_circuit):
+    return prove_ramped(words, HEATER, "auto", PROVING)
+
+
+def _of(proof, name):
+    return next(criterion for criterion in proof.criteria if criterion.name == name)
+
+
+def _broken(proof):
+    return {criterion.name for criterion in proof.criteria if not criterion.ok}
+
+
+def test_a_windup_under_an_open_circuit_is_mended_by_a_holdback_only(words, found):
+    plain = prove(words, HEATER, PROVING)
+    assert "reheat_overshoot" in _broken(plain)
+    proof, notes = found
+    assert proof.verdict == prove(proof.words, HEATER, PROVING).verdict == "PASS"
+    assert replace(proof.words, ramp=None) == words
+    # the same ramp without it, and the slowest that the search would take, leave what happens at the setpoint as it is
+    free = replace(words, ramp=replace(proof.words.ramp, hold=None))
+    for ramp in (free.ramp, controller_for("weg").ramp(words, 1.0)):
+        assert "reheat_overshoot" in _broken(prove(replace(words, ramp=ramp), HEATER, PROVING))
+    told = f"after an open circuit from {_of(plain, 'reheat_overshoot').value:.4g} to {_of(proof, 'reheat_overshoot').value:.4g} %"
+    assert told in notes[0]
+    assert f"which follows the reading within {proof.hold_degC:.3g} °C" in notes[0]
+
+
+def test_the_frames_of_a_design_end_with_the_ramp_where_an_open_circuit_is_what_fails(words):
+    plain = prove(words, HEATER, replace(PROVING, limit=("overshoot=90%", "reheat-overshoot=15%")))
+    assert _broken(plain) == {"reheat_overshoot"}
+    tried = list(frames(plain, HEATER.plants, TuneSettings(), period_given=True, interval_given=True, ramp_open=True,
+                        least_interval_s=1.0))
+    assert tried[-1].ramped
+
+
+def test_a_holdback_is_carried_by_documents_certificate_and_words(words, found, tmp_path):
+    proof, _ = found
+    document = proof.to_document()["setpoint_ramp"]
+    assert (document["hold"], document["hold_degC"]) == (proof.words.ramp.hold, pytest.approx(proof.words.ramp.hold))
+    for content in export(proof.words, proof).values():
+        assert f"held within {proof.words.ramp.hold:.9g} units of the reading" in content
+        assert "HeaterLimit" in content
+    path = tmp_path / "words.json"
+    whole = {"target": "weg", "words": dict(words.values), "sample_time_s": words.sample_time_s,
+             "scaling": {"low_degC": 0.0, "high_degC": 100.0}, "setpoint_ramp": document}
+    path.write_text(json.dumps({"schema": "heatertune/words/1", **whole}))
+    assert read_words(path, "weg").ramp == proof.words.ramp
+
+
+def test_a_design_is_led_rather_than_made_many_times_dearer():
+    asked = Asked(target="weg", conditions=PROVING, tuned=TuneSettings(sample_time_s=6.0))
+    design = closed(HEATER, asked)
+    assert design.proof.verdict == prove(design.proof.words, HEATER, PROVING).verdict == "PASS"
+    assert design.proof.hold_degC is not None
+    assert "and a holdback of" in design.proof.heard.remarks[-1]
+    # without a ramp other gains pass too, but they answer a load more than twice as badly
+    plain = closed(HEATER, replace(asked, setpoint_ramp="none"))
+    assert plain.proof.verdict == "PASS"
+    assert plain.choice.search.realised.iae_load > 2.0 * design.choice.search.realised.iae_load
+
+
+def test_a_rate_of_ones_own_has_no_holdback(words):
+    proof, _ = prove_ramped(words, HEATER, 3.0, PROVING)
+    assert proof.words.ramp == Ramp(step=proof.words.ramp.step)
+    assert (proof.hold_degC, proof.to_document()["setpoint_ramp"]["hold"]) == (None, None)
+
+
+def test_a_cooler_is_held_as_the_heater_that_is_its_mirror_image(words, found):
+    heating = found[0]
+    mirrored = mirrored_fit(HEATER, 50.0)  # the middle of the sensor's range
+    cooling = replace(words, values={**words.values, "Action": 1})
+    proof, notes = prove_ramped(cooling, mirrored, "auto", replace(PROVING, setpoint_degC=54.0))
+    assert proof.verdict == heating.verdict == "PASS"
+    assert proof.words.ramp.hold == -heating.words.ramp.hold
+    # the sensor cuts towards zero, so that the mirror is true but for a count, and the search ends within 3 %
+    assert proof.words.ramp.step == pytest.approx(heating.words.ramp.step, rel=0.05)
+    assert _of(proof, "iae").value == pytest.approx(_of(heating, "iae").value, rel=0.02)
+    assert "which follows the reading within" in notes[0]

@@ -1,0 +1,75 @@
+"""Samples under every setting of what the manual leaves open: one verdict."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heatertune.codec import decode, encode
+from heatertune.errors import DocumentError, InputError
+from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, judge, prove_samples, replay
+from heatertune.proof.document import SamplesView
+from heatertune.proof.verdict import verdict_of_samples
+
+PWM = Actuator(pwm_period_s=10.0)
+SCENARIO = Scenario(setpoint_degC=45.0, duration_s=900.0)
+NONE = Spread(mains_pct=0.0, ambient_degC=0.0, disturbance_pct=0.0)
+#: an integral that is never taken out at the limit overshoots beyond it, one that is does not
+LIMITS = Limits(overshoot_pct=10.0, tolerance_degC=4.0)
+
+
+@pytest.fixture
+def drawing(switched, words, heater):
+    def drawing(spread=NONE, **known):
+        return Drawing.of(switched, words(gain=8.0, tn=60), [heater, replace(heater, time_constant_s=180.0)], SCENARIO, spread, PWM,
+                          known)
+
+    return drawing
+
+
+def test_settings_are_drawn_too_and_the_one_that_passes_least_counts(drawing):
+    drawn = drawing(Spread(heater=(0.02, 0.02, 0.5)), second="off at the limit", third="off at the limit")
+    proof = prove_samples(drawn, LIMITS, 24)
+    shares = {setting.switches["integral"]: setting.passing for setting in proof.settings}
+    assert shares == {"off at the limit": 1.0, "never off": 0.0}
+    assert (proof.passing, proof.verdict) == (0.0, "FAIL")
+    known = prove_samples(drawing(integral="off at the limit"), LIMITS, 24)
+    assert (known.passing, known.verdict, len(known.settings)) == (1.0, "PASS", 4)
+
+
+def test_a_sample_is_run_again_under_its_own_setting(drawing):
+    drawn = drawing(Spread(heater=(0.02, 0.02, 0.5)), second="off at the limit", third="off at the limit")
+    proof = prove_samples(drawn, LIMITS, 8, seed=4)
+    overshoot = next(spot for spot in proof.criteria if spot.name == "overshoot")
+    traces = [replay(drawn, seed) for seed in range(4, 12)]
+    found = [next(each.value for each in judge(trace, LIMITS) if each.name == "overshoot") for trace in traces]
+    assert {trace.switches["integral"] for trace in traces} == {"off at the limit", "never off"}
+    assert {round(trace.model.time_constant_s / 20.0) for trace in traces} == {8, 9}, "both heaters under both settings"
+    assert overshoot.worst == pytest.approx(max(found), rel=1e-9)
+    assert 4 + int(np.argmax(found)) == proof.worst_seed
+
+
+def test_a_setting_without_a_sample_is_not_proven(drawing):
+    assert prove_samples(drawing(integral="off at the limit"), LIMITS, 3).verdict == "NOT PROVEN"
+
+
+@pytest.mark.parametrize(("passing", "settings", "verdict"), [
+    (0.95, [0.95, 1.0], "PASS"), (0.94, [0.94, 1.0], "FAIL"), (0.97, [0.94, 1.0], "FAIL"), (1.0, [1.0, None], "NOT PROVEN"),
+    (0.9, [0.9, None], "FAIL"), (float("nan"), [1.0], "FAIL"), (1.0, [], "NOT PROVEN"),
+])
+def test_samples_pass_where_enough_of_them_do_under_each_setting(passing, settings, verdict):
+    assert verdict_of_samples(passing, 0.95, settings) == verdict
+
+
+def test_a_document_of_samples_is_checked_and_not_believed(drawing):
+    document = prove_samples(drawing(), LIMITS, 16).to_document()
+    view = decode(SamplesView, document, "samples")
+    assert encode(view)["verdict"] == view.verdict == view.derived == "FAIL"
+    for changed, told in (({"verdict": "PASS"}, "its values make it 'FAIL'"), ({"count": 0}, "no samples prove nothing")):
+        with pytest.raises(DocumentError, match=told):
+            decode(SamplesView, document | changed, "samples")
+
+
+def test_samples_need_a_heater(switched, words):
+    with pytest.raises(InputError, match="at least one model"):
+        Drawing.of(switched, words(), [], SCENARIO, NONE, PWM)
