@@ -19,6 +19,7 @@ __all__ = ["Dynamics"]
 Array = npt.NDArray[np.float64]
 
 _WHOLE: Final = 1e-9  # of an interval: a dead time as near to a multiple of it is one
+_SCIPYS_ZERO: Final = 1e-14  # SciPy leaves a leading coefficient up to here out, and warns
 _AT_ONCE: Final = 1 << 20  # instants times edges of the power
 
 
@@ -151,4 +152,7 @@ def _sampled(heater: _Heater, sample_time_s: float) -> tuple[Array, Array]:
     rise = _unit_step(heater.lags_s, np.asarray(instants, dtype=np.float64))
     increments = heater.gain_degC_per_pct * np.diff(rise, prepend=0.0)
     above = np.convolve(below, increments)[: len(increments)]
+    if len(above) > 1 and abs(above[0]) <= min(_SCIPYS_ZERO, 1e-6 * np.abs(above).max()):
+        # the next one takes it over, which keeps the gain
+        above = np.append(above[0] + above[1], above[2:])
     return above, np.concatenate([below, np.zeros(whole + len(increments) - len(heater.lags_s))])
