@@ -13,8 +13,8 @@ from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.search.robust import ROBUST
 from heatertune.pid.specs import OBJECTIVES
 from heatertune.plc.choose import WAYS
+from heatertune.plc.pwm import RULES
 from heatertune.proof import Spread
-from heatertune.proof.pwm import RULES
 from heatertune.settings import (
     Conditions,
     FitSettings,

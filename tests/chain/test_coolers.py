@@ -16,11 +16,11 @@ from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling
 from heatertune.plc.choose import choose_words
 from heatertune.plc.design import encode, tune
+from heatertune.plc.pwm import Actuator
 from heatertune.proof import Story
 from heatertune.proof.closing import Asked, closed
 from heatertune.proof.fitted import prove
 from heatertune.proof.ideal import simulate_wish
-from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import TemperatureStep, scenario_for
 from heatertune.proof.specification import Specification
 from heatertune.settings import Conditions, TuneSettings

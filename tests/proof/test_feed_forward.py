@@ -11,9 +11,9 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.feed_forward import feed_forward
+from heatertune.plc.pwm import Actuator
 from heatertune.proof.criteria import Limits
 from heatertune.proof.feed_forward import Beside, prove_feed_forward
-from heatertune.proof.pwm import Actuator
 
 TA, SETPOINT = 5.0, 80.0
 #: until an input module's reading is there and a process image is written, S5 (AI 460) and S7-300 (SM 331) [s]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final, cast
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.handed import runner
 from heatertune.pid.timer import Timer
+from heatertune.plc.pwm import Actuator
 from heatertune.plc.ramp import Number, Ramp
 from heatertune.plc.single import is_single, single
 from heatertune.show import Shown
@@ -131,12 +132,14 @@ class Certificate:
         lines: one line per fact (models proven on, worst criterion, …); no date, no locale.
         forced: whether the words left although the verdict is not PASS.
         setpoint_degC: what was proven [°C]; None: told nowhere.
+        actuator: the switch that was proven; the controller's own included; None: told nowhere.
     """
 
     verdict: str
     lines: tuple[str, ...] = ()
     forced: bool = False
     setpoint_degC: float | None = None
+    actuator: Actuator | None = None
 
     @property
     def head(self) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """Model + words → Trace → verdict: the closed loop with PWM, sensor and the PLC's own arithmetic."""
 
+from heatertune.plc.pwm import Actuator, pid_compact, pulsegen
 from heatertune.proof.criteria import Criterion, Limits
 from heatertune.proof.fitted import prove
 from heatertune.proof.ideal import simulate_wish
@@ -7,7 +8,6 @@ from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge
 from heatertune.proof.loop import simulate
 from heatertune.proof.prove import Proof, RunResult, prove_models
-from heatertune.proof.pwm import Actuator, pid_compact, pulsegen
 from heatertune.proof.sampled import SampleProof, prove_samples
 from heatertune.proof.samples import Drawing, Spread, replay
 from heatertune.proof.scenario import (

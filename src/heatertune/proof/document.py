@@ -18,10 +18,10 @@ from heatertune.documents import plain
 from heatertune.errors import DocumentError
 from heatertune.pid.recipe import RampView
 from heatertune.plc import Scaling
+from heatertune.plc.pwm import Actuator
 from heatertune.proof.criteria import CriterionView, Limits
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.measured import IN_DEGC
-from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import LED, WAYS, Scenario, kinds_of
 from heatertune.proof.specification import Specification
 from heatertune.proof.verdict import (

@@ -26,10 +26,10 @@ from heatertune.model.values import HeaterModel
 from heatertune.plc.controller import Controller, controller_for
 from heatertune.plc.feed_forward import FeedForward
 from heatertune.plc.open_points import settings_to_prove
+from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Limits
 from heatertune.proof.loop import InLoop, check_words, in_loop, run_loop
-from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Load, Scenario, conditions, delayed
 from heatertune.proof.trace import Trace
 

@@ -13,11 +13,11 @@ from heatertune.model.values import FittedModel, HeaterModel, Outcome
 from heatertune.options import merged
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc import Words, controller_for
+from heatertune.plc.pwm import Actuator, switched_by
 from heatertune.proof.criteria import Limits
 from heatertune.proof.heaters import default_setpoint, holding, unreached
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.prove import Proof, prove_models
-from heatertune.proof.pwm import Actuator, switched_by
 from heatertune.proof.spec_file import in_force
 from heatertune.proof.specification import NOTHING, Specification
 from heatertune.proof.story import Course, Loop, story_for

@@ -9,11 +9,11 @@ from typing import Final, NamedTuple
 
 from heatertune.model.values import HeaterModel
 from heatertune.plc import Words, controller_for
+from heatertune.plc.pwm import HALF_WAVE_S
 from heatertune.proof.fitted import default_pwm_period_s
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.period import holding_power_pct, ripple_at
 from heatertune.proof.prove import Proof
-from heatertune.proof.pwm import HALF_WAVE_S
 from heatertune.proof.setpoint_ramp import OVERSHOOTS, REHEATS
 from heatertune.settings import TuneSettings
 

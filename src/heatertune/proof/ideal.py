@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc.core import Core
+from heatertune.plc.pwm import Actuator
 from heatertune.proof.loop import InLoop, run_loop
-from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.trace import Trace
 

@@ -20,7 +20,7 @@ from heatertune.options import options_of
 from heatertune.plc.cpu.one_bit.assembler import assemble
 from heatertune.plc.cpu.one_bit.machine import START, State, Wiring, scan
 from heatertune.plc.cpu.one_bit.programs import HEATER, HEATER_NAMES
-from heatertune.proof.pwm import INSTANT_S
+from heatertune.plc.pwm import INSTANT_S
 from heatertune.settings import Conditions
 from heatertune.units import check
 

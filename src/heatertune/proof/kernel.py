@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple
 
+from heatertune.plc.pwm import INSTANT_S, on_time
 from heatertune.proof.meter import (
     FAULTS,
     LIMITED,
@@ -30,7 +31,6 @@ from heatertune.proof.meter import (
 )
 from heatertune.proof.plant import Flow, Plant, factors, moved, turn
 from heatertune.proof.program import Program, asked_now
-from heatertune.proof.pwm import INSTANT_S, on_time
 
 __all__ = [
     "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Batch", "Clock", "Events", "Record", "measure", "restarted",

@@ -16,6 +16,7 @@ from heatertune.model.values import HeaterModel
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core
 from heatertune.plc.open_points import settings_of
+from heatertune.plc.pwm import INSTANT_S, Actuator
 from heatertune.plc.ramp import Number
 from heatertune.plc.single import narrowed, single
 from heatertune.plc.words import Words
@@ -23,7 +24,6 @@ from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import JUMP, LOAD, MAINS, PHASE, Batch, Record, run, run_all
 from heatertune.proof.meter import Meter, no_meter
 from heatertune.proof.program import Program, asked_now
-from heatertune.proof.pwm import INSTANT_S, Actuator
 from heatertune.proof.scenario import (
     Disturbance,
     Load,

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.plc.pwm import INSTANT_S
 from heatertune.proof.criteria import Criterion, Limits
 from heatertune.proof.meter import (
     ABSOLUTE,
@@ -28,7 +29,6 @@ from heatertune.proof.meter import (
     SETTLED,
     SWITCHINGS,
 )
-from heatertune.proof.pwm import INSTANT_S
 from heatertune.proof.scenario import LED, WAYS, Led, Phase, Scenario, phases_of
 
 __all__ = [

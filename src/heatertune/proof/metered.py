@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.plc.pwm import Actuator
 from heatertune.proof.criteria import Limits
 from heatertune.proof.kernel import REST, Batch, Record
 from heatertune.proof.loop import InLoop, events_of, program_of, pulses_of, ring_size, run_with, scans_of
 from heatertune.proof.measured import Measured, band_of, periods_at_rest, phases_measured
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter
-from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario
 
 __all__ = ["metered"]

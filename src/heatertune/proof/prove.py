@@ -16,6 +16,7 @@ from heatertune.pid.recipe import RampView
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import Switch, settings_to_prove
+from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, digested
@@ -23,7 +24,6 @@ from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge, of_words
 from heatertune.proof.measured import band_of
 from heatertune.proof.noise import drawn, nearest
-from heatertune.proof.pwm import Actuator
 from heatertune.proof.runs import Runs
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.specification import Specification

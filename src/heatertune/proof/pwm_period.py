@@ -7,10 +7,10 @@ from dataclasses import replace
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
+from heatertune.plc.pwm import HALF_WAVE_S
 from heatertune.proof.fitted import setpoints_for, specified
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.period import propose_period
-from heatertune.proof.pwm import HALF_WAVE_S
 from heatertune.settings import Conditions
 
 __all__ = ["with_pwm"]

@@ -11,6 +11,7 @@ import numpy as np
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.plc.controller import Controller
+from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Criterion, Limits
 from heatertune.proof.interlock import Interlock
@@ -18,7 +19,6 @@ from heatertune.proof.judge import judge
 from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop, noise_of, plant_row, scans_of, simulate
 from heatertune.proof.measured import columns_of, joined, ordered
 from heatertune.proof.metered import metered
-from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario, conditions, delayed
 from heatertune.proof.trace import Trace
 

@@ -34,12 +34,12 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import settings_to_prove
+from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Limits
 from heatertune.proof.loop import InLoop, actuator_of, in_loop, plant_row, scans_of, traced
 from heatertune.proof.measured import Measured, joined, ordered
 from heatertune.proof.metered import metered
-from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Disturbance, Load, Scenario, TemperatureStep
 from heatertune.proof.trace import Trace
 from heatertune.units import check

@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from heatertune.heater.exact import advance, area, turning_times
 from heatertune.model.values import HeaterModel
+from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.pwm import Actuator
 from heatertune.proof.scenario import Scenario, phases_of
 from heatertune.show import Shown
 

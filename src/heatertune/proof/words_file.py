@@ -12,6 +12,7 @@ from heatertune.documents import peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused
 from heatertune.plc import Certificate, Ramp, Scaling, Words, controller_for
 from heatertune.plc.open_points import settings_to_prove
+from heatertune.plc.pwm import Actuator
 from heatertune.proof.document import checked, digested
 from heatertune.proof.verdict import PROOF_SCHEMA, Heard, blocking, derived, extent, sampled, told_of, verdict_line
 
@@ -160,7 +161,7 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
     lines += [f"not proven: {finding['told']}" for finding in open_]
     lines += [*sampled(proof), *told_of(proof)]
     return Certificate(verdict=verdict, lines=tuple(lines), forced=verdict != "PASS",
-                       setpoint_degC=proof["scenario"]["setpoint_degC"])
+                       setpoint_degC=proof["scenario"]["setpoint_degC"], actuator=Actuator(**proof["actuator"]))
 
 
 def _accepting(proof: Mapping[str, Any], accept: Sequence[str]) -> dict[str, Any]:

@@ -12,10 +12,10 @@ from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.choose import choose_words, search_document
+from heatertune.plc.pwm import HALF_WAVE_S
 from heatertune.progress import Told
 from heatertune.proof import Proof, Trace, simulate_wish
 from heatertune.proof.fitted import default_pwm_period_s
-from heatertune.proof.pwm import HALF_WAVE_S
 from heatertune.settings import Conditions
 from heatertune.studio.settings import Settings
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.units import check
 
-__all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "on_time", "pid_compact", "pulsegen", "switched_by"]
+__all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "Ticks", "on_time", "pid_compact", "pulsegen",
+           "switched_by"]
 
 #: instants closer than this are one instant [s]: far above rounding, far below a PLC's tick
 INSTANT_S: Final = 1e-9
@@ -20,6 +21,13 @@ RULES: Final = {"pulsegen": "drop", "pid-compact": "carry"}
 _RULES: Final = ("drop", "carry")
 #: of 50 Hz mains [s]
 HALF_WAVE_S: Final = 0.01
+
+
+class Ticks(NamedTuple):
+    """Ticks of one clock from one call of the controller to the next, and in one period of the PWM."""
+
+    per_call: int
+    per_period: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +68,14 @@ class Actuator:
         return (
             self.pwm_period_s, self.resolution_s, self.minimum_on_s, self.minimum_off_s, self.minimum_rule == "carry",
         )
+
+    def ticks(self, sample_time_s: float) -> Ticks | None:
+        """Return how a clock that ticks at the resolution makes a controller's calls and periods; None: it cannot."""
+        counts = [time / self.resolution_s for time in (sample_time_s, self.pwm_period_s)]
+        per_call, per_period = map(round, counts)
+        if max(abs(per_call - counts[0]), abs(per_period - counts[1])) > INSTANT_S:
+            return None
+        return Ticks(per_call, per_period)
 
 
 def pulsegen(*, pwm_period_s: float, call_interval_s: float, minimum_s: float = 0.0) -> Actuator:

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.options import options_of
-from heatertune.proof.pwm import RULES, Actuator, on_time, pid_compact, pulsegen, switched_by
+from heatertune.plc.pwm import RULES, Actuator, on_time, pid_compact, pulsegen, switched_by
 from heatertune.settings import Conditions
 
 powers = st.lists(st.floats(0.0, 100.0), min_size=1, max_size=40)
