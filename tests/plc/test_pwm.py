@@ -4,7 +4,8 @@ from hypothesis import strategies as st
 
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.options import options_of
-from heatertune.plc.pwm import RULES, Actuator, on_time, pid_compact, pulsegen, switched_by
+from heatertune.plc.pwm import RULES, Actuator, on_time, pid_compact, pulsegen, switched_by, tick_for
+from heatertune.proof.fitted import default_pwm_period_s
 from heatertune.settings import Conditions
 
 powers = st.lists(st.floats(0.0, 100.0), min_size=1, max_size=40)
@@ -147,3 +148,26 @@ def test_rounding_costs_at_most_half_the_resolution(power, parts):
 def test_an_actuator_that_cannot_be_is_refused(field, settings):
     with pytest.raises(OutOfRange, match=field):
         Actuator(**settings)
+
+
+@pytest.mark.parametrize(("interval", "period", "resolution"), [
+    (17.0, 8.5, 0.1),  # 85 ticks, as OB13 is called every 100 ms where nobody changes SD97
+    (23.0, 5.75, 0.05),  # 57½ of them are none
+    (2.0, 2.0, 0.02),  # 20 would be steps of 5 %
+    (0.2, 0.2, 0.01),  # the finest, 20 of them
+    (17.0, 17.0 / 3.0, 0.01),  # no clock of 10 ms makes it: a switch of its own
+])
+def test_a_target_with_a_clock_gets_its_ticks(interval, period, resolution):
+    assert tick_for(0.1, sample_time_s=interval, pwm_period_s=period) == pytest.approx(resolution)
+    assert tick_for(None, sample_time_s=interval, pwm_period_s=period) == 0.01
+
+
+@given(st.integers(1, 60000))
+def test_the_period_that_nobody_chose_is_whole_ticks_of_the_s5(hundredths):
+    interval = hundredths / 100.0
+    period = default_pwm_period_s(interval, tick_s=0.1)
+    actuator = Actuator(pwm_period_s=period, resolution_s=tick_for(0.1, sample_time_s=interval, pwm_period_s=period))
+    ticks = actuator.ticks(interval)
+    assert ticks.per_call % ticks.per_period == 0
+    assert 0.01 <= actuator.resolution_s <= 0.1
+    assert period <= 10.0

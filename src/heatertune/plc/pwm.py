@@ -10,8 +10,8 @@ from heatertune.codec import LEFT_OUT
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.units import check
 
-__all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "Ticks", "on_time", "pid_compact", "pulsegen",
-           "switched_by"]
+__all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "Ticks", "in_ticks", "on_time", "pid_compact", "pulsegen",
+           "switched_by", "tick_for"]
 
 #: instants closer than this are one instant [s]: far above rounding, far below a PLC's tick
 INSTANT_S: Final = 1e-9
@@ -22,6 +22,10 @@ RULES: Final = {"pulsegen": "drop", "pid-compact": "carry"}
 _RULES: Final = ("drop", "carry")
 #: of 50 Hz mains [s]
 HALF_WAVE_S: Final = 0.01
+#: a period of fewer ticks gets a finer tick: steps of 2 %
+_LEAST_TICKS: Final = 50
+#: parts of a target's tick, the coarsest first
+_PARTS: Final = (1, 2, 5, 10)
 
 
 class Ticks(NamedTuple):
@@ -92,6 +96,32 @@ class Actuator:
         if max(abs(per_call - counts[0]), abs(per_period - counts[1])) > INSTANT_S:
             return None
         return Ticks(per_call, per_period)
+
+
+def in_ticks(time_s: float, tick_s: float | None) -> bool:
+    """Return whether a time is whole ticks of a target's finest clock, a tenth of `Controller.tick_s`; None: any is."""
+    return tick_s is None or _whole(time_s * _PARTS[-1] / tick_s)
+
+
+def tick_for(tick_s: float | None, *, sample_time_s: float, pwm_period_s: float) -> float:
+    """Return the resolution of a switch whose user tells none [s].
+
+    It is the coarsest part of the target's tick of which both times are whole multiples and that makes at least fifty
+    steps of a period; where none makes so many, the finest; a half-wave of 50 Hz where none fits.
+
+    Args:
+        tick_s: `Controller.tick_s`.
+        sample_time_s: TA [s].
+        pwm_period_s: [s].
+    """
+    ticks = [] if tick_s is None else [tick_s / part for part in _PARTS]
+    fit = [tick for tick in ticks if _whole(sample_time_s / tick) and _whole(pwm_period_s / tick)]
+    enough = (tick for tick in fit if pwm_period_s / tick > _LEAST_TICKS - INSTANT_S)
+    return next(enough, fit[-1] if fit else min(HALF_WAVE_S, pwm_period_s))
+
+
+def _whole(count: float) -> bool:
+    return round(count) > 0 and abs(round(count) - count) <= INSTANT_S * max(1.0, count)
 
 
 def pulsegen(*, pwm_period_s: float, call_interval_s: float, minimum_s: float = 0.0) -> Actuator:
