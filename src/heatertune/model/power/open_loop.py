@@ -150,7 +150,7 @@ class PowerProblem:
         return residuals, linear
 
     def with_last_load(self, vector: Array, instants: Array) -> Array:
-        """Return the residuals, shape (n, m), with the last load step at each of these instants (n,) [s], as `solve`."""
+        """Return the residuals, shape (n, m), with the last load step at other instants (n,) [s]."""
         record = self.readings.temperature_degC[None, :]
         residuals = np.empty((len(instants), record.shape[1]))
         compiled(try_loads, allocates=True)(
