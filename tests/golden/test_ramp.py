@@ -5,7 +5,6 @@ text by tree-sitter; S7-200, the room's own machine on the exported text, agains
 """
 
 import random
-import re
 import struct
 from dataclasses import replace
 
@@ -13,7 +12,7 @@ import numpy as np
 import pytest
 from tests.golden.s5_machine import blocks, run
 from tests.golden.test_fb41 import _stub
-from tests.plc.st_machine import FunctionBlock
+from tests.plc.st_machine import Program
 
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
@@ -175,12 +174,17 @@ def test_the_fb41_source_moves_sp_int_to_the_bits_of_the_room(awlsim, ramp):
 
 
 def _weg_program(words, name):
-    """The statements before the call of the block, with the variables of the program, as a function block to run."""
-    text = _export(words, name)
-    program = text[text.index("PROGRAM"):]
-    declared = "\n".join(re.findall(r"^  Heater\w+ : (?:REAL|INT|BOOL) := .*;.*$", program, re.MULTILINE))
-    body = program.split("END_VAR")[1].split("HeaterPid")[0]
-    return FunctionBlock(f"FUNCTION_BLOCK Ramp\nVAR\n{declared}\nEND_VAR\n{body}\nEND_FUNCTION_BLOCK\n")
+    """The whole exported program, a scan each Ts; WEG's own block, which is in no text, does nothing."""
+    return Program(_export(words, name), {"FB_PID": Wegs})
+
+
+class Wegs:
+    """The interface of WEG's block as its help's example in ST has it."""
+
+    EN, Output = False, np.float32(0.0)
+
+    def __call__(self, **inputs):
+        self.inputs = inputs
 
 
 @pytest.mark.parametrize("name", ["weg_pid_call.st", "weg_pid_block.st"])

@@ -5,16 +5,14 @@ OB35 ticks at the resolution of the PWM that was proven; every so many ticks it 
 
 from __future__ import annotations
 
-import math
-import struct
-from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from heatertune.plc.cpu.s7_300 import awl
 from heatertune.plc.cpu.s7_300.cells import Member, values
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.pwm import Actuator, on_time
+from heatertune.plc.pwm import Actuator, pulse_ends
 from heatertune.plc.ramp import Number
+from heatertune.plc.single import bits_of, single_of
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["ANALOG", "OWN", "PULSEGEN", "Switching", "like", "pwm_block", "pwm_members", "switching"]
@@ -236,24 +234,8 @@ def _milliseconds(seconds: float) -> int | None:
 
 
 def _ends(actuator: Actuator, *, real: bool) -> tuple[Number, Number]:
-    """Return the smallest output with a pulse and the largest with a pause: less power never has a longer pulse."""
-    numbers, period = actuator.numbers, actuator.pwm_period_s
-
-    def power(step: int) -> Number:  # singles above 0 are in the order of their bits
-        return struct.unpack(">f", struct.pack(">I", step))[0] if real else step
-
-    def on(step: int) -> float:
-        return on_time(power(step) if real else 100.0 * step / FULL_SCALE, 0.0, numbers)[0]
-
-    full = struct.unpack(">I", struct.pack(">f", 100.0))[0] if real else FULL_SCALE
-    least = _first(full, lambda step: on(step) > 0.0)
-    return power(least), power(_first(full, lambda step: on(step) >= period) - 1)
-
-
-def _first(last: int, holds: Callable[[int], bool]) -> int:
-    """Return the first of 1…last for which holds what holds of the last one and of all after the first."""
-    low, high = 0, last
-    while high - low > 1:
-        middle = math.floor((low + high) / 2)
-        low, high = (low, middle) if holds(middle) else (middle, high)
-    return high
+    """Return the smallest output with a pulse and the largest with a pause."""
+    if not real:
+        return pulse_ends(actuator, lambda counts: 100.0 * counts / FULL_SCALE, FULL_SCALE)
+    least, most = pulse_ends(actuator, single_of, bits_of(100.0))
+    return single_of(least), single_of(most)
