@@ -12,8 +12,10 @@ survives. What it runs is drawn by the seed, so a longer run goes on where a sho
 import argparse
 import ast
 import compileall
+import contextlib
 import copy
 import importlib
+import io
 import os
 import random
 import shutil
@@ -184,6 +186,16 @@ def run(arguments, plugins=()):
     return int(pytest.main([*plain, *arguments], plugins=list(plugins)))
 
 
+def load_once(tests):
+    """Import what every copy of this process needs, and rewrite the tests' assertions on disk; keep nothing of heatertune."""
+    for name in SLOW_TO_LOAD:
+        importlib.import_module(name)
+    with contextlib.redirect_stdout(io.StringIO()):
+        run(["--collect-only", *tests])
+    for name in [name for name in sys.modules if name.partition(".")[0] in ("heatertune", "tests")]:
+        del sys.modules[name]
+
+
 def map_tests(copied, kept):
     """Return (file, first line of function) → tests, and test → seconds, by one run of all fast tests."""
     place = kept or copied / "entered.txt"
@@ -240,8 +252,7 @@ def main():
         os.environ |= {"PYTHONPATH": f"{copied / 'src'}", "HEATERTUNE_CACHE": f"{copied / 'cache'}"}
         sys.path[:0] = [str(copied / "src"), str(copied)]
         compileall.compile_dir(copied / "src", quiet=2)
-        for name in SLOW_TO_LOAD:
-            importlib.import_module(name)
+        load_once(asked.tests or TESTS)
         raise SystemExit(attacked(copied, asked, end))
 
 

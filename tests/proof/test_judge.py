@@ -1,6 +1,7 @@
 import json
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from heatertune.pid.values import Margins
 from heatertune.proof import Actuator, Criterion, Limits, Load, Scenario, TemperatureStep, Trace, judge
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.judge import _stays_within
-from heatertune.proof.scenario import Phase
+from heatertune.proof.scenario import Led, Mains, NewSetpoint, Phase, PlcPower
 
 PERIOD = 0.05
 AMBIENT, SETPOINT = 20.0, 60.0
@@ -226,3 +227,78 @@ def test_a_ramp_is_judged_against_the_setpoint_asked_for():
     assert found["iae"].value == pytest.approx(40.0 * 20.0 / 2.0, rel=0.01)
     assert found["settling_time"].value == pytest.approx(20.0 - TWO_PERCENT / 2.0, abs=0.1)
     assert found["overshoot"].value == 0.0
+
+
+TAU = 10.0
+STORY = (Mains(time_s=120.0, share=0.0), Mains(time_s=150.0, share=1.0), TemperatureStep(time_s=210.0, temperature_degC=-6.0),
+         NewSetpoint(time_s=260.0, setpoint_degC=70.0), PlcPower(time_s=300.0, on=False), PlcPower(time_s=320.0, on=True),
+         Led(time_s=380.0, from_degC=70.0, setpoint_degC=80.0, duration_s=40.0),
+         Led(time_s=420.0, from_degC=80.0, setpoint_degC=80.0, duration_s=60.0))
+#: of each phase of the story: its end, how long it rests at the end, and its setpoint
+PHASES = {"heat-up": (120, 30, 60), "open": (150, 0, 60), "reheat": (210, 25, 60), "recovery": (260, 20, 60), "change": (300, 15, 70),
+          "unsupplied": (320, 0, 70), "restart": (380, 25, 70), "ramp": (420, 0, 80), "soak": (480, 20, 80)}
+
+
+def _any_run(chance):
+    """A run of the story along random exponentials, near the setpoints from 30 s on, and powers at and beside the limits."""
+    scans = np.arange(0.0, 481.0, 2.0)
+    starts = np.unique(np.concatenate([[0.0], np.cumsum(chance.uniform(0.5, 4.0, 230)), [event.time_s for event in STORY]]))
+    starts, rows, temperature = starts[starts < 480.0], [], AMBIENT
+    for start, end in pairwise([*starts, 480.0]):
+        setpoint = next(setpoint for end_s, _, setpoint in PHASES.values() if start < end_s)
+        temperature += -6.0 if start == 210.0 else 0.0
+        target = setpoint + chance.uniform(-9.0, 9.0) * (1.0 if start > 30.0 else 4.0)
+        rows.append((start, temperature, temperature, target))
+        temperature = target + (temperature - target) * math.exp((start - end) / TAU)
+    asked = chance.choice([-0.5, 0.0, 0.4, 50.0, 99.6, 100.0, 100.4, math.nan], len(scans))
+    return Trace(
+        time_s=scans, temperature_degC=scans, reading_degC=scans, followed_degC=scans, power_asked_pct=asked,
+        edge_time_s=np.arange(9.0), edge_on=np.arange(9) % 2 == 0, stretches=np.array(rows),
+        model=Fopdt(gain_degC_per_pct=1.0, time_constant_s=TAU, dead_time_s=1.0, ambient_degC=AMBIENT),
+        scenario=Scenario(setpoint_degC=SETPOINT, duration_s=480.0, disturbances=STORY, rests_s=tuple(rest for _, rest, _ in PHASES.values())),
+        actuator=Actuator(pwm_period_s=4.0), flags={"SM1.1": 2, "running": 5})
+
+
+def _sampled(trace, band):
+    """What the words of each criterion say, on samples a millisecond apart."""
+    starts, first, _, target = trace.stretches.T
+
+    def at(times):
+        row = np.searchsorted(starts, times, "right") - 1
+        return target[row] + (first[row] - target[row]) * np.exp((starts[row] - times) / TAU)
+
+    def error(begin, end, setpoint):
+        return at(np.arange(begin, end, 0.001)) - setpoint
+
+    seen, found, begin, iae, rest_of = {}, {}, 0, 0.0, []
+    for kind, (end, rest, setpoint) in PHASES.items():
+        seen[kind] = error(begin, end, setpoint)
+        outside = np.flatnonzero(np.abs(seen[kind]) > band)
+        settled = 0.0 if len(outside) == 0 else math.inf if outside[-1] == len(seen[kind]) - 1 else (outside[-1] + 1) * 0.001
+        name = {"heat-up": "settling"}.get(kind, kind)
+        found |= {f"{name}_time": settled, "overshoot" if kind == "heat-up" else f"{kind}_overshoot": max(0.0, seen[kind].max()) / 40.0 * 100.0}
+        if kind not in ("open", "unsupplied", "ramp", "soak"):
+            rest_of.append(error(end - rest, end, setpoint))
+            iae += np.abs(seen[kind]).sum() * 0.001
+        begin = end
+    line = at(np.arange(380.0, 420.0, 0.001)) - np.arange(70.0, 80.0, 0.00025)
+    nodes = np.union1d(trace.time_s, starts)
+    cycles = [at(nodes[(nodes >= 90 + 4 * n) & (nodes < 94 + 4 * n + 2.001 * (n == 6))]) for n in range(7)]
+    supplied = trace.power_asked_pct[(trace.time_s < 300.0) | (trace.time_s >= 320.0)]
+    return found | {
+        "iae": iae, "steady_offset": max(abs(e.mean()) for e in rest_of), "limit_cycle": max(np.ptp(e) for e in rest_of) / 2.0,
+        "pwm_ripple": float(np.median([np.ptp(cycle) for cycle in cycles])), "deviation": -min(0.0, seen["recovery"].min()),
+        "ramp_overshoot": max(0.0, seen["ramp"].max(), seen["soak"].max()) / 10.0 * 100.0, "ramp_deviation": np.abs(line).max(),
+        "peak": 80.0 + max(seen["ramp"].max(), seen["soak"].max()), "soak_deviation": np.abs(error(460, 480, 80)).max(),
+        "saturation": 100.0 * sum(power <= 0.0 or power >= 100.0 for power in supplied) / len(supplied), "switchings": 5 / 480 * 3600,
+        "overflow": 2 + sum(map(math.isnan, supplied)),
+    }
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_any_course_through_a_whole_story_measures_what_its_samples_show(seed):
+    trace, band = _any_run(np.random.default_rng(seed)), 4.0 + 1.5 * (seed % 3)
+    expected = _sampled(trace, band)
+    found = {name: each.value for name, each in _judged(trace, tolerance_degC=band).items()}
+    assert found.pop("power_reserve") == 100.0 - (80.0 - AMBIENT)
+    assert found == pytest.approx({name: expected[name] for name in found}, rel=1e-3, abs=0.01)
