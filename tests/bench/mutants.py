@@ -5,8 +5,10 @@
 A fault is an operator turned (< to <=, + to -, * to /, and to or, not left out), a whole number one more or less, a
 switch turned over, min for max, or a statement left out; nothing is planted in annotations, decorators and the texts of
 errors. All this happens in a copy of the checkout. Of each fault is printed: killed or SURVIVED, place, what was changed.
-Known to change nothing: mutants.txt beside this file; these are counted for themselves. Ends with status 1 where another
-survives. What it runs is drawn by the seed, so a longer run goes on where a shorter one ends.
+Known to change nothing: mutants.txt beside this file, a line for each: file | line of the source | column in it: what was
+changed # reason; these are counted for themselves, and one whose fault is no longer there is told. Ends with status 1 where
+another survives; what had to be stopped for its time is told as endless, and counted as killed.
+What it runs is drawn by the seed, so a longer run goes on where a shorter one ends.
 """
 
 import argparse
@@ -268,7 +270,11 @@ def attacked(copied, asked, end):
     every = [(path, *fault) for path, tree in trees.items() if asked.only in str(path) for fault in faults(tree)]
     random.Random(asked.seed).shuffle(every)
     survivors = None if asked.again is None else {line.partition("SURVIVED ")[2] for line in asked.again.read_text().splitlines() if "SURVIVED " in line}
-    same = {line.partition(" # ")[0] for line in EQUIVALENT.read_text().splitlines()} if EQUIVALENT.exists() else set()
+    same = {line.rpartition(" # ")[0] for line in EQUIVALENT.read_text().splitlines()} if EQUIVALENT.exists() else set()
+    sources = {path: path.read_text().splitlines() for path in trees}
+    planted_here = {_known_as(path.relative_to(copied / SOURCE), sources[path], fault[2], fault[4]) for path, *fault in every}
+    for stale in sorted(line for line in same - planted_here if line.startswith(asked.only or line)):
+        print(f"no longer there: {stale}")
     counts = Counter()
     for path, place, which, at, first, text in every:
         if time.monotonic() > end:
@@ -276,17 +282,25 @@ def attacked(copied, asked, end):
         label = f"{path.relative_to(copied / SOURCE)}:{at}: {' '.join(text.split())}"
         if survivors is not None and label not in survivors:
             continue
-        outcome = "equal" if label in same else struck(
+        known = _known_as(path.relative_to(copied / SOURCE), sources[path], at, text)
+        outcome = "equal" if known in same else struck(
             path, planted(trees[path], place, which), *((asked.tests, LONGEST_S) if asked.tests else chosen(tests, took, path, first)))
         counts[outcome] += 1
         print(f"{outcome} {label}", flush=True)
-    ran = counts["killed"] + counts["SURVIVED"]
-    print(f"{len(every)} faults, {sum(counts.values())} run: {dict(counts)}; killed {100.0 * counts['killed'] / max(ran, 1):.1f} %")
+    killed = counts["killed"] + counts["endless"]
+    print(f"{len(every)} faults, {sum(counts.values())} run: {dict(counts)}; killed {100.0 * killed / max(killed + counts['SURVIVED'], 1):.1f} %")
     return int(counts["SURVIVED"] > 0)
 
 
+def _known_as(path, lines, at, text):
+    """Return what a fault is called in mutants.txt, which outlives changes elsewhere in the file."""
+    line, column = map(int, at.split(":"))
+    plain = lines[line - 1]
+    return f"{path} | {plain.strip()} | {column - len(plain) + len(plain.lstrip())}: {' '.join(text.split())}"
+
+
 def struck(path, source, tests, total):
-    """Return "killed" or "SURVIVED" of a file with a fault."""
+    """Return "killed", "endless" (stopped for its time) or "SURVIVED" of a file with a fault."""
     if not tests:
         return "SURVIVED"
     plain = path.read_text()
@@ -294,7 +308,8 @@ def struck(path, source, tests, total):
         stale.unlink()
     path.write_text(source)
     try:
-        return "SURVIVED" if in_a_child(lambda: run(tests), 20.0 + 5.0 * total) == 0 else "killed"
+        status = in_a_child(lambda: run(tests), 20.0 + 5.0 * total)
+        return "SURVIVED" if status == 0 else "endless" if status is None else "killed"
     finally:
         path.write_text(plain)
 
