@@ -241,7 +241,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--minutes", type=float, default=20.0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="part of the file's path")
+    parser.add_argument("--only", nargs="+", default=[""], help="parts of files' paths: those that have one of them")
     parser.add_argument("--map", type=Path, help="where the map from functions to tests is kept for the next run")
     parser.add_argument("--tests", nargs="+", help="run these for each fault, not those that enter its place")
     parser.add_argument("--again", type=Path, help="a former run's output: its survivors only")
@@ -267,13 +267,14 @@ def attacked(copied, asked, end):
     print(f"{len(took)} tests in {sum(took.values()):.0f} s, status {status}", flush=True)
     trees = {path: ast.parse(path.read_text()) for pattern in MUTATED for path in sorted((copied / SOURCE).glob(pattern))
              if path.stem not in NOT_HERE or path.parent.name not in ("plc", "s7_200_paper")}
-    every = [(path, *fault) for path, tree in trees.items() if asked.only in str(path) for fault in faults(tree)]
+    every = [(path, *fault) for path, tree in trees.items()
+             if any(part in str(path.relative_to(copied / SOURCE)) for part in asked.only) for fault in faults(tree)]
     random.Random(asked.seed).shuffle(every)
     survivors = None if asked.again is None else {line.partition("SURVIVED ")[2] for line in asked.again.read_text().splitlines() if "SURVIVED " in line}
     same = {line.rpartition(" # ")[0] for line in EQUIVALENT.read_text().splitlines()} if EQUIVALENT.exists() else set()
     sources = {path: path.read_text().splitlines() for path in trees}
     planted_here = {_known_as(path.relative_to(copied / SOURCE), sources[path], fault[2], fault[4]) for path, *fault in every}
-    for stale in sorted(line for line in same - planted_here if line.startswith(asked.only or line)):
+    for stale in sorted(line for line in same - planted_here if any(part in line.partition(" | ")[0] for part in asked.only)):
         print(f"no longer there: {stale}")
     counts = Counter()
     for path, place, which, at, first, text in every:

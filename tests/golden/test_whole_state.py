@@ -6,11 +6,16 @@ both of its sides. OB251 is summed in exact fractions; REALs are NumPy's single 
 
 import math
 import random
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
+import pytest
 
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.fb41 import step as fb41
+from heatertune.plc.on_off import step as on_off
 from heatertune.plc.s5_ob251 import step as ob251
 from heatertune.plc.s7_300 import step as tip
 from heatertune.plc.weg import step as weg
@@ -303,3 +308,73 @@ def test_wegs_block_from_any_state_is_its_equation_in_numpys_single_precision():
             expected = _weg(words, assume, state, inputs)
         found = weg.call(weg.block_of(words, assume), assume, state, inputs)
         assert _plain(found) == _plain(expected), (words, assume, state, inputs)
+
+
+def _two_level(band, is_on, w, x):
+    """Example 3 as printed, SP and BAND in the registers of a 16-bit unit that tells a sum beyond them by its overflow."""
+    upper, lower = np.int16(w), np.int16(w)
+    with np.errstate(over="ignore"):
+        upper, lower = upper + np.int16(band), lower - np.int16(band)
+    off = int(x) > int(upper)
+    overflow = int(upper) != w + band or (not off and int(lower) != w - band)
+    is_on = not off and (is_on or int(x) < int(lower))
+    return is_on, 100.0 if is_on else 0.0, int(is_on), int(overflow)
+
+
+def test_on_off_from_either_state_is_example_3_by_its_listing_and_without_it():
+    rng = random.Random(5)
+    ends = (-32768, -32767, -20, 0, 1, 2000, 32747, 32748, 32767)
+    room = controller_for("on-off")
+    for _ in range(400):
+        band, was_on, w = rng.choice((1, 20, 2047)), rng.random() < 0.5, rng.choice(ends)
+        x = (w + rng.choice((-1, 1)) * band + rng.choice((-1, 0, 1)) + 2**15) % 2**16 - 2**15
+        expected = _two_level(band, was_on, w, x)
+        memory, *found = on_off.step(band, on_off.Memory(was_on), w, x, False)
+        assert (memory.is_on, *found) == expected, (band, was_on, w, x)
+        words = Words(target="on-off", values={"BAND": band}, scaling=Scaling(), sample_time_s=1.0)
+        begun, _ = room.step(room.start(words, {}), 2500, 0 if was_on else 4095)
+        scan = room.step(begun, w, x)[1]
+        assert (scan.power_pct, scan.output, scan.flags) == (*expected[1:3], {"overflow": bool(expected[3]), "endless": False}), (band, was_on, w, x)
+
+
+@pytest.mark.parametrize(("target", "values", "inputs", "left_out"), [
+    ("s5-ob251", {"K": 1024, "R": 1024, "TI": 512, "TD": 3, "W": 0, "STEU": 3, "YH": 0, "BGOG": 2047, "BGUG": -2047}, {"W": 50, "X": 20},
+     {"Z": 0, "XZ": 0, "YH": 0, "STEU": 3}),
+    ("fb41", {"D_SEL": 1, "MAN": 30.0, "DISV": 2.0}, {"SP_PER": 9000, "PV_PER": 5000}, {"MAN_ON": 0, "MAN": 30.0, "DISV": 2.0, "INT_HOLD": 0, "COM_RST": 0}),
+    ("s7-300", {}, {"SP": 9000, "PV": 5000}, {"mode_req": 1}), ("s7-300", {}, {"SP": 9000, "PV": 5000, "mode_req": 0}, {"OUT": 0}),
+    ("weg", {}, {"SetPoint": 50.0, "Feedback": 20.0}, {"ManualSetPoint": 0.0, "SelectSetPoint": 0, "EN": 1}),
+    ("weg", {}, {"SetPoint": 50.0, "Feedback": 20.0, "SelectSetPoint": 1}, {"ManualSetPoint": 0.0, "EN": 1}),
+])
+def test_inputs_that_are_not_named_are_those_of_the_words_and_else_those_of_automatic(target, values, inputs, left_out):
+    room = controller_for(target)
+    design = PidDesign(gain_pct_per_degC=1.0, integral_time_s=20.0, derivative_time_s=8.0, sample_time_s=2.0, structure="pid", method="")
+    words = room.encode(design, Scaling())
+    words = replace(words, values={**words.values, **values})
+    state = other = room.start(words, {})
+    for _ in range(3):
+        state, told = room.scan(state, inputs)
+        other, same = room.scan(other, inputs | left_out)
+        assert (state, told) == (other, same)
+
+
+def test_every_memory_is_cleared_at_first():
+    # DW18 to DW48 (table 11-10), and the statics of a new instance block
+    assert tuple(ob251.COLD) == (0,) * 10
+    assert tuple(fb41.State()) == (0,) * 11
+    assert fb41.State() == fb41.restart(controller_for("fb41").start(_fb41_words(), {}).parameters[0])
+    assert tuple(tip.COLD) == (0.0, 0.0, False, 0, False)
+    assert tuple(weg.COLD) == (False, 0.0, 0.0, 0.0, 0.0, False)
+    assert on_off.Memory() == (False,)
+
+
+def _fb41_words():
+    design = PidDesign(gain_pct_per_degC=1.0, integral_time_s=20.0, derivative_time_s=0.0, sample_time_s=2.0, structure="pi", method="")
+    return controller_for("fb41").encode(design, Scaling())
+
+
+def test_an_output_below_zero_is_no_power():
+    outputs = ob251.State(output=-5), weg.State(output=-5.0), tip.State(output=-5), fb41.State(output=-5.0)
+    block = weg.block_of({"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "TauSetPoint": 0.0, "MinimumOutput": 0.0, "MaximumOutput": 100.0, "Type": 0,
+                          "Action": 0, "Ts": 1000}, weg.Assumptions())
+    told = (ob251._outcome(outputs[0]), weg._outcome(block, outputs[1]), tip._outcome(outputs[2]), fb41._outcome(outputs[3]))
+    assert [(power, output) for _, power, output, _ in told] == [(0.0, -5)] * 4
