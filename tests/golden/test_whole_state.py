@@ -81,6 +81,9 @@ def test_ob251_from_any_state_is_the_manuals_page_in_fractions():
         w, x, z, xz = one_of(0, 50, 80), one_of(0, 50, 81), one_of(-4, 0, 9), one_of(-9, 0, 10)
         found = ob251.call(p, assume, state, w, x, z, xz)
         assert [*map(Fraction, found)] == [*_ob251(p, state, assume, w, x, z, xz)], (p, state, assume, w, x, z, xz)
+        scanned = ob251.step((p._replace(z=z), assume), state, w, x, False)[0]
+        assert [*map(Fraction, scanned)] == [*_ob251(p, state, assume, w, x, z, 0)]
+        assert ob251.call(p, assume, state, w, x) == ob251.call(p, assume, state, w, x, p.z, 0) == ob251.step((p, assume), state, w, x, True)[0]
 
 
 class _Unit:
@@ -170,10 +173,10 @@ def test_cont_c_from_any_state_is_its_diagram_in_numpys_single_precision():
     def time(*more):  # a TIME of whole ms, as REAL in s
         return float(F(rng.choice((0.001, 0.3, 1.0, 2.5, 20.0, *more))))
 
-    for _ in range(1000):
+    for _ in range(500):
         p = fb41.Parameters(
             time(), _reals(rng, 1.0, -2.0, 0.37)(), time(0.0), time(0.0), time(0.0), _reals(rng, 0.0, 4.0, 1.3)(), limit(),
-            _reals(rng, 0.0, -100.0, -20.0)(), 1.0, 0.0, _reals(rng, 1.0, 3.0)(), _reals(rng, 0.0, -1.0)(), part(),
+            _reals(rng, 0.0, -100.0, -20.0)(), rng.choice((1.0, 2.5, 3e38)), rng.choice((0.0, -50.0)), _reals(rng, 1.0, 3.0)(), _reals(rng, 0.0, -1.0)(), part(),
             _reals(rng, 0.0, 7.25, -4.0)(), part(), *(rng.random() < share for share in (0.2, 0.8, 0.8, 0.2, 0.2, 0.6)))
         state = fb41.State(part(), error(), part(), error(), rest(), rest(), part(), *(rng.random() < 0.3 for _ in range(2)))
         assume = fb41.Assumptions(*(rng.random() < 0.3 for _ in range(3)))
@@ -182,6 +185,18 @@ def test_cont_c_from_any_state_is_its_diagram_in_numpys_single_precision():
             expected = _fb41(p, state, assume, sp, pv, os)
         found = fb41.call(p, assume, state, sp, pv, os)
         assert _plain(found) == _plain(expected), (p, state, assume, sp, pv)
+        raw_sp, raw_pv = rng.choice((-32768, 0, 5000)), rng.choice((0, 5000, 13824, 32767))
+        with np.errstate(all="ignore"):
+            (sp, _), (pv, os) = _normalised(p, raw_sp), _normalised(p, raw_pv)
+            expected = _fb41(p, state, assume, sp, pv, os)
+        assert _plain(fb41.step((p, assume), state, raw_sp, raw_pv, False)[0]) == _plain(expected), (p, state, assume, raw_sp, raw_pv)
+        assert _plain(fb41.scan((p, assume), state, {"SP_PER": raw_sp, "PV_PER": raw_pv})[0]) == _plain(expected)
+
+
+def _normalised(p, raw):
+    """PV_PER·100/27648·PV_FAC + PV_OFF, and OS after it."""
+    u = _Unit()
+    return u.add(u.mul(u.div(u.mul(raw, 100.0), 27648.0), p.pv_factor), p.pv_offset), bool(u.os)
 
 
 def _plain(numbers):
@@ -226,6 +241,7 @@ def test_the_tip_from_any_state_is_its_formulas_in_numpys_single_precision():
         with np.errstate(all="ignore"):
             expected = _tip(p, state, assume, sp, pv)
         assert _plain(tip.call(p, assume, state, sp, pv)) == _plain(expected), (p, state, assume, sp, pv)
+        assert _plain(tip.step((p, assume), state, sp, pv, False)[0]) == _plain(expected)
 
 
 def test_a_call_of_the_tip_in_manual_sets_the_bias_to_out_and_keeps_os():
@@ -308,6 +324,9 @@ def test_wegs_block_from_any_state_is_its_equation_in_numpys_single_precision():
             expected = _weg(words, assume, state, inputs)
         found = weg.call(weg.block_of(words, assume), assume, state, inputs)
         assert _plain(found) == _plain(expected), (words, assume, state, inputs)
+        if inputs.enable and not inputs.select_manual:
+            by_step = weg.step((weg.block_of(words, assume), assume), state, inputs.setpoint, inputs.feedback, False)[0]
+            assert _plain(by_step) == _plain(expected), (words, assume, state, inputs)
 
 
 def _two_level(band, is_on, w, x):
@@ -372,9 +391,19 @@ def _fb41_words():
     return controller_for("fb41").encode(design, Scaling())
 
 
-def test_an_output_below_zero_is_no_power():
-    outputs = ob251.State(output=-5), weg.State(output=-5.0), tip.State(output=-5), fb41.State(output=-5.0)
-    block = weg.block_of({"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "TauSetPoint": 0.0, "MinimumOutput": 0.0, "MaximumOutput": 100.0, "Type": 0,
-                          "Action": 0, "Ts": 1000}, weg.Assumptions())
-    told = (ob251._outcome(outputs[0]), weg._outcome(block, outputs[1]), tip._outcome(outputs[2]), fb41._outcome(outputs[3]))
-    assert [(power, output) for _, power, output, _ in told] == [(0.0, -5)] * 4
+def test_power_is_0_to_100_percent_of_the_output_and_flags_are_bits():
+    # full power is 2047 units, 27648, or 100 %; the lowest bit is the first flag
+    for output, power in ((-5, 0.0), (0, 0.0), (512, 51200.0 / 2047.0), (2047, 100.0), (2100, 100.0)):
+        for side, bits in ((1, 1), (0, 0), (-1, 2)):
+            assert ob251._outcome(ob251.State(output=output, at_limit=side))[1:] == (power, output, bits)
+    for output, power in ((-5, 0.0), (6912, 25.0), (27648, 100.0), (32767, 100.0)):
+        assert [tip._outcome(tip.State(output=output, overflow=over))[1:] for over in (False, True)] == [(power, output, 0), (power, output, 1)]
+    for output, power in ((-60.0, 0.0), (0.5, 0.5), (99.5, 99.5), (300.0, 100.0)):
+        for upper, lower, over, bits in ((False, False, False, 0), (True, False, False, 1), (False, True, True, 6), (False, False, True, 4), (True, False, True, 5)):
+            state = fb41.State(output=output, at_upper=upper, at_lower=lower, overflow=over)
+            assert fb41._outcome(state)[1:] == (power, output, bits)
+    words = {"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "TauSetPoint": 0.0, "MinimumOutput": 5.0, "MaximumOutput": 60.0, "Type": 0, "Action": 0, "Ts": 1000}
+    block = weg.block_of(words, weg.Assumptions())
+    for output, power, bits in ((-5.0, 0.0, 2), (5.0, 5.0, 2), (5.5, 5.5, 0), (60.0, 60.0, 1), (100.5, 100.0, 1)):
+        assert [weg._outcome(block, weg.State(output=output, overflow=over))[1:] for over in (False, True)] == [(power, output, bits), (power, output, bits + 4)]
+    assert weg.Inputs(1.0, 2.0) == (1.0, 2.0, 0.0, False, True)
