@@ -181,8 +181,8 @@ NOT_1024 = "R is {}, not 1024: the proportional part is K·R; TN and TV change w
 
 
 @pytest.mark.parametrize(("changed", "told"), [
-    ({}, []), ({"TI": 10}, []), ({"TI": 9}, [COARSE_9]), ({"TI": 0}, ["TI is 0: the controller has no integral action."]),
-    ({"R": 1023}, [NOT_1024.format(1023)]), ({"R": 0}, ["R is 0: the controller has no proportional action.", "I alone: K·TI is 0.01953 units per unit of XW and call."]),
+    ({}, []), ({"TI": 10}, []), ({"TI": 9}, [COARSE_9]), ({"TI": 1}, ["TI is 1: half a word is 50 % of TN; a slower TA makes it finer."]), ({"TI": 0}, ["TI is 0: the controller has no integral action."]),
+    ({"R": 1023}, [NOT_1024.format(1023)]), ({"R": 1}, [NOT_1024.format(1)]), ({"R": 0}, ["R is 0: the controller has no proportional action.", "I alone: K·TI is 0.01953 units per unit of XW and call."]),
     ({"R": 0, "TD": 1}, ["R is 0: the controller has no proportional action."]), ({"R": 0, "K": 0}, ["R is 0: the controller has no proportional action.", "K is 0: the output never moves."]),
     ({"R": 0, "TI": 0}, ["TI is 0: the controller has no integral action.", "R is 0: the controller has no proportional action."]),
     ({"R": -1}, ["R is -1: the proportional part acts against the others."]), ({"R": -1, "TI": 0}, ["TI is 0: the controller has no integral action.", NOT_1024.format(-1)]),
@@ -211,6 +211,7 @@ def test_a_db_of_ob251_has_49_words_or_more(size, fits):
             controller_for("s5-ob251").read_image(image[:size], **read)
 
 
+WEG_PLAIN = {"TauSetPoint": 0.0, "MinimumOutput": 0.0, "MaximumOutput": 100.0, "Type": 0}
 CONT_C_WORDS = {"MAN_ON": 0, "PVPER_ON": 1, "P_SEL": 1, "INT_HOLD": 0, "I_ITL_ON": 0, "MAN": 0.0, "DEADB_W": 0.0, "LMN_HLM": 100.0, "LMN_LLM": 0.0,
                 "LMN_FAC": 1.0, "LMN_OFF": 0.0, "I_ITLVAL": 0.0, "DISV": 0.0, "PV_FAC": 1.0, "PV_OFF": 0.0}
 
@@ -234,6 +235,7 @@ def test_the_words_of_cont_c_make_the_design_of_rectangles_by_trapezoids(design,
     (_design(tn=0.0004, ta=1.0), "word TI would be 500.4, allowed 501..2147483647 ms, or the block raises it; a longer time would fit"),
     (_design(tn=math.inf, tv=0.9994, ta=1.0), "word TD would be 999.4, allowed 1000..2147483647 ms, or the block raises it; a faster TA would fit"),
     (_design(tn=2147483.148, ta=1.0), "word TI would be 2.14748e+09, allowed 501..2147483647 ms; 2.14748e+06 s would fit"),
+    (_design(tn=1e306, ta=1.0), "word TI would be inf, allowed 501..2147483647 ms; 2.14748e+06 s would fit"),
 ])
 def test_cont_c_tells_what_would_fit_where_a_design_does_not(design, told):
     _refused("fb41", design, told)
@@ -270,6 +272,25 @@ def test_what_the_words_of_cont_c_make_is_read_from_them(changed, scaling, ta, d
 def test_what_is_odd_about_an_instance_of_cont_c_is_told(changed, told):
     plain = CONT_C_WORDS | {"I_SEL": 1, "D_SEL": 1, "CYCLE": 1000, "TI": 4000, "TD": 8000, "TM_LAG": 1500, "GAIN": 2.0}
     assert list(controller_for("fb41").oddities(_words("fb41", plain | changed, 1.0))) == told
+
+
+def test_an_instance_of_cont_c_that_is_called_at_another_interval_than_its_cycle_is_odd():
+    plain = CONT_C_WORDS | {"I_SEL": 1, "D_SEL": 1, "CYCLE": 5000, "TI": 4000, "TD": 8000, "TM_LAG": 2500, "GAIN": 2.0}
+    for called, told in ((5.0, []), (5.000004, []), (10.0, ["CYCLE is 5000 ms, but the block is called every 10000 ms: all times are 2 times what the words say."]),
+                         (4.0, ["CYCLE is 5000 ms, but the block is called every 4000 ms: all times are 0.8 times what the words say."])):
+        assert list(controller_for("fb41").oddities(_words("fb41", plain, called))) == told
+
+
+@pytest.mark.parametrize(("design", "target", "words"), [
+    # GAIN = K·200 °C/100 %, times in ms
+    (_design(gain=1.5, tv=3.0, ta=2.5), "s7-300", {"GAIN": 3.0, "RATE": 3000.0, "RESET": 200_000.0, "SAMPLE": 2500.0}),
+    (_design(gain=-1.5, tn=math.inf, ta=2.5), "s7-300", {"GAIN": -3.0, "RATE": 0.0, "RESET": 0.0, "SAMPLE": 2500.0}),
+    # CFW500 programming manual, p. 13-12: Ki = 1/Ti, Kd = Td; Ts in ms; the sign is that of Action
+    (_design(gain=1.5, tn=4.0, tv=3.0, ta=2.5), "weg", WEG_PLAIN | {"Kp": 1.5, "Ki": 0.25, "Kd": 3.0, "Action": 0, "Ts": 2500}),
+    (_design(gain=-1.5, tn=math.inf, ta=2.5), "weg", WEG_PLAIN | {"Kp": 1.5, "Ki": 0.0, "Kd": 0.0, "Action": 1, "Ts": 2500}),
+])
+def test_the_words_of_the_tip_and_of_wegs_block_are_the_design_in_their_units(design, target, words):
+    assert controller_for(target).encode(design, Scaling(high_degC=200.0)).values == words
 
 
 TIP_WORDS = {"GAIN": 2.0, "RATE": 17000.0, "RESET": 200000.0, "SAMPLE": 5000.0}
