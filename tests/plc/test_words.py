@@ -137,6 +137,7 @@ def test_the_words_of_ob251_are_multiples_of_1_over_1024_nearest_to_the_design(d
     (_design(tn=300.0, ta=0.1), "word TI would be 0.341333, allowed 1…9999 (0 switches the part off); a slower TA of at least 0.15 s would fit (now 0.1 s)"),
     (_design(tn=1.0), "word TI would be 10240, allowed 1…9999; a faster TA would fit"),
     (_design(tv=4.0), "word TD would be 0.4, allowed 1…999 (0 switches the part off); a faster TA of at most 8 s would fit"),
+    (_design(tv=0.5, ta=2.0), "word TD would be 0.25, allowed 1…999 (0 switches the part off); a faster TA of at most 1 s would fit"),
     (_design(tv=9995.0, ta=10.0), "word TD would be 999.5, allowed 1…999; a slower TA would fit"),
     (_design(gain=40.0), "word K would be 40960, allowed 1…32767 in size; a sensor range of 80 °C or a smaller K would fit"),
     (_design(gain=-40.0), "word K would be -40960, allowed 1…32767 in size; a sensor range of 80 °C or a smaller K would fit"),
@@ -150,7 +151,8 @@ def test_ob251_tells_what_would_fit_where_a_design_does_not(design, told):
 def test_the_largest_gain_of_ob251_is_that_of_its_word():
     assert most_gain(Scaling(), _design()) == 32767 / 1024
     assert most_gain(Scaling(high_degC=200.0), _design(tv=5.0)) == 1500 / 2048  # 1 %/°C over 200 °C is 2048
-    assert most_gain(Scaling(), _design(tv=4.9)) == 0.0  # TD would be 0
+    assert most_gain(Scaling(), _design(tv=4.9)) == most_gain(Scaling(), _design(tv=0.5, ta=2.0)) == 0.0  # TD would be 0
+    assert most_gain(Scaling(), _design(tv=0.5, ta=1.0)) == 1500 / 1024
 
 
 OB251_WORDS = {"K": 1024, "R": 1024, "TI": 20, "TD": 0, "W": 0, "STEU": 33, "YH": 0, "BGOG": 2047, "BGUG": 0}
@@ -224,6 +226,7 @@ CONT_C_WORDS = {"MAN_ON": 0, "PVPER_ON": 1, "P_SEL": 1, "INT_HOLD": 0, "I_ITL_ON
     (_design(tn=1.5, tv=4.0, ta=1.0, past=0.5), {"I_SEL": 1, "D_SEL": 1, "CYCLE": 1000, "TI": 2000, "TD": 3000, "TM_LAG": 1500, "GAIN": 4.0 / 3.0}),
     (_design(tn=math.inf, tv=1.0, ta=1.0, past=0.0), {"I_SEL": 0, "D_SEL": 1, "CYCLE": 1000, "TI": 20000, "TD": 1000, "TM_LAG": 500, "GAIN": 1.0}),
     (_design(tn=math.inf, tv=1.0, ta=1.0, past=0.8), {"I_SEL": 0, "D_SEL": 1, "CYCLE": 1000, "TI": 20000, "TD": 1000, "TM_LAG": 4500, "GAIN": 1.0}),
+    (_design(tn=math.inf, tv=0.5, ta=0.25, past=0.0), {"I_SEL": 0, "D_SEL": 1, "CYCLE": 250, "TI": 20000, "TD": 500, "TM_LAG": 125, "GAIN": 1.0}),
     (_design(tn=0.0005, ta=1.0), {"I_SEL": 1, "D_SEL": 0, "CYCLE": 1000, "TI": 501, "TD": 10000, "TM_LAG": 2000, "GAIN": 501.0}),
     (_design(tn=2147483.147, ta=1.0), {"I_SEL": 1, "D_SEL": 0, "CYCLE": 1000, "TI": 2**31 - 1, "TD": 10000, "TM_LAG": 2000, "GAIN": 1.0}),
 ])
@@ -235,7 +238,7 @@ def test_the_words_of_cont_c_make_the_design_of_rectangles_by_trapezoids(design,
     (_design(tn=0.0004, ta=1.0), "word TI would be 500.4, allowed 501..2147483647 ms, or the block raises it; a longer time would fit"),
     (_design(tn=math.inf, tv=0.9994, ta=1.0), "word TD would be 999.4, allowed 1000..2147483647 ms, or the block raises it; a faster TA would fit"),
     (_design(tn=2147483.148, ta=1.0), "word TI would be 2.14748e+09, allowed 501..2147483647 ms; 2.14748e+06 s would fit"),
-    (_design(tn=1e306, ta=1.0), "word TI would be inf, allowed 501..2147483647 ms; 2.14748e+06 s would fit"),
+    (_design(tn=1e100, ta=1.0), "word TI would be 1e+103, allowed 501..2147483647 ms; 2.14748e+06 s would fit"),
 ])
 def test_cont_c_tells_what_would_fit_where_a_design_does_not(design, told):
     _refused("fb41", design, told)
