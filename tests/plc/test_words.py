@@ -9,6 +9,7 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, WordField, Words, controller_for
+from heatertune.plc.s5_ob251.image import to_image
 from heatertune.plc.s5_ob251.words import most_gain
 from heatertune.plc.words import check_fields, holds, kept_by, rounded, stored
 
@@ -214,6 +215,12 @@ def test_a_db_of_ob251_has_49_words_or_more(size, fits):
 
 
 WEG_PLAIN = {"TauSetPoint": 0.0, "MinimumOutput": 0.0, "MaximumOutput": 100.0, "Type": 0}
+def test_a_db_of_ob251_is_written_word_by_word_high_byte_first_and_0_where_the_user_writes_nothing():
+    image = to_image(_words("s5-ob251", OB251_WORDS | {"K": -2, "R": 0x1234, "W": -2047, "YH": 3, "BGUG": -1}, 10.0))
+    cells = {1: 0xFFFE, 3: 0x1234, 5: 20, 9: 0x10000 - 2047, 11: 33, 12: 3, 14: 2047, 16: 0xFFFF}
+    assert image == b"".join(cells.get(place, 0).to_bytes(2, "big") for place in range(49))
+
+
 CONT_C_WORDS = {"MAN_ON": 0, "PVPER_ON": 1, "P_SEL": 1, "INT_HOLD": 0, "I_ITL_ON": 0, "MAN": 0.0, "DEADB_W": 0.0, "LMN_HLM": 100.0, "LMN_LLM": 0.0,
                 "LMN_FAC": 1.0, "LMN_OFF": 0.0, "I_ITLVAL": 0.0, "DISV": 0.0, "PV_FAC": 1.0, "PV_OFF": 0.0}
 
@@ -290,6 +297,7 @@ def test_an_instance_of_cont_c_that_is_called_at_another_interval_than_its_cycle
     (_design(gain=-1.5, tn=math.inf, ta=2.5), "s7-300", {"GAIN": -3.0, "RATE": 0.0, "RESET": 0.0, "SAMPLE": 2500.0}),
     # CFW500 programming manual, p. 13-12: Ki = 1/Ti, Kd = Td; Ts in ms; the sign is that of Action
     (_design(gain=1.5, tn=4.0, tv=3.0, ta=2.5), "weg", WEG_PLAIN | {"Kp": 1.5, "Ki": 0.25, "Kd": 3.0, "Action": 0, "Ts": 2500}),
+    (_design(gain=-0.5, tn=0.5, tv=0.5, ta=0.5), "weg", WEG_PLAIN | {"Kp": 0.5, "Ki": 2.0, "Kd": 0.5, "Action": 1, "Ts": 500}),
     (_design(gain=-1.5, tn=math.inf, ta=2.5), "weg", WEG_PLAIN | {"Kp": 1.5, "Ki": 0.0, "Kd": 0.0, "Action": 1, "Ts": 2500}),
 ])
 def test_the_words_of_the_tip_and_of_wegs_block_are_the_design_in_their_units(design, target, words):
