@@ -327,6 +327,13 @@ def test_the_words_of_the_tip_are_read_in_seconds_and_percent():
     assert (found.gain_pct_per_degC, found.integral_time_s, found.derivative_time_s, found.derivative_filter) == (1.0, 500.0, 42.5, 0.0)
 
 
+def test_the_shortest_reset_is_still_an_integral_part_and_the_least_gain_a_proportional_one():
+    tip = controller_for("s7-300")
+    assert tip.decode(_words("s7-300", TIP_WORDS | {"RESET": 1.0, "GAIN": 1.0, "RATE": 0.0}, 5.0)).integral_time_s == 0.001
+    assert tip.decode(_words("s7-300", TIP_WORDS | {"RESET": 0.0, "GAIN": -1.0, "RATE": 1.0}, 5.0)).structure == "pd"
+    assert tip.decode(_words("s7-300", TIP_WORDS | {"GAIN": 0.0}, 5.0)) is None
+
+
 WEG_WORDS = {"Kp": 2.0, "Ki": 0.5, "Kd": 0.25, "TauSetPoint": 0.0, "MinimumOutput": 0.0, "MaximumOutput": 100.0, "Type": 0, "Action": 0, "Ts": 1500}
 
 
