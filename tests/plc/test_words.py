@@ -179,6 +179,12 @@ def test_words_of_ob251_that_make_no_standard_form_are_refused(changed, told):
         controller_for("s5-ob251").decode(_words("s5-ob251", OB251_WORDS | changed, 10.0))
 
 
+def test_the_last_sizes_beside_a_d_part_are_held():
+    # table 11-11: K and R of −1500…1500 beside a D part; a negative R is held, but has no standard form there
+    for changed in ({"R": -1500, "TD": 1}, {"R": 1500, "TD": 1}, {"K": -1500, "TD": 1}, {"K": 1500, "TD": 1}, {"K": 1501, "R": -1501}):
+        controller_for("s5-ob251").check(_words("s5-ob251", OB251_WORDS | changed, 10.0))
+
+
 COARSE_9 = "TI is 9: half a word is 6 % of TN; a slower TA makes it finer."
 NOT_1024 = "R is {}, not 1024: the proportional part is K·R; TN and TV change with R."
 
@@ -332,6 +338,12 @@ def test_the_shortest_reset_is_still_an_integral_part_and_the_least_gain_a_propo
     assert tip.decode(_words("s7-300", TIP_WORDS | {"RESET": 1.0, "GAIN": 1.0, "RATE": 0.0}, 5.0)).integral_time_s == 0.001
     assert tip.decode(_words("s7-300", TIP_WORDS | {"RESET": 0.0, "GAIN": -1.0, "RATE": 1.0}, 5.0)).structure == "pd"
     assert tip.decode(_words("s7-300", TIP_WORDS | {"GAIN": 0.0}, 5.0)) is None
+
+
+def test_a_block_of_weg_without_kp_has_no_standard_form():
+    for form in (0, 1):
+        with pytest.raises(OutOfRange, match="word Kp = 0"):
+            controller_for("weg").decode(_words("weg", WEG_WORDS | {"Kp": 0.0, "Type": form}, 1.5))
 
 
 WEG_WORDS = {"Kp": 2.0, "Ki": 0.5, "Kd": 0.25, "TauSetPoint": 0.0, "MinimumOutput": 0.0, "MaximumOutput": 100.0, "Type": 0, "Action": 0, "Ts": 1500}
