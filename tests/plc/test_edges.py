@@ -5,14 +5,14 @@ import math
 import pytest
 
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.plc import Ramp, Scaling, Switch, Words, controller_for
+from heatertune.plc import Ramp, Scaling, Switch, WordField, Words, controller_for
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.feed_forward import Feed, FeedForward, feed_forward
 from heatertune.plc.machine import _text
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator, Ticks, on_time, pid_compact, pulsegen, switched_by
 from heatertune.plc.ramp import nearest
-from heatertune.plc.readback import first_unlike, lines_of, real_of, text_of, whole_of
+from heatertune.plc.readback import Collected, first_unlike, lines_of, real_of, text_of, whole_of
 from heatertune.plc.typed import TypedWord, typed_table, word_text
 
 
@@ -114,6 +114,34 @@ def test_lines_are_counted_from_1_however_they_end():
     assert first_unlike([(7, "L 1"), (9, "T 2")], ours) == ()
     assert first_unlike([(7, "L 1"), (9, "T 3")], ours)[0].endswith("(line 9: T 3, not T 2)")
     assert first_unlike([(7, "L 1")], ours)[0].endswith("(1 statements, not 2)")
+
+
+GATHERED = (WordField(name="K", address="DW1", format="INT", low=-5, high=5, comment="gain"), WordField(name="TI", address="DW5", format="INT", low=0, high=5, comment="reset"),
+            WordField(name="Ts", address="Ts", format="INT", low=1, high=5, comment="interval"))
+
+
+@pytest.mark.parametrize(("put", "told"), [
+    ({"K": 1, "TI": 2}, "f: Ts is not there; expected interval, a whole number 1…5"), ({"TI": 2, "Ts": 1}, "f: K (DW1) is not there; expected gain, a whole number -5…5"),
+    ({"TI": 0}, "f: K (DW1) is not there, nor are Ts; expected gain, a whole number -5…5"), ({}, "f: K (DW1) is not there, nor are TI, Ts; expected gain, a whole number -5…5"),
+    ({"K": 6}, "f, line 1, K: '6'; expected INT, a whole number -5…5"), ({"TI": None}, "f, line 1, TI: 'None'; expected INT, a whole number 0…5"),
+    ({"TI": -1}, "f, line 1, TI: '-1'; expected INT, a whole number 0…5"),
+])
+def test_words_that_are_gathered_from_a_text_are_all_there_and_each_in_its_range(put, told):
+    with pytest.raises(InputError) as refused:
+        gathered = Collected("f", GATHERED)
+        for line, (name, value) in enumerate(put.items(), 1):
+            gathered.put(name, value, line, str(value))
+        gathered.values()
+    assert str(refused.value) == told
+
+
+def test_a_word_may_stand_there_twice_with_one_value():
+    gathered = Collected("f", GATHERED)
+    for line, (name, value) in enumerate((("Ts", 1), ("K", -5), ("TI", 5), ("K", -5)), 1):
+        gathered.put(name, value, line, f"KF {value}")
+    assert list(gathered.values().items()) == [("K", -5), ("TI", 5), ("Ts", 1)]
+    with pytest.raises(InputError, match="f, line 9, K: 'KF 4'; expected KF -5, as in line 2"):
+        gathered.put("K", 4, 9, "KF 4")
 
 
 def test_a_text_of_a_million_characters_in_lines_of_a_thousand_is_read_and_no_larger_one():
