@@ -128,11 +128,15 @@ GATHERED = (WordField(name="K", address="DW1", format="INT", low=-5, high=5, com
 ])
 def test_words_that_are_gathered_from_a_text_are_all_there_and_each_in_its_range(put, told):
     with pytest.raises(InputError) as refused:
-        gathered = Collected("f", GATHERED)
-        for line, (name, value) in enumerate(put.items(), 1):
-            gathered.put(name, value, line, str(value))
-        gathered.values()
+        _gathered(put)
     assert str(refused.value) == told
+
+
+def _gathered(put):
+    gathered = Collected("f", GATHERED)
+    for line, (name, value) in enumerate(put.items(), 1):
+        gathered.put(name, value, line, str(value))
+    return gathered.values()
 
 
 def test_a_word_may_stand_there_twice_with_one_value():
