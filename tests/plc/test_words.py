@@ -93,6 +93,14 @@ def test_a_scaling_is_0_to_100_and_a_certificate_not_forced_unless_told_so():
     assert Certificate(verdict="FAIL", forced=True).head == ("verdict of the proof: FAIL - FORCED in spite of it",)
 
 
+@pytest.mark.parametrize(("ends", "told"), [
+    ({"high_degC": math.inf}, "high_degC = inf"), ({"high_degC": math.nan}, "high_degC = nan"), ({"low_degC": -math.inf}, "low_degC = -inf"), ({"low_degC": math.nan}, "low_degC = nan"),
+])
+def test_an_end_of_a_sensor_range_that_is_no_number_is_refused_by_its_name(ends, told):
+    with pytest.raises(OutOfRange, match=f"^{told} is out of range"):
+        Scaling(**ends)
+
+
 @pytest.mark.parametrize(("exact", "held"), [(2.5, 2.5), (0.0, 0.0), (2.5001, None), (-0.001, None)])
 def test_a_real_keeps_the_range_of_its_word(exact, held):
     field = WordField(name="G", address="1", format="REAL", low=0.0, high=2.5, comment="")
@@ -197,7 +205,7 @@ NOT_1024 = "R is {}, not 1024: the proportional part is K·R; TN and TV change w
     ({"R": -1}, ["R is -1: the proportional part acts against the others."]), ({"R": -1, "TI": 0}, ["TI is 0: the controller has no integral action.", NOT_1024.format(-1)]),
     ({"R": -1, "TI": 0, "TD": 1}, ["TI is 0: the controller has no integral action.", "R is -1: the proportional part acts against the others."]),
     ({"K": 0}, ["K is 0: the output never moves."]), ({"K": 0, "STEU": 1}, ["K is 0: the output moves by Z alone.", "STEU bit 5 is 0: the disturbance variable Z is added to the output."]),
-    ({"K": -1}, ["K is -1: the output falls where the temperature is too low, as for a cooler."]), ({"K": 1500, "TD": 1}, []), ({"K": 1}, []), ({"K": 1501}, []),
+    ({"K": 1, "TI": 1024, "R": 1}, [NOT_1024.format(1)]), ({"K": -1}, ["K is -1: the output falls where the temperature is too low, as for a cooler."]), ({"K": 1500, "TD": 1}, []), ({"K": 1}, []), ({"K": 1501}, []),
     ({"K": 1501, "TD": 1}, ["K is 1501 with a derivative part: the manual allows ±1500 where XW can jump."]),
     ({"BGOG": 1}, []), ({"BGOG": 0}, ["BGOG is not above BGUG: the output cannot move."]), ({"BGOG": 7, "BGUG": 7}, ["BGOG is not above BGUG: the output cannot move."]),
     ({"STEU": 32}, ["STEU bit 0 is 0: the controller is in manual mode."]), ({"STEU": 35}, ["STEU bit 1 is 1: the derivative part acts on XZ."]),
