@@ -67,12 +67,23 @@ def test_a_rule_by_name_is_the_blocks_switch():
     )
     assert switched_by(None, **times) == Actuator(**times)
     assert tuple(RULES) == options_of(Conditions)["pwm_rule"].choices
+    assert [switched_by(rule, **times).block for rule in (None, *RULES)] == [None, *RULES]
     with pytest.raises(UnknownName, match="pulsegen, pid-compact"):
         switched_by("relay", pwm_period_s=1.0)
+    with pytest.raises(UnknownName, match="relay"):
+        Actuator(pwm_period_s=1.0, block="relay")
     with pytest.raises(OutOfRange, match="one P_B_TM"):
         switched_by("pulsegen", pwm_period_s=10.0, minimum_on_s=1.0, minimum_off_s=2.0)
     with pytest.raises(OutOfRange, match="resolution_s"):
         switched_by("pid-compact", pwm_period_s=10.0, resolution_s=0.0)
+
+
+def test_a_switch_is_told_in_a_few_words():
+    assert Actuator(pwm_period_s=4.0).told == "PWM period 4 s in steps of 0.01 s"
+    assert pulsegen(pwm_period_s=10.0, call_interval_s=0.5, minimum_s=1.0).told == (
+        "PWM period 10 s in steps of 0.5 s, no pulse below 1 s, no pause below 1 s, what is too short is left out, "
+        "as pulsegen does it")
+    assert pid_compact(pwm_period_s=10.0, call_interval_s=0.5).told.endswith("what is left out is made up, as pid-compact does it")
 
 
 def test_a_pulse_that_is_too_short_is_dropped():

@@ -87,6 +87,9 @@ def test_what_the_user_knows_stands_in_the_certificate(proven):
     head = certificate(document).head
     assert head[:2] == ("verdict of the proof: PASS", "proven at 53.3 °C in 1 run on 1 possible heater")
     assert "taken as known: dead time at most 8 s" in head
+    # issue: under which conditions a PASS holds
+    assert head[-3:] == ("proven setpoint: 53.3 °C", f"proven switch: {certificate(document).actuator.told}",
+                         f"digest of the proof: {document['digest']}")
 
 
 def test_the_worst_of_several_verdicts_is_theirs():

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+from heatertune.codec import LEFT_OUT
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.units import check
 
@@ -46,10 +47,12 @@ class Actuator:
         minimum_rule: what becomes of a pulse or pause that is too short: "drop" leaves it out for good (PULSEGEN of
             the S7-300), "carry" also makes up the difference, rounding included, in the next period (PID_Compact of
             the S7-1200).
+        block: that makes the pulses, one of `RULES`; None: any that does as these numbers say.
 
     Raises:
         OutOfRange: a time that is not positive, a resolution above the period, minimum times that leave no pulse,
             an unknown rule.
+        UnknownName: an unknown block.
     """
 
     pwm_period_s: float
@@ -57,6 +60,7 @@ class Actuator:
     minimum_on_s: float = 0.0
     minimum_off_s: float = 0.0
     minimum_rule: str = "drop"
+    block: str | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         check("pwm_period_s", self.pwm_period_s, above=0.0)
@@ -65,6 +69,18 @@ class Actuator:
         check("minimum_off_s", self.minimum_off_s, least=0.0, most=self.pwm_period_s - self.minimum_on_s)
         if self.minimum_rule not in _RULES:
             raise OutOfRange("minimum_rule", self.minimum_rule, " or ".join(repr(rule) for rule in _RULES))
+        if self.block is not None and self.block not in RULES:
+            raise UnknownName("block of the PWM", self.block, RULES)
+
+    @property
+    def told(self) -> str:
+        """The switch in a few words, as the head of an exported file tells it."""
+        shortest = [f"no {what} below {time:g} s" for what, time in (
+            ("pulse", self.minimum_on_s), ("pause", self.minimum_off_s)) if time > 0.0]
+        short = [{"drop": "what is too short is left out", "carry": "what is left out is made up"}[self.minimum_rule]]
+        block = [] if self.block is None else [f"as {self.block} does it"]
+        return ", ".join([f"PWM period {self.pwm_period_s:g} s in steps of {self.resolution_s:g} s", *shortest,
+                          *(short if shortest or self.minimum_rule == "carry" else []), *block])
 
     @property
     def numbers(self) -> tuple[float, float, float, float, bool]:
@@ -121,7 +137,7 @@ def pulsegen(*, pwm_period_s: float, call_interval_s: float, minimum_s: float = 
         minimum_s: P_B_TM [s], of pulse and pause.
     """
     return Actuator(pwm_period_s=pwm_period_s, resolution_s=call_interval_s, minimum_on_s=minimum_s,
-                    minimum_off_s=minimum_s, minimum_rule=RULES["pulsegen"])
+                    minimum_off_s=minimum_s, minimum_rule=RULES["pulsegen"], block="pulsegen")
 
 
 def pid_compact(
@@ -140,7 +156,7 @@ def pid_compact(
     """
     calls = [call_interval_s * math.floor(time / call_interval_s + 0.5) for time in (minimum_on_s, minimum_off_s)]
     return Actuator(pwm_period_s=pwm_period_s, resolution_s=call_interval_s, minimum_on_s=calls[0],
-                    minimum_off_s=calls[1], minimum_rule=RULES["pid-compact"])
+                    minimum_off_s=calls[1], minimum_rule=RULES["pid-compact"], block="pid-compact")
 
 
 def switched_by(
