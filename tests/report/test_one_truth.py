@@ -68,8 +68,8 @@ def test_w_is_the_proven_setpoint_cut_to_units(span, setpoint, w):
 
 def test_w_stays_as_it_is_without_a_proof_and_where_a_ramp_leads_it():
     ramped = typed_words(_words(ramp=Ramp(step=4)), 53.3)
-    for rows, part in ((typed_words(_words()), "enter yours"), (ramped, "FW 200 = +1091: 53.3 °C as proven"),
-                       (typed_words(_words(ramp=Ramp(step=4))), "in FW 200")):
+    for rows, part in ((typed_words(_words()), "enter yours there"), (ramped, "DW 0 of DB31 = +1091: 53.3 °C as proven"),
+                       (typed_words(_words(ramp=Ramp(step=4))), "DW 0 of DB31: ")):
         w = next(row for row in rows if row.name == "W")
         assert (w.first, w.then) == (0, 0)
         assert part in w.meaning
