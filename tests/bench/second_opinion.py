@@ -28,7 +28,8 @@ TARGETS = {
 #: open point → its settings in the order of their numbers, of those that a heater in automatic can meet
 SWITCHES = {
     "s5-ob251": {"sum": ("unlimited", "limited"), "integral_off": ("previous_call", "same_call"),
-                 "integral_inward": ("off", "on"), "rounding": ("fraction_kept", "whole_increments")},
+                 "integral_inward": ("off", "on"), "rounding": ("fraction_kept", "whole_increments"),
+                 "limit": ("reached", "exceeded")},
     "weg": {"anti_windup": ("clamp", "freeze", "none"), "order": ("as_printed", "by_parts"),
             "edge": ("output_zero", "runs_at_once"), "history": ("present", "zero")},
     "fb41": {"integral": ("trapezoid", "rectangle"), "derivative_lag": ("half_cycle", "whole_cycle"),

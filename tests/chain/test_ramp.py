@@ -115,7 +115,7 @@ def test_words_proven_with_a_ramp_are_not_exported_without_it_nor_the_other_way_
     files = export(ramped.words, ramped)
     rate = f"proven with the setpoint ramp {ramped.words.ramp}, {ramped.ramp_degC_per_min:.3g} °C/min"
     assert all(rate in content for name, content in files.items() if name.endswith(".txt"))
-    assert "ramp_listing.txt" in files
+    assert "FB 33" in files["program_listing.txt"]
     document = ramped.to_document()["setpoint_ramp"]
     assert document == {"step": ramped.words.ramp.step, "calls": ramped.words.ramp.calls, "hold": None, "hold_degC": None,
                         "degC_per_min": pytest.approx(ramped.ramp_degC_per_min)}

@@ -84,7 +84,7 @@ def test_a_whole_design_carries_its_ramp_into_every_document_and_the_report(run,
     ramp = documents["words"]["setpoint_ramp"]
     assert documents["proof"]["setpoint_ramp"] == ramp
     assert ramp["degC_per_min"] == pytest.approx(6.0, rel=0.05)
-    assert "ramp_listing.txt" in documents["words"]["files"]
+    assert "FB 33\n" in (out / "program_listing.txt").read_text()
     assert "The setpoint moves by" in (out / "report.html").read_text()
     # nominal and wish follow the ramp: half way after half of the 25 °C at 6 °C/min, give or take the lag of the loop
     assert documents["pictures"]["nominal"]["followed_degC"][-1] == pytest.approx(45.0, abs=100 / 2047)

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.golden.s5_machine import blocks, run
+from tests.golden.s5_machine import Machine
 from tests.golden.test_fb41 import _stub
 from tests.plc.st_machine import Program
 
@@ -76,17 +76,22 @@ def test_the_loop_of_this_test_is_the_row_of_the_proof():
     assert _followed(ramp, 491, [552] * 8) == course(ramp, [491] * 8, 552) == [491, 511, 511, 531, 531, 551, 551, 552]
 
 
+def _led(ramp, asked, readings):
+    """W at each call of FB33, which the listing calls where W follows a ramp, from the first reading on."""
+    cpu = Machine(_export(_words("s5-ob251", ramp), "program_listing.txt"))
+    work, cpu.open, found = cpu.data[31], 31, []
+    work[2], work[11] = readings[0], ramp.calls
+    for work[0], work[1] in zip(asked, readings, strict=True):
+        cpu.call("FB 33")
+        found.append(work[2])
+    return found
+
+
 @pytest.mark.parametrize("ramp", [
     Ramp(step=37, hold=60), Ramp(step=90, calls=3, hold=20), Ramp(step=37, hold=-60), Ramp(step=90, calls=3, hold=-20)])
 def test_the_s5_listing_holds_w_at_the_reading(ramp):
-    moves, restart = blocks(_export(_words("s5-ob251", ramp), "ramp_listing.txt"))[:2]
     asked, readings = _asked(2047), _wandering(2047, low=-2047)
-    memory, found = {"DW 9": -7, "DW 22": readings[0], "FW 202": -1, "FW 204": 99}, []
-    run(restart, memory)
-    for end, reading in zip(asked, readings, strict=True):
-        memory |= {"FW 200": end, "DW 22": reading}
-        run(moves, memory)
-        found.append(memory["DW 9"])
+    found = _led(ramp, asked, readings)
     assert found == _followed(ramp, readings[0], asked, readings)
     assert found != _followed(replace(ramp, hold=None), readings[0], asked)
 
@@ -120,25 +125,14 @@ def test_the_fb41_source_holds_sp_int_at_the_reading(awlsim, hold):
 
 @pytest.mark.parametrize("ramp", [Ramp(step=37), Ramp(step=90, calls=3)])
 def test_the_s5_listing_moves_w(ramp):
-    listing = _export(_words("s5-ob251", ramp), "ramp_listing.txt")
-    moves, restart = blocks(listing)[0], blocks(listing)[1]
-    memory = {"DW 9": -7, "DW 22": 491, "FW 202": -1}
-    run(restart, memory)
-    found = []
-    for end in _asked(2047):
-        memory["FW 200"] = end
-        run(moves, memory)
-        found.append(memory["DW 9"])
+    found = _led(ramp, _asked(2047), [491] * len(_asked(2047)))
     assert found == _followed(ramp, 491, _asked(2047))
     assert found[-1] == _asked(2047)[-1]
 
 
 def test_the_s5_listing_is_totally_calm_at_the_ends_of_w():
-    moves = blocks(_export(_words("s5-ob251", Ramp(step=2046)), "ramp_listing.txt"))[0]
-    for begin, end in ((2047, -2047), (-2047, 2047), (2047, 2047), (-2047, -2047)):
-        memory = {"DW 9": begin, "FW 200": end}
-        run(moves, memory)  # the machine refuses an overflow
-        assert memory["DW 9"] == _followed(Ramp(step=2046), begin, [end])[0]
+    for begin, end in ((2047, -2047), (-2047, 2047), (2047, 2047), (-2047, -2047)):  # the machine refuses an overflow
+        assert _led(Ramp(step=2046), [end], [begin]) == _followed(Ramp(step=2046), begin, [end])
 
 
 @pytest.mark.parametrize("ramp", [Ramp(step=300), Ramp(step=1001, calls=3)])

@@ -190,11 +190,13 @@ def test_an_overflow_a_division_by_zero_and_a_quotient_set_their_flags_and_no_ot
 
 
 def test_the_blocks_of_ob251s_listings_have_the_numbers_of_its_manual_page():
-    # COMMISSIONING.md and DIFFERENCES.md: FB30 ramp, FB31 start-up, FB32 feed-forward; DB30
+    # COMMISSIONING.md and DIFFERENCES.md: FB30 in OB13, FB31 in OB21 and OB22, FB32 feed-forward, FB33 ramp; DB30 and DB31
     words = replace(_words("s5-ob251"), ramp=Ramp(step=4))
     files = controller_for("s5-ob251").export(words, Certificate(verdict="PASS"))
-    blocks = {name: [line for line in files[name].splitlines() if line.startswith("FB ")] for name in files if name.endswith(".txt")}
-    assert blocks == {"DB30_listing.txt": [], "ramp_listing.txt": ["FB 30"], "start_up_listing.txt": ["FB 31"]}
+    blocks = {name: [line for line in files[name].splitlines() if line.startswith(("FB ", "OB ", "DB"))]
+              for name in files if name.endswith(".txt")}
+    assert blocks == {"DB30_listing.txt": ["DB30"], "program_listing.txt": [
+        "DB30", "DB31", "FB 30", "FB 31", "FB 33", "OB 1", "OB 13", "OB 21", "OB 22"]}
 
 
 @pytest.mark.parametrize(("word", "low", "high"), [("K", -32768, 32767), ("R", -32768, 32767), ("TI", 0, 9999), ("YH", -2047, 2047),

@@ -42,7 +42,7 @@ def test_listing_table_terminal_studio_and_report_show_the_same_words(documents)
     files = OB251.export(words, certificate(documents["proof"]))
     listed = _listing(files["DB30_listing.txt"])
     used = {name: listed[name] for name in words.values}
-    assert used["W"] == ("+00818", "+00818", "setpoint: 40 °C as proven; others: whole part of (2047/100)·(°C − 0)")
+    assert used["W"] == ("+00818", "+00818", "setpoint, DW 0 of DB31: 40 °C as proven; others: whole part of (2047/100)·(°C − 0)")
     assert used["STEU"][:2] == ("00000000 00100000", "00000000 00100001")  # bit 0: automatic, bit 5: no Z
     assert used["YH"][:2] == ("+00200", "+00000")
     assert used["K"][:2] == (f"{words.values['K']:+06d}",) * 2
@@ -68,8 +68,8 @@ def test_w_is_the_proven_setpoint_cut_to_units(span, setpoint, w):
 
 def test_w_stays_as_it_is_without_a_proof_and_where_a_ramp_leads_it():
     ramped = typed_words(_words(ramp=Ramp(step=4)), 53.3)
-    for rows, part in ((typed_words(_words()), "enter yours"), (ramped, "FW 200 = +1091: 53.3 °C as proven"),
-                       (typed_words(_words(ramp=Ramp(step=4))), "in FW 200")):
+    for rows, part in ((typed_words(_words()), "enter yours there"), (ramped, "DW 0 of DB31 = +1091: 53.3 °C as proven"),
+                       (typed_words(_words(ramp=Ramp(step=4))), "DW 0 of DB31: ")):
         w = next(row for row in rows if row.name == "W")
         assert (w.first, w.then) == (0, 0)
         assert part in w.meaning

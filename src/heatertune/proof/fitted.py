@@ -171,13 +171,12 @@ def default_pwm_period_s(sample_time_s: float, *, tick_s: float | None, most_s: 
 
     Args:
         sample_time_s: TA [s].
-        tick_s: `Controller.tick_s`, of whose tenth a period is a whole multiple; None: any period will do.
+        tick_s: `Controller.tick_s`: the period is whole ticks, where one above half of the most is; None: any.
         most_s: the most.
     """
     parts = max(1, math.ceil(sample_time_s / most_s))
-    while in_ticks(sample_time_s, tick_s) and not in_ticks(sample_time_s / parts, tick_s):
-        parts += 1
-    return sample_time_s / parts
+    periods = (sample_time_s / more for more in range(parts, 2 * parts + 1))
+    return next((period for period in periods if in_ticks(period, tick_s)), sample_time_s / parts)
 
 
 def _interlock(conditions: Conditions, words: Words) -> Interlock | None:

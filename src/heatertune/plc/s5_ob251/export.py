@@ -7,17 +7,16 @@ import io
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from heatertune.plc.core import Sensor, count
 from heatertune.plc.ramp import Number
+from heatertune.plc.s5_ob251.blocks import DB
 from heatertune.plc.s5_ob251.image import LENGTH, to_image
-from heatertune.plc.s5_ob251.ramp import ramp_listing
-from heatertune.plc.s5_ob251.start_up import start_up_listing
+from heatertune.plc.s5_ob251.program import program_listing
 from heatertune.plc.s5_ob251.step import FULL_SCALE
 from heatertune.plc.typed import FIRST, THEN, bits, typed_words
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["export_words"]
-
-_DB = 30
 
 _CELLS = {22: ("KF", "X actual value, written by the program"), 24: ("KF", "Z disturbance variable"),
           29: ("KF", "XZ substitute for the D part"), 48: ("KF", "YA controller output, read by the program")}
@@ -35,16 +34,15 @@ class _Row(NamedTuple):
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
     """Return name → content of all files; the same words and certificate give the same bytes."""
-    rows = _rows(words, certificate.setpoint_degC)
-    files: dict[str, str | bytes] = {
-        f"DB{_DB}_listing.txt": _listing(words, certificate, rows),
-        f"DB{_DB}.csv": _csv(rows),
-        f"DB{_DB}.bin": to_image(words),
-        "start_up_listing.txt": start_up_listing(_DB, certificate),
+    rows, setpoint = _rows(words, certificate.setpoint_degC), certificate.setpoint_degC
+    sensor = Sensor(words.scaling.low_degC, words.scaling.span_degC, FULL_SCALE)
+    asked = 0 if setpoint is None else count(sensor, setpoint)
+    return {
+        f"DB{DB}_listing.txt": _listing(words, certificate, rows),
+        f"DB{DB}.csv": _csv(rows),
+        f"DB{DB}.bin": to_image(words),
+        "program_listing.txt": program_listing(words, certificate, asked, [_typed(row) for row in rows]),
     }
-    if words.ramp is not None:
-        files["ramp_listing.txt"] = ramp_listing(words.ramp, words.sample_time_s, _DB, certificate)
-    return files
 
 
 def _rows(words: Words, setpoint_degC: float | None) -> list[_Row]:
@@ -69,15 +67,20 @@ def _listing(words: Words, certificate: Certificate, rows: Sequence[_Row]) -> st
     head = [
         "OB251 controller DB, a listing to key in (no STEP 5 import file)",
         f"sensor {s.low_degC:g}…{s.high_degC:g} °C = 0…{FULL_SCALE} units; output 0…{FULL_SCALE} units = 0…100 % power",
-        f"call OB251 every {words.sample_time_s:g} s from a timed block (OB13), this DB opened before",
+        f"call OB251 every {words.sample_time_s:g} s from a timed block (OB13), this DB opened before, as "
+        "program_listing.txt does",
         *certificate.head,
-        f"begin in manual: type the first column; the second where there is one, for automatic. DB{_DB}.bin holds the "
+        f"begin in manual: type the first column; the second where there is one, for automatic. DB{DB}.bin holds the "
         f"words of automatic, W = {words.whole['W']:+06d}",
         f"   {FIRST.ljust(27)}{THEN.ljust(27)}meaning",
     ]
-    body = [f"{f'{row.dw:4d}:  {row.format} = {row.first};'.ljust(33)}{_then(row).ljust(27)}{row.comment}".rstrip()
-            for row in rows]
-    return "\n".join([*(f"// {line}" for line in head), f"DB{_DB}", *body]) + "\n"
+    return "\n".join([*(f"// {line}" for line in head), f"DB{DB}", *(_typed(row, _then(row)) for row in rows)]) + "\n"
+
+
+def _typed(row: _Row, then: str | None = None) -> str:
+    """Return a data word as it is typed, with what is typed later where that is wanted."""
+    later = "" if then is None else then.ljust(27)
+    return f"{f'{row.dw:4d}:  {row.format} = {row.first};'.ljust(33)}{later}{row.comment}".rstrip()
 
 
 def _then(row: _Row) -> str:

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from heatertune.plc.feed_forward import Feed, FeedForward
 from heatertune.plc.ramp import Number
+from heatertune.plc.s5_ob251.blocks import HEAT
 from heatertune.plc.s5_ob251.step import FULL_SCALE, NO_Z, Assumptions, Parameters
 from heatertune.plc.words import Certificate
 
@@ -31,7 +32,7 @@ def _listing(line: FeedForward, certificate: Certificate) -> dict[str, str]:
     head = [
         f"FB{_BLOCK}: writes Z (DW 24 of DB{_DB}): {line.pct_per_unit:+.4g} % of full power per unit of {line.column}",
         f"Z = {line.at_low:+d} at {line.low:g}, {line.at_high:+d} at {line.high:g}; about 0 at {line.calm:g}",
-        f"JU FB{_BLOCK} in the timed block (OB13) before OB251 is called; the last statement clears bit 5 of STEU",
+        f"JU FB{_BLOCK} in FB{HEAT} of program_listing.txt after T DW 22; its last statement clears bit 5 of STEU",
         *certificate.head,
     ]
     body = _contact(line) if line.switched else _analog(line)
@@ -50,7 +51,7 @@ def _analog(line: FeedForward) -> list[str]:
     """Return the call of the reading block: bipolar, so its lower end lies as far below 0 as its upper end above."""
     below = 2 * int(line.at_low) - int(line.at_high)
     return ["JU FB 250", "NAME:RLG:AE", "BG:KF +128", "KNKT:KY 2,6", f"OGR:KF {line.at_high:+d}",
-            f"UGR:KF {below:+d}", "EINZ:F 250.0", "XA:DW 24", "FB:F 250.1", "BU:F 250.2", "TBIT:F 250.3"]
+            f"UGR:KF {below:+d}", "EINZ:F 199.0", "XA:DW 24", "FB:F 199.1", "BU:F 199.2", "TBIT:F 199.3"]
 
 
 FEED: Final = Feed(

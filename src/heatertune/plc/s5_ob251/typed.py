@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from heatertune.plc.ramp import Number
+from heatertune.plc.s5_ob251.blocks import WORK
 from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE
 from heatertune.plc.words import Words
 
 __all__ = ["typed"]
 
+_FROM: Final = f"DW 0 of DB{WORK}"
 _SMALL: Final = 200  # units of YH: a tenth of the power, see COMMISSIONING.md
 
 
@@ -50,9 +52,8 @@ def _setpoint(words: Words, setpoint_degC: float | None, units: Number | None) -
     scale = words.scaling
     factor = f"whole part of ({FULL_SCALE}/{scale.span_degC:g})·(°C − {scale.low_degC:g})"
     if units is None:
-        asked = f"setpoint: {factor}, enter yours"
-        return {"meaning": asked if words.ramp is None else f"{asked} in FW 200: ramp_listing.txt leads W there"}
+        return {"meaning": f"setpoint, {_FROM}: {factor}, enter yours there"}
+    proven = f"{setpoint_degC:g} °C as proven; others: {factor}"
     if words.ramp is not None:
-        return {"meaning": f"ramp_listing.txt leads it to FW 200 = {units:+d}: {setpoint_degC:g} °C as proven; "
-                           f"others: {factor}"}
-    return {"first": units, "then": units, "meaning": f"setpoint: {setpoint_degC:g} °C as proven; others: {factor}"}
+        return {"meaning": f"led to the setpoint, {_FROM} = {units:+d}: {proven}"}
+    return {"first": units, "then": units, "meaning": f"setpoint, {_FROM}: {proven}"}
