@@ -259,7 +259,7 @@ def test_the_s7_200_program_makes_the_setpoints_that_the_room_was_told(ramp):
         told, one = found.step(told, setpoint, reading)
         made, other = found.step(made, end, reading)
         assert one == other
-        assert made.state.cpu.read("VW34") == setpoint
+        assert made.state.read("VW34") == setpoint
         widths.add(one.output)
     assert len(widths) > 20
 
@@ -277,10 +277,10 @@ def test_the_program_around_the_pid_instruction_makes_the_setpoints_that_the_roo
     for reading, end, setpoint in zip(readings, asked, _followed(ramp, readings[0], asked, readings), strict=True):
         told, one = found.step(told, setpoint, reading)
         # the panel writes the setpoint asked for to VW80; what `step` writes to VD104 is overwritten by the ramp
-        made = made._replace(state=made.state._replace(cpu=made.state.cpu.written({"VW80": end, "AIW0": reading})))
+        made = made._replace(state=made.state.written({"VW80": end, "AIW0": reading}))
         made, other = found.step(made, 0, reading)
         assert one == other
-        assert made.state.cpu.read("VW82") == setpoint
+        assert made.state.read("VW82") == setpoint
         widths.add(one.output)
     assert len(widths) > 20
 

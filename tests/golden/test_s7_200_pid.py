@@ -68,7 +68,7 @@ def test_the_exported_program_computes_the_manuals_equations_to_the_last_bit(val
         setpoint = int(random.integers(8000, 24001))
         state, scan = ROOM.step(state, setpoint, reading)
         m = loop.output(setpoint, reading)
-        bits = [struct.unpack(">f", state.state.cpu.read(name).to_bytes(4, "big", signed=True))[0] for name in ("VD108", "VD128")]
+        bits = [struct.unpack(">f", state.state.read(name).to_bytes(4, "big", signed=True))[0] for name in ("VD108", "VD128")]
         assert bits == [float(m), float(loop.mx)]
         assert scan.output == math.floor(float(F(7000) * m) + 0.5)
         outputs.add(scan.output)

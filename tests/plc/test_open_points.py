@@ -182,17 +182,6 @@ def test_every_setting_does_what_the_source_says_of_it(case):
     assert case.of({}) == pytest.approx(next(iter(case.outputs.values())), rel=1e-7), "the first is the default"
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if controller_for(case.target).direct is not None], ids=str)
-def test_it_does_so_without_the_listing_too(case):
-    for setting, expected in case.outputs.items():
-        core, running = controller_for(case.target).start_directly(_words(case), {case.switch: setting})
-        outputs = []
-        for row in case.rows:
-            running, scan = core.run(running, row["SP"], row["PV"], cycle_start=bool(row.get("CYCLE_START", 1)))
-            outputs.append(scan.output)
-        assert outputs == expected, setting
-
-
 @pytest.mark.parametrize("target", TARGETS)
 def test_no_room_starts_under_a_switch_or_setting_that_it_does_not_have(target):
     which = controller_for(target)

@@ -8,6 +8,7 @@ ACM SIGNUM Newsletter 30(3), 1995).
 from __future__ import annotations
 
 import math
+import struct
 from ctypes import c_float
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from heatertune.compiled import runs_compiled_as
 
-__all__ = ["divided", "is_single", "narrowed", "single"]
+__all__ = ["bits_of", "divided", "is_single", "narrowed", "single", "single_of"]
 
 
 def _single(value: float) -> float:
@@ -28,6 +29,28 @@ def _single(value: float) -> float:
 def single(value: float) -> float:
     """Return the nearest single; beyond the largest one it is infinite."""
     return c_float(value).value
+
+
+def _single_of(bits: int) -> float:
+    return np.int32(bits).view(np.float32)  # type: ignore[return-value]  # as in `_single`
+
+
+@runs_compiled_as(_single_of)
+def single_of(bits: int) -> float:
+    """Return the single of these 32 bits, a signed number."""
+    value: float = struct.unpack("=f", struct.pack("=i", bits))[0]
+    return value
+
+
+def _bits_of(value: float) -> int:
+    return np.int64(np.float32(value).view(np.int32))  # type: ignore[return-value]  # an int to all that the callers do
+
+
+@runs_compiled_as(_bits_of)
+def bits_of(value: float) -> int:
+    """Return the 32 bits of a number that single precision holds, as a signed number."""
+    bits: int = struct.unpack("=i", struct.pack("=f", value))[0]
+    return bits
 
 
 def narrowed(value: Any) -> Any:

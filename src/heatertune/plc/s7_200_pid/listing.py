@@ -10,13 +10,14 @@ from heatertune.plc.cpu.s7_200.text import Network, block, count_ticks, program,
 from heatertune.plc.s7_200_pid.words import SETPOINT, TABLE
 from heatertune.plc.words import Words
 
-__all__ = ["ASKED", "pid_program"]
+__all__ = ["ASKED", "COUNTDOWN", "pid_program"]
 
 #: where a program with a ramp finds the setpoint asked for, as an analog input word
 ASKED = "VW80"
+#: ticks to go
+COUNTDOWN = "VW90"
 
 _WIDEST = "32000.0"  # an analog input at the end of its range
-_TICKS = "VW90"
 #: setpoint asked for, setpoint on the ramp, countdown
 _RAMP = (ASKED, "VW82", "VW84")
 
@@ -39,7 +40,7 @@ def _initialisation(words: Words) -> list[Network]:
             "LD SM0.0", *[f"MOVR {real(v[name])}, VD{place}" for name, place in named],
         ]),
         Network("output and bias begin at 0", [
-            "LD SM0.0", f"MOVR 0.0, VD{TABLE + 8}", f"MOVR 0.0, VD{TABLE + 28}", f"MOVW +1, {_TICKS}",
+            "LD SM0.0", f"MOVR 0.0, VD{TABLE + 8}", f"MOVR 0.0, VD{TABLE + 28}", f"MOVW +1, {COUNTDOWN}",
         ]),
         Network("reading of the call before: the one at the start, whatever V memory retained",
                 _share("AIW0", f"VD{TABLE + 32}")),
@@ -51,7 +52,7 @@ def _initialisation(words: Words) -> list[Network]:
 
 def _interrupt(words: Words) -> list[Network]:
     return [
-        *count_ticks(_TICKS, f"{words.whole['TICKS']:+d}"),
+        *count_ticks(COUNTDOWN, f"{words.whole['TICKS']:+d}"),
         Network("process variable as a share of the range", _share("AIW0", f"VD{TABLE}")),
         *_setpoint(words),
         Network("setpoint: see VD104; PID", ["LD SM0.0", f"PID VB{TABLE}, 0"]),

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from heatertune.plc.cpu.s7_200.cells import cell
 from heatertune.plc.open_points import Switch
 from heatertune.plc.words import Certificate, Scaling, Words
 
-__all__ = ["COUNTS", "WIDTH_APPLIES", "ascii_only", "head", "inputs_of", "ms_per_count"]
+__all__ = ["COUNTS", "WIDTH_APPLIES", "ascii_only", "head", "ms_per_count", "wire"]
 
 #: highest reading of the 8-bit temperature input and of the analog adjustment SMB28
 COUNTS: Final = 255
+_INPUTS: Final = cell("IB0", 1).start
+_ADJUSTMENT_0: Final = cell("SMB28", 1).start
 
 WIDTH_APPLIES: Final = Switch(
     name="width_applies", means={"this_cycle": False, "next_cycle": True},
@@ -19,9 +22,11 @@ WIDTH_APPLIES: Final = Switch(
 )
 
 
-def inputs_of(setpoint: int, reading: int) -> dict[str, int]:
-    """Return what the CPU reads: PV on I0.1 to I0.7 and, bit 0, I1.0; I0.0 takes back Q0.0; SP on adjustment 0."""
-    return {"IB0": reading & 0xFE | 1, "I1.0": reading & 1, "SMB28": setpoint & 0xFF}
+def wire(memory: bytearray, setpoint: int, reading: int) -> None:
+    """Write what the CPU reads: PV on I0.1 to I0.7 and, bit 0, I1.0; I0.0 takes back Q0.0; SP on adjustment 0."""
+    memory[_INPUTS] = reading & 0xFE | 1
+    memory[_INPUTS + 1] = memory[_INPUTS + 1] & 0xFE | reading & 1
+    memory[_ADJUSTMENT_0] = setpoint & 0xFF
 
 
 def ms_per_count(scaling: Scaling, cycle: int) -> float:
