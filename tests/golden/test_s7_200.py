@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 from tests.golden import printed, repaired
 
+from heatertune.compiled import compiled
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
-from heatertune.plc.cpu.s7_200 import COLD, assemble, run
+from heatertune.plc.cpu.s7_200 import COLD, assemble, cycle, run
 from heatertune.plc.cpu.s7_200.arithmetic import added, divided, high_word, multiplied
+from heatertune.plc.cpu.s7_200.cpu import carry_out
 from heatertune.plc.cpu.s7_200.instructions import block_number
 from heatertune.plc.s7_200.listing import repaired_program
+from heatertune.plc.s7_200_paper import step
 from heatertune.plc.s7_200_paper.faults import faults
 from heatertune.plc.s7_200_paper.listing import printed_program
 from heatertune.plc.s7_200_paper.step import Assumptions
@@ -206,10 +209,17 @@ def _repaired(values):
     return words, repaired.Constants(values["KP"], values["KI"], values["KD"], values["SCALE"], ms)
 
 
+@pytest.fixture
+def fast(monkeypatch):
+    """Blocks are carried out compiled, which is the same: see test_s7_200_machine.py."""
+    for module in (cycle, step):
+        monkeypatch.setattr(module, "carry_out", compiled(carry_out))
+
+
 @pytest.mark.brute
 @pytest.mark.long
 @pytest.mark.parametrize("values", WORD_SETS)
-def test_the_repaired_text_is_exact_and_free_of_overflow_for_every_pair_of_bytes(values):
+def test_the_repaired_text_is_exact_and_free_of_overflow_for_every_pair_of_bytes(values, fast):
     # from the state that every pair leaves behind, in an order in which neighbours differ as much as they can
     words, c = _repaired(values)
     state, memory = ROOM.start(words, {}), repaired.Memory()
@@ -238,7 +248,7 @@ def test_no_words_and_no_readings_overflow_the_repaired_program():
 @pytest.mark.long
 @pytest.mark.parametrize("switches", [{}, {"overflow": "wrap"}, {"rails": "edges_go_on", "width_applies": "next_cycle"},
                                       {"cycle_time": "never_loaded"}])
-def test_the_printed_text_is_the_printed_program_for_every_pair_of_bytes(switches):
+def test_the_printed_text_is_the_printed_program_for_every_pair_of_bytes(switches, fast):
     words = paper_words(gain=20, ki=3, t=5)
     words = Words(target=words.target, values=dict(words.values) | {"KD": 77, "POT1": 9}, scaling=words.scaling,
                   sample_time_s=words.sample_time_s)

@@ -242,7 +242,8 @@ def run_with(controller: InLoop, given: tuple[Any, ...], scans: int) -> tuple[in
     """
     core = controller.core
     given = (controller.parameters, core.own(controller.state), controller.sensor, controller.scan_s, *given)
-    if core.compiles and worth_compiling(scans, f"{core.step.__module__}.{core.step.__qualname__}"):
+    name = f"{core.step.__module__}.{core.step.__qualname__}"
+    if core.compiles and worth_compiling(scans, name, function=_run_of(core)):
         return run_compiled(core, given)
     return run_plainly(core, given)
 
