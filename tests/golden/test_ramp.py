@@ -264,12 +264,11 @@ def test_the_s7_200_program_makes_the_setpoints_that_the_room_was_told(ramp):
     assert len(widths) > 20
 
 
-@pytest.mark.parametrize("switches", [{}, {"first_call": "setpoint_kept"}])
 @pytest.mark.parametrize("ramp", [Ramp(step=400), Ramp(step=900, calls=3), Ramp(step=900, calls=3, hold=640),
                                   Ramp(step=900, calls=3, hold=-640)])
-def test_the_program_around_the_pid_instruction_makes_the_setpoints_that_the_room_was_told(ramp, switches):
+def test_the_program_around_the_pid_instruction_makes_the_setpoints_that_the_room_was_told(ramp):
     words, found = _words("s7-200-pid", ramp), controller_for("s7-200-pid")
-    told = made = found.start(words, switches)
+    told = made = found.start(words, {})
     made = _loaded(made, _export(words, "s7_200_pid.awl"))
     asked = _asked(32000)
     readings = _readings(7600, 32000) if ramp.hold is None else _wandering(32000)

@@ -30,8 +30,8 @@ DESIGN = PidDesign(gain_pct_per_degC=1.4, integral_time_s=150.0, derivative_time
                    method="")
 HEATER = Fopdt(gain_degC_per_pct=0.4, time_constant_s=150.0, dead_time_s=10.0, ambient_degC=20.0)
 
-PROGRAMS = "cd6a0bfe663c4027"
-TRAJECTORIES = {"s7-200": "e5e2c61e3232f5e3", "s7-200-pid": "a14f856082193e84", "s7-200-paper": "4a4b499414e50c5e"}
+PROGRAMS = "582a9b52b3d3d866"
+TRAJECTORIES = {"s7-200": "e5e2c61e3232f5e3", "s7-200-pid": "0ab7beec3d60e570", "s7-200-paper": "4a4b499414e50c5e"}
 
 
 def _value(field, rng):
@@ -60,7 +60,7 @@ def _trajectory(target, number, scans):
     which, rng = controller_for(target), random.Random(f"{target} {number}")
     running = which.start(_words(which, rng), {switch.name: rng.choice(switch.settings) for switch in which.switches})
     full = 32000 if target == "s7-200-pid" else 255
-    low, high = (int(end) for end in FORMATS[which.inputs["PV"]])
+    low, high = (0, full) if target == "s7-200-pid" else map(int, FORMATS[which.inputs["PV"]])  # beyond it is told a broken wire
     setpoint, reading = rng.randint(0, full), rng.randint(0, full)
     for _ in range(scans):
         if rng.random() < 0.05:
@@ -98,8 +98,8 @@ def test_a_block_is_carried_out_the_same_compiled_and_plainly():
         program, state = assemble(programs.program(seed)), programs.begin(seed)
         plain, fast = bytearray(state.memory), bytearray(state.memory)
         for block in (0, 65, 0):
-            carry_out(program, plain, block, seed % 2 == 0, seed % 3 == 0)
-            other(program, fast, block, seed % 2 == 0, seed % 3 == 0)
+            carry_out(program, plain, block, seed % 2 == 0)
+            other(program, fast, block, seed % 2 == 0)
             assert plain == fast, seed
 
 

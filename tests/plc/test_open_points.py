@@ -121,9 +121,8 @@ CASES = [
     # error 1: 1 ms at the first edge. No PWM cycle of 1000 ms begins in the fourth scan, but one of 2 ms does: 2 ms
     _paper("cycle_time", [51] * 4, [50] * 4, [0, 0, 0, 0], {"loaded": [0, 0, 1, 1], "never_loaded": [0, 0, 1, 2]}),
 
-    # the first call makes SP of PV: M = 0, then 1/2 − 1/4 and 1/2 − 1/8; or each width one PWM cycle later
-    _pid("width_applies", [8000, 8000, 4000], {"this_cycle": [0, 250, 375], "next_cycle": [0, 0, 250]}),
-    _pid("first_call", [8000, 4000], {"setpoint_is_pv": [0, 375], "setpoint_kept": [250, 375]}),
+    # M = 1/2 − 1/4 and 1/2 − 1/8; or each width one PWM cycle later
+    _pid("width_applies", [8000, 8000, 4000], {"this_cycle": [250, 250, 375], "next_cycle": [0, 250, 250]}),
 
     # Output = 1/2048·1/2; 27648/4096 = 6.75
     _tip("conversion", 2.0**-11, 0.0, 0.0, 1000.0, [13824], [0], {"rnd": [7], "trunc": [6]}),

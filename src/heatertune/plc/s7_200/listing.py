@@ -47,7 +47,7 @@ def _initialisation(words: Words) -> list[Network]:
         Network("its bit 0 is wired to I1.0", ["LD I1.0", "= V1.0"]),
         Network("no change of it before the start", ["LD SM0.0", "MOVW VW0, VW2"]),
         *([] if words.ramp is None else [ramp_begins(words.ramp, "VW0", *_RAMP)]),
-        pwm_registers(cycle),
+        pwm_registers(cycle, "16#CB"),
         timed_interrupt(v["TICK"]),
     ]
 
@@ -84,8 +84,8 @@ def _interrupt(words: Words) -> list[Network]:
             "-D VD216, AC0",
         ]),
         Network("pulse width in 32 bits", ["LD SM0.0", "MOVD +0, AC2", "MOVW SMW70, AC2", "+D AC0, AC2"]),
-        Network("not above the cycle", ["LDD> AC2, VD220", "MOVD VD220, AC2"]),
-        Network("not below zero", ["LDD< AC2, +0", "MOVD +0, AC2"]),
+        Network("not above the cycle", ["LDD>= AC2, VD220", "MOVD VD220, AC2"]),
+        Network("not below zero", ["LDD<= AC2, +0", "MOVD +0, AC2"]),
         Network("out; the cycle time is loaded once", [
             "LD SM0.0", "MOVW AC2, SMW70", "PLS 0", "MOVB 16#CA, SMB67",
         ]),

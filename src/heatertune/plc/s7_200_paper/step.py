@@ -98,10 +98,10 @@ def step(c: Loaded, state: Listed, setpoint: int, reading: int, begins: bool) ->
         memory[_FIRST_BYTE] |= _FIRST_BIT
     if rises(c, scans, applied, begins) and memory[ENABLED] and memory[ATTACHED + _RISES]:
         before = word(memory, WIDTH)
-        carry_out(c.program, memory, memory[ATTACHED + _RISES] * 1, c.assume.wrap, False)
+        carry_out(c.program, memory, memory[ATTACHED + _RISES] * 1, c.assume.wrap)
         faults = memory[FAULTS] & 2
         applied = before if c.assume.next_cycle else word(memory, WIDTH)
-    carry_out(c.program, memory, 0, c.assume.wrap, False)
+    carry_out(c.program, memory, 0, c.assume.wrap)
     memory[_FIRST_BYTE] &= 0xFF - _FIRST_BIT
     faults |= memory[FAULTS]
     return Listed(state.cpu, scans, applied), power_pct(c, applied), applied, (faults >> 1 & 1) + (faults >> 2 & 2)

@@ -31,7 +31,7 @@ class S7200Pid(Controller, name="s7-200-pid"):
         "P, PI and PID in single precision, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",
         "bias clamped with the output: no windup", "setpoint ramp in whole input words",
     )
-    cannot = ("not on a CPU 212 or 214; no manual mode in this program", "no filter of the derivative")
+    cannot = ("only on a CPU 22x; no manual mode in this program", "no filter of the derivative")
     fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, FULL // STEP
     inputs: ClassVar = {"SP": "INT", "PV": "INT"}
     derivative_filter = 0.0
@@ -46,6 +46,4 @@ class S7200Pid(Controller, name="s7-200-pid"):
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""
         program = assemble(pid_program(replace(words, ramp=None)))
-        parameters = timed(
-            program, words.whole, COUNTDOWN, next_cycle=assume.next_cycle, bumpless=assume.bumpless)
-        return Running(parameters, COLD)
+        return Running(timed(program, words.whole, COUNTDOWN, next_cycle=assume.next_cycle), COLD)

@@ -10,7 +10,6 @@ from heatertune.plc.cpu.s7_200.cells import cell
 from heatertune.plc.cpu.s7_200.cycle import Timed, run_cycle
 from heatertune.plc.cpu.s7_200.memory import put_real, put_word
 from heatertune.plc.cpu.s7_200.wiring import WIDTH_APPLIES
-from heatertune.plc.open_points import Switch
 from heatertune.plc.s7_200_pid.words import SETPOINT
 from heatertune.plc.single import divided
 
@@ -29,11 +28,6 @@ class Assumptions(NamedTuple):
     """What the manual leaves open, see DIFFERENCES.md."""
 
     next_cycle: Annotated[bool, WIDTH_APPLIES] = False
-    bumpless: Annotated[bool, Switch(
-        name="first_call", means={"setpoint_is_pv": True, "setpoint_kept": False},
-        why="whether the first call of the loop sets its setpoint to the process variable, so that M begins without a "
-            "bump",
-    )] = True
 
 
 def measure(sensor: Sensor, temperature_degC: float) -> int:

@@ -11,7 +11,7 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 __all__ = [
-    "ATTACHED", "BEGUN", "CYCLE", "ENABLED", "EVENTS", "FAULTS", "LOOPS", "PULSED", "SIZE", "V_BEGIN", "V_END", "WHOLE",
+    "ATTACHED", "BEGUN", "CYCLE", "ENABLED", "EVENTS", "FAULTS", "PULSED", "SIZE", "V_BEGIN", "V_END", "WHOLE",
     "WIDTH", "Cell", "bit", "cell", "constant",
 ]
 
@@ -31,12 +31,10 @@ ENABLED: Final = SIZE + 4
 PULSED: Final = SIZE + 5
 #: which of SM1.1 and SM1.3 were set in the last pass, as bits of SMB1
 FAULTS: Final = SIZE + 6
-#: PID loops that have been called, a bit for each
-LOOPS: Final = SIZE + 7
 #: whether the first scan is over
-BEGUN: Final = SIZE + 8
+BEGUN: Final = SIZE + 7
 #: for each event the number of the block that is attached to it, 0: none
-ATTACHED: Final = SIZE + 9
+ATTACHED: Final = SIZE + 8
 EVENTS: Final = 34
 #: of the areas and of what lies behind them
 WHOLE: Final = ATTACHED + EVENTS

@@ -30,6 +30,7 @@ from heatertune.plc.cpu.s7_200.opcodes import (
     LAST_SUM,
     LD,
     LDD,
+    LDR,
     LDW,
     MOV_B,
     MOV_W,
@@ -40,6 +41,7 @@ from heatertune.plc.cpu.s7_200.opcodes import (
     SHIFT_D,
 )
 from heatertune.plc.cpu.s7_200.real import calculate
+from heatertune.plc.single import single_of
 
 __all__ = ["Program", "carry_out", "flag"]
 
@@ -61,7 +63,7 @@ class Program(NamedTuple):
     begins: array[int]
 
 
-def carry_out(program: Program, memory: bytearray, block: int, wrap: bool, bumpless: bool) -> None:
+def carry_out(program: Program, memory: bytearray, block: int, wrap: bool) -> None:
     """Carry out a block up to its end or its return.
 
     An instruction other than a load or an assignment is carried out where the top of the logic stack is 1.
@@ -71,7 +73,6 @@ def carry_out(program: Program, memory: bytearray, block: int, wrap: bool, bumpl
         memory: all of it; it is changed.
         block: its number.
         wrap: whether an overflowing sum writes its wrapped result.
-        bumpless: whether the first call of a PID loop sets its setpoint to the process variable.
     """
     code, at, back, top = program.code, program.begins[block], -1, True
     memory[PULSED] = memory[FAULTS] = 0
@@ -89,7 +90,7 @@ def carry_out(program: Program, memory: bytearray, block: int, wrap: bool, bumpl
         elif top and op == CALL:
             at, back = program.begins[operand], at
         elif top:
-            _act(code, here, memory, wrap, bumpless)
+            _act(code, here, memory, wrap)
 
 
 def flag(memory: bytearray, result: int, overflow: bool, by_zero: bool) -> None:
@@ -109,19 +110,25 @@ def _loaded(code: array[int], at: int, memory: bytearray) -> bool:
     width = 2 if op < LDD else 4
     first = code[at + 2] if code[at + 1] else number(memory, code[at + 2], width)
     second = code[at + 4] if code[at + 3] else number(memory, code[at + 4], width)
-    relation = op - (LDW if op < LDD else LDD)
-    if relation == 0:
-        return first == second
-    if first == second:
-        return relation >= 3
-    return (first < second) == (relation in (1, 3))
+    if op >= LDR:
+        return _holds(op - LDR, single_of(first), single_of(second))
+    return _holds(op - (LDW if op < LDD else LDD), first, second)
+
+
+def _holds(relation: int, first: float, second: float) -> bool:
+    """Return whether a relation, by its place in `RELATIONS`, holds; none does of what is no number."""
+    if relation < 2:
+        return first < second if relation else first == second
+    if relation == 2:
+        return first > second
+    return first <= second if relation == 3 else first >= second
 
 
 def _assign(memory: bytearray, at: int, mask: int, value: bool) -> None:
     memory[at] = memory[at] | mask if value else memory[at] & 0xFF - mask
 
 
-def _act(code: array[int], at: int, memory: bytearray, wrap: bool, bumpless: bool) -> None:
+def _act(code: array[int], at: int, memory: bytearray, wrap: bool) -> None:
     """Carry out what is no load, assignment, call or return."""
     op, is_constant, operand, output = code[at], code[at + 1] != 0, code[at + 2], code[at + 4]
     if op <= LAST_MOVE:
@@ -132,7 +139,7 @@ def _act(code: array[int], at: int, memory: bytearray, wrap: bool, bumpless: boo
     elif op <= LAST_SHIFT:
         _combine(memory, op, is_constant, operand, output)
     elif op <= LAST_REAL:
-        flags = calculate(memory, op, is_constant, operand, output, bumpless)
+        flags = calculate(memory, op, is_constant, operand, output)
         if flags:
             flag(memory, 0, flags > 1, False)
     else:

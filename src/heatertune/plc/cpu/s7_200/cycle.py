@@ -75,19 +75,15 @@ class Timed(NamedTuple):
         cycle_ms: PWM cycle [ms].
         countdown: place of the word of the ticks to go.
         next_cycle: whether a width shapes the PWM cycle after the one in which it is written.
-        bumpless: of the PID instruction, see `heatertune.plc.cpu.s7_200.cpu.carry_out`.
     """
 
     program: Program
     cycle_ms: int
     countdown: int
     next_cycle: bool
-    bumpless: bool
 
 
-def timed(
-    program: Program, values: Mapping[str, int], countdown: str, *, next_cycle: bool, bumpless: bool = True
-) -> Timed:
+def timed(program: Program, values: Mapping[str, int], countdown: str, *, next_cycle: bool) -> Timed:
     """Return a program that computes in timed interrupt 0.
 
     Args:
@@ -95,9 +91,8 @@ def timed(
         values: the words, TICK and TICKS among them.
         countdown: address of the word of the ticks to go.
         next_cycle: as the attribute.
-        bumpless: as the attribute.
     """
-    return Timed(program, cycle_ms(values), cell(countdown, 2).start, next_cycle, bumpless)
+    return Timed(program, cycle_ms(values), cell(countdown, 2).start, next_cycle)
 
 
 def run_cycle(timed: Timed, memory: bytearray) -> tuple[float, int, int]:
@@ -113,13 +108,13 @@ def run_cycle(timed: Timed, memory: bytearray) -> tuple[float, int, int]:
     if not memory[BEGUN]:
         memory[BEGUN] = 1
         memory[_FIRST_BYTE] |= _FIRST_BIT
-        carry_out(timed.program, memory, 0, False, timed.bumpless)
+        carry_out(timed.program, memory, 0, False)
         memory[_FIRST_BYTE] &= 0xFF - _FIRST_BIT
     before = word(memory, WIDTH)
     if memory[ENABLED] and memory[ATTACHED + _TIMED]:
         # the ticks before this one do nothing but count down; a test runs them all
         put_word(memory, timed.countdown, 1)
-        carry_out(timed.program, memory, memory[ATTACHED + _TIMED] * 1, False, timed.bumpless)
+        carry_out(timed.program, memory, memory[ATTACHED + _TIMED] * 1, False)
     width = before if timed.next_cycle else word(memory, WIDTH)
     power = 100.0 * min(width, timed.cycle_ms) / timed.cycle_ms
     return power, width, (memory[FAULTS] >> 1 & 1) + (memory[FAULTS] >> 2 & 2)

@@ -33,9 +33,9 @@ def instruction(name: str, operands: Sequence[str]) -> list[int]:
     Raises:
         KeyError, TypeError, ValueError: an unknown mnemonic, a wrong number of operands, a wrong operand.
     """
-    if compared := re.fullmatch(r"LD([WD])(=|<|>|<=|>=)", name):
-        base, width = (opcodes.LDW, 2) if compared[1] == "W" else (opcodes.LDD, 4)
-        op, first, second = _compare(base + opcodes.RELATIONS.index(compared[2]), width)(*operands)
+    if compared := re.fullmatch(r"LD([WDR])(=|<|>|<=|>=)", name):
+        base, read = _COMPARED[compared[1]]
+        op, (first, second) = base + opcodes.RELATIONS.index(compared[2]), _both(read, *operands)
     else:
         op, first, second = _INSTRUCTIONS[name](*operands)
     return [op, int(first.is_constant), first.value, int(second.is_constant), second.value]
@@ -80,8 +80,8 @@ def _real(text: str) -> _Operand:
         return _place(text, 4)
 
 
-def _compare(op: int, width: int) -> Callable[[str, str], _Row]:
-    return lambda first, second: (op, _operand(first, width), _operand(second, width))
+def _both(read: Callable[[str], _Operand], first: str, second: str) -> tuple[_Operand, _Operand]:
+    return read(first), read(second)
 
 
 def _of_bit(op: int) -> Callable[[str], _Row]:
@@ -131,6 +131,12 @@ def _pulse(output: str) -> _Row:
         raise ValueError(output)
     return opcodes.PLS, _NONE, _NONE
 
+
+#: format of what is compared → number of its comparisons, and what reads an operand
+_COMPARED: Final[dict[str, tuple[int, Callable[[str], _Operand]]]] = {
+    "W": (opcodes.LDW, lambda text: _operand(text, 2)), "D": (opcodes.LDD, lambda text: _operand(text, 4)),
+    "R": (opcodes.LDR, _real),
+}
 
 _INSTRUCTIONS: Final[dict[str, Callable[..., _Row]]] = {
     "LD": _of_bit(opcodes.LD), "=": _of_bit(opcodes.ASSIGN), "S": _set,

@@ -6,7 +6,6 @@ import math
 from typing import Final
 
 from heatertune.plc.cpu.s7_200.arithmetic import signed
-from heatertune.plc.cpu.s7_200.cells import LOOPS
 from heatertune.plc.cpu.s7_200.memory import double, put_double, put_real, real, word
 from heatertune.plc.cpu.s7_200.opcodes import DIV_R, DTR, ITD, MUL_R, ROUND
 from heatertune.plc.single import divided, single, single_of
@@ -20,7 +19,7 @@ _LARGEST: Final = 2147483647
 _PV, _SP, _M, _KC, _TS, _TI, _TD, _MX, _PV_BEFORE = range(0, 36, 4)
 
 
-def calculate(memory: bytearray, op: int, is_constant: bool, operand: int, output: int, bumpless: bool) -> int:
+def calculate(memory: bytearray, op: int, is_constant: bool, operand: int, output: int) -> int:
     """Carry out an instruction; return 0 where it leaves the flags alone, 1 where its result is sound, else 2.
 
     A result that is no number is not written; ROUND goes to the nearest whole number, halves away from zero.
@@ -30,8 +29,7 @@ def calculate(memory: bytearray, op: int, is_constant: bool, operand: int, outpu
         op: which.
         is_constant: whether `operand` is one, the bits of a REAL.
         operand: else its place; of PID the loop table's.
-        output: place of the output; of PID the loop's number.
-        bumpless: see `heatertune.plc.cpu.s7_200.cpu.carry_out`.
+        output: place of the output; PID has none.
     """
     if op == ITD:
         put_double(memory, output, word(memory, operand))
@@ -40,7 +38,7 @@ def calculate(memory: bytearray, op: int, is_constant: bool, operand: int, outpu
         put_real(memory, output, single(float(double(memory, operand))))
         return 0
     if op not in (MUL_R, DIV_R, ROUND):
-        return _pid(memory, operand, output, bumpless)
+        return _pid(memory, operand)
     value = single_of(operand if is_constant else double(memory, operand))
     if op == ROUND:
         return _round(memory, value, output)
@@ -59,20 +57,17 @@ def _round(memory: bytearray, value: float, output: int) -> int:
     return 1
 
 
-def _pid(memory: bytearray, table: int, loop: int, bumpless: bool) -> int:
+def _pid(memory: bytearray, table: int) -> int:
     """Carry out the PID instruction on the loop table that stands there; see the manual's equations on p. 9-86.
 
     MP = Kc·(SP − PV), MI = Kc·(Ts/Ti)·(SP − PV) + MX, MD = Kc·(Td/Ts)·(PV_{n−1} − PV); with Kc = 0 the factor is 1 in I
-    and D. A bias that would drive M out of 0…1 is taken back. The first call after the start is without a bump: SP is
-    set to PV. A result that is no number leaves M and MX as they were.
+    and D. A bias that would drive M out of 0…1 is taken back. A result that is no number leaves M and MX as they were.
+    After STOP → RUN the loop goes on from what the table holds: only a 0 → 1 of the instruction's power flow would set
+    SP, MX and PV_{n−1} (p. 9-92), and the programs here never take it away.
     """
     pv, sp, kc = real(memory, table + _PV), real(memory, table + _SP), real(memory, table + _KC)
     ts, ti, td = real(memory, table + _TS), real(memory, table + _TI), real(memory, table + _TD)
     mx, before = real(memory, table + _MX), real(memory, table + _PV_BEFORE)
-    if not memory[LOOPS] >> loop & 1:
-        memory[LOOPS] |= 1 << loop
-        before, mx = pv, real(memory, table + _M)
-        sp = pv if bumpless else sp
     error = single(sp - pv)
     factor = kc if kc != 0.0 else 1.0
     proportional = single(kc * error)

@@ -106,9 +106,7 @@ def restarted(_parameters: object, _cold: State, state: State) -> State:
 COLD: Final = started(None, State(bytearray(WHOLE)))
 
 
-def run(
-    program: Program, block: str, state: State, *, wrap: bool = False, bumpless: bool = True,
-) -> State:
+def run(program: Program, block: str, state: State, *, wrap: bool = False) -> State:
     """Return the state after one pass through a block; OB1 once is one scan.
 
     Args:
@@ -116,8 +114,7 @@ def run(
         block: its name.
         state: before the pass.
         wrap: left open by the manual, see `carry_out`.
-        bumpless: left open by the manual, see `carry_out`.
     """
     memory = bytearray(state.memory)
-    carry_out(program, memory, block_number(block), wrap, bumpless)
+    carry_out(program, memory, block_number(block), wrap)
     return State(memory)
