@@ -36,7 +36,7 @@ SWITCHES = {
              "anti_windup": ("taken_back", "held")},
     "s7-300": {"conversion": ("rnd", "trunc"), "bias_clamp": ("adjusted", "always"), "first_reading": ("taken", "zero")},
     "s7-200": {"width_applies": ("this_cycle", "next_cycle")},
-    "s7-200-pid": {"width_applies": ("this_cycle", "next_cycle"), "first_call": ("setpoint_is_pv", "setpoint_kept")},
+    "s7-200-pid": {"width_applies": ("this_cycle", "next_cycle")},
 }
 KINDS = {"heat-up": 0, "temperature-step": 1, "load": 2, "setpoint": 3, "mains": 4, "plc": 5}
 _TOO_SLOW = 20.0  # sums of lags and dead time
