@@ -294,7 +294,7 @@ class Conditions:
         setpoint_degC: one, or the lowest and the highest of use; None: where the log says that the heater was used, see
             `heatertune.proof.heaters`.
         pwm_period_s: None: TA in parts up to 10 s.
-        pwm_resolution_s: None: a half-wave of 50 Hz mains.
+        pwm_resolution_s: None: a tick of the target's clock, see `heatertune.plc.pwm.tick_for`.
         limit_degC: None: the end of the sensor range.
         spec: a preset's name or a specification's file; None: the general one, see `heatertune.proof.spec_file`.
         profile: file of ramps and soaks, see `heatertune.proof.profile_file`; None: the specification's, if it has one.
@@ -321,7 +321,7 @@ class Conditions:
     pwm_resolution_s: float | None = _time(
         None, "the on time is a multiple of it", "--pwm-resolution", label="PWM resolution", least=None, above=0.0,
         needs="pwm_period_s", help="the on time is a multiple of it; a block's call interval [s]",
-        instead=("0.01", "a half-wave of 50 Hz mains"))
+        instead=("the target's tick", "0.1 s on s5-ob251, a half-wave of 50 Hz mains on others"))
     spec: str | None = option(
         None, str, "what words must keep", flag="--spec", metavar="NAME|FILE.toml", label="specification",
         help="what words must keep: a preset or a file, see: heatertune spec", instead=("general", ""))

@@ -154,7 +154,7 @@ def test_what_swings_gets_a_faster_pwm_and_its_wear_is_told():
 @pytest.mark.parametrize(("interval", "about", "period"), [
     (4.7, 1.26, 4.7 / 4), (4.7, 1.0, 4.7 / 4), (5.3, 2.5, 5.3 / 2), (1.9, 1.0, 1.9), (0.4, 1.0, 0.4), (60.0, 2.5, 2.5)])
 def test_a_pwm_of_a_solid_state_relay_is_a_whole_part_of_ta_and_no_shorter_than_a_second(interval, about, period):
-    assert Frame(pwm_about_s=about).pwm_at(interval) == pytest.approx(period)
+    assert Frame(pwm_about_s=about).pwm_at(interval, None) == pytest.approx(period)
 
 
 def test_where_ripple_and_half_waves_take_the_band_they_are_told():

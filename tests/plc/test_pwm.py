@@ -4,7 +4,8 @@ from hypothesis import strategies as st
 
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.options import options_of
-from heatertune.plc.pwm import RULES, Actuator, on_time, pid_compact, pulsegen, switched_by
+from heatertune.plc.pwm import RULES, Actuator, on_time, pid_compact, pulsegen, switched_by, tick_for
+from heatertune.proof.fitted import default_pwm_period_s
 from heatertune.settings import Conditions
 
 powers = st.lists(st.floats(0.0, 100.0), min_size=1, max_size=40)
@@ -66,12 +67,23 @@ def test_a_rule_by_name_is_the_blocks_switch():
     )
     assert switched_by(None, **times) == Actuator(**times)
     assert tuple(RULES) == options_of(Conditions)["pwm_rule"].choices
+    assert [switched_by(rule, **times).block for rule in (None, *RULES)] == [None, *RULES]
     with pytest.raises(UnknownName, match="pulsegen, pid-compact"):
         switched_by("relay", pwm_period_s=1.0)
+    with pytest.raises(UnknownName, match="relay"):
+        Actuator(pwm_period_s=1.0, block="relay")
     with pytest.raises(OutOfRange, match="one P_B_TM"):
         switched_by("pulsegen", pwm_period_s=10.0, minimum_on_s=1.0, minimum_off_s=2.0)
     with pytest.raises(OutOfRange, match="resolution_s"):
         switched_by("pid-compact", pwm_period_s=10.0, resolution_s=0.0)
+
+
+def test_a_switch_is_told_in_a_few_words():
+    assert Actuator(pwm_period_s=4.0).told == "PWM period 4 s in steps of 0.01 s"
+    assert pulsegen(pwm_period_s=10.0, call_interval_s=0.5, minimum_s=1.0).told == (
+        "PWM period 10 s in steps of 0.5 s, no pulse below 1 s, no pause below 1 s, what is too short is left out, "
+        "as pulsegen does it")
+    assert pid_compact(pwm_period_s=10.0, call_interval_s=0.5).told.endswith("what is left out is made up, as pid-compact does it")
 
 
 def test_a_pulse_that_is_too_short_is_dropped():
@@ -136,3 +148,26 @@ def test_rounding_costs_at_most_half_the_resolution(power, parts):
 def test_an_actuator_that_cannot_be_is_refused(field, settings):
     with pytest.raises(OutOfRange, match=field):
         Actuator(**settings)
+
+
+@pytest.mark.parametrize(("interval", "period", "resolution"), [
+    (17.0, 8.5, 0.1),  # 85 ticks, as OB13 is called every 100 ms where nobody changes SD97
+    (23.0, 5.75, 0.05),  # 57½ of them are none
+    (2.0, 2.0, 0.02),  # 20 would be steps of 5 %
+    (0.2, 0.2, 0.01),  # the finest, 20 of them
+    (17.0, 17.0 / 3.0, 0.01),  # no clock of 10 ms makes it: a switch of its own
+])
+def test_a_target_with_a_clock_gets_its_ticks(interval, period, resolution):
+    assert tick_for(0.1, sample_time_s=interval, pwm_period_s=period) == pytest.approx(resolution)
+    assert tick_for(None, sample_time_s=interval, pwm_period_s=period) == 0.01
+
+
+@given(st.integers(1, 60000))
+def test_the_period_that_nobody_chose_is_whole_ticks_of_the_s5(hundredths):
+    interval = hundredths / 100.0
+    period = default_pwm_period_s(interval, tick_s=0.1)
+    actuator = Actuator(pwm_period_s=period, resolution_s=tick_for(0.1, sample_time_s=interval, pwm_period_s=period))
+    ticks = actuator.ticks(interval)
+    assert ticks.per_call % ticks.per_period == 0
+    assert 0.01 <= actuator.resolution_s <= 0.1
+    assert period <= 10.0

@@ -73,6 +73,7 @@ class Controller(ABC):
             name for error messages → the words; None: they cannot be read back from text.
         oddities: what is odd about a running controller's words, one sentence each; None: nothing is known to be.
         faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
+        tick_s: of the clock behind calls and PWM, the coarsest [s]; None: the export's program makes no PWM.
         delay_s: longest time from a temperature to its reading and from the controller's output to the heater's switch,
             as input module and process image make it; part of the dead time in a proof [s].
         direct: for a core that runs a listing, which no compiler takes: words and assumptions → a core that gives the
@@ -112,6 +113,7 @@ class Controller(ABC):
     text: ClassVar[staticmethod[[str, float | None, str], ReadBack] | None] = None
     oddities: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     faults: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
+    tick_s: ClassVar[float | None] = None
     delay_s: ClassVar[float] = 0.0
     direct: ClassVar[staticmethod[[Words, Any], tuple[Core, Running]] | None] = None
     feed: ClassVar[Feed | None] = None

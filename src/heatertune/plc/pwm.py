@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+from heatertune.codec import LEFT_OUT
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.units import check
 
-__all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "Ticks", "on_time", "pid_compact", "pulsegen",
-           "switched_by"]
+__all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "Ticks", "in_ticks", "on_time", "pid_compact", "pulse_ends",
+           "pulsegen", "switched_by", "tick_for"]
 
 #: instants closer than this are one instant [s]: far above rounding, far below a PLC's tick
 INSTANT_S: Final = 1e-9
@@ -21,6 +23,10 @@ RULES: Final = {"pulsegen": "drop", "pid-compact": "carry"}
 _RULES: Final = ("drop", "carry")
 #: of 50 Hz mains [s]
 HALF_WAVE_S: Final = 0.01
+#: a period of fewer ticks gets a finer tick: steps of 2 %
+_LEAST_TICKS: Final = 50
+#: parts of a target's tick, the coarsest first
+_PARTS: Final = (1, 2, 5, 10)
 
 
 class Ticks(NamedTuple):
@@ -42,10 +48,12 @@ class Actuator:
         minimum_rule: what becomes of a pulse or pause that is too short: "drop" leaves it out for good (PULSEGEN of
             the S7-300), "carry" also makes up the difference, rounding included, in the next period (PID_Compact of
             the S7-1200).
+        block: that makes the pulses, one of `RULES`; None: any that does as these numbers say.
 
     Raises:
         OutOfRange: a time that is not positive, a resolution above the period, minimum times that leave no pulse,
             an unknown rule.
+        UnknownName: an unknown block.
     """
 
     pwm_period_s: float
@@ -53,6 +61,7 @@ class Actuator:
     minimum_on_s: float = 0.0
     minimum_off_s: float = 0.0
     minimum_rule: str = "drop"
+    block: str | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         check("pwm_period_s", self.pwm_period_s, above=0.0)
@@ -61,6 +70,18 @@ class Actuator:
         check("minimum_off_s", self.minimum_off_s, least=0.0, most=self.pwm_period_s - self.minimum_on_s)
         if self.minimum_rule not in _RULES:
             raise OutOfRange("minimum_rule", self.minimum_rule, " or ".join(repr(rule) for rule in _RULES))
+        if self.block is not None and self.block not in RULES:
+            raise UnknownName("block of the PWM", self.block, RULES)
+
+    @property
+    def told(self) -> str:
+        """The switch in a few words, as the head of an exported file tells it."""
+        shortest = [f"no {what} below {time:g} s" for what, time in (
+            ("pulse", self.minimum_on_s), ("pause", self.minimum_off_s)) if time > 0.0]
+        short = [{"drop": "what is too short is left out", "carry": "what is left out is made up"}[self.minimum_rule]]
+        block = [] if self.block is None else [f"as {self.block} does it"]
+        return ", ".join([f"PWM period {self.pwm_period_s:g} s in steps of {self.resolution_s:g} s", *shortest,
+                          *(short if shortest or self.minimum_rule == "carry" else []), *block])
 
     @property
     def numbers(self) -> tuple[float, float, float, float, bool]:
@@ -78,6 +99,32 @@ class Actuator:
         return Ticks(per_call, per_period)
 
 
+def in_ticks(time_s: float, tick_s: float | None) -> bool:
+    """Return whether a time is whole ticks of a target's finest clock, a tenth of `Controller.tick_s`; None: any is."""
+    return tick_s is None or _whole(time_s * _PARTS[-1] / tick_s)
+
+
+def tick_for(tick_s: float | None, *, sample_time_s: float, pwm_period_s: float) -> float:
+    """Return the resolution of a switch whose user tells none [s].
+
+    It is the coarsest part of the target's tick of which both times are whole multiples and that makes at least fifty
+    steps of a period; where none makes so many, the finest; a half-wave of 50 Hz where none fits.
+
+    Args:
+        tick_s: `Controller.tick_s`.
+        sample_time_s: TA [s].
+        pwm_period_s: [s].
+    """
+    ticks = [] if tick_s is None else [tick_s / part for part in _PARTS]
+    fit = [tick for tick in ticks if _whole(sample_time_s / tick) and _whole(pwm_period_s / tick)]
+    enough = (tick for tick in fit if pwm_period_s / tick > _LEAST_TICKS - INSTANT_S)
+    return next(enough, fit[-1] if fit else min(HALF_WAVE_S, pwm_period_s))
+
+
+def _whole(count: float) -> bool:
+    return round(count) > 0 and abs(round(count) - count) <= INSTANT_S * max(1.0, count)
+
+
 def pulsegen(*, pwm_period_s: float, call_interval_s: float, minimum_s: float = 0.0) -> Actuator:
     """Return the switch behind FB43 PULSEGEN of the S7-300/400, three-step and bipolar modes off.
 
@@ -91,7 +138,7 @@ def pulsegen(*, pwm_period_s: float, call_interval_s: float, minimum_s: float = 
         minimum_s: P_B_TM [s], of pulse and pause.
     """
     return Actuator(pwm_period_s=pwm_period_s, resolution_s=call_interval_s, minimum_on_s=minimum_s,
-                    minimum_off_s=minimum_s, minimum_rule=RULES["pulsegen"])
+                    minimum_off_s=minimum_s, minimum_rule=RULES["pulsegen"], block="pulsegen")
 
 
 def pid_compact(
@@ -110,7 +157,7 @@ def pid_compact(
     """
     calls = [call_interval_s * math.floor(time / call_interval_s + 0.5) for time in (minimum_on_s, minimum_off_s)]
     return Actuator(pwm_period_s=pwm_period_s, resolution_s=call_interval_s, minimum_on_s=calls[0],
-                    minimum_off_s=calls[1], minimum_rule=RULES["pid-compact"])
+                    minimum_off_s=calls[1], minimum_rule=RULES["pid-compact"], block="pid-compact")
 
 
 def switched_by(
@@ -163,3 +210,24 @@ def on_time(
     elif max(wanted, on) > period - minimum_off + INSTANT_S or on > period - INSTANT_S:
         on = period
     return on, wanted - on if carries else 0.0
+
+
+def pulse_ends(actuator: Actuator, power_pct: Callable[[int], float], full: int) -> tuple[int, int]:
+    """Return the first of 1…full with a pulse, and the last of 0…full with a pause, nothing being carried over.
+
+    Args:
+        actuator: the switch.
+        power_pct: of a number, rising with it to 100 % [%].
+        full: the number of full power.
+    """
+    def on(number: int) -> float:
+        return on_time(power_pct(number), 0.0, actuator.numbers)[0]
+
+    def first(holds: Callable[[int], bool]) -> int:  # less power never has a longer pulse
+        low, high = 0, full
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if holds(middle) else (middle, high)
+        return high
+
+    return first(lambda number: on(number) > 0.0), first(lambda number: on(number) >= actuator.pwm_period_s) - 1

@@ -133,6 +133,8 @@ class Certificate:
         forced: whether the words left although the verdict is not PASS.
         setpoint_degC: what was proven [°C]; None: told nowhere.
         actuator: the switch that was proven; the controller's own included; None: told nowhere.
+        specification: name of what was kept; None: told nowhere.
+        digest: of the proof's document; None: told nowhere.
     """
 
     verdict: str
@@ -140,12 +142,23 @@ class Certificate:
     forced: bool = False
     setpoint_degC: float | None = None
     actuator: Actuator | None = None
+    specification: str | None = None
+    digest: str | None = None
 
     @property
     def head(self) -> tuple[str, ...]:
-        """The verdict and the facts, one line each, for the head of an exported file."""
+        """The verdict, the facts, and under which conditions it holds, a line each, for the head of an exported file.
+
+        Sensor range and interval are not among them: the words tell these.
+        """
         forced = " - FORCED in spite of it" if self.forced else ""
-        return (f"verdict of the proof: {self.verdict}{forced}", *self.lines)
+        conditions = [
+            None if self.setpoint_degC is None else f"proven setpoint: {self.setpoint_degC:g} °C",
+            None if self.actuator is None else f"proven switch: {self.actuator.told}",
+            None if self.specification is None else f"specification: {self.specification}",
+            None if self.digest is None else f"digest of the proof: {self.digest}",
+        ]
+        return (f"verdict of the proof: {self.verdict}{forced}", *self.lines, *(told for told in conditions if told))
 
 
 def holds(format_: str, value: object) -> bool:

@@ -12,7 +12,7 @@ from heatertune.errors import HeatertuneError, InputError
 from heatertune.model.values import FittedModel
 from heatertune.pid.tune import assessed_sampled
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling
+from heatertune.plc import Scaling, controller_for
 from heatertune.plc.choose import choose_words
 from heatertune.plc.design import encode
 from heatertune.progress import Told
@@ -137,7 +137,7 @@ class _Search:
 
     def told(self, frame: Frame) -> str:
         """Return the changes of a frame for a reader, empty where there are none."""
-        return frame.told(frame.sample_time_s or self.first.wished.sample_time_s)
+        return frame.told(frame.sample_time_s or self.first.wished.sample_time_s, self.tick_s)
 
     def hints(self, mended: Closed) -> Iterator[str]:
         """Return what is to be said beside a design that passes: which open point it is the price of."""
@@ -205,6 +205,11 @@ class _Search:
         return next((mended for mended in tried if mended is not None), None)
 
     @property
+    def tick_s(self) -> float | None:
+        """Of the target's clock, see `Controller.tick_s` [s]."""
+        return controller_for(self.asked.target).tick_s
+
+    @property
     def by_optimum(self) -> bool:
         """Whether the design is an optimum with an I part: other gains are not looked for otherwise."""
         wished = self.first.wished
@@ -217,7 +222,7 @@ class _Search:
             self.asked.tuned, structure=frame.structure or self.asked.tuned.structure,
             ms=frame.ms or self.asked.tuned.ms, sample_time_s=ta or self.asked.tuned.sample_time_s)
         conditions = self.first.conditions if ta is None else self.asked.conditions
-        period = frame.pwm_at(ta or self.first.wished.sample_time_s)
+        period = frame.pwm_at(ta or self.first.wished.sample_time_s, self.tick_s)
         if period is not None:
             conditions = replace(conditions, pwm_period_s=period)
         return replace(

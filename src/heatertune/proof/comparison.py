@@ -15,11 +15,12 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.plc.s7_200_paper.words import paper_words
-from heatertune.proof import Actuator, Proof, paper_scenario, prove_models, simulate
-from heatertune.proof.fitted import default_pwm_period_s
+from heatertune.proof import Proof, paper_scenario, prove_models, simulate
+from heatertune.proof.fitted import actuator_for
 from heatertune.proof.heaters import holding, labelled
 from heatertune.proof.series import trace_series
 from heatertune.proof.views import PaperRunView, PaperView, RivalView, SeriesView
+from heatertune.settings import Conditions
 
 __all__ = ["best_single_lag", "paper_runs", "price_of_doubt", "rivals"]
 
@@ -59,7 +60,7 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
     if proof.words.ramp is not None and controller_for(target).ramped:
         ramp = controller_for(target).ramp(words, proof.ramp_degC_per_min, proof.hold_degC)
         words = replace(words, ramp=ramp)
-    actuator = Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s))
+    actuator = actuator_for(Conditions(), words)
     proven = prove_models(
         controller_for(target), words, holding(fitted, proof.scenario.setpoint_degC), proof.scenario, actuator,
         proof.limits, margins,

@@ -13,7 +13,7 @@ from heatertune.model.values import FittedModel, HeaterModel, Outcome
 from heatertune.options import merged
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc import Words, controller_for
-from heatertune.plc.pwm import Actuator, switched_by
+from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
 from heatertune.proof.criteria import Limits
 from heatertune.proof.heaters import default_setpoint, holding, unreached
 from heatertune.proof.interlock import Interlock
@@ -113,15 +113,22 @@ def course_for(
 def actuator_for(conditions: Conditions, words: Words) -> Actuator:
     """Return the switch behind the controller; without a PWM period, TA in parts up to 10 s.
 
+    Without a resolution its pulses are ticks of the target's clock, see `heatertune.plc.pwm.tick_for`.
+
     Raises:
         OutOfRange, UnknownName: as `switched_by`.
     """
-    if conditions.pwm_period_s is None:
-        return Actuator(pwm_period_s=default_pwm_period_s(words.sample_time_s))
-    resolution = {} if conditions.pwm_resolution_s is None else {"resolution_s": conditions.pwm_resolution_s}
+    tick, interval = controller_for(words.target).tick_s, words.sample_time_s
+    period, resolution = conditions.pwm_period_s, conditions.pwm_resolution_s
+    if period is None:
+        period = default_pwm_period_s(interval, tick_s=tick)
+        return Actuator(
+            pwm_period_s=period, resolution_s=tick_for(tick, sample_time_s=interval, pwm_period_s=period))
+    if resolution is None:
+        resolution = tick_for(tick, sample_time_s=interval, pwm_period_s=period)
     return switched_by(
-        conditions.pwm_rule, pwm_period_s=conditions.pwm_period_s, minimum_on_s=conditions.minimum_on_s,
-        minimum_off_s=conditions.minimum_off_s, **resolution)
+        conditions.pwm_rule, pwm_period_s=period, minimum_on_s=conditions.minimum_on_s,
+        minimum_off_s=conditions.minimum_off_s, resolution_s=resolution)
 
 
 def specified(conditions: Conditions) -> Specification:
@@ -159,9 +166,18 @@ def limits_of(specification: Specification, models: Sequence[HeaterModel]) -> Li
     return specification.limits_for(max(sum(model.lags_s) + model.dead_time_s for model in models))
 
 
-def default_pwm_period_s(sample_time_s: float, *, most_s: float = 10.0) -> float:
-    """Return TA, or the largest whole part of it up to the most: each sample then holds whole PWM periods [s]."""
-    return sample_time_s / max(1, math.ceil(sample_time_s / most_s))
+def default_pwm_period_s(sample_time_s: float, *, tick_s: float | None, most_s: float = 10.0) -> float:
+    """Return TA, or the largest part of it up to the most: each sample then holds whole PWM periods [s].
+
+    Args:
+        sample_time_s: TA [s].
+        tick_s: `Controller.tick_s`, of whose tenth a period is a whole multiple; None: any period will do.
+        most_s: the most.
+    """
+    parts = max(1, math.ceil(sample_time_s / most_s))
+    while in_ticks(sample_time_s, tick_s) and not in_ticks(sample_time_s / parts, tick_s):
+        parts += 1
+    return sample_time_s / parts
 
 
 def _interlock(conditions: Conditions, words: Words) -> Interlock | None:

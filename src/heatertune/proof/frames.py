@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from heatertune.model.values import HeaterModel
 from heatertune.plc import Words, controller_for
-from heatertune.plc.pwm import HALF_WAVE_S
+from heatertune.plc.pwm import HALF_WAVE_S, in_ticks
 from heatertune.proof.fitted import default_pwm_period_s
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.period import holding_power_pct, ripple_at
@@ -76,14 +76,16 @@ class Frame:
         rests = ({name: value for name, value in changes.items() if name != left} for left in changes)
         return [Frame(**rest) for rest in rests if rest]
 
-    def pwm_at(self, sample_time_s: float) -> float | None:
-        """Return the PWM period at an interval [s], None where it is not changed."""
+    def pwm_at(self, sample_time_s: float, tick_s: float | None) -> float | None:
+        """Return the PWM period at an interval [s], None where it is not changed; `tick_s` as for `in_ticks`."""
         about = self.pwm_about_s
         if about is None:
             return self.pwm_period_s
         few = max(1, math.floor(sample_time_s / about))
         parts = few + 1 if sample_time_s / few / about > about * (few + 1) / sample_time_s else few
-        return sample_time_s / max(1, min(parts, math.floor(sample_time_s / _FASTEST_S + _ROUNDED)))
+        most = max(1, math.floor(sample_time_s / _FASTEST_S + _ROUNDED))
+        whole = [n for n in range(1, most + 1) if n == 1 or in_ticks(sample_time_s / n, tick_s)]
+        return sample_time_s / min(whole, key=lambda n: abs(math.log(n / parts)))
 
     def on(self, words: Words) -> Words:
         """Return words with what these changes do to them, gains aside; raise OutOfRange where they cannot be so."""
@@ -97,9 +99,9 @@ class Frame:
         inside = (self.sample_time_s, self.structure, self.ms, self.power_most_pct)
         return self != Frame() and not any(inside)
 
-    def told(self, sample_time_s: float) -> str:
+    def told(self, sample_time_s: float, tick_s: float | None) -> str:
         """Return the changes for a reader, TA being that [s]; empty where there are none."""
-        about, period = self.pwm_about_s, self.pwm_at(sample_time_s)
+        about, period = self.pwm_about_s, self.pwm_at(sample_time_s, tick_s)
         parts = (
             self.sample_time_s and f"TA = {self.sample_time_s:g} s",
             self.structure and "a D part",
@@ -177,11 +179,12 @@ class _Switch:
         Where ripple leaves the loop its part of the band, the pulses need not be short; else ripple and the step of
         power that a half-wave is are the least together.
         """
-        fast = default_pwm_period_s(sample_time_s, most_s=_FAST_S)
+        tick = controller_for(self.proof.words.target).tick_s
+        fast = default_pwm_period_s(sample_time_s, tick_s=tick, most_s=_FAST_S)
         own = self.proof.actuator.pwm_period_s
         quick = [Frame(pwm_about_s=about)
                  for about in (*([fast] if self.share(fast) <= 1.0 else []), self.calmest_s, _FASTEST_S)]
-        periods = {frame.pwm_at(sample_time_s): frame for frame in reversed(quick)}
+        periods = {frame.pwm_at(sample_time_s, tick): frame for frame in reversed(quick)}
         return [frame for period, frame in reversed(periods.items()) if period is not None and period < own]
 
     @property
@@ -217,8 +220,11 @@ class _Switch:
         if not most:
             return []
         least = 3600.0 / most
-        period = ta * -(-least // ta) if least > ta else ta / (ta // least)
-        return [Frame(pwm_period_s=period)]
+        if least > ta:
+            return [Frame(pwm_period_s=ta * -(-least // ta))]
+        tick = controller_for(self.proof.words.target).tick_s
+        parts = next(n for n in range(int(ta // least), 0, -1) if n == 1 or in_ticks(ta / n, tick))
+        return [Frame(pwm_period_s=ta / parts)]
 
 
 def _intervals(switch: _Switch, words: Words, least_s: float) -> Iterator[Frame]:

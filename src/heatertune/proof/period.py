@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.values import HeaterModel
+from heatertune.plc.pwm import in_ticks
 from heatertune.units import check
 
 __all__ = ["SWITCHES", "PwmPeriod", "holding_power_pct", "life", "propose_period", "ripple_at", "ripple_degC"]
@@ -81,7 +82,7 @@ def ripple_at(
 
 def propose_period(
     models: Sequence[HeaterModel], *, kind: str, sample_time_s: float, setpoint_degC: float, ambient_degC: float,
-    ripple_degC_most: float,
+    ripple_degC_most: float, tick_s: float | None = None,
 ) -> PwmPeriod:
     """Return the PWM period for a kind of switch: whole periods in each sampling interval, or whole intervals in each.
 
@@ -94,6 +95,7 @@ def propose_period(
         setpoint_degC: where the loop rests [°C].
         ambient_degC: temperature without power, for models that do not know theirs [°C].
         ripple_degC_most: largest ripple, peak to peak [°C].
+        tick_s: as for `heatertune.plc.pwm.in_ticks`: only such periods.
 
     Raises:
         UnknownName: no such kind of switch.
@@ -113,7 +115,8 @@ def propose_period(
     if most == 0 and math.isfinite(switch.life):
         periods = [sample_time_s * math.ceil(switch.shortest_s / sample_time_s - 1e-9)]
     else:
-        periods = [sample_time_s / n for n in range(1, max(1, most) + 1)]
+        parts = range(1, max(1, most) + 1)
+        periods = [sample_time_s / n for n in parts if n == 1 or in_ticks(sample_time_s / n, tick_s)]
     wanted = [period for period in periods if ripple(period) <= ripple_degC_most and math.isfinite(switch.life)]
     period = wanted[0] if wanted else periods[-1]
     waves = ripple(period)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
-from heatertune.plc.pwm import HALF_WAVE_S
+from heatertune.plc.pwm import tick_for
 from heatertune.proof.fitted import setpoints_for, specified
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.period import propose_period
@@ -38,14 +38,15 @@ def with_pwm(
     """
     assumed = conditions or Conditions()
     setpoint, _ = setpoints_for(fitted, assumed)
+    tick = None if words is None else controller_for(words.target).tick_s
     wanted = propose_period(
         fitted.plants, kind=kind, sample_time_s=design.sample_time_s, ambient_degC=ROOM_DEGC, setpoint_degC=setpoint,
-        ripple_degC_most=_OF_TOLERANCE * specified(assumed).tolerance_degC,
+        ripple_degC_most=_OF_TOLERANCE * specified(assumed).tolerance_degC, tick_s=tick,
     )
     if words is not None and (own := controller_for(words.target).timing(words).pwm_period_s) is not None:
         note = f"{words.target} makes the PWM itself, period {own:g} s; a switch behind it would get: {wanted.told}"
         return replace(design, notes=(*design.notes, note)), assumed
     if assumed.pwm_period_s is None:
-        resolution = min(HALF_WAVE_S, wanted.period_s)
+        resolution = tick_for(tick, sample_time_s=design.sample_time_s, pwm_period_s=wanted.period_s)
         assumed = replace(assumed, pwm_period_s=wanted.period_s, pwm_resolution_s=resolution)
     return replace(design, notes=(*design.notes, wanted.told)), assumed

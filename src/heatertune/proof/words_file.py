@@ -160,8 +160,10 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
     lines += [f"not kept: {name}" for name in failed]
     lines += [f"not proven: {finding['told']}" for finding in open_]
     lines += [*sampled(proof), *told_of(proof)]
-    return Certificate(verdict=verdict, lines=tuple(lines), forced=verdict != "PASS",
-                       setpoint_degC=proof["scenario"]["setpoint_degC"], actuator=Actuator(**proof["actuator"]))
+    spec = proof["specification"]
+    return Certificate(verdict=verdict, lines=tuple(lines), forced=verdict != "PASS", digest=proof["digest"],
+                       setpoint_degC=proof["scenario"]["setpoint_degC"], actuator=Actuator(**proof["actuator"]),
+                       specification=None if spec is None else spec["name"])
 
 
 def _accepting(proof: Mapping[str, Any], accept: Sequence[str]) -> dict[str, Any]:

@@ -12,10 +12,9 @@ from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.choose import choose_words, search_document
-from heatertune.plc.pwm import HALF_WAVE_S
 from heatertune.progress import Told
 from heatertune.proof import Proof, Trace, simulate_wish
-from heatertune.proof.fitted import default_pwm_period_s
+from heatertune.proof.fitted import actuator_for
 from heatertune.settings import Conditions
 from heatertune.studio.settings import Settings
 
@@ -103,5 +102,5 @@ def _quick(fitted: FittedModel, settings: Settings) -> Gains:
 
 
 def _conditions(settings: Settings, words: Words) -> Conditions:
-    period = settings.pwm_period_s or default_pwm_period_s(words.sample_time_s)
-    return replace(settings.assumed, pwm_period_s=period, pwm_resolution_s=min(HALF_WAVE_S, period))
+    switch = actuator_for(replace(settings.assumed, pwm_period_s=settings.pwm_period_s or None), words)
+    return replace(settings.assumed, pwm_period_s=switch.pwm_period_s, pwm_resolution_s=switch.resolution_s)

@@ -50,6 +50,7 @@ class Ob251(Controller, name="s5-ob251"):
     # analog input 460, eight channels at their slowest, and one cycle of OB1 until an output of the process image is
     # written (S5-115U manual EWA 4NEB 811 6130, tables of the analog modules; cycles of 10 to 200 ms)
     delay_s = 0.48 + 0.2
+    tick_s = 0.1  # of OB13 on every CPU (S5-115U, 100U, 95U); 10 to 50 ms by SD97 on the faster ones
     most_power = ("BGOG", 2047)
     core = Core(step=step, measure=count, flags=("upper limit", "lower limit"))
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
