@@ -315,8 +315,8 @@ class Conditions:
     minimum_off_s: float = _time(
         0.0, "shortest off time", "--minimum-off", needs="pwm_period_s", instead=("0", ""))
     pwm_rule: str | None = option(
-        None, str, "block that makes the PWM", flag="--pwm-rule", choices=("pulsegen", "pid-compact"),
-        needs="pwm_period_s", help="block that makes the PWM; pulsegen: --minimum-on is P_B_TM",
+        None, str, "block that makes the PWM", flag="--pwm-rule", choices=("pulsegen", "pid-compact", "burst"),
+        needs="pwm_period_s", help="block that makes the PWM; pulsegen: --minimum-on is P_B_TM; burst: a power controller",
         instead=("a plain switch", ""))
     pwm_resolution_s: float | None = _time(
         None, "the on time is a multiple of it", "--pwm-resolution", label="PWM resolution", least=None, above=0.0,

@@ -5,7 +5,7 @@
 
 Each case is drawn from its number alone: heater, controller with one setting of each of its open points, words of a rule
 that is detuned at random, sensor range, limits, setpoint, switch and noise; from 100,000 on also presets, limits of every
-kind, two ends of the setpoints and ramps with a holdback. heatertune proves the words. Where no limit
+kind, two ends of the setpoints and ramps with a holdback, from 1,000,000 on limits of the output and burst firing. heatertune proves the words. Where no limit
 of the runs is broken, second_opinion.c runs the whole story again, and then its rests for 50 stories more, to see what
 hunts or drifts later; a short story is measured in steps of a millisecond, too. A false PASS breaks a limit by more than
 0.1 %, the share by which measures may differ. What differs is printed as a line of JSON; exit status 1 where something
@@ -51,6 +51,7 @@ _FIRST_DRAW = 1_000
 _TOO_MANY = 0.05  # of them may break a limit
 _OF_WORDS = {"stability", "ms", "gain_margin", "phase_margin", "step_power"}
 _WIDE = 100_000  # from this case on more is drawn, those before stay as they were
+_WIDER = 1_000_000  # and from this on again
 _PLAIN_STEP_S = 1e-3
 _PLAIN_S = 40_000.0  # a story so long is measured in steps of a millisecond, too
 
@@ -91,6 +92,8 @@ def drawn(number, target):
         setpoint_degC=setpoint, limit=_own_limits(rng), tolerance_degC=band, noise_degC=noise, switches=known, **pwm)
     if number >= _WIDE:
         words, bench, conditions = _widened(number, words, bench, conditions)
+    if number >= _WIDER:
+        words, bench, conditions = _switched_otherwise(number, words, bench, conditions)
     return model, words, bench, conditions
 
 
@@ -165,6 +168,22 @@ def _widened(number, words, bench, conditions):
         ramp=_of_ramp(words)), conditions
 
 
+def _switched_otherwise(number, words, bench, conditions):
+    """Return them with a limit of the output, and with a power controller that fires in bursts of whole waves."""
+    rng = np.random.default_rng([number, TARGETS[bench.target][0], 2])
+    room = controller_for(bench.target)
+    if room.most_power is not None and rng.random() < 0.6:
+        words = room.limited(words, round(float(rng.uniform(bench.power, 100.0))))
+        bench = replace(bench, words=dict(words.values))
+    if conditions.pwm_period_s is not None and rng.random() < 0.5:
+        parts = math.ceil(bench.interval / _log(rng, 0.1, 1.0))
+        bench = replace(bench, ratio=(1, parts), resolution=min(0.02, bench.interval / parts), least_on=0.0, least_off=0.0,
+                        carries=True)
+        conditions = replace(conditions, pwm_period_s=bench.period, pwm_resolution_s=bench.resolution, pwm_rule="burst",
+                             minimum_on_s=0.0, minimum_off_s=0.0)
+    return words, bench, conditions
+
+
 def _many_limits(rng, step, slow):
     """Return limits of every kind as a user writes them, some of them."""
     kinds = {
@@ -223,7 +242,8 @@ def judged(library, number, target, longer=LONGER, draws=_DRAWS):
         return case | {"end": "no words", "why": str(problem)}
     case["with"] = [name for name, there in {
         "ramp": bench.ramp, "hold": bench.ramp and bench.ramp[2], "low": bench.asked_low, "noise": bench.noise,
-        "spec": conditions.spec, "limits": conditions.limit, "least on": bench.least_on}.items() if there]
+        "spec": conditions.spec, "limits": conditions.limit, "least on": bench.least_on, "bursts": conditions.pwm_rule == "burst",
+        "limited": words.values.get("MaximumOutput", words.values.get("LMN_HLM", 100.0)) < 100.0}.items() if there]
     case |= {"end": proof.runs[0].verdict, "not kept": [each.name for each in proof.criteria if not each.ok]}
     case["runs"] = set(case["not kept"]) <= _OF_WORDS
     if case["end"] == "PASS" and bench.noise:

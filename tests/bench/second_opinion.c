@@ -247,11 +247,11 @@ static double ob251(const Case *c, Memory *m, double w, double x)
     return within((double)(100.0L * truncl(ya) / 2047.0L), 0.0, 100.0);
 }
 
-/* WEG: Kp, Ki, Kd, Ts [ms]; academic form; f: error before, integral part, reference */
+/* WEG: Kp, Ki, Kd, Ts [ms], MaximumOutput [%]; academic form; f: error before, integral part, reference */
 static double weg(const Case *c, Memory *m, float w, float x)
 {
     float kp = c->words[0], ki = c->words[1], kd = c->words[2], ts = (float)c->words[3] / 1000.0f;
-    float high = 100.0f, low = 0.0f, kits = ki * ts, kdts = kd / ts;
+    float high = (float)c->words[4], low = 0.0f, kits = ki * ts, kdts = kd / ts;
     int windup = c->sw[0], by_parts = c->sw[1], at_once = c->sw[2], zero = c->sw[3];
     int starts = !m->begun;
     if (starts) { m->begun = 1; m->f[0] = 0.0f; m->f[1] = 0.0f; m->f[2] = zero ? 0.0f : w; }
@@ -283,7 +283,7 @@ static double weg(const Case *c, Memory *m, float w, float x)
     return out;
 }
 
-/* FB41: GAIN, TI, TD, TM_LAG, CYCLE [ms], PV_FAC, PV_OFF, I_SEL, D_SEL; f: E, I, its rest, D, F, its rest */
+/* FB41: GAIN, TI, TD, TM_LAG, CYCLE [ms], PV_FAC, PV_OFF, I_SEL, D_SEL, LMN_HLM [%]; f: E, I, its rest, D, F, its rest */
 static float pv_of(const Case *c, float n)
 {
     float v = n * 100.0f;
@@ -296,6 +296,7 @@ static double fb41(const Case *c, Memory *m, float w, float x)
 {
     float gain = c->words[0], ti = (float)c->words[1] / 1000.0f, td = (float)c->words[2] / 1000.0f;
     float lag = (float)c->words[3] / 1000.0f, cycle = (float)c->words[4] / 1000.0f, half = cycle * 0.5f;
+    float high = (float)c->words[9];
     int rectangle = c->sw[0], whole_cycle = c->sw[1], only_held = c->sw[2];
     float e = pv_of(c, w) - pv_of(c, x);
     e = gain * e;
@@ -325,15 +326,15 @@ static double fb41(const Case *c, Memory *m, float w, float x)
     sum = sum + d;
     if (c->words[7] != 0.0 && !only_held) {
         float without = sum - m->f[3];
-        if (i > 100.0f && sum > 100.0f && without > 100.0f) {
-            float own = i - 100.0f, over = sum - 100.0f;
+        if (i > high && sum > high && without > high) {
+            float own = i - high, over = sum - high;
             i = i - (own < over ? own : over);
         } else if (i < 0.0f && sum < 0.0f && without < 0.0f)
             i = i - (i > sum ? i : sum);
     }
-    m->side = sum >= 100.0f ? 1 : sum <= 0.0f ? -1 : 0;
+    m->side = sum >= high ? 1 : sum <= 0.0f ? -1 : 0;
     m->f[0] = e; m->f[1] = i; m->f[2] = i_rest; m->f[3] = d; m->f[4] = f; m->f[5] = f_rest;
-    return sum >= 100.0f ? 100.0f : sum <= 0.0f ? 0.0f : sum;
+    return sum >= high ? high : sum <= 0.0f ? 0.0f : sum;
 }
 
 /* PID tip No. 2: GAIN, RATE, RESET, SAMPLE [ms]; f: bias, reading before */

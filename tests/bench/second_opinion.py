@@ -259,8 +259,8 @@ class Opinion:
 
 
 def _numbers(b):
-    order = {"s5-ob251": ("K", "R", "TI", "TD", "BGOG", "BGUG"), "weg": ("Kp", "Ki", "Kd", "Ts"),
-             "fb41": ("GAIN", "TI", "TD", "TM_LAG", "CYCLE", "PV_FAC", "PV_OFF", "I_SEL", "D_SEL"),
+    order = {"s5-ob251": ("K", "R", "TI", "TD", "BGOG", "BGUG"), "weg": ("Kp", "Ki", "Kd", "Ts", "MaximumOutput"),
+             "fb41": ("GAIN", "TI", "TD", "TM_LAG", "CYCLE", "PV_FAC", "PV_OFF", "I_SEL", "D_SEL", "LMN_HLM"),
              "s7-300": ("GAIN", "RATE", "RESET", "SAMPLE"), "s7-200": ("KP", "KI", "KD", "SCALE"),
              "s7-200-pid": ("KC", "TS", "TI", "TD")}[b.target]
     numbers = [float(b.words[name]) for name in order]

@@ -157,16 +157,42 @@ def test_a_pwm_of_a_solid_state_relay_is_a_whole_part_of_ta_and_no_shorter_than_
     assert Frame(pwm_about_s=about).pwm_at(interval, None) == pytest.approx(period)
 
 
-def test_where_ripple_and_half_waves_take_the_band_they_are_told():
+def _fast(**changed):
+    """Half power, a second of PWM: a = b = exp(−1/32), ripple 700 °C·(1 − a)²/(1 − a²); 10 ms of it are 1 %, 7 °C."""
     plant = Fopdt(gain_degC_per_pct=7.0, time_constant_s=16.0, dead_time_s=14.0, ambient_degC=20.0)
-    asked = _asked(target="s7-300", scaling=Scaling(low_degC=0.0, high_degC=600.0),
-                   conditions=Conditions(setpoint_degC=370.0, tolerance_degC=5.0))
-    found = closed(model_by_hand(plant), asked)
-    # half power, a second of PWM: a = b = exp(−1/32), ripple 700 °C·(1 − a)²/(1 − a²); 10 ms of it are 1 %, 7 °C
+    conditions = Conditions(setpoint_degC=370.0, tolerance_degC=5.0)
+    return model_by_hand(plant), _asked(
+        target="s7-300", scaling=Scaling(low_degC=0.0, high_degC=600.0), conditions=conditions, **changed)
+
+
+@pytest.mark.usefixtures("whole_story")
+def test_where_ripple_and_half_waves_take_the_band_they_are_told():
+    found = closed(*_fast(switch_kind="ssr"))
     ripple = 700.0 * math.tanh(1.0 / 64.0)
     assert found.proof.verdict == "FAIL"
     told = f"1 s, the ripple is {ripple:.2g} °C and one half-wave is 7 °C, asked ±5 °C"
     assert told in found.proof.heard.remarks[-1]
+
+
+@pytest.mark.usefixtures("whole_story")
+def test_what_no_solid_state_relays_pwm_holds_gets_bursts_of_whole_waves():
+    model, asked = _fast()
+    found = closed(model, asked)
+    switch, interval = found.proof.actuator, found.proof.words.sample_time_s
+    assert found.proof.verdict == "PASS"
+    # whole waves of 50 Hz; the next burst makes up what is left, so no half-wave is lost: tests/plc/test_pwm.py
+    assert (switch.resolution_s, switch.minimum_rule) == (0.02, "carry")
+    assert interval / switch.pwm_period_s == pytest.approx(round(interval / switch.pwm_period_s))
+    assert f"bursts of whole mains waves every {switch.pwm_period_s:.3g} s" in found.proof.heard.remarks[-1]
+    assert "the worst switchings goes from" in found.notes[0]
+    again = _again(found, model)
+    assert (again.verdict, again.actuator, again.words) == ("PASS", switch, found.proof.words)
+
+
+@pytest.mark.parametrize(("interval", "about", "period"), [
+    (5.3, 0.2, 5.3 / 27), (5.3, 1.0, 0.53), (21.0, 1.0, 1.0), (3.3, 0.2, 0.15), (0.35, 0.2, 0.35 / 2), (0.09, 0.1, 0.09)])
+def test_bursts_are_a_whole_part_of_ta_in_whole_waves_where_they_can(interval, about, period):
+    assert Frame(bursts_s=about).pwm_at(interval) == pytest.approx(period)
 
 
 def test_a_tolerance_that_would_do_is_told_where_the_band_alone_is_broken():

@@ -86,6 +86,16 @@ def test_a_switch_is_told_in_a_few_words():
     assert pid_compact(pwm_period_s=10.0, call_interval_s=0.5).told.endswith("what is left out is made up, as pid-compact does it")
 
 
+def test_bursts_of_whole_waves_make_up_what_is_left_in_the_next_one():
+    # a third of ten waves of 50 Hz: 3⅓ waves a burst, so 10 in three bursts; a plain switch gives 9
+    times = {"pwm_period_s": 0.2, "resolution_s": 0.02}
+    waves = [round(on / 0.02) for on in _pulses(switched_by("burst", **times), [100.0 / 3.0] * 6)[0]]
+    assert waves == [3, 4, 3, 3, 4, 3]
+    assert sum(_pulses(switched_by(None, **times), [100.0 / 3.0] * 6)[0]) == pytest.approx(18 * 0.02)
+    # beside a block's, its least times are not rounded to calls
+    assert switched_by("burst", **times, minimum_on_s=0.05, minimum_off_s=0.03).numbers == (0.2, 0.02, 0.05, 0.03, True)
+
+
 def test_a_pulse_that_is_too_short_is_dropped():
     actuator = Actuator(pwm_period_s=10.0, resolution_s=0.1, minimum_on_s=2.0)
     assert _pulses(actuator, [15.0, 19.9, 20.0])[0] == pytest.approx([0.0, 0.0, 2.0])

@@ -17,8 +17,9 @@ __all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "Ticks", "in_ticks",
 #: instants closer than this are one instant [s]: far above rounding, far below a PLC's tick
 INSTANT_S: Final = 1e-9
 
-#: what a block does with a pulse or pause that is too short, by the block's name
-RULES: Final = {"pulsegen": "drop", "pid-compact": "carry"}
+#: what a block does with a pulse or pause that is too short, by the block's name; burst firing is no block, but what a
+#: power controller does
+RULES: Final = {"pulsegen": "drop", "pid-compact": "carry", "burst": "carry"}
 
 _RULES: Final = ("drop", "carry")
 #: of 50 Hz mains [s]
@@ -178,9 +179,9 @@ def switched_by(
         OutOfRange: two minimum times for PULSEGEN, which has one; or as `Actuator`.
     """
     check("resolution_s", resolution_s, above=0.0)
-    if rule is None:
+    if rule in (None, "burst"):
         return Actuator(pwm_period_s=pwm_period_s, resolution_s=resolution_s, minimum_on_s=minimum_on_s,
-                        minimum_off_s=minimum_off_s)
+                        minimum_off_s=minimum_off_s, minimum_rule="drop" if rule is None else RULES[rule])
     if rule == "pid-compact":
         return pid_compact(pwm_period_s=pwm_period_s, call_interval_s=resolution_s, minimum_on_s=minimum_on_s,
                            minimum_off_s=minimum_off_s)

@@ -74,13 +74,3 @@ def divided(dividend: float, divisor: float) -> float:
     if dividend == 0.0 or math.isnan(dividend):
         return math.nan
     return math.copysign(math.inf, dividend) * math.copysign(1.0, divisor)
-
-
-def bits_of(value: float) -> int:
-    """Return the bits of a single; those of positive ones are in the order of their values."""
-    return int(struct.unpack(">I", struct.pack(">f", value))[0])
-
-
-def single_of(bits: int) -> float:
-    """Return the single with these bits."""
-    return float(struct.unpack(">f", struct.pack(">I", bits))[0])

@@ -67,7 +67,8 @@ class Closed:
 
 
 def plainly(
-    fitted: FittedModel, asked: Asked, *, made: Made | None = None, progress: Told = str, stage: Told = str
+    fitted: FittedModel, asked: Asked, *, made: Made | None = None, plain: Proof | None = None, progress: Told = str,
+    stage: Told = str,
 ) -> Closed:
     """Return the design as asked for, proven; errors as the stages.
 
@@ -75,6 +76,7 @@ def plainly(
         fitted: the heater and its candidates.
         asked: what for.
         made: the design and its words, where they are made already.
+        plain: their proof without a ramp, where there is one already.
         progress: told what begins.
         stage: told "design", "words" and "proof".
     """
@@ -86,7 +88,8 @@ def plainly(
         choice = refine(choice, fitted, conditions, progress=progress)
     stage("proof")
     progress(f"proving the words on {len(fitted.plants)} possible heaters")
-    proof, notes = prove_ramped(choice.words, fitted, asked.setpoint_ramp, conditions, progress=progress)
+    proof, notes = prove_ramped(
+        choice.words, fitted, asked.setpoint_ramp, conditions, plain=plain, progress=progress)
     return Closed(wished=wished, choice=choice, proof=proof, notes=tuple(notes), conditions=conditions,
                   recipe=_recipe(asked, proof, conditions))
 

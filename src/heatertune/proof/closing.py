@@ -19,7 +19,7 @@ from heatertune.progress import Told
 from heatertune.proof import Proof
 from heatertune.proof.asked import Asked, Closed, Made, made_for, plainly
 from heatertune.proof.fitted import aimed
-from heatertune.proof.frames import Frame, calmest_pwm, frames
+from heatertune.proof.frames import COARSE, OF_WINDUP, WAVE_S, Frame, calmest_pwm, frames, unwinds
 from heatertune.proof.gains import Family, Place
 from heatertune.proof.nearest import (
     broken_names,
@@ -29,7 +29,7 @@ from heatertune.proof.nearest import (
     suspects,
     tolerance_that_passes,
 )
-from heatertune.proof.screen import Screen
+from heatertune.proof.screen import NOTICEABLE, Look, Screen
 
 __all__ = ["Asked", "Closed", "closed", "plainly"]
 
@@ -39,7 +39,6 @@ _CHEAPER: Final = 0.8  # of the price of the first that passes: what saves less 
 _STEPS: Final = (0.24, 0.12, 0.06, 0.03)  # around the best place of a frame
 _MOST_PROOFS: Final = 3  # whole proofs in a frame
 _HALVINGS: Final = 3  # of the way from the optimum to gains that pass
-_COARSE: Final = 0.8  # of the band: PWM leaves the loop next to nothing
 _HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
 _NOTICED: Final = 0.1  # a smaller change of heat-up or switchings is not told
 _NEAR: Final = 0.05  # a factor nearer to 1 is told with a digit more
@@ -124,9 +123,14 @@ class _Search:
         return dear[0] if best and _more_iae(self.first, best) > _CHEAPER * _more_iae(self.first, dear[0]) else best
 
     def _wholes(self, frame: Frame) -> Iterator[Frame]:
-        """Return a change with what has helped so far; a led setpoint alone first, as it may need no other help."""
+        """Return a change with what has helped so far.
+
+        Bursts are tried without, and gains where they come last; a led setpoint without, too, as it may need no help.
+        """
         helped = Frame() if self.best is None else self.best.frame
-        if frame.ramped:
+        if frame.bursts_s or (frame == Frame() and broken_names(self.first.proof) <= OF_WINDUP):
+            yield frame
+        elif frame.ramped:
             yield from dict.fromkeys(before.with_(frame) for before in (Frame(), self.calmer, helped))
         else:
             yield helped.with_(frame)
@@ -150,7 +154,7 @@ class _Search:
         """Return the design as asked for; its proof says which other question would be answered with PASS."""
         first, proof = self.first, self.first.proof
         share, coarse = self._coarse()
-        why = coarse if share >= _COARSE else None
+        why = coarse if share >= COARSE else None
         told = self._with_settings() or "; ".join(filter(None, (why, self._with_tolerance())))
         told = told or "nothing tried mends it"
         heard = replace(proof.heard, remarks=(*proof.heard.remarks, told))
@@ -182,8 +186,8 @@ class _Search:
             return 0.0, ""
         told = (f"at the calmest PWM of a solid-state relay, {calm.period_s:.3g} s, the ripple is "
                 f"{calm.ripple_degC:.2g} °C and one half-wave is {calm.half_wave_degC:.2g} °C, asked ±{tolerance:.3g} "
-                "°C: a power controller without PWM would be calmer")
-        return 0.5 * (calm.ripple_degC + calm.half_wave_degC) / tolerance, told
+                "°C: bursts of a power controller (--pwm-rule burst) would be calmer")
+        return calm.share(tolerance), told
 
     def _with_tolerance(self) -> str | None:
         first = self.first
@@ -203,6 +207,11 @@ class _Search:
         places = dict.fromkeys((inside.family.place, self.place or inside.family.place))
         tried = (self.proven(frame, inside.made(place)) for place in places)
         return next((mended for mended in tried if mended is not None), None)
+
+    def unwound_by_others(self, look: Look, frame: Frame) -> bool:
+        """Return whether what a frame leaves broken is a windup that no gains mend so well as a change to come."""
+        ramp_open = self.asked.setpoint_ramp is None
+        return bool(look.names) and look.names <= OF_WINDUP and unwinds(self.asked.target, frame, ramp_open=ramp_open)
 
     @property
     def tick_s(self) -> float | None:
@@ -225,14 +234,18 @@ class _Search:
         period = frame.pwm_at(ta or self.first.wished.sample_time_s, self.tick_s)
         if period is not None:
             conditions = replace(conditions, pwm_period_s=period)
+        if frame.bursts_s:
+            conditions = replace(conditions, pwm_resolution_s=WAVE_S, pwm_rule="burst")
         return replace(
             self.asked, tuned=tuned, conditions=conditions, refined=False,
             setpoint_ramp="auto" if frame.ramped else self.asked.setpoint_ramp or "none")
 
     def proven(self, frame: Frame, made: Made) -> Closed | None:
         """Return a design with its price where it passes; else the runs that it fails are watched."""
+        asked = self.framed(frame)
+        plain = self.first.proof if asked.conditions == self.first.conditions else None
         try:
-            tried = plainly(self.fitted, self.framed(frame), made=made, progress=self.progress)
+            tried = plainly(self.fitted, asked, made=made, plain=plain, progress=self.progress)
         except HeatertuneError:
             return None
         if tried.proof.verdict == "FAIL":
@@ -273,21 +286,21 @@ class _Within:
         search, family = self.search, self.family
         changed = self.frame != Frame()
         places = [family.place, *([search.place] if search.place else [])] if changed else family.places()
-        tried = [] if changed else [(search.least, family.place)]
+        looks = [] if changed or search.best else [(Look(search.least), family.place)]
         for place in places:
-            tried.append((self.badness(place), place))
-            if tried[-1][0] == 0.0 and (mended := self.mended(place)):
+            looks.append((self.look(place, search.least), place))
+            if looks[-1][0].badness == 0.0 and (mended := self.mended(place)):
                 return mended
-        best = min(tried, key=lambda pair: pair[0])
-        steps = () if changed and best[0] > _HELPS * search.least else _STEPS
-        return self.nearby(best, steps)
+        look, place = min(looks, key=lambda pair: pair[0].badness)
+        in_vain = changed and (look.badness > _HELPS * search.least or search.unwound_by_others(look, self.frame))
+        return self.nearby((look.badness, place), () if in_vain else _STEPS)
 
     def nearby(self, best: tuple[float, Place], steps: Sequence[float]) -> Closed | None:
         """Return what passes in ever smaller steps from the best place so far; if nothing does, what is best stays."""
         for step in steps:
             screen = self.search.screen
             for place in self.family.near(best[1], step):
-                bad = self.badness(place)
+                bad = self.badness(place, bound=best[0])
                 if bad == 0.0 and (mended := self.mended(place)):
                     return mended
                 best = min(best, (bad, place), key=lambda pair: pair[0])
@@ -299,22 +312,30 @@ class _Within:
             self.search.least, self.search.place, self.search.best = *best, self
         return None
 
-    def badness(self, place: Place) -> float:
+    def badness(self, place: Place, *, bound: float = math.inf) -> float:
         """Return by how much the words at a place break the limits in the runs that others have failed."""
+        return self.look(place, bound).badness
+
+    def look(self, place: Place, bound: float = math.inf) -> Look:
+        """Return what the words at a place break in the runs that others have failed, see `Screen`."""
         design, asked = self.family.at(place), self.asked
         if design is None:
-            return math.inf
+            return Look(math.inf)
         try:
             words = self.frame.on(encode(design, asked.target, scaling=asked.scaling))
-            return self.search.screen.badness(words, asked.conditions)
+            return self.search.screen.look(words, asked.conditions, bound=bound)
         except HeatertuneError:
-            return math.inf
+            return Look(math.inf)
+
+    def keeps(self, place: Place) -> bool:
+        """Return whether they keep all of them."""
+        return self.badness(place, bound=NOTICEABLE) == 0.0
 
     def mended(self, place: Place) -> Closed | None:
         """Return what passes nearest to the optimum on the way to a place, None where the whole proof fails."""
         for simpler in self.frame.without_one():
             inside = _Within(search=self.search, frame=simpler)
-            if inside.badness(place) == 0.0 and (mended := inside.mended(place)):
+            if inside.keeps(place) and (mended := inside.mended(place)):
                 return mended
         if self.proofs >= _MOST_PROOFS:
             return None
@@ -322,7 +343,7 @@ class _Within:
         failing, passing = self.family.place, place
         for _ in range(_HALVINGS if place != failing else 0):
             between = failing.towards(passing, 0.5)
-            failing, passing = (failing, between) if self.badness(between) == 0.0 else (between, passing)
+            failing, passing = (failing, between) if self.keeps(between) else (between, passing)
         tried = (self.search.proven(self.frame, self.made(near)) for near in dict.fromkeys((passing, place)))
         return next((mended for mended in tried if mended is not None), None)
 
@@ -331,6 +352,9 @@ class _Within:
         design, asked, fitted = self.family.at(place), self.asked, self.search.fitted
         if design is None:
             raise InputError("no gain keeps the limits")
+        first = self.search.first
+        if design is first.wished and not self.search.asked.refined:
+            return first.wished, replace(first.choice, words=self.frame.on(first.choice.words))
         assessed = assessed_sampled(fitted.plants, design)
         choice = choose_words(assessed, asked.target, fitted, scaling=asked.scaling, way=asked.words_by)
         return assessed, replace(choice, words=self.frame.on(choice.words))

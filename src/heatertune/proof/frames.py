@@ -17,7 +17,7 @@ from heatertune.proof.prove import Proof
 from heatertune.proof.setpoint_ramp import OVERSHOOTS, REHEATS
 from heatertune.settings import TuneSettings
 
-__all__ = ["Calmest", "Frame", "calmest_pwm", "frames"]
+__all__ = ["COARSE", "OF_WINDUP", "WAVE_S", "Frame", "Pwm", "calmest_pwm", "frames", "unwinds"]
 
 #: PWM periods that a solid-state relay takes well and a contactor does not [s]
 _FAST_S: Final = 2.5
@@ -28,19 +28,32 @@ _RIPPLE: Final = 0.5
 #: of a design that nobody asked a limit of
 _LOOSER_MS: Final = 1.8
 #: criteria that a windup breaks: with less power to wind up to, less has to be unwound
-_OF_WINDUP: Final = frozenset({"reheat_overshoot", "reheat_overshoot_degC", *OVERSHOOTS})
+OF_WINDUP: Final = frozenset({"reheat_overshoot", "reheat_overshoot_degC", *OVERSHOOTS})
 #: of the power left over at the setpoint, what a limit of the output leaves for loads and low mains voltage
 _RESERVES: Final = (0.6, 0.4, 0.25)
 #: times TA
 _INTERVALS: Final = (0.5, 2.0, 0.25)
 
 
-class Calmest(NamedTuple):
+#: of the band: PWM of a solid-state relay leaves the loop next to nothing
+COARSE: Final = 0.8
+_HOPELESS: Final = 1.07  # more than all of it
+#: of burst firing, as power controllers do it: between these, with so much ripple, as a share of half the band [s]
+_BURSTS_S: Final = (0.1, 1.0)
+_BURST_RIPPLE: Final = 0.4
+WAVE_S: Final = 2.0 * HALF_WAVE_S
+
+
+class Pwm(NamedTuple):
     """A PWM period [s], its ripple, peak to peak, and by how much one half-wave in it moves the temperature [°C]."""
 
     period_s: float
     ripple_degC: float
     half_wave_degC: float
+
+    def share(self, tolerance_degC: float) -> float:
+        """Return how much of a band that reaches so far from the setpoint is taken by both together."""
+        return 0.5 * (self.ripple_degC + self.half_wave_degC) / tolerance_degC
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +63,8 @@ class Frame:
     Attributes:
         pwm_about_s: the PWM period is a whole part of TA, the nearest to that which suits a solid-state relay [s].
         pwm_period_s: it is this [s].
+        bursts_s: a power controller fires in bursts about so often, and makes up in the next one what whole waves leave
+            [s].
         sample_time_s: TA [s].
         structure: of the design.
         ms: a looser limit of the optimum than asked for, within the specification.
@@ -59,6 +74,7 @@ class Frame:
 
     pwm_about_s: float | None = None
     pwm_period_s: float | None = None
+    bursts_s: float | None = None
     sample_time_s: float | None = None
     structure: str | None = None
     ms: float | None = None
@@ -68,7 +84,8 @@ class Frame:
     def with_(self, other: Frame) -> Frame:
         """Return the changes of both; of the other where both change the same."""
         changes = {one.name: value for one in fields(other) if (value := getattr(other, one.name))}
-        return replace(self, **changes)
+        own = replace(self, pwm_about_s=None, pwm_period_s=None) if other.bursts_s else self
+        return replace(own, **changes)
 
     def without_one(self) -> list[Frame]:
         """Return what is left where one of several changes is taken back; none where there is one change or none."""
@@ -79,6 +96,8 @@ class Frame:
     def pwm_at(self, sample_time_s: float, tick_s: float | None) -> float | None:
         """Return the PWM period at an interval [s], None where it is not changed; `tick_s` as for `in_ticks`."""
         about = self.pwm_about_s
+        if self.bursts_s is not None:
+            return _in_whole_waves(sample_time_s, self.bursts_s)
         if about is None:
             return self.pwm_period_s
         few = max(1, math.floor(sample_time_s / about))
@@ -106,7 +125,9 @@ class Frame:
             self.sample_time_s and f"TA = {self.sample_time_s:g} s",
             self.structure and "a D part",
             self.ms and f"Ms <= {self.ms:g}",
-            period and f"a PWM period of {period:.3g} s{' (a solid-state relay)' if about else ''}",
+            period and (f"bursts of whole mains waves every {period:.3g} s (a power controller, as a solid-state relay "
+                        "usually takes 1 s or more)" if self.bursts_s else
+                        f"a PWM period of {period:.3g} s{' (a solid-state relay)' if about else ''}"),
             self.power_most_pct and f"an output of at most {self.power_most_pct:.3g} %",
             self.ramped and "a setpoint ramp")
         return " and ".join(part for part in parts if part)
@@ -130,20 +151,52 @@ def frames(
     words, broken = proof.words, {each.name for each in proof.criteria if not each.ok}
     own = controller_for(words.target).timing(words).pwm_period_s is not None
     switch = _Switch(proof=proof, models=tuple(models), own=own)
-    quick = [] if own or period_given or broken <= _OF_WINDUP else switch.quicker(words.sample_time_s)
-    slow = [] if own or period_given or "switchings" not in broken else switch.slower()
+    given = own or period_given
+    quick = [] if given or broken <= OF_WINDUP else switch.quicker(words.sample_time_s)
+    slow = [] if given or "switchings" not in broken else switch.slower()
     swings = bool(broken & {"limit_cycle", "pwm_ripple"}) and switch.share(proof.actuator.pwm_period_s) > 1.0
-    yield from (*quick, Frame(), *slow) if swings else (Frame(), *quick, *slow)
-    if controller_for(words.target).most_power is not None and broken & _OF_WINDUP:
-        yield from switch.limited()
-    if not interval_given:
-        yield from _intervals(switch, words, least_interval_s)
-    yield from _designs(proof, tuned)
-    if ramp_open and controller_for(words.target).ramped and broken & (OVERSHOOTS | REHEATS):
-        yield Frame(ramped=True)
+    limited = list(switch.limited()) if broken & OF_WINDUP else []
+    ramped = [Frame(ramped=True)] if (
+        ramp_open and controller_for(words.target).ramped and broken & (OVERSHOOTS | REHEATS)) else []
+    coarse = switch.pwm(proof.actuator.pwm_period_s).share(proof.limits.tolerance_degC) > _RIPPLE
+    bursts = [] if given or broken <= OF_WINDUP or not coarse else [
+        Frame(bursts_s=switch.bursts_s).with_(change) for change in (Frame(), *limited, *ramped)]
+    hopeless = swings and switch.calmest.share(proof.limits.tolerance_degC) >= _HOPELESS
+    if hopeless and bursts:
+        yield from bursts
+        quick = []
+    windup = broken <= OF_WINDUP and bool(limited)
+    gains = [] if windup else [Frame()]
+    yield from (*quick, *gains, *slow) if swings else (*gains, *quick, *slow)
+    yield from limited
+    if not (ramped and broken <= OF_WINDUP):
+        if not interval_given:
+            yield from _intervals(switch, words, least_interval_s)
+        yield from _designs(proof, tuned)
+    yield from ramped
+    if windup:
+        yield Frame()  # gains mend a windup dearly: limit and ramp leave what a load costs as it is
+    if not hopeless:
+        yield from bursts
 
 
-def calmest_pwm(proof: Proof, models: Sequence[HeaterModel]) -> Calmest | None:
+def unwinds(target: str, frame: Frame, *, ramp_open: bool) -> bool:
+    """Return whether there is a change beside a frame's that mends a windup: a limit of the output, or a ramp."""
+    controller = controller_for(target)
+    limited = controller.most_power is not None and frame.power_most_pct is None
+    return limited or (ramp_open and controller.ramped and not frame.ramped)
+
+
+def _in_whole_waves(sample_time_s: float, most_s: float) -> float:
+    """Return the longest whole part of TA up to a time, of whole waves or half-waves where there is one [s]."""
+    parts = range(max(1, math.ceil(sample_time_s / most_s - _ROUNDED)), math.floor(2.0 * sample_time_s / most_s) + 1)
+    periods = [sample_time_s / part for part in parts] or [sample_time_s]
+    whole = [[period for period in periods if math.isclose(period / wave, round(period / wave), rel_tol=_ROUNDED)]
+             for wave in (WAVE_S, HALF_WAVE_S)]
+    return next((fitting[0] for fitting in whole if fitting), periods[0])
+
+
+def calmest_pwm(proof: Proof, models: Sequence[HeaterModel]) -> Pwm | None:
     """Return the calmest PWM of a solid-state relay, None where the controller makes the PWM itself."""
     own = controller_for(proof.words.target).timing(proof.words).pwm_period_s is not None
     switch = _Switch(proof=proof, models=tuple(models), own=own)
@@ -167,8 +220,7 @@ class _Switch:
 
     def share(self, period_s: float) -> float:
         """Return the ripple of a PWM period as a multiple of what leaves the loop its part of the band."""
-        ripple = abs(ripple_at(self.models, period_s, setpoint_degC=self.proof.scenario.setpoint_degC,
-                               ambient_degC=ROOM_DEGC))
+        ripple = self.pwm(period_s).ripple_degC
         limits = self.proof.limits
         least = min(2.0 * _RIPPLE * limits.tolerance_degC, limits.pwm_ripple_degC or ripple + 1.0)
         return ripple / least if least > 0.0 else float("inf")
@@ -200,15 +252,28 @@ class _Switch:
             for model, share in powers)))
 
     @property
-    def calmest(self) -> Calmest:
+    def calmest(self) -> Pwm:
         """The PWM of that period."""
-        period = self.calmest_s
-        ripple = ripple_at(self.models, period, setpoint_degC=self.proof.scenario.setpoint_degC, ambient_degC=ROOM_DEGC)
+        return self.pwm(self.calmest_s)
+
+    @property
+    def bursts_s(self) -> float:
+        """How often a power controller has to fire so that the ripple leaves the loop its part of the band [s]."""
+        shortest, longest = _BURSTS_S
+        ripple = self.pwm(longest).ripple_degC
+        return min(longest, max(shortest, _BURST_RIPPLE * self.proof.limits.tolerance_degC / ripple * longest))
+
+    def pwm(self, period_s: float) -> Pwm:
+        """Return the PWM of a period."""
+        ripple = ripple_at(self.models, period_s, setpoint_degC=self.proof.scenario.setpoint_degC,
+                           ambient_degC=ROOM_DEGC)
         gain = max(abs(model.gain_degC_per_pct) for model in self.models)
-        return Calmest(period, abs(ripple), 100.0 * gain * HALF_WAVE_S / period)
+        return Pwm(period_s, abs(ripple), 100.0 * gain * HALF_WAVE_S / period_s)
 
     def limited(self) -> Iterator[Frame]:
-        """Return limits of the output, the highest first."""
+        """Return limits of the output, the highest first, none where the controller has none."""
+        if controller_for(self.proof.words.target).most_power is None:
+            return
         setpoint = self.proof.scenario.setpoint_degC
         held = max(holding_power_pct(model, setpoint, ROOM_DEGC) for model in self.models)
         for share in _RESERVES:

@@ -61,7 +61,7 @@ def tolerance_that_passes(words: Words, fitted: FittedModel, proof: Proof, condi
         tolerance = float(f"{factor * asked:.3g}")
         others = tuple(limit for limit in conditions.limit if not limit.lstrip().startswith("tolerance"))
         wider = replace(conditions, tolerance_degC=tolerance, limit=others)
-        if screen.badness(words, wider) == 0.0 and prove(words, fitted, wider).verdict != "FAIL":
+        if screen.keeps(words, wider) and prove(words, fitted, wider).verdict != "FAIL":
             return tolerance
     return None
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words
@@ -13,13 +14,27 @@ from heatertune.proof.fitted import prove
 from heatertune.proof.prove import Proof, RunResult
 from heatertune.settings import Conditions
 
-__all__ = ["Run", "Screen"]
+__all__ = ["NOTICEABLE", "Look", "Run", "Screen"]
 
 _MOST: Final = 10.0  # strain of a limit that is broken without end
-_LEAST: Final = 1e-9  # broken is not kept, by however little
+#: share of a limit: broken is not kept, by however little
+NOTICEABLE: Final = 1e-9
 
 #: label of a model, setting of each switch
 Run = tuple[str, Mapping[str, str]]
+
+
+class Look(NamedTuple):
+    """What words break in runs.
+
+    Attributes:
+        badness: by how much, as shares of the limits: the sum over the criteria, of the worst run; 0: they keep all.
+            What is broken without end counts as tenfold.
+        names: of the criteria.
+    """
+
+    badness: float
+    names: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,22 +59,37 @@ class Screen:
         new = [runs[label] for label in worst if label in runs and runs[label] not in self.runs]
         return replace(self, runs=(*new, *self.runs))
 
-    def badness(self, words: Words, conditions: Conditions) -> float:
-        """Return by how much words break the limits in these runs, as shares of them; 0: they keep all.
+    def look(self, words: Words, conditions: Conditions, *, bound: float = math.inf) -> Look:
+        """Return what words break in these runs.
 
-        The sum over the criteria, of the worst run. What is broken without end counts as tenfold.
+        Args:
+            words: to look at.
+            conditions: of the proof.
+            bound: from here on any badness is as good as another: the hardest run may do.
 
         Raises:
             InputError, OutOfRange, UnknownName: as `prove`.
         """
-        if not self.runs:
-            return 0.0
-        runs = prove(words, self.fitted, conditions, only=self.runs).runs
-        return max(sum(_beyond(each) for each in self._broken(run)) for run in runs)
+        badness, names = 0.0, frozenset[str]()
+        for runs in filter(None, (self.runs[:1], self.runs[1:])):
+            broken = [self._broken(run) for run in prove(words, self.fitted, conditions, only=runs).runs]
+            badness = max(badness, *(sum(map(_beyond, each)) for each in broken))
+            names |= {one.name for each in broken for one in each}
+            if badness >= bound:
+                break
+        return Look(badness, names)
+
+    def badness(self, words: Words, conditions: Conditions) -> float:
+        """Return by how much words break the limits in these runs, see `Look`; errors as `look`."""
+        return self.look(words, conditions).badness
+
+    def keeps(self, words: Words, conditions: Conditions) -> bool:
+        """Return whether words keep the limits in these runs; errors as `look`."""
+        return self.look(words, conditions, bound=NOTICEABLE).badness == 0.0
 
     def _broken(self, proof: Proof | RunResult) -> list[Criterion]:
         return [each for each in proof.criteria if not each.ok and (self.names is None or each.name in self.names)]
 
 
 def _beyond(criterion: Criterion) -> float:
-    return max(_LEAST, min(criterion.strain, _MOST) - 1.0)
+    return max(NOTICEABLE, min(criterion.strain, _MOST) - 1.0)

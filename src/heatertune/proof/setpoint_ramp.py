@@ -6,7 +6,7 @@ The gains stay those of the optimum, and with them what a disturbance costs; the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -27,6 +27,7 @@ __all__ = ["OVERSHOOTS", "REHEATS", "prove_ramped"]
 _STEP: Final = math.sqrt(2.0)  # from one duration to the next, while looking for one that is long enough
 _NEAR: Final = 1.03  # the ramp found is the fastest within this factor
 _MOST_ROUNDS: Final = 6
+_OF_SETTLING: Final = 0.8  # of the time until all has settled, that the ramp itself may take
 #: times how far from the setpoint is still right, from the loosest on; the looser ones only where none of these will do
 _HOLDS: Final = ((8.0, 4.0, 2.0), (32.0, 16.0))
 #: criteria that a slower way to the setpoint helps to keep
@@ -43,7 +44,7 @@ _LEFT_BEHIND: Final = frozenset(
 
 def prove_ramped(
     words: Words, fitted: FittedModel, ramp: float | str | None = None, conditions: Conditions | None = None, *,
-    progress: Told = str,
+    plain: Proof | None = None, progress: Told = str,
 ) -> tuple[Proof, list[str]]:
     """Return the proof of words with a setpoint ramp, its words with the ramp, and what is to be told about it.
 
@@ -54,6 +55,7 @@ def prove_ramped(
             they are broken without one, and with a holdback where that takes one; None: as the words have it, and,
             where nothing but these limits is broken, told what "auto" would find.
         conditions: of the proof.
+        plain: the proof of these words under these conditions without a ramp, where there is one already.
         progress: told what begins.
 
     Raises:
@@ -65,7 +67,8 @@ def prove_ramped(
         words = replace(words, ramp=controller.ramp(words, ramp))
     elif ramp is not None:
         words = replace(words, ramp=None)
-    plain = prove(words, fitted, conditions)
+    if plain is None or plain.words != words:
+        plain = prove(words, fitted, conditions)
     if words.ramp is not None or ramp == "none":
         return plain, []
     broken = {criterion.name for criterion in plain.criteria if not criterion.ok}
@@ -96,13 +99,31 @@ def _cheapest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken:
     side = -1.0 if cools(fitted) else 1.0
     band = band_of(plain.limits, plain.nominal.resolution_degC)
     for holds in _HOLDS:
-        searches = (
+        searches = [
             _Search(plain=plain, fitted=fitted, conditions=conditions, kept=kept, hold_degC=side * times * band)
-            for times in holds)
-        held = [ramped for search in searches if (ramped := search.fastest()) is not None and ramped.verdict != "FAIL"]
-        if held:
-            return min(held, key=lambda ramped: _value(ramped, "settling_time"))
+            for times in holds]
+        if (held := _soonest(searches)) is not None:
+            return held
     return free
+
+
+def _soonest(searches: Sequence[_Search]) -> Proof | None:
+    """Return the proof that passes and settles first.
+
+    Most holds leave the ramp itself next to nothing to do: they come first, and what they need is the most that
+    another one may take.
+    """
+    at_once = {search.hold_degC: settles for search in searches if (settles := search.settles_at_once()) is not None}
+    best: Proof | None = None
+    for search in sorted(searches, key=lambda each: at_once.get(each.hold_degC, math.inf)):
+        if best is not None and search.hold_degC in at_once:
+            continue
+        ramped = search.fastest(None if best is None else _value(best, "settling_time"))
+        if ramped is None or ramped.verdict == "FAIL":
+            continue
+        if best is None or _value(ramped, "settling_time") < _value(best, "settling_time"):
+            best = ramped
+    return best
 
 
 def _fastest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: set[str]) -> Proof | None:
@@ -151,19 +172,30 @@ class _Search:
     kept: frozenset[str]
     hold_degC: float | None = None
 
-    def fastest(self) -> Proof | None:
+    def settles_at_once(self) -> float | None:
+        """Return after what time the worst runs settle with the fastest ramp there is [s]; None: they fail."""
+        words = next(filter(None, map(self._with, self._durations())), None)
+        if words is None:
+            return None
+        runs = prove(words, self.fitted, self.conditions, only=self._watched.runs).runs
+        criteria = [each for run in runs for each in run.criteria]
+        if not all(each.ok for each in criteria if each.name in self.kept):
+            return None
+        return max(each.value for each in criteria if each.name == "settling_time")
+
+    def fastest(self, within_s: float | None = None) -> Proof | None:
         """Return the proof with the fastest ramp found.
 
         Only the worst runs are looked at, until a whole proof finds another one that breaks a limit; that one is then
         watched as well. Overshoot need not fall with each slower ramp, so the durations are walked through from the
         shortest, and only the last stretch is halved.
+
+        Args:
+            within_s: all shall have settled by then [s]; None: half of the time before the disturbance is for the ramp.
         """
-        watched = Screen(fitted=self.fitted, names=self.kept).with_failed(self.plain)
-        slowest = self._with(self.longest_s)
-        if slowest is None or not self._keeps(slowest, replace(watched, names=self.kept & _UNLED)):
-            return None
+        watched = self._watched
         for _ in range(_MOST_ROUNDS):
-            words = self._fastest_on(watched)
+            words = self._fastest_on(watched) if within_s is None else self._fastest_within(within_s, watched)
             if words is None:
                 return None
             proof = prove(words, self.fitted, self.conditions)
@@ -172,15 +204,30 @@ class _Search:
             watched = watched.with_failed(proof)
         return None
 
+    @property
+    def _watched(self) -> Screen:
+        return Screen(fitted=self.fitted, names=self.kept).with_failed(self.plain)
+
     def _fastest_on(self, watched: Screen) -> Words | None:
-        shorter = None
+        shorter, hopeful = None, False
         for duration in self._durations():
             words = self._with(duration)
-            if words is None or not self._keeps(words, watched):
-                shorter = duration
-                continue
-            return self._refined(shorter, duration, words, watched)
+            if words is not None and self._keeps(words, watched):
+                return self._refined(shorter, duration, words, watched)
+            if words is not None and not hopeful:
+                slowest, unled = self._with(self.longest_s), replace(watched, names=self.kept & _UNLED)
+                if slowest is None or not self._keeps(slowest, unled):
+                    return None
+                hopeful = True
+            shorter = duration
         return None
+
+    def _fastest_within(self, seconds: float, watched: Screen) -> Words | None:
+        longest = min(_OF_SETTLING * seconds, self.longest_s)
+        words = self._with(longest)
+        if words is None or not self._keeps(words, watched):
+            return None
+        return self._refined(next(self._durations()), longest, words, watched)
 
     def _refined(self, shorter: float | None, longer: float, words: Words, watched: Screen) -> Words:
         while shorter is not None and longer > _NEAR * shorter:
@@ -218,4 +265,4 @@ class _Search:
         return replace(words, ramp=ramp)
 
     def _keeps(self, words: Words, watched: Screen) -> bool:
-        return watched.badness(words, self.conditions) == 0.0
+        return watched.keeps(words, self.conditions)

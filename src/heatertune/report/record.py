@@ -76,6 +76,8 @@ def assumed(documents: Documents) -> str:
         rows += [_row(name, switch[key]) for name, key in (
             ("pwm_period_s", "pwm_period_s"), ("pwm_resolution_s", "resolution_s"), ("minimum_on_s", "minimum_on_s"),
             ("minimum_off_s", "minimum_off_s"))]
+        if switch["minimum_rule"] == "carry":
+            rows.append(["what a pulse leaves", "made up in the next one", "", options_of(Conditions)["pwm_rule"].flag])
     points = controller_for(documents["words"]["target"]).switches
     settings = [[point.name, point.default, ", ".join(point.settings), point.why]
                 for point in points if not point.in_manual]
