@@ -16,7 +16,7 @@ import numpy as np
 
 from heatertune.compiled import runs_compiled_as
 
-__all__ = ["bits_of", "divided", "is_single", "narrowed", "single", "single_of"]
+__all__ = ["bits_of", "divided", "is_single", "narrowed", "real_of", "single", "single_of", "word_of"]
 
 
 def _single(value: float) -> float:
@@ -31,23 +31,23 @@ def single(value: float) -> float:
     return c_float(value).value
 
 
-def _single_of(bits: int) -> float:
+def _real_of(bits: int) -> float:
     return np.int32(bits).view(np.float32)  # type: ignore[return-value]  # as in `_single`
 
 
-@runs_compiled_as(_single_of)
-def single_of(bits: int) -> float:
+@runs_compiled_as(_real_of)
+def real_of(bits: int) -> float:
     """Return the single of these 32 bits, a signed number."""
     value: float = struct.unpack("=f", struct.pack("=i", bits))[0]
     return value
 
 
-def _bits_of(value: float) -> int:
+def _word_of(value: float) -> int:
     return np.int64(np.float32(value).view(np.int32))  # type: ignore[return-value]  # an int to all that the callers do
 
 
-@runs_compiled_as(_bits_of)
-def bits_of(value: float) -> int:
+@runs_compiled_as(_word_of)
+def word_of(value: float) -> int:
     """Return the 32 bits of a number that single precision holds, as a signed number."""
     bits: int = struct.unpack("=i", struct.pack("=f", value))[0]
     return bits

@@ -41,7 +41,7 @@ from heatertune.plc.cpu.s7_200.opcodes import (
     SHIFT_D,
 )
 from heatertune.plc.cpu.s7_200.real import calculate
-from heatertune.plc.single import single_of
+from heatertune.plc.single import real_of
 
 __all__ = ["Program", "carry_out", "flag"]
 
@@ -111,7 +111,7 @@ def _loaded(code: array[int], at: int, memory: bytearray) -> bool:
     first = code[at + 2] if code[at + 1] else number(memory, code[at + 2], width)
     second = code[at + 4] if code[at + 3] else number(memory, code[at + 4], width)
     if op >= LDR:
-        return _holds(op - LDR, single_of(first), single_of(second))
+        return _holds(op - LDR, real_of(first), real_of(second))
     return _holds(op - (LDW if op < LDD else LDD), first, second)
 
 

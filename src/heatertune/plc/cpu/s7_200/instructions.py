@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 from heatertune.plc.cpu.s7_200 import opcodes
 from heatertune.plc.cpu.s7_200.arithmetic import signed
 from heatertune.plc.cpu.s7_200.cells import EVENTS, bit, cell, constant
-from heatertune.plc.single import bits_of, single
+from heatertune.plc.single import single, word_of
 
 __all__ = ["block_number", "instruction"]
 
@@ -75,7 +75,7 @@ def _operand(text: str, width: int) -> _Operand:
 
 def _real(text: str) -> _Operand:
     try:
-        return _fixed(bits_of(single(float(text))))
+        return _fixed(word_of(single(float(text))))
     except ValueError:
         return _place(text, 4)
 

@@ -5,7 +5,7 @@ Plain functions of numbers and bytes, which run compiled too.
 
 from __future__ import annotations
 
-from heatertune.plc.single import bits_of, single_of
+from heatertune.plc.single import real_of, word_of
 
 __all__ = ["double", "number", "put", "put_double", "put_real", "put_word", "real", "word"]
 
@@ -55,9 +55,9 @@ def put(memory: bytearray, at: int, width: int, value: int) -> None:
 
 def real(memory: bytearray, at: int) -> float:
     """Return the REAL at a place."""
-    return single_of(double(memory, at))
+    return real_of(double(memory, at))
 
 
 def put_real(memory: bytearray, at: int, value: float) -> None:
     """Write a number that single precision holds."""
-    put_double(memory, at, bits_of(value))
+    put_double(memory, at, word_of(value))

@@ -8,7 +8,7 @@ from typing import Final
 from heatertune.plc.cpu.s7_200.arithmetic import signed
 from heatertune.plc.cpu.s7_200.memory import double, put_double, put_real, real, word
 from heatertune.plc.cpu.s7_200.opcodes import DIV_R, DTR, ITD, MUL_R, ROUND
-from heatertune.plc.single import divided, single, single_of
+from heatertune.plc.single import divided, real_of, single
 
 __all__ = ["calculate"]
 
@@ -39,7 +39,7 @@ def calculate(memory: bytearray, op: int, is_constant: bool, operand: int, outpu
         return 0
     if op not in (MUL_R, DIV_R, ROUND):
         return _pid(memory, operand)
-    value = single_of(operand if is_constant else double(memory, operand))
+    value = real_of(operand if is_constant else double(memory, operand))
     if op == ROUND:
         return _round(memory, value, output)
     before = real(memory, output)
