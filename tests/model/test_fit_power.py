@@ -20,8 +20,8 @@ def _log(time, power, temperature):
     return Log(name="made", source="", time_s=time, temperature_degC=temperature, power_pct=power)
 
 
-def _made(plant=PLANT, *, deviation=0.1, seed=1, start=20.0, kind="white"):
-    time, power = _doublet()
+def _made(plant=PLANT, *, deviation=0.1, seed=1, start=20.0, kind="white", sample=4.0):
+    time, power = _doublet(sample=sample)
     shaken = noise(np.random.default_rng(seed), kind, deviation, len(time))
     return _log(time, power, answer(plant, time, power, start) + shaken)
 
@@ -204,7 +204,7 @@ def test_the_intervals_are_wider_under_coloured_noise_of_the_same_size():
 
 
 @pytest.mark.brute
-@pytest.mark.long(seconds=80)
+@pytest.mark.long(seconds=50)
 def test_ninety_five_percent_intervals_hold_the_truth_about_so_often():
     # 120 twins with AR(1) noise: at a true coverage of 95 %, fewer than 105 or all 120 come by chance once in 400 runs
     truth = {"gain_degC_per_pct": 0.5, "time_constant_s": 150.0, "dead_time_s": 12.0}
@@ -212,7 +212,7 @@ def test_ninety_five_percent_intervals_hold_the_truth_about_so_often():
     for seed in range(120):
         if all(105 <= count < seed for count in held.values()):
             return  # whatever the other twins say: enough are held already, and not all
-        ci95 = fit(_made(deviation=0.3, kind="coloured", seed=seed)).ci95
+        ci95 = fit(_made(deviation=0.3, kind="coloured", seed=seed, sample=8.0)).ci95
         for name, value in truth.items():
             held[name] += (ci95[name].low or 0.0) <= value <= (ci95[name].high or np.inf)
     assert all(105 <= count <= 119 for count in held.values()), held

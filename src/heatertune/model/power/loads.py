@@ -124,18 +124,18 @@ def _instant(problem: PowerProblem, fit: PowerFit) -> float:
     """Return when a further load step would explain most, lags and dead time as they are."""
     time = problem.readings.time_s
     length = float(np.ptp(time))
+    trial = replace(problem, loads_s=(*problem.loads_s, float(time[0])))
     tried = time[0] + np.linspace(0.03, 0.97, _INSTANTS) * length
     spacing = float(tried[1] - tried[0])
-    best = float(tried[np.argmin([_criterion(problem, fit, t) for t in tried])])
+    best = _best(trial, fit, tried)
     for _ in range(4):
         near = best + spacing * np.linspace(-0.75, 0.75, 7)
-        near = near[(near > time[0]) & (near < time[-1])]
-        best = float(near[np.argmin([_criterion(problem, fit, t) for t in near])])
+        best = _best(trial, fit, near[(near > time[0]) & (near < time[-1])])
         spacing /= 3.0
     return best
 
 
-def _criterion(problem: PowerProblem, fit: PowerFit, instant: float) -> float:
-    trial = replace(problem, loads_s=(*problem.loads_s, float(instant)))
-    residuals, _ = trial.solve(fit.vector[None, :], problem.readings.temperature_degC[None, :])
-    return ar1_bic(residuals[0], 0) if np.all(np.isfinite(residuals)) else np.inf
+def _best(trial: PowerProblem, fit: PowerFit, tried: Array) -> float:
+    """Return at which of the instants tried (n,) the last load step explains most [s]."""
+    left = trial.with_last_load(fit.vector, tried)
+    return float(tried[np.argmin([ar1_bic(each, 0) if np.all(np.isfinite(each)) else np.inf for each in left])])

@@ -26,6 +26,7 @@ from heatertune.model.power.projection import (
     columns,
     descend,
     project,
+    try_loads,
 )
 from heatertune.model.power.readings import Readings
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
@@ -147,6 +148,14 @@ class PowerProblem:
         compiled(project, allocates=True)(*self._asked(records, given), z, residuals, linear, cost)
         residuals[np.isinf(cost)] = np.inf
         return residuals, linear
+
+    def with_last_load(self, vector: Array, instants: Array) -> Array:
+        """Return the residuals, shape (n, m), with the last load step at other instants (n,) [s]."""
+        record = self.readings.temperature_degC[None, :]
+        residuals = np.empty((len(instants), record.shape[1]))
+        compiled(try_loads, allocates=True)(
+            *self._asked(record, self.nothing_more(1)), _writable(vector), _writable(instants), residuals)
+        return residuals
 
     def cost(self, z: Array, records: Array, fixed: Fixed | None = None) -> Array:
         """Return the sums of squares (n,), infinite for what is no model; arguments as `solve`."""

@@ -15,6 +15,7 @@ from heatertune.heater.exact import Factors, advanced, factors
 
 __all__ = [
     "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "Held", "columns", "descend", "project",
+    "try_loads",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -185,10 +186,15 @@ def _residuals(record: Record, z: Array, space: Space, out: Array, linear: Array
         out: residuals.
         linear: linear part.
     """
-    log, temperatures, fixed, (per_lag, sign) = record
-    basis, normal, right, free = space
     lag = math.exp(z[0])
-    columns(log, (lag, z[2] * lag), z[1], basis)
+    columns(record[0], (lag, z[2] * lag), z[1], space[0])
+    return _left_by(record, lag, space, out, linear)
+
+
+def _left_by(record: Record, lag: float, space: Space, out: Array, linear: Array) -> float:
+    """Fill what the columns in `space` leave, and their weights; return the sum of squares. Arguments as above."""
+    _, temperatures, fixed, (per_lag, sign) = record
+    basis, normal, right, free = space
     size = 0
     for i in range(len(out)):
         out[i] = -temperatures[i]
@@ -232,6 +238,31 @@ def project(
     space = _space(fixed.shape[1], records.shape[1])
     for i in range(len(vectors)):
         cost[i] = _residuals((log, records[i], fixed[i], law), vectors[i], space, residuals[i], linear[i])
+
+
+def try_loads(
+    log: Held, records: Array, fixed: Array, law: tuple[bool, float], vector: Array, instants: Array, residuals: Array,
+) -> None:
+    """Fill the residuals with the last load step at other instants; all other columns are made once.
+
+    Args:
+        log: see `Held`.
+        records: one, shape (1, m) [°C].
+        fixed: its linear unknowns that are given, shape (1, columns).
+        law: see `Record`.
+        vector: ln first lag, dead time, lag ratio.
+        instants: at which the last load begins to act, shape (n,) [s].
+        residuals: shape (n, m) [°C]; infinite for what is no model.
+    """
+    width, m = fixed.shape[1], records.shape[1]
+    space, linear, record = _space(width, m), np.empty(width), (log, records[0], fixed[0], law)
+    lag = math.exp(vector[0])
+    lags, one, last = (lag, vector[2] * lag), np.ones(1), COLUMNS + len(log[5]) - 1
+    columns(log, lags, vector[1], space[0])
+    for i in range(len(instants)):
+        _forced(log[0], log[1], instants[i : i + 1], one, 0.0, lags, 0.0, space[0][last])
+        if math.isinf(_left_by(record, lag, space, residuals[i], linear)):
+            residuals[i] = math.inf
 
 
 def _slopes(
