@@ -19,9 +19,9 @@ LONG = ("JU OB", "JU FB", "TB", "SU", "RU")
 class Controller:
     """OB251 on the data block that is open, by the manual's equations; what it keeps is in the words that the 928B names."""
 
-    def __init__(self, limited=False, same_call=False, inward=False, whole=False):
-        """Each open point of the manual as a switch; its defaults are the words of the manual."""
-        self.limited, self.same_call, self.inward, self.whole = limited, same_call, inward, whole
+    def __init__(self, limited=False, same_call=False, inward=False, whole=False, beyond=False):
+        """What the manual leaves open in automatic, each a switch."""
+        self.limited, self.same_call, self.inward, self.whole, self.beyond = limited, same_call, inward, whole, beyond
 
     def __call__(self, dw):
         """One call."""
@@ -40,6 +40,8 @@ class Controller:
 
     def _automatic(self, dw, k, p, i, d):
         def side(y):
+            if self.beyond:
+                return 1 if y > dw[14] else -1 if y < dw[16] else 0
             return 1 if y >= dw[14] else -1 if y <= dw[16] else 0
 
         def summed(increment):

@@ -27,7 +27,7 @@ from heatertune.settings import Conditions
 TARGET = "s5-ob251"
 #: setting of an open point → what the machine's OB251 is told
 SETTINGS = {"sum=limited": "limited", "integral_off=same_call": "same_call", "integral_inward=on": "inward",
-            "rounding=whole_increments": "whole"}
+            "rounding=whole_increments": "whole", "limit=exceeded": "beyond"}
 
 
 class Heater:

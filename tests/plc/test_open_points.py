@@ -48,8 +48,9 @@ def _columns(**inputs):
 OB251 = {"K": 1024, "R": 1024, "TI": 0, "TD": 0, "W": 0, "STEU": 1 + 32, "YH": 0, "BGOG": 100, "BGUG": 0}
 
 
-def _ob251(switch, words, w, outputs):
-    return Case(target="s5-ob251", switch=switch, words=OB251 | words, rows=_columns(W=w, X=[0] * len(w)), outputs=outputs)
+def _ob251(switch, words, w, outputs, **inputs):
+    rows = _columns(W=w, X=[0] * len(w), **inputs)
+    return Case(target="s5-ob251", switch=switch, words=OB251 | words, rows=rows, outputs=outputs)
 
 
 # the repaired program: width in ms grows by KP/2^SCALE per count of the error's change, the first error counting as a change
@@ -104,6 +105,19 @@ CASES = [
     _ob251("integral_inward", {"TI": 512}, [80, -10], {"off": [100, 30], "on": [100, 25]}),
     # TI = 1/4: dY = 2 + 1/2, then 1/2: Y = 5/2, 3; or of whole increments 2 + 0. YA is cut
     _ob251("rounding", {"TI": 256}, [2, 2], {"fraction_kept": [2, 3], "whole_increments": [2, 2]}),
+    # TI = 1/2, BGOG 120: Y = 80 + 40 is the limit. I rests then, and Y = 120 − 20; or it adds 40 first, and rests: 160 − 20
+    _ob251("limit", {"TI": 512, "BGOG": 120}, [80, 80, 60], {"reached": [120, 120, 100], "exceeded": [120, 120, 120]}),
+    # by hand at BGOG, YH = 200 halved. TI = 1/2, XW = 10: I acts, Y = 105, and rests beyond: 105 − 10; or it rests at once:
+    # 100, then at the limit 100 − 10
+    _ob251("manual_flag", {"TI": 512, "YH": 200}, [10, 10, 0], {"clear": [100, 100, 95], "by_output": [100, 100, 90]},
+           STEU=[32, 33, 33]),
+    # bit 3: Y = 40, dY = 10, then position again with dY = 0: from the 10 or from the 40
+    _ob251("velocity_return", {}, [40, 50, 50], {"last_increment": [40, 10, 10], "sum_kept": [40, 10, 40]}, STEU=[33, 41, 33]),
+    # half the way to 5 is 5/2. TI = 1/2, XW = 1: 2 + 1/2, or 5/2 + 1/2
+    _ob251("manual_way", {"TI": 512, "YH": 5}, [1, 1], {"whole": [2, 2], "fraction_kept": [2, 3]}, STEU=[32, 33]),
+    # four calls to 80, one held (bit 4), then to 0: at once, or by half of the way
+    _ob251("manual_count", {}, [0] * 6, {"outlives": [40, 60, 70, 80, 80, 0], "begins_anew": [40, 60, 70, 80, 80, 40]},
+           STEU=[32] * 4 + [48, 32], YH=[80] * 5 + [0]),
 
     # errors 10 and 15: widths 2·10/2 and 10 + 2·5/2 ms; or each one PWM cycle later, after none
     Case(target="s7-200", switch="width_applies", words=S7_200, rows=_columns(SP=[100, 100], PV=[90, 85]),

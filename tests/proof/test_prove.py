@@ -8,6 +8,8 @@ import pytest
 from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
 from heatertune.pid.loop.robustness import margins
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Scaling, controller_for
 from heatertune.plc.open_points import Switch, settings_to_prove
 from heatertune.proof import Actuator, Limits, Scenario, judge, paper_scenario, prove_models, simulate
 
@@ -120,6 +122,22 @@ def test_settings_are_combined_where_they_are_few_and_else_varied_singly(sizes, 
     assert set(settings[0].values()) <= {"b"}, "the defaults come first"
     for switch in switches:
         assert {each[switch.name] for each in settings} == set(switch.settings)
+
+
+def test_what_shows_in_manual_alone_is_not_run_but_told(tenths, words, heater):
+    shown, hidden = _switches(2, 2)
+    hidden = replace(hidden, in_manual=True)
+    assert settings_to_prove([shown, hidden]) == settings_to_prove([shown, hidden], {hidden.name: "b"})
+    assert len(settings_to_prove([shown, hidden])) == 2
+    s5 = controller_for("s5-ob251")
+    which = [switch.name for switch in s5.switches if switch.in_manual]
+    assert which == ["manual_flag", "velocity_return", "manual_way", "manual_count"]
+    design = PidDesign(gain_pct_per_degC=2.0, integral_time_s=170.0, derivative_time_s=0.0, sample_time_s=10.0, structure="pi", method="")
+    proofs = [prove_models(s5, s5.encode(design, Scaling()), [("best", heater)], PAPER, PWM, known=known, open_points=open_points)
+              for known, open_points in (({}, True), ({"manual_way": "whole"}, True), ({}, False))]
+    assert [len(proof.runs) for proof in proofs] == [6, 6, 1]
+    told = [[name for name in which if any(name in part for part in proof.heard.not_tested)] for proof in proofs]
+    assert told == [which, [name for name in which if name != "manual_way"], []]
 
 
 def test_the_document_is_json_and_tells_what_was_proven(tenths, words, heater):

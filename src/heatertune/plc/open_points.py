@@ -33,11 +33,13 @@ class Switch:
         name: on the command line.
         means: each setting → what the field then holds; the default first.
         why: what is open, as in the table of DIFFERENCES.md.
+        in_manual: whether it shows where the mode of the controller changes alone: no run of a proof does that.
     """
 
     name: str
     means: Mapping[str, bool | int]
     why: str
+    in_manual: bool = False
 
     @property
     def settings(self) -> tuple[str, ...]:
@@ -108,13 +110,13 @@ def settings_of(switches: Sequence[Switch], given: Mapping[str, str]) -> dict[st
 def settings_to_prove(switches: Sequence[Switch], known: Mapping[str, str] | None = None) -> list[dict[str, str]]:
     """Return the settings under which words are proven, the defaults (and what is known) first.
 
-    Every combination where there are few of them; otherwise each switch on its own.
+    Every combination where there are few of them; otherwise each switch on its own. What shows in manual alone stays.
 
     Raises:
         UnknownName: what is known is no switch or setting.
     """
     default = settings_of(switches, known or {})
-    open_ = [switch for switch in switches if switch.name not in (known or {})]
+    open_ = [switch for switch in switches if switch.name not in (known or {}) and not switch.in_manual]
     varied: Iterable[dict[str, str]]
     if math.prod(len(switch.settings) for switch in open_) <= _ALL_TOGETHER:
         names = [switch.name for switch in open_]

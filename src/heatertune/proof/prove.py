@@ -214,7 +214,10 @@ def prove_models(
                   criteria=(*ran, *of_words(limits, margins.get(model), step, runs.label(run))))
         for run, ((name, model, switches), ran) in enumerate(zip(runs.cases, judged, strict=True))
     ]
-    heard = _with_unshown(_with_band(heard or Heard(), limits, runs.resolution_degC), controller.switches, results)
+    whole = open_points and only is None
+    in_question = [switch for switch in controller.switches
+                   if not switch.in_manual or (whole and switch.name not in (known or {}))]
+    heard = _with_unshown(_with_band(heard or Heard(), limits, runs.resolution_degC), in_question, results)
     if controller.direct is not None and only is None:  # its own runs are measured on traces, whose last digits differ
         for run in {0, _worst(results)}:
             results[run] = _ran(results[run], judge(traced(run), limits, where=results[run].label))
@@ -234,7 +237,7 @@ def prove_models(
         faults=() if controller.faults is None else controller.faults(words),
         ramp_degC_per_min=math.inf if words.ramp is None else controller.ramp_degC_per_min(words),
         hold_degC=None if words.ramp is None else controller.hold_degC(words),
-        open_points=open_points and only is None,
+        open_points=whole,
         heard=heard,
         specification=specification,
     )
@@ -280,7 +283,9 @@ def _with_unshown(heard: Heard, switches: Sequence[Switch], results: Sequence[Ru
 
 
 def _unshown(switch: Switch, results: Sequence[RunResult]) -> bool:
-    """Return whether a switch was set in several ways, and runs that differ in it alone gave the same."""
+    """Return whether a switch was set in several ways, and runs that differ in it alone gave the same, or could not."""
+    if switch.in_manual:
+        return True
     alike: dict[tuple[str, ...], set[tuple[str, tuple[float, ...]]]] = {}
     for run in results:
         others = tuple(f"{name} = {setting}" for name, setting in run.switches.items() if name != switch.name)

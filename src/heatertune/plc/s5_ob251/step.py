@@ -69,6 +69,26 @@ class Assumptions(NamedTuple):
         name="rounding", means={"fraction_kept": False, "whole_increments": True},
         why="whether dY keeps its fraction in the sum; the 928B calculates in floating point",
     )] = False
+    limit_is_inside: Annotated[bool, Switch(
+        name="limit", means={"reached": False, "exceeded": True},
+        why='whether YA is "at a limit" where the sum reaches it or goes beyond; matters most to a limited sum',
+    )] = False
+    flag_in_manual: Annotated[bool, Switch(
+        name="manual_flag", means={"clear": False, "by_output": True}, in_manual=True,
+        why="whether a call in manual leaves the limit flag clear, or as YA stands",
+    )] = False
+    sum_outlives_velocity: Annotated[bool, Switch(
+        name="velocity_return", means={"last_increment": False, "sum_kept": True}, in_manual=True,
+        why="from what a change from velocity to position goes on; the 928B's DB has one word for Y_{k−1} and dY_{k−1}",
+    )] = False
+    fraction_in_manual: Annotated[bool, Switch(
+        name="manual_way", means={"whole": False, "fraction_kept": True}, in_manual=True,
+        why="whether each halving on the way to YH is cut to whole units, which a return on the way alone shows",
+    )] = False
+    approach_begins_anew: Annotated[bool, Switch(
+        name="manual_count", means={"outlives": False, "begins_anew": True}, in_manual=True,
+        why="whether the count of the four calls outlives HANDART and GESCHW",
+    )] = False
 
 
 class State(NamedTuple):
@@ -155,9 +175,11 @@ def call(
         total, output, at_limit = _automatic(p, assume, state, other, p.gain * p.ti * error)
         approach = 0
     else:
-        derivative, at_limit = 0.0, 0
-        output, approach = _manual(p, state)
-        total = float(output)
+        derivative = 0.0
+        total, output, approach = _manual(p, assume, state)
+        at_limit = _side(p, assume, float(output)) if assume.flag_in_manual else 0
+    if p.steu & GESCHW and assume.sum_outlives_velocity:
+        total = state.total
     return State(
         error, change, substitute, substitute_change, derivative, disturbance, total, output, at_limit, approach
     )
@@ -168,28 +190,35 @@ def _automatic(
 ) -> tuple[float, int, int]:
     """Add the increments, limit, and keep the integral action out while at a limit: Y, YA and the side."""
     before = 0.0 if p.steu & GESCHW else state.total
-    at_limit = _side(p, before + _whole(assume, other + integral)) if assume.flag_of_same_call else state.at_limit
+    at_limit = state.at_limit
+    if assume.flag_of_same_call:
+        at_limit = _side(p, assume, before + _whole(assume, other + integral))
     outward = at_limit * integral > 0.0 if assume.inward_allowed else at_limit != 0
     increment = _whole(assume, other if outward else other + integral)
     total = before + increment
     limited = min(max(total, float(p.lower)), float(p.upper))
-    return limited if assume.sum_is_limited else total, int(limited), _side(p, total)  # YA is cut towards zero
+    return limited if assume.sum_is_limited else total, int(limited), _side(p, assume, total)  # YA is cut towards zero
 
 
-def _manual(p: Parameters, state: State) -> tuple[int, int]:
-    """Hold the output or approach YH, the algorithm not being computed: YA and the calls since the switch."""
-    approach = state.approach
+def _manual(p: Parameters, assume: Assumptions, state: State) -> tuple[float, int, int]:
+    """Hold the output or approach YH, the algorithm not being computed: Y, YA and the calls since the switch."""
+    approach = 0 if assume.approach_begins_anew else state.approach
     if p.steu & GESCHW:
-        wanted = 0 if p.steu & HANDART else p.manual
+        wanted = 0.0 if p.steu & HANDART else float(p.manual)
     elif p.steu & HANDART:
-        wanted = state.output
+        wanted = float(state.output)
     else:
-        wanted = p.manual if approach + 1 >= _APPROACH else int((p.manual + state.output) / 2.0)
+        approach = state.approach
+        on_the_way = state.total if assume.fraction_in_manual and approach > 0 else float(state.output)
+        wanted = float(p.manual) if approach + 1 >= _APPROACH else (p.manual + on_the_way) / 2.0
         approach = min(approach + 1, _APPROACH)
-    return min(max(wanted, p.lower), p.upper), approach
+    total = min(max(wanted, float(p.lower)), float(p.upper))
+    return total if assume.fraction_in_manual else float(int(total)), int(total), approach
 
 
-def _side(p: Parameters, total: float) -> int:
+def _side(p: Parameters, assume: Assumptions, total: float) -> int:
+    if assume.limit_is_inside:
+        return int(total > p.upper) - int(total < p.lower)
     return int(total >= p.upper) - int(total <= p.lower)
 
 
