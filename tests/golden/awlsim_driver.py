@@ -1,10 +1,13 @@
-"""Run an exported STL source in awlsim, scan by scan; in a process of its own, since awlsim is GPL and heatertune is not.
+"""awlsim as a machine that is told what to do, line by line; in a process of its own: awlsim is GPL, heatertune is not.
 
-stdin: JSON {"source": path, "block": DB number, "rows": [[mode, SP, PV, OUT or null], …], "scan_s": number or null,
-"asked": byte of the flag word that takes SP, "restart": reading while OB100 runs}.
-stdout: JSON {"source": data block after OB100 as hex, "rows": [data block after each OB35 as hex, …], "names": {…}}.
-A row's OUT is written to DBW6 before the call, as the user of manual mode does. With "scan_s" each row is a scan of OB1
-that takes so long, on a clock of its own, instead of a call of OB35.
+Each line of stdin is a JSON list, each answer a line of JSON on stdout:
+["load", source]                  load a source, the data blocks as their BEGIN says; nothing runs yet
+["names", number]                 {member of a data block: [byte, bit, type]}
+["read", number]                  the block's bytes as hex
+["write", number, name, value]    write a member
+["ob", number, interval in ms, reading]   run an organization block; OB35 is told its interval as the CPU tells it; PIW 256
+                                  reads that; answer: [QB 4 as it reached the module, PQW 256, QB 4 in the process image]
+awlsim never schedules OB35: whoever tells the machine is the clock.
 """
 
 import json
@@ -16,12 +19,16 @@ from awlsim.awlcompiler import AwlParser
 from awlsim.common.cpuconfig import S7CPUConfig
 from awlsim.common.sources import AwlSource
 from awlsim.core.hardware import AbstractHardwareInterface
+from awlsim.core.obtemp import OBTempPresets, OBTempPresets_table
 
 ANALOG = bytearray(2)  # PIW 256
+WRITTEN = {4: 0, 256: 0}  # PQB 4, PQW 256
+TOLD = bytearray(20)  # what the CPU tells OB35
+CODES = {"INT": ">h", "DINT": ">i", "REAL": ">f", "TIME": ">i", "WORD": ">H"}
 
 
 class Module(AbstractHardwareInterface):
-    """An analog input and an analog output at byte 256."""
+    """An analog input and an analog output at byte 256, digital outputs at byte 4."""
 
     name = "module"
 
@@ -42,54 +49,74 @@ class Module(AbstractHardwareInterface):
         return bytearray(ANALOG)
 
     def directWriteOutput(self, accessWidth, accessOffset, data):
-        assert (accessWidth, accessOffset) == (16, 256)
-        WRITTEN.append(struct.unpack(">h", bytes(data))[0])
+        assert (accessWidth, accessOffset) in ((16, 256), (8, 4))
+        WRITTEN[accessOffset] = struct.unpack(">h", bytes(data))[0] if accessWidth == 16 else data[0]
         return True
 
 
-WRITTEN: list = []
+class Start(OBTempPresets):
+    """The start information of OB35."""
+
+    def __init__(self, cpu):
+        OBTempPresets.__init__(self, 35, cpu)
+
+    def generate(self, localdata):
+        localdata[0:20] = TOLD
+
+
+class Machine:
+    """One CPU."""
+
+    def load(self, source):
+        self.known = {}
+        parser = AwlParser()
+        parser.parseSource(AwlSource("export", sourceBytes=source.encode("ascii")))
+        self.sim = simulator.AwlSim()
+        self.sim.reset()
+        self.cpu = self.sim.getCPU()
+        self.cpu.enableObTempPresets(True)
+        self.cpu.getConf().setConfiguredMnemonics(S7CPUConfig.MNEMONICS_EN)
+        self.cpu.getConf().setCycleTimeLimitUs(10_000_000)
+        self.sim.registerHardwareClass(Module)
+        self.sim.load(parser.getParseTree())
+        self.sim.build()
+        self.sim.hardwareStartup()
+
+    def names(self, number):
+        if number not in self.known:
+            fields = self.cpu.getDB(number).struct.fields
+            self.known[number] = {f.name: [f.offset.byteOffset, f.offset.bitOffset, str(f.dataType)] for f in fields if f.name}
+        return self.known[number]
+
+    def _bytes(self, number):
+        return self.cpu.getDB(number).structInstance.memory.getRawDataBytes()
+
+    def read(self, number):
+        return bytes(self._bytes(number)).hex()
+
+    def write(self, number, name, value):
+        byte, bit, kind = self.names(number)[name]
+        memory = self._bytes(number)
+        if kind == "BOOL":
+            memory[byte] = memory[byte] & ~(1 << bit) | (bool(value) << bit)
+        else:
+            code = CODES[kind]
+            memory[byte:byte + struct.calcsize(code)] = struct.pack(code, value)
+
+    def ob(self, number, interval, reading):
+        TOLD[10:12] = struct.pack(">H", interval)
+        ANALOG[:] = struct.pack(">h", reading)
+        self.cpu._S7CPU__runOB(self.cpu.getOB(number))
+        return [WRITTEN[4], WRITTEN[256], self.cpu.fetchOutputByte(4)]
 
 
 def main():
-    """Load, restart, run the rows, tell."""
-    task = json.load(sys.stdin)
-    clock = [1000.0]
-    if task["scan_s"] is not None:
-        import awlsim.core.cpu as core  # noqa: PLC0415 - only after the simulator, see above
-
-        core.monotonic_time = lambda: clock[0]
-        core.S7CPU.updateTimestamp.__defaults__ = (core.monotonic_time,)
-    parser = AwlParser()
-    parser.parseSource(AwlSource.fromFile("export", task["source"]))
-    sim = simulator.AwlSim()
-    sim.reset()
-    cpu = sim.getCPU()
-    cpu.getConf().setConfiguredMnemonics(S7CPUConfig.MNEMONICS_EN)
-    cpu.getConf().setCycleTimeLimitUs(10_000_000)
-    sim.registerHardwareClass(Module)
-    sim.load(parser.getParseTree())
-    sim.build()
-    ANALOG[:] = struct.pack(">h", task["restart"])
-    sim.startup()
-    block = cpu.getDB(task["block"])
-    memory, flags = block.structInstance.memory.getRawDataBytes(), cpu.flags.getRawDataBytes()
-    offsets = {f.name: [f.offset.byteOffset, f.offset.bitOffset] for f in block.struct.fields if f.name}
-    after_restart, automatic = bytes(memory).hex(), flags[10] & 1
-    rows = []
-    for mode, setpoint, reading, output in task["rows"]:
-        flags[10] = flags[10] & 0xFE | mode
-        flags[task["asked"]:task["asked"] + 2] = struct.pack(">h", setpoint)
-        ANALOG[:] = struct.pack(">h", reading)
-        if output is not None:
-            memory[6:8] = struct.pack(">h", output)
-        if task["scan_s"] is None:
-            cpu._S7CPU__runOB(cpu.getOB(35))
-        else:
-            clock[0] += task["scan_s"]
-            sim.runCycle()
-        rows.append(bytes(memory).hex())
-    told = {"restart": after_restart, "automatic": automatic, "rows": rows, "offsets": offsets, "written": WRITTEN}
-    json.dump(told, sys.stdout)
+    """Do what is told until stdin ends."""
+    OBTempPresets_table[35] = Start
+    machine = Machine()
+    for line in sys.stdin:
+        what, *rest = json.loads(line)
+        print(json.dumps(getattr(machine, what)(*rest)), flush=True)
 
 
 main()

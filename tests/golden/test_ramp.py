@@ -5,7 +5,6 @@ text by tree-sitter; S7-200, the room's own machine on the exported text, agains
 """
 
 import random
-import re
 import struct
 from dataclasses import replace
 
@@ -13,7 +12,7 @@ import numpy as np
 import pytest
 from tests.golden.s5_machine import Machine
 from tests.golden.test_fb41 import _stub
-from tests.plc.st_machine import FunctionBlock
+from tests.plc.st_machine import Program
 
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
@@ -102,12 +101,14 @@ def test_the_s5_listing_holds_w_at_the_reading(ramp):
     Ramp(step=1001, calls=3, hold=-250)])
 def test_the_s7_300_source_holds_sp_at_the_reading_in_awlsim(awlsim, ramp):
     asked, readings = _asked(27648), _wandering(27648, low=-32768)
-    readings[50:53] = [32767, 32767, -32768]  # a wire breaks: over-range, then below the range
+    readings[50:53] = [32767, 32767, -32768]  # a wire breaks: over-range, then below the range; the ramp begins anew
     rows = [[1, end, reading, None] for end, reading in zip(asked, readings, strict=True)]
-    answer = awlsim(_export(_words("s7-300", ramp), "s7_300_pid.awl"), rows, restart=5000)
+    answer = awlsim(_export(_words("s7-300", ramp), "s7_300_pid.awl"), rows)
     at = answer["offsets"]["SP"][0]
     found = [struct.unpack_from(">h", bytes.fromhex(row), at)[0] for row in answer["rows"]]
-    assert found == _followed(ramp, 5000, asked, readings)
+    assert found[:50] == _followed(ramp, readings[0], asked[:50], readings)
+    assert found[50:53] == [found[49]] * 3
+    assert found[53:] == _followed(ramp, readings[53], asked[53:], readings[53:])
 
 
 @pytest.mark.parametrize("hold", [250, -250])
@@ -115,11 +116,11 @@ def test_the_fb41_source_holds_sp_int_at_the_reading(awlsim, hold):
     ramp = Ramp(step=1001, calls=3, hold=hold)
     words, asked, readings = _words("fb41", ramp), _asked(27648), _wandering(27648)
     rows = [[1, end, reading, None] for end, reading in zip(asked, readings, strict=True)]
-    answer = awlsim(_stub(_export(words, "fb41_cont_c.awl")), rows, block=41, asked=20, restart=5000)
+    answer = awlsim(_stub(_export(words, "fb41_cont_c.awl")), rows, block=41)
     at = answer["offsets"]["SP_INT"][0]
     parameters, _ = controller_for("fb41").start(words, {}).parameters
     assert [bytes.fromhex(row)[at:at + 4] for row in answer["rows"]] == [
-        struct.pack(">f", scaled(parameters, word)[0]) for word in _followed(ramp, 5000, asked, readings)]
+        struct.pack(">f", scaled(parameters, word)[0]) for word in _followed(ramp, readings[0], asked, readings)]
 
 
 @pytest.mark.parametrize("ramp", [Ramp(step=37), Ramp(step=90, calls=3)])
@@ -136,32 +137,27 @@ def test_the_s5_listing_is_totally_calm_at_the_ends_of_w():
 
 @pytest.mark.parametrize("ramp", [Ramp(step=300), Ramp(step=1001, calls=3)])
 def test_the_s7_300_source_moves_sp_in_awlsim(awlsim, ramp):
-    rows = [[1, end, 13000, None] for end in _asked(27648)]
-    answer = awlsim(_export(_words("s7-300", ramp), "s7_300_pid.awl"), rows, restart=5000)
+    rows = [[1, end, 13000 if call else 5000, None] for call, end in enumerate(_asked(27648))]
+    answer = awlsim(_export(_words("s7-300", ramp), "s7_300_pid.awl"), rows)
     at = answer["offsets"]["SP"][0]
     found = [struct.unpack_from(">h", bytes.fromhex(row), at)[0] for row in answer["rows"]]
     assert found == _followed(ramp, 5000, _asked(27648))
 
 
-def test_a_sensor_that_is_broken_at_the_restart_does_not_make_the_ramp_wrap(awlsim):
-    # over-range, 32767: a step up would wrap to a large negative setpoint
-    answer = awlsim(_export(_words("s7-300", Ramp(step=1001)), "s7_300_pid.awl"), [[1, 20000, 13000, None]] * 15, restart=32767)
+def test_a_ramp_begins_at_the_reading_after_a_broken_sensor_and_after_manual(awlsim):
+    rows = [[1, 20000, 32767, None]] * 3 + [[1, 20000, 13000, None]] * 4 + [[0, 20000, 9000, None]] * 2 + [[1, 20000, 9500, None]] * 3
+    answer = awlsim(_export(_words("s7-300", Ramp(step=1001)), "s7_300_pid.awl"), rows, restart=32767)
     at = answer["offsets"]["SP"][0]
     found = [struct.unpack_from(">h", bytes.fromhex(row), at)[0] for row in answer["rows"]]
-    assert found == _followed(Ramp(step=1001), 32767, [20000] * 15)
-
-
-def test_the_program_for_ob1_moves_sp_too():
-    source = _export(_words("s7-300", Ramp(step=300)), "s7_300_ob1.awl")
-    assert "SP := MW 30," in source
-    assert source.index("T     MW 30;") < source.index("CALL  FB 100")
+    assert found[3:7] == _followed(Ramp(step=1001), 13000, [20000] * 4)
+    assert found[9:] == _followed(Ramp(step=1001), 9500, [20000] * 3)
 
 
 @pytest.mark.parametrize("ramp", [Ramp(step=300), Ramp(step=1001, calls=3)])
 def test_the_fb41_source_moves_sp_int_to_the_bits_of_the_room(awlsim, ramp):
     words = _words("fb41", ramp, Scaling(low_degC=-17.7, high_degC=250.3))
-    rows = [[1, end, 13000, None] for end in _asked(27648)]
-    answer = awlsim(_stub(_export(words, "fb41_cont_c.awl")), rows, block=41, asked=20, restart=5000)
+    rows = [[1, end, 13000 if call else 5000, None] for call, end in enumerate(_asked(27648))]
+    answer = awlsim(_stub(_export(words, "fb41_cont_c.awl")), rows, block=41)
     at = answer["offsets"]["SP_INT"][0]
     found = [bytes.fromhex(row)[at:at + 4] for row in answer["rows"]]
     parameters, _ = controller_for("fb41").start(words, {}).parameters
@@ -172,12 +168,17 @@ def test_the_fb41_source_moves_sp_int_to_the_bits_of_the_room(awlsim, ramp):
 
 
 def _weg_program(words, name):
-    """The statements before the call of the block, with the variables of the program, as a function block to run."""
-    text = _export(words, name)
-    program = text[text.index("PROGRAM"):]
-    declared = "\n".join(re.findall(r"^  Heater\w+ : (?:REAL|INT|BOOL) := .*;.*$", program, re.MULTILINE))
-    body = program.split("END_VAR")[1].split("HeaterPid")[0]
-    return FunctionBlock(f"FUNCTION_BLOCK Ramp\nVAR\n{declared}\nEND_VAR\n{body}\nEND_FUNCTION_BLOCK\n")
+    """The whole exported program, a scan each Ts; WEG's own block, which is in no text, does nothing."""
+    return Program(_export(words, name), {"FB_PID": Wegs})
+
+
+class Wegs:
+    """The interface of WEG's block as its help's example in ST has it."""
+
+    EN, Output = False, np.float32(0.0)
+
+    def __call__(self, **inputs):
+        self.inputs = inputs
 
 
 @pytest.mark.parametrize("name", ["weg_pid_call.st", "weg_pid_block.st"])

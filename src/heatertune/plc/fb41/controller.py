@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, TIMER
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, TICK_S, TIMER
 from heatertune.plc.cpu.s7_300.real import quotient, real
 from heatertune.plc.fb41.export import export_words
 from heatertune.plc.fb41.feed_forward import FEED
@@ -22,16 +22,16 @@ __all__ = ["ContC"]
 
 
 class ContC(Controller, name="fb41"):
-    """The standard block CONT_C, called from OB35; the PWM is an actuator behind LMN."""
+    """The standard block CONT_C, called from OB35; the program around it makes the PWM."""
 
     title = "SIMATIC S7-300/400, FB41 CONT_C (Standard Library; SFB41 of the CPU 31xC)"
     can = (
         "P, PI, PD and PID in single precision with a filtered derivative of the error; PV and setpoint in °C",
         "dead band, limits, feed-forward DISV, manual with a smooth return",
-        "setpoint ramp in whole analog values: OB35 of the export leads SP_INT",
+        "exported as a whole STL program: restart, broken sensor, PWM (or PULSEGEN), setpoint ramp on request",
     )
     cannot = (
-        "no PWM of its own: FB43 PULSEGEN or a switch behind LMN is proven with it (--pwm-rule pulsegen)",
+        "a PWM that OB35 cannot make, or by PID_Compact's rule, is left to a switch behind the analog output",
         "no setpoint weights: the block has none", "PV_IN is left out: the reading comes from PV_PER",
     )
     fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, FULL_SCALE
@@ -40,10 +40,12 @@ class ContC(Controller, name="fb41"):
         "SP_PER": "INT", "PV_PER": "INT", "SP_INT": "REAL", "MAN_ON": "BOOL", "MAN": "REAL", "DISV": "REAL",
         "INT_HOLD": "BOOL", "COM_RST": "BOOL",
     }
+    written = ("MAN_ON", "MAN")
     ramped = True
     # SM 331, eight channels at 50 Hz (S7-300 module data, A5E00105505), and one cycle of OB1 until an output of the
     # process image is written (1 to 50 ms)
     delay_s = 0.176 + 0.05
+    tick_s = TICK_S
     most_power = ("LMN_HLM", 100.0)
     core = Core(step=step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"))
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)

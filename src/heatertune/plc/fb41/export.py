@@ -1,22 +1,22 @@
-"""CONT_C's instance data block as STL source with its calls, and all words as CSV with their offsets."""
+"""CONT_C's instance data block as STL source with the whole program around it, and all words as CSV with offsets."""
 
 from __future__ import annotations
 
 from typing import Final
 
 from heatertune.plc.cpu.s7_300 import awl
-from heatertune.plc.cpu.s7_300.ramp import WORD, ramp_begins, ramp_moves
+from heatertune.plc.cpu.s7_300.cells import Member
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
+from heatertune.plc.cpu.s7_300.program import Program, by_hand, counts_of
+from heatertune.plc.cpu.s7_300.real import quotient, real
+from heatertune.plc.cpu.s7_300.switch import PULSEGEN, Switching, like, switching
 from heatertune.plc.fb41.words import FIELDS
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words"]
+__all__ = ["export_words", "source"]
 
 _DB: Final = 41
-#: the setpoint that the user enters: in °C, or, where a ramp leads it, as an analog value
-_ASKED: Final = "MD 20"
-_ASKED_COUNTS: Final = "MW 20"
-#: SP_INT on the ramp
-_LED: Final = "MD 34"
+_LMN: Final = f"DB{_DB}.DBD   72"
 
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
@@ -24,20 +24,54 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
 
     FB41 itself is not part of the source: it comes with STEP 7 (Standard Library, PID Control Blocks).
     """
+    return {"fb41_cont_c.awl": _source(words, certificate, switching(words, certificate, real=True)),
+            "fb41_words.csv": awl.table(FIELDS, words)}
+
+
+def source(words: Words, by: str) -> str:
+    """Return the source of words whose heater is switched by these means, for a comparison of statements alone."""
+    return _source(words, Certificate(verdict=""), like(words, by))
+
+
+def _source(words: Words, certificate: Certificate, switch: Switching) -> str:
     low, factor = words.values["PV_OFF"], words.values["PV_FAC"]
-    asked = f"SP_INT in degC, enter yours in {_ASKED}" if words.ramp is None else (
-        f"setpoint 27648/100 * (degC {0.0 - low:+g})/{factor:g}, rounded, in {_ASKED_COUNTS}: OB 35 leads SP_INT there"
+    asked = "SP in degC" if words.ramp is None else (
+        f"SP = {FULL_SCALE}/100 * (degC {0.0 - low:+g})/{factor:g}, cut to a whole number: OB 35 leads SP_INT there"
     )
+    library = "FB 41 must be in the program" if switch.by != PULSEGEN else "FB 41 and FB 43 must be in the program"
     head = awl.head(
         "instance of CONT_C (FB 41; on a CPU 31xC write SFB 41 for FB 41)", words, certificate,
-        f"PV = PV_PER * 100/27648 * {factor:g} + {low:g}, in degC; {asked}",
-        f"OB 35 must be called every {words.values['CYCLE']} ms (hardware configuration)",
-        "FB 41 must be in the program: Standard Library, PID Control Blocks",
+        f"PV = PV_PER * 100/{FULL_SCALE} * {factor:g} + {low:g}, in degC; {asked}",
+        *by_hand(words, certificate, switch, f"{library}: Standard Library, PID Control Blocks"),
     )
-    return {
-        "fb41_cont_c.awl": awl.text([*head, *_data_block(words), *_restart(words), *_interrupt(words)]),
-        "fb41_words.csv": awl.table(FIELDS, words),
-    }
+    program = _program(words, certificate, switch)
+    return awl.text([*head, *_data_block(words), *program.blocks, *program.restart([]), *program.interrupt])
+
+
+def _program(words: Words, certificate: Certificate, switch: Switching) -> Program:
+    return Program(
+        real=True, setpoint=_setpoint(words, certificate), output=_LMN, word=f"DB{_DB}.DBW   76", ramp=words.ramp,
+        switch=switch, temporaries=("raw : WORD", "manual : BOOL", *(() if words.ramp is None else ("led : REAL",))),
+        begins=[f"      CALL  FB {_DB} , DB {_DB} (", "           COM_RST := TRUE);"],
+        manual=lambda _: [],
+        call=lambda at: [
+            *_led(words, at["LED"] if words.ramp is not None else ""),
+            "      L     #reading;", "      T     #raw;", f"      AN    {at['AUTO']};", "      =     #manual;",
+            f"      CALL  FB {_DB} , DB {_DB} (", "           COM_RST := FALSE,", "           MAN_ON := #manual,",
+            f"           SP_INT := {at['SP'] if words.ramp is None else '#led'},", "           PV_PER := #raw,",
+            f"           MAN := {at['POWER']});",
+        ])
+
+
+def _setpoint(words: Words, certificate: Certificate) -> Member:
+    """Return the setpoint as the proof had it: an analog value, which a ramp takes as it is, and the block in °C."""
+    low, proven = words.scaling.low_degC, certificate.setpoint_degC
+    asked = counts_of(words, low if proven is None else proven)
+    if words.ramp is not None:
+        return Member("SP", "INT", asked, f"setpoint, yours: 0..{FULL_SCALE}")
+    share = quotient(real(asked * 100.0)[0], FULL_SCALE)[0]
+    scaled = real(real(share * words.values["PV_FAC"])[0] + words.values["PV_OFF"])[0]
+    return Member("SP", "REAL", scaled, "setpoint, yours: degC")
 
 
 def _data_block(words: Words) -> list[str]:
@@ -50,33 +84,13 @@ def _data_block(words: Words) -> list[str]:
     ]
 
 
-def _restart(words: Words) -> list[str]:
-    return [
-        "ORGANIZATION_BLOCK OB 100", "TITLE =restart of the controller", "VERSION : 0.1", "BEGIN", "NETWORK",
-        "TITLE =COM_RST clears what the block remembers",
-        f"      CALL  FB 41 , DB {_DB} (", "           COM_RST := TRUE);",
-        *([] if words.ramp is None else ramp_begins(words.ramp)), "END_ORGANIZATION_BLOCK", "",
-    ]
-
-
-def _interrupt(words: Words) -> list[str]:
-    return [
-        "ORGANIZATION_BLOCK OB 35", "TITLE =cyclic interrupt: one call of the controller", "VERSION : 0.1", "BEGIN",
-        "NETWORK", "TITLE =tie these to your inputs and outputs", *_ramp(words), f"      CALL  FB 41 , DB {_DB} (",
-        "           COM_RST := FALSE,", f"           SP_INT := {_ASKED if words.ramp is None else _LED},",
-        "           PV_PER := PIW 256,", "           LMN := MD 24,", "           LMN_PER := PQW 256);",
-        "END_ORGANIZATION_BLOCK",
-    ]
-
-
-def _ramp(words: Words) -> list[str]:
-    """Return the statements that lead SP_INT: the ramp in counts, then °C by the operations that make PV of PV_PER."""
+def _led(words: Words, led: str) -> list[str]:
+    """Return the statements that make °C of the setpoint on its ramp, by the operations that make PV of PV_PER."""
     if words.ramp is None:
         return []
     factor, low = (awl.real(words.values[name]) for name in ("PV_FAC", "PV_OFF"))
     return [
-        *ramp_moves(words.ramp, _ASKED_COUNTS),
-        f"      L     {WORD};", "      ITD   ;", "      DTR   ;",
-        f"      L     {awl.real(100.0)};", "      *R    ;", f"      L     {awl.real(27648.0)};", "      /R    ;",
-        f"      L     {factor};", "      *R    ;", f"      L     {low};", "      +R    ;", f"      T     {_LED};",
+        f"      L     {led};", "      ITD   ;", "      DTR   ;", f"      L     {awl.real(100.0)};", "      *R    ;",
+        f"      L     {awl.real(FULL_SCALE)};", "      /R    ;", f"      L     {factor};", "      *R    ;",
+        f"      L     {low};", "      +R    ;", "      T     #led;",
     ]

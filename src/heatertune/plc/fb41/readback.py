@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from heatertune.plc.cpu.s7_300.readback import read_source
-from heatertune.plc.fb41.export import export_words
+from heatertune.plc.fb41.export import source as exported
 from heatertune.plc.fb41.words import FIELDS
 from heatertune.plc.readback import ReadBack
-from heatertune.plc.words import Certificate, Words
 
 __all__ = ["from_text"]
-
-_UNSAID: Final = Certificate(verdict="")
 
 
 def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
@@ -20,8 +15,4 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
 
     A parameter that the source leaves out has the block's own default, which is not guessed: it is missing.
     """
-    return read_source(text, FIELDS, source, _exported)
-
-
-def _exported(words: Words) -> str:
-    return str(export_words(words, _UNSAID)["fb41_cont_c.awl"])
+    return read_source(text, FIELDS, source, exported)

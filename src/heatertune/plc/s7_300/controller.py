@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, TIMER
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, TICK_S, TIMER
 from heatertune.plc.s7_300.export import export_words
 from heatertune.plc.s7_300.image import from_image, oddities
 from heatertune.plc.s7_300.readback import from_text
@@ -18,15 +18,15 @@ __all__ = ["PidTip"]
 
 
 class PidTip(Controller, name="s7-300"):
-    """The PID of the application tip, called from OB35; the PWM is an actuator behind OUT."""
+    """The PID of the application tip, called from OB35; the program around it makes the PWM."""
 
     title = "SIMATIC S7-300/400, application tip PID No. 2 (Siemens, V1.0, 11/96)"
     can = (
         "P, PI, PD and PID in single precision; derivative of the reading, not filtered; I, ID and D with GAIN = 0",
-        "exported as a whole STL program, with a setpoint ramp in whole analog values where one is asked for",
+        "exported as a whole STL program: restart, broken sensor, PWM (or PULSEGEN), setpoint ramp on request",
     )
     cannot = (
-        "no PWM of its own: a switch behind OUT is proven with it",
+        "a PWM that OB35 cannot make, or by PID_Compact's rule, is left to a switch behind the analog output",
         "no feed-forward, no dead band, no derivative filter",
     )
     fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, FULL_SCALE
@@ -36,6 +36,7 @@ class PidTip(Controller, name="s7-300"):
     # SM 331, eight channels at 50 Hz (S7-300 module data, A5E00105505), and one cycle of OB1 until an output of the
     # process image is written (1 to 50 ms)
     delay_s = 0.176 + 0.05
+    tick_s = TICK_S
     core = Core(step=step, measure=count, flags=("overflow",))
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     image, oddities, scan_all = staticmethod(from_image), staticmethod(oddities), staticmethod(scan)

@@ -1,21 +1,23 @@
-"""The tip as STL source: function block, instance data block, OB100 and OB35; OB1 beside it; the four words as CSV."""
+"""The tip as STL source, the whole program around it included; the four words as CSV."""
 
 from __future__ import annotations
 
 from typing import Final
 
 from heatertune.plc.cpu.s7_300 import awl
-from heatertune.plc.cpu.s7_300.ramp import WORD, ramp_begins, ramp_moves
+from heatertune.plc.cpu.s7_300.cells import Member
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
+from heatertune.plc.cpu.s7_300.program import Program, by_hand, counts_of
+from heatertune.plc.cpu.s7_300.switch import PULSEGEN, Switching, like, switching
 from heatertune.plc.s7_300.listing import STATEMENTS, VARIABLES
 from heatertune.plc.s7_300.words import FIELDS
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words"]
+__all__ = ["export_words", "source"]
 
 #: number of the function block and of its instance data block: free in most programs
 _NUMBER: Final = 100
-#: the setpoint that the user enters
-_ASKED: Final = "MW 12"
+_OUT: Final = f"DB{_NUMBER}.DBW    6"
 
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
@@ -23,20 +25,44 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
 
     The data block gives every member its value in BEGIN; OB100 loads the four words bit by bit after each restart.
     """
+    return {"s7_300_pid.awl": _source(words, certificate, switching(words, certificate, real=False)),
+            "s7_300_words.csv": awl.table(FIELDS, words)}
+
+
+def source(words: Words, by: str) -> str:
+    """Return the source of words whose heater is switched by these means, for a comparison of statements alone."""
+    return _source(words, Certificate(verdict=""), like(words, by))
+
+
+def _source(words: Words, certificate: Certificate, switch: Switching) -> str:
     low, span = words.scaling.low_degC, words.scaling.span_degC
+    pulsegen = ["FB 43 PULSEGEN must be in the program: Standard Library, PID Control Blocks"]
     head = awl.head(
         "PID of S7-300/400 application tip No. 2: the document's equations, heatertune's statements",
         words, certificate,
-        f"setpoint SP = 27648/{span:g} * (degC {0.0 - low:+g}), rounded; enter yours in {_ASKED}",
-        f"OB 35 must be called every {1000 * words.sample_time_s:g} ms (hardware configuration)",
-        "OB 1 is yours: where there is no OB 35, take the network of s7_300_ob1.awl into it instead",
+        f"setpoint SP = {FULL_SCALE}/{span:g} * (degC {0.0 - low:+g}), cut to a whole number",
+        *by_hand(words, certificate, switch, *(pulsegen if switch.by == PULSEGEN else [])),
     )
-    source = [*head, *_function_block(), *_data_block(words), *_restart(words), *_interrupt(words)]
-    files: dict[str, str | bytes] = {
-        "s7_300_pid.awl": awl.text(source), "s7_300_words.csv": awl.table(FIELDS, words),
-    }
-    clock = awl.s5_time(words.sample_time_s)
-    return files | ({} if clock is None else {"s7_300_ob1.awl": awl.text(_scan(clock, words))})
+    program = _program(words, certificate, switch)
+    return awl.text([*head, *_function_block(), *_data_block(words), *program.blocks,
+                     *program.restart(_loads(words)), *program.interrupt])
+
+
+def _program(words: Words, certificate: Certificate, switch: Switching) -> Program:
+    asked = 0 if certificate.setpoint_degC is None else counts_of(words, certificate.setpoint_degC)
+    setpoint = "SP" if words.ramp is None else "LED"
+    return Program(
+        real=False, setpoint=Member("SP", "INT", asked, f"setpoint, yours: 0..{FULL_SCALE}"), output=_OUT, word=_OUT,
+        ramp=words.ramp, switch=switch, temporaries=("share : REAL",) if switch.by == PULSEGEN else (),
+        begins=[
+            f"      L     {awl.bits(0.0)};", f"      T     DB{_NUMBER}.DBD   26;  // BIAS", "      CLR   ;",
+            f"      =     DB{_NUMBER}.DBX   34.0;  // STARTED", "      L     0;", f"      T     {_OUT};  // OUT",
+        ],
+        manual=lambda at: [f"      L     {at['POWER']};", f"      T     {_OUT};"],
+        call=lambda at: [
+            f"      CALL  FB {_NUMBER} , DB {_NUMBER} (", f"           mode_req := {at['AUTO']},",
+            "           PV := #reading,", f"           SP := {at[setpoint]});",
+        ])
 
 
 def _function_block() -> list[str]:
@@ -56,44 +82,11 @@ def _data_block(words: Words) -> list[str]:
     ]
 
 
-def _restart(words: Words) -> list[str]:
+def _loads(words: Words) -> list[str]:
+    """Return the statements that load the four words."""
     loads = []
     for field in FIELDS:
         value = words.values[field.name]
         loads += [f"      L     {awl.bits(value)};  // {field.name} {value:.9g}",
                   f"      T     DB{_NUMBER}.DBD {field.address.removeprefix('DBD')};"]
-    return [
-        "ORGANIZATION_BLOCK OB 100", "TITLE =restart: load the words, begin from cold in automatic", "VERSION : 0.1",
-        "BEGIN", "NETWORK", "TITLE =words", *loads,
-        f"      L     {awl.bits(0.0)};", f"      T     DB{_NUMBER}.DBD 26;  // BIAS",
-        *([] if words.ramp is None else ramp_begins(words.ramp)),
-        "      SET   ;", f"      R     DB{_NUMBER}.DBX 34.0;  // STARTED", "      S     M 10.0;  // automatic",
-        "END_ORGANIZATION_BLOCK", "",
-    ]
-
-
-def _interrupt(words: Words) -> list[str]:
-    return [
-        "ORGANIZATION_BLOCK OB 35", "TITLE =cyclic interrupt: one call of the PID", "VERSION : 0.1",
-        "BEGIN", "NETWORK", "TITLE =tie these to your inputs and outputs", *_call(words), "END_ORGANIZATION_BLOCK",
-    ]
-
-
-def _scan(clock: str, words: Words) -> list[str]:
-    """Return an OB1 that calls the block each time a timer has run; each period is longer by up to two scans."""
-    return [
-        "// instead of OB 35: one call each time T 1 has run, which makes every interval longer by up to two scans",
-        "ORGANIZATION_BLOCK OB 1", "TITLE =scan", "VERSION : 0.1", "BEGIN", "NETWORK",
-        "TITLE =tie these to your inputs and outputs", "      A     T 1;", "      JCN   wait;", *_call(words),
-        "wait: AN    T 1;", f"      L     {clock};", "      SD    T 1;", "END_ORGANIZATION_BLOCK",
-    ]
-
-
-def _call(words: Words) -> list[str]:
-    """Return the call of the block; with a ramp, first its statements."""
-    ramp, setpoint = ([], _ASKED) if words.ramp is None else (ramp_moves(words.ramp, _ASKED), WORD)
-    return [
-        *ramp, f"      CALL  FB {_NUMBER} , DB {_NUMBER} (", "           mode_req := M 10.0,",
-        "           PV := PIW 256,", f"           SP := {setpoint},", "           OUT := PQW 256,",
-        "           OVERFLOW := M 10.1);",
-    ]
+    return loads

@@ -7,11 +7,12 @@ from typing import ClassVar
 from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, Sensor, count
+from heatertune.plc.pwm import HALF_WAVE_S
 from heatertune.plc.single import single
 from heatertune.plc.weg.export import export_words
 from heatertune.plc.weg.readback import from_text
 from heatertune.plc.weg.step import COLD, Assumptions, block_of, scan, step
-from heatertune.plc.weg.words import FIELDS, consistent, design_of, interval_s, oddities, values_of
+from heatertune.plc.weg.words import COUNTS, FIELDS, consistent, design_of, interval_s, oddities, values_of
 from heatertune.plc.words import Words
 
 __all__ = ["Weg"]
@@ -22,18 +23,18 @@ def _measure(sensor: Sensor, temperature_degC: float) -> float:
 
 
 class Weg(Controller, name="weg"):
-    """WEG's PID block in single precision, temperatures in °C; the PWM is an actuator behind Output."""
+    """WEG's PID block in single precision, temperatures in °C; the program around it makes the PWM of its scans."""
 
     title = "WEG SCA06 Ladder, block PID (WPS help; equation of the CFW501 programming manual V1.8x)"
     can = (
         "P, PI, PD and PID in single precision, academic or parallel form, direct or reverse action",
         "setpoint filter of first order, limits of the output, manual output, enabling; Ts of 1 to 65535 ms",
-        "setpoint ramp by statements before the block's call",
+        "exported as a whole program in structured text: calls each Ts, heater off with EN FALSE, PWM, setpoint ramp",
     )
     cannot = (
         "no derivative filter: noise and steps of the reading reach the output times K*TV/TA",
         "TauSetPoint does not soften a start: the filter begins at the setpoint (the proof tries both readings)",
-        "no PWM of its own: a switch behind Output is proven with it",
+        "a PWM by PID_Compact's rule is left to a switch behind Output",
         "an integral step below half a digit of the sum is lost: a slower Ts makes it larger",
     )
     fields, assumptions = FIELDS, Assumptions
@@ -41,7 +42,8 @@ class Weg(Controller, name="weg"):
     inputs: ClassVar = {
         "SetPoint": "REAL", "Feedback": "REAL", "ManualSetPoint": "REAL", "SelectSetPoint": "BOOL", "EN": "BOOL",
     }
-    counts = 4095  # of the 12-bit input module that is assumed
+    counts = COUNTS
+    tick_s = HALF_WAVE_S
     derivative_filter = 0.0
     ramped = True
     most_power = ("MaximumOutput", 100.0)

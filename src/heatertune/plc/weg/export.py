@@ -1,84 +1,96 @@
-"""Words → structured text: the call of WEG's block, a block for controllers without one, and both as a PLCopen project.
+"""Words → structured text: a program with WEG's block, one with a block of its own, and that one as a PLCopen project.
 
 None of the files was tried in WPS or in another vendor's tool; parsers of the language and the format read them.
 """
 
 from __future__ import annotations
 
-from decimal import Decimal
 from typing import Final
 
-from heatertune.plc.ramp import Number, for_coolers
+from heatertune.plc.core import Sensor, count
 from heatertune.plc.single import single
 from heatertune.plc.weg.plcopen import project
+from heatertune.plc.weg.program import Clock, clock_for, literal, statements, variables
 from heatertune.plc.weg.source import BLOCK_NAME, function_block
-from heatertune.plc.weg.words import FIELDS
+from heatertune.plc.weg.words import COUNTS, FIELDS, PARALLEL
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["RENAMED", "export_words", "literal"]
-
-#: variables of the program around the block; the names are free
-_VARIABLES = (
-    ("HeaterOn", "BOOL", "FALSE", "enables the controller"),
-    ("ByHand", "BOOL", "FALSE", "TRUE: HandPower is the output"),
-    ("HandPower", "REAL", "0.0", "output by hand, %"),
-    ("HeaterSetPoint", "REAL", "0.0", "degC"),
-    ("HeaterTemperature", "REAL", "0.0", "degC, from the input module"),
-    ("HeaterPower", "REAL", "0.0", "%, to the PWM"),
-)
-
-#: further ones where a ramp leads the setpoint
-_RAMP_VARIABLES = (
-    ("HeaterRamp", "REAL", "0.0", "degC, the setpoint on its ramp"),
-    ("HeaterRampCalls", "INT", "0", "calls since its last step"),
-    ("HeaterWasOn", "BOOL", "FALSE", "HeaterOn of the call before"),
-)
-_HOLD_VARIABLES = (("HeaterLimit", "REAL", "0.0", "degC, how far from the temperature the ramp may be"),)
 
 _WIRES = (
     ("ManualSetPoint", "HandPower"), ("SelectSetPoint", "ByHand"),
     ("Feedback", "HeaterTemperature"),
 )
 
-#: numbers in this range are written without an exponent
-_LOWEST_PLAIN: Final = 1e-4
-_PLAIN: Final = 1e6
-
 #: input of WEG's block → input of the exported one, where the language reserves the name
 RENAMED: Final = {"Type": "Form", "Action": "Acting"}
+
+#: output at which the user tests who keeps Ts [%]
+_TESTED: Final = 20.0
 
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     """Return the three files; the same words and certificate give the same bytes."""
-    head = _head(words, certificate)
+    clock, setpoint = clock_for(words, certificate.actuator), _setpoint(words, certificate)
+    head = (*_head(words, certificate, clock), *_by_hand(words, clock, certificate))
     comment = "\n".join(f"(* {line} *)" for line in head) + "\n"
+    own = variables(words, clock, setpoint, keeps_ts=False)
+    body = statements(words, clock, _block_call(words), keeps_ts=False)
+    called = statements(words, clock, _weg_call(words), keeps_ts=True)
     return {
-        "weg_pid_call.st": comment + _program("WegHeater", "FB_PID", words, _weg_call(words)),
-        "weg_pid_block.st":
-            comment + function_block() + "\n" + _program("Heater", BLOCK_NAME, words, _block_call(words)),
-        "weg_pid_plcopen.xml": project(_variables(words), _block_call(words), head, words.whole["Ts"]),
+        "weg_pid_call.st":
+            comment + _program("WegHeater", "FB_PID", variables(words, clock, setpoint, keeps_ts=True), called),
+        "weg_pid_block.st": comment + function_block() + "\n" + _program("Heater", BLOCK_NAME, own, body),
+        "weg_pid_plcopen.xml": project(own, body, head, clock.tick_ms),
     }
 
 
-def literal(value: float) -> str:
-    """Return the shortest decimal that is this single, as the language writes a REAL."""
-    digits = next(n for n in range(1, 10) if single(float(f"{value:.{n}g}")) == value)
-    shortest = f"{value:.{digits}g}"
-    if _LOWEST_PLAIN <= abs(value) < _PLAIN or value == 0.0:
-        plain = f"{Decimal(shortest):f}"
-        return plain if "." in plain else f"{plain}.0"
-    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
-    return f"{mantissa}{'' if '.' in mantissa else '.0'}E{int(exponent)}"
+def _setpoint(words: Words, certificate: Certificate) -> float:
+    """Return the setpoint as the proof had it: a count of the input module, in °C."""
+    s = words.scaling
+    proven = s.low_degC if certificate.setpoint_degC is None else certificate.setpoint_degC
+    return single(s.low_degC + s.span_degC * count(Sensor(s.low_degC, s.span_degC, COUNTS), proven) / COUNTS)
 
 
-def _head(words: Words, certificate: Certificate) -> tuple[str, ...]:
-    scale = words.scaling
+def _head(words: Words, certificate: Certificate, clock: Clock) -> tuple[str, ...]:
+    scale, ts = words.scaling, words.whole["Ts"]
+    pwm = f"PWM in the program, steps of {clock.tick_ms} ms" if clock.steps else f"no PWM in the program: {clock.why}"
     return (
         "heater controller for WEG's PID block",
-        f"sensor {scale.low_degC:g}...{scale.high_degC:g} degC; called every {words.whole['Ts']} ms; output in percent",
+        f"sensor {scale.low_degC:g}...{scale.high_degC:g} degC; TA: called every {ts} ms; output in percent; {pwm}",
         *certificate.head,
         "not tried in WPS or another vendor's tool",
     )
+
+
+def _by_hand(words: Words, clock: Clock, certificate: Certificate) -> list[str]:
+    """Return what remains to be done by hand, numbered."""
+    wired = "HeaterOutput" if clock.steps else "HeaterPower, through a PWM of yours as it was proven,"
+    exact = f"; a scan longer than {clock.tick_ms} ms makes coarser pulses than were proven" if clock.steps else ""
+    loaded = "the lowest" if certificate.setpoint_degC is None else "as proven"
+    steps = (
+        f"wire HeaterOn and HeaterTemperature (degC) to your inputs and {wired} to the heater's switch; HeaterOn must "
+        "fall when the sensor breaks: that puts the heater off",
+        f"ScanMs is the time of one scan: call the program from a task of {clock.tick_ms} ms, or write the time of the "
+        f"last scan there each scan{exact}",
+        f"who keeps Ts is not told: {_test_of_ts(words)}",
+        "HeaterOn has to stay TRUE: each time that it rises the first call gives 0",
+        f"setpoint: HeaterSetPoint begins {loaded}; another one is not proven",
+    )
+    return ["remains to be done by hand:", *(f"  {number}. {step}" for number, step in enumerate(steps, start=1))]
+
+
+def _test_of_ts(words: Words) -> str:
+    """Return how the user finds out whether WEG's block keeps Ts itself: by the slope of its I part."""
+    v = words.values
+    growth = v["Ki"] if v["Type"] == PARALLEL else v["Kp"] * v["Ki"]
+    if growth == 0.0 or v["Kp"] == 0.0:
+        return "without an I part only a D part asks; leave BlockKeepsTs FALSE"
+    slope = 60.0 * growth * _TESTED / v["Kp"]
+    return (
+        f"leave BlockKeepsTs FALSE, open the heater's circuit, set HeaterSetPoint so that HeaterPower begins near "
+        f"{_TESTED:g} %: it must rise by {slope:.3g} % per minute; where it is slower, down to half, set BlockKeepsTs "
+        "TRUE and test again")
 
 
 def _values(words: Words) -> list[tuple[str, str]]:
@@ -87,52 +99,8 @@ def _values(words: Words) -> list[tuple[str, str]]:
     ]
 
 
-def _variables(words: Words) -> tuple[tuple[str, str, str, str], ...]:
-    if words.ramp is None:
-        return _VARIABLES
-    return _VARIABLES + _RAMP_VARIABLES + (() if words.ramp.hold is None else _HOLD_VARIABLES)
-
-
 def _wires(words: Words) -> list[tuple[str, str]]:
     return [("SetPoint", "HeaterSetPoint" if words.ramp is None else "HeaterRamp"), *_WIRES]
-
-
-def _ramp(words: Words) -> str:
-    """Return the statements that lead the setpoint; it begins at the reading of the call that enables the block."""
-    if words.ramp is None:
-        return ""
-    step, calls = literal(words.ramp.step), words.ramp.calls
-    below, lowest, above = ("", "HeaterSetPoint", "") if words.ramp.hold is None else _held(words.ramp.hold)
-    arrived = "  ELSE\n" if not below else "  ELSIF NOT (HeaterRamp > HeaterSetPoint) THEN\n"
-    moves = (
-        f"{below}"
-        "  IF HeaterRamp < HeaterSetPoint THEN\n"
-        f"    HeaterRamp := HeaterRamp + {step};\n"
-        "    IF HeaterRamp > HeaterSetPoint THEN\n      HeaterRamp := HeaterSetPoint;\n    END_IF;\n"
-        f"  ELSIF HeaterRamp > {lowest} THEN\n"
-        f"    HeaterRamp := HeaterRamp - {step};\n"
-        f"    IF HeaterRamp < {lowest} THEN\n      HeaterRamp := {lowest};\n    END_IF;\n"
-        f"{arrived}    HeaterRamp := HeaterSetPoint;\n  END_IF;\nEND_IF;\n{above}"
-    )
-    if words.ramp.cools:
-        moves = for_coolers(moves, {"<": ">", "+": "-"})
-    return (
-        "IF NOT HeaterWasOn THEN\n  HeaterRamp := HeaterTemperature;\n  HeaterRampCalls := 0;\nEND_IF;\n"
-        "HeaterWasOn := HeaterOn;\nHeaterRampCalls := HeaterRampCalls + 1;\n"
-        f"IF HeaterRampCalls >= {calls} THEN\n  HeaterRampCalls := 0;\n{moves}"
-    )
-
-
-def _held(size: Number) -> tuple[str, str, str]:
-    """Return the statements that find the lowest setpoint, its name, and those that keep the setpoint from above."""
-    hold = literal(abs(size))
-    return (
-        f"  HeaterLimit := HeaterTemperature - {hold};\n"
-        "  IF NOT (HeaterLimit > HeaterSetPoint) THEN\n    HeaterLimit := HeaterSetPoint;\n  END_IF;\n",
-        "HeaterLimit",
-        f"HeaterLimit := HeaterTemperature + {hold};\n"
-        "IF HeaterRamp > HeaterLimit THEN\n  HeaterRamp := HeaterLimit;\nEND_IF;\n",
-    )
 
 
 def _called(instance: str, wires: list[tuple[str, str]]) -> str:
@@ -142,15 +110,15 @@ def _called(instance: str, wires: list[tuple[str, str]]) -> str:
 def _weg_call(words: Words) -> str:
     """Return the statements in the form of the manual's example: EN and Output as members."""
     call = _called("HeaterPid", [*_wires(words), *_values(words)])
-    return f"{_ramp(words)}HeaterPid.EN := HeaterOn;\n{call}HeaterPower := HeaterPid.Output;\n"
+    return f"HeaterPid.EN := HeaterOn;\n{call}HeaterPower := HeaterPid.Output;\n"
 
 
 def _block_call(words: Words) -> str:
     values = [(RENAMED.get(name, name), value) for name, value in _values(words)]
     call = _called("HeaterPid", [("Enable", "HeaterOn"), *_wires(words), *values])
-    return f"{_ramp(words)}{call}HeaterPower := HeaterPid.Output;\n"
+    return f"{call}HeaterPower := HeaterPid.Output;\n"
 
 
-def _program(name: str, block: str, words: Words, body: str) -> str:
-    declared = "".join(f"  {n} : {t} := {v}; (* {meaning} *)\n" for n, t, v, meaning in _variables(words))
+def _program(name: str, block: str, listed: tuple[tuple[str, str, str, str], ...], body: str) -> str:
+    declared = "".join(f"  {n} : {t} := {v}; (* {meaning} *)\n" for n, t, v, meaning in listed)
     return f"PROGRAM {name}\nVAR\n{declared}  HeaterPid : {block};\nEND_VAR\n\n{body}\nEND_PROGRAM\n"

@@ -12,8 +12,8 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.words import FORMATS, Scaling, WordField, Words, stored
 
 __all__ = [
-    "ACADEMIC", "DIRECT", "FIELDS", "PARALLEL", "REVERSE", "consistent", "design_of", "interval_s", "oddities",
-    "values_of",
+    "ACADEMIC", "COUNTS", "DIRECT", "FIELDS", "PARALLEL", "REVERSE", "consistent", "design_of", "interval_s",
+    "oddities", "values_of",
 ]
 
 #: Type# and Action# in the order in which the manual lists them; its example has 0 and 0
@@ -21,6 +21,9 @@ ACADEMIC: Final = 0
 PARALLEL: Final = 1
 DIRECT: Final = 0
 REVERSE: Final = 1
+
+#: of the 12-bit input module that is assumed
+COUNTS: Final = 4095
 
 _LARGEST: Final = FORMATS["REAL"][1]
 

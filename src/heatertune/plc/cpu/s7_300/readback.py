@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
+from heatertune.plc.cpu.s7_300.switch import ANALOG, OWN, PULSEGEN
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import Collected, ReadBack, first_unlike, lines_of, real_of, whole_of, wrong
 from heatertune.plc.words import WordField, Words
@@ -32,6 +33,9 @@ _TIME: Final = re.compile(r"(?:TIME|T)#(-?)((?:\d+(?:\.\d+)?(?:D|H|MS|M|S)_?)+)"
 _PART: Final = re.compile(r"(\d+(?:\.\d+)?)(D|H|MS|M|S)", re.IGNORECASE | re.ASCII)
 _MS: Final = {"D": 86_400_000, "H": 3_600_000, "M": 60_000, "S": 1000, "MS": 1}
 _LONGEST_TIME: Final = 40
+
+#: who makes the pulses → the statement that calls it
+_PULSES: Final = {OWN: "CALL FB 101 , DB 102 (", PULSEGEN: "CALL FB 43 , DB 43 ("}
 
 
 def _bool(text: str) -> int | None:
@@ -69,12 +73,13 @@ class _Block(NamedTuple):
     number: int | None
     members: list[_Assigned]
 
-
-def read_source(text: str, fields: Sequence[WordField], source: str, export: Callable[[Words], str]) -> ReadBack:
+def read_source(
+    text: str, fields: Sequence[WordField], source: str, export: Callable[[Words, str], str]
+) -> ReadBack:
     """Return the words in the one data block of a source that has them, and what else it assigns.
 
     What a statement outside loads into the same block (L …; T DBn.DBDm;) must be the same.
-    `export` makes of words the source that is exported with them.
+    `export` makes of words, and who makes the pulses (see `switch`), the source that is exported with them.
 
     Raises:
         InputError: a line of the data block that is none, a word that is missing, there with two values, no literal of
@@ -95,8 +100,11 @@ def read_source(text: str, fields: Sequence[WordField], source: str, export: Cal
     return ReadBack(collected.values(), tuple(over), _comparing(text, export) if _program(text) else None)
 
 
-def _comparing(text: str, export: Callable[[Words], str]) -> Callable[[Words], tuple[str, ...]]:
-    return lambda words: first_unlike(_program(text), _program(export(words)))
+def _comparing(text: str, export: Callable[[Words, str], str]) -> Callable[[Words], tuple[str, ...]]:
+    program = _program(text)
+    called = {statement for _, statement in program}
+    by = next((by for by, call in _PULSES.items() if call in called), ANALOG)
+    return lambda words: first_unlike(program, _program(export(words, by)))
 
 
 def _program(text: str) -> list[tuple[int, str]]:
@@ -112,8 +120,9 @@ def _program(text: str) -> list[tuple[int, str]]:
 
 
 def _only(blocks: Sequence[_Block], names: dict[str, WordField], source: str) -> _Block:
-    with_words = [block for block in blocks
-                  if any(member.name.strip('"').upper() in names for member in block.members)]
+    found = [sum(member.name.strip('"').upper() in names for member in block.members) for block in blocks]
+    # an instance of another block may share a name or two
+    with_words = [block for block, count in zip(blocks, found, strict=True) if count and 2 * count >= max(found)]
     if not with_words:
         first = next(iter(names.values()))
         raise InputError(f"{source}: no data block with {first.name}; expected DATA_BLOCK … BEGIN … "

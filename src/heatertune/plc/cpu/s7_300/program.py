@@ -1,0 +1,256 @@
+"""The program around a controller's block, in STL: restart, clock, broken sensor, setpoint, manual, switch.
+
+OB35 ticks; every so many ticks it calls the controller, and each tick the PWM. A broken sensor, or another interval of
+OB35 than the proof's, puts the heater off at once, and the controller begins anew afterwards, as after a restart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from heatertune.plc.core import Sensor, count
+from heatertune.plc.cpu.s7_300 import awl, cells
+from heatertune.plc.cpu.s7_300.cells import Member
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
+from heatertune.plc.cpu.s7_300.ramp import ramp_begins, ramp_moves
+from heatertune.plc.cpu.s7_300.switch import ANALOG, OWN, PULSEGEN, Switching, pwm_block, pwm_members
+from heatertune.plc.ramp import Ramp
+from heatertune.plc.words import Certificate, Words
+
+__all__ = ["DATA", "Program", "by_hand", "counts_of"]
+
+#: numbers of the program's own blocks, free in most programs: data block, FC that begins anew, PWM and its instance
+DATA: Final = 101
+_ANEW: Final = 101
+_PWM: Final = 101
+_PWM_DATA: Final = 102
+_PULSEGEN: Final = 43
+
+#: what the CPU tells an OB at its start: 20 bytes; the interval stands at the tenth
+_TOLD: Final = """\
+VAR_TEMP
+  OB35_EV_CLASS : BYTE ;
+  OB35_STRT_INF : BYTE ;
+  OB35_PRIORITY : BYTE ;
+  OB35_OB_NUMBR : BYTE ;
+  OB35_RESERVED_1 : BYTE ;
+  OB35_RESERVED_2 : BYTE ;
+  OB35_PHASE_OFFSET : WORD ;
+  OB35_RESERVED_3 : INT ;
+  OB35_EXC_FREQ : INT ;  // ms
+  OB35_DATE_TIME : DATE_AND_TIME ;
+  reading : INT ;"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Program:
+    """What the program around knows of a controller's block.
+
+    Attributes:
+        real: whether its output is a REAL in percent, and not 0…27648.
+        setpoint: type, value after loading and meaning of the setpoint that the user enters.
+        output: operand of its output, in its instance.
+        word: operand of the same as an analog value.
+        begins: statements after which it begins from cold.
+        manual: operands of the program's data → statements of a call in manual, before the call.
+        call: operands of the program's data → statements of a call, with the reading in #reading.
+        temporaries: what the statements need beside it, declarations.
+        ramp: of the setpoint; None: none.
+        switch: how the heater is switched.
+    """
+
+    real: bool
+    setpoint: Member
+    output: str
+    word: str
+    begins: list[str]
+    manual: Callable[[Mapping[str, str]], list[str]]
+    call: Callable[[Mapping[str, str]], list[str]]
+    temporaries: tuple[str, ...] = ()
+    ramp: Ramp | None
+    switch: Switching
+
+    @property
+    def blocks(self) -> list[str]:
+        """The source of all blocks that stand before the organization blocks."""
+        made = self.switch.by
+        pwm = pwm_block(_PWM, _PWM_DATA, self.switch, real=self.real) if made == OWN else []
+        return [*pwm, *(self._pulsegen if made == PULSEGEN else []),
+                *cells.block(DATA, "heater: what you set and watch", self._members), *self._anew]
+
+    def restart(self, loads: list[str]) -> list[str]:
+        """Return the source of OB100.
+
+        Args:
+            loads: statements that load the words.
+        """
+        return [
+            "ORGANIZATION_BLOCK OB 100", "TITLE =restart: heater off, controller from cold; manual stays manual",
+            "VERSION : 0.1", "VAR_TEMP", "  told : ARRAY  [1 .. 20 ] OF BYTE ;", "END_VAR", "BEGIN", "NETWORK",
+            "TITLE =words", *loads, f"      CALL  FC {_ANEW};", "END_ORGANIZATION_BLOCK", "",
+        ]
+
+    @property
+    def interrupt(self) -> list[str]:
+        """The source of OB35."""
+        at = self.at
+        return [
+            "ORGANIZATION_BLOCK OB 35", "TITLE =cyclic interrupt: one tick", "VERSION : 0.1", *_TOLD.splitlines(),
+            *(f"  {each} ;" for each in self.temporaries), "END_VAR", "BEGIN",
+            "NETWORK", "TITLE =is this the interval of the proof?",
+            "      L     #OB35_EXC_FREQ;", f"      L     {at['TICK_MS']};", "      <>I   ;",
+            f"      =     {at['WRONG_CLOCK']};", "      JC    off;",
+            "NETWORK", "TITLE =a broken wire reads 32767 or -32768: heater off, begin anew when it is back",
+            "      L     PIW 256;", "      T     #reading;", "      L     32767;", "      ==I   ;",
+            f"      =     {at['FAULT']};", "      JC    off;",
+            "      L     #reading;", "      L     -32768;", "      ==I   ;", f"      =     {at['FAULT']};",
+            "      JCN   good;", f"off:  CALL  FC {_ANEW};", "      BEU   ;",
+            "NETWORK", "TITLE =is the controller due?",
+            f"good: L     {at['TICKS']};", "      L     L#0;", "      >D    ;", "      JC    wait;",
+            f"      A     {at['AUTO']};", "      JC    auto;",
+            "NETWORK", "TITLE =manual", *self.manual(at),
+            *self._begins_again, "      JU    call;",
+            "NETWORK", "TITLE =automatic", "auto: NOP   0;", *self._led,
+            "NETWORK", "TITLE =one call of the controller", "call: NOP   0;", *self.call(at),
+            f"      L     {self.output};", f"      T     {at['POWER']};",
+            "NETWORK", "TITLE =ticks to the next call",
+            f"wait: L     {at['TICKS']};", "      L     L#1;", "      +D    ;", f"      T     {at['TICKS']};",
+            f"      L     {at['PER_CALL']};", "      <D    ;", "      JC    out;", "      L     L#0;",
+            f"      T     {at['TICKS']};",
+            "NETWORK", "TITLE =the heater's switch", "out:  NOP   0;", *self._switched, "END_ORGANIZATION_BLOCK",
+        ]
+
+    @property
+    def at(self) -> Mapping[str, str]:
+        """Name → operand of the program's data."""
+        return cells.operands(DATA, self._members)
+
+    @property
+    def _members(self) -> list[Member]:
+        kind, tick = "REAL" if self.real else "INT", self.switch.tick_ms
+        bits = [
+            Member("AUTO", "BOOL", 0, "yours: 0 manual, 1 automatic"),
+            Member("FAULT", "BOOL", 0, "sensor broken: heater off"),
+            Member("WRONG_CLOCK", "BOOL", 0, "OB 35 has another interval than TICK_MS: heater off"),
+            Member("HEAT", "BOOL", 0, "heater on"),
+        ]
+        ramp = [] if self.ramp is None else [
+            Member("BEGUN", "BOOL", 0, "setpoint ramp under way"), Member("LED", "INT", 0, "setpoint on its ramp"),
+            Member("COUNTDOWN", "INT", 0, "calls to its next step"), Member("LOWEST", "INT", 0, "end of its way back"),
+        ]
+        return [
+            *bits, self.setpoint,
+            Member("POWER", kind, 0, f"yours in manual, {'%' if self.real else f'0..{FULL_SCALE}'}; follows else"),
+            *ramp, Member("TICK_MS", "INT", tick - (65536 if tick > 32767 else 0), "interval of OB 35"),
+            Member("TICKS", "DINT", 0, "since the last call of the controller"),
+            Member("PER_CALL", "DINT", self.switch.per_call, "ticks from one call of it to the next"),
+        ]
+
+    @property
+    def _anew(self) -> list[str]:
+        """Return the function that puts the heater off and lets all begin from cold."""
+        at, made = self.at, self.switch.by
+        zero = awl.real(0.0) if self.real else "0"
+        own = cells.operands(_PWM_DATA, pwm_members(self.switch, real=self.real))
+        pwm = {
+            OWN: ["      L     L#0;", f"      T     {own['TICK']};  // of the period",
+                  f"      T     {own['COUNT']};  // of its ticks on"],
+            PULSEGEN: [f"      CALL  FB {_PULSEGEN} , DB {_PULSEGEN} (", "           COM_RST := TRUE);"],
+            ANALOG: ["      L     0;", "      T     PQW 256;"],
+        }[made]
+        return [
+            f"FUNCTION FC {_ANEW} : VOID", "TITLE =heater off; all begins from cold",
+            "VERSION : 0.1", "BEGIN", "NETWORK", "TITLE =controller", *self.begins,
+            f"      L     {zero};", f"      T     {at['POWER']};", "      L     L#0;", f"      T     {at['TICKS']};",
+            *self._begins_again, "NETWORK", "TITLE =heater", *pwm, "      CLR   ;", f"      =     {at['HEAT']};",
+            *([] if made == ANALOG else _out("CLR   ")), "END_FUNCTION", "",
+        ]
+
+    @property
+    def _begins_again(self) -> list[str]:
+        """Return the statements after which the setpoint's ramp, if there is one, begins at the reading."""
+        return [] if self.ramp is None else ["      CLR   ;", f"      =     {self.at['BEGUN']};"]
+
+    @property
+    def _led(self) -> list[str]:
+        """Return the statements that lead the setpoint, if it is led."""
+        if self.ramp is None:
+            return []
+        at = self.at
+        return [f"      A     {at['BEGUN']};", "      JC    go;", *ramp_begins(self.ramp, at), "      SET   ;",
+                f"      =     {at['BEGUN']};", "go:   NOP   0;", *ramp_moves(self.ramp, at)]
+
+    @property
+    def _switched(self) -> list[str]:
+        at, by = self.at, self.switch.by
+        if by == ANALOG:
+            return [f"      L     {self.word};", "      T     PQW 256;"]
+        if by == OWN:
+            return [f"      CALL  FB {_PWM} , DB {_PWM_DATA} (", f"           POWER := {self.output},",
+                    f"           HEAT := {at['HEAT']});", *_out(f"A     {at['HEAT']}")]
+        share = [] if self.real else [
+            f"      L     {self.output};", "      ITD   ;", "      DTR   ;", f"      L     {awl.real(100.0)};",
+            "      *R    ;", f"      L     {awl.real(FULL_SCALE)};", "      /R    ;", "      T     #share;"]
+        return [
+            *share, f"      CALL  FB {_PULSEGEN} , DB {_PULSEGEN} (",
+            f"           INV := {self.output if self.real else '#share'},", "           STEP3_ON := FALSE,",
+            "           ST2BI_ON := FALSE,", "           SYN_ON := FALSE,", "           COM_RST := FALSE,",
+            f"           QPOS_P := {at['HEAT']});", *_out(f"A     {at['HEAT']}"),
+        ]
+
+    @property
+    def _pulsegen(self) -> list[str]:
+        """Return the instance of PULSEGEN: what is not said here has the block's own default."""
+        tick = self.switch.tick_ms
+        return [
+            f"DATA_BLOCK DB {_PULSEGEN}", "TITLE =instance of the heater's PWM", "VERSION : 0.1", f"FB {_PULSEGEN}",
+            "BEGIN", f"  PER_TM := T#{tick * self.switch.per_period}MS ;",
+            f"  P_B_TM := T#{self.switch.shortest_ms}MS ;", "  STEP3_ON := FALSE ;", "  ST2BI_ON := FALSE ;",
+            "  SYN_ON := FALSE ;", f"  CYCLE := T#{tick}MS ;", "END_DATA_BLOCK", "",
+        ]
+
+
+def counts_of(words: Words, temperature_degC: float) -> int:
+    """Return the analog value of a temperature."""
+    return count(Sensor(words.scaling.low_degC, words.scaling.span_degC, FULL_SCALE), temperature_degC)
+
+
+def by_hand(words: Words, certificate: Certificate, switch: Switching, *blocks: str) -> list[str]:
+    """Return the facts about clock and switch, and what remains to be done by hand, numbered.
+
+    Args:
+        words: that are exported.
+        certificate: of their proof.
+        switch: as the program has it.
+        blocks: of the Standard Library that have to be there, and what else is the controller's own, a step each.
+    """
+    analog, setpoint = switch.by == ANALOG, certificate.setpoint_degC
+    addresses = (
+        "PIW 256 in OB 35, PQW 256 in OB 35 and FC 101; the switch behind this analog output is yours, as proven"
+        if analog else "PIW 256 in OB 35, Q 4.0, QB 4 and PQB 4 in OB 35 and FC 101; keep that byte for the heater: "
+        "OB 35 writes all of it at once, not at the end of OB 1")
+    steps = [
+        *blocks,
+        f"hardware configuration: OB 35 every {switch.tick_ms} ms; at another interval the heater stays off "
+        f"(WRONG_CLOCK of DB {DATA}); without an OB 80 an OB 35 that takes longer stops the CPU",
+        f"put your addresses: {addresses}",
+        f"analog input: a nominal range (mA, V), 0..{FULL_SCALE} = the sensor range, with wire-break check; "
+        "thermocouple and RTD ranges give 0.1 degC per digit and do not fit",
+        f"begin in manual: AUTO of DB {DATA} is 0 after loading; a restart leaves it as it was (the block is "
+        "retentive), clears the manual power and begins from cold",
+        f"setpoint: SP of DB {DATA} is loaded {'as the lowest' if setpoint is None else 'as proven'}; another one is "
+        "not proven",
+    ]
+    clock = "each tick" if switch.per_call == 1 else f"every {switch.per_call} ticks"
+    missing = f"; the PWM is not in this program: {switch.why}" if analog else ""
+    return [
+        f"TA: the controller is called every {1000 * words.sample_time_s:g} ms, {clock} of OB 35{missing}",
+        "remains to be done by hand:", *(f"  {number}. {step}" for number, step in enumerate(steps, start=1)),
+    ]
+
+
+def _out(state: str) -> list[str]:
+    """Return the statements that write the heater's output at once: OB1 would write it at its end."""
+    return [f"      {state};", "      =     Q 4.0;", "      L     QB 4;", "      T     PQB 4;"]
