@@ -70,7 +70,8 @@ class Controller(ABC):
             wrong; None: words cannot be read back.
         tolerated: as `consistent`, for words that were read from a machine: what its manual allows under a condition of
             the process raises nothing; None: as `consistent`.
-        exported: (files of the export, assumptions) → the program that runs; None: no CPU here runs it.
+        exported: (files of the export, assumptions) → the program that runs, None where its text is of other
+            ones; None: no CPU here runs it.
         text: text that a programming tool saves or prints, the sampling interval [s] (None: the words tell it) and a
             name for error messages → the words; None: they cannot be read back from text.
         oddities: what is odd about a running controller's words, one sentence each; None: nothing is known to be.
@@ -112,7 +113,7 @@ class Controller(ABC):
     consistent: ClassVar[staticmethod[[Words], None] | None] = None
     image: ClassVar[staticmethod[[bytes, float, str], Mapping[str, Number]] | None] = None
     tolerated: ClassVar[staticmethod[[Words], None] | None] = None
-    exported: ClassVar[type[Exported] | None] = None
+    exported: ClassVar[staticmethod[[Mapping[str, str | bytes], Any], Exported | None] | None] = None
     text: ClassVar[staticmethod[[str, float | None, str], ReadBack] | None] = None
     oddities: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     faults: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None

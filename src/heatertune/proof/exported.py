@@ -36,6 +36,8 @@ def departure(controller: Controller, words: Words, trace: Trace) -> str | None:
         return None
     told = Certificate(verdict="PASS", setpoint_degC=trace.setpoint_degC, actuator=trace.actuator)
     text = controller.exported(controller.export(words, told), assumed(controller.assumptions, trace.switches))
+    if text is None:
+        return None
     outputs: dict[Number, float] = {}
     return _of_calls(controller, words, trace, text, outputs) or _of_pulses(words, trace, text, outputs)
 

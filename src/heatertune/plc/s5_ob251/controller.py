@@ -58,7 +58,7 @@ class Ob251(Controller, name="s5-ob251"):
     export, typed = staticmethod(export_words), staticmethod(typed)
     image, oddities = staticmethod(from_image), staticmethod(oddities)
     text, tolerated = staticmethod(from_text), staticmethod(tolerated)
-    exported = ExportedS5
+    exported = staticmethod(ExportedS5)
     scan_all, most_gain, feed = staticmethod(scan), staticmethod(most_gain), FEED
 
     def begin(self, words: Words, assume: Assumptions) -> Running:

@@ -97,7 +97,7 @@ def _word(number: int) -> int:
     return (number + 0x8000) % 0x10000 - 0x8000
 
 
-def _statement(  # noqa: PLR0911 - one return for each kind of statement
+def _statement(  # noqa: C901, PLR0911, PLR0912 - one branch for each kind of statement
     line: _Line, place: int, labels: Mapping[str, int], known: set[str]
 ) -> _Statement:
     """Return what a statement does.
@@ -138,7 +138,8 @@ def _statement(  # noqa: PLR0911 - one return for each kind of statement
         case "A", "I":
             return _asked(operand, then)
         case ("TB" | "SU" | "RU"), "D" if re.fullmatch(r"\d+\.\d+", rest):
-            return _bit(name, *map(int, rest.split(".")), then)
+            number, _, bit = rest.partition(".")
+            return _bit(name, int(number), int(bit), then)
     raise InputError(f"statement {' '.join((name, operand)).strip()!r}; this is none that is known here")
 
 
