@@ -5,15 +5,19 @@
 A fault is an operator turned (< to <=, + to -, * to /, and to or, not left out), a whole number one more or less, a
 switch turned over, min for max, or a statement left out; nothing is planted in annotations, decorators and the texts of
 errors. All this happens in a copy of the checkout. Of each fault is printed: killed or SURVIVED, place, what was changed.
-Known to change nothing: mutants.txt beside this file; these are counted for themselves. Ends with status 1 where another
-survives. What it runs is drawn by the seed, so a longer run goes on where a shorter one ends.
+Known to change nothing: mutants.txt beside this file, a line for each: file | line of the source | column in it: what was
+changed # reason; these are counted for themselves, and one whose fault is no longer there is told. Ends with status 1 where
+another survives; what had to be stopped for its time is told as endless, and counted as killed.
+What it runs is drawn by the seed, so a longer run goes on where a shorter one ends.
 """
 
 import argparse
 import ast
 import compileall
+import contextlib
 import copy
 import importlib
+import io
 import os
 import random
 import shutil
@@ -31,7 +35,7 @@ MUTATED = ("plc/**/*.py", "proof/judge.py", "proof/criteria.py", "proof/verdict.
 #: the search for words and what the fit supposes: tested beside pid, model and chain, by long tests
 NOT_HERE = ("choose", "choice", "promise", "design", "laws", "commissioning")
 TESTS = ("tests/plc", "tests/golden", *(f"tests/proof/test_{name}.py" for name in (
-    "judge", "verdict", "prove", "exact_measures", "sampled", "trace", "symptoms", "interlock", "loop", "scenario", "pwm")))
+    "judge", "verdict", "prove", "exact_measures", "sampled", "trace", "symptoms", "interlock", "loop", "scenario")))
 #: imported before the copies are made of this process, for each would load them anew
 SLOW_TO_LOAD = ("pytest", "numpy", "scipy.signal", "scipy.optimize", "control", "numba", "hypothesis", "matplotlib", "awlsim", "pandas")
 LONGEST_S = 15.0  # of the tests of one fault; what takes much longer has no end
@@ -184,6 +188,16 @@ def run(arguments, plugins=()):
     return int(pytest.main([*plain, *arguments], plugins=list(plugins)))
 
 
+def load_once(tests):
+    """Import what every copy of this process needs, and rewrite the tests' assertions on disk; keep nothing of heatertune."""
+    for name in SLOW_TO_LOAD:
+        importlib.import_module(name)
+    with contextlib.redirect_stdout(io.StringIO()):
+        run(["--collect-only", *tests])
+    for name in [name for name in sys.modules if name.partition(".")[0] in ("heatertune", "tests")]:
+        del sys.modules[name]
+
+
 def map_tests(copied, kept):
     """Return (file, first line of function) → tests, and test → seconds, by one run of all fast tests."""
     place = kept or copied / "entered.txt"
@@ -227,7 +241,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--minutes", type=float, default=20.0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="part of the file's path")
+    parser.add_argument("--only", nargs="+", default=[""], help="parts of files' paths: those that have one of them")
     parser.add_argument("--map", type=Path, help="where the map from functions to tests is kept for the next run")
     parser.add_argument("--tests", nargs="+", help="run these for each fault, not those that enter its place")
     parser.add_argument("--again", type=Path, help="a former run's output: its survivors only")
@@ -240,8 +254,7 @@ def main():
         os.environ |= {"PYTHONPATH": f"{copied / 'src'}", "HEATERTUNE_CACHE": f"{copied / 'cache'}"}
         sys.path[:0] = [str(copied / "src"), str(copied)]
         compileall.compile_dir(copied / "src", quiet=2)
-        for name in SLOW_TO_LOAD:
-            importlib.import_module(name)
+        load_once(asked.tests or TESTS)
         raise SystemExit(attacked(copied, asked, end))
 
 
@@ -249,13 +262,20 @@ def attacked(copied, asked, end):
     """Plant until the time is up, print each fault; return 1 where one survives that is not known to change nothing."""
     status, tests, took = (0, {}, {}) if asked.tests else map_tests(copied, asked.map)
     sys.dont_write_bytecode = True
+    if not took and not asked.tests:
+        raise SystemExit(f"no test ran, pytest ended with status {status}")
     print(f"{len(took)} tests in {sum(took.values()):.0f} s, status {status}", flush=True)
     trees = {path: ast.parse(path.read_text()) for pattern in MUTATED for path in sorted((copied / SOURCE).glob(pattern))
              if path.stem not in NOT_HERE or path.parent.name not in ("plc", "s7_200_paper")}
-    every = [(path, *fault) for path, tree in trees.items() if asked.only in str(path) for fault in faults(tree)]
+    every = [(path, *fault) for path, tree in trees.items()
+             if any(part in str(path.relative_to(copied / SOURCE)) for part in asked.only) for fault in faults(tree)]
     random.Random(asked.seed).shuffle(every)
     survivors = None if asked.again is None else {line.partition("SURVIVED ")[2] for line in asked.again.read_text().splitlines() if "SURVIVED " in line}
-    same = {line.partition(" # ")[0] for line in EQUIVALENT.read_text().splitlines()} if EQUIVALENT.exists() else set()
+    same = {line.rpartition(" # ")[0] for line in EQUIVALENT.read_text().splitlines()} if EQUIVALENT.exists() else set()
+    sources = {path: path.read_text().splitlines() for path in trees}
+    planted_here = {_known_as(path.relative_to(copied / SOURCE), sources[path], fault[2], fault[4]) for path, *fault in every}
+    for stale in sorted(line for line in same - planted_here if any(part in line.partition(" | ")[0] for part in asked.only)):
+        print(f"no longer there: {stale}")
     counts = Counter()
     for path, place, which, at, first, text in every:
         if time.monotonic() > end:
@@ -263,17 +283,25 @@ def attacked(copied, asked, end):
         label = f"{path.relative_to(copied / SOURCE)}:{at}: {' '.join(text.split())}"
         if survivors is not None and label not in survivors:
             continue
-        outcome = "equal" if label in same else struck(
+        known = _known_as(path.relative_to(copied / SOURCE), sources[path], at, text)
+        outcome = "equal" if known in same else struck(
             path, planted(trees[path], place, which), *((asked.tests, LONGEST_S) if asked.tests else chosen(tests, took, path, first)))
         counts[outcome] += 1
         print(f"{outcome} {label}", flush=True)
-    ran = counts["killed"] + counts["SURVIVED"]
-    print(f"{len(every)} faults, {sum(counts.values())} run: {dict(counts)}; killed {100.0 * counts['killed'] / max(ran, 1):.1f} %")
+    killed = counts["killed"] + counts["endless"]
+    print(f"{len(every)} faults, {sum(counts.values())} run: {dict(counts)}; killed {100.0 * killed / max(killed + counts['SURVIVED'], 1):.1f} %")
     return int(counts["SURVIVED"] > 0)
 
 
+def _known_as(path, lines, at, text):
+    """Return what a fault is called in mutants.txt, which outlives changes elsewhere in the file."""
+    line, column = map(int, at.split(":"))
+    plain = lines[line - 1]
+    return f"{path} | {plain.strip()} | {column - len(plain) + len(plain.lstrip())}: {' '.join(text.split())}"
+
+
 def struck(path, source, tests, total):
-    """Return "killed" or "SURVIVED" of a file with a fault."""
+    """Return "killed", "endless" (stopped for its time) or "SURVIVED" of a file with a fault."""
     if not tests:
         return "SURVIVED"
     plain = path.read_text()
@@ -281,7 +309,8 @@ def struck(path, source, tests, total):
         stale.unlink()
     path.write_text(source)
     try:
-        return "SURVIVED" if in_a_child(lambda: run(tests), 20.0 + 5.0 * total) == 0 else "killed"
+        status = in_a_child(lambda: run(tests), 20.0 + 5.0 * total)
+        return "SURVIVED" if status == 0 else "endless" if status is None else "killed"
     finally:
         path.write_text(plain)
 

@@ -200,7 +200,8 @@ def test_an_integral_part_that_only_the_last_derivative_lifts_over_a_limit_is_le
         state = ROOM.start(_words(), {}).state._replace(integral=120.0 * sign, feedback=-200.0 * sign, before=50.0 * sign)
         left = call(limits, Assumptions(), state._replace(derivative=150.0 * sign), -50.0 * sign, 0.0)
         taken = call(limits, Assumptions(), state, -50.0 * sign, 0.0)
-        assert (left.integral, taken.integral) == (120.0 * sign, 100.0 * sign)
+        at_limit = call(limits, Assumptions(), state._replace(derivative=120.0 * sign), -50.0 * sign, 0.0)  # 220 − 120: not beyond
+        assert (left.integral, at_limit.integral, taken.integral) == (120.0 * sign, 120.0 * sign, 100.0 * sign)
         assert left.output == taken.output == 100.0 * sign
 
 

@@ -199,6 +199,27 @@ def test_ticks_of_10_ms_switch_the_output_at_once(machine, tmp_path, target):
     assert all(output == image for output, _, image in outputs)
 
 
+@pytest.mark.parametrize("target", ["s7-300", "fb41"])
+def test_a_period_keeps_the_power_that_it_began_with(machine, tmp_path, target):
+    # the period is longer than TA: what is asked for in between waits for the next one, as in the proof
+    _loaded(machine, target, tmp_path, Actuator(pwm_period_s=8.0, resolution_s=1.0))
+    _asked(machine, target, 6912 if target == "s7-300" else 25.0)
+    outputs = [machine.tick(1000, 5000)[0] for _ in range(3)]
+    machine.write(DATA if target == "s7-300" else 41, **({"POWER": 20736} if target == "s7-300" else {"LMN": 75.0}))
+    outputs += [machine.tick(1000, 5000)[0] for _ in range(13)]
+    assert outputs == [1, 1, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 0, 0]
+
+
+def test_a_restart_in_manual_clears_the_power_that_cont_c_gets_by_hand(machine, tmp_path):
+    _loaded(machine, "fb41", tmp_path, Actuator(pwm_period_s=1.0), ta=1.0)
+    machine.write(DATA, POWER=40.0)
+    machine.write(41, LMN=40.0)
+    assert machine.tick(10, 5000)[0] == 1
+    assert (machine.read(41, "MAN_ON"), machine.read(41, "MAN")) == (1, 40.0)
+    machine.restart()
+    assert machine.read(DATA, "POWER") == 0.0
+
+
 def test_a_call_comes_every_so_many_ticks(machine, tmp_path):
     _loaded(machine, "s7-300", tmp_path, Actuator(pwm_period_s=4.0, resolution_s=0.5))
     readings = []

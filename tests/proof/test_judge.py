@@ -1,6 +1,7 @@
 import json
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.values import Margins
 from heatertune.proof import Actuator, Criterion, Limits, Load, Scenario, TemperatureStep, Trace, judge
 from heatertune.proof.criteria import worst_of
+from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import _stays_within
-from heatertune.proof.scenario import Phase
+from heatertune.proof.scenario import Led, Mains, NewSetpoint, Phase, PlcPower
 
 PERIOD = 0.05
 AMBIENT, SETPOINT = 20.0, 60.0
@@ -86,6 +88,11 @@ def test_what_never_settles_fails_and_is_null_in_json():
     found = _judged(_trace(lambda _t: 50.0, 200.0))["settling_time"]
     assert (found.value, found.ok, found.strain) == (math.inf, False, math.inf)
     assert json.loads(json.dumps(found.to_document(), allow_nan=False))["value"] is None
+
+
+@pytest.mark.parametrize(("degC", "settles_s"), [(56.0, 0.0), (64.0, 0.0), (55.999, math.inf), (64.001, math.inf)])
+def test_the_edge_of_the_band_is_within_it(degC, settles_s):
+    assert _judged(_trace(lambda _t: degC, 20.0), tolerance_degC=4.0)["settling_time"].value == settles_s
 
 
 @pytest.mark.parametrize(("offset", "ok"), [(0.79, True), (-0.79, True), (0.81, False), (-0.81, False)])
@@ -187,10 +194,43 @@ def test_margins_are_judged(margins, fails):
     assert {name for name, each in found.items() if not each.ok} == fails
 
 
+@pytest.mark.parametrize(("cut_s", "trips"), [(math.inf, 0.0), (70.0, 1.0)])
+def test_an_interlock_that_switches_off_for_good_fails_and_one_that_never_does_passes(cut_s, trips):
+    guarded = replace(_trace(_first_order, 200.0), interlock=Interlock(name="heater-fan", limit_degC=90.0), cut_s=cut_s)
+    found = _judged(guarded)["interlock_trips"]
+    assert (found.value, found.limit, found.ok) == (trips, 0.0, trips == 0.0)
+
+
 def test_without_a_limit_a_number_is_told_and_not_judged():
     margins = Margins(ms=5.0, mt=4.0, gain_margin=1.1, phase_margin_deg=5.0)
     found = _judged(_trace(_first_order, 200.0), margins, ms=None, gain_margin=None, phase_margin_deg=None)
     assert (found["ms"].value, found["ms"].ok, found["ms"].strain) == (5.0, True, 0.0)
+
+
+@pytest.mark.parametrize(("value", "limit", "at_least", "strain"), [
+    (1.0, 2.0, False, 0.5), (3.0, 2.0, False, 1.5), (0.25, 0.5, False, 0.5), (0.75, 0.5, False, 1.5), (-1.0, 2.0, False, 0.0),
+    (1.0, 0.0, False, math.inf), (0.0, 0.0, False, 0.0), (math.inf, 2.0, False, math.inf), (math.inf, None, False, 0.0),
+    (4.0, 2.0, True, 0.5), (1.0, 2.0, True, 2.0), (0.5, 0.25, True, 0.5), (0.0, 2.0, True, math.inf), (-1.0, 2.0, True, math.inf),
+    (math.inf, 2.0, True, 0.0), (0.0, 0.0, True, 0.0), (math.nan, None, False, math.inf), (math.nan, None, True, math.inf),
+])
+def test_the_strain_is_the_share_of_the_limit_that_is_used(value, limit, at_least, strain):
+    assert Criterion(name="x", value=value, limit=limit, unit="1", what="", at_least=at_least).strain == strain
+
+
+@pytest.mark.parametrize(("limit", "at_least", "worst"), [(None, False, 3.0), (None, True, -1.0), (2.0, False, 3.0), (2.0, True, -1.0)])
+def test_the_worst_is_the_largest_or_where_it_should_reach_something_the_smallest(limit, at_least, worst):
+    found = [Criterion(name="x", value=value, limit=limit, unit="1", what="", at_least=at_least) for value in (1.0, 3.0, -1.0)]
+    assert worst_of(found).value == worst
+    for one in found:
+        assert one.view.keeps(one.value) is one.ok
+
+
+@pytest.mark.parametrize(("given", "settles_s"), [
+    ({}, 45.0), ({"soak_settling_s": 20.0}, 20.0), ({"soak_settling_pct": 10.0}, 9.0), ({"soak_settling_s": 20.0, "soak_settling_pct": 10.0}, 9.0),
+    ({"soak_settling_s": 7.0, "soak_settling_pct": 10.0}, 7.0), ({"soak_settling_pct": 0.0}, 0.0), ({"soak_settling_s": 80.0}, 80.0),
+])
+def test_a_soak_of_90_s_settles_in_the_sooner_of_what_is_given_else_in_half_of_it(given, settles_s):
+    assert Limits(**given).soak_settles_s(90.0) == settles_s
 
 
 numbers = st.one_of(st.floats(-1e3, 1e3), st.just(math.inf))
@@ -226,3 +266,78 @@ def test_a_ramp_is_judged_against_the_setpoint_asked_for():
     assert found["iae"].value == pytest.approx(40.0 * 20.0 / 2.0, rel=0.01)
     assert found["settling_time"].value == pytest.approx(20.0 - TWO_PERCENT / 2.0, abs=0.1)
     assert found["overshoot"].value == 0.0
+
+
+TAU = 10.0
+STORY = (Mains(time_s=120.0, share=0.0), Mains(time_s=150.0, share=1.0), TemperatureStep(time_s=210.0, temperature_degC=-6.0),
+         NewSetpoint(time_s=260.0, setpoint_degC=70.0), PlcPower(time_s=300.0, on=False), PlcPower(time_s=320.0, on=True),
+         Led(time_s=380.0, from_degC=70.0, setpoint_degC=80.0, duration_s=10.0),
+         Led(time_s=420.0, from_degC=80.0, setpoint_degC=80.0, duration_s=60.0))
+#: of each phase of the story: its end, how long it rests at the end, and its setpoint
+PHASES = {"heat-up": (120, 30, 60), "open": (150, 0, 60), "reheat": (210, 25, 60), "recovery": (260, 20, 60), "change": (300, 15, 70),
+          "unsupplied": (320, 0, 70), "restart": (380, 25, 70), "ramp": (420, 0, 80), "soak": (480, 20, 80)}
+
+
+def _any_run(chance):
+    """A run of the story along random exponentials, near the setpoints from 30 s on, and powers at and beside the limits."""
+    scans = np.arange(0.0, 481.0, 2.0)
+    starts = np.unique(np.concatenate([[0.0], np.cumsum(chance.uniform(0.5, 4.0, 230)), [event.time_s for event in STORY]]))
+    starts, rows, temperature = starts[starts < 480.0], [], AMBIENT
+    for start, end in pairwise([*starts, 480.0]):
+        setpoint = next(setpoint for end_s, _, setpoint in PHASES.values() if start < end_s)
+        temperature += -6.0 if start == 210.0 else 0.0
+        target = setpoint + chance.uniform(-9.0, 9.0) * (1.0 if start > 30.0 else 4.0)
+        rows.append((start, temperature, temperature, target))
+        temperature = target + (temperature - target) * math.exp((start - end) / TAU)
+    asked = chance.choice([-0.5, 0.0, 0.4, 50.0, 99.6, 100.0, 100.4, math.nan], len(scans))
+    return Trace(
+        time_s=scans, temperature_degC=scans, reading_degC=scans, followed_degC=scans, power_asked_pct=asked,
+        edge_time_s=np.arange(9.0), edge_on=np.arange(9) % 2 == 0, stretches=np.array(rows),
+        model=Fopdt(gain_degC_per_pct=1.0, time_constant_s=TAU, dead_time_s=1.0, ambient_degC=AMBIENT),
+        scenario=Scenario(setpoint_degC=SETPOINT, duration_s=480.0, disturbances=STORY, rests_s=tuple(rest for _, rest, _ in PHASES.values())),
+        actuator=Actuator(pwm_period_s=4.0), flags={"SM1.1": 2, "running": 5})
+
+
+def _sampled(trace, band):
+    """What the words of each criterion say, on samples a millisecond apart."""
+    starts, first, _, target = trace.stretches.T
+
+    def at(times):
+        row = np.searchsorted(starts, times, "right") - 1
+        return target[row] + (first[row] - target[row]) * np.exp((starts[row] - times) / TAU)
+
+    def error(begin, end, setpoint):
+        return at(np.arange(begin, end, 0.001)) - setpoint
+
+    seen, found, begin, iae, rest_of = {}, {}, 0, 0.0, []
+    for kind, (end, rest, setpoint) in PHASES.items():
+        seen[kind] = error(begin, end, setpoint)
+        outside = np.flatnonzero(np.abs(seen[kind]) > band)
+        settled = 0.0 if len(outside) == 0 else math.inf if outside[-1] == len(seen[kind]) - 1 else (outside[-1] + 1) * 0.001
+        name = {"heat-up": "settling"}.get(kind, kind)
+        found |= {f"{name}_time": settled, "overshoot" if kind == "heat-up" else f"{kind}_overshoot": max(0.0, seen[kind].max()) / 40.0 * 100.0}
+        if kind not in ("open", "unsupplied", "ramp", "soak"):
+            rest_of.append(error(end - rest, end, setpoint))
+            iae += np.abs(seen[kind]).sum() * 0.001
+        begin = end
+    line = seen["ramp"] + np.maximum(10.0 - np.arange(0.0, 40.0, 0.001), 0.0)
+    nodes = np.union1d(trace.time_s, starts)
+    cycles = [at(nodes[(nodes >= 90 + 4 * n) & (nodes < 94 + 4 * n + 2.001 * (n == 6))]) for n in range(7)]
+    supplied = trace.power_asked_pct[(trace.time_s < 300.0) | (trace.time_s >= 320.0)]
+    return found | {
+        "iae": iae, "steady_offset": max(abs(e.mean()) for e in rest_of), "limit_cycle": max(np.ptp(e) for e in rest_of) / 2.0,
+        "pwm_ripple": float(np.median([np.ptp(cycle) for cycle in cycles])), "deviation": -min(0.0, seen["recovery"].min()),
+        "ramp_overshoot": max(0.0, seen["ramp"].max(), seen["soak"].max()) / 10.0 * 100.0, "ramp_deviation": np.abs(line).max(),
+        "peak": 80.0 + max(seen["ramp"].max(), seen["soak"].max()), "soak_deviation": np.abs(error(460, 480, 80)).max(),
+        "saturation": 100.0 * sum(power <= 0.0 or power >= 100.0 for power in supplied) / len(supplied), "switchings": 5 / 480 * 3600,
+        "overflow": 2 + sum(map(math.isnan, supplied)),
+    }
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_any_course_through_a_whole_story_measures_what_its_samples_show(seed):
+    trace, band = _any_run(np.random.default_rng(seed)), 4.0 + 1.5 * (seed % 3)
+    expected = _sampled(trace, band)
+    found = {name: each.value for name, each in _judged(trace, tolerance_degC=band).items()}
+    assert found.pop("power_reserve") == 100.0 - (80.0 - AMBIENT)
+    assert found == pytest.approx({name: expected[name] for name in found}, rel=1e-3, abs=0.01)

@@ -6,13 +6,15 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from heatertune.errors import ExportRefused, InputError, UnknownName
+from heatertune.errors import DocumentError, ExportRefused, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding
 from heatertune.pid.loop.robustness import margins
 from heatertune.proof import Actuator, Criterion, Limits, paper_scenario, prove_models
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.measured import Column
-from heatertune.proof.verdict import Heard, combined, told_of, verdict_line, verdict_of_samples
+from heatertune.proof.period import life
+from heatertune.proof.specification import GENERAL
+from heatertune.proof.verdict import Heard, HeardView, combined, derived, told_of, verdict_line, verdict_of_samples
 from heatertune.proof.words_file import certificate, demand_same_words
 
 PWM = Actuator(pwm_period_s=10.0)
@@ -202,3 +204,71 @@ def test_a_proof_is_of_these_words_where_all_that_makes_them_is_the_same(field, 
         return
     with pytest.raises(ExportRefused, match=rf"proof\.json: the proof of other words \({field}\); prove these first"):
         demand_same_words(words, proof | {field: other}, "proof.json")
+
+
+def _document(**changed):
+    """A proof's document, but for what its verdict does not hear."""
+    plain = {"verdict": "PASS", "scenario": {"setpoint_degC": 50.0}, "runs": [{"model": name} for name in ("a", "a", "b")],
+             "criteria": {"ms": {"ok": True}, "gain_margin": {"ok": True}}, "findings": [], "assumed": {}, "remarks": [], "not_tested": []}
+    return plain | changed
+
+
+def _samples(passing, *shares):
+    settings = [{"switches": {"sum": name, "edge": "on"}, "passing": share} for name, share in zip("xyz", shares, strict=False)]
+    return {"passing": passing, "quantile": 0.95, "count": 200, "settings": settings}
+
+
+POOR = {"name": "poor-fit", "accepted": False, "told": "", "effect": "blocks"}
+BROKEN = {"ms": {"ok": False}, "gain_margin": {"ok": True}, "phase_margin": {"ok": False}}
+
+
+@pytest.mark.parametrize(("changed", "verdict"), [
+    ({}, "PASS"), ({"verdict": "FAIL"}, "PASS"), ({"criteria": BROKEN}, "FAIL"), ({"findings": [POOR]}, "NOT PROVEN"),
+    ({"findings": [POOR | {"accepted": True}]}, "PASS"), ({"findings": [POOR | {"name": "one-level"}]}, "PASS"),
+    ({"findings": [POOR], "criteria": BROKEN}, "FAIL"), ({"samples": _samples(0.95, 0.95)}, "PASS"), ({"samples": _samples(0.94, 0.94)}, "FAIL"),
+    ({"samples": _samples(0.97, 0.97, None)}, "NOT PROVEN"), ({"samples": _samples(0.97, 0.94, 1.0)}, "FAIL"), ({"samples": None}, "PASS"),
+    ({"samples": _samples(1.0, 1.0), "findings": [POOR]}, "NOT PROVEN"), ({"samples": _samples(1.0, 1.0), "criteria": BROKEN}, "FAIL"),
+])
+def test_the_verdict_follows_from_limits_findings_and_samples_whatever_the_document_calls_it(changed, verdict):
+    assert derived(_document(**changed)) == verdict
+
+
+@pytest.mark.parametrize(("changed", "line"), [
+    ({}, ""), ({"criteria": BROKEN}, "; not kept: ms, phase margin"), ({"samples": _samples(0.975, 0.975)}, "; 97.5 % of 200 samples keep every limit"),
+    ({"samples": _samples(0.9, 1.0, 0.9, 0.95)}, "; 90 % of 200 samples keep every limit under sum = y, edge = on"),
+    ({"samples": _samples(0.9, 0.9, None)}, "; 90 % of 200 samples keep every limit"), ({"samples": None}, ""),
+    ({"findings": [POOR]}, "; no model explains the log well (poor-fit): log the power, and keep doors and fans still, or --accept poor-fit"),
+    ({"findings": [POOR | {"accepted": True}] + [POOR | {"name": "one-level"}] * 2, "assumed": {"dead_time_at_most_s": 8.0}, "remarks": ["by hand"],
+      "not_tested": ["noise", "restart"]},
+     "; taken as known: dead time at most 8 s; accepted: no model explains the log well; the log knows one level of power, so that the heater is "
+     "linear is assumed; by hand; not tested: noise, restart"),
+    ({"specification": {"name": GENERAL, "changed": [], "limits": {}}}, ""),
+    ({"specification": {"name": "oven", "changed": [], "limits": {}, "profile": None}}, "; specification oven"),
+    ({"specification": {"name": GENERAL, "changed": ["overshoot", "ms"], "limits": {"overshoot": ["10 %", "2 °C"], "ms": []}}},
+     "; own limits: overshoot 10 % and 2 °C, ms none"),
+    ({"criteria": {"switchings": {"ok": True, "value": 1000.4}}}, "; 1000 switchings/h (a contactor lasts LIFE)"),
+])
+def test_the_line_tells_extent_limits_samples_findings_and_specification_in_this_order(changed, line):
+    expected = f"PASS at 50 °C in 3 runs on 2 possible heaters{line}".replace("LIFE", life("contactor", 1000.4))
+    assert verdict_line(_document(**changed)) == expected
+
+
+@pytest.mark.parametrize(("name", "effect", "accepted", "refused"), [
+    ("poor-fit", "blocks", False, None), ("poor-fit", "blocks", True, None), ("one-level", "told", False, None),
+    ("poor-fit", "told", False, "effect: 'told'; a finding poor-fit blocks"), ("one-level", "told", True, "accepted: a finding one-level blocks nothing"),
+])
+def test_a_finding_read_from_a_document_has_the_effect_of_its_name_and_is_accepted_where_it_blocks(name, effect, accepted, refused):
+    if refused is None:
+        assert HeardView(name=name, effect=effect, told="", accepted=accepted).accepted is accepted
+        return
+    with pytest.raises(DocumentError, match=refused):
+        HeardView(name=name, effect=effect, told="", accepted=accepted)
+
+
+@pytest.mark.parametrize(("verdicts", "one"), [
+    (["PASS"], "PASS"), (["PASS", "NOT PROVEN"], "NOT PROVEN"), (["FAIL", "NOT PROVEN"], "FAIL"), (["PASS", "FAIL"], "FAIL"),
+])
+def test_of_several_verdicts_the_worst_counts_and_nothing_else_is_one(verdicts, one):
+    assert combined(verdicts) == one
+    with pytest.raises(InputError, match="expected PASS, NOT PROVEN or FAIL, got 'maybe'"):
+        combined([*verdicts, "maybe"])

@@ -88,17 +88,15 @@ def _phase(trace: Trace, number: int, phase: Phase, band: float) -> list[float]:
 
 
 def _lag(trace: Trace, number: int, times: Array) -> float:
-    """Return the largest distance from a setpoint that moves in a phase [°C], 0 where it does not."""
-    event = trace.scenario.disturbances[number - 1] if number > 0 else None
-    if not isinstance(event, Led) or event.degC_per_s == 0.0:
+    """Return the largest distance from a setpoint that is led in a phase [°C], 0 where it is not."""
+    event = (None, *trace.scenario.disturbances)[number]
+    if not isinstance(event, Led):
         return 0.0
     asked = np.interp(times - event.time_s, [0.0, event.duration_s], [event.from_degC, event.setpoint_degC])
     return float(np.abs(trace.temperature_at(times) - asked).max())
 
 
 def _rest(trace: Trace, phase: Phase) -> list[float]:
-    if phase.rest_s >= phase.end_s:
-        return [0.0, 0.0, 0.0]
     times, error = _error(trace, phase, phase.rest_s)
     return [float(_integrals(trace, phase, times).sum()), float(error.max()), float(error.min())]
 
@@ -112,7 +110,7 @@ def _stays_within(trace: Trace, phase: Phase, times: Array, error: Array, band: 
     if last == len(times) - 1:
         return math.inf
     edge = np.array([phase.setpoint_degC + math.copysign(band, error[last])])
-    return float(_halved(trace, times[last : last + 1], times[last + 1 : last + 2], edge)[0])
+    return float(_halved(trace, times[[last]], times[[last + 1]], edge).item())
 
 
 def _halved(trace: Trace, low_s: Array, high_s: Array, levels_degC: Array) -> Array:
@@ -134,7 +132,7 @@ def _ripple(trace: Trace, phase: Phase, period: float) -> float:
     """Return the median peak to peak within one PWM period at rest [°C]."""
     times, error = _error(trace, phase, phase.rest_s)
     number = np.minimum((times - phase.rest_s) / period, periods_at_rest(phase, period) - 1).astype(int)
-    firsts = np.flatnonzero(np.diff(number, prepend=-1))
+    _, firsts = np.unique(number, return_index=True)
     return float(np.median(np.maximum.reduceat(error, firsts) - np.minimum.reduceat(error, firsts)))
 
 

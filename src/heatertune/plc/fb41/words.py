@@ -132,7 +132,7 @@ def consistent(words: Words) -> None:
 
 
 def _whole(name: str, exact_ms: float, least: int) -> int:
-    word = math.floor(exact_ms + 0.5) if math.isfinite(exact_ms) else _LONGEST + 1
+    word = math.floor(exact_ms + 0.5)
     if word < least:
         faster = "a faster TA would fit" if name == "TD" else "a longer time would fit"
         raise NotRepresentable(f"word {name}", exact_ms, f"{least}..{_LONGEST} ms, or the block raises it", faster)

@@ -87,7 +87,7 @@ class Program:
             loads: statements that load the words.
         """
         return [
-            "ORGANIZATION_BLOCK OB 100", "TITLE =restart: heater off, controller from cold; manual stays manual",
+            "ORGANIZATION_BLOCK OB 100", "TITLE =restart: heater off, controller from cold, manual stays manual",
             "VERSION : 0.1", "VAR_TEMP", "  told : ARRAY  [1 .. 20 ] OF BYTE ;", "END_VAR", "BEGIN", "NETWORK",
             "TITLE =words", *loads, f"      CALL  FC {_ANEW};", "END_ORGANIZATION_BLOCK", "",
         ]
@@ -111,9 +111,9 @@ class Program:
             f"good: L     {at['TICKS']};", "      L     L#0;", "      >D    ;", "      JC    wait;",
             f"      A     {at['AUTO']};", "      JC    auto;",
             "NETWORK", "TITLE =manual", *self.manual(at),
-            *self._begins_again, "      JU    call;",
+            *self._begins_again, "      JU    turn;",
             "NETWORK", "TITLE =automatic", "auto: NOP   0;", *self._led,
-            "NETWORK", "TITLE =one call of the controller", "call: NOP   0;", *self.call(at),
+            "NETWORK", "TITLE =one call of the controller", "turn: NOP   0;", *self.call(at),
             f"      L     {self.output};", f"      T     {at['POWER']};",
             "NETWORK", "TITLE =ticks to the next call",
             f"wait: L     {at['TICKS']};", "      L     L#1;", "      +D    ;", f"      T     {at['TICKS']};",
@@ -238,8 +238,8 @@ def by_hand(words: Words, certificate: Certificate, switch: Switching, *blocks: 
         f"put your addresses: {addresses}",
         f"analog input: a nominal range (mA, V), 0..{FULL_SCALE} = the sensor range, with wire-break check; "
         "thermocouple and RTD ranges give 0.1 degC per digit and do not fit",
-        f"begin in manual: AUTO of DB {DATA} is 0 after loading; a restart leaves it as it was (the block is "
-        "retentive), clears the manual power and begins from cold",
+        f"begin in manual: AUTO of DB {DATA} is 0 after loading; a restart leaves it (0 where nothing is retained), "
+        "clears the manual power and begins from cold",
         f"setpoint: SP of DB {DATA} is loaded {'as the lowest' if setpoint is None else 'as proven'}; another one is "
         "not proven",
     ]

@@ -88,7 +88,7 @@ def read_source(
     names = {field.name.upper(): field for field in fields}
     blocks = list(_blocks(text, source))
     block = _only(blocks, names, source)
-    collected, over = Collected(source, fields), [f"data block (line {b.line})" for b in blocks if b is not block]
+    collected, over = Collected(source, fields), [_told(other) for other in blocks if other is not block]
     for line, name, value in block.members:
         field = names.get(name.strip('"').upper())
         if field is None:
@@ -98,6 +98,10 @@ def read_source(
     for line, field, value in _transferred(text, block, fields):
         collected.put(field.name, _LITERALS[field.format](value), line, value)
     return ReadBack(collected.values(), tuple(over), _comparing(text, export) if _program(text) else None)
+
+
+def _told(block: _Block) -> str:
+    return f"data block{'' if block.number is None else f' DB {block.number}'} (line {block.line})"
 
 
 def _comparing(text: str, export: Callable[[Words, str], str]) -> Callable[[Words], tuple[str, ...]]:

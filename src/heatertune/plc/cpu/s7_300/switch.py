@@ -26,7 +26,7 @@ ANALOG: Final = "analog"
 _SLOWEST: Final = 60000
 #: ticks of a period whose product with an analog value fits into 32 bits
 _MOST_TICKS: Final = 77000
-#: LMN in parts, and these in twelve bits and the rest: so a product with the ticks fits into 32 bits
+#: LMN in parts of a percent, and these in twelve bits and the rest: so a product with the ticks fits into 32 bits
 _PARTS: Final = 65536
 _LOW_BITS: Final = 12
 
@@ -55,7 +55,7 @@ END_VAR"""
 
 _STATEMENTS: Final = """\
 NETWORK
-TITLE =a period begins: its ticks on, from the power asked for last; {rounding}
+TITLE =a period begins: its ticks on, from the power asked for last
       L     #TICK;
       L     L#0;
       >D    ;
@@ -202,10 +202,10 @@ def pwm_block(number: int, data: int, switch: Switching, *, real: bool) -> list[
     """Return the source of the PWM's function block and its instance."""
     kind = "REAL" if real else "INT"
     declared = _VARIABLES.format(type=kind, range="% of full power" if real else f"0..{FULL_SCALE}")
-    body = _STATEMENTS.format(t=kind[0], count=_COUNT_OF_REALS if real else _COUNT_OF_INTS,
-                              rounding="nearest, halves up, nothing carried over")
+    body = _STATEMENTS.format(t=kind[0], count=_COUNT_OF_REALS if real else _COUNT_OF_INTS)
     return [
-        f"FUNCTION_BLOCK FB {number}", "TITLE =PWM of the heater, called each tick", "VERSION : 0.1",
+        f"FUNCTION_BLOCK FB {number}", "TITLE =PWM of the heater, called each tick: nearest count, halves up",
+        "VERSION : 0.1",
         *declared.splitlines(), *(_OF_REALS.splitlines() if real else []), "BEGIN", *body.splitlines(),
         "END_FUNCTION_BLOCK", "",
         f"DATA_BLOCK DB {data}", "TITLE =instance of the heater's PWM", "VERSION : 0.1", f"FB {number}", "BEGIN",
