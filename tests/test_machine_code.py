@@ -4,6 +4,7 @@ import importlib.util
 import os
 import sys
 import time
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -106,3 +107,14 @@ def test_where_no_folder_can_be_made_it_is_compiled_all_the_same(tmp_path, monke
     monkeypatch.setattr(machine, "folder", lambda: tmp_path / "file" / "cache")
     assert compiled(_started_anew(tmp_path).outer)(3.0) == 8.0
     assert not list(tmp_path.rglob("*.nbi"))
+
+
+def test_what_is_kept_on_disk_is_loaded_for_less_work(tmp_path, place, monkeypatch):
+    monkeypatch.setattr(machine, "_scans_asked", Counter())
+    monkeypatch.setattr(machine, "_PLAIN_SCANS", 50_000)
+    monkeypatch.setattr(machine, "_PLAIN_SCANS_KEPT", 15_000)
+    module = _started_anew(tmp_path)
+    assert not machine.worth_compiling(15_001, "new", function=module.outer)
+    compiled(module.outer)(3.0)
+    assert [machine.worth_compiling(scans, "kept", function=module.outer) for scans in (15_000, 1)] == [False, True]
+    assert not machine.worth_compiling(15_001, "other", function=module.inner), "only what was compiled by itself"

@@ -34,6 +34,9 @@ _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 #: scans after which a process that ran them plainly has spent as long as the compiler's start takes
 _PLAIN_SCANS: Final = 50_000
 
+#: the same where machine code of this work is kept, so that it need only be loaded
+_PLAIN_SCANS_KEPT: Final = 15_000
+
 _scans_asked: Final[Counter[str]] = Counter()
 
 #: what a process decided for all its work; None: whatever pays
@@ -65,11 +68,13 @@ def decide(compile_all: bool | None) -> None:
     _decided[0] = compile_all
 
 
-def worth_compiling(scans: int, work: str = "loop", most_plain: int | None = None) -> bool:
+def worth_compiling(
+    scans: int, work: str = "loop", most_plain: int | None = None, function: Callable[..., Any] | None = None
+) -> bool:
     """Return whether a process has by now asked for so many scans that the compiler's start pays, or decided so.
 
     Each work counts its own: what is compiled for one does not help another. `most_plain` is how many plain scans take
-    as long as this start, by default of the proof's loop.
+    as long as this start, by default of the proof's loop; where machine code of `function` is kept, fewer do.
 
     So the short runs of one command never load the compiler, and long work takes at most twice as long as if it had
     been known from the start. Both ways give the same, bit for bit.
@@ -77,7 +82,10 @@ def worth_compiling(scans: int, work: str = "loop", most_plain: int | None = Non
     if _decided[0] is not None:
         return _decided[0]
     _scans_asked[work] += scans
-    return _scans_asked[work] > (_PLAIN_SCANS if most_plain is None else most_plain)
+    most = _PLAIN_SCANS if most_plain is None else most_plain
+    if _scans_asked[work] > _PLAIN_SCANS_KEPT and function is not None and _is_kept(function):
+        most = min(most, _PLAIN_SCANS_KEPT)
+    return _scans_asked[work] > most
 
 
 @remember
@@ -107,18 +115,20 @@ def compiled(function: _Plain, *, allocates: bool = False) -> _Plain:
     return cast(_Plain, _door(function, allocates))
 
 
-def machine_code(place: Path) -> list[Path]:
-    """Return the indices of what is kept compiled in a folder of `heatertune.cache`: one file for each function."""
-    return sorted(place.glob("compiled-*/**/*.nbi"))
+def machine_code(place: Path, of: str = "compiled-*") -> list[Path]:
+    """Return the indices of what is kept compiled in a folder of `heatertune.cache`: one file for each function.
+
+    `of` is the pattern of the folders in it that are looked at.
+    """
+    return sorted(place.glob(f"{of}/**/*.nbi"))
 
 
 @remember
 def _door(function: Callable[..., Any], allocates: bool) -> Any:
-    base, digest = folder(), _digest(function)
-    if base is None or digest is None:
+    kept = _place(function)
+    if kept is None:
         return _machine(function, allocates=allocates)
-    _remove_stale(base)
-    kept = base / f"compiled-{digest[:16]}"
+    _remove_stale(kept.parent)
     try:
         kept.mkdir(parents=True, exist_ok=True)
         os.utime(kept)  # in use
@@ -126,6 +136,18 @@ def _door(function: Callable[..., Any], allocates: bool) -> Any:
         return _machine(function, allocates=allocates)
     with _kept_in(str(kept)):
         return _machine(function, allocates=allocates, cache=True)
+
+
+def _place(function: Callable[..., Any]) -> Path | None:
+    """Return the folder of a function's machine code, None where none is kept."""
+    base, digest = folder(), _digest(function)
+    return None if base is None or digest is None else base / f"compiled-{digest[:16]}"
+
+
+def _is_kept(function: Callable[..., Any]) -> bool:
+    """Return whether machine code of a function is on disk, of arguments of whatever types."""
+    place, name = _place(function), f".{function.__qualname__}-"
+    return place is not None and any(name in path.name for path in machine_code(place.parent, place.name))
 
 
 @remember

@@ -215,6 +215,14 @@ static double reading_of(const Case *c, double degrees)
 
 static double within(double v, double low, double high) { return v < low ? low : v > high ? high : v; }
 
+/* the limit that a sum has reached, or gone beyond: 1 upper, -1 lower */
+static int at(long double y, long double low, long double high, int beyond)
+{
+    if (beyond)
+        return y > high ? 1 : y < low ? -1 : 0;
+    return y >= high ? 1 : y <= low ? -1 : 0;
+}
+
 /* OB251: K, R, TI in 1024ths, TD; position algorithm, derivative of the error; limits BGUG, BGOG in units of 2047 */
 static double ob251(const Case *c, Memory *m, double w, double x)
 {
@@ -223,16 +231,17 @@ static double ob251(const Case *c, Memory *m, double w, double x)
     long double e = w - x, pw = e - m->e, qw = pw - m->pw, d = (td * qw + m->d) / 2.0L;
     long double others = k * (r * pw + d), sum = k * ti * e;
     int kept_limited = c->sw[0], same_call = c->sw[1], inward = c->sw[2], whole = c->sw[3];
+    int beyond = c->sw[4];
     int side = m->side;
     if (same_call) {
         long double all = others + sum, there = m->y + (whole ? truncl(all) : all);
-        side = there >= high ? 1 : there <= low ? -1 : 0;
+        side = at(there, low, high, beyond);
     }
     int off = side != 0 && !(inward && side * sum <= 0.0L);
     long double dy = off ? others : others + sum;
     long double y = m->y + (whole ? truncl(dy) : dy);
     long double ya = y > high ? high : y < low ? low : y;
-    m->side = y >= high ? 1 : y <= low ? -1 : 0;
+    m->side = at(y, low, high, beyond);
     m->e = e; m->pw = pw; m->d = d;
     m->y = kept_limited ? ya : y;
     return within((double)(100.0L * truncl(ya) / 2047.0L), 0.0, 100.0);

@@ -28,14 +28,15 @@ TARGETS = {
 #: open point → its settings in the order of their numbers, of those that a heater in automatic can meet
 SWITCHES = {
     "s5-ob251": {"sum": ("unlimited", "limited"), "integral_off": ("previous_call", "same_call"),
-                 "integral_inward": ("off", "on"), "rounding": ("fraction_kept", "whole_increments")},
+                 "integral_inward": ("off", "on"), "rounding": ("fraction_kept", "whole_increments"),
+                 "limit": ("reached", "exceeded")},
     "weg": {"anti_windup": ("clamp", "freeze", "none"), "order": ("as_printed", "by_parts"),
             "edge": ("output_zero", "runs_at_once"), "history": ("present", "zero")},
     "fb41": {"integral": ("trapezoid", "rectangle"), "derivative_lag": ("half_cycle", "whole_cycle"),
              "anti_windup": ("taken_back", "held")},
     "s7-300": {"conversion": ("rnd", "trunc"), "bias_clamp": ("adjusted", "always"), "first_reading": ("taken", "zero")},
     "s7-200": {"width_applies": ("this_cycle", "next_cycle")},
-    "s7-200-pid": {"width_applies": ("this_cycle", "next_cycle"), "first_call": ("setpoint_is_pv", "setpoint_kept")},
+    "s7-200-pid": {"width_applies": ("this_cycle", "next_cycle")},
 }
 KINDS = {"heat-up": 0, "temperature-step": 1, "load": 2, "setpoint": 3, "mains": 4, "plc": 5}
 _TOO_SLOW = 20.0  # sums of lags and dead time

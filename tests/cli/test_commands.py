@@ -161,8 +161,8 @@ def test_the_pwm_of_a_named_block_is_proven(run, by_hand):
     conditions = ("verify", by_hand, "--target", "s7-300", "--setpoint", 40, *HAND, "--json")
     block = ("--pwm-period", 5, "--pwm-resolution", 0.5, "--minimum-on", 1)
     proven = {rule: json.loads(run(*conditions, *block, "--pwm-rule", rule)[1])["actuator"] for rule in ("pulsegen", "pid-compact")}
-    assert proven["pulsegen"] == {"pwm_period_s": 5.0, "resolution_s": 0.5, "minimum_on_s": 1.0, "minimum_off_s": 1.0, "minimum_rule": "drop",
-                                  "block": "pulsegen"}
+    assert proven["pulsegen"] == {"pwm_period_s": 5.0, "resolution_s": 0.5, "minimum_on_s": 1.0, "minimum_off_s": 1.0,
+                                  "minimum_rule": "drop", "block": "pulsegen"}
     assert proven["pid-compact"] == proven["pulsegen"] | {"minimum_off_s": 0.0, "minimum_rule": "carry", "block": "pid-compact"}
     for alone in (("--pwm-rule", "pulsegen"), ("--pwm-resolution", 0.5), ("--minimum-on", 1)):
         status, _, err = run(*conditions, *alone)

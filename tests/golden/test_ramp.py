@@ -254,17 +254,16 @@ def test_the_s7_200_program_makes_the_setpoints_that_the_room_was_told(ramp):
         told, one = found.step(told, setpoint, reading)
         made, other = found.step(made, end, reading)
         assert one == other
-        assert made.state.cpu.read("VW34") == setpoint
+        assert made.state.read("VW34") == setpoint
         widths.add(one.output)
     assert len(widths) > 20
 
 
-@pytest.mark.parametrize("switches", [{}, {"first_call": "setpoint_kept"}])
 @pytest.mark.parametrize("ramp", [Ramp(step=400), Ramp(step=900, calls=3), Ramp(step=900, calls=3, hold=640),
                                   Ramp(step=900, calls=3, hold=-640)])
-def test_the_program_around_the_pid_instruction_makes_the_setpoints_that_the_room_was_told(ramp, switches):
+def test_the_program_around_the_pid_instruction_makes_the_setpoints_that_the_room_was_told(ramp):
     words, found = _words("s7-200-pid", ramp), controller_for("s7-200-pid")
-    told = made = found.start(words, switches)
+    told = made = found.start(words, {})
     made = _loaded(made, _export(words, "s7_200_pid.awl"))
     asked = _asked(32000)
     readings = _readings(7600, 32000) if ramp.hold is None else _wandering(32000)
@@ -272,10 +271,10 @@ def test_the_program_around_the_pid_instruction_makes_the_setpoints_that_the_roo
     for reading, end, setpoint in zip(readings, asked, _followed(ramp, readings[0], asked, readings), strict=True):
         told, one = found.step(told, setpoint, reading)
         # the panel writes the setpoint asked for to VW80; what `step` writes to VD104 is overwritten by the ramp
-        made = made._replace(state=made.state._replace(cpu=made.state.cpu.written({"VW80": end, "AIW0": reading})))
+        made = made._replace(state=made.state.written({"VW80": end, "AIW0": reading}))
         made, other = found.step(made, 0, reading)
         assert one == other
-        assert made.state.cpu.read("VW82") == setpoint
+        assert made.state.read("VW82") == setpoint
         widths.add(one.output)
     assert len(widths) > 20
 

@@ -32,14 +32,14 @@ def _design(gain=3.0, tn=300.0, tv=0.0, ta=7.0):
 class Loop:
     """System Manual C79000-G7076-C233-01, pp. 9-86 and 9-91, one rounding after each operation; times in minutes."""
 
-    def __init__(self, words, *, bumpless=True):
+    def __init__(self, words):
         self.kc, self.ts, self.ti, self.td = (F(words.values[name]) for name in ("KC", "TS", "TI", "TD"))
-        self.mx, self.before, self.bumpless = F(0), None, bumpless
+        self.mx, self.before = F(0), None
 
     def output(self, setpoint, reading):
         sp, pv = F(setpoint) / F(32000), F(reading) / F(32000)
         if self.before is None:
-            self.before, sp = pv, pv if self.bumpless else sp
+            self.before = pv  # SBR0 writes the reading at the start
         factor = self.kc if self.kc else F(1)
         mp = self.kc * (sp - pv)
         with np.errstate(over="ignore"):  # no integral part: Ti is infinite
@@ -52,23 +52,21 @@ class Loop:
         return min(max(m, F(0)), F(1))
 
 
-@pytest.mark.parametrize("bumpless", [True, False])
 @pytest.mark.parametrize("values", [
     {"KC": 3.0, "TS": 7.0, "TI": 5.0, "TD": 0.0}, {"KC": 2.5, "TS": 7.0, "TI": 5.0, "TD": 0.25},
     {"KC": 0.0, "TS": 7.0, "TI": 0.5, "TD": 0.0}, {"KC": -4.0, "TS": 7.0, "TI": NO_INTEGRAL, "TD": 0.125},
 ])
-def test_the_exported_program_computes_the_manuals_equations_to_the_last_bit(values, bumpless):
+def test_the_exported_program_computes_the_manuals_equations_to_the_last_bit(values):
     words = Words(target="s7-200-pid", values=values | {"TICK": 250, "TICKS": 28}, scaling=Scaling(), sample_time_s=7.0)
     ROOM.check(words)
-    switches = {"first_call": "setpoint_is_pv" if bumpless else "setpoint_kept"}
-    state, loop, random = ROOM.start(words, switches), Loop(words, bumpless=bumpless), np.random.default_rng(3)
+    state, loop, random = ROOM.start(words, {}), Loop(words), np.random.default_rng(3)
     reading, outputs = 16000, set()
     for _ in range(3000):
         reading = int(np.clip(reading + random.integers(-900, 901), 0, 32000))
         setpoint = int(random.integers(8000, 24001))
         state, scan = ROOM.step(state, setpoint, reading)
         m = loop.output(setpoint, reading)
-        bits = [struct.unpack(">f", state.state.cpu.read(name).to_bytes(4, "big", signed=True))[0] for name in ("VD108", "VD128")]
+        bits = [struct.unpack(">f", state.state.read(name).to_bytes(4, "big", signed=True))[0] for name in ("VD108", "VD128")]
         assert bits == [float(m), float(loop.mx)]
         assert scan.output == math.floor(float(F(7000) * m) + 0.5)
         outputs.add(scan.output)
@@ -87,18 +85,18 @@ def test_where_nothing_is_limited_it_is_the_linear_pid():
     errors, pvs = (16000 - readings) / 32000, (readings - readings[0]) / 32000
     expected = (control.forced_response(on_error, time, errors).outputs
                 - control.forced_response(on_pv, time, pvs).outputs)
-    state = ROOM.start(words, {"first_call": "setpoint_kept"})
+    state = ROOM.start(words, {})
     for reading, wanted in zip(readings.tolist(), expected, strict=True):
         state, scan = ROOM.step(state, 16000, reading)
         assert 0.0 < wanted < 1.0
         assert scan.output == pytest.approx(5000 * wanted, abs=0.51)
 
 
-def test_the_first_call_is_without_a_bump_and_a_loop_settles():
+def test_a_loop_settles():
     words = ROOM.encode(_design(), Scaling())
     heater = Fopdt(gain_degC_per_pct=0.4, time_constant_s=150.0, dead_time_s=10.0, ambient_degC=20.0)
     trace = simulate(ROOM, words, heater, Scenario(setpoint_degC=45.0, duration_s=2500.0))
-    assert trace.power_asked_pct[0] == 0.0
+    assert trace.power_asked_pct[0] > 0.0
     assert trace.temperature_degC[-1] == pytest.approx(45.0, abs=0.1)
 
 
@@ -110,14 +108,63 @@ def test_real_instructions_round_halves_away_and_flag_what_is_no_number():
     assert struct.pack(">i", after.read("VD8")) == struct.pack(">f", 7.0)
 
 
-def test_the_bias_begins_where_the_output_was():
-    # first power flow: setpoint := process variable, PV_before := process variable, MX := M
-    values = {0: 0.5, 4: 0.9, 8: 0.4, 12: 2.0, 16: 1.0, 20: 1.0, 24: 1.0, 28: 0.0, 32: 0.0}
+def test_a_loop_goes_on_from_what_its_table_holds():
+    # manual p. 9-92: without a 0 → 1 of its power flow the instruction initialises nothing: bias 0.3 and PV_{n−1} 0.4 act;
+    # MP = 2·0.1, MI = 2·(1/60)·0.1 + 0.3, MD = 2·(60·0.01/1)·(0.4 − 0.5)
+    values = {0: 0.5, 4: 0.6, 8: 0.9, 12: 2.0, 16: 1.0, 20: 1.0, 24: 0.01, 28: 0.3, 32: 0.4}
     moves = "".join(f"\tMOVR\t{value}, VD{100 + at}\n" for at, value in values.items())
     text = f"ORGANIZATION_BLOCK MAIN:OB1\nBEGIN\nNetwork 1\n\tLD\tSM0.0\n{moves}\tPID\tVB100, 3\nEND_ORGANIZATION_BLOCK\n"
     after = run(assemble(text), "OB1", COLD)
     found = [struct.unpack(">f", after.read(name).to_bytes(4, "big"))[0] for name in ("VD108", "VD128", "VD132")]
-    assert found == pytest.approx([0.4, 0.4, 0.5])
+    assert found == pytest.approx([0.2 + 0.2 / 60 + 0.3 - 0.12, 0.2 / 60 + 0.3, 0.5])
+
+
+@pytest.mark.parametrize("broken", [32767, -32767, -32768])
+@pytest.mark.parametrize("ramp", [None, 400.0])
+def test_a_broken_wire_leaves_the_heater_off_and_its_end_begins_the_loop_anew(broken, ramp):
+    # EM231: ±32767 where the wire is broken; then as after a start: no bias, no jump of the derivative, the ramp at the reading
+    words = ROOM.encode(_design(gain=1.0, tv=20.0), Scaling())
+    words = words if ramp is None else replace(words, ramp=ROOM.ramp(words, ramp))
+    program = assemble(pid_program(words))
+
+    def call(cpu, reading):
+        return run(program, "INT0", cpu.written({"AIW0": reading, "VW90": 1}))
+
+    def begun(reading):
+        return run(program, "OB1", COLD.written({"AIW0": reading, "SM0.1": 1, "VW80": 16000})).written({"VD104": 0x3F000000})
+
+    cpu = begun(8000)
+    for _ in range(40):
+        cpu = call(cpu, 8000)
+    assert cpu.width > 0
+    blind = call(cpu, broken)
+    assert (blind.width, blind.pulsed, blind.read("VD108"), blind.read("VD128"), blind.read("SMB67")) == (0, True, 0, 0, 0xDA)
+    assert call(call(blind, broken), broken).width == 0
+    again, anew = call(blind, 12000), call(begun(12000), 12000)
+    assert (again.width, again.read("VD128"), again.read("VW82")) == (anew.width, anew.read("VD128"), anew.read("VW82"))
+
+
+@pytest.mark.parametrize(("asked", "kept"), [(1.5, 1.0), (-0.25, 0.0), (math.inf, 1.0), (0.625, 0.625), (1.0, 1.0)])
+def test_a_setpoint_that_a_panel_writes_stays_in_the_range(asked, kept):
+    program = assemble(pid_program(ROOM.encode(_design(), Scaling())))
+    cpu = run(program, "OB1", COLD.written({"AIW0": 8000, "SM0.1": 1}))
+    bits = int.from_bytes(struct.pack(">f", asked), "big")
+    assert struct.pack(">i", run(program, "INT0", cpu.written({"VD104": bits})).read("VD104")) == struct.pack(">f", kept)
+
+
+@pytest.mark.parametrize(("asked", "kept"), [(32700, 32000), (-5, 0), (16000, 16000)])
+def test_a_setpoint_asked_of_a_ramp_stays_in_the_range(asked, kept):
+    words = ROOM.encode(_design(), Scaling())
+    program = assemble(pid_program(replace(words, ramp=ROOM.ramp(words, 400.0))))
+    cpu = run(program, "OB1", COLD.written({"AIW0": 8000, "SM0.1": 1}))
+    assert run(program, "INT0", cpu.written({"VW80": asked})).read("VW80") == kept
+
+
+def test_comparisons_of_reals_hold_for_no_nan():
+    for relation, held in (("=", 0), ("<", 1), (">", 0), ("<=", 1), (">=", 0)):
+        for other, wanted in (("2.0", held), ("VD0", 0)):
+            text = f"ORGANIZATION_BLOCK M:OB1\nBEGIN\n\tLDR{relation}\t1.5, {other}\n\t=\tV8.0\n"
+            assert run(assemble(text), "OB1", COLD.written({"VD0": 0x7FC00000})).read("VB8") == wanted
 
 
 def test_the_loop_table_has_the_manuals_offsets_and_comes_back():

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
+from tests.golden import printed
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
@@ -17,7 +18,6 @@ from heatertune.plc.cpu.s7_200.cells import SIZE, cell
 from heatertune.plc.machine import read_machine
 from heatertune.plc.on_off.step import Memory
 from heatertune.plc.on_off.step import step as direct
-from heatertune.plc.s7_200_paper import step as printed
 from heatertune.plc.s7_200_paper.faults import faults
 from heatertune.plc.s7_200_paper.words import paper_words
 from heatertune.plc.words import stored

@@ -135,9 +135,8 @@ CASES = [
     # error 1: 1 ms at the first edge. No PWM cycle of 1000 ms begins in the fourth scan, but one of 2 ms does: 2 ms
     _paper("cycle_time", [51] * 4, [50] * 4, [0, 0, 0, 0], {"loaded": [0, 0, 1, 1], "never_loaded": [0, 0, 1, 2]}),
 
-    # the first call makes SP of PV: M = 0, then 1/2 − 1/4 and 1/2 − 1/8; or each width one PWM cycle later
-    _pid("width_applies", [8000, 8000, 4000], {"this_cycle": [0, 250, 375], "next_cycle": [0, 0, 250]}),
-    _pid("first_call", [8000, 4000], {"setpoint_is_pv": [0, 375], "setpoint_kept": [250, 375]}),
+    # M = 1/2 − 1/4 and 1/2 − 1/8; or each width one PWM cycle later
+    _pid("width_applies", [8000, 8000, 4000], {"this_cycle": [250, 250, 375], "next_cycle": [0, 250, 250]}),
 
     # Output = 1/2048·1/2; 27648/4096 = 6.75
     _tip("conversion", 2.0**-11, 0.0, 0.0, 1000.0, [13824], [0], {"rnd": [7], "trunc": [6]}),
@@ -194,17 +193,6 @@ def test_every_setting_does_what_the_source_says_of_it(case):
     for setting, outputs in case.outputs.items():
         assert case.of({case.switch: setting}) == pytest.approx(outputs, rel=1e-7), setting
     assert case.of({}) == pytest.approx(next(iter(case.outputs.values())), rel=1e-7), "the first is the default"
-
-
-@pytest.mark.parametrize("case", [case for case in CASES if controller_for(case.target).direct is not None], ids=str)
-def test_it_does_so_without_the_listing_too(case):
-    for setting, expected in case.outputs.items():
-        core, running = controller_for(case.target).start_directly(_words(case), {case.switch: setting})
-        outputs = []
-        for row in case.rows:
-            running, scan = core.run(running, row["SP"], row["PV"], cycle_start=bool(row.get("CYCLE_START", 1)))
-            outputs.append(scan.output)
-        assert outputs == expected, setting
 
 
 @pytest.mark.parametrize("target", TARGETS)

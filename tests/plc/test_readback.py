@@ -195,7 +195,7 @@ def test_a_changed_program_is_told():
     assert read.values == words.values
     assert "-I VW2, VW10, not -I VW0, VW10" in remarks[0]
     assert "not the one that is exported" in _read("s7-200", text.replace("\tENI\r\n", ""))[1][0]
-    for old, new in (("=\tV1.0", "=\tV1.1"), ("LDW>\tVW30", "LDW>=\tVW30"), ("IB0", "IB1")):
+    for old, new in (("=\tV1.0", "=\tV1.1"), ("LDW>=\tVW30", "LDW>\tVW30"), ("IB0", "IB1")):
         assert old in text
         assert _read("s7-200", text.replace(old, new))[1], old
     for target, name in (("s7-300", "s7_300_pid.awl"), ("fb41", "fb41_cont_c.awl")):

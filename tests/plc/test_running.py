@@ -77,7 +77,7 @@ def test_a_held_ramp_is_that_of_the_proof_compiled_and_plain(target, ramp, monke
         Mains(time_s=150.0, share=0.0), Mains(time_s=220.0, share=1.0), NewSetpoint(time_s=300.0, setpoint_degC=33.0)))
     unit = 100.0 / (room.measure(words, 100.0) - room.measure(words, 0.0))
     for compiles in (True, False):
-        monkeypatch.setattr("heatertune.proof.loop.worth_compiling", lambda *_, compiles=compiles: compiles)
+        monkeypatch.setattr("heatertune.proof.loop.worth_compiling", lambda *_, compiles=compiles, **__: compiles)
         trace = simulate(room, words, HEATER, opened, ht.Actuator(pwm_period_s=2.0))
         asked = [room.measure(words, 45.0 if t < 300.0 else 33.0) for t in trace.time_s]
         seen, led = [], None

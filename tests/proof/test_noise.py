@@ -24,7 +24,7 @@ WORDS = Words(
     target="s5-ob251", sample_time_s=4.0, scaling=Scaling(low_degC=0.0, high_degC=100.0),
     values={"K": 9881, "R": 1024, "TI": 63, "TD": 0, "W": 0, "STEU": 33, "YH": 0, "BGOG": 2047, "BGUG": 0})
 KNOWN = {switch.name: switch.default for switch in S5.switches}
-NOISY = Conditions(setpoint_degC=40.0, noise_degC=0.2, tolerance_degC=0.425, switches=KNOWN)
+NOISY = Conditions(setpoint_degC=40.0, noise_degC=0.2, tolerance_degC=0.4325, switches=KNOWN)
 
 
 def _of(value, name="limit_cycle", limit=1.0):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from heatertune.plc.ramp import Number
 
-__all__ = ["Core", "Running", "Scan", "Sensor", "Timing", "as_it_is", "cold_again", "count"]
+__all__ = ["Core", "Running", "Scan", "Sensor", "Timing", "as_it_is", "cold_again", "count", "started_as_it_is"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +65,11 @@ def as_it_is(value: Any) -> Any:
     return value
 
 
+def started_as_it_is(_parameters: Any, state: Any) -> Any:
+    """Return the cold state as it is."""
+    return state
+
+
 def cold_again(_parameters: Any, cold: Any, _state: Any) -> Any:
     """Return the state after a start-up that clears the controller."""
     return cold
@@ -80,6 +85,8 @@ class Core:
         measure: (sensor, temperature [°C]) → reading.
         flags: names of the flags, the lowest bit first.
         compiles: whether a compiler takes it.
+        own: a state → one whose cells `step` may change in their place.
+        started: (parameters, state) → the cold state, made in the cells of the one given where it has cells.
         restarted: (parameters, cold state, state) → the state after a start-up of the PLC, as the exported program and
             what the PLC retains leave it.
         stored: a sum as the setpoint word holds it.
@@ -92,12 +99,14 @@ class Core:
     flags: tuple[str, ...]
     compiles: bool = True
     singles: bool = False
+    own: Callable[[Any], Any] = as_it_is
+    started: Callable[[Any, Any], Any] = started_as_it_is
     restarted: Callable[[Any, Any, Any], Any] = cold_again
     stored: Callable[[Any], Any] = as_it_is
 
     def run(self, running: Running, setpoint: Any, reading: Any, *, cycle_start: bool) -> tuple[Running, Scan]:
         """Run one scan."""
-        state, *outcome = self.step(running.parameters, running.state, setpoint, reading, cycle_start)
+        state, *outcome = self.step(running.parameters, self.own(running.state), setpoint, reading, cycle_start)
         return Running(running.parameters, state), self.scanned(outcome)
 
     def scanned(self, outcome: Sequence[Any]) -> Scan:

@@ -31,6 +31,28 @@ def single(value: float) -> float:
     return c_float(value).value
 
 
+def _single_of(bits: int) -> float:
+    return np.int32(bits).view(np.float32)  # type: ignore[return-value]  # as in `_single`
+
+
+@runs_compiled_as(_single_of)
+def single_of(bits: int) -> float:
+    """Return the single of these 32 bits, a signed number."""
+    value: float = struct.unpack("=f", struct.pack("=i", bits))[0]
+    return value
+
+
+def _bits_of(value: float) -> int:
+    return np.int64(np.float32(value).view(np.int32))  # type: ignore[return-value]  # an int to all that the callers do
+
+
+@runs_compiled_as(_bits_of)
+def bits_of(value: float) -> int:
+    """Return the 32 bits of a number that single precision holds, as a signed number."""
+    bits: int = struct.unpack("=i", struct.pack("=f", value))[0]
+    return bits
+
+
 def narrowed(value: Any) -> Any:
     """Return an array or nested tuples whose floats, all of them singles, a compiler holds in single precision."""
     if isinstance(value, np.ndarray):

@@ -34,7 +34,7 @@ from heatertune.proof.program import Program, asked_now
 
 __all__ = [
     "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Batch", "Clock", "Events", "Record", "measure", "restarted",
-    "run", "run_all", "step",
+    "run", "run_all", "started", "step",
 ]
 
 #: what an event does: all lags jump, the load grows, the mains change, the heater is switched, a phase begins (as it
@@ -117,6 +117,11 @@ def step(_parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_st
 
 def measure(_sensor: Any, _temperature: float) -> Any:
     """Stand in likewise."""
+    raise NotImplementedError
+
+
+def started(_parameters: Any, _state: Any) -> Any:
+    """Stand in likewise, for the controller's cold state."""
     raise NotImplementedError
 
 
@@ -232,7 +237,7 @@ def run_all(
         row = batch.plants[i]
         noise, late = batch.noise[i % len(batch.noise)], batch.late[i % len(batch.late)]
         counted = run(
-            parameters, state, sensor, Clock(scan_s, batch.scans, noise, late), program,
+            parameters, started(parameters, state), sensor, Clock(scan_s, batch.scans, noise, late), program,
             Plant(row[0], row[1], row[2], row[3], row[4]), row[5],
             Events(batch.event_time[i], batch.event_kind[i], batch.event_value[i], batch.leads), pwm, cut, edges,
             record,

@@ -240,9 +240,10 @@ def run_with(controller: InLoop, given: tuple[Any, ...], scans: int) -> tuple[in
 
     `scans` tells how much work it is.
     """
-    given = (controller.parameters, controller.state, controller.sensor, controller.scan_s, *given)
     core = controller.core
-    if core.compiles and worth_compiling(scans, f"{core.step.__module__}.{core.step.__qualname__}"):
+    given = (controller.parameters, core.own(controller.state), controller.sensor, controller.scan_s, *given)
+    name = f"{core.step.__module__}.{core.step.__qualname__}"
+    if core.compiles and worth_compiling(scans, name, function=_run_of(core)):
         return run_compiled(core, given)
     return run_plainly(core, given)
 
@@ -250,7 +251,7 @@ def run_with(controller: InLoop, given: tuple[Any, ...], scans: int) -> tuple[in
 def _run_of(core: Core) -> Callable[..., tuple[int, int]]:
     loop = bound(run, step=core.step, measure=core.measure, restarted=core.restarted,
                  asked_now=bound(asked_now, stored=core.stored))
-    return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop))
+    return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop, started=core.started))
 
 
 def run_compiled(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:

@@ -76,10 +76,13 @@ def assumed(documents: Documents) -> str:
         rows += [_row(name, switch[key]) for name, key in (
             ("pwm_period_s", "pwm_period_s"), ("pwm_resolution_s", "resolution_s"), ("minimum_on_s", "minimum_on_s"),
             ("minimum_off_s", "minimum_off_s"))]
+    points = controller_for(documents["words"]["target"]).switches
     settings = [[point.name, point.default, ", ".join(point.settings), point.why]
-                for point in controller_for(documents["words"]["target"]).switches]
+                for point in points if not point.in_manual]
+    by_hand = ", ".join(point.name for point in points if point.in_manual)
     open_points = (
-        "<h3>What the manual leaves open</h3><p>The proof ran under every setting.</p>"
+        "<h3>What the manual leaves open</h3><p>The proof ran under every setting"
+        + (f", but for what shows in manual alone: {by_hand}.</p>" if by_hand else ".</p>")
         + table(["point", "default", "settings proven", "what is open"], settings,
                 source="DIFFERENCES.md of the controller")
         if settings else ""

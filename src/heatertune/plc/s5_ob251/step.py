@@ -71,7 +71,7 @@ class Assumptions(NamedTuple):
     )] = False
     limit_is_inside: Annotated[bool, Switch(
         name="limit", means={"reached": False, "exceeded": True},
-        why='whether YA is "at a limit" where the sum reaches it or goes beyond; matters most to a limited sum',
+        why='whether a sum that just reaches a limit is "at" it',
     )] = False
     flag_in_manual: Annotated[bool, Switch(
         name="manual_flag", means={"clear": False, "by_output": True}, in_manual=True,

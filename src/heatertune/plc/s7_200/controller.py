@@ -7,28 +7,20 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
-from heatertune.plc.cpu.s7_200 import assemble
-from heatertune.plc.cpu.s7_200.cycle import TIMER, Interrupted, Timed, check_cycle, cycle_ms, cycle_s
+from heatertune.plc.cpu.s7_200 import COLD, assemble
+from heatertune.plc.cpu.s7_200.cycle import TIMER, check_cycle, cycle_s, timed
+from heatertune.plc.cpu.s7_200.state import own, restarted, started
 from heatertune.plc.cpu.s7_200.wiring import COUNTS
 from heatertune.plc.s7_200.export import export_words
-from heatertune.plc.s7_200.listing import repaired_program
+from heatertune.plc.s7_200.listing import COUNTDOWN, repaired_program
 from heatertune.plc.s7_200.readback import from_text
-from heatertune.plc.s7_200.step import Assumptions, Constants, Memory, listed, step
+from heatertune.plc.s7_200.step import Assumptions, step
 from heatertune.plc.s7_200.words import FIELDS, design_of, most_gain, values_of
 from heatertune.plc.words import Words
 
 __all__ = ["S7200"]
 
 _FLAGS = ("SM1.1", "SM1.3")
-
-
-def _direct(words: Words, assume: Assumptions) -> tuple[Core, Running]:
-    v = words.whole
-    constants = Constants(v["KP"], v["KI"], v["KD"], v["SCALE"], cycle_ms(v))
-    return _DIRECT, Running((constants, assume), Memory())
-
-
-_DIRECT = Core(step=step, measure=count, flags=_FLAGS)
 
 
 class S7200(Controller, name="s7-200"):
@@ -47,12 +39,13 @@ class S7200(Controller, name="s7-200"):
     integers = ("KP", "KI", "KD")
     faithful = "s7-200-paper"
     ramped = True
-    core = Core(step=listed, measure=count, flags=_FLAGS, compiles=False)
+    core = Core(
+        step=step, measure=count, flags=_FLAGS, own=own, started=started, restarted=restarted)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(check_cycle)
-    interval_s, export, direct = staticmethod(cycle_s), staticmethod(export_words), staticmethod(_direct)
+    interval_s, export = staticmethod(cycle_s), staticmethod(export_words)
     most_gain, text = staticmethod(most_gain), staticmethod(from_text)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""
         program = assemble(repaired_program(replace(words, ramp=None)))
-        return Running(Timed(program, cycle_ms(words.whole), "VW30", assume.next_cycle), Interrupted())
+        return Running(timed(program, words.whole, COUNTDOWN, next_cycle=assume.next_cycle), COLD)

@@ -13,8 +13,10 @@ from heatertune.plc.cpu.s7_200.ramp import ramp_begins, ramp_moves
 from heatertune.plc.cpu.s7_200.text import Network, block, count_ticks, program, pwm_registers, timed_interrupt
 from heatertune.plc.words import Words
 
-__all__ = ["repaired_program"]
+__all__ = ["COUNTDOWN", "repaired_program"]
 
+#: ticks to go
+COUNTDOWN = "VW30"
 #: setpoint on the ramp, calls to its next step
 _RAMP = ("VW34", "VW36")
 
@@ -39,13 +41,13 @@ def _initialisation(words: Words) -> list[Network]:
             f"MOVD {cycle:+d}, VD220",
         ]),
         Network("nothing summed up, the first tick computes", [
-            "LD SM0.0", "MOVD +0, VD224", "MOVW +0, VW10", "MOVW +1, VW30",
+            "LD SM0.0", "MOVD +0, VD224", "MOVW +0, VW10", f"MOVW +1, {COUNTDOWN}",
         ]),
         Network("process variable: IB0", ["LD SM0.0", "MOVW +0, VW0", "MOVB IB0, VB1"]),
         Network("its bit 0 is wired to I1.0", ["LD I1.0", "= V1.0"]),
         Network("no change of it before the start", ["LD SM0.0", "MOVW VW0, VW2"]),
         *([] if words.ramp is None else [ramp_begins(words.ramp, "VW0", *_RAMP)]),
-        pwm_registers(cycle),
+        pwm_registers(cycle, "16#CB"),
         timed_interrupt(v["TICK"]),
     ]
 
@@ -62,7 +64,7 @@ def _ramped(words: Words) -> list[Network]:
 def _interrupt(words: Words) -> list[Network]:
     scale = words.whole["SCALE"]
     return [
-        *count_ticks("VW30", "VW208"),
+        *count_ticks(COUNTDOWN, "VW208"),
         Network("set point: analog adjustment 0; process variable: IB0", [
             "LD SM0.0", "MOVW VW2, VW4", "MOVW VW0, VW2", "MOVW VW10, VW20",
             "MOVW +0, VW10", "MOVB SMB28, VB11", "MOVB IB0, VB1",
@@ -82,8 +84,8 @@ def _interrupt(words: Words) -> list[Network]:
             "-D VD216, AC0",
         ]),
         Network("pulse width in 32 bits", ["LD SM0.0", "MOVD +0, AC2", "MOVW SMW70, AC2", "+D AC0, AC2"]),
-        Network("not above the cycle", ["LDD> AC2, VD220", "MOVD VD220, AC2"]),
-        Network("not below zero", ["LDD< AC2, +0", "MOVD +0, AC2"]),
+        Network("not above the cycle", ["LDD>= AC2, VD220", "MOVD VD220, AC2"]),
+        Network("not below zero", ["LDD<= AC2, +0", "MOVD +0, AC2"]),
         Network("out; the cycle time is loaded once", [
             "LD SM0.0", "MOVW AC2, SMW70", "PLS 0", "MOVB 16#CA, SMB67",
         ]),

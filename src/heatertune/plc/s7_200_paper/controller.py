@@ -11,30 +11,15 @@ from heatertune.plc.cpu.s7_200.cycle import TIMER
 from heatertune.plc.cpu.s7_200.wiring import COUNTS
 from heatertune.plc.s7_200_paper.export import export_words
 from heatertune.plc.s7_200_paper.faults import faults
-from heatertune.plc.s7_200_paper.listed import Listed, Loaded, listed
 from heatertune.plc.s7_200_paper.listing import printed_program
 from heatertune.plc.s7_200_paper.readback import from_text
-from heatertune.plc.s7_200_paper.step import Assumptions, Constants, Memory, step
+from heatertune.plc.s7_200_paper.step import Assumptions, Listed, Loaded, own, restarted, started, step
 from heatertune.plc.s7_200_paper.words import FIELDS, cycle_s, values_of
 from heatertune.plc.words import Words
 
 __all__ = ["PaperProgram"]
 
 _FLAGS = ("SM1.1", "SM1.3")
-
-
-def _constants(words: Words, assume: Assumptions) -> Constants:
-    v = words.whole
-    return Constants(
-        kp=v["KP"], ki=v["KI"], kd=v["KD"], t=v["T"], cycle_ms=v["CYCLE"], pot1=v["POT1"], assume=assume,
-    )
-
-
-def _direct(words: Words, assume: Assumptions) -> tuple[Core, Running]:
-    return _DIRECT, Running(_constants(words, assume), Memory())
-
-
-_DIRECT = Core(step=step, measure=count, flags=_FLAGS)
 
 
 class PaperProgram(Controller, name="s7-200-paper"):
@@ -50,12 +35,11 @@ class PaperProgram(Controller, name="s7-200-paper"):
     fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, COUNTS
     inputs: ClassVar = {"SP": "BYTE", "PV": "BYTE", "CYCLE_START": "BOOL"}
     scans_per_period = 5  # real ones are more, which changes nothing between two readings
-    core = Core(step=listed, measure=count, flags=_FLAGS, compiles=False)
+    core = Core(step=step, measure=count, flags=_FLAGS, own=own, started=started, restarted=restarted)
     values, design, interval_s = staticmethod(values_of), staticmethod(no_pid), staticmethod(cycle_s)
-    export, faults, direct = staticmethod(export_words), staticmethod(faults), staticmethod(_direct)
-    text = staticmethod(from_text)
+    export, faults, text = staticmethod(export_words), staticmethod(faults), staticmethod(from_text)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before the first scan: all words 0."""
-        cpu = COLD.written({"SM0.1": 1, "SMB29": words.whole["POT1"]})
-        return Running(Loaded(assemble(printed_program(words)), _constants(words, assume)), Listed(cpu))
+        v = words.whole
+        return Running(Loaded(assemble(printed_program(words)), v["CYCLE"], v["POT1"], assume), Listed(COLD))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from heatertune.plc.cpu.s7_200.wiring import head
+from heatertune.plc.cpu.s7_200.wiring import counts_wired, head
 from heatertune.plc.s7_200_paper.faults import faults
 from heatertune.plc.s7_200_paper.listing import printed_program
 from heatertune.plc.words import Certificate, Words
@@ -12,5 +12,5 @@ __all__ = ["export_words"]
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
     """Return the program, its faults and its certificate in the head."""
-    lines = [*head(words, certificate), *[f"fault: {fault}" for fault in faults(words)]]
+    lines = [*head(counts_wired(words), certificate, ()), *[f"fault: {fault}" for fault in faults(words)]]
     return {"s7_200_paper.awl": printed_program(words, lines)}

@@ -1,4 +1,4 @@
-"""The printed program, directly, network by network (Alia 2007, Table 2).
+"""The printed program, scan by scan (Alia 2007, Table 2).
 
 Every scan: VW10 = setpoint − process variable, both in the high byte of their words; AC0 = Kp·E_prev +
 T·Ki·(E + E_prev) + Kd·(E − E_prev)/T; VW100 = its high word. The interrupt on the rising edge of Q0.0 adds VW100 to the
@@ -7,18 +7,27 @@ pulse width SMW70. So what is called P accumulates (acts as I) and what is calle
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.cpu.s7_200.arithmetic import added, divided, high_word, multiplied, signed
-from heatertune.plc.cpu.s7_200.wiring import WIDTH_APPLIES
+from heatertune.plc.cpu.s7_200 import Program, State
+from heatertune.plc.cpu.s7_200.cells import ATTACHED, ENABLED, FAULTS, WIDTH, bit, cell
+from heatertune.plc.cpu.s7_200.cpu import carry_out
+from heatertune.plc.cpu.s7_200.memory import word
+from heatertune.plc.cpu.s7_200.state import own as own_cpu
+from heatertune.plc.cpu.s7_200.state import restarted as restarted_cpu
+from heatertune.plc.cpu.s7_200.state import started as started_cpu
+from heatertune.plc.cpu.s7_200.wiring import WIDTH_APPLIES, wire
 from heatertune.plc.open_points import Switch
 
-__all__ = ["FIRST_EDGE", "Assumptions", "Constants", "Memory", "counted", "power_pct", "rises", "scan", "step"]
+__all__ = ["FIRST_EDGE", "Assumptions", "Listed", "Loaded", "own", "power_pct", "restarted", "rises", "started", "step"]
 
 #: S Q0.0,1 reaches I0.0 behind its input filter, some scans after the first
 FIRST_EDGE = 3
 
 _UNLOADED = 2  # cycle of the generator without a cycle time [ms]: "less than 2 units → 2 units"
+_RISES: Final = 0  # event of a rising edge on I0.0
+_ADJUSTMENT_1: Final = cell("SMB29", 1).start
+_FIRST_BYTE, _FIRST_BIT = bit("SM0.1")  # the first scan
 
 
 class Assumptions(NamedTuple):
@@ -41,98 +50,95 @@ class Assumptions(NamedTuple):
     )] = True
 
 
-class Constants(NamedTuple):
-    """What the programmer writes, and how open points are read."""
+class Loaded(NamedTuple):
+    """The program.
 
-    kp: int
-    ki: int
-    kd: int
-    t: int
+    Attributes:
+        program: as assembled.
+        cycle_ms: PWM cycle [ms].
+        pot1: analog adjustment 1.
+        assume: how open points are read.
+    """
+
+    program: Program
     cycle_ms: int
     pot1: int
     assume: Assumptions = Assumptions()
 
 
-class Memory(NamedTuple):
-    """What the program keeps from scan to scan; width in ms."""
+class Listed(NamedTuple):
+    """What is kept from scan to scan.
 
-    error: int = 0  # VW10
-    previous: int = 0  # VW20
-    change: int = 0  # VW100
-    width: int = 0  # SMW70
-    applied: int = 0  # width of the running PWM cycle
-    scans: int = 0  # counted up to the scan in which the edge of S Q0.0,1 is served
-    overflow: bool = False  # SM1.1
-    zero_division: bool = False  # SM1.3
+    Attributes:
+        cpu: the CPU.
+        scans: counted up to the scan in which the edge of S Q0.0,1 is served.
+        applied: width of the running PWM cycle [ms].
+    """
+
+    cpu: State
+    scans: int = 0
+    applied: int = 0
 
 
-def step(c: Constants, state: Memory, setpoint: int, reading: int, begins: bool) -> tuple[Memory, float, int, int]:
-    """Compute one scan, see `heatertune.plc.core.Core`.
+def step(c: Loaded, state: Listed, setpoint: int, reading: int, begins: bool) -> tuple[Listed, float, int, int]:
+    """Run the interrupt, where Q0.0 has risen and it is attached, and one scan, see `heatertune.plc.core.Core`.
 
     Args:
-        c: the program's constants.
-        state: the memory before the scan.
+        c: the program.
+        state: before the scan; the CPU's memory is changed.
         setpoint: a byte.
         reading: a byte.
         begins: whether a PWM cycle begins with this scan.
     """
-    after = scan(c, state, setpoint, reading, begins)
-    return after, power_pct(c, after.applied), after.applied, int(after.overflow) + 2 * int(after.zero_division)
+    memory, applied, faults = state.cpu.memory, state.applied, 0
+    scans = min(state.scans + 1, FIRST_EDGE + 1)
+    wire(memory, setpoint, reading)
+    memory[_ADJUSTMENT_1] = c.pot1
+    if scans == 1:
+        memory[_FIRST_BYTE] |= _FIRST_BIT
+    if rises(c, scans, applied, begins) and memory[ENABLED] and memory[ATTACHED + _RISES]:
+        before = word(memory, WIDTH)
+        carry_out(c.program, memory, memory[ATTACHED + _RISES] * 1, c.assume.wrap)
+        faults = memory[FAULTS] & 2
+        applied = before if c.assume.next_cycle else word(memory, WIDTH)
+    carry_out(c.program, memory, 0, c.assume.wrap)
+    memory[_FIRST_BYTE] &= 0xFF - _FIRST_BIT
+    faults |= memory[FAULTS]
+    return Listed(state.cpu, scans, applied), power_pct(c, applied), applied, (faults >> 1 & 1) + (faults >> 2 & 2)
 
 
-def counted(m: Memory) -> Memory:
-    """Return the memory at the beginning of the next scan, the flags cleared."""
-    return Memory(m.error, m.previous, m.change, m.width, m.applied, min(m.scans + 1, FIRST_EDGE + 1), False, False)
+def own(state: Listed) -> Listed:
+    """Return a copy, whose memory may be changed."""
+    return Listed(own_cpu(state.cpu), state.scans, state.applied)
 
 
-def rises(c: Constants, m: Memory, cycle_start: bool) -> bool:
-    """Return whether Q0.0 rises before the next scan."""
-    if m.scans == FIRST_EDGE:
+def started(parameters: Loaded, state: Listed) -> Listed:
+    """Return the state, made that of a CPU whose memory was lost."""
+    return Listed(started_cpu(parameters, state.cpu), 0, 0)
+
+
+def restarted(parameters: Loaded, cold: Listed, state: Listed) -> Listed:
+    """Return the state, made that after a start-up."""
+    return Listed(restarted_cpu(parameters, cold.cpu, state.cpu), 0, 0)
+
+
+def rises(c: Loaded, scans: int, applied: int, cycle_start: bool) -> bool:
+    """Return whether Q0.0 rises before a scan.
+
+    Args:
+        c: the program.
+        scans: counted, this one among them.
+        applied: width of the PWM cycle that ends [ms].
+        cycle_start: whether a PWM cycle begins with this scan.
+    """
+    if scans == FIRST_EDGE:
         return True
     if not c.assume.loads_cycle:  # a cycle of 2 ms begins in every scan
-        return 0 < m.applied < _UNLOADED or not c.assume.stops_at_rails
-    return cycle_start and (0 < m.applied < c.cycle_ms or not c.assume.stops_at_rails)
+        return 0 < applied < _UNLOADED or not c.assume.stops_at_rails
+    return cycle_start and (0 < applied < c.cycle_ms or not c.assume.stops_at_rails)
 
 
-def power_pct(c: Constants, applied: int) -> float:
+def power_pct(c: Loaded, applied: int) -> float:
     """Return the share of the PWM cycle in which Q0.0 is on [%], its width being `applied` [ms]."""
     cycle = c.cycle_ms if c.assume.loads_cycle else _UNLOADED
     return 100.0 * min(applied, cycle) / cycle
-
-
-def scan(c: Constants, m: Memory, setpoint: int, reading: int, cycle_start: bool) -> Memory:
-    """Return the memory after one scan: the interrupt where Q0.0 rises, then networks 3 to 7.
-
-    Args:
-        c: the program's constants.
-        m: the memory before the scan.
-        setpoint: a byte.
-        reading: a byte.
-        cycle_start: whether a PWM cycle begins with this scan.
-    """
-    m = counted(m)
-    if rises(c, m, cycle_start):
-        m = _output_interrupt(c, m)
-    word, flag_0 = added(_in_high_byte(setpoint, c.pot1), -_in_high_byte(reading, 0), 16, c.assume.wrap)
-    previous = m.error
-    ac0 = multiplied(c.kp, previous)
-    ac1, flag_1 = added(previous, word, 16, c.assume.wrap)
-    ac1 = multiplied(c.t, multiplied(c.ki, ac1))  # the second MUL reads the low word of the first one's product
-    ac0, flag_2 = added(ac0, ac1, 32, c.assume.wrap)
-    ac1, flag_3 = added(word, -previous, 16, c.assume.wrap)
-    ac1, zero = divided(multiplied(c.kd, ac1), c.t)  # the remainder stays in the high word
-    ac0, flag_4 = added(ac0, ac1, 32, c.assume.wrap)
-    overflow = m.overflow or flag_0 or flag_1 or flag_2 or flag_3 or flag_4
-    return Memory(word, previous, high_word(ac0), m.width, m.applied, m.scans, overflow, zero)
-
-
-def _output_interrupt(c: Constants, m: Memory) -> Memory:
-    """Network 12: add, limit to the cycle, limit to zero, PLS."""
-    width, overflow = added(m.width, m.change, 16, c.assume.wrap)
-    width = c.cycle_ms if width >= c.cycle_ms else max(width, 0)
-    applied = m.width if c.assume.next_cycle else width
-    return Memory(m.error, m.previous, m.change, width, applied, m.scans, overflow, m.zero_division)
-
-
-def _in_high_byte(byte: int, low: int) -> int:
-    return signed(256 * (byte & 0xFF) + (low & 0xFF), 16)

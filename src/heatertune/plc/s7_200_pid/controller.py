@@ -7,27 +7,20 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running
-from heatertune.plc.cpu.s7_200 import assemble
-from heatertune.plc.cpu.s7_200.cycle import TIMER, Interrupted, Timed, check_cycle, cycle_ms, cycle_s
+from heatertune.plc.cpu.s7_200 import COLD, assemble
+from heatertune.plc.cpu.s7_200.cycle import TIMER, check_cycle, cycle_s, timed
+from heatertune.plc.cpu.s7_200.state import own, restarted, started
 from heatertune.plc.s7_200_pid.export import export_words
 from heatertune.plc.s7_200_pid.image import from_image, oddities
-from heatertune.plc.s7_200_pid.listing import pid_program
+from heatertune.plc.s7_200_pid.listing import COUNTDOWN, pid_program
 from heatertune.plc.s7_200_pid.readback import from_text
-from heatertune.plc.s7_200_pid.step import FULL, STEP, Assumptions, Memory, Table, listed, measure, step
+from heatertune.plc.s7_200_pid.step import FULL, STEP, Assumptions, measure, step
 from heatertune.plc.s7_200_pid.words import FIELDS, design_of, values_of
 from heatertune.plc.words import Words
 
 __all__ = ["S7200Pid"]
 
 _FLAGS = ("SM1.1",)
-
-
-def _direct(words: Words, assume: Assumptions) -> tuple[Core, Running]:
-    v = words.values
-    return _DIRECT, Running((Table(v["KC"], v["TS"], v["TI"], v["TD"]), cycle_ms(words.whole), assume), Memory())
-
-
-_DIRECT = Core(step=step, measure=measure, flags=_FLAGS)
 
 
 class S7200Pid(Controller, name="s7-200-pid"):
@@ -38,19 +31,19 @@ class S7200Pid(Controller, name="s7-200-pid"):
         "P, PI and PID in single precision, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",
         "bias clamped with the output: no windup", "setpoint ramp in whole input words",
     )
-    cannot = ("not on a CPU 212 or 214; no manual mode in this program", "no filter of the derivative")
+    cannot = ("only on a CPU 22x; no manual mode in this program", "no filter of the derivative")
     fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, FULL // STEP
     inputs: ClassVar = {"SP": "INT", "PV": "INT"}
     derivative_filter = 0.0
     scans_per_period = 1
     ramped = True
-    core = Core(step=listed, measure=measure, flags=_FLAGS, compiles=False)
+    core = Core(
+        step=step, measure=measure, flags=_FLAGS, own=own, started=started, restarted=restarted)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(check_cycle)
-    interval_s, export, direct = staticmethod(cycle_s), staticmethod(export_words), staticmethod(_direct)
+    interval_s, export = staticmethod(cycle_s), staticmethod(export_words)
     image, oddities, text = staticmethod(from_image), staticmethod(oddities), staticmethod(from_text)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""
         program = assemble(pid_program(replace(words, ramp=None)))
-        timed = Timed(program, cycle_ms(words.whole), "VW90", assume.next_cycle, assume.bumpless)
-        return Running(timed, Interrupted())
+        return Running(timed(program, words.whole, COUNTDOWN, next_cycle=assume.next_cycle), COLD)

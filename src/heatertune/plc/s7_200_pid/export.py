@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from heatertune.plc.cpu.s7_200.wiring import ascii_only
+from heatertune.plc.core import Sensor
+from heatertune.plc.cpu.s7_200.wiring import SWITCH, clock, head
 from heatertune.plc.s7_200_pid.image import to_image
 from heatertune.plc.s7_200_pid.listing import ASKED, pid_program
-from heatertune.plc.s7_200_pid.step import FULL
+from heatertune.plc.s7_200_pid.step import FULL, STEP, measure
 from heatertune.plc.s7_200_pid.words import SETPOINT, TABLE
 from heatertune.plc.words import Certificate, Words
 
@@ -15,14 +16,30 @@ __all__ = ["export_words"]
 def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
     """Return the program that was proven, and the loop table in both lengths."""
     s = words.scaling
-    head = ascii_only([
+    facts = [
         f"sensor {s.low_degC:g}...{s.high_degC:g} degC = 0...{FULL} on AIW0; heater switch on Q0.0",
         f"setpoint as a share of that range in {SETPOINT}" if words.ramp is None
         else f"setpoint asked for in {ASKED}, as an analog input word; its ramp writes {SETPOINT}",
-        *certificate.head, "not tried in STEP 7-Micro/WIN",
-    ])
+        clock(words.whole),
+    ]
+    lines = head(facts, certificate, _by_hand(words, certificate))
     return {
-        "s7_200_pid.awl": pid_program(words, head),
+        "s7_200_pid.awl": pid_program(words, lines),
         f"VB{TABLE}_36.bin": to_image(words),
         f"VB{TABLE}_80.bin": to_image(words, extended=True),
     }
+
+
+def _by_hand(words: Words, certificate: Certificate) -> list[str]:
+    place, asked = SETPOINT if words.ramp is None else ASKED, certificate.setpoint_degC
+    shown = place
+    if asked is not None:
+        word = measure(Sensor(words.scaling.low_degC, words.scaling.span_degC, FULL // STEP), asked)
+        shown = f"{place} = {word / FULL if words.ramp is None else word:g}, the proven {asked:g} degC"
+    return [
+        "CPU 22x; analog input module: the first input, 0...32000 unipolar = the sensor range, is AIW0",
+        "system block: analog input filter off for AIW0, for the proof reads without it",
+        *SWITCH,
+        f"enter the setpoint: {shown}; another one is not proven, and 0 is what a lost memory leaves",
+        "a broken wire is seen where the module gives 32767 or -32767 (EM231); else a limiter must cut the heater",
+    ]

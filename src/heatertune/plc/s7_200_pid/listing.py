@@ -10,15 +10,19 @@ from heatertune.plc.cpu.s7_200.text import Network, block, count_ticks, program,
 from heatertune.plc.s7_200_pid.words import SETPOINT, TABLE
 from heatertune.plc.words import Words
 
-__all__ = ["ASKED", "pid_program"]
+__all__ = ["ASKED", "COUNTDOWN", "pid_program"]
 
 #: where a program with a ramp finds the setpoint asked for, as an analog input word
 ASKED = "VW80"
+#: ticks to go
+COUNTDOWN = "VW90"
 
 _WIDEST = "32000.0"  # an analog input at the end of its range
-_TICKS = "VW90"
 #: setpoint asked for, setpoint on the ramp, countdown
 _RAMP = (ASKED, "VW82", "VW84")
+#: the reading of this call, whether it is that of a broken wire, and whether there was one since the call before
+_READING, _BROKEN, _BLIND = "VW86", "VW88", "VW92"
+_END = 32767  # what an EM231 gives in size where the sensor's wire is broken
 
 
 def pid_program(words: Words, head: Sequence[str] = ()) -> str:
@@ -39,25 +43,28 @@ def _initialisation(words: Words) -> list[Network]:
             "LD SM0.0", *[f"MOVR {real(v[name])}, VD{place}" for name, place in named],
         ]),
         Network("output and bias begin at 0", [
-            "LD SM0.0", f"MOVR 0.0, VD{TABLE + 8}", f"MOVR 0.0, VD{TABLE + 28}", f"MOVW +1, {_TICKS}",
+            "LD SM0.0", f"MOVR 0.0, VD{TABLE + 8}", f"MOVR 0.0, VD{TABLE + 28}", f"MOVW +1, {COUNTDOWN}",
+            f"MOVW +0, {_BLIND}",
         ]),
         Network("reading of the call before: the one at the start, whatever V memory retained",
                 _share("AIW0", f"VD{TABLE + 32}")),
         *([] if words.ramp is None else [ramp_begins(words.ramp, "AIW0", *_RAMP[1:])]),
-        pwm_registers(cycle_ms(words.whole)),
+        pwm_registers(cycle_ms(words.whole), "16#DB"),
         timed_interrupt(words.whole["TICK"]),
     ]
 
 
 def _interrupt(words: Words) -> list[Network]:
     return [
-        *count_ticks(_TICKS, f"{words.whole['TICKS']:+d}"),
-        Network("process variable as a share of the range", _share("AIW0", f"VD{TABLE}")),
+        *count_ticks(COUNTDOWN, f"{words.whole['TICKS']:+d}"),
+        *_sensor_fault(),
+        Network("process variable as a share of the range", _share(_READING, f"VD{TABLE}")),
+        _seeing_again(words),
         *_setpoint(words),
         Network("setpoint: see VD104; PID", ["LD SM0.0", f"PID VB{TABLE}, 0"]),
         Network("pulse width; the cycle time is loaded once", [
             "LD SM0.0", f"MOVR VD{TABLE + 8}, AC0", f"*R {real(cycle_ms(words.whole))}, AC0", "ROUND AC0, AC0",
-            "MOVW AC0, SMW70", "PLS 0", "MOVB 16#CA, SMB67",
+            "MOVW AC0, SMW70", "PLS 0", "MOVB 16#DA, SMB67",
         ]),
     ]
 
@@ -66,10 +73,38 @@ def _share(word: str, place: str) -> list[str]:
     return ["LD SM0.0", f"ITD {word}, AC0", "DTR AC0, AC0", f"/R {_WIDEST}, AC0", f"MOVR AC0, {place}"]
 
 
+def _sensor_fault() -> list[Network]:
+    """Return what leaves the heater off, and the PID instruction out, while the sensor's wire is broken."""
+    return [
+        Network("one reading for all of this call", ["LD SM0.0", f"MOVW AIW0, {_READING}", f"MOVW +0, {_BROKEN}"]),
+        Network("wire broken", [f"LDW>= {_READING}, +{_END}", f"MOVW +1, {_BROKEN}"]),
+        Network("wire broken, the other way", [f"LDW<= {_READING}, -{_END}", f"MOVW +1, {_BROKEN}"]),
+        Network("heater off, output and bias 0, no PID", [
+            f"LDW>= {_BROKEN}, +1", f"MOVR 0.0, VD{TABLE + 8}", f"MOVR 0.0, VD{TABLE + 28}", f"MOVW +1, {_BLIND}",
+            "MOVW +0, SMW70", "PLS 0", "MOVB 16#DA, SMB67", "CRETI",
+        ]),
+    ]
+
+
+def _seeing_again(words: Words) -> Network:
+    """Return what makes the first good reading after a fault the beginning of the loop, as after a start."""
+    ramp = [] if words.ramp is None else [f"MOVW {_READING}, {_RAMP[1]}"]
+    return Network("the first reading after that is the one before, too", [
+        f"LDW>= {_BLIND}, +1", f"MOVR VD{TABLE}, VD{TABLE + 32}", *ramp, f"MOVW +0, {_BLIND}",
+    ])
+
+
 def _setpoint(words: Words) -> list[Network]:
-    """Return how a ramp leads the setpoint; without one the operator's panel writes it itself."""
+    """Return what keeps the setpoint in the range, and how a ramp leads it; else the operator's panel writes it."""
     if words.ramp is None:
-        return []
+        return [
+            Network("setpoint not above the range", [f"LDR>= {SETPOINT}, 1.0", f"MOVR 1.0, {SETPOINT}"]),
+            Network("setpoint not below the range", [f"LDR<= {SETPOINT}, 0.0", f"MOVR 0.0, {SETPOINT}"]),
+        ]
     asked, *led = _RAMP
-    share = Network("setpoint as a share of the range", _share(led[0], SETPOINT))
-    return [*ramp_moves(words.ramp, asked, "AIW0", *led), share]
+    return [
+        Network("setpoint not above the range", [f"LDW>= {asked}, +32000", f"MOVW +32000, {asked}"]),
+        Network("setpoint not below the range", [f"LDW<= {asked}, +0", f"MOVW +0, {asked}"]),
+        *ramp_moves(words.ramp, asked, _READING, *led),
+        Network("setpoint as a share of the range", _share(led[0], SETPOINT)),
+    ]

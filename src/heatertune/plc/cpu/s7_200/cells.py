@@ -1,6 +1,7 @@
 """Addresses of an S7-200: name → place in one memory (System Manual C79000-G7076-C233-01, chapter 5).
 
-V, SM, I and Q words hold their high byte first; byte and word access to an accumulator means its low end.
+V, SM, I and Q words hold their high byte first; byte and word access to an accumulator means its low end. Behind the
+areas lies what the CPU keeps for itself and no instruction addresses.
 """
 
 from __future__ import annotations
@@ -9,11 +10,34 @@ import re
 from functools import lru_cache
 from typing import Final, NamedTuple
 
-__all__ = ["SIZE", "Cell", "bit", "cell", "constant"]
+__all__ = [
+    "ATTACHED", "BEGUN", "CYCLE", "ENABLED", "EVENTS", "FAULTS", "PULSED", "SIZE", "V_BEGIN", "V_END", "WHOLE",
+    "WIDTH", "Cell", "bit", "cell", "constant",
+]
 
 #: area → where it begins in the memory, and its size in bytes
 _AREAS: Final = {"I": (0, 16), "Q": (16, 16), "SM": (32, 256), "V": (288, 512), "AC": (800, 16), "AI": (816, 8)}
 SIZE: Final = 824
+#: V memory
+V_BEGIN: Final = 288
+V_END: Final = 800
+
+#: cycle and width of the PWM generator on Q0.0, words in units of its time base
+CYCLE: Final = SIZE
+WIDTH: Final = SIZE + 2
+#: whether interrupts are enabled
+ENABLED: Final = SIZE + 4
+#: whether the last pass through a block carried out PLS 0
+PULSED: Final = SIZE + 5
+#: which of SM1.1 and SM1.3 were set in the last pass, as bits of SMB1
+FAULTS: Final = SIZE + 6
+#: whether the first scan is over
+BEGUN: Final = SIZE + 7
+#: for each event the number of the block that is attached to it, 0: none
+ATTACHED: Final = SIZE + 8
+EVENTS: Final = 34
+#: of the areas and of what lies behind them
+WHOLE: Final = ATTACHED + EVENTS
 
 _WIDTHS: Final = {"B": 1, "W": 2, "D": 4}
 _BIT: Final = re.compile(r"(I|Q|SM|V)(\d+)\.([0-7])")

@@ -1,154 +1,194 @@
-"""An S7-200 that runs statement list: the very text of an export.
+"""An S7-200 at work: a block of an assembled program, carried out on its memory.
 
-Followed: S7-200 System Manual C79000-G7076-C233-01, chapters 5 (memory) and 9 (instructions).
+Followed: S7-200 System Manual C79000-G7076-C233-01, chapters 5 (memory) and 9 (instructions). Plain functions of
+numbers and bytes, run as they are or compiled with the loop they stand in, the same bit for bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from array import array
 from typing import Final, NamedTuple
 
-from heatertune.plc.cpu.s7_200.cells import SIZE, Cell, bit, cell
+from heatertune.plc.cpu.s7_200.arithmetic import added, divided, multiplied, signed
+from heatertune.plc.cpu.s7_200.cells import ATTACHED, CYCLE, ENABLED, FAULTS, PULSED, WIDTH, cell
+from heatertune.plc.cpu.s7_200.memory import double, number, put, put_double, put_word, word
+from heatertune.plc.cpu.s7_200.opcodes import (
+    ADD_D,
+    ADD_W,
+    AND_D,
+    ASSIGN,
+    ATCH,
+    CALL,
+    CRETI,
+    DTCH,
+    END,
+    ENI,
+    LAST_LOAD,
+    LAST_MOVE,
+    LAST_REAL,
+    LAST_SHIFT,
+    LAST_SUM,
+    LD,
+    LDD,
+    LDR,
+    LDW,
+    MOV_B,
+    MOV_W,
+    MUL,
+    PLS,
+    ROW,
+    SET,
+    SHIFT_D,
+)
+from heatertune.plc.cpu.s7_200.real import calculate
+from heatertune.plc.single import single_of
 
-__all__ = ["COLD", "Action", "Cpu", "Program", "State", "run"]
+__all__ = ["Program", "carry_out", "flag"]
 
 _ZERO, _OVERFLOW, _NEGATIVE, _BY_ZERO = 1, 2, 4, 8  # bits of SMB1
 _SMB1: Final = cell("SMB1", 1).start
-_CONTROL, _CYCLE, _WIDTH = cell("SMB67", 1), cell("SMW68", 2), cell("SMW70", 2)
+_CONTROL, _CYCLE, _WIDTH = (cell(name, width).start for name, width in (("SMB67", 1), ("SMW68", 2), ("SMW70", 2)))
 _PWM_ENABLED: Final = 0xC0
 
 
-class State(NamedTuple):
-    """What an S7-200 keeps from one block run to the next.
+class Program(NamedTuple):
+    """A program as the CPU takes it.
 
     Attributes:
-        memory: all areas of `cells`.
-        cycle, width: of the PWM generator on Q0.0 [units of its time base].
-        attached: (event, interrupt block).
-        enabled: whether interrupts are enabled.
-        pulsed: whether the run carried out PLS 0.
-        overflow, zero_division: whether SM1.1, SM1.3 was set during the run.
-        loops: PID loops that have been called.
+        code: its instructions, `ROW` integers each; every block ends with END.
+        begins: where in `code` a block begins, by the block's number; -1: it is not there.
     """
 
-    memory: bytes
-    cycle: int = 0
-    width: int = 0
-    attached: tuple[tuple[int, str], ...] = ()
-    enabled: bool = False
-    pulsed: bool = False
-    overflow: bool = False
-    zero_division: bool = False
-    loops: frozenset[int] = frozenset()
-
-    def read(self, name: str) -> int:
-        """Return a byte (unsigned), word or double word (signed) by its address."""
-        place = cell(name, _width_of(name))
-        return int.from_bytes(self.memory[place.start : place.start + place.width], "big", signed=place.width > 1)
-
-    def written(self, values: Mapping[str, int]) -> State:
-        """Return the state with some bytes, words or bits written from outside: inputs, special memory."""
-        memory = bytearray(self.memory)
-        for name, value in values.items():
-            if "." in name:
-                byte, mask = bit(name)
-                memory[byte] = memory[byte] | mask if value else memory[byte] & ~mask
-            else:
-                place = cell(name, _width_of(name))
-                mask = (1 << 8 * place.width) - 1
-                memory[place.start : place.start + place.width] = (value & mask).to_bytes(place.width, "big")
-        return self._replace(memory=bytes(memory))
+    code: array[int]
+    begins: array[int]
 
 
-def _width_of(name: str) -> int:
-    return {"B": 1, "W": 2, "D": 4}[name.rstrip("0123456789")[-1]]
+def carry_out(program: Program, memory: bytearray, block: int, wrap: bool) -> None:
+    """Carry out a block up to its end or its return.
 
-
-#: after power-up; SM0.0 is always 1
-COLD: Final = State(memory=bytes(SIZE)).written({"SM0.0": 1})
-
-
-@dataclass(slots=True)
-class Cpu:
-    """One CPU while it runs a block.
-
-    Attributes:
-        memory: all areas.
-        state: the rest.
-        program: block name → instructions.
-        wrap: whether an overflowing sum writes its wrapped result.
-        bumpless: whether the first call of a PID loop sets its setpoint to the process variable.
-        top: top of the logic stack; instructions other than loads are carried out where it is 1.
-        returned: whether the block has come to a return.
-    """
-
-    memory: bytearray
-    state: State
-    program: Program
-    wrap: bool
-    bumpless: bool
-    top: bool = True
-    returned: bool = False
-
-    def call(self, block: str) -> None:
-        """Carry out a block up to its end or its return."""
-        outer, self.returned = self.top, False
-        for action in self.program[block]:
-            action(self)
-            if self.returned:
-                break
-        self.top, self.returned = outer, False
-
-    def get(self, at: Cell) -> int:
-        """Return a cell as a signed number, a byte as an unsigned one."""
-        return int.from_bytes(self.memory[at.start : at.start + at.width], "big", signed=at.width > 1)
-
-    def put(self, at: Cell, value: int) -> None:
-        """Write the low bytes of a number."""
-        mask = (1 << (8 * at.width)) - 1
-        self.memory[at.start : at.start + at.width] = (value & mask).to_bytes(at.width, "big")
-
-    def flag(self, result: int, *, overflow: bool = False, by_zero: bool = False) -> None:
-        """Set SM1.0 to SM1.3 as an arithmetic instruction leaves them."""
-        self.memory[_SMB1] = (
-            _OVERFLOW * overflow | _BY_ZERO * by_zero if overflow or by_zero
-            else _ZERO * (result == 0) | _NEGATIVE * (result < 0)
-        )
-        if overflow or by_zero:
-            self.state = self.state._replace(
-                overflow=self.state.overflow or overflow, zero_division=self.state.zero_division or by_zero
-            )
-
-    def pulse(self) -> None:
-        """PLS 0: hand those registers to the PWM generator whose update bits in SMB67 are set."""
-        control = self.get(_CONTROL)
-        if control & _PWM_ENABLED != _PWM_ENABLED:
-            return
-        cycle, width = self.get(_CYCLE) & 0xFFFF, self.get(_WIDTH) & 0xFFFF
-        self.state = self.state._replace(
-            cycle=cycle if control & 1 else self.state.cycle,
-            width=width if control & 2 else self.state.width, pulsed=True,
-        )
-
-
-Action = Callable[[Cpu], None]
-Program = Mapping[str, Sequence[Action]]
-
-
-def run(
-    program: Program, block: str, state: State, *, wrap: bool = False, bumpless: bool = True,
-) -> State:
-    """Return the state after one pass through a block; OB1 once is one scan.
+    An instruction other than a load or an assignment is carried out where the top of the logic stack is 1.
 
     Args:
-        program: block name → instructions.
-        block: which of them.
-        state: before the pass.
-        wrap: left open by the manual, see `Cpu`.
-        bumpless: left open by the manual, see `Cpu`.
+        program: as assembled.
+        memory: all of it; it is changed.
+        block: its number.
+        wrap: whether an overflowing sum writes its wrapped result.
     """
-    fresh = state._replace(pulsed=False, overflow=False, zero_division=False)
-    cpu = Cpu(bytearray(state.memory), fresh, program, wrap, bumpless)
-    cpu.call(block)
-    return cpu.state._replace(memory=bytes(cpu.memory))
+    code, at, back, top = program.code, program.begins[block], -1, True
+    memory[PULSED] = memory[FAULTS] = 0
+    while True:
+        op, operand, output, here = code[at], code[at + 2], code[at + 4], at
+        at += ROW
+        if op <= LAST_LOAD:
+            top = _loaded(code, here, memory)
+        elif op == ASSIGN:
+            _assign(memory, operand, output, top)
+        elif op == END or (op == CRETI and top):
+            if back < 0:
+                return
+            at, back, top = back, -1, True
+        elif top and op == CALL:
+            at, back = program.begins[operand], at
+        elif top:
+            _act(code, here, memory, wrap)
+
+
+def flag(memory: bytearray, result: int, overflow: bool, by_zero: bool) -> None:
+    """Set SM1.0 to SM1.3 as an arithmetic instruction leaves them."""
+    if overflow or by_zero:
+        memory[_SMB1] = _OVERFLOW * overflow + _BY_ZERO * by_zero
+        memory[FAULTS] |= memory[_SMB1]
+    else:
+        memory[_SMB1] = _ZERO * (result == 0) + _NEGATIVE * (result < 0)
+
+
+def _loaded(code: array[int], at: int, memory: bytearray) -> bool:
+    """Return what a load or a comparison makes of the top of the logic stack."""
+    op = code[at]
+    if op == LD:
+        return memory[code[at + 2]] & code[at + 4] != 0
+    width = 2 if op < LDD else 4
+    first = code[at + 2] if code[at + 1] else number(memory, code[at + 2], width)
+    second = code[at + 4] if code[at + 3] else number(memory, code[at + 4], width)
+    if op >= LDR:
+        return _holds(op - LDR, single_of(first), single_of(second))
+    return _holds(op - (LDW if op < LDD else LDD), first, second)
+
+
+def _holds(relation: int, first: float, second: float) -> bool:
+    """Return whether a relation, by its place in `RELATIONS`, holds; none does of what is no number."""
+    if relation < 2:
+        return first < second if relation else first == second
+    if relation == 2:
+        return first > second
+    return first <= second if relation == 3 else first >= second
+
+
+def _assign(memory: bytearray, at: int, mask: int, value: bool) -> None:
+    memory[at] = memory[at] | mask if value else memory[at] & 0xFF - mask
+
+
+def _act(code: array[int], at: int, memory: bytearray, wrap: bool) -> None:
+    """Carry out what is no load, assignment, call or return."""
+    op, is_constant, operand, output = code[at], code[at + 1] != 0, code[at + 2], code[at + 4]
+    if op <= LAST_MOVE:
+        width = 1 if op == MOV_B else 2 if op == MOV_W else 4
+        put(memory, output, width, operand if is_constant else number(memory, operand, width))
+    elif op <= LAST_SUM:
+        _sum(memory, op, operand if is_constant else number(memory, operand, 2 if op < ADD_D else 4), output, wrap)
+    elif op <= LAST_SHIFT:
+        _combine(memory, op, is_constant, operand, output)
+    elif op <= LAST_REAL:
+        flags = calculate(memory, op, is_constant, operand, output)
+        if flags:
+            flag(memory, 0, flags > 1, False)
+    else:
+        _control(memory, op, operand, output)
+
+
+def _sum(memory: bytearray, op: int, operand: int, output: int, wrap: bool) -> None:
+    width = 2 if op < ADD_D else 4
+    operand = operand if op in (ADD_W, ADD_D) else -operand
+    result, overflow = added(number(memory, output, width), operand, 8 * width, wrap)
+    put(memory, output, width, result)
+    flag(memory, result, overflow, False)
+
+
+def _combine(memory: bytearray, op: int, is_constant: bool, operand: int, output: int) -> None:
+    """Carry out products, quotients, logic and shifts of double words."""
+    before = double(memory, output)
+    if op < AND_D:
+        factor = operand if is_constant else word(memory, operand)
+        after, by_zero = (multiplied(factor, before), False) if op == MUL else divided(before, factor)
+        flag(memory, after if op == MUL else signed(after, 16), False, by_zero)
+    elif op == SHIFT_D:
+        after = (before & 0xFFFFFFFF) >> min(operand if is_constant else number(memory, operand, 1), 32)
+    else:
+        mask = operand if is_constant else double(memory, operand)
+        after = before & mask if op == AND_D else before ^ mask
+    put_double(memory, output, after)
+
+
+def _control(memory: bytearray, op: int, operand: int, output: int) -> None:
+    if op == SET:
+        _assign(memory, operand, output, True)
+    elif op == ATCH:
+        memory[ATTACHED + output] = operand
+    elif op == DTCH:
+        memory[ATTACHED + operand] = 0
+    elif op == ENI:
+        memory[ENABLED] = 1
+    elif op == PLS:
+        _pulse(memory)
+
+
+def _pulse(memory: bytearray) -> None:
+    """PLS 0: hand those registers to the PWM generator whose update bits in SMB67 are set."""
+    control = memory[_CONTROL]
+    if control & _PWM_ENABLED != _PWM_ENABLED:
+        return
+    if control & 1:
+        put_word(memory, CYCLE, word(memory, _CYCLE))
+    if control & 2:
+        put_word(memory, WIDTH, word(memory, _WIDTH))
+    memory[PULSED] = 1

@@ -7,13 +7,15 @@ from typing import Final, NamedTuple
 
 from heatertune.errors import OutOfRange
 from heatertune.pid.timer import Timer
-from heatertune.plc.cpu.s7_200.cpu import COLD, Program, State, run
+from heatertune.plc.cpu.s7_200.cells import ATTACHED, BEGUN, ENABLED, FAULTS, WIDTH, bit, cell
+from heatertune.plc.cpu.s7_200.cpu import Program, carry_out
+from heatertune.plc.cpu.s7_200.memory import put_word, word
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import WordField, Words, kept_by
 
 __all__ = [
-    "MOST", "TICK_FIELDS", "TIMER", "Interrupted", "Timed", "check_cycle", "cycle_ms", "cycle_s", "run_cycle",
-    "ticks_of", "whole_cycle",
+    "MOST", "TICK_FIELDS", "TIMER", "Timed", "check_cycle", "cycle_ms", "cycle_s", "run_cycle", "ticks_of", "timed",
+    "whole_cycle",
 ]
 
 #: largest constant, and largest PWM cycle [ms]: a signed word
@@ -23,6 +25,7 @@ TIMER: Final = Timer(shortest_s=0.1, longest_s=32.7, step_s=0.1)
 
 _SHORTEST_TICK, _LONGEST_TICK = 5, 255  # SMB34 of a CPU 214 [ms]
 _TIMED: Final = 10  # event of timed interrupt 0
+_FIRST_BYTE, _FIRST_BIT = bit("SM0.1")  # the first scan
 
 TICK_FIELDS: Final[tuple[WordField, ...]] = (
     WordField(name="TICK", address="SMB34", format="BYTE", low=_SHORTEST_TICK, high=_LONGEST_TICK,
@@ -68,47 +71,50 @@ class Timed(NamedTuple):
     """A program that computes in timed interrupt 0.
 
     Attributes:
-        countdown: word of the ticks to go.
+        program: as assembled.
+        cycle_ms: PWM cycle [ms].
+        countdown: place of the word of the ticks to go.
         next_cycle: whether a width shapes the PWM cycle after the one in which it is written.
-        bumpless: of the PID instruction, see `Cpu`.
     """
 
     program: Program
     cycle_ms: int
-    countdown: str
+    countdown: int
     next_cycle: bool
-    bumpless: bool = True
 
 
-class Interrupted(NamedTuple):
-    """What a running program keeps: the CPU, and the block attached to the timed interrupt once it has begun."""
+def timed(program: Program, values: Mapping[str, int], countdown: str, *, next_cycle: bool) -> Timed:
+    """Return a program that computes in timed interrupt 0.
 
-    cpu: State = COLD
-    interrupt: str | None = None
-    begun: bool = False
+    Args:
+        program: as assembled.
+        values: the words, TICK and TICKS among them.
+        countdown: address of the word of the ticks to go.
+        next_cycle: as the attribute.
+    """
+    return Timed(program, cycle_ms(values), cell(countdown, 2).start, next_cycle)
 
 
-def run_cycle(
-    timed: Timed, state: Interrupted, inputs: Mapping[str, int]
-) -> tuple[Interrupted, float, int, int]:
+def run_cycle(timed: Timed, memory: bytearray) -> tuple[float, int, int]:
     """Run the first scan, once, and the timed interrupt in which the program computes.
 
     Args:
         timed: the program.
-        state: before the cycle.
-        inputs: address → what stands there.
+        memory: of the CPU before the cycle, the inputs written; it is changed.
 
     Returns:
-        The state, the power [%], the pulse width [ms], and SM1.1 and SM1.3 as bits.
+        The power [%], the pulse width [ms], and SM1.1 and SM1.3 as bits.
     """
-    cpu, interrupt = state.cpu.written(inputs), state.interrupt
-    if not state.begun:
-        cpu = run(timed.program, "OB1", cpu.written({"SM0.1": 1})).written({"SM0.1": 0})
-        interrupt = dict(cpu.attached).get(_TIMED) if cpu.enabled else None
-    before = cpu.width
-    if interrupt is not None:
+    if not memory[BEGUN]:
+        memory[BEGUN] = 1
+        memory[_FIRST_BYTE] |= _FIRST_BIT
+        carry_out(timed.program, memory, 0, False)
+        memory[_FIRST_BYTE] &= 0xFF - _FIRST_BIT
+    before = word(memory, WIDTH)
+    if memory[ENABLED] and memory[ATTACHED + _TIMED]:
         # the ticks before this one do nothing but count down; a test runs them all
-        cpu = run(timed.program, interrupt, cpu.written({timed.countdown: 1}), bumpless=timed.bumpless)
-    width = before if timed.next_cycle else cpu.width
+        put_word(memory, timed.countdown, 1)
+        carry_out(timed.program, memory, memory[ATTACHED + _TIMED] * 1, False)
+    width = before if timed.next_cycle else word(memory, WIDTH)
     power = 100.0 * min(width, timed.cycle_ms) / timed.cycle_ms
-    return Interrupted(cpu, interrupt, True), power, width, int(cpu.overflow) + 2 * int(cpu.zero_division)
+    return power, width, (memory[FAULTS] >> 1 & 1) + (memory[FAULTS] >> 2 & 2)

@@ -1,186 +1,153 @@
-"""The instructions of an S7-200 that this project's programs use: mnemonic and operands → action on the CPU."""
+"""The instructions of an S7-200 that this project's programs use: mnemonic and operands → a row of a program's code."""
 
 from __future__ import annotations
 
-import operator
 import re
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
-from heatertune.plc.cpu.s7_200.arithmetic import added, divided, multiplied, signed
-from heatertune.plc.cpu.s7_200.cells import bit, cell, constant
-from heatertune.plc.cpu.s7_200.cpu import Action, Cpu
-from heatertune.plc.cpu.s7_200.real import REAL_INSTRUCTIONS
+from heatertune.plc.cpu.s7_200 import opcodes
+from heatertune.plc.cpu.s7_200.arithmetic import signed
+from heatertune.plc.cpu.s7_200.cells import EVENTS, bit, cell, constant
+from heatertune.plc.single import bits_of, single
 
-__all__ = ["instruction"]
+__all__ = ["block_number", "instruction"]
 
-_Read = Callable[[Cpu], int]
+_BLOCK: Final = re.compile(r"OB1|SBR(\d{1,2})|INT(\d{1,3})")
+_SUBROUTINES: Final = 64  # SBR0 to SBR63; INT0 to INT127 follow
+_LOOPS: Final = 8
 
 
-def instruction(name: str, operands: Sequence[str]) -> Action:
-    """Return what an instruction does.
+class _Operand(NamedTuple):
+    is_constant: bool
+    value: int
+
+
+_Row = tuple[int, _Operand, _Operand]
+_NONE: Final = _Operand(is_constant=True, value=0)
+
+
+def instruction(name: str, operands: Sequence[str]) -> list[int]:
+    """Return a row of `opcodes.ROW` integers.
 
     Raises:
         KeyError, TypeError, ValueError: an unknown mnemonic, a wrong number of operands, a wrong operand.
     """
-    if compared := re.fullmatch(r"LD([WD])(=|<|>|<=|>=)", name):
-        return _compare(2 if compared[1] == "W" else 4, _RELATIONS[compared[2]], *operands)
-    if name in REAL_INSTRUCTIONS:
-        return _where_on(REAL_INSTRUCTIONS[name](*operands))
-    return _INSTRUCTIONS[name](*operands)
+    if compared := re.fullmatch(r"LD([WDR])(=|<|>|<=|>=)", name):
+        base, read = _COMPARED[compared[1]]
+        op, (first, second) = base + opcodes.RELATIONS.index(compared[2]), _both(read, *operands)
+    else:
+        op, first, second = _INSTRUCTIONS[name](*operands)
+    return [op, int(first.is_constant), first.value, int(second.is_constant), second.value]
 
 
-def _operand(text: str, width: int) -> _Read:
-    """Return what reads a constant or a cell of this width [bytes]."""
+def block_number(name: str) -> int:
+    """Return the number of a block: OB1 is 0; raise ValueError for what is none."""
+    match = _BLOCK.fullmatch(name)
+    if match is None:
+        raise ValueError(name)
+    if match[1] is not None:
+        return 1 + _below(int(match[1]), _SUBROUTINES)
+    return 0 if match[2] is None else 1 + _SUBROUTINES + _below(int(match[2]), 128)
+
+
+def _below(number: int, count: int) -> int:
+    if not 0 <= number < count:
+        raise ValueError(number)
+    return number
+
+
+def _place(text: str, width: int) -> _Operand:
+    return _Operand(is_constant=False, value=cell(text, width).start)
+
+
+def _fixed(value: int) -> _Operand:
+    return _Operand(is_constant=True, value=value)
+
+
+def _operand(text: str, width: int) -> _Operand:
+    """Return a constant or a cell of this width [bytes]."""
     value = constant(text)
     if value is None:
-        place = cell(text, width)
-        return lambda cpu: cpu.get(place)
-    number = value if width == 1 else signed(value, 8 * width)
-    return lambda cpu: number  # noqa: ARG005 - a constant needs no CPU
+        return _place(text, width)
+    return _fixed(value & 0xFF if width == 1 else signed(value, 8 * width))
 
 
-def _where_on(action: Action) -> Action:
-    def act(cpu: Cpu) -> None:
-        if cpu.top:
-            action(cpu)
-
-    return act
-
-
-def _load(name: str) -> Action:
-    place, mask = bit(name)
-
-    def act(cpu: Cpu) -> None:
-        cpu.top = bool(cpu.memory[place] & mask)
-
-    return act
+def _real(text: str) -> _Operand:
+    try:
+        return _fixed(bits_of(single(float(text))))
+    except ValueError:
+        return _place(text, 4)
 
 
-def _compare(width: int, holds: Callable[[int, int], bool], first: str, second: str) -> Action:
-    left, right = _operand(first, width), _operand(second, width)
-
-    def act(cpu: Cpu) -> None:
-        cpu.top = holds(left(cpu), right(cpu))
-
-    return act
+def _both(read: Callable[[str], _Operand], first: str, second: str) -> tuple[_Operand, _Operand]:
+    return read(first), read(second)
 
 
-def _assign(name: str) -> Action:
-    place, mask = bit(name)
+def _of_bit(op: int) -> Callable[[str], _Row]:
+    def build(name: str) -> _Row:
+        place, mask = bit(name)
+        return op, _fixed(place), _fixed(mask)
 
-    def act(cpu: Cpu) -> None:
-        cpu.memory[place] = cpu.memory[place] | mask if cpu.top else cpu.memory[place] & ~mask
-
-    return act
+    return build
 
 
-def _set(name: str, count: str) -> Action:
+def _set(name: str, count: str) -> _Row:
     if count != "1":
         raise ValueError(count)
-    return _where_on(_assign(name))
+    return _of_bit(opcodes.SET)(name)
 
 
-def _move(width: int) -> Callable[[str, str], Action]:
-    def build(source: str, target: str) -> Action:
-        read, place = _operand(source, width), cell(target, width)
-        return _where_on(lambda cpu: cpu.put(place, read(cpu)))
-
-    return build
+def _two(op: int, width: int, wide: int | None = None) -> Callable[[str, str], _Row]:
+    """IN, OUT: of this width [bytes], the output of another where it is told."""
+    return lambda operand, output: (op, _operand(operand, width), _place(output, wide or width))
 
 
-def _sum(width: int, sign: int) -> Callable[[str, str], Action]:
-    def build(operand: str, output: str) -> Action:
-        read, place = _operand(operand, width), cell(output, width)
-
-        def act(cpu: Cpu) -> None:
-            result, overflow = added(cpu.get(place), sign * read(cpu), 8 * width, cpu.wrap)
-            cpu.put(place, result)
-            cpu.flag(result, overflow=overflow)
-
-        return _where_on(act)
-
-    return build
+def _two_real(op: int) -> Callable[[str, str], _Row]:
+    return lambda operand, output: (op, _real(operand), _place(output, 4))
 
 
-def _multiply(operand: str, output: str) -> Action:
-    read, place = _operand(operand, 2), cell(output, 4)
-
-    def act(cpu: Cpu) -> None:
-        result = multiplied(read(cpu), cpu.get(place))
-        cpu.put(place, result)
-        cpu.flag(result)
-
-    return _where_on(act)
+def _convert(op: int, width: int) -> Callable[[str, str], _Row]:
+    return lambda operand, output: (op, _place(operand, width), _place(output, 4))
 
 
-def _divide(operand: str, output: str) -> Action:
-    read, place = _operand(operand, 2), cell(output, 4)
-
-    def act(cpu: Cpu) -> None:
-        result, by_zero = divided(cpu.get(place), read(cpu))
-        cpu.put(place, result)
-        cpu.flag(signed(result, 16), by_zero=by_zero)
-
-    return _where_on(act)
+def _shift(output: str, count: str) -> _Row:
+    return opcodes.SHIFT_D, _operand(count, 1), _place(output, 4)
 
 
-def _logic(combine: Callable[[int, int], int]) -> Callable[[str, str], Action]:
-    def build(operand: str, output: str) -> Action:
-        read, place = _operand(operand, 4), cell(output, 4)
-        return _where_on(lambda cpu: cpu.put(place, combine(cpu.get(place), read(cpu))))
-
-    return build
-
-
-def _shift_right(output: str, count: str) -> Action:
-    place, read = cell(output, 4), _operand(count, 1)
-    return _where_on(lambda cpu: cpu.put(place, (cpu.get(place) & 0xFFFFFFFF) >> min(read(cpu), 32)))
+def _pid(table: str, loop: str) -> _Row:
+    if not table.startswith("VB"):
+        raise ValueError(table)
+    cell(f"VD{int(table[2:]) + 32}", 4)  # the table's last word must be there
+    return opcodes.PID, _place(table, 1), _fixed(_below(int(loop), _LOOPS))
 
 
-def _return() -> Action:
-    def act(cpu: Cpu) -> None:
-        cpu.returned = True
-
-    return _where_on(act)
+def _attach(block: str, event: str) -> _Row:
+    return opcodes.ATCH, _fixed(block_number(block)), _fixed(_below(int(event), EVENTS))
 
 
-def _attach(block: str, event: str) -> Action:
-    return _where_on(lambda cpu: _route(cpu, int(event), block))
-
-
-def _detach(event: str) -> Action:
-    return _where_on(lambda cpu: _route(cpu, int(event), None))
-
-
-def _route(cpu: Cpu, event: int, block: str | None) -> None:
-    others = tuple(pair for pair in cpu.state.attached if pair[0] != event)
-    cpu.state = cpu.state._replace(attached=others if block is None else (*others, (event, block)))
-
-
-def _enable() -> Action:
-    def act(cpu: Cpu) -> None:
-        cpu.state = cpu.state._replace(enabled=True)
-
-    return _where_on(act)
-
-
-def _pulse(output: str) -> Action:
+def _pulse(output: str) -> _Row:
     if output != "0":
         raise ValueError(output)
-    return _where_on(Cpu.pulse)
+    return opcodes.PLS, _NONE, _NONE
 
 
-_RELATIONS: Final = {
-    "=": operator.eq, "<": operator.lt, ">": operator.gt, "<=": operator.le, ">=": operator.ge,
+#: format of what is compared → number of its comparisons, and what reads an operand
+_COMPARED: Final[dict[str, tuple[int, Callable[[str], _Operand]]]] = {
+    "W": (opcodes.LDW, lambda text: _operand(text, 2)), "D": (opcodes.LDD, lambda text: _operand(text, 4)),
+    "R": (opcodes.LDR, _real),
 }
 
-_INSTRUCTIONS: Final[dict[str, Callable[..., Action]]] = {
-    "LD": _load, "=": _assign, "S": _set,
-    "MOVB": _move(1), "MOVW": _move(2), "MOVD": _move(4),
-    "+I": _sum(2, 1), "-I": _sum(2, -1), "+D": _sum(4, 1), "-D": _sum(4, -1),
-    "MUL": _multiply, "DIV": _divide,
-    "ANDD": _logic(operator.and_), "XORD": _logic(operator.xor), "SRD": _shift_right,
-    "CALL": lambda block: _where_on(lambda cpu: cpu.call(block)),
-    "CRETI": _return, "ATCH": _attach, "DTCH": _detach, "ENI": _enable, "PLS": _pulse,
+_INSTRUCTIONS: Final[dict[str, Callable[..., _Row]]] = {
+    "LD": _of_bit(opcodes.LD), "=": _of_bit(opcodes.ASSIGN), "S": _set,
+    "MOVB": _two(opcodes.MOV_B, 1), "MOVW": _two(opcodes.MOV_W, 2), "MOVD": _two(opcodes.MOV_D, 4),
+    "+I": _two(opcodes.ADD_W, 2), "-I": _two(opcodes.SUB_W, 2), "+D": _two(opcodes.ADD_D, 4),
+    "-D": _two(opcodes.SUB_D, 4), "MUL": _two(opcodes.MUL, 2, 4), "DIV": _two(opcodes.DIV, 2, 4),
+    "ANDD": _two(opcodes.AND_D, 4), "XORD": _two(opcodes.XOR_D, 4), "SRD": _shift,
+    "MOVR": _two_real(opcodes.MOV_D), "*R": _two_real(opcodes.MUL_R), "/R": _two_real(opcodes.DIV_R),
+    "ITD": _convert(opcodes.ITD, 2), "DTR": _convert(opcodes.DTR, 4), "ROUND": _two_real(opcodes.ROUND), "PID": _pid,
+    "CALL": lambda block: (opcodes.CALL, _fixed(block_number(block)), _NONE),
+    "CRETI": lambda: (opcodes.CRETI, _NONE, _NONE), "ATCH": _attach,
+    "DTCH": lambda event: (opcodes.DTCH, _fixed(_below(int(event), EVENTS)), _NONE),
+    "ENI": lambda: (opcodes.ENI, _NONE, _NONE), "PLS": _pulse,
 }

@@ -27,7 +27,8 @@ def ramp_moves(ramp: Ramp, asked: str, reading: str, word: str, countdown: str) 
 
     What is left to the setpoint asked for is limited to a step, and to nothing between the steps; what is between
     setpoint and reading is limited to the holdback, which is below zero for a cooler. Setpoint and readings are not
-    negative: no difference overflows.
+    negative: no difference overflows. Comparisons are >= and <=, which a CPU 21x has, too: equal numbers come out the
+    same.
 
     Args:
         ramp: of the setpoint.
@@ -47,8 +48,8 @@ def ramp_moves(ramp: Ramp, asked: str, reading: str, word: str, countdown: str) 
             f"MOVW {-step:+d}, AC2",
         ]),
         Network("what is left to go", ["LD SM0.0", f"MOVW {asked}, AC0", f"-I {word}, AC0"]),
-        Network("not more than a step up", ["LDW> AC0, AC1", "MOVW AC1, AC0"]),
-        Network("not more than a step down", ["LDW< AC0, AC2", "MOVW AC2, AC0"]),
+        Network("not more than a step up", ["LDW>= AC0, AC1", "MOVW AC1, AC0"]),
+        Network("not more than a step down", ["LDW<= AC0, AC2", "MOVW AC2, AC0"]),
         *([] if ramp.hold is None else _not_far_down(ramp.hold, reading, word)),
         Network("move the setpoint", ["LD SM0.0", f"+I AC0, {word}"]),
         *([] if ramp.hold is None else _not_far_up(ramp.hold, reading, word)),
@@ -56,7 +57,8 @@ def ramp_moves(ramp: Ramp, asked: str, reading: str, word: str, countdown: str) 
 
 
 def _not_far_down(hold: Number, reading: str, word: str) -> list[Network]:
-    below, up, down, more, less = ("above", "down", "up", "<", ">") if hold < 0 else ("below", "up", "down", ">", "<")
+    below, up, down = ("above", "down", "up") if hold < 0 else ("below", "up", "down")
+    more, less = ("<=", ">=") if hold < 0 else (">=", "<=")
     return [
         Network(f"holdback: what is left to the process variable and so much {below} it, which is no way {up}", [
             "LD SM0.0", f"MOVW {reading}, AC3", f"-I {word}, AC3", f"-I {hold:+d}, AC3",
@@ -67,7 +69,7 @@ def _not_far_down(hold: Number, reading: str, word: str) -> list[Network]:
 
 
 def _not_far_up(hold: Number, reading: str, word: str) -> list[Network]:
-    above, more = ("below", "<") if hold < 0 else ("above", ">")
+    above, more = ("below", "<=") if hold < 0 else ("above", ">=")
     return [
         Network(f"holdback: how far the setpoint is {above} the process variable", [
             "LD SM0.0", f"MOVW {word}, AC0", f"-I {reading}, AC0",

@@ -38,9 +38,14 @@ def real(value: float) -> str:
     return text if set(text) & set(".e") else f"{text}.0"
 
 
-def pwm_registers(cycle_ms: int) -> Network:
-    """Return the network that prepares PWM on Q0.0; the first PLS loads cycle time and pulse width (16#CB)."""
-    loads = ["MOVB 16#CB, SMB67", f"MOVW {cycle_ms:+d}, SMW68", "MOVW +0, SMW70"]
+def pwm_registers(cycle_ms: int, control: str) -> Network:
+    """Return the network that prepares PWM on Q0.0; the first PLS loads cycle time and pulse width.
+
+    Args:
+        cycle_ms: PWM cycle [ms].
+        control: byte for SMB67 at that.
+    """
+    loads = [f"MOVB {control}, SMB67", f"MOVW {cycle_ms:+d}, SMW68", "MOVW +0, SMW70"]
     return Network("PWM, ms; cycle time and pulse width are loaded by the first PLS", ["LD SM0.0", *loads])
 
 
@@ -53,6 +58,6 @@ def count_ticks(word: str, ticks: str) -> list[Network]:
     """Return the networks that leave the interrupt until so many ticks (a constant or a word) are over."""
     return [
         Network("count the ticks of a PWM cycle", ["LD SM0.0", f"-I +1, {word}"]),
-        Network("not yet over", [f"LDW> {word}, +0", "CRETI"]),
+        Network("not yet over", [f"LDW>= {word}, +1", "CRETI"]),
         Network("over: count anew", ["LD SM0.0", f"MOVW {ticks}, {word}"]),
     ]

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
+from heatertune.plc.cpu.s7_200.cells import cell
 from heatertune.plc.open_points import Switch
 from heatertune.plc.words import Certificate, Scaling, Words
 
-__all__ = ["COUNTS", "WIDTH_APPLIES", "ascii_only", "head", "inputs_of", "ms_per_count"]
+__all__ = ["COUNTS", "SWITCH", "WIDTH_APPLIES", "clock", "counts_wired", "head", "ms_per_count", "wire"]
 
 #: highest reading of the 8-bit temperature input and of the analog adjustment SMB28
 COUNTS: Final = 255
+_INPUTS: Final = cell("IB0", 1).start
+_ADJUSTMENT_0: Final = cell("SMB28", 1).start
 
 WIDTH_APPLIES: Final = Switch(
     name="width_applies", means={"this_cycle": False, "next_cycle": True},
@@ -19,9 +22,11 @@ WIDTH_APPLIES: Final = Switch(
 )
 
 
-def inputs_of(setpoint: int, reading: int) -> dict[str, int]:
-    """Return what the CPU reads: PV on I0.1 to I0.7 and, bit 0, I1.0; I0.0 takes back Q0.0; SP on adjustment 0."""
-    return {"IB0": reading & 0xFE | 1, "I1.0": reading & 1, "SMB28": setpoint & 0xFF}
+def wire(memory: bytearray, setpoint: int, reading: int) -> None:
+    """Write what the CPU reads: PV on I0.1 to I0.7 and, bit 0, I1.0; I0.0 takes back Q0.0; SP on adjustment 0."""
+    memory[_INPUTS] = reading & 0xFE | 1
+    memory[_INPUTS + 1] = memory[_INPUTS + 1] & 0xFE | reading & 1
+    memory[_ADJUSTMENT_0] = setpoint & 0xFF
 
 
 def ms_per_count(scaling: Scaling, cycle: int) -> float:
@@ -29,17 +34,37 @@ def ms_per_count(scaling: Scaling, cycle: int) -> float:
     return cycle / 100.0 * scaling.span_degC / COUNTS
 
 
-def head(words: Words, certificate: Certificate) -> list[str]:
-    """Return the comment lines that an exported program begins with."""
+def counts_wired(words: Words) -> list[str]:
+    """Return what an 8-bit converter and an analog adjustment mean, for the head of an exported program."""
     s = words.scaling
-    return ascii_only([
+    return [
         f"sensor {s.low_degC:g}...{s.high_degC:g} degC = 0...{COUNTS} counts on I0.1-I0.7, I1.0 (bit 0)",
         "setpoint in counts on analog adjustment 0; heater switch on Q0.0",
-        *certificate.head,
-        "not tried in STEP 7-Micro/WIN",
-    ])
+    ]
 
 
-def ascii_only(lines: Sequence[str]) -> list[str]:
-    """Return lines that read the same in any code page of Windows: what is not ASCII becomes a question mark."""
-    return [line.encode("ascii", "replace").decode("ascii") for line in lines]
+def head(facts: Sequence[str], certificate: Certificate, by_hand: Sequence[str]) -> list[str]:
+    """Return the comment lines that an exported program begins with, ASCII: they read the same in any code page.
+
+    Args:
+        facts: about inputs, outputs and clock.
+        certificate: of the proof.
+        by_hand: what is left to do, a step each.
+    """
+    steps = [f"{number}. {step}" for number, step in enumerate(by_hand, start=1)]
+    lines = [*facts, *certificate.head, "not tried in STEP 7-Micro/WIN", *(["to do by hand:", *steps] if steps else [])]
+    return [line.replace("°C", "degC").encode("ascii", "replace").decode("ascii") for line in lines]
+
+
+def clock(values: Mapping[str, int]) -> str:
+    """Return how the program keeps its time, for its head; `values` are TICK and TICKS."""
+    cycle = values["TICK"] * values["TICKS"] / 1000.0
+    return (f"TA and PWM cycle {cycle:g} s: {values['TICKS']} timed interrupts of {values['TICK']} ms; "
+            "pulse width in steps of 1 ms")
+
+
+#: steps that every program with its PWM on Q0.0 leaves
+SWITCH: Final = (
+    "wire the heater's switch to Q0.0, a transistor output: a solid-state relay, no contactor for short cycles",
+    "system block, output table: Q0.0 off in STOP",
+)
