@@ -16,6 +16,7 @@ from heatertune.model.values import FittedModel
 from heatertune.plc import Ramp, Words, controller_for
 from heatertune.progress import Told
 from heatertune.proof import Proof, prove
+from heatertune.proof.exported import as_exported
 from heatertune.proof.heaters import labelled
 from heatertune.proof.measured import band_of
 from heatertune.proof.scenario import conditions as conditions_of
@@ -58,10 +59,19 @@ def prove_ramped(
         plain: the proof of these words under these conditions without a ramp, where there is one already.
         progress: told what begins.
 
+    The proof is that of the exported text, see `as_exported`.
+
     Raises:
         InputError: a ramp for a controller that has none, or as `prove`.
         OutOfRange, UnknownName: as `prove`; a rate that the controller cannot have.
     """
+    proof, told = _ramped(words, fitted, ramp, conditions, progress)
+    return as_exported(proof), told
+
+
+def _ramped(
+    words: Words, fitted: FittedModel, ramp: float | str | None, conditions: Conditions | None, progress: Told
+) -> tuple[Proof, list[str]]:
     controller = controller_for(words.target)
     if isinstance(ramp, float | int):
         words = replace(words, ramp=controller.ramp(words, ramp))

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, TICK_S, TIMER
-from heatertune.plc.cpu.s7_300.real import quotient, real
 from heatertune.plc.fb41.export import export_words
+from heatertune.plc.fb41.exported import ExportedContC
 from heatertune.plc.fb41.feed_forward import FEED
 from heatertune.plc.fb41.image import from_image, oddities
 from heatertune.plc.fb41.readback import from_text
-from heatertune.plc.fb41.step import Assumptions, Parameters, restart, scan, step
-from heatertune.plc.fb41.words import FIELDS, consistent, design_of, values_of
-from heatertune.plc.ramp import Number
+from heatertune.plc.fb41.step import Assumptions, restart, scan, step
+from heatertune.plc.fb41.words import FIELDS, consistent, design_of, parameters_of, values_of
 from heatertune.plc.words import Words
 
 __all__ = ["ContC"]
@@ -50,21 +48,10 @@ class ContC(Controller, name="fb41"):
     core = Core(step=step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"))
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     export, image, oddities = staticmethod(export_words), staticmethod(from_image), staticmethod(oddities)
+    exported = staticmethod(ExportedContC)
     text, scan_all, feed = staticmethod(from_text), staticmethod(scan), FEED
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after OB100's call with COM_RST."""
-        parameters = _parameters(words.values)
+        parameters = parameters_of(words.values)
         return Running((parameters, assume), restart(parameters))
-
-
-def _parameters(v: Mapping[str, Number]) -> Parameters:
-    """Return the words as the block computes with them: TIME in ms becomes REAL in s."""
-    seconds = {name: quotient(real(v[name])[0], 1000.0)[0] for name in ("CYCLE", "TI", "TD", "TM_LAG")}
-    return Parameters(
-        cycle=seconds["CYCLE"], gain=v["GAIN"], ti=seconds["TI"], td=seconds["TD"], tm_lag=seconds["TM_LAG"],
-        dead_band=v["DEADB_W"], upper=v["LMN_HLM"], lower=v["LMN_LLM"], pv_factor=v["PV_FAC"], pv_offset=v["PV_OFF"],
-        lmn_factor=v["LMN_FAC"], lmn_offset=v["LMN_OFF"], initial=v["I_ITLVAL"], disturbance=v["DISV"],
-        manual=v["MAN"], man_on=bool(v["MAN_ON"]), p_sel=bool(v["P_SEL"]), i_sel=bool(v["I_SEL"]),
-        int_hold=bool(v["INT_HOLD"]), i_itl_on=bool(v["I_ITL_ON"]), d_sel=bool(v["D_SEL"]),
-    )

@@ -6,15 +6,18 @@ Names and defaults: the block's parameter table; offsets: the sums of its types,
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
+from heatertune.plc.cpu.s7_300.real import quotient, real
+from heatertune.plc.fb41.step import Parameters
 from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
 from heatertune.plc.words import FORMATS, Scaling, WordField, Words
 
-__all__ = ["FIELDS", "consistent", "design_of", "values_of"]
+__all__ = ["FIELDS", "consistent", "design_of", "parameters_of", "values_of"]
 
 _MOST: Final = FORMATS["REAL"][1]
 _LONGEST: Final = int(FORMATS["TIME"][1])
@@ -136,3 +139,15 @@ def _whole(name: str, exact_ms: float, least: int) -> int:
     if word > _LONGEST:
         raise NotRepresentable(f"word {name}", exact_ms, f"{least}..{_LONGEST} ms", f"{_LONGEST / 1000:g} s would fit")
     return word
+
+
+def parameters_of(v: Mapping[str, Number]) -> Parameters:
+    """Return the words as the block computes with them: TIME in ms becomes REAL in s."""
+    seconds = {name: quotient(real(v[name])[0], 1000.0)[0] for name in ("CYCLE", "TI", "TD", "TM_LAG")}
+    return Parameters(
+        cycle=seconds["CYCLE"], gain=v["GAIN"], ti=seconds["TI"], td=seconds["TD"], tm_lag=seconds["TM_LAG"],
+        dead_band=v["DEADB_W"], upper=v["LMN_HLM"], lower=v["LMN_LLM"], pv_factor=v["PV_FAC"], pv_offset=v["PV_OFF"],
+        lmn_factor=v["LMN_FAC"], lmn_offset=v["LMN_OFF"], initial=v["I_ITLVAL"], disturbance=v["DISV"],
+        manual=v["MAN"], man_on=bool(v["MAN_ON"]), p_sel=bool(v["P_SEL"]), i_sel=bool(v["I_SEL"]),
+        int_hold=bool(v["INT_HOLD"]), i_itl_on=bool(v["I_ITL_ON"]), d_sel=bool(v["D_SEL"]),
+    )

@@ -8,18 +8,19 @@ from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.s5_ob251.export import export_words
+from heatertune.plc.s5_ob251.exported import ExportedS5
 from heatertune.plc.s5_ob251.feed_forward import FEED
 from heatertune.plc.s5_ob251.image import from_image, oddities
 from heatertune.plc.s5_ob251.readback import from_text
-from heatertune.plc.s5_ob251.step import COLD, Assumptions, Parameters, scan, step
+from heatertune.plc.s5_ob251.step import COLD, Assumptions, scan, step
 from heatertune.plc.s5_ob251.typed import typed
 from heatertune.plc.s5_ob251.words import (
-    FACTOR,
     FIELDS,
     FULL_SCALE,
     consistent,
     design_of,
     most_gain,
+    parameters_of,
     tolerated,
     values_of,
 )
@@ -57,13 +58,9 @@ class Ob251(Controller, name="s5-ob251"):
     export, typed = staticmethod(export_words), staticmethod(typed)
     image, oddities = staticmethod(from_image), staticmethod(oddities)
     text, tolerated = staticmethod(from_text), staticmethod(tolerated)
+    exported = staticmethod(ExportedS5)
     scan_all, most_gain, feed = staticmethod(scan), staticmethod(most_gain), FEED
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the cold state: DW18 to DW48 cleared."""
-        v = words.whole
-        parameters = Parameters(
-            gain=v["K"] / FACTOR, r=v["R"] / FACTOR, ti=v["TI"] / FACTOR, td=float(v["TD"]), steu=v["STEU"],
-            manual=v["YH"], upper=v["BGOG"], lower=v["BGUG"],
-        )
-        return Running((parameters, assume), COLD)
+        return Running((parameters_of(words.whole), assume), COLD)

@@ -19,7 +19,7 @@ from heatertune.plc.open_points import Switch
 
 __all__ = [
     "AUTO", "COLD", "FULL_SCALE", "GESCHW", "HANDART", "NO_Z", "REG_AUS", "XZ_EIN", "Assumptions", "Parameters",
-    "State", "call", "scan", "step",
+    "State", "call", "percent", "scan", "step",
 ]
 
 #: units at the upper end of the sensor range and at full power
@@ -135,8 +135,12 @@ def scan(
 
 def _outcome(after: State) -> tuple[State, float, int, int]:
     """Return the state, YA in percent, YA, and the limits as bits."""
-    power = min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0)
-    return after, power, after.output, int(after.at_limit > 0) + 2 * int(after.at_limit < 0)
+    return after, percent(after.output), after.output, int(after.at_limit > 0) + 2 * int(after.at_limit < 0)
+
+
+def percent(output: int) -> float:
+    """Return the power of an output in units [0…100 %]."""
+    return min(max(100.0 * output / FULL_SCALE, 0.0), 100.0)
 
 
 def call(

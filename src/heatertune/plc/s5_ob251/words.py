@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE, NO_Z
+from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE, NO_Z, Parameters
 from heatertune.plc.words import Scaling, WordField, Words, rounded
 
 __all__ = [
-    "FACTOR", "FIELDS", "FULL_SCALE", "GAIN_WITH_D", "consistent", "design_of", "most_gain", "tolerated", "values_of",
+    "FACTOR", "FIELDS", "FULL_SCALE", "GAIN_WITH_D", "consistent", "design_of", "most_gain", "parameters_of",
+    "tolerated", "values_of",
 ]
 
 #: K, R and TI are multiples of this; the manual's 0.001 is its round value (footnote of table 11-11)
@@ -116,6 +118,13 @@ def tolerated(words: Words) -> None:
     limit = GAIN_WITH_D
     if words.whole["TD"] and not -limit <= words.whole["R"] <= limit:
         raise OutOfRange("word R", words.whole["R"], f"-{limit}…{limit} with a D part (TD is not 0)")
+
+
+def parameters_of(values: Mapping[str, int]) -> Parameters:
+    """Return the words, name → value, as the algorithm uses them."""
+    return Parameters(
+        gain=values["K"] / FACTOR, r=values["R"] / FACTOR, ti=values["TI"] / FACTOR, td=float(values["TD"]),
+        steu=values["STEU"], manual=values["YH"], upper=values["BGOG"], lower=values["BGUG"])
 
 
 def _units_gain(scaling: Scaling) -> float:

@@ -8,6 +8,7 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, TICK_S, TIMER
 from heatertune.plc.s7_300.export import export_words
+from heatertune.plc.s7_300.exported import exported
 from heatertune.plc.s7_300.image import from_image, oddities
 from heatertune.plc.s7_300.readback import from_text
 from heatertune.plc.s7_300.step import COLD, Assumptions, Parameters, scan, step
@@ -40,7 +41,7 @@ class PidTip(Controller, name="s7-300"):
     core = Core(step=step, measure=count, flags=("overflow",))
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     image, oddities, scan_all = staticmethod(from_image), staticmethod(oddities), staticmethod(scan)
-    text = staticmethod(from_text)
+    text, exported = staticmethod(from_text), staticmethod(exported)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after OB100."""

@@ -22,7 +22,7 @@ from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.cpu.s7_300.real import clamp, quotient, real
 from heatertune.plc.open_points import Switch
 
-__all__ = ["COLD", "Assumptions", "Parameters", "State", "call", "manual", "scan", "step"]
+__all__ = ["COLD", "Assumptions", "Parameters", "State", "call", "manual", "percent", "scan", "step"]
 
 
 class Parameters(NamedTuple):
@@ -90,7 +90,12 @@ def scan(
 
 def _outcome(after: State) -> tuple[State, float, int, int]:
     """Return the state, OUT in percent, OUT, and the flag."""
-    return after, min(max(100.0 * after.output / FULL_SCALE, 0.0), 100.0), after.output, int(after.overflow)
+    return after, percent(after.output), after.output, int(after.overflow)
+
+
+def percent(output: int) -> float:
+    """Return the power of an analog value [0…100 %]."""
+    return min(max(100.0 * output / FULL_SCALE, 0.0), 100.0)
 
 
 def call(p: Parameters, assume: Assumptions, state: State, setpoint: int, reading: int) -> State:

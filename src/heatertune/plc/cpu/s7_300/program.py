@@ -19,13 +19,13 @@ from heatertune.plc.cpu.s7_300.switch import ANALOG, OWN, PULSEGEN, Switching, p
 from heatertune.plc.ramp import Ramp
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["DATA", "Program", "by_hand", "counts_of"]
+__all__ = ["DATA", "PWM_DATA", "Program", "by_hand", "counts_of"]
 
 #: numbers of the program's own blocks, free in most programs: data block, FC that begins anew, PWM and its instance
 DATA: Final = 101
 _ANEW: Final = 101
 _PWM: Final = 101
-_PWM_DATA: Final = 102
+PWM_DATA: Final = 102
 _PULSEGEN: Final = 43
 
 #: what the CPU tells an OB at its start: 20 bytes; the interval stands at the tenth
@@ -76,7 +76,7 @@ class Program:
     def blocks(self) -> list[str]:
         """The source of all blocks that stand before the organization blocks."""
         made = self.switch.by
-        pwm = pwm_block(_PWM, _PWM_DATA, self.switch, real=self.real) if made == OWN else []
+        pwm = pwm_block(_PWM, PWM_DATA, self.switch, real=self.real) if made == OWN else []
         return [*pwm, *(self._pulsegen if made == PULSEGEN else []),
                 *cells.block(DATA, "heater: what you set and watch", self._members), *self._anew]
 
@@ -153,7 +153,7 @@ class Program:
         """Return the function that puts the heater off and lets all begin from cold."""
         at, made = self.at, self.switch.by
         zero = awl.real(0.0) if self.real else "0"
-        own = cells.operands(_PWM_DATA, pwm_members(self.switch, real=self.real))
+        own = cells.operands(PWM_DATA, pwm_members(self.switch, real=self.real))
         pwm = {
             OWN: ["      L     L#0;", f"      T     {own['TICK']};  // of the period",
                   f"      T     {own['COUNT']};  // of its ticks on"],
@@ -188,7 +188,7 @@ class Program:
         if by == ANALOG:
             return [f"      L     {self.word};", "      T     PQW 256;"]
         if by == OWN:
-            return [f"      CALL  FB {_PWM} , DB {_PWM_DATA} (", f"           POWER := {self.output},",
+            return [f"      CALL  FB {_PWM} , DB {PWM_DATA} (", f"           POWER := {self.output},",
                     f"           HEAT := {at['HEAT']});", *_out(f"A     {at['HEAT']}")]
         share = [] if self.real else [
             f"      L     {self.output};", "      ITD   ;", "      DTR   ;", f"      L     {awl.real(100.0)};",

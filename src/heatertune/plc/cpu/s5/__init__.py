@@ -1,0 +1,1 @@
+"""The SIMATIC S5: its statements."""

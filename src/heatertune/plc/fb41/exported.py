@@ -1,0 +1,52 @@
+"""The exported program around CONT_C in its CPU; CONT_C itself, which comes with STEP 7, is the proof's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from heatertune.plc.cpu.s7_300.exported import ExportedS7
+from heatertune.plc.cpu.s7_300.machine import Cpu, as_real, bits_of, signed
+from heatertune.plc.cpu.s7_300.real import clamp
+from heatertune.plc.fb41.step import Assumptions, State, scaled, scan
+from heatertune.plc.fb41.words import FIELDS, parameters_of
+from heatertune.plc.ramp import Number
+
+__all__ = ["ExportedContC"]
+
+_LMN = slice(72, 76)
+_REALS = frozenset(field.name for field in FIELDS if field.format == "REAL")
+
+
+class ExportedContC(ExportedS7):
+    """See `heatertune.plc.exported.Exported`."""
+
+    def __init__(self, files: Mapping[str, str | bytes], assume: Assumptions) -> None:
+        """Load the files of an export; raise InputError where the source has what the CPU does not know."""
+        self._assume, self._state = assume, State()
+        super().__init__(str(files["fb41_cont_c.awl"]), {"FB 41": self._cont_c})
+
+    def asked(self, counts: int) -> int:
+        """Return an analog value, which a ramp takes, or what it means in the unit of PV."""
+        if "LED" in self._own:
+            return counts
+        return bits_of(scaled(parameters_of(_values(self._cpu.words["DB 41"])), counts)[0])
+
+    def outcome(self) -> tuple[Number, float]:
+        """Return LMN, and it within 0…100 %."""
+        lmn = as_real(int.from_bytes(self._cpu.memory["DB 41"][_LMN], "big"))
+        return lmn, clamp(lmn, 0.0, 100.0)
+
+    def force(self, output: Number) -> None:
+        """Write LMN."""
+        self._cpu.memory["DB 41"][_LMN] = bits_of(output).to_bytes(4, "big")
+
+    def _cont_c(self, _cpu: Cpu, words: dict[str, int]) -> None:
+        values = _values(words)
+        inputs = {"COM_RST": words["COM_RST"], "MAN_ON": words["MAN_ON"], "PV_PER": signed(words.get("PV_PER", 0), 16),
+                  "SP_INT": as_real(words.get("SP_INT", 0))}
+        self._state, _, lmn, _ = scan((parameters_of(values), self._assume), self._state, inputs)
+        self.force(lmn)
+
+
+def _values(words: Mapping[str, int]) -> dict[str, Number]:
+    return {field.name: as_real(words[field.name]) if field.name in _REALS else words[field.name] for field in FIELDS}

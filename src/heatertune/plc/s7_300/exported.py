@@ -1,0 +1,31 @@
+"""The exported program of the tip's PID in its CPU."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from heatertune.plc.cpu.s7_300.exported import ExportedS7
+from heatertune.plc.cpu.s7_300.machine import signed
+from heatertune.plc.ramp import Number
+from heatertune.plc.s7_300.step import Assumptions, percent
+
+__all__ = ["exported"]
+
+_OUT = slice(6, 8)
+
+
+class _Exported(ExportedS7):
+    def asked(self, counts: int) -> int:
+        return counts
+
+    def outcome(self) -> tuple[Number, float]:
+        output = signed(int.from_bytes(self._cpu.memory["DB 100"][_OUT], "big"), 16)
+        return output, percent(output)
+
+    def force(self, output: Number) -> None:
+        self._cpu.memory["DB 100"][_OUT] = int(output).to_bytes(2, "big")
+
+
+def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> ExportedS7 | None:
+    """Return the program that runs; None for other assumptions than its own: the text is one of several."""
+    return _Exported(str(files["s7_300_pid.awl"]), {}) if assume == Assumptions() else None
