@@ -316,8 +316,8 @@ class Conditions:
         0.0, "shortest off time", "--minimum-off", needs="pwm_period_s", instead=("0", ""))
     pwm_rule: str | None = option(
         None, str, "block that makes the PWM", flag="--pwm-rule", choices=("pulsegen", "pid-compact", "burst"),
-        needs="pwm_period_s", help="block that makes the PWM; pulsegen: --minimum-on is P_B_TM; burst: a power controller",
-        instead=("a plain switch", ""))
+        needs="pwm_period_s", instead=("a plain switch", ""),
+        help="block that makes the PWM; pulsegen: --minimum-on is P_B_TM; burst: a power controller")
     pwm_resolution_s: float | None = _time(
         None, "the on time is a multiple of it", "--pwm-resolution", label="PWM resolution", least=None, above=0.0,
         needs="pwm_period_s", help="the on time is a multiple of it; a block's call interval [s]",

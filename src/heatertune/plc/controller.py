@@ -30,7 +30,7 @@ from heatertune.plc.targets import TARGETS
 from heatertune.plc.words import Certificate, Scaling, WordField, Words, check_fields, kept_by, stored
 from heatertune.units import check
 
-__all__ = ["Controller", "controller_for", "no_pid"]
+__all__ = ["Controller", "controller_for"]
 
 #: target → its class, entered where the class is made
 _CLASSES: Final[dict[str, type[Controller]]] = {}
@@ -380,10 +380,6 @@ class Controller(ABC):
             return self.step(running, inputs[setpoint], inputs[reading], cycle_start=begins)
         state, *outcome = self.scan_all(running.parameters, running.state, inputs)
         return Running(running.parameters, state), self.core.scanned(outcome)
-
-
-def no_pid(words: Words) -> None:
-    """Return None: the `design` of a controller that is no PID."""
 
 
 def controller_for(target: str) -> Controller:

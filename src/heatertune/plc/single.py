@@ -16,7 +16,7 @@ import numpy as np
 
 from heatertune.compiled import runs_compiled_as
 
-__all__ = ["bits_of", "divided", "is_single", "narrowed", "real_of", "single", "single_of", "word_of"]
+__all__ = ["divided", "is_single", "narrowed", "real_of", "single", "word_of"]
 
 
 def _single(value: float) -> float:

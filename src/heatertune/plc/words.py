@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from heatertune.plc.running import RunningController
 
 __all__ = [
-    "FORMATS", "Certificate", "Scaling", "WordField", "Words", "check_fields", "holds", "kept_by", "rounded", "stored",
+    "FORMATS", "Certificate", "Scaling", "WordField", "Words", "check_fields", "holds", "kept_by", "no_pid", "rounded", "stored",
 ]
 
 #: format of a number in a controller → smallest and largest value; what is not REAL is whole
@@ -183,6 +183,10 @@ def check_fields(fields: tuple[WordField, ...], words: Words) -> None:
         value = words.values.get(field.name)
         if value is None or not holds(field.format, value) or not field.low <= value <= field.high:
             raise OutOfRange(f"word {field.name}", value, field.rule)
+
+
+def no_pid(words: Words) -> None:
+    """Return None: the `design` of a controller that is no PID."""
 
 
 def kept_by(timer: Timer, sample_time_s: float) -> float:

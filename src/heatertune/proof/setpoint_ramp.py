@@ -65,12 +65,13 @@ def prove_ramped(
         InputError: a ramp for a controller that has none, or as `prove`.
         OutOfRange, UnknownName: as `prove`; a rate that the controller cannot have.
     """
-    proof, told = _ramped(words, fitted, ramp, conditions, progress)
+    proof, told = _ramped(words, fitted, ramp, conditions, plain, progress)
     return as_exported(proof), told
 
 
 def _ramped(
-    words: Words, fitted: FittedModel, ramp: float | str | None, conditions: Conditions | None, progress: Told
+    words: Words, fitted: FittedModel, ramp: float | str | None, conditions: Conditions | None, plain: Proof | None,
+    progress: Told,
 ) -> tuple[Proof, list[str]]:
     controller = controller_for(words.target)
     if isinstance(ramp, float | int):

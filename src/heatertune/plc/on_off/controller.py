@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from heatertune.plc.controller import Controller, no_pid
+from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cpu.one_bit.machine import START
 from heatertune.plc.on_off.export import export_words, from_image
@@ -12,7 +12,7 @@ from heatertune.plc.on_off.readback import from_text
 from heatertune.plc.on_off.step import Memory, listed, step
 from heatertune.plc.on_off.words import COUNTS, FIELDS, TIMER, consistent, oddities, values_of
 from heatertune.plc.open_points import NothingOpen
-from heatertune.plc.words import Words
+from heatertune.plc.words import Words, no_pid
 
 __all__ = ["OnOff"]
 

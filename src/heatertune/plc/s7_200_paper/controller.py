@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from heatertune.plc.controller import Controller, no_pid
+from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cpu.s7_200 import COLD, assemble
 from heatertune.plc.cpu.s7_200.cycle import TIMER
@@ -15,7 +15,7 @@ from heatertune.plc.s7_200_paper.listing import printed_program
 from heatertune.plc.s7_200_paper.readback import from_text
 from heatertune.plc.s7_200_paper.step import Assumptions, Listed, Loaded, own, restarted, started, step
 from heatertune.plc.s7_200_paper.words import FIELDS, cycle_s, values_of
-from heatertune.plc.words import Words
+from heatertune.plc.words import Words, no_pid
 
 __all__ = ["PaperProgram"]
 

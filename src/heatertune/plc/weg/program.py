@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from heatertune.plc.pwm import Actuator, pulse_ends
 from heatertune.plc.ramp import Number, Ramp, for_coolers
-from heatertune.plc.single import bits_of, single, single_of
+from heatertune.plc.single import real_of, single, word_of
 from heatertune.plc.words import Words
 
 __all__ = ["Clock", "clock_for", "literal", "statements", "variables"]
@@ -88,8 +88,8 @@ def clock_for(words: Words, actuator: Actuator | None) -> Clock:
         return none("its times are no whole steps of milliseconds")
     if actuator.minimum_rule != "drop":
         return none("its rule makes up what is left out")
-    least, most = pulse_ends(actuator, single_of, bits_of(100.0))
-    return Clock(round(tick), ticks.per_period, single_of(least), single_of(most))
+    least, most = pulse_ends(actuator, real_of, word_of(100.0))
+    return Clock(round(tick), ticks.per_period, real_of(least), real_of(most))
 
 
 def variables(words: Words, clock: Clock, setpoint_degC: float, *, keeps_ts: bool) -> tuple[Variable, ...]:

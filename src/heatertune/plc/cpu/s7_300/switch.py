@@ -12,7 +12,7 @@ from heatertune.plc.cpu.s7_300.cells import Member, values
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.pwm import Actuator, pulse_ends
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import bits_of, single_of
+from heatertune.plc.single import real_of, word_of
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["ANALOG", "OWN", "PULSEGEN", "Switching", "like", "pwm_block", "pwm_members", "switching"]
@@ -237,5 +237,5 @@ def _ends(actuator: Actuator, *, real: bool) -> tuple[Number, Number]:
     """Return the smallest output with a pulse and the largest with a pause."""
     if not real:
         return pulse_ends(actuator, lambda counts: 100.0 * counts / FULL_SCALE, FULL_SCALE)
-    least, most = pulse_ends(actuator, single_of, bits_of(100.0))
-    return single_of(least), single_of(most)
+    least, most = pulse_ends(actuator, real_of, word_of(100.0))
+    return real_of(least), real_of(most)
