@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from heatertune.plc.running import RunningController
 
 __all__ = [
-    "FORMATS", "Certificate", "Scaling", "WordField", "Words", "check_fields", "holds", "kept_by", "no_pid", "rounded", "stored",
+    "FORMATS", "Certificate", "Scaling", "WordField", "Words", "check_fields", "holds", "kept_by", "no_pid",
+    "rounded", "stored",
 ]
 
 #: format of a number in a controller → smallest and largest value; what is not REAL is whole

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
-from heatertune.plc.cpu.s7_300.machine import Cpu, as_real, bits_of, signed
+from heatertune.plc.cpu.s7_300.machine import Cpu
 from heatertune.plc.cpu.s7_300.real import clamp
+from heatertune.plc.cpu.s7_300.source import as_real, bits_of, signed
 from heatertune.plc.fb41.step import Assumptions, State, scaled, scan
 from heatertune.plc.fb41.words import FIELDS, parameters_of
 from heatertune.plc.ramp import Number

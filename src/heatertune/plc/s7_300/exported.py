@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
-from heatertune.plc.cpu.s7_300.machine import signed
+from heatertune.plc.cpu.s7_300.source import signed
 from heatertune.plc.ramp import Number
 from heatertune.plc.s7_300.step import Assumptions, percent
 

@@ -6,8 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar, Final, final
 
-from heatertune.plc.cpu.s7_300.machine import Cpu, Firmware, signed
+from heatertune.plc.cpu.s7_300.machine import Cpu, Firmware
 from heatertune.plc.cpu.s7_300.program import DATA, PWM_DATA
+from heatertune.plc.cpu.s7_300.source import signed
 from heatertune.plc.exported import Called
 from heatertune.plc.ramp import Number
 

@@ -9,22 +9,20 @@ from __future__ import annotations
 import math
 import operator
 import re
-import struct
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300.real import quotient, real
+from heatertune.plc.cpu.s7_300.source import Place, as_real, bits_of, constant, placed, signed
 
-__all__ = ["Cpu", "Firmware", "as_real", "bits_of", "signed"]
+__all__ = ["Cpu", "Firmware"]
 
 _END: Final = -1
-_SIZES: Final = {"BOOL": 0, "BYTE": 1, "INT": 2, "WORD": 2, "DINT": 4, "TIME": 4, "REAL": 4, "DATE_AND_TIME": 8}
 _WIDTHS: Final = {"X": 0, "B": 1, "W": 2, "D": 4}
 _COMPARED: Final = {"==": operator.eq, "<>": operator.ne, ">": operator.gt, ">=": operator.ge, "<": operator.lt,
                     "<=": operator.le}
 _HEAD: Final = re.compile(r"(FUNCTION_BLOCK|DATA_BLOCK|FUNCTION|ORGANIZATION_BLOCK) +((?:FB|DB|FC|OB) \d+).*")
-_DECLARED: Final = re.compile(r"(\w+) : (\w+) *(?:\[[^\]]*\] *OF \w+ *)?;")
 _ASSIGNED: Final = re.compile(r"(\w+) := ([^;,)]+)")
 
 #: outputs and inputs, the words of an instance whose block is not in the source → what a call of the block does
@@ -32,37 +30,11 @@ Firmware = Callable[["Cpu", dict[str, int]], None]
 _Statement = Callable[["Cpu"], int]
 
 
-class _Place(NamedTuple):
-    """Where something stands: the name of a memory, its first byte, its bit or none, and how many bytes."""
-
-    memory: str
-    byte: int
-    bit: int
-    size: int
-
-
 class _Block(NamedTuple):
     """Source of a code block: its members, its temporaries, and its statements (label, operation, operand)."""
 
-    members: dict[str, _Place]
+    members: dict[str, Place]
     lines: list[tuple[str, str, str]]
-
-
-def as_real(pattern: int) -> float:
-    """Return the REAL that 32 bits hold."""
-    value: float = struct.unpack(">f", struct.pack(">I", pattern))[0]
-    return value
-
-
-def bits_of(value: float) -> int:
-    """Return the 32 bits of a REAL."""
-    pattern: int = struct.unpack(">I", struct.pack(">f", value))[0]
-    return pattern
-
-
-def signed(value: int, width: int) -> int:
-    """Return the number that so many bits hold."""
-    return (value + (1 << width - 1)) % (1 << width) - (1 << width - 1)
 
 
 class Cpu:
@@ -81,7 +53,7 @@ class Cpu:
             InputError: what is no source, or a statement that is not known here.
         """
         self.memory = {name: bytearray(1024) for name in ("I", "Q", "P")}
-        self.members: dict[str, dict[str, _Place]] = {}
+        self.members: dict[str, dict[str, Place]] = {}
         self.words: dict[str, dict[str, int]] = {}
         self.one = self.two = 0
         self.true = self.os = False
@@ -99,14 +71,14 @@ class Cpu:
             place = code[place](self)
         self.first = True
 
-    def get(self, place: _Place) -> int:
+    def get(self, place: Place) -> int:
         """Return what stands at a place: a bit, or bytes as an unsigned number."""
         memory = self.memory[place.memory or self.instance]
         if place.size == 0:
             return memory[place.byte] >> place.bit & 1
         return int.from_bytes(memory[place.byte : place.byte + place.size], "big")
 
-    def put(self, place: _Place, value: int) -> None:
+    def put(self, place: Place, value: int) -> None:
         """Write the same."""
         memory = self.memory[place.memory or self.instance]
         if place.size == 0:
@@ -134,13 +106,13 @@ class Cpu:
 
     def _data(self, name: str, part: list[str], blocks: Mapping[str, _Block]) -> None:
         begin = part.index("BEGIN")
-        values = {found[1]: _constant(found[2].strip()) for found in map(_ASSIGNED.match, part[begin:]) if found}
+        values = {found[1]: constant(found[2].strip()) for found in map(_ASSIGNED.match, part[begin:]) if found}
         of = next((line for line in part if re.fullmatch(r"FB \d+", line)), None)
         self.memory[name] = bytearray(1024)
         if of is not None and of not in blocks:
             self.words[name] = values
             return
-        members = _placed(part[:begin], name, 0) if of is None else blocks[of].members
+        members = placed(part[:begin], name, 0) if of is None else blocks[of].members
         self.members[name] = {member: place._replace(memory=name) for member, place in members.items()}
         for member, value in values.items():
             self.put(self.members[name][member], value)
@@ -158,7 +130,7 @@ class Cpu:
         for statement in text.split(";"):
             if found := re.fullmatch(r"\s*(?:(\w+):)?\s*(\S+)\s*(.*?)\s*", statement):
                 lines.append((found[1] or "", found[2], " ".join(found[3].split())))
-        return _Block(_placed(declared, "", 0) | _placed(temporary, own, 0), lines)
+        return _Block(placed(declared, "", 0) | placed(temporary, own, 0), lines)
 
     def _translated(self, block: _Block) -> list[_Statement]:
         labels = {label: place for place, (label, _, _) in enumerate(block.lines) if label}
@@ -166,15 +138,15 @@ class Cpu:
                 for place, (_, operation, operand) in enumerate(block.lines)]
         return [*code, lambda _: _END]
 
-    def _place(self, block: _Block, operand: str) -> _Place | None:
+    def _place(self, block: _Block, operand: str) -> Place | None:
         """Return the place of an operand; None: it is a constant."""
         if operand.startswith("#"):
             return block.members[operand[1:]]
         if found := re.fullmatch(r"DB(\d+)\.DB([XBWD]) ?(\d+)(?:\.(\d))?", operand):
-            return _Place(f"DB {found[1]}", int(found[3]), int(found[4] or 0), _WIDTHS[found[2]])
+            return Place(f"DB {found[1]}", int(found[3]), int(found[4] or 0), _WIDTHS[found[2]])
         if found := re.fullmatch(r"(P?)([IQ])([BWD]?) ?(\d+)(?:\.(\d))?", operand):
             memory = "P" if found[1] else found[2]
-            return _Place(memory, int(found[4]), int(found[5] or 0), _WIDTHS[found[3] or "X"])
+            return Place(memory, int(found[4]), int(found[5] or 0), _WIDTHS[found[3] or "X"])
         return None
 
     def _statement(  # noqa: C901, PLR0911, PLR0912 - one branch for each kind of statement
@@ -189,7 +161,7 @@ class Cpu:
         kind = name[-1]
         match name:
             case "L":
-                return _load(place, then) if place else _loaded(_constant(operand), then)
+                return _load(place, then) if place else _loaded(constant(operand), then)
             case "T" if place:
                 return _transfer(place, then)
             case "A" | "AN" if place:
@@ -237,8 +209,8 @@ class Cpu:
         given = [(found[1], self._place(block, found[2].strip()), found[2].strip())
                  for found in _ASSIGNED.finditer(operand)]
 
-        def value(cpu: Cpu, place: _Place | None, text: str) -> int:
-            return _constant(text) if place is None else cpu.get(place)
+        def value(cpu: Cpu, place: Place | None, text: str) -> int:
+            return constant(text) if place is None else cpu.get(place)
 
         def firmware(cpu: Cpu) -> int:
             cpu.words[data] |= {member: value(cpu, place, text) for member, place, text in given}
@@ -260,45 +232,7 @@ class Cpu:
         return firmware if name in self._firmware else run
 
 
-def _placed(lines: list[str], memory: str, byte: int) -> dict[str, _Place]:
-    """Return the places of declared members: bits one after the other, all else from an even byte on."""
-    members, bit = {}, 0
-    for line in lines:
-        found = _DECLARED.match(line)
-        if found is None:
-            continue
-        size = _SIZES.get(found[2], 20)
-        if size == 0:
-            byte, bit = (byte + 1, 0) if bit > 7 else (byte, bit)
-            members[found[1]] = _Place(memory, byte, bit, 0)
-            bit += 1
-            continue
-        byte, bit = byte + (1 if bit else 0), 0
-        byte += byte % 2 if size > 1 else 0
-        members[found[1]] = _Place(memory, byte, 0, size)
-        byte += size
-    return members
-
-
-def _constant(text: str) -> int:
-    """Return the bits of a literal; a whole one without L# has 16."""
-    if text in ("TRUE", "FALSE"):
-        return int(text == "TRUE")
-    if found := re.fullmatch(r"T#(\d+)MS", text):
-        return int(found[1])
-    if text.startswith("DW#16#"):
-        return int(text[6:], 16)
-    if text.startswith("L#"):
-        return int(text[2:]) % (1 << 32)
-    if re.fullmatch(r"-?\d+", text):
-        return int(text) % (1 << 16)
-    try:
-        return bits_of(float(text))
-    except ValueError:
-        raise InputError(f"{text!r}; this is no operand that is known here") from None
-
-
-def _load(place: _Place, then: int) -> _Statement:
+def _load(place: Place, then: int) -> _Statement:
     def run(cpu: Cpu) -> int:
         cpu.one, cpu.two = cpu.get(place), cpu.one
         return then
@@ -312,14 +246,14 @@ def _loaded(value: int, then: int) -> _Statement:
     return run
 
 
-def _transfer(place: _Place, then: int) -> _Statement:
+def _transfer(place: Place, then: int) -> _Statement:
     def run(cpu: Cpu) -> int:
         cpu.put(place, cpu.one)
         return then
     return run
 
 
-def _asked(place: _Place, negated: bool, then: int) -> _Statement:
+def _asked(place: Place, negated: bool, then: int) -> _Statement:
     def run(cpu: Cpu) -> int:
         bit = bool(cpu.get(place)) != negated
         cpu.true, cpu.first = bit if cpu.first else cpu.true and bit, False
@@ -327,7 +261,7 @@ def _asked(place: _Place, negated: bool, then: int) -> _Statement:
     return run
 
 
-def _written(place: _Place, name: str, then: int) -> _Statement:
+def _written(place: Place, name: str, then: int) -> _Statement:
     def run(cpu: Cpu) -> int:
         if name == "=" or cpu.true:
             cpu.put(place, int(cpu.true and name != "R"))
