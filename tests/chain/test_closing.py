@@ -192,7 +192,7 @@ def test_what_no_solid_state_relays_pwm_holds_gets_bursts_of_whole_waves():
 @pytest.mark.parametrize(("interval", "about", "period"), [
     (5.3, 0.2, 5.3 / 27), (5.3, 1.0, 0.53), (21.0, 1.0, 1.0), (3.3, 0.2, 0.15), (0.35, 0.2, 0.35 / 2), (0.09, 0.1, 0.09)])
 def test_bursts_are_a_whole_part_of_ta_in_whole_waves_where_they_can(interval, about, period):
-    assert Frame(bursts_s=about).pwm_at(interval) == pytest.approx(period)
+    assert Frame(bursts_s=about).pwm_at(interval, None) == pytest.approx(period)
 
 
 def test_a_tolerance_that_would_do_is_told_where_the_band_alone_is_broken():

@@ -181,7 +181,7 @@ def switched_by(
     check("resolution_s", resolution_s, above=0.0)
     if rule in (None, "burst"):
         return Actuator(pwm_period_s=pwm_period_s, resolution_s=resolution_s, minimum_on_s=minimum_on_s,
-                        minimum_off_s=minimum_off_s, minimum_rule="drop" if rule is None else RULES[rule])
+                        minimum_off_s=minimum_off_s, minimum_rule="drop" if rule is None else RULES[rule], block=rule)
     if rule == "pid-compact":
         return pid_compact(pwm_period_s=pwm_period_s, call_interval_s=resolution_s, minimum_on_s=minimum_on_s,
                            minimum_off_s=minimum_off_s)

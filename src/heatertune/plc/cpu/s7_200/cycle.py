@@ -24,6 +24,7 @@ MOST: Final = 32767
 TIMER: Final = Timer(shortest_s=0.1, longest_s=32.7, step_s=0.1)
 
 _SHORTEST_TICK, _LONGEST_TICK = 5, 255  # SMB34 of a CPU 214 [ms]
+_UNSIGNED: Final = 0xFFFF  # as SMW70 is: 0 to 65535 ms
 _TIMED: Final = 10  # event of timed interrupt 0
 _FIRST_BYTE, _FIRST_BIT = bit("SM0.1")  # the first scan
 
@@ -110,11 +111,11 @@ def run_cycle(timed: Timed, memory: bytearray) -> tuple[float, int, int]:
         memory[_FIRST_BYTE] |= _FIRST_BIT
         carry_out(timed.program, memory, 0, False)
         memory[_FIRST_BYTE] &= 0xFF - _FIRST_BIT
-    before = word(memory, WIDTH)
+    before = word(memory, WIDTH) & _UNSIGNED
     if memory[ENABLED] and memory[ATTACHED + _TIMED]:
         # the ticks before this one do nothing but count down; a test runs them all
         put_word(memory, timed.countdown, 1)
         carry_out(timed.program, memory, memory[ATTACHED + _TIMED] * 1, False)
-    width = before if timed.next_cycle else word(memory, WIDTH)
+    width = before if timed.next_cycle else word(memory, WIDTH) & _UNSIGNED
     power = 100.0 * min(width, timed.cycle_ms) / timed.cycle_ms
     return power, width, (memory[FAULTS] >> 1 & 1) + (memory[FAULTS] >> 2 & 2)

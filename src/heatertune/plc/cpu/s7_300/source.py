@@ -61,7 +61,11 @@ def placed(lines: list[str], memory: str, byte: int) -> dict[str, Place]:
 
 
 def constant(text: str) -> int:
-    """Return the bits of a literal; a whole one without L# has 16."""
+    """Return the bits of a literal; a whole one without L# has 16.
+
+    Raises:
+        InputError: it is none that is known here.
+    """
     if text in ("TRUE", "FALSE"):
         return int(text == "TRUE")
     if found := re.fullmatch(r"T#(\d+)MS", text):
