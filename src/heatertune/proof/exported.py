@@ -1,6 +1,7 @@
 """The exported text, given what the controller saw in a run: it must follow and ask for the same, word for word.
 
-So, call after call, it would have made this very run. What no run sees, a broken sensor or manual, is left open.
+So, call after call, it would have made this very run. What no run sees, a broken sensor or manual, is left open; so are
+the calls of a very long run after the first `_MOST_CALLS`.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from heatertune.proof.trace import Trace
 __all__ = ["as_exported", "departure"]
 
 _OF_A_TICK: Final = 1e-6
+_MOST_CALLS: Final = 20_000  # about a second: a hundred times as many would be waited for
 
 
 def as_exported(proof: Proof) -> Proof:
@@ -65,8 +67,9 @@ def _of_calls(
     scenario, scale = trace.scenario, words.scaling
     loop = in_loop(controller, words, scenario.setpoints_degC, trace.switches)
     begins = [0.0, *(event.time_s for event in scenario.disturbances)]
-    phases = np.searchsorted(begins, trace.time_s, "right") - 1
-    counts = np.rint((trace.reading_degC - scale.low_degC) * (controller.counts / scale.span_degC)).astype(int)
+    time_s, readings = trace.time_s[:_MOST_CALLS], trace.reading_degC[:_MOST_CALLS]
+    phases = np.searchsorted(begins, time_s, "right") - 1
+    counts = np.rint((readings - scale.low_degC) * (controller.counts / scale.span_degC)).astype(int)
     supplied = True
     for scan, (phase, count) in enumerate(zip(phases.tolist(), counts.tolist(), strict=True)):
         before, supplied = supplied, scenario.supplied[phase]
