@@ -12,6 +12,7 @@ from heatertune.plc.design import tune
 from tests.bench.tolerance import broken, case
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(8))
 def test_a_design_keeps_its_limits_without_a_tolerance(seed):
     # the judge is the function by which `verify` judges
