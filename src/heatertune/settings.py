@@ -356,8 +356,8 @@ class Conditions:
         help="instant at which the interlock's fan fails [s]")
     switches: Mapping[str, str] = option(
         {}, dict, "settings of points that the manual leaves open", flag="--switch", metavar="NAME=SETTING",
-        help="setting of a point that the manual leaves open, where you know it of your controller "
-             "(see: heatertune targets); may be repeated")
+        help="setting of a point that the manual leaves open, where you know it of your controller, or of a choice "
+             "that the export follows (see: heatertune targets); may be repeated")
 
     def __post_init__(self) -> None:
         checked(self)

@@ -87,6 +87,7 @@ class Life:
 
     def __init__(self, listing, proof, heater, controller=None, battery=True):
         self.listing, self.heater, self.battery = listing, heater, battery
+        self.kept = []
         self.low, self.span = proof["scaling"]["low_degC"], proof["scaling"]["high_degC"] - proof["scaling"]["low_degC"]
         self.tick, self.per_call = proof["actuator"]["resolution_s"], round(proof["sample_time_s"] / proof["actuator"]["resolution_s"])
         self.cpu = Machine(listing, read=self.read, controller=controller)
@@ -147,7 +148,9 @@ class Life:
             if not self.battery:
                 asked, (_, self.cpu.data) = self.cpu.data[31][0], loaded(self.listing)
                 self.cpu.data[31][0] = asked
+            before = list(self.cpu.data[30])
             self.cpu.call("OB 22")
+            self.kept.append(self.cpu.data[30] == before)
         self.supplied = on
 
 
@@ -199,6 +202,47 @@ def test_the_listing_with_all_that_it_may_hold_does_what_was_proven(heater, desi
     told = Certificate(verdict="PASS", setpoint_degC=51.0, actuator=proof.actuator)
     listing = controller_for(TARGET).export(words, told)["program_listing.txt"]
     assert_same(Life(listing, proof.to_document(), _like(proof.nominal.model)), proof.nominal)
+
+
+@pytest.mark.long
+def test_a_listing_that_retains_goes_on_where_ob251_was_or_from_cold_without_a_battery_as_was_proven():
+    # S5-115U: with a battery data blocks outlive a loss of supply; without one they are as programmed, all zero but for the words
+    wished = PidDesign(gain_pct_per_degC=1.4, integral_time_s=40.0, derivative_time_s=5.0, sample_time_s=3.0, structure="pid", method="")
+    words = replace(chain.encode(wished, TARGET, scaling=Scaling(low_degC=10.0, high_degC=110.0)), ramp=Ramp(step=9))
+    proof = chain.prove(words, model_by_hand(TWO), Conditions(setpoint_degC=51.0, switches={"start_up": "retained"}), first_look=False)
+    plain = {switch.name: switch.default for switch in controller_for(TARGET).switches}
+    kept, lost = ([run.switches for run in proof.runs].index(plain | {"start_up": way}) for way in ("retained", "cleared"))
+    told = Certificate(verdict="PASS", setpoint_degC=51.0, actuator=proof.actuator, switches=proof.known)
+    listing = controller_for(TARGET).export(words, told)["program_listing.txt"]
+    for run, battery in ((kept, True), (lost, False)):
+        trace = proof.traced(run)
+        life = Life(listing, proof.to_document(), _like(trace.model), battery=battery)
+        assert_same(life, trace)
+        assert life.kept == [True, True]
+    assert proof.traced(kept).power_asked_pct.tolist() != proof.traced(lost).power_asked_pct.tolist()
+    assert "Backup battery" in listing
+
+
+def test_what_is_retained_is_what_the_start_up_leaves_and_a_broken_sensor_stays_off():
+    listing = controller_for(TARGET).export(WORDS, Certificate(
+        verdict="PASS", actuator=Actuator(pwm_period_s=4.0, resolution_s=0.4), switches={"start_up": "retained"}))["program_listing.txt"]
+    raw = [400 << 3]
+    cpu = Machine(listing, read=lambda _: raw[0])
+    cpu.inputs.add("I 0.0")
+    cpu.data[31][0] = 450
+    cpu.call("OB 21")
+    _calls(cpu, 5)
+    before = list(cpu.data[30])
+    assert any(before[18:49])
+    cpu.call("OB 21")
+    assert cpu.data[30] == before
+    assert (cpu.data[31][4:9], cpu.written["PY 4"]) == ([0, 1, 2047, 0, 0], 0)
+    raw[0] |= 2
+    cpu.call("OB 13")
+    raw[0] &= ~2
+    cpu.call("OB 22")
+    _calls(cpu, 2)
+    assert (cpu.written["PY 4"], cpu.data[31][9]) == (0, 1), "off until manual, after the loss of supply too"
 
 
 WORDS = chain.encode(PidDesign(gain_pct_per_degC=3.0, integral_time_s=300.0, derivative_time_s=0.0, sample_time_s=4.0,

@@ -183,7 +183,8 @@ CASES = [
 
 def test_every_setting_of_every_room_has_a_case_and_no_two_settings_of_one_give_the_same():
     described = [(case.target, case.switch, tuple(case.outputs)) for case in CASES]
-    assert sorted(described) == sorted((name, s.name, s.settings) for name in TARGETS for s in controller_for(name).switches)
+    assert sorted(described) == sorted((name, s.name, s.settings) for name in TARGETS for s in controller_for(name).switches
+                                       if not s.chosen)  # what a start-up leaves has no scans of its own: golden/test_s5_program
     for case in CASES:
         assert all(one != other for one, other in combinations(case.outputs.values(), 2)), case
 

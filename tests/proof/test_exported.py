@@ -52,6 +52,16 @@ def test_the_text_does_what_was_proven(target, asked):
     assert departs(proof) is None
 
 
+def test_a_start_up_as_chosen_is_that_of_the_text():
+    proof = proven("s5-ob251", tv=6.0, switches={"start_up": "retained"})
+    which = controller_for("s5-ob251")
+    assert departure(which, proof.words, proof.nominal, proof.known) is None
+    assert departure(which, proof.words, proof.nominal) is not None  # a text that clears goes on from cold
+    cleared = proven("s5-ob251", tv=6.0).nominal
+    assert cleared.power_asked_pct.tolist() != proof.nominal.power_asked_pct.tolist()
+    assert departure(which, proof.words, cleared, proof.known) is None  # a CPU without a battery
+
+
 #: target → a pattern of its text, what stands there instead
 PLANTED = [
     ("s5-ob251", r"SRW 3", "SRW 2"), ("s5-ob251", r"KF = \+02560;( +K )", r"KF = +02561;\1"),

@@ -40,7 +40,8 @@ def _run(settings: argparse.Namespace) -> int:
                 "words": [{"name": f.name, "address": f.address, "low": f.low, "high": f.high, "format": f.format}
                           for f in controller.fields],
                 "inputs": dict(controller.inputs),
-                "switches": [{"name": s.name, "settings": s.settings, "why": s.why} for s in controller.switches],
+                "switches": [{"name": s.name, "settings": s.settings, "why": s.why, "chosen": s.chosen}
+                             for s in controller.switches],
             }
             for controller in map(controller_for, TARGETS)
         ],
@@ -62,9 +63,12 @@ def _told(target: Any) -> str:
         *[f"  can't: {sentence}" for sentence in target["cannot"]],
         "  words " + ", ".join(_word(w) for w in target["words"]),
         "  inputs of a scan " + ", ".join(f"{name} ({form})" for name, form in target["inputs"].items()),
-        *(["  left open by the manual, proven under every setting:"] if target["switches"] else []),
     ]
-    return "\n".join(lines + [f"    {s['name']} ({', '.join(s['settings'])}): {s['why']}" for s in target["switches"]])
+    for title, chosen in (("left open by the manual, proven under every setting", False), ("chosen by --switch", True)):
+        of_title = [s for s in target["switches"] if s["chosen"] == chosen]
+        lines += [f"  {title}:"] if of_title else []
+        lines += [f"    {s['name']} ({', '.join(s['settings'])}): {s['why']}" for s in of_title]
+    return "\n".join(lines)
 
 
 def _word(word: Any) -> str:

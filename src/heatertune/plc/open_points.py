@@ -34,12 +34,15 @@ class Switch:
         means: each setting → what the field then holds; the default first.
         why: what is open, as in the table of DIFFERENCES.md.
         in_manual: whether it shows where the mode of the controller changes alone: no run of a proof does that.
+        chosen: whether the user chooses it, and the export does as chosen: the proof runs the setting chosen and the
+            default, which a PLC that forgets falls back to.
     """
 
     name: str
     means: Mapping[str, bool | int]
     why: str
     in_manual: bool = False
+    chosen: bool = False
 
     @property
     def settings(self) -> tuple[str, ...]:
@@ -111,12 +114,14 @@ def settings_to_prove(switches: Sequence[Switch], known: Mapping[str, str] | Non
     """Return the settings under which words are proven, the defaults (and what is known) first.
 
     Every combination where there are few of them; otherwise each switch on its own. What shows in manual alone stays.
+    A choice is as chosen; each of these settings is proven with its default, too.
 
     Raises:
         UnknownName: what is known is no switch or setting.
     """
     default = settings_of(switches, known or {})
-    open_ = [switch for switch in switches if switch.name not in (known or {}) and not switch.in_manual]
+    open_ = [switch for switch in switches if not switch.in_manual and (
+        default[switch.name] != switch.default if switch.chosen else switch.name not in (known or {}))]
     varied: Iterable[dict[str, str]]
     if math.prod(len(switch.settings) for switch in open_) <= _ALL_TOGETHER:
         names = [switch.name for switch in open_]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, cast
 
 from heatertune.errors import NotRepresentable, OutOfRange
@@ -136,6 +136,7 @@ class Certificate:
         actuator: the switch that was proven; the controller's own included; None: told nowhere.
         specification: name of what was kept; None: told nowhere.
         digest: of the proof's document; None: told nowhere.
+        switches: switch → setting that the user knows of the controller, or has chosen.
     """
 
     verdict: str
@@ -145,6 +146,7 @@ class Certificate:
     actuator: Actuator | None = None
     specification: str | None = None
     digest: str | None = None
+    switches: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def head(self) -> tuple[str, ...]:
@@ -180,10 +182,10 @@ def check_fields(fields: tuple[WordField, ...], words: Words) -> None:
     unknown = sorted(set(words.values) - set(names))
     if unknown:
         raise OutOfRange(f"word {unknown[0]}", words.values[unknown[0]], f"one of {', '.join(names)}")
-    for field in fields:
-        value = words.values.get(field.name)
-        if value is None or not holds(field.format, value) or not field.low <= value <= field.high:
-            raise OutOfRange(f"word {field.name}", value, field.rule)
+    for one in fields:
+        value = words.values.get(one.name)
+        if value is None or not holds(one.format, value) or not one.low <= value <= one.high:
+            raise OutOfRange(f"word {one.name}", value, one.rule)
 
 
 def no_pid(words: Words) -> None:

@@ -35,24 +35,28 @@ def as_exported(proof: Proof) -> Proof:
         return proof
     controller = controller_for(proof.words.target)
     for run in dict.fromkeys((0, proof.worst_run)):
-        told = departure(controller, proof.words, proof.traced(run))
+        told = departure(controller, proof.words, proof.traced(run), proof.known)
         if told is not None:
             findings = (*proof.heard.findings, Finding(name="exported-text", told=f"{proof.runs[run].label}: {told}"))
             return replace(proof, heard=replace(proof.heard, findings=findings))
     return proof
 
 
-def departure(controller: Controller, words: Words, trace: Trace) -> str | None:
+def departure(
+    controller: Controller, words: Words, trace: Trace, known: Mapping[str, str] | None = None
+) -> str | None:
     """Return where the text of the export does other than a run of these words; None: nowhere, or nothing here runs it.
 
     Args:
         controller: that ran.
         words: that it held.
         trace: of the run. One whose setpoint is led along a profile is not looked at: no export leads it.
+        known: switch → setting that is known or chosen, which the export follows.
     """
     if controller.exported is None or trace.scenario.leads:
         return None
-    told = Certificate(verdict="PASS", setpoint_degC=trace.setpoint_degC, actuator=trace.actuator)
+    told = Certificate(verdict="PASS", setpoint_degC=trace.setpoint_degC, actuator=trace.actuator,
+                       switches=known or {})
     text = controller.exported(controller.export(words, told), assumed(controller.assumptions, trace.switches))
     if text is None:
         return None

@@ -156,14 +156,16 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
         lines.append(f"proven with the setpoint ramp {rate}; nothing is proven without it")
     watch = proof["interlock"]
     lines += [] if watch is None else [f"behind the interlock {watch['name']}, limit {watch['limit_degC']:g} °C"]
-    lines += [f"taken as known: {name} = {setting}" for name, setting in proof["known"].items()]
+    choices = [switch.name for switch in controller_for(proof["target"]).switches if switch.chosen]
+    lines += [f"{'chosen' if name in choices else 'taken as known'}: {name} = {setting}"
+              for name, setting in proof["known"].items()]
     lines += [f"not kept: {name}" for name in failed]
     lines += [f"not proven: {finding['told']}" for finding in open_]
     lines += [*sampled(proof), *told_of(proof)]
     spec = proof["specification"]
     return Certificate(verdict=verdict, lines=tuple(lines), forced=verdict != "PASS", digest=proof["digest"],
                        setpoint_degC=proof["scenario"]["setpoint_degC"], actuator=Actuator(**proof["actuator"]),
-                       specification=None if spec is None else spec["name"])
+                       specification=None if spec is None else spec["name"], switches=proof["known"])
 
 
 def _accepting(proof: Mapping[str, Any], accept: Sequence[str]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from heatertune.codec import decode
 from heatertune.options import options_of
-from heatertune.plc import controller_for
+from heatertune.plc import Switch, controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.plc.typed import typed_table
 from heatertune.proof.profile import Profile
@@ -79,7 +79,8 @@ def assumed(documents: Documents) -> str:
         if switch["minimum_rule"] == "carry":
             rows.append(["what a pulse leaves", "made up in the next one", "", options_of(Conditions)["pwm_rule"].flag])
     points = controller_for(documents["words"]["target"]).switches
-    settings = [[point.name, point.default, ", ".join(point.settings), point.why]
+    known = documents["proof"]["known"]
+    settings = [[point.name, point.default, ", ".join(_proven(point, known)), point.why]
                 for point in points if not point.in_manual]
     by_hand = ", ".join(point.name for point in points if point.in_manual)
     open_points = (
@@ -94,6 +95,12 @@ def assumed(documents: Documents) -> str:
         + table(["", "value", "unit", "given by"], rows, numeric=(1,), source="options of the command, else defaults")
         + open_points
     )
+
+
+def _proven(point: Switch, known: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the settings that ran: of a choice the one that was made, and the default."""
+    chosen = known.get(point.name, point.default)
+    return tuple(dict.fromkeys((chosen, point.default))) if point.chosen else point.settings
 
 
 def _row(name: str, value: float) -> list[str]:

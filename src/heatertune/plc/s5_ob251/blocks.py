@@ -69,20 +69,18 @@ def led(ramp: Ramp) -> list[str]:
     return [f"FB {RAMP}", "NAME :RAMP", *_columns("\n".join(ramp_statements(ramp, _WORDS)))]
 
 
-def start_up(interval_s: float, *, pwm: bool, ramp: Ramp | None) -> list[str]:
-    """Return FB31, called by OB21 and OB22: whatever the RAM has kept, all begins as it was proven.
+def start_up(interval_s: float, *, pwm: bool, ramp: Ramp | None, retained: bool) -> list[str]:
+    """Return FB31, called by OB21 and OB22: clock, PWM and ramp begin anew whatever the RAM has kept.
 
     Args:
         interval_s: of OB13 [s].
         pwm: whether the heater has a switch, not an analog output.
         ramp: of the setpoint; None: none.
+        retained: whether OB251 goes on with what it kept, and a sensor that broke stays off; else both begin anew.
     """
     begun = "" if ramp is None else "T  DW 10\n"
-    body = f"""C  DB {DB}
-SU D 11.2; OB251 off: it clears DW18 to DW48
-JU OB 251
-RU D 11.2
-C  DB {WORK}
+    anew = f"C  DB {DB}\n" + ("RU D 11.2; whatever was under way\n" if retained else _CLEARED)
+    body = f"""{anew}C  DB {WORK}
 L  KF +1; the first call of OB13 calls OB251
 T  DW 5
 L  KF +2047; and begins a period of the PWM
@@ -91,8 +89,7 @@ L  KF +0
 T  DW 4
 T  DW 7
 T  DW 8
-T  DW 9
-{begun}T  {OUTPUT if pwm else ANALOG}; heater off
+{"" if retained else f"T  DW 9{chr(10)}"}{begun}T  {OUTPUT if pwm else ANALOG}; heater off
 L  KF +{round(100.0 * interval_s)}; interval of OB13, in 10 ms
 T  RS 97
 BE
@@ -136,6 +133,12 @@ TAK
 READ:T  DW 1
 """
 
+
+#: with DB30 open
+_CLEARED: Final = """SU D 11.2; OB251 off: it clears DW18 to DW48
+JU OB 251
+RU D 11.2
+"""
 
 #: a sensor that broke is not trusted again before someone asks for manual; OB251 then begins anew
 _BROKEN_BEFORE: Final = f"""L  DW 9; did the sensor break before?

@@ -12,7 +12,7 @@ from heatertune.plc.s5_ob251.exported import ExportedS5
 from heatertune.plc.s5_ob251.feed_forward import FEED
 from heatertune.plc.s5_ob251.image import from_image, oddities
 from heatertune.plc.s5_ob251.readback import from_text
-from heatertune.plc.s5_ob251.step import COLD, Assumptions, scan, step
+from heatertune.plc.s5_ob251.step import COLD, Assumptions, restarted, scan, step
 from heatertune.plc.s5_ob251.typed import typed
 from heatertune.plc.s5_ob251.words import (
     FIELDS,
@@ -53,7 +53,7 @@ class Ob251(Controller, name="s5-ob251"):
     delay_s = 0.48 + 0.2
     tick_s = 0.1  # of OB13 on every CPU (S5-115U, 100U, 95U); 10 to 50 ms by SD97 on the faster ones
     most_power = ("BGOG", 2047)
-    core = Core(step=step, measure=count, flags=("upper limit", "lower limit"))
+    core = Core(step=step, measure=count, flags=("upper limit", "lower limit"), restarted=restarted)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     export, typed = staticmethod(export_words), staticmethod(typed)
     image, oddities = staticmethod(from_image), staticmethod(oddities)

@@ -8,7 +8,7 @@ from typing import Final
 from heatertune.plc.cpu.s5.machine import Cpu
 from heatertune.plc.exported import Called
 from heatertune.plc.ramp import Number
-from heatertune.plc.s5_ob251.blocks import DB, INPUT, MODE, OUTPUT, WORK
+from heatertune.plc.s5_ob251.blocks import DB, INPUT, MODE, OUTPUT, START, WORK
 from heatertune.plc.s5_ob251.step import COLD, FULL_SCALE, REG_AUS, Assumptions, call, percent
 from heatertune.plc.s5_ob251.words import FIELDS, parameters_of
 
@@ -25,13 +25,19 @@ class ExportedS5:
 
     def __init__(self, files: Mapping[str, str | bytes], assume: Assumptions) -> None:
         """Load the files of an export; raise InputError where the listing has what the CPU does not know."""
-        self._cpu = Cpu(str(files["program_listing.txt"]), {"OB 251": self._ob251})
+        self._listing = str(files["program_listing.txt"])
+        self._cpu = Cpu(self._listing, {"OB 251": self._ob251})
         self._assume, self._state = assume, COLD
+        # a program that leaves what a battery kept begins from cold where there is none
+        start = self._listing.partition(f"\nFB {START}\n")[2].partition("\nFB ")[0].partition("\nOB ")[0]
+        self._forgets = not assume.retained and "OB 251" not in start
         self._cpu.inputs[MODE] = 1
         self.start()
 
     def start(self) -> None:
-        """Run OB22."""
+        """Run OB22, with the data blocks as they were, or as they were typed where nothing was kept."""
+        if self._forgets:
+            self._cpu.data, self._state = Cpu(self._listing, {"OB 251": self._ob251}).data, COLD
         self._cpu.run("OB 22")
 
     def call(self, asked: Number, counts: int) -> Called:

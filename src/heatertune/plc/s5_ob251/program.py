@@ -24,7 +24,7 @@ from heatertune.plc.s5_ob251.staircase import Staircase, staircase
 from heatertune.plc.s5_ob251.step import FULL_SCALE
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["program_listing"]
+__all__ = ["program_listing", "retains"]
 
 #: of OB13 where nobody writes SD97 [s]
 _USUAL_S: Final = 0.1
@@ -46,13 +46,14 @@ def program_listing(words: Words, certificate: Certificate, asked: int, typed: S
     by_hand = _by_hand(words, certificate, stairs, interval)
     head = [
         "Whole program around OB251 for SIMATIC S5-115U: a listing to key in, remarks behind ;",
-        *_conditions(words, stairs, interval), *certificate.head,
+        *_conditions(words, stairs, interval), _start_up(certificate), *certificate.head,
         "to do by hand:", *(f"{number}. {what}" for number, what in enumerate(by_hand, 1)),
     ]
     ramp = words.ramp
+    started = start_up(interval, pwm=stairs is not None, ramp=ramp, retained=retains(certificate))
     blocks = [
-        [f"DB{DB}", *typed], [f"DB{WORK}", *_work(asked, words)], heat(stairs, ramp),
-        start_up(interval, pwm=stairs is not None, ramp=ramp), *([] if ramp is None else [led(ramp)]), *organised()]
+        [f"DB{DB}", *typed], [f"DB{WORK}", *_work(asked, words)], heat(stairs, ramp), started,
+        *([] if ramp is None else [led(ramp)]), *organised()]
     return "\n".join([*(f"// {line}" for line in head), *(line for block in blocks for line in ("", *block))]) + "\n"
 
 
@@ -66,6 +67,18 @@ def _conditions(words: Words, stairs: Staircase | None, interval_s: float) -> It
         yield f"PWM: {stairs.ticks.per_period} calls of OB13 a period, the nearest whole number of them on"
     if words.ramp is not None:
         yield f"W follows the setpoint asked for: {words.ramp}"
+
+
+def retains(certificate: Certificate) -> bool:
+    """Return whether OB251 goes on after a start-up with what it kept."""
+    return certificate.switches.get("start_up") == "retained"
+
+
+def _start_up(certificate: Certificate) -> str:
+    if retains(certificate):
+        return ("start-up: OB251 goes on with what DW18 to DW48 have kept, or from cold where they have kept nothing; "
+                "PWM and ramp begin anew")
+    return "start-up: OB21 and OB22 clear DW18 to DW48, whatever they have kept; PWM and ramp begin anew"
 
 
 def _by_hand(
@@ -91,6 +104,9 @@ def _by_hand(
                "made for 100 ms: see that the cycle of OB1 stays short.")
     yield (f"Try out with the heater disconnected: manual ({MODE} = 0) holds YH = DW 12 of DB{DB}; a broken sensor "
            f"switches off until {MODE} was 0.")
+    if retains(certificate):
+        yield (f"Backup battery: without one DB{DB} and DB{WORK} begin as they stand here, from cold and with this "
+               "setpoint; start-up as chosen needs it.")
     yield "A limiter of its own that switches the heater off: no program stands for it."
 
 

@@ -19,7 +19,7 @@ from heatertune.plc.open_points import Switch
 
 __all__ = [
     "AUTO", "COLD", "FULL_SCALE", "GESCHW", "HANDART", "NO_Z", "REG_AUS", "XZ_EIN", "Assumptions", "Parameters",
-    "State", "call", "percent", "scan", "step",
+    "State", "call", "percent", "restarted", "scan", "step",
 ]
 
 #: units at the upper end of the sensor range and at full power
@@ -89,6 +89,10 @@ class Assumptions(NamedTuple):
         name="manual_count", means={"outlives": False, "begins_anew": True}, in_manual=True,
         why="whether the count of the four calls outlives HANDART and GESCHW",
     )] = False
+    retained: Annotated[bool, Switch(
+        name="start_up", means={"cleared": False, "retained": True}, chosen=True,
+        why="yours to choose: whether OB21 and OB22 clear DW18 to DW48, or leave there what a battery kept",
+    )] = False
 
 
 class State(NamedTuple):
@@ -122,6 +126,11 @@ def step(
         _begins: not looked at: the PWM is behind the output.
     """
     return _outcome(call(parameters[0], parameters[1], state, w, x, parameters[0].z, 0))
+
+
+def restarted(parameters: tuple[Parameters, Assumptions], cold: State, state: State) -> State:
+    """Return the state after a start-up, see `heatertune.plc.core.Core`."""
+    return state if parameters[1].retained else cold
 
 
 def scan(
