@@ -15,7 +15,9 @@ from tests.plc.st_machine import FunctionBlock, Program
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
+from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator, on_time, pid_compact
+from heatertune.plc.replay import replay
 from heatertune.proof import simulate
 from heatertune.proof.scenario import delayed
 from heatertune.proof.story import Loop, story_for
@@ -31,8 +33,8 @@ def _words(ta=4.0, ramp=None):
     return replace(ROOM.encode(design, Scaling(low_degC=0.0, high_degC=150.0)), ramp=ramp)
 
 
-def _files(words, actuator, folder, setpoint=SETPOINT):
-    certificate = Certificate(verdict="PASS", setpoint_degC=setpoint, actuator=actuator)
+def _files(words, actuator, folder, setpoint=SETPOINT, **switches):
+    certificate = Certificate(verdict="PASS", setpoint_degC=setpoint, actuator=actuator, switches=switches)
     for name, content in ROOM.export(words, certificate).items():
         (folder / name).write_text(content, encoding="utf-8")
     return {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
@@ -86,15 +88,18 @@ def test_the_exported_folder_runs_the_whole_story_as_it_was_proven(tmp_path, ram
 
 
 class Wegs:
-    """WEG's block, played by the exported one; `clock` is the scans', kept is whether it keeps Ts itself."""
+    """WEG's block, played by the exported one; `clock` is the scans', kept is whether it keeps Ts itself.
 
-    kept, clock, text = False, 0, ""
+    Its own clock is `early` ms behind when a call comes after Ts: then it waits for the next one.
+    """
+
+    kept, clock, text, early = False, 0, "", 0
 
     def __init__(self):
         self.block, self.since, self.calls, self.EN = FunctionBlock(self.text), None, 0, False
 
     def __call__(self, Type, Action, Ts, **inputs):
-        waits = self.EN and self.kept and self.since is not None and Wegs.clock - self.since < Ts
+        waits = self.EN and self.kept and self.since is not None and Wegs.clock - self.since - self.early < Ts
         if not waits:
             self.block.call(Enable=self.EN, Form=Type, Acting=Action, Ts=Ts, **inputs)
             self.since, self.calls = Wegs.clock if self.EN else None, self.calls + self.EN
@@ -105,29 +110,57 @@ class Wegs:
         return self.block.variables.Output
 
 
-def _run(files, scans, *, kept, keeps_ts):
+def _run(files, scans, *, kept, early=0, name="weg_pid_call.st", **inputs):
     """HeaterPower after each scan of 10 ms, and how often the block computed."""
-    Wegs.kept, Wegs.text, Wegs.clock = kept, files["weg_pid_block.st"], 0
-    program, powers = Program(files["weg_pid_call.st"], {"FB_PID": Wegs}), []
+    Wegs.kept, Wegs.text, Wegs.clock, Wegs.early = kept, files["weg_pid_block.st"], 0, early
+    program, powers = Program(files[name], {"FB_PID": Wegs}), []
     for _ in range(scans):
-        after = program.call(HeaterOn=True, HeaterTemperature=np.float32(60.0), HeaterSetPoint=np.float32(62.0), ScanMs=10,
-                             BlockKeepsTs=keeps_ts)
+        after = program.call(HeaterOn=True, HeaterTemperature=np.float32(60.0), HeaterSetPoint=np.float32(62.0), ScanMs=10, **inputs)
         powers.append(float(after.HeaterPower))
         Wegs.clock += 10
     return powers, program.variables.HeaterPid.calls
 
 
-def test_whoever_keeps_ts_the_block_computes_each_ts_as_soon_as_the_program_knows(tmp_path):
+def test_whoever_keeps_ts_the_block_computes_each_ts_where_the_program_is_told(tmp_path):
     # the help does not tell; a call each scan of a block that does not keep Ts would integrate a hundred times too fast
     files = _files(_words(ta=0.2), Actuator(pwm_period_s=0.2), tmp_path)
-    plain, calls = _run(files, 200, kept=False, keeps_ts=False)
+    plain, calls = _run(files, 200, kept=False)
     assert calls == 10
-    assert _run(files, 200, kept=True, keeps_ts=True) == (plain, 10)
-    assert _run(files, 200, kept=False, keeps_ts=True)[1] == 200  # what the user's test finds
+    assert _run(files, 200, kept=False, BlockKeepsTs=True)[1] == 200  # what the user's test finds
     assert plain[0] == 0.0  # the edge of EN
     assert plain[20] == pytest.approx(8.0 + 4.0 / 22.0 * 0.2 * 2.0, abs=1e-3)
     rise_per_min = (plain[180] - plain[20]) / (160 * 0.01) * 60.0
     assert f"rise by {rise_per_min * 20.0 / 8.0:.3g} % per minute" in files["weg_pid_call.st"]
+    told = _files(_words(ta=0.2), Actuator(pwm_period_s=0.2), tmp_path, sampling="block")
+    assert _run(told, 200, kept=True) == (plain, 10)
+    assert "keeps Ts itself, as you told" in told["weg_pid_call.st"]
+    caller = _files(_words(ta=0.2), Actuator(pwm_period_s=0.2), tmp_path, sampling="caller")
+    assert _run(caller, 200, kept=False) == (plain, 10)
+    assert "does not keep Ts, as you told" in caller["weg_pid_call.st"]
+
+
+def test_a_block_that_keeps_ts_and_finds_the_calls_early_does_what_the_proof_calls_skipped(tmp_path):
+    words = _words(ta=0.2)
+    powers, calls = _run(_files(words, Actuator(pwm_period_s=0.2), tmp_path), 200, kept=True, early=1)
+    assert calls == 5
+    rows = [{"SetPoint": float(np.float32(62.0)), "Feedback": float(np.float32(60.0))}] * 10
+    assert powers[::20] == [scan.output for scan in replay(ROOM, words, rows, {"sampling": "skipped"})]
+    assert powers[::20] != [scan.output for scan in replay(ROOM, words, rows, {})]
+    open_ = {setting["sampling"] for setting in settings_to_prove(ROOM.switches)}
+    assert open_ == {"caller", "skipped"}
+    assert {setting["sampling"] for setting in settings_to_prove(ROOM.switches, {"sampling": "block"})} == {"block"}
+
+
+def test_a_contact_on_en_makes_each_call_an_edge_and_output_0_for_ever(tmp_path):
+    # WPS help: the positive edge of EN makes Output zero; so the program holds EN and leaves the call out
+    files = _files(_words(ta=0.2), Actuator(pwm_period_s=0.2), tmp_path)
+    right = files["weg_pid_call.st"]
+    begin, end = right.index("IF HeaterDue OR BlockKeepsTs"), right.index("IF NOT HeaterOn THEN")
+    call = right[begin:end].split("\n", 1)[1].rsplit("END_IF;", 1)[0].replace("EN := HeaterOn", "EN := HeaterDue")
+    files["contact"] = right[:begin] + call + right[end:]
+    powers, calls = _run(files, 400, kept=False, name="contact")
+    assert (set(powers), calls) == ({0.0}, 20)
+    assert max(_run(files, 400, kept=False)[0]) > 8.0
 
 
 def test_en_false_leaves_the_blocks_output_and_the_program_puts_the_power_to_0(tmp_path):

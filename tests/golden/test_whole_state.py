@@ -262,6 +262,13 @@ def _weg_block(v, a):
 
 
 def _weg(v, a, s, x):
+    """One call; a block that keeps Ts itself may let every second one pass."""
+    if a.sampling != weg.SKIPPED:
+        return (*_weg_computed(v, a, s, x), False)
+    return (*s[:6], False) if s.skips and x.enable else (*_weg_computed(v, a, s, x), x.enable)
+
+
+def _weg_computed(v, a, s, x):
     """The CFW501's equation and the sentences of the help (EN, limits, ManualSetPoint), in single precision."""
     b, low, high = _weg_block(v, a), F(v["MinimumOutput"]), F(v["MaximumOutput"])
 
@@ -315,8 +322,9 @@ def test_wegs_block_from_any_state_is_its_equation_in_numpys_single_precision():
         words = {"Kp": abs(gain()), "Ki": abs(gain()), "Kd": abs(gain()), "TauSetPoint": abs(_reals(rng, 0.0, 0.7, 3.0)()),
                  "MinimumOutput": low, "MaximumOutput": high, "Type": rng.randrange(2), "Action": rng.randrange(2),
                  "Ts": rng.choice((50, 333, 1000, 65535))}
-        assume = weg.Assumptions(rng.randrange(3), *(rng.random() < 0.4 for _ in range(6)))
-        state = weg.State(rng.random() < 0.8, number(), number(), number(), number(), rng.random() < 0.2)
+        assume = weg.Assumptions(rng.randrange(3), *(rng.random() < 0.4 for _ in range(6)), rng.randrange(3))
+        skips = assume.sampling == weg.SKIPPED and rng.random() < 0.3
+        state = weg.State(rng.random() < 0.8, number(), number(), number(), number(), rng.random() < 0.2, skips)
         broken = rng.choice((math.nan, math.inf, -math.inf))
         feedback, manual = (broken if rng.random() < 0.05 else number() for _ in range(2))
         inputs = weg.Inputs(number(), feedback, manual, rng.random() < 0.3, rng.random() < 0.9)

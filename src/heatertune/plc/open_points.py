@@ -34,6 +34,7 @@ class Switch:
         means: each setting → what the field then holds; the default first.
         why: what is open, as in the table of DIFFERENCES.md.
         in_manual: whether it shows where the mode of the controller changes alone: no run of a proof does that.
+        told: settings that a program follows which is told of them; they are proven where the user says them alone.
         chosen: whether the user chooses it, and the export does as chosen: the proof runs the setting chosen and the
             default, which a PLC that forgets falls back to.
     """
@@ -42,6 +43,7 @@ class Switch:
     means: Mapping[str, bool | int]
     why: str
     in_manual: bool = False
+    told: tuple[str, ...] = ()
     chosen: bool = False
 
     @property
@@ -122,10 +124,10 @@ def settings_to_prove(switches: Sequence[Switch], known: Mapping[str, str] | Non
     default = settings_of(switches, known or {})
     open_ = [switch for switch in switches if not switch.in_manual and (
         default[switch.name] != switch.default if switch.chosen else switch.name not in (known or {}))]
+    untold = {switch.name: [each for each in switch.settings if each not in switch.told] for switch in open_}
     varied: Iterable[dict[str, str]]
-    if math.prod(len(switch.settings) for switch in open_) <= _ALL_TOGETHER:
-        names = [switch.name for switch in open_]
-        varied = (default | dict(zip(names, chosen, strict=True)) for chosen in product(*(s.settings for s in open_)))
+    if math.prod(map(len, untold.values())) <= _ALL_TOGETHER:
+        varied = (default | dict(zip(untold, chosen, strict=True)) for chosen in product(*untold.values()))
     else:
-        varied = (default | {switch.name: setting} for switch in open_ for setting in switch.settings)
+        varied = (default | {name: setting} for name, settings in untold.items() for setting in settings)
     return [default, *(setting for setting in varied if setting != default)]

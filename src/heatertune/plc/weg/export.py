@@ -32,14 +32,15 @@ _TESTED: Final = 20.0
 def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     """Return the three files; the same words and certificate give the same bytes."""
     clock, setpoint = clock_for(words, certificate.actuator), _setpoint(words, certificate)
+    kept = certificate.switches.get("sampling") == "block"
     head = (*_head(words, certificate, clock), *_by_hand(words, clock, certificate))
     comment = "\n".join(f"(* {line} *)" for line in head) + "\n"
-    own = variables(words, clock, setpoint, keeps_ts=False)
+    own = variables(words, clock, setpoint)
     body = statements(words, clock, _block_call(words), keeps_ts=False)
     called = statements(words, clock, _weg_call(words), keeps_ts=True)
     return {
         "weg_pid_call.st":
-            comment + _program("WegHeater", "FB_PID", variables(words, clock, setpoint, keeps_ts=True), called),
+            comment + _program("WegHeater", "FB_PID", variables(words, clock, setpoint, keeps_ts=kept), called),
         "weg_pid_block.st": comment + function_block() + "\n" + _program("Heater", BLOCK_NAME, own, body),
         "weg_pid_plcopen.xml": project(own, body, head, clock.tick_ms),
     }
@@ -73,15 +74,24 @@ def _by_hand(words: Words, clock: Clock, certificate: Certificate) -> list[str]:
         "fall when the sensor breaks: that puts the heater off",
         f"ScanMs is the time of one scan: call the program from a task of {clock.tick_ms} ms, or write the time of the "
         f"last scan there each scan{exact}",
-        f"who keeps Ts is not told: {_test_of_ts(words)}",
+        _who_keeps_ts(words, certificate.switches.get("sampling")),
+        "leave the variables and the block without retention: each start-up is from cold then, as proven",
         "HeaterOn has to stay TRUE: each time that it rises the first call gives 0",
         f"setpoint: HeaterSetPoint begins {loaded}; another one is not proven",
     )
     return ["remains to be done by hand:", *(f"  {number}. {step}" for number, step in enumerate(steps, start=1))]
 
 
+def _who_keeps_ts(words: Words, known: str | None) -> str:
+    """Return what is known of it, or how the user finds out: by the slope of the I part."""
+    if known in ("block", "caller"):
+        return (f"WEG's block keeps Ts itself, as you told ({known}): BlockKeepsTs is TRUE, and it is called each scan"
+                if known == "block" else
+                "WEG's block does not keep Ts, as you told (caller): BlockKeepsTs is FALSE, and it is called each Ts")
+    return f"who keeps Ts is not told, and both are proven with BlockKeepsTs FALSE: {_test_of_ts(words)}"
+
+
 def _test_of_ts(words: Words) -> str:
-    """Return how the user finds out whether WEG's block keeps Ts itself: by the slope of its I part."""
     v = words.values
     growth = v["Ki"] if v["Type"] == PARALLEL else v["Kp"] * v["Ki"]
     if growth == 0.0 or v["Kp"] == 0.0:
@@ -90,7 +100,7 @@ def _test_of_ts(words: Words) -> str:
     return (
         f"leave BlockKeepsTs FALSE, open the heater's circuit, set HeaterSetPoint so that HeaterPower begins near "
         f"{_TESTED:g} %: it must rise by {slope:.3g} % per minute; where it is slower, down to half, set BlockKeepsTs "
-        "TRUE and test again")
+        "TRUE, test again, and prove and export with --switch sampling=block")
 
 
 def _values(words: Words) -> list[tuple[str, str]]:

@@ -42,7 +42,7 @@ _VARIABLES: Final = (
     ("HeaterDue", "BOOL", "FALSE", "a call is due"),
     ("HeaterWasOn", "BOOL", "FALSE", "HeaterOn of the scan before"),
 )
-_KEEPS_TS: Final = (("BlockKeepsTs", "BOOL", "FALSE", "TRUE: the block itself keeps Ts and is called each scan"),)
+_KEEPS_TS: Final = (("BlockKeepsTs", "BOOL", "{kept}", "TRUE: the block itself keeps Ts and is called each scan"),)
 _PWM_VARIABLES: Final = (
     ("HeaterOutput", "BOOL", "FALSE", "the heater's switch"),
     ("HeaterPhase", "DINT", "0", "ms since the period began"),
@@ -92,18 +92,20 @@ def clock_for(words: Words, actuator: Actuator | None) -> Clock:
     return Clock(round(tick), ticks.per_period, real_of(least), real_of(most))
 
 
-def variables(words: Words, clock: Clock, setpoint_degC: float, *, keeps_ts: bool) -> tuple[Variable, ...]:
+def variables(
+    words: Words, clock: Clock, setpoint_degC: float, *, keeps_ts: bool | None = None
+) -> tuple[Variable, ...]:
     """Return name, type, initial value and meaning of the program's variables.
 
     Args:
         words: that are exported.
         clock: of the program.
         setpoint_degC: as it was proven, on the counts of the input module [°C].
-        keeps_ts: whether the block may keep Ts itself, as WEG's own.
+        keeps_ts: whether the block keeps Ts itself; None: it does not, whatever the user finds.
     """
     ramp = () if words.ramp is None else _RAMP_VARIABLES + (() if words.ramp.hold is None else _HOLD_VARIABLES)
-    listed = _VARIABLES + (_KEEPS_TS if keeps_ts else ()) + (_PWM_VARIABLES if clock.steps else ()) + ramp
-    given = {"setpoint": literal(single(setpoint_degC)), "tick": clock.tick_ms}
+    listed = _VARIABLES + (() if keeps_ts is None else _KEEPS_TS) + (_PWM_VARIABLES if clock.steps else ()) + ramp
+    given = {"setpoint": literal(single(setpoint_degC)), "tick": clock.tick_ms, "kept": str(bool(keeps_ts)).upper()}
     return tuple((name, type_, initial.format(**given), meaning) for name, type_, initial, meaning in listed)
 
 
@@ -114,7 +116,7 @@ def statements(words: Words, clock: Clock, call: str, *, keeps_ts: bool) -> str:
         words: that are exported.
         clock: of the program.
         call: statements that call the block and take its output to HeaterPower.
-        keeps_ts: as for `variables`.
+        keeps_ts: whether the block may keep Ts itself, as WEG's own.
     """
     ts = words.whole["Ts"]
     ramp = "" if words.ramp is None else f"IF HeaterDue THEN\n{_indented(_ramp(words.ramp))}END_IF;\n"

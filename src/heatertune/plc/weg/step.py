@@ -20,12 +20,18 @@ from typing import Annotated, Final, NamedTuple
 from heatertune.plc.open_points import Switch
 from heatertune.plc.single import divided, single
 
-__all__ = ["CLAMP", "COLD", "FREEZE", "Assumptions", "Block", "Inputs", "State", "block_of", "call", "scan", "step"]
+__all__ = ["BLOCK", "CALLER", "CLAMP", "COLD", "FREEZE", "SKIPPED", "Assumptions", "Block", "Inputs", "State",
+           "block_of", "call", "scan", "step"]
 
 #: what becomes of the integral part while Output is at a limit
 CLAMP: Final = 0
 FREEZE: Final = 1
 SUM_ON: Final = 2
+
+#: who keeps Ts: the caller; the block, which loses calls that come each Ts; the block, called each scan
+CALLER: Final = 0
+SKIPPED: Final = 1
+BLOCK: Final = 2
 
 
 class Assumptions(NamedTuple):
@@ -59,6 +65,11 @@ class Assumptions(NamedTuple):
         name="history", means={"present": False, "zero": True},
         why="at that edge: filter at SetPoint and e(k−1) = e(k), or both zero; i is zero either way",
     )] = False
+    sampling: Annotated[int, Switch(
+        name="sampling", means={"caller": CALLER, "skipped": SKIPPED, "block": BLOCK}, told=("block",),
+        why="who keeps Ts: the caller; or the block, which then may skip every second call of a program that calls it "
+            "each Ts, unless that is told (block) and calls it each scan",
+    )] = CALLER
 
 
 class Block(NamedTuple):
@@ -95,6 +106,7 @@ class State(NamedTuple):
     integral: float = 0.0  # i(k−1)
     output: float = 0.0
     overflow: bool = False  # a number of the last call was not finite
+    skips: bool = False  # the next call comes too early for a block that keeps Ts
 
 
 COLD: Final = State()
@@ -155,8 +167,20 @@ def call(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
     An error that is not finite (a broken sensor, an overflow) leaves the memory as it was and, but for manual, asks for
     the lower limit.
     """
+    if assume.sampling != SKIPPED:
+        return _computed(b, assume, state, x)
+    if x.enable and state.skips:
+        return _turned(state, False)
+    return _turned(_computed(b, assume, state, x), x.enable)
+
+
+def _turned(s: State, skips: bool) -> State:
+    return State(s.enabled, s.reference, s.error, s.integral, s.output, s.overflow, skips)
+
+
+def _computed(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
     if not x.enable:
-        return State(False, state.reference, state.error, state.integral, state.output, False)
+        return State(False, state.reference, state.error, state.integral, state.output, False, False)
     starts = not state.enabled
     before = _begun(assume, x) if starts else state
     reference = single(before.reference + single(b.share * single(x.setpoint - before.reference)))
@@ -164,9 +188,9 @@ def call(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
     forced = _forced(b, assume, x.manual)
     if not math.isfinite(error):
         output = forced if x.select_manual else b.minimum
-        return State(state.enabled, state.reference, state.error, state.integral, output, True)
+        return State(state.enabled, state.reference, state.error, state.integral, output, True, False)
     if starts and not assume.zero_history:
-        before = State(before.enabled, before.reference, error, before.integral, before.output, before.overflow)
+        before = State(before.enabled, before.reference, error, before.integral, before.output, before.overflow, False)
     if starts and not assume.runs_at_once:
         return before
     if x.select_manual:
@@ -177,7 +201,7 @@ def call(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
 def _begun(assume: Assumptions, x: Inputs) -> State:
     """Return the memory at a positive edge of EN: Output and the integral part zero."""
     zero = single(0.0)  # as a number this would be in double precision where it is compiled
-    return State(True, zero if assume.zero_history else x.setpoint, zero, zero, zero, False)
+    return State(True, zero if assume.zero_history else x.setpoint, zero, zero, zero, False, False)
 
 
 def _forced(b: Block, assume: Assumptions, asked: float) -> float:
@@ -188,9 +212,9 @@ def _forced(b: Block, assume: Assumptions, asked: float) -> float:
 def _manual(b: Block, assume: Assumptions, s: State, output: float, reference: float, error: float) -> State:
     """Leave the memory as it is, or lead it so that the return to automatic is without a bump."""
     if not assume.bumpless:
-        return State(s.enabled, s.reference, s.error, s.integral, output, False)
+        return State(s.enabled, s.reference, s.error, s.integral, output, False, False)
     integral = single(output - single(b.kp * error))
-    return State(s.enabled, reference, error, _kept(s.integral, integral), output, False)
+    return State(s.enabled, reference, error, _kept(s.integral, integral), output, False, False)
 
 
 def _automatic(b: Block, assume: Assumptions, s: State, reference: float, error: float) -> State:
@@ -204,7 +228,7 @@ def _automatic(b: Block, assume: Assumptions, s: State, reference: float, error:
         proportional = single(b.kp * error)
         lowest, highest = single(b.minimum - proportional), single(b.maximum - proportional)
         integral = min(max(integral, lowest), highest)
-    return State(s.enabled, reference, error, _kept(s.integral, integral), output, not math.isfinite(wanted))
+    return State(s.enabled, reference, error, _kept(s.integral, integral), output, not math.isfinite(wanted), False)
 
 
 def _as_printed(b: Block, s: State, error: float) -> float:
