@@ -179,8 +179,8 @@ CASES = [
     _weg("history", {"Kd": 2.0, "TauSetPoint": 1.0}, _columns(SetPoint=[10.0] * 2, Feedback=[0.0] * 2),
          {"present": [0, 10], "zero": [0, 15]}),
     # u = 10 + the sum of 10·Ts/TN: at each call, or at every second one; a program that is told calls a block that keeps Ts rightly
-    _weg("sampling", {"Ki": 0.1}, _columns(SetPoint=[10.0] * 5, Feedback=[0.0] * 5),
-         {"caller": [0, 11, 12, 13, 14], "skipped": [0, 0, 11, 11, 12], "block": [0, 11, 12, 13, 14]}),
+    _weg("sampling", {"Ki": 0.125}, _columns(SetPoint=[10.0] * 5, Feedback=[0.0] * 5),
+         {"caller": [0, 11.25, 12.5, 13.75, 15], "skipped": [0, 0, 11.25, 11.25, 12.5], "block": [0, 11.25, 12.5, 13.75, 15]}),
 ]
 
 
