@@ -22,7 +22,7 @@ SOURCE = Path(__file__).parent / "second_opinion.c"
 #: target → its number in the C program, counts of the input module, seconds from temperature to reading and from output
 #: to switch
 TARGETS = {
-    "s5-ob251": (0, 2047, 0.68), "weg": (1, 4095, 0.0), "fb41": (2, 27648, 0.226), "s7-300": (3, 27648, 0.226),
+    "s5-ob251": (0, 2047, 0.48), "weg": (1, 4095, 0.0), "fb41": (2, 27648, 0.256), "s7-300": (3, 27648, 0.256),
     "s7-200": (4, 255, 0.0), "s7-200-pid": (5, 4000, 0.0),
 }
 #: open point → its settings in the order of their numbers, of those that a heater in automatic can meet

@@ -87,7 +87,7 @@ class Life:
 
     def __init__(self, listing, proof, heater, controller=None, battery=True):
         self.listing, self.heater, self.battery = listing, heater, battery
-        self.kept = []
+        self.kept, self.began, self.number = [], [], 0
         self.low, self.span = proof["scaling"]["low_degC"], proof["scaling"]["high_degC"] - proof["scaling"]["low_degC"]
         self.tick, self.per_call = proof["actuator"]["resolution_s"], round(proof["sample_time_s"] / proof["actuator"]["resolution_s"])
         self.cpu = Machine(listing, read=self.read, controller=controller)
@@ -113,18 +113,19 @@ class Life:
         assert self.cpu.written["RS 97"] == round(100.0 * self.tick)
         for number in range(math.ceil(round(story["duration_s"] / interval, 9)) * self.per_call + 1):
             self.heater.to(number * self.tick)
+            self.number = number
             if number in events:
                 self.happens(events[number])
             self.ticks(number)
 
     def ticks(self, number):
-        """One call of OB13, where there is a supply."""
+        """One call of OB13, where there is a supply; without one the output is off."""
         if self.supplied:
             self.cpu.call("OB 13")
-            on = self.cpu.written["PY 4"]
-            if on != (len(self.switchings) % 2):
-                self.switchings.append((number, bool(on)))
-                self.heater.sends("power", 100.0 if on else 0.0)
+        on = self.cpu.written["PY 4"] if self.supplied else 0
+        if on != (len(self.switchings) % 2):
+            self.switchings.append((number, bool(on)))
+            self.heater.sends("power", 100.0 if on else 0.0)
         if number % self.per_call == 0:
             self.temperatures.append(self.heater.y)
             self.calls.append((self.cpu.data[30][9], self.cpu.data[30][48]) if self.supplied else None)
@@ -150,6 +151,7 @@ class Life:
                 self.cpu.data[31][0] = asked
             before = list(self.cpu.data[30])
             self.cpu.call("OB 22")
+            self.began.append(self.number)
             self.kept.append(self.cpu.data[30] == before)
         self.supplied = on
 
@@ -192,6 +194,7 @@ TWO = TwoLag(gain_degC_per_pct=0.6, time_constant_s=50.0, second_time_constant_s
     (QUICK, (1.4, 50.0, 5.0, 4.0), None, {}),  # a D part; TA = PWM period = 80 ticks of 50 ms
     (TWO, (2.5, 40.0, 0.0, 3.0), Ramp(step=7, calls=3, hold=40), {"pwm_period_s": 12.0, "minimum_on_s": 0.7, "minimum_off_s": 0.9}),
     (TWO, (2.5, 40.0, 0.0, 3.0), Ramp(step=2), {"pwm_period_s": 1.5, "pwm_resolution_s": 0.02}),
+    (TWO, (2.5, 40.0, 0.0, 3.0), None, {"pwm_period_s": 7.1, "pwm_resolution_s": 0.1}),  # begins anew at each start-up
 ])
 def test_the_listing_with_all_that_it_may_hold_does_what_was_proven(heater, design, ramp, conditions):
     gain, tn, tv, ta = design
@@ -201,7 +204,10 @@ def test_the_listing_with_all_that_it_may_hold_does_what_was_proven(heater, desi
     proof = chain.prove(words, model_by_hand(heater), Conditions(setpoint_degC=51.0, **conditions), first_look=True)
     told = Certificate(verdict="PASS", setpoint_degC=51.0, actuator=proof.actuator)
     listing = controller_for(TARGET).export(words, told)["program_listing.txt"]
-    assert_same(Life(listing, proof.to_document(), _like(proof.nominal.model)), proof.nominal)
+    life = Life(listing, proof.to_document(), _like(proof.nominal.model))
+    assert_same(life, proof.nominal)
+    period = round(proof.actuator.pwm_period_s / life.tick)
+    assert any(number % period for number in life.began) == (conditions.get("pwm_period_s") == 7.1)
 
 
 @pytest.mark.long

@@ -251,10 +251,10 @@ def test_the_source_of_the_tip_tells_its_call_interval_and_the_factor_of_its_set
 
 
 @pytest.mark.parametrize(("target", "delay_s"), [
-    ("s5-ob251", 0.68),  # analog input 460 with eight channels, 0.48 s; a cycle of OB1 of 200 ms
-    ("s7-300", 0.226), ("fb41", 0.226),  # SM 331 with eight channels at 50 Hz, 176 ms; a cycle of 50 ms
+    ("s5-ob251", 0.48),  # analog input 460 with eight channels; T PY writes the output at once
+    ("s7-300", 0.256), ("fb41", 0.256),  # SM 331 with eight channels at 50 Hz, 176 ms, 10 ms more each for the wire-break check
 ])
-def test_input_module_and_process_image_take_the_time_of_their_manuals(target, delay_s):
+def test_input_modules_take_the_time_of_their_manuals(target, delay_s):
     assert controller_for(target).delay_s == pytest.approx(delay_s)
 
 

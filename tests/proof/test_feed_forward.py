@@ -16,8 +16,8 @@ from heatertune.proof.criteria import Limits
 from heatertune.proof.feed_forward import Beside, prove_feed_forward
 
 TA, SETPOINT = 5.0, 80.0
-#: until an input module's reading is there and a process image is written, S5 (AI 460) and S7-300 (SM 331) [s]
-LATE = {"s5-ob251": 0.48 + 0.2, "fb41": 0.176 + 0.05}
+#: until an input module's reading is there, S5 (AI 460) and S7-300 (SM 331 with wire-break check) [s]
+LATE = {"s5-ob251": 0.48, "fb41": 8 * (0.022 + 0.01)}
 #: with OB251's delay a dead time of three TA: there two simulations hunt alike at rest, and can be held against each other
 HEATER = Fopdt(gain_degC_per_pct=0.9, time_constant_s=120.0, dead_time_s=15.0 - LATE["s5-ob251"], ambient_degC=25.0)
 EFFECT = DisturbanceEffect(

@@ -141,7 +141,7 @@ def test_the_loop_is_simulated_for_words_and_whatever_heater(chain):
 def test_margins_are_those_of_a_design_and_of_the_words_that_run_it(chain):
     model, design, words, proof = chain
     ms = ht.margins(HEATER, words).ms
-    late = replace(HEATER, dead_time_s=HEATER.dead_time_s + 0.68)  # input module and process image, DIFFERENCES.md
+    late = replace(HEATER, dead_time_s=HEATER.dead_time_s + 0.48)  # analog input 460
     assert ht.margins(late, words).ms == pytest.approx(next(each.value for each in proof.criteria if each.name == "ms"))
     assert ht.margins(model, words) == ht.margins(HEATER, proof.design)
     assert ht.decode(words) == proof.design

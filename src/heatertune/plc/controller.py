@@ -78,7 +78,7 @@ class Controller(ABC):
         faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
         tick_s: of the clock behind calls and PWM, the coarsest [s]; None: the export's program makes no PWM.
         delay_s: longest time from a temperature to its reading and from the controller's output to the heater's switch,
-            as input module and process image make it; part of the dead time in a proof [s].
+            as input module and exported program make it; part of the dead time in a proof [s].
         direct: for a core that runs a listing, which no compiler takes: words and assumptions → a core that gives the
             same power, output and flags, and its parameters and cold state; None: the core itself compiles, or none
             does.

@@ -194,6 +194,6 @@ def _remarks(words: Words, fitted: FittedModel) -> Iterator[str]:
     if fitted.outcome is Outcome.BY_HAND:
         yield "the model was given by hand"
     if (delay := controller_for(words.target).delay_s) > 0.0:
-        yield f"dead time {delay:g} s longer, for input module and process image"
+        yield f"dead time {delay:g} s longer, for the input module"
     if words.sample_time_s < fitted.log_interval_s:
         yield f"TA {words.sample_time_s:g} s is below the log's interval of {fitted.log_interval_s:g} s"

@@ -135,7 +135,7 @@ def run(
     events: Events, pwm: tuple[float, float, float, float, bool], cut: float, edges: Places, record: Record,
     meter: Meter,
 ) -> tuple[int, int]:
-    """Run the loop over all scans; scans and PWM periods both begin at 0.
+    """Run the loop over all scans; scans and PWM periods both begin at 0, and the periods anew at each start-up.
 
     The power asked for last when a PWM period begins holds for that period; at equal instants the scan is first.
     Without supply no scan is run, and the power asked for is 0.
@@ -162,7 +162,7 @@ def run(
     leads, shaken, noisy = events.leads, len(late) > 1, len(noise) > 1
     whole = factors(scan_s, plant)
     flow = Flow(0.0, start, start, plant.ambient, 0.0, 0.0, 1.0)
-    carried = begin = tick = 0.0
+    carried = begin = tick = origin = 0.0
     begun = ticked = switched = arrived = happened = phase = calls = 0
     rows, t, following = _stretch(record, 0, flow), late[0], 0.0
     seen, rest = _begin(meter, start)
@@ -183,10 +183,10 @@ def run(
         before, flow = flow, moved(flow, t, whole if quiet else factors(t - flow.now, plant))
         seen, rest = _measured(meter, seen, rest, plant, before, flow)
         reading = measure(sensor, flow.y + (noise[k] if noisy else noise[0]))
+        if calls == 0 and k > 0 and program.supplied[phase] and _apart(begin, k * scan_s, pwm[0]):
+            origin, begin, tick, begun, ticked = t, t, t, 0, 0
         cycle_start = tick <= t + INSTANT_S
-        while tick <= t + INSTANT_S:
-            ticked += 1
-            tick = ticked * pwm[0]
+        ticked, tick = _ticked(origin, ticked, tick, t, pwm[0])
         power, flags = 0.0, 0
         if program.supplied[phase]:
             if calls == 0 and k > 0:
@@ -197,17 +197,16 @@ def run(
             state, power, _, flags = step(parameters, state, program.word[0], reading, cycle_start)
             _counted(meter, power, flags)
         else:
-            calls = 0
+            switched, calls = _switched_off(edges, switched, t), 0
         _scanned(record, k, flow.y, program.word[0], reading, power, flags)
         power = 0.0 if math.isnan(power) else power  # which the meter has counted as a fault
         following = (k + 1) * scan_s + (late[min(k + 1, len(late) - 1)] if shaken else late[0])
-        if begin < following - INSTANT_S:
-            while begin < following - INSTANT_S:
-                on, carried = on_time(power, carried, pwm)
-                switched = _pulse(edges, switched, begin, min(on, cut - begin), pwm[0])
-                begun += 1
-                begin = begun * pwm[0]
-            due, kind = _next(plant, events, happened, edges, arrived, switched)
+        while begin < following - INSTANT_S:
+            on, carried = on_time(power, carried, pwm)
+            switched = _pulse(edges, switched, begin, min(on, cut - begin), pwm[0])
+            begun += 1
+            begin = origin + begun * pwm[0]
+        due, kind = _next(plant, events, happened, edges, arrived, switched)
         t = following
     _end(meter, seen, rest, edges, switched, flow.now)
     return switched, rows
@@ -289,6 +288,30 @@ def _pulse(
     if on < period and switched % 2 == 1:
         edges[switched & last] = begin + on
         switched += 1
+    return switched
+
+
+def _apart(begin: float, starts: float, period: float) -> bool:
+    """Return whether a start-up is no instant at which a PWM period begins, the next one beginning at `begin`."""
+    return min(abs(begin - starts), abs(begin - starts - period)) > INSTANT_S
+
+
+def _ticked(origin: float, ticked: int, tick: float, now: float, period: float) -> tuple[int, float]:
+    """Return how many PWM periods have begun up to an instant, and when the next one begins."""
+    while tick <= now + INSTANT_S:
+        ticked += 1
+        tick = origin + ticked * period
+    return ticked, tick
+
+
+def _switched_off(edges: Places, switched: int, now: float) -> int:
+    """Take back what is left of a pulse, without supply; return how often the heater was switched so far."""
+    last = len(edges) - 1
+    if switched % 2 == 1:
+        edges[switched & last] = now
+        return switched + 1
+    if switched > 0 and edges[switched - 1 & last] > now:
+        edges[switched - 1 & last] = now
     return switched
 
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, TICK_S, TIMER
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, INPUT_S, TICK_S, TIMER
 from heatertune.plc.fb41.export import export_words
 from heatertune.plc.fb41.exported import ExportedContC
 from heatertune.plc.fb41.feed_forward import FEED
@@ -40,9 +40,7 @@ class ContC(Controller, name="fb41"):
     }
     written = ("MAN_ON", "MAN")
     ramped = True
-    # SM 331, eight channels at 50 Hz (S7-300 module data, A5E00105505), and one cycle of OB1 until an output of the
-    # process image is written (1 to 50 ms)
-    delay_s = 0.176 + 0.05
+    delay_s = INPUT_S
     tick_s = TICK_S
     most_power = ("LMN_HLM", 100.0)
     core = Core(step=step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"))

@@ -48,9 +48,9 @@ class Ob251(Controller, name="s5-ob251"):
     input_ranges: ClassVar = dict.fromkeys(("W", "X", "Z", "XZ", "YH"), (-FULL_SCALE, FULL_SCALE))  # table 11-11
     integers, written = ("K", "TI", "TD"), ("W",)
     ramped = True
-    # analog input 460, eight channels at their slowest, and one cycle of OB1 until an output of the process image is
-    # written (S5-115U manual EWA 4NEB 811 6130, tables of the analog modules; cycles of 10 to 200 ms)
-    delay_s = 0.48 + 0.2
+    # analog input 460, eight channels at their slowest (S5-115U manual EWA 4NEB 811 6130, tables of analog modules);
+    # OB13 reads it and writes the output directly, by L PW and T PY, whatever the cycle of OB1
+    delay_s = 0.48
     tick_s = 0.1  # of OB13 on every CPU (S5-115U, 100U, 95U); 10 to 50 ms by SD97 on the faster ones
     most_power = ("BGOG", 2047)
     core = Core(step=step, measure=count, flags=("upper limit", "lower limit"), restarted=restarted)

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, TICK_S, TIMER
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, INPUT_S, TICK_S, TIMER
 from heatertune.plc.s7_300.export import export_words
 from heatertune.plc.s7_300.exported import exported
 from heatertune.plc.s7_300.image import from_image, oddities
@@ -34,9 +34,7 @@ class PidTip(Controller, name="s7-300"):
     inputs: ClassVar = {"SP": "INT", "PV": "INT", "mode_req": "BOOL", "OUT": "INT"}
     derivative_filter = 0.0
     ramped = True
-    # SM 331, eight channels at 50 Hz (S7-300 module data, A5E00105505), and one cycle of OB1 until an output of the
-    # process image is written (1 to 50 ms)
-    delay_s = 0.176 + 0.05
+    delay_s = INPUT_S
     tick_s = TICK_S
     core = Core(step=step, measure=count, flags=("overflow",))
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
