@@ -217,11 +217,16 @@ class WordSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorSettings:
-    """The sensor's range, which becomes a `heatertune.plc.Scaling`."""
+    """The sensor's range and the module's, which become a `heatertune.plc.Scaling`."""
 
     range_degC: tuple[float, float] = option(
         (0.0, 100.0), float, "sensor range at the lowest and highest reading", unit="°C", flag="--range",
         pair=("LOW", "HIGH"), instead=("0 100", ""))
+    input: str | None = option(
+        None, str, "range of the analog module", flag="--input",
+        choices=("4-20mA", "thermocouple", "rtd", "rtd-climatic"),
+        help="range of the analog module, where the target's program reads it: a transmitter of 4 to 20 mA, off below "
+             "3.6 mA; thermocouples and resistance thermometers, whose digits are degrees (default: a plain range)")
 
     def __post_init__(self) -> None:
         checked(self)

@@ -251,6 +251,33 @@ def test_what_is_retained_is_what_the_start_up_leaves_and_a_broken_sensor_stays_
     assert (cpu.written["PY 4"], cpu.data[31][9]) == (0, 1), "off until manual, after the loss of supply too"
 
 
+@pytest.mark.parametrize("retained", [False, True])
+def test_a_start_up_needs_nothing_of_what_a_battery_has_kept_but_what_was_chosen(retained):
+    # all of DB31 but the setpoint, and of DB30 what OB251 remembers, hold rubbish; D 11.2 is as a loss of supply within FB30 left it
+    words = replace(WORDS, ramp=Ramp(step=5, calls=2, hold=60))
+    listing = controller_for(TARGET).export(words, Certificate(
+        verdict="PASS", setpoint_degC=53.3, actuator=Actuator(pwm_period_s=4.0, resolution_s=0.4),
+        switches={"start_up": "retained"} if retained else {}))["program_listing.txt"]
+    runs = []
+    for rubbish in (0, 0x5A5A, -1):
+        cpu = Machine(listing, read=lambda _: 400 << 3)
+        cpu.inputs.add("I 0.0")
+        if rubbish:
+            kept = cpu.data[31][9]
+            cpu.data[31][1:] = [rubbish] * len(cpu.data[31][1:])
+            cpu.data[31][9] = kept if retained else rubbish
+            cpu.data[30][18:49] = cpu.data[30][18:49] if retained else [rubbish] * 31
+            cpu.data[30][11] |= 4
+        cpu.call("OB 22")
+        seen = []
+        for _ in range(60):
+            cpu.call("OB 13")
+            seen.append((cpu.written["PY 4"], cpu.data[30][9], cpu.data[30][48]))
+        runs.append(seen)
+    assert runs[1:] == runs[:1] * 2
+    assert len(set(runs[0])) > 4
+
+
 WORDS = chain.encode(PidDesign(gain_pct_per_degC=3.0, integral_time_s=300.0, derivative_time_s=0.0, sample_time_s=4.0,
                                structure="pi", method=""), TARGET)
 

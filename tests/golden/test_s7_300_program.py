@@ -210,6 +210,31 @@ def test_a_period_keeps_the_power_that_it_began_with(machine, tmp_path, target):
     assert outputs == [1, 1, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 0, 0]
 
 
+@pytest.mark.parametrize("target", ["s7-300", "fb41"])
+def test_a_restart_needs_nothing_of_what_data_blocks_have_kept_but_auto_and_sp(machine, target):
+    words = _words(target, ramp=Ramp(step=60, calls=2, hold=900))
+    source = controller_for(target).export(words, Certificate(
+        verdict="PASS", setpoint_degC=SETPOINT, actuator=Actuator(pwm_period_s=4.0, resolution_s=1.0)))[NAMES[target]]
+    kept = {"AUTO", "SP", "TICK_MS", "PER_CALL", "PERIOD", "LEAST", "MOST", "GAIN", "RATE", "RESET", "SAMPLE"}
+    runs = []
+    for rubbish in (0, 1, 77):
+        machine.load(source if target == "s7-300" else _stub(source))
+        machine.write(DATA, AUTO=1)
+        for number in (DATA, 102, *([100] if target == "s7-300" else [])) if rubbish else ():
+            machine.write(number, **{name: (1 if kind == "BOOL" else 0.77 if kind == "REAL" else rubbish)
+                                     for name, (_, _, kind) in machine.names(number).items() if name not in kept})
+        machine.restart()
+        seen = []
+        for tick in range(24):
+            output, _, _ = machine.tick(1000, 5000 + 10 * tick)
+            if target == "fb41":
+                machine.write(41, LMN=40.0)
+            seen.append((output, machine.read(DATA, "LED"), machine.read(100, "OUT") if target == "s7-300" else machine.read(41, "COM_RST")))
+        runs.append(seen)
+    assert runs[1:] == runs[:1] * 2
+    assert len(set(runs[0])) > 4
+
+
 def test_a_restart_in_manual_clears_the_power_that_cont_c_gets_by_hand(machine, tmp_path):
     _loaded(machine, "fb41", tmp_path, Actuator(pwm_period_s=1.0), ta=1.0)
     machine.write(DATA, POWER=40.0)

@@ -67,10 +67,15 @@ def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = 
     add_condition_options(command)
 
 
-def add_condition_options(command: argparse.ArgumentParser) -> None:
-    """Add the conditions of the proof; what is not said is not there, so that another source of it can be asked."""
+def add_condition_options(command: argparse.ArgumentParser, *sensor: str) -> None:
+    """Add the conditions of the proof; what is not said is not there, so that another source of it can be asked.
+
+    Args:
+        command: to add them to.
+        sensor: names of the sensor's options; none: all of them.
+    """
     group = command.add_argument_group("conditions of the proof")
-    options.add(group, SensorSettings, default=argparse.SUPPRESS)
+    options.add(group, SensorSettings, *sensor, default=argparse.SUPPRESS)
     options.add(group, Conditions, but=("switches",), default=argparse.SUPPRESS)
 
 
@@ -130,11 +135,16 @@ def asked(settings: argparse.Namespace) -> Asked:
 
 
 def scaling(settings: argparse.Namespace) -> Scaling:
-    """Return the sensor range."""
-    from heatertune.plc import Scaling  # noqa: PLC0415
+    """Return the sensor range as its module gives it; errors as `heatertune.plc.inputs.scaled`."""
+    from heatertune.plc import controller_for  # noqa: PLC0415
+    from heatertune.plc.inputs import scaled  # noqa: PLC0415
 
-    low, high = options.of(SensorSettings, settings).range_degC
-    return Scaling(low_degC=low, high_degC=high)
+    sensor = options.of(SensorSettings, settings)
+    if sensor.input is None:
+        return scaled({}, None, sensor.range_degC)
+    if settings.target is None:
+        raise InputError("--input needs --target: the ranges are its module's")
+    return scaled(controller_for(target(settings)).ranges, sensor.input, sensor.range_degC)
 
 
 def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedModel, Recipe | None]:

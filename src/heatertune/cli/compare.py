@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import Any
 
+from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.cli.recorded import in_force
+from heatertune.errors import InputError
+from heatertune.settings import SensorSettings
 
 __all__ = ["add_to"]
 
@@ -22,7 +26,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("pid", metavar="PID", help="pid.json as written by tune")
     command.add_argument("-o", "--out", metavar="DIR", help="directory for compare.json and compare.html")
-    common.add_condition_options(command)
+    common.add_condition_options(command, "range_degC")
     common.add_model_options(command)
     printing.add_output_options(command)
     command.set_defaults(run=_run)
@@ -39,6 +43,11 @@ def _run(settings: argparse.Namespace) -> int:
     progress, (recipe, notes) = printing.Progress(settings), in_force(settings, kept, settings.pid)
     for note in notes:
         progress(note)
+    if recipe.input is not None:
+        if "range_degC" not in options.given(SensorSettings, settings):
+            raise InputError(f"{settings.pid} is for --input {recipe.input} of {recipe.target}, which others have not: "
+                             "say a --range")
+        recipe = replace(recipe, input=None)
     document = plain(chain.compare(
         design, fitted, recipe.conditions, scaling=scaling_of(recipe), recipe=recipe, progress=progress))
     if settings.out is not None:

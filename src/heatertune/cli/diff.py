@@ -29,7 +29,7 @@ def add_to(commands: Any) -> None:
                          help=f"the controller, where neither file tells it: {', '.join(TARGETS)}")
     command.add_argument("--called-every", type=float, metavar="S",
                          help="sampling interval TA of a dump or text [s] (default: as in the other)")
-    options.add(command, SensorSettings, default=None,
+    options.add(command, SensorSettings, "range_degC", default=None,
                 help="sensor range at the lowest and highest reading of a design, dump or text [°C] (default: as in "
                      "the other, else 0 100)")
     printing.add_output_options(command)

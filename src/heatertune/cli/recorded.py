@@ -92,10 +92,13 @@ def in_force(settings: argparse.Namespace, kept: Recipe | None, where: str) -> t
 
 def _of(kept: Recipe, target: str, where: str) -> tuple[Recipe, list[str]]:
     """Return what a recipe says of any controller, where it is of another one, and what of it is not taken then."""
+    from heatertune.plc import controller_for  # noqa: PLC0415 - the help must not wait for it
+
     if target == kept.target:
         return kept, []
     theirs = replace(
-        kept, target=target, words_by="auto", refined=False, power_most_pct=None, setpoint_ramp=None,
+        kept, target=target, input=kept.input if kept.input in controller_for(target).ranges else None,
+        words_by="auto", refined=False, power_most_pct=None, setpoint_ramp=None,
         conditions=replace(kept.conditions, switches={}))
     left = [part for part in _parts(kept) if part not in _parts(theirs)]
     return theirs, [f"Of {where} not taken, as it is of {kept.target}: {', '.join(left)}."] if left else []

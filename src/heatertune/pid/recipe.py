@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from heatertune.codec import LEFT_OUT
 from heatertune.settings import Conditions, SensorSettings, WordSettings
 from heatertune.units import check
 
@@ -29,6 +30,7 @@ class Recipe:
     Attributes:
         target: the controller.
         range_degC: of the sensor, at its lowest and highest reading [°C].
+        input: range of the analog module; None: a plain one.
         words_by, refined: see `heatertune.settings.WordSettings`.
         power_most_pct: the controller never asks for more [%]; None: as it would.
         setpoint_ramp: None: the setpoint goes to its end at once.
@@ -41,6 +43,7 @@ class Recipe:
 
     target: str
     range_degC: tuple[float, float] = (0.0, 100.0)
+    input: str | None = field(default=None, metadata=LEFT_OUT)
     words_by: str = "auto"
     refined: bool = False
     power_most_pct: float | None = None
@@ -49,7 +52,7 @@ class Recipe:
     files: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        SensorSettings(range_degC=self.range_degC)
+        SensorSettings(range_degC=self.range_degC, input=self.input)
         WordSettings(words_by=self.words_by, refined=self.refined)
         if self.power_most_pct is not None:
             check("power_most_pct", self.power_most_pct, above=0.0, most=100.0)

@@ -21,6 +21,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc.core import Core, Running, Scan, Sensor, Timing
 from heatertune.plc.exported import Exported
 from heatertune.plc.feed_forward import Feed
+from heatertune.plc.inputs import Range, least_share
 from heatertune.plc.open_points import NothingOpen, Switch, assumed, declared
 from heatertune.plc.ramp import Number, Ramp, nearest
 from heatertune.plc.readback import ReadBack
@@ -49,6 +50,7 @@ class Controller(ABC):
         can: what the controller can do, one sentence each.
         cannot: what it can't do, or what is left out here, one sentence each.
         counts: steps of the input module over the sensor range.
+        ranges: name → range of the analog module that the export can read beside a plain one.
         timer: the sampling intervals that the target's timer can make.
         core: what `step` and `measure` compute.
         assumptions: what the manual leaves open, see `heatertune.plc.open_points`.
@@ -98,6 +100,7 @@ class Controller(ABC):
     can: ClassVar[tuple[str, ...]]
     cannot: ClassVar[tuple[str, ...]]
     counts: ClassVar[int]
+    ranges: ClassVar[Mapping[str, Range]] = {}
     timer: ClassVar[Timer]
     core: ClassVar[Core]
     assumptions: ClassVar[type[NamedTuple]] = NothingOpen
@@ -317,13 +320,17 @@ class Controller(ABC):
     def ends(self, words: Words) -> tuple[Number, Number]:
         """Return the readings at the ends of the sensor's range [units]."""
         scaling = words.scaling  # beyond the range the module limits: at its end the last digit may fall short
-        return (self.measure(words, scaling.low_degC - scaling.span_degC),
-                self.measure(words, scaling.high_degC + scaling.span_degC))
+        module = self.sensor(words)._replace(least=0)
+        low, high = (self.core.measure(module, beyond) for beyond in (
+            scaling.low_degC - scaling.span_degC, scaling.high_degC + scaling.span_degC))
+        return low, high
 
     @final
     def sensor(self, words: Words) -> Sensor:
         """Return the input module as the core's `measure` takes it."""
-        return Sensor(words.scaling.low_degC, words.scaling.span_degC, self.counts)
+        scaling = words.scaling
+        least = self.counts * least_share(self.ranges.get(scaling.input or ""))
+        return Sensor(scaling.low_degC, scaling.span_degC, self.counts, round(least))
 
     @final
     def measure(self, words: Words, temperature_degC: float) -> Number:

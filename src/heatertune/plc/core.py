@@ -41,11 +41,12 @@ class Scan:
 
 
 class Sensor(NamedTuple):
-    """The input module: lowest temperature and span [°C], and its highest count."""
+    """The input module: lowest temperature and span [°C], its highest count, and the least that a sensor gives."""
 
     low: float
     span: float
     counts: int
+    least: int = 0
 
 
 def count(sensor: Sensor, temperature_degC: float) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, cast
 
+from heatertune.codec import LEFT_OUT
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.handed import runner
 from heatertune.pid.timer import Timer
@@ -49,6 +50,8 @@ class Scaling:
 
     Attributes:
         low_degC, high_degC: the temperatures at the lowest and highest reading [°C].
+        input: range of the analog module, one of `heatertune.plc.inputs.INPUTS`; None: a plain one.
+        from_degC: where the module gives more than the sensor does, the sensor's own lower end [°C]; None: `low_degC`.
 
     Raises:
         OutOfRange: a range that is empty or upside down.
@@ -56,6 +59,8 @@ class Scaling:
 
     low_degC: float = 0.0
     high_degC: float = 100.0
+    input: str | None = field(default=None, metadata=LEFT_OUT)
+    from_degC: float | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         check("low_degC", self.low_degC, least=-273.15)
@@ -68,6 +73,11 @@ class Scaling:
     def span_degC(self) -> float:
         """Width of the range [°C]."""
         return self.high_degC - self.low_degC
+
+    @property
+    def sensor_degC(self) -> tuple[float, float]:
+        """Both ends of the sensor's own range [°C]."""
+        return self.low_degC if self.from_degC is None else self.from_degC, self.high_degC
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

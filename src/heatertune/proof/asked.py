@@ -97,7 +97,8 @@ def plainly(
 def _recipe(asked: Asked, proof: Proof, conditions: Conditions) -> Recipe:
     scaling, conditions = proof.words.scaling, recorded(conditions)
     return Recipe(
-        target=asked.target, range_degC=(scaling.low_degC, scaling.high_degC), words_by=asked.words_by,
+        target=asked.target, range_degC=scaling.sensor_degC, input=scaling.input,
+        words_by=asked.words_by,
         refined=asked.refined, setpoint_ramp=proof.setpoint_ramp, conditions=conditions,
         files=files_of(conditions))
 

@@ -33,7 +33,7 @@ from heatertune.proof.loop import InLoop, check_words, in_loop, run_loop
 from heatertune.proof.scenario import Load, Scenario, conditions, delayed
 from heatertune.proof.trace import Trace
 
-__all__ = ["Beside", "FeedForwardProof", "prove_feed_forward", "step_fed"]
+__all__ = ["Beside", "FeedForwardProof", "prove_feed_forward", "restarted_fed", "step_fed"]
 
 Array = npt.NDArray[np.float64]
 
@@ -78,6 +78,16 @@ def step_fed(
     given = parameters.strong if strong else parameters.calm
     inner, power, output, flags = step(given, inner, setpoint, reading, cycle_start)
     return (scan + 1, inner), power, output, flags
+
+
+def restarted(_parameters: Any, _cold: Any, _state: Any) -> Any:
+    """Stand in likewise, for the controller's state after a start-up."""
+    raise NotImplementedError
+
+
+def restarted_fed(parameters: Fed, cold: tuple[int, Any], state: tuple[int, Any]) -> tuple[int, Any]:
+    """Return the state after a start-up, see `Core.restarted`."""
+    return state[0], restarted(parameters.calm, cold[1], state[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -320,8 +330,9 @@ class _Trial(NamedTuple):
         loop = in_loop(self.controller, words, asked_degC, chosen)
         calm, strong = (feed.given(loop.parameters, self.line.at(level, self.controller.counts))
                         for level in (self.effect.calm, self.strong))
-        return replace(loop, core=replace(loop.core, step=bound(step_fed, step=loop.core.step)),
-                       parameters=Fed(calm, strong, begin + 1, end + 1), state=(0, loop.state))
+        fed = replace(loop.core, step=bound(step_fed, step=loop.core.step),
+                      restarted=bound(restarted_fed, restarted=loop.core.restarted))
+        return replace(loop, core=fed, parameters=Fed(calm, strong, begin + 1, end + 1), state=(0, loop.state))
 
     def _allowed_degC(self, model: HeaterModel) -> float:
         """Return how far a heat-up may go beyond the setpoint [°C]."""

@@ -140,10 +140,10 @@ def check_words(controller: Controller, words: Words, scenario: Scenario) -> Non
     """
     controller.check(words)
     controller.check_ramp(words)
-    scaling = words.scaling
+    low, high = words.scaling.sensor_degC
     for setpoint in scenario.setpoints_degC:
-        if not scaling.low_degC < setpoint < scaling.high_degC:
-            rule = f"> {scaling.low_degC:g} and < {scaling.high_degC:g}, the sensor's range"
+        if not low < setpoint < high:
+            rule = f"> {low:g} and < {high:g}, the sensor's range"
             raise OutOfRange("setpoint_degC", setpoint, rule)
 
 

@@ -65,6 +65,7 @@ def assumed(documents: Documents) -> str:
     rows = [
         ["sensor at the lowest reading", figure(scale["low_degC"]), "°C", sensor.flag],
         ["sensor at the highest reading", figure(scale["high_degC"]), "°C", sensor.flag],
+        *([["range of the analog module", scale["input"], "", "--input"]] if scale.get("input") else []),
         _row("setpoint_degC", story["setpoint_degC"]),
         _row("noise_degC", story["noise_degC"]),
         _row("tolerance_degC", limit["tolerance_degC"]),

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, INPUT_S, TICK_S, TIMER
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, INPUT_S, RANGES, TICK_S, TIMER
 from heatertune.plc.fb41.export import export_words
 from heatertune.plc.fb41.exported import ExportedContC
 from heatertune.plc.fb41.feed_forward import FEED
@@ -33,6 +33,7 @@ class ContC(Controller, name="fb41"):
         "no setpoint weights: the block has none", "PV_IN is left out: the reading comes from PV_PER",
     )
     fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, FULL_SCALE
+    ranges = RANGES
     #: SP_PER is a setpoint as an analog value; SP_INT, where given, is the block's own input
     inputs: ClassVar = {
         "SP_PER": "INT", "PV_PER": "INT", "SP_INT": "REAL", "MAN_ON": "BOOL", "MAN": "REAL", "DISV": "REAL",

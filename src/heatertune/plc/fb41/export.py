@@ -50,6 +50,7 @@ def _source(words: Words, certificate: Certificate, switch: Switching) -> str:
 
 def _program(words: Words, certificate: Certificate, switch: Switching) -> Program:
     return Program(
+        input=words.scaling.input,
         real=True, setpoint=_setpoint(words, certificate), output=_LMN, word=f"DB{_DB}.DBW   76", ramp=words.ramp,
         switch=switch, temporaries=("raw : WORD", "manual : BOOL", *(() if words.ramp is None else ("led : REAL",))),
         begins=[f"      CALL  FB {_DB} , DB {_DB} (", "           COM_RST := TRUE);"],

@@ -74,6 +74,7 @@ def _listing(words: Words, certificate: Certificate) -> str:
         f"setpoint in counts in register 0 (SP): {COUNTS}/{scale.span_degC:g}·(°C − {scale.low_degC:g}), whole part",
         f"register 2 (BAND) = {band} counts = {band * scale.span_degC / COUNTS:.3g} °C",
         f"one scan every {words.sample_time_s:g} s; output 0 (OUT) switches the heater",
+        "after a loss of supply: proven with output 0 off until the first scan, which switches it by this law",
         *certificate.head,
     ]
     rows = zip(disassemble(PROGRAM, ON_OFF_NAMES).splitlines(), PROGRAM.words, strict=True)

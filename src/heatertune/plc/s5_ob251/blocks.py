@@ -8,15 +8,17 @@ comparison asks whether ACCU 2 … ACCU 1, and leaves both as they are.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import ceil
 from typing import Final
 
+from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY
 from heatertune.plc.ramp import Ramp
 from heatertune.plc.s5_ob251.ramp import ramp_statements
 from heatertune.plc.s5_ob251.staircase import Staircase
 from heatertune.plc.s5_ob251.step import FULL_SCALE
 
-__all__ = ["ANALOG", "DB", "HEAT", "INPUT", "MODE", "OUTPUT", "RAMP", "START", "WORK", "heat", "led", "organised",
-           "start_up", "work"]
+__all__ = ["ANALOG", "DB", "FOUR_MA", "HEAT", "INPUT", "MODE", "OUTPUT", "RAMP", "START", "WORK", "heat", "led",
+           "organised", "start_up", "work"]
 
 #: numbers of the data blocks: OB251's, and the program's
 DB: Final = 30
@@ -33,6 +35,12 @@ ANALOG: Final = "PW 176"
 
 _WORDS: Final = {"asked": "DW 0", "x": "DW 1", "w": "DW 2", "countdown": "DW 11", "lowest": "DW 12"}
 _WIDTH: Final = 22
+
+#: of the input's word, below its value
+_STATUS: Final = 3
+#: units of 4 mA, and of 3.6 mA and more, where 20 mA are 2560 (S5-135U/155U manual C79000-G8576-C199-06, p. 9-71)
+FOUR_MA: Final = 512
+_BROKEN_UNITS: Final = ceil(FOUR_MA * BROKEN_MA / 4.0)
 
 
 def work(asked: int, ramp: Ramp | None) -> list[tuple[int, str]]:
@@ -51,16 +59,17 @@ def work(asked: int, ramp: Ramp | None) -> list[tuple[int, str]]:
     return words if ramp is not None else words[:10]
 
 
-def heat(stairs: Staircase | None, ramp: Ramp | None) -> list[str]:
+def heat(stairs: Staircase | None, ramp: Ramp | None, input_: str | None = None) -> list[str]:
     """Return FB30, called by OB13: it reads X, leads W, calls OB251 when that is due, and switches the heater.
 
     Args:
         stairs: of the PWM; None: an analog output.
         ramp: of the setpoint; None: none.
+        input_: range of the analog module, see `heatertune.plc.inputs`.
     """
     per_call = 1 if stairs is None else stairs.ticks.per_call
     output = _ANALOG if stairs is None else _pwm(stairs)
-    body = (_read(per_call), _BROKEN_BEFORE, _mode(ramp), _CONTROL, _BROKEN, output, "BE")
+    body = (_read(per_call, input_), _BROKEN_BEFORE, _mode(ramp), _CONTROL, _BROKEN, output, "BE")
     return [f"FB {HEAT}", "NAME :HEAT", *_columns("".join(body))]
 
 
@@ -104,14 +113,35 @@ def organised() -> list[list[str]]:
     return [[f"OB {number}", *_columns(f"{body}BE")] for number, body in calls.items()]
 
 
-def _read(per_call: int) -> str:
+def _read(per_call: int, input_: str | None) -> str:
     """Return what leaves a sensor that breaks at once, OB251 when it is not due, and X else."""
+    current = input_ == FOUR_TO_TWENTY
+    broken = f"""L  DW 3; below 3.6 mA the wire is broken, too
+L  KF +{_BROKEN_UNITS << _STATUS}
+<F
+JC =BROK
+""" if current else ""
+    low = f"""L  DW 3
+SRW {_STATUS}
+L  KF +{FOUR_MA}; 4 mA: X 0 below it
+-F
+L  KF +0
+<F
+JC =READ
+TAK
+""" if current else f"""L  DW 3; X: 0 below the range
+L  KF +0
+<F
+JC =READ
+L  DW 3
+SRW {_STATUS}
+"""
     return f"""C  DB {WORK}
-L  {INPUT}; value from bit 3 on, bit 1: wire break
+L  {INPUT}; value from bit {_STATUS} on, bit 1: wire break
 T  DW 3
 TB D 3.1
 JC =BROK
-L  DW 5; OB251 {"now" if per_call == 1 else f"in every {per_call}th call"}
+{broken}L  DW 5; OB251 {"now" if per_call == 1 else f"in every {per_call}th call"}
 L  KF +1
 -F
 T  DW 5
@@ -120,13 +150,7 @@ L  KF +0
 JC =OUT
 L  KF +{per_call}
 T  DW 5
-L  DW 3; X: 0 below the range
-L  KF +0
-<F
-JC =READ
-L  DW 3
-SRW 3
-L  KF +2047; 2047 at its end and above
+{low}L  KF +{FULL_SCALE}; {FULL_SCALE} at its end and above
 >F
 JC =READ
 TAK

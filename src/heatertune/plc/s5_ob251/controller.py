@@ -7,6 +7,7 @@ from typing import ClassVar
 from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
+from heatertune.plc.inputs import FOUR_TO_TWENTY, Range
 from heatertune.plc.s5_ob251.export import export_words
 from heatertune.plc.s5_ob251.exported import ExportedS5
 from heatertune.plc.s5_ob251.feed_forward import FEED
@@ -43,6 +44,7 @@ class Ob251(Controller, name="s5-ob251"):
         "TV is a whole multiple of TA; K is limited to ±1500/1024 units per unit with a D part",
     )
     fields, assumptions, counts = FIELDS, Assumptions, FULL_SCALE
+    ranges: ClassVar = {FOUR_TO_TWENTY: Range()}
     timer = Timer(shortest_s=0.01, longest_s=600.0, step_s=0.01)  # OB10 to OB13
     inputs: ClassVar = {"W": "KF", "X": "KF", "Z": "KF", "XZ": "KF", "YH": "KF", "STEU": "KM"}
     input_ranges: ClassVar = dict.fromkeys(("W", "X", "Z", "XZ", "YH"), (-FULL_SCALE, FULL_SCALE))  # table 11-11

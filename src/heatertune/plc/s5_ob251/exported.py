@@ -8,7 +8,7 @@ from typing import Final
 from heatertune.plc.cpu.s5.machine import Cpu
 from heatertune.plc.exported import Called
 from heatertune.plc.ramp import Number
-from heatertune.plc.s5_ob251.blocks import DB, INPUT, MODE, OUTPUT, START, WORK
+from heatertune.plc.s5_ob251.blocks import DB, FOUR_MA, INPUT, MODE, OUTPUT, START, WORK
 from heatertune.plc.s5_ob251.step import COLD, FULL_SCALE, REG_AUS, Assumptions, call, percent
 from heatertune.plc.s5_ob251.words import FIELDS, parameters_of
 
@@ -31,6 +31,7 @@ class ExportedS5:
         # a program that leaves what a battery kept begins from cold where there is none
         start = self._listing.partition(f"\nFB {START}\n")[2].partition("\nFB ")[0].partition("\nOB ")[0]
         self._forgets = not assume.retained and "OB 251" not in start
+        self._zero = FOUR_MA if f"+{FOUR_MA}; 4 mA" in self._listing else 0
         self._cpu.inputs[MODE] = 1
         self.start()
 
@@ -44,7 +45,7 @@ class ExportedS5:
         """Run OB13 when OB251 is due."""
         work, own = self._cpu.data[WORK], self._cpu.data[DB]
         work[_ASKED], work[_DUE] = int(asked), 1
-        self._cpu.inputs[INPUT] = counts << 3
+        self._cpu.inputs[INPUT] = counts + self._zero << 3
         self._cpu.run("OB 13")
         return Called(own[_PLACES["W"]], own[48], percent(own[48]))
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from heatertune.plc.inputs import FOUR_TO_TWENTY
 from heatertune.plc.s5_ob251.blocks import (
     ANALOG,
     DB,
+    FOUR_MA,
     HEAT,
     INPUT,
     MODE,
@@ -50,9 +52,10 @@ def program_listing(words: Words, certificate: Certificate, asked: int, typed: S
         "to do by hand:", *(f"{number}. {what}" for number, what in enumerate(by_hand, 1)),
     ]
     ramp = words.ramp
+    scale = words.scaling
     started = start_up(interval, pwm=stairs is not None, ramp=ramp, retained=retains(certificate))
     blocks = [
-        [f"DB{DB}", *typed], [f"DB{WORK}", *_work(asked, words)], heat(stairs, ramp), started,
+        [f"DB{DB}", *typed], [f"DB{WORK}", *_work(asked, words)], heat(stairs, ramp, scale.input), started,
         *([] if ramp is None else [led(ramp)]), *organised()]
     return "\n".join([*(f"// {line}" for line in head), *(line for block in blocks for line in ("", *block))]) + "\n"
 
@@ -86,8 +89,10 @@ def _by_hand(
 ) -> Iterator[str]:
     """Return what no listing does."""
     scale, count = words.scaling, words.scaling.span_degC / FULL_SCALE
-    yield (f"Wire or change: analog input {INPUT} (two's complement, 2048 units at the end of its range, wire-break "
-           f"detection on), automatic {MODE}, "
+    module = (f"range card for 4 to 20 mA, {FOUR_MA} to 2560 units; below 3.6 mA the heater is off"
+              if scale.input == FOUR_TO_TWENTY else
+              "two's complement, 2048 units at the end of its range, wire-break detection on")
+    yield (f"Wire or change: analog input {INPUT} ({module}), automatic {MODE}, "
            + (f"analog output {ANALOG}." if stairs is None else f"heater {OUTPUT.replace('PY', 'Q')}.0; {OUTPUT} is "
               "written as a whole: no other output in that byte."))
     yield (f"Range the sensor: {scale.low_degC:g} °C = 0 units, {scale.high_degC:g} °C = {FULL_SCALE} units, "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from heatertune.plc.core import Sensor
 from heatertune.plc.cpu.s7_200.wiring import SWITCH, clock, head
 from heatertune.plc.s7_200_pid.image import to_image
-from heatertune.plc.s7_200_pid.listing import ASKED, pid_program
+from heatertune.plc.s7_200_pid.listing import ASKED, least_good, pid_program
 from heatertune.plc.s7_200_pid.step import FULL, STEP, measure
 from heatertune.plc.s7_200_pid.words import SETPOINT, TABLE
 from heatertune.plc.words import Certificate, Words
@@ -16,9 +16,13 @@ __all__ = ["export_words"]
 def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
     """Return the program that was proven, and the loop table in both lengths."""
     s = words.scaling
+    least = least_good(words)
+    low, high = s.sensor_degC
+    begins, range_ = ("0", "that range") if least is None else (
+        "4...20 mA = 6400", f"0...{FULL}, which is {s.low_degC:g}...{s.high_degC:g} degC,")
     facts = [
-        f"sensor {s.low_degC:g}...{s.high_degC:g} degC = 0...{FULL} on AIW0; heater switch on Q0.0",
-        f"setpoint as a share of that range in {SETPOINT}" if words.ramp is None
+        f"sensor {low:g}...{high:g} degC = {begins}...{FULL} on AIW0; heater switch on Q0.0",
+        f"setpoint as a share of {range_} in {SETPOINT}" if words.ramp is None
         else f"setpoint asked for in {ASKED}, as an analog input word; its ramp writes {SETPOINT}",
         clock(words.whole),
     ]
@@ -36,10 +40,16 @@ def _by_hand(words: Words, certificate: Certificate) -> list[str]:
     if asked is not None:
         word = measure(Sensor(words.scaling.low_degC, words.scaling.span_degC, FULL // STEP), asked)
         shown = f"{place} = {word / FULL if words.ramp is None else word:g}, the proven {asked:g} degC"
+    least = least_good(words)
+    module = ("0...32000 unipolar = the sensor range" if least is None else
+              "0 to 20 mA = 0...32000 unipolar, for a transmitter of 4 to 20 mA")
+    seen = ("a broken wire is seen where the module gives 32766 and more or -32767 and less (EM231), and a "
+            "transmitter's with --input 4-20mA; else a limiter must cut the heater" if least is None else
+            f"a broken wire, a current below 3.6 mA (AIW0 below {least}), puts the heater off; try it out")
     return [
-        "CPU 22x; analog input module: the first input, 0...32000 unipolar = the sensor range, is AIW0",
+        f"CPU 22x; analog input module: the first input, {module}, is AIW0",
         "system block: analog input filter off for AIW0, for the proof reads without it",
         *SWITCH,
         f"enter the setpoint: {shown}; another one is not proven, and 0 is what a lost memory leaves",
-        "a broken wire is seen where the module gives 32767 or -32767 (EM231); else a limiter must cut the heater",
+        seen,
     ]

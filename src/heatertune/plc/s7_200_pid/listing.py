@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from heatertune.plc.cpu.s7_200.cycle import cycle_ms
 from heatertune.plc.cpu.s7_200.ramp import ramp_begins, ramp_moves
 from heatertune.plc.cpu.s7_200.text import Network, block, count_ticks, program, pwm_registers, real, timed_interrupt
-from heatertune.plc.s7_200_pid.words import SETPOINT, TABLE
+from heatertune.plc.inputs import BROKEN_MA, share_of
+from heatertune.plc.s7_200_pid.words import RANGES, SETPOINT, TABLE
 from heatertune.plc.words import Words
 
-__all__ = ["ASKED", "COUNTDOWN", "pid_program"]
+__all__ = ["ASKED", "COUNTDOWN", "least_good", "pid_program"]
 
 #: where a program with a ramp finds the setpoint asked for, as an analog input word
 ASKED = "VW80"
@@ -22,7 +23,9 @@ _WIDEST = "32000.0"  # an analog input at the end of its range
 _RAMP = (ASKED, "VW82", "VW84")
 #: the reading of this call, whether it is that of a broken wire, and whether there was one since the call before
 _READING, _BROKEN, _BLIND = "VW86", "VW88", "VW92"
-_END = 32767  # what an EM231 gives in size where the sensor's wire is broken
+_END = 32766  # what an EM231 gives in size where its supply is missing, and nearly so where a wire is broken
+#: analog input word of 20 mA, its range being 0 to 20 mA
+_FULL = 32000
 
 
 def pid_program(words: Words, head: Sequence[str] = ()) -> str:
@@ -57,7 +60,7 @@ def _initialisation(words: Words) -> list[Network]:
 def _interrupt(words: Words) -> list[Network]:
     return [
         *count_ticks(COUNTDOWN, f"{words.whole['TICKS']:+d}"),
-        *_sensor_fault(),
+        *_sensor_fault(words),
         Network("process variable as a share of the range", _share(_READING, f"VD{TABLE}")),
         _seeing_again(words),
         *_setpoint(words),
@@ -73,17 +76,25 @@ def _share(word: str, place: str) -> list[str]:
     return ["LD SM0.0", f"ITD {word}, AC0", "DTR AC0, AC0", f"/R {_WIDEST}, AC0", f"MOVR AC0, {place}"]
 
 
-def _sensor_fault() -> list[Network]:
+def _sensor_fault(words: Words) -> list[Network]:
     """Return what leaves the heater off, and the PID instruction out, while the sensor's wire is broken."""
+    least = least_good(words)
+    low = ("wire broken, the other way", -_END - 1) if least is None else ("wire broken: below 3.6 mA", least - 1)
     return [
         Network("one reading for all of this call", ["LD SM0.0", f"MOVW AIW0, {_READING}", f"MOVW +0, {_BROKEN}"]),
         Network("wire broken", [f"LDW>= {_READING}, +{_END}", f"MOVW +1, {_BROKEN}"]),
-        Network("wire broken, the other way", [f"LDW<= {_READING}, -{_END}", f"MOVW +1, {_BROKEN}"]),
+        Network(low[0], [f"LDW<= {_READING}, {low[1]:+d}", f"MOVW +1, {_BROKEN}"]),
         Network("heater off, output and bias 0, no PID", [
             f"LDW>= {_BROKEN}, +1", f"MOVR 0.0, VD{TABLE + 8}", f"MOVR 0.0, VD{TABLE + 28}", f"MOVW +1, {_BLIND}",
             "MOVW +0, SMW70", "PLS 0", "MOVB 16#DA, SMB67", "CRETI",
         ]),
     ]
+
+
+def least_good(words: Words) -> int | None:
+    """Return the least word of a transmitter whose wire is not broken; None: its sensor is none of 4 to 20 mA."""
+    range_ = RANGES.get(words.scaling.input or "")
+    return None if range_ is None else round(_FULL * share_of(BROKEN_MA, range_))
 
 
 def _seeing_again(words: Words) -> Network:

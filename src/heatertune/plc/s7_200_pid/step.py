@@ -33,7 +33,7 @@ class Assumptions(NamedTuple):
 def measure(sensor: Sensor, temperature_degC: float) -> int:
     """Return the analog input word of a temperature."""
     share = (temperature_degC - sensor.low) / sensor.span
-    return STEP * int(min(max(share * sensor.counts, 0.0), float(sensor.counts)))
+    return STEP * int(min(max(share * sensor.counts, float(sensor.least)), float(sensor.counts)))
 
 
 def step(timed: Timed, state: State, setpoint: int, reading: int, _begins: bool) -> tuple[State, float, int, int]:

@@ -8,11 +8,15 @@ from typing import Final
 from heatertune.errors import OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.cpu.s7_200.cycle import TICK_FIELDS, ticks_of, whole_cycle
+from heatertune.plc.inputs import FOUR_TO_TWENTY, Range
 from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
 from heatertune.plc.words import Scaling, WordField, Words
 
-__all__ = ["FIELDS", "NO_INTEGRAL", "SETPOINT", "TABLE", "design_of", "values_of"]
+__all__ = ["FIELDS", "NO_INTEGRAL", "RANGES", "SETPOINT", "TABLE", "design_of", "values_of"]
+
+#: an EM 231 or EM 235 knows 0 to 20 mA: 4 mA is the word 6400
+RANGES: Final = {FOUR_TO_TWENTY: Range(from_zero=True)}
 
 #: where the loop table begins in V memory
 TABLE: Final = 100

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, INPUT_S, TICK_S, TIMER
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, INPUT_S, RANGES, TICK_S, TIMER
 from heatertune.plc.s7_300.export import export_words
 from heatertune.plc.s7_300.exported import exported
 from heatertune.plc.s7_300.image import from_image, oddities
@@ -31,6 +31,7 @@ class PidTip(Controller, name="s7-300"):
         "no feed-forward, no dead band, no derivative filter",
     )
     fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, FULL_SCALE
+    ranges = RANGES
     inputs: ClassVar = {"SP": "INT", "PV": "INT", "mode_req": "BOOL", "OUT": "INT"}
     derivative_filter = 0.0
     ramped = True

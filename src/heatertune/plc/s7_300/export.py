@@ -52,6 +52,7 @@ def _program(words: Words, certificate: Certificate, switch: Switching) -> Progr
     asked = 0 if certificate.setpoint_degC is None else counts_of(words, certificate.setpoint_degC)
     setpoint = "SP" if words.ramp is None else "LED"
     return Program(
+        input=words.scaling.input,
         real=False, setpoint=Member("SP", "INT", asked, f"setpoint, yours: 0..{FULL_SCALE}"), output=_OUT, word=_OUT,
         ramp=words.ramp, switch=switch, temporaries=("share : REAL",) if switch.by == PULSEGEN else (),
         begins=[

@@ -20,6 +20,8 @@ _INSTANT: Final = "2000-01-01T00:00:00"
 _SECTIONS: Final = {
     "VAR_INPUT": "inputVars", "VAR_OUTPUT": "outputVars", "VAR": "localVars", "VAR CONSTANT": "localVars",
 }
+#: every start-up is from cold, as proven
+_KEPT: Final = {"VAR": {"nonretain": "true"}, "VAR CONSTANT": {"constant": "true"}}
 
 
 def project(variables: Sequence[Variable], statements: str, head: Iterable[str], interval_ms: int) -> str:
@@ -61,8 +63,7 @@ def _pou(
     pou = Xml.SubElement(pous, "pou", {"name": name, "pouType": kind})
     interface = Xml.SubElement(pou, "interface")
     for section, variables in sections.items():
-        constant = {"constant": "true"} if section.endswith("CONSTANT") else {}
-        listed = Xml.SubElement(interface, _SECTIONS[section], constant)
+        listed = Xml.SubElement(interface, _SECTIONS[section], _KEPT.get(section, {}))
         for variable in variables:
             _variable(listed, *variable)
         if instance_of:

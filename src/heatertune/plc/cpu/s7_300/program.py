@@ -13,13 +13,14 @@ from typing import Final
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.cpu.s7_300 import awl, cells
 from heatertune.plc.cpu.s7_300.cells import Member
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, RANGES
 from heatertune.plc.cpu.s7_300.ramp import ramp_begins, ramp_moves
 from heatertune.plc.cpu.s7_300.switch import ANALOG, OWN, PULSEGEN, Switching, pwm_block, pwm_members
+from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, share_of
 from heatertune.plc.ramp import Ramp
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["DATA", "PWM_DATA", "Program", "by_hand", "counts_of"]
+__all__ = ["DATA", "LEAST", "PWM_DATA", "Program", "by_hand", "counts_of"]
 
 #: numbers of the program's own blocks, free in most programs: data block, FC that begins anew, PWM and its instance
 DATA: Final = 101
@@ -27,6 +28,9 @@ _ANEW: Final = 101
 _PWM: Final = 101
 PWM_DATA: Final = 102
 _PULSEGEN: Final = 43
+
+#: analog value of 3.6 mA in the range of 4 to 20 mA
+LEAST: Final = round(FULL_SCALE * share_of(BROKEN_MA, RANGES[FOUR_TO_TWENTY]))
 
 #: what the CPU tells an OB at its start: 20 bytes; the interval stands at the tenth
 _TOLD: Final = """\
@@ -59,6 +63,7 @@ class Program:
         temporaries: what the statements need beside it, declarations.
         ramp: of the setpoint; None: none.
         switch: how the heater is switched.
+        input: range of the analog module, see `heatertune.plc.inputs`.
     """
 
     real: bool
@@ -71,6 +76,7 @@ class Program:
     temporaries: tuple[str, ...] = ()
     ramp: Ramp | None
     switch: Switching
+    input: str | None = None
 
     @property
     def blocks(self) -> list[str]:
@@ -95,17 +101,19 @@ class Program:
     @property
     def interrupt(self) -> list[str]:
         """The source of OB35."""
-        at = self.at
+        at, low, broken = self.at, "-32768", ["      L     -32768;", "      ==I   ;"]
+        if self.input == FOUR_TO_TWENTY:
+            low, broken = f"below {LEAST}", [f"      L     {LEAST};  // 3.6 mA", "      <I    ;"]
         return [
             "ORGANIZATION_BLOCK OB 35", "TITLE =cyclic interrupt: one tick", "VERSION : 0.1", *_TOLD.splitlines(),
             *(f"  {each} ;" for each in self.temporaries), "END_VAR", "BEGIN",
             "NETWORK", "TITLE =is this the interval of the proof?",
             "      L     #OB35_EXC_FREQ;", f"      L     {at['TICK_MS']};", "      <>I   ;",
             f"      =     {at['WRONG_CLOCK']};", "      JC    off;",
-            "NETWORK", "TITLE =a broken wire reads 32767 or -32768: heater off, begin anew when it is back",
+            "NETWORK", f"TITLE =a broken wire reads 32767 or {low}: heater off, begin anew when it is back",
             "      L     PIW 256;", "      T     #reading;", "      L     32767;", "      ==I   ;",
             f"      =     {at['FAULT']};", "      JC    off;",
-            "      L     #reading;", "      L     -32768;", "      ==I   ;", f"      =     {at['FAULT']};",
+            "      L     #reading;", *broken, f"      =     {at['FAULT']};",
             "      JCN   good;", f"off:  CALL  FC {_ANEW};", "      BEU   ;",
             "NETWORK", "TITLE =is the controller due?",
             f"good: L     {at['TICKS']};", "      L     L#0;", "      >D    ;", "      JC    wait;",
@@ -236,8 +244,7 @@ def by_hand(words: Words, certificate: Certificate, switch: Switching, *blocks: 
         f"hardware configuration: OB 35 every {switch.tick_ms} ms; at another interval the heater stays off "
         f"(WRONG_CLOCK of DB {DATA}); without an OB 80 an OB 35 that takes longer stops the CPU",
         f"put your addresses: {addresses}",
-        f"analog input: a nominal range (mA, V), 0..{FULL_SCALE} = the sensor range, with wire-break check; "
-        "thermocouple and RTD ranges give 0.1 degC per digit and do not fit",
+        _range(words),
         f"begin in manual: AUTO of DB {DATA} is 0 after loading; a restart leaves it (0 where nothing is retained), "
         "clears the manual power and begins from cold",
         f"setpoint: SP of DB {DATA} is loaded {'as the lowest' if setpoint is None else 'as proven'}; another one is "
@@ -249,6 +256,19 @@ def by_hand(words: Words, certificate: Certificate, switch: Switching, *blocks: 
         f"TA: the controller is called every {1000 * words.sample_time_s:g} ms, {clock} of OB 35{missing}",
         "remains to be done by hand:", *(f"  {number}. {step}" for number, step in enumerate(steps, start=1)),
     ]
+
+
+def _range(words: Words) -> str:
+    """Return how the analog input is to be set up."""
+    name, span = words.scaling.input, words.scaling.span_degC
+    if name is None:
+        return (f"analog input: a nominal range (mA, V), 0..{FULL_SCALE} = the sensor range, with wire-break check; "
+                "thermocouple and RTD ranges give 0.1 degC per digit: design with --input thermocouple or rtd")
+    if name == FOUR_TO_TWENTY:
+        return (f"analog input: 4..20 mA = 0..{FULL_SCALE} = the sensor range, with wire-break check; below 3.6 mA "
+                f"({LEAST}) the heater is off all the same")
+    return (f"analog input: the range of {INPUTS[name]} in degC, {span / FULL_SCALE:g} degC per digit, with wire-break "
+            "check; the setpoint must lie within the range of its type")
 
 
 def _out(state: str) -> list[str]:

@@ -1,0 +1,83 @@
+"""Ranges of analog input modules: how a sensor's range becomes what the program reads.
+
+A transmitter of 4 to 20 mA gives 3.8 mA at the least; below 3.6 mA it, or its wire, is broken (NAMUR NE 43). A range
+for thermocouples or resistance thermometers gives the temperature itself, a fixed part of a degree per digit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from heatertune.errors import InputError, UnknownName
+from heatertune.plc.words import Scaling
+
+__all__ = ["BROKEN_MA", "FOUR_TO_TWENTY", "INPUTS", "Range", "least_share", "scaled", "share_of"]
+
+#: name on the command line of the range that has a lower end of its own
+FOUR_TO_TWENTY: Final = "4-20mA"
+#: name on the command line → what is told of it
+INPUTS: Final = {
+    FOUR_TO_TWENTY: "a transmitter of 4 to 20 mA", "thermocouple": "a thermocouple", "rtd": "a resistance thermometer",
+    "rtd-climatic": "a resistance thermometer, climatic range",
+}
+#: a current below it means a broken wire [mA]
+BROKEN_MA: Final = 3.6
+_LEAST_MA: Final = 3.8
+_LOW_MA: Final = 4.0
+_HIGH_MA: Final = 20.0
+_PLAIN: Final = (0.0, 100.0)
+
+
+class Range(NamedTuple):
+    """A range of a target's module.
+
+    Attributes:
+        high_degC: temperature at the highest reading, that at 0 being 0 °C; None: the user tells both [°C].
+        from_zero: whether 0 is 0 mA, so that the readings of a transmitter begin at a fifth.
+    """
+
+    high_degC: float | None = None
+    from_zero: bool = False
+
+
+def scaled(ranges: Mapping[str, Range], name: str | None, sensor_degC: tuple[float, float] | None = None) -> Scaling:
+    """Return the scaling of a sensor behind a module.
+
+    Args:
+        ranges: that the target's modules have, by name.
+        name: of the range; None: a plain one, whose readings from the lowest to the highest are the sensor's.
+        sensor_degC: temperatures at both ends of the sensor's range; None: 0 and 100 [°C].
+
+    Raises:
+        UnknownName: the target has no such range.
+        InputError: a sensor range beside a module's that has its own.
+        OutOfRange: a sensor range that is none.
+    """
+    low, high = _PLAIN if sensor_degC is None else sensor_degC
+    if not name:
+        return Scaling(low_degC=low, high_degC=high)
+    if name not in ranges:
+        raise UnknownName("input", name, ranges)
+    own = ranges[name].high_degC
+    if own is not None:
+        if (low, high) not in (_PLAIN, (0.0, own)):
+            raise InputError(f"--range {low:g} {high:g} beside --input {name}: its readings are 0…{own:g} °C; leave "
+                             "the range out")
+        return Scaling(low_degC=0.0, high_degC=own, input=name)
+    sensor = Scaling(low_degC=low, high_degC=high, input=name)
+    if not ranges[name].from_zero:
+        return sensor
+    below = _LOW_MA / (_HIGH_MA - _LOW_MA) * sensor.span_degC
+    return Scaling(low_degC=low - below, high_degC=high, input=name, from_degC=low)
+
+
+def share_of(current_ma: float, range_: Range) -> float:
+    """Return the share of the highest reading that a current gives, below 0 where it lies under 4 mA."""
+    low = 0.0 if range_.from_zero else _LOW_MA
+    return (current_ma - low) / (_HIGH_MA - low)
+
+
+def least_share(range_: Range | None) -> float:
+    """Return the share of the highest reading below which no sensor goes that is not broken; 0: as low as readings."""
+    return share_of(_LEAST_MA, range_) if range_ is not None and range_.from_zero else 0.0
