@@ -265,3 +265,11 @@ def test_seconds_since_1970_are_told_by_their_digits(tmp_path, begins, ticks_per
 ])
 def test_slashed_dates_are_refused_where_they_can_be_read_either_way(dates, is_either):
     assert is_day_or_month(f"{date} 10:00:00" for date in dates) is is_either
+
+
+def test_a_cell_of_a_million_characters_is_not_searched_for_names_for_hours(tmp_path):
+    # found by tests/bench/fuzz.py: `temp\w* ?set` tries every "temp" to the end of the cell
+    path = tmp_path / "log.txt"
+    path.write_text("time_s temp_C " + "temp" * 300_000 + "\n" + "".join(f"{10 * k} {20 + k} 7\n" for k in range(30)))
+    log = read_log(path)
+    assert log.temperature_degC.tolist() == [20.0 + k for k in range(30)]
