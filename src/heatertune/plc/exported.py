@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
 from heatertune.plc.ramp import Number
 
-__all__ = ["Called", "Exported"]
+__all__ = ["Called", "Exported", "Loads"]
 
 
 class Called(NamedTuple):
@@ -23,24 +24,36 @@ class Exported(Protocol):
     def start(self) -> None:
         """Start up: STOP to RUN, or the supply is back."""
 
-    def call(self, asked: Number, counts: int) -> Called:
+    def call(self, asked: Number, counts: int, reading_degC: float) -> Called:
         """Run up to the next call of the controller, and this one.
 
         Args:
-            asked: the setpoint that the user enters [units].
+            asked: the setpoint that the user enters [units]; the first one is loaded with the program.
             counts: of the input module, from 0 at the beginning of the sensor's range on.
-
-        Returns:
-            The setpoint word that the controller follows [units], and the its output [units].
+            reading_degC: the same as a module in °C gives it.
         """
 
-    def pulses(self, output: Number, ticks: int) -> int | None:
-        """Run a PWM period of so many ticks; return how many of them the heater is on.
+    def interval_s(self, most: int) -> float | None:
+        """Run tick by tick from one call of the controller to the next; return the time between [s].
+
+        Args:
+            most: ticks; None is returned where there are more.
+        """
+
+    def begin(self, output: Number, ticks: int) -> bool | None:
+        """Run the first tick of a PWM period; return whether the heater is on, None where the program makes no pulses.
 
         Args:
             output: that the controller asks for when the period begins [units].
             ticks: of the period.
-
-        Returns:
-            None: the program makes no pulses.
         """
+
+    def tick(self) -> bool:
+        """Run the next tick of a period; return whether the heater is on."""
+
+    def counted(self) -> float | None:
+        """Return how many ticks on the program counted when the period began; None: it counts none beforehand."""
+
+
+#: file of an export → what loads its program, see `heatertune.plc.controller.Controller.exported`
+Loads = Mapping[str, Callable[[], Exported | None]]

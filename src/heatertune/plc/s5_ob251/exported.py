@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from heatertune.plc.cpu.s5.machine import Cpu
@@ -12,21 +12,25 @@ from heatertune.plc.s5_ob251.blocks import DB, INPUT, MODE, OUTPUT, WORK
 from heatertune.plc.s5_ob251.step import COLD, FULL_SCALE, REG_AUS, Assumptions, call, percent
 from heatertune.plc.s5_ob251.words import FIELDS, parameters_of
 
-__all__ = ["ExportedS5"]
+__all__ = ["exported"]
 
+_INTERVAL: Final = "RS 97"
 #: of DB31: the setpoint asked for, YA, calls of OB13 until OB251's, and the staircase with its remainder
 _ASKED, _YA, _DUE, _STAIRS, _PART = 0, 4, 5, 6, 7
 _FAR: Final = 32767
+_FILE: Final = "program_listing.txt"
 _PLACES: Final = {field.name: int(field.address.removeprefix("DW")) for field in FIELDS}
 
 
 class ExportedS5:
     """See `heatertune.plc.exported.Exported`."""
 
-    def __init__(self, files: Mapping[str, str | bytes], assume: Assumptions) -> None:
-        """Load the files of an export; raise InputError where the listing has what the CPU does not know."""
-        self._cpu = Cpu(str(files["program_listing.txt"]), {"OB 251": self._ob251})
-        self._assume, self._state = assume, COLD
+    def __init__(self, listing: str, assume: Assumptions) -> None:
+        """Load a listing; raise InputError where it has what the CPU does not know."""
+        self._cpu = Cpu(listing, {"OB 251": self._ob251})
+        self._own, self._work = self._cpu.block(DB, max(_PLACES.values())), self._cpu.block(WORK, _PART)
+        self._assume, self._state, self._calls = assume, COLD, 0
+        self._asked: Number | None = None
         self._cpu.inputs[MODE] = 1
         self.start()
 
@@ -34,25 +38,42 @@ class ExportedS5:
         """Run OB22."""
         self._cpu.run("OB 22")
 
-    def call(self, asked: Number, counts: int) -> Called:
+    def call(self, asked: Number, counts: int, _reading_degC: float) -> Called:
         """Run OB13 when OB251 is due."""
-        work, own = self._cpu.data[WORK], self._cpu.data[DB]
-        work[_ASKED], work[_DUE] = int(asked), 1
+        if self._asked not in (None, asked):
+            self._work[_ASKED] = int(asked)
+        self._asked, self._work[_DUE] = asked, 1
         self._cpu.inputs[INPUT] = counts << 3
         self._cpu.run("OB 13")
-        return Called(own[_PLACES["W"]], own[48], percent(own[48]))
+        output = self._own[48]
+        return Called(self._own[_PLACES["W"]], output, percent(output))
 
-    def pulses(self, output: Number, ticks: int) -> int | None:
-        """Run OB13 for a period that begins with this YA."""
+    def interval_s(self, most: int) -> float | None:
+        """Run OB13 from one call of OB251 to the next; system data word 97 tells its own interval."""
+        self._work[_DUE] = 1
+        self._cpu.run("OB 13")
+        before = self._calls
+        for ticks in range(1, most + 1):
+            self._cpu.run("OB 13")
+            if self._calls > before:
+                return ticks * self._cpu.outputs.get(_INTERVAL, 0) / 100.0
+        return None
+
+    def begin(self, output: Number, ticks: int) -> bool | None:  # noqa: ARG002 - the staircase's end begins a period
+        """Run OB13 where a period begins with this YA."""
         if OUTPUT not in self._cpu.outputs:
             return None
-        work = self._cpu.data[WORK]
+        work = self._work
         work[_YA], work[_DUE], work[_STAIRS], work[_PART] = int(output), _FAR, FULL_SCALE, 0
-        on = 0
-        for _ in range(ticks):
-            self._cpu.run("OB 13")
-            on += self._cpu.outputs[OUTPUT]
-        return on
+        return self.tick()
+
+    def tick(self) -> bool:
+        """Run OB13."""
+        self._cpu.run("OB 13")
+        return bool(self._cpu.outputs[OUTPUT])
+
+    def counted(self) -> None:
+        """Return None: the staircase rises tick by tick."""
 
     def _ob251(self, dw: list[int]) -> None:
         p = parameters_of({name: dw[place] for name, place in _PLACES.items()})
@@ -60,3 +81,9 @@ class ExportedS5:
             dw[18:49] = [0] * 31
         self._state = call(p, self._assume, self._state, dw[_PLACES["W"]], dw[22], dw[24], dw[29])
         dw[48] = self._state.output
+        self._calls += 1
+
+
+def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> dict[str, Callable[[], ExportedS5]]:
+    """Return what loads the listing."""
+    return {_FILE: lambda: ExportedS5(str(files[_FILE]), assume)}
