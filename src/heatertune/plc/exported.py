@@ -21,11 +21,15 @@ class Called(NamedTuple):
 class Exported(Protocol):
     """The program of an export in its PLC."""
 
+    @property
+    def tick_s(self) -> float:
+        """Tick of its clock, as the text has it [s]."""
+
     def start(self) -> None:
         """Start up: STOP to RUN, or the supply is back."""
 
     def call(self, asked: Number, counts: int, reading_degC: float) -> Called:
-        """Run up to the next call of the controller, and this one.
+        """Run the tick of the next call of the controller, what lies between left out.
 
         Args:
             asked: the setpoint that the user enters [units]; the first one is loaded with the program.
@@ -33,11 +37,10 @@ class Exported(Protocol):
             reading_degC: the same as a module in °C gives it.
         """
 
-    def interval_s(self, most: int) -> float | None:
-        """Run tick by tick from one call of the controller to the next; return the time between [s].
+    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[Called, bool | None]:
+        """Run one tick; return what the controller gave last, and whether the heater is on, as `begin` tells it.
 
-        Args:
-            most: ticks; None is returned where there are more.
+        Arguments as for `call`.
         """
 
     def begin(self, output: Number, ticks: int) -> bool | None:
@@ -48,8 +51,8 @@ class Exported(Protocol):
             ticks: of the period.
         """
 
-    def tick(self) -> bool:
-        """Run the next tick of a period; return whether the heater is on."""
+    def go_on(self) -> bool:
+        """Run the next tick of this period; return whether the heater is on."""
 
     def counted(self) -> float | None:
         """Return how many ticks on the program counted when the period began; None: it counts none beforehand."""

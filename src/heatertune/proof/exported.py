@@ -15,7 +15,7 @@ import numpy as np
 from heatertune.errors import InputError
 from heatertune.model.findings import Finding
 from heatertune.plc.controller import Controller, controller_for
-from heatertune.plc.exported import Exported
+from heatertune.plc.exported import Called, Exported
 from heatertune.plc.open_points import assumed
 from heatertune.plc.pwm import on_time
 from heatertune.plc.ramp import Number
@@ -27,10 +27,11 @@ from heatertune.proof.trace import Trace
 __all__ = ["Compared", "as_exported", "compared"]
 
 _OF_A_TICK: Final = 1e-6
-#: of a run; of the clock, and of all periods of the PWM: each about a second, for a hundred times as many would be
-#: waited for
+#: of a run call by call, of its beginning tick by tick, and of all periods of the PWM: each less than a second, for a
+#: hundred times as many would be waited for
 _MOST_CALLS: Final = 20_000
-_MOST_TICKS: Final = 100_000
+_MOST_TICKS: Final = 10_000
+_MOST_OF_PWM: Final = 100_000
 _FULLY: Final = 5  # periods tick by tick, where the program counts the ticks beforehand, and so all others are compared
 
 
@@ -85,53 +86,88 @@ def compared(controller: Controller, words: Words, trace: Trace) -> Compared:
     return Compared(not_run=tuple(not_run))
 
 
+class _Call(NamedTuple):
+    """What a call of the controller saw in the run, and what it gave."""
+
+    time_s: float
+    phase: int
+    asked: Number
+    counts: int
+    reading_degC: float
+    followed_degC: float
+    power_pct: float
+
+
 class _Comparison:
     """A text beside a run; each part tells where it departs."""
 
     def __init__(self, controller: Controller, words: Words, trace: Trace, text: Exported) -> None:
-        self._controller, self._words, self._trace, self._text = controller, words, trace, text
+        self._words, self._trace, self._text = words, trace, text
+        self._loop = in_loop(controller, words, trace.scenario.setpoints_degC, trace.switches)
+        self._calls = self._seen(controller)
         self._powers: dict[Number, float] = {}  # output asked for → power [%]
         self._not_run: list[str] = []
 
     def shown(self) -> Compared:
-        departs = self._of_calls() or self._of_clock() or self._of_pulses()
+        departs = self._of_calls() or self._of_ticks() or self._of_pulses()
         return Compared(departs, tuple(self._not_run))
+
+    def _seen(self, controller: Controller) -> list[_Call]:
+        trace, scale = self._trace, self._words.scaling
+        begins = [0.0, *(event.time_s for event in trace.scenario.disturbances)]
+        times, readings = trace.time_s[:_MOST_CALLS], trace.reading_degC[:_MOST_CALLS]
+        phases = (np.searchsorted(begins, times, "right") - 1).tolist()
+        counts = np.rint((readings - scale.low_degC) * (controller.counts / scale.span_degC)).astype(int)
+        asked = [self._loop.asked[phase] for phase in phases]
+        return list(map(_Call, times.tolist(), phases, asked, counts.tolist(), readings.tolist(),
+                        trace.followed_degC.tolist(), trace.power_asked_pct.tolist()))
 
     def _of_calls(self) -> str | None:
         """Compare setpoint and power at each call."""
-        trace, words = self._trace, self._words
-        scenario, scale = trace.scenario, words.scaling
-        loop = in_loop(self._controller, words, scenario.setpoints_degC, trace.switches)
-        begins = [0.0, *(event.time_s for event in scenario.disturbances)]
-        time_s, readings = trace.time_s[:_MOST_CALLS], trace.reading_degC[:_MOST_CALLS]
-        if len(time_s) < len(trace.time_s):
+        if len(self._calls) < len(self._trace.time_s):
             self._not_run.append(f"what the exported program does after {_MOST_CALLS} calls")
-        phases = np.searchsorted(begins, time_s, "right") - 1
-        counts = np.rint((readings - scale.low_degC) * (self._controller.counts / scale.span_degC)).astype(int)
         supplied = True
-        for scan, (phase, count, reading) in enumerate(zip(
-                phases.tolist(), counts.tolist(), readings.tolist(), strict=True)):
-            before, supplied = supplied, scenario.supplied[phase]
+        for seen in self._calls:
+            before, supplied = supplied, self._trace.scenario.supplied[seen.phase]
             if not supplied:
                 continue
             if not before:
                 self._text.start()
-            made = self._text.call(loop.asked[phase], count, reading)
+            made = self._text.call(seen.asked, seen.counts, seen.reading_degC)
             self._powers[made.output] = made.power_pct
-            followed, power = trace.followed_degC[scan], trace.power_asked_pct[scan]
-            if loop.zero_degC + loop.unit_degC * made.setpoint != followed or made.power_pct != power:
-                return (f"at {trace.time_s[scan]:g} s it asks for {made.power_pct:.6g} % after setpoint "
-                        f"{made.setpoint}; proven are {power:.6g} %")
+            if departs := self._other(seen, made):
+                return departs
         return None
 
-    def _of_clock(self) -> str | None:
-        """Compare the time from one call to the next."""
-        interval_s, ta = self._text.interval_s(_MOST_TICKS), self._words.sample_time_s
-        if interval_s is None:
+    def _of_ticks(self) -> str | None:
+        """Compare setpoint, power and the heater's switch tick by tick, from the start-up to the first disturbance."""
+        text, trace, ta = self._text, self._trace, self._words.sample_time_s
+        per_call = round(ta / text.tick_s) if text.tick_s > 0.0 else 0
+        if abs(per_call * text.tick_s - ta) > _OF_A_TICK:
+            return f"its clock ticks every {text.tick_s:g} s; proven is TA = {ta:g} s"
+        calls = [seen for seen in self._calls[: _MOST_TICKS // per_call + 1]
+                 if seen.phase == 0 and seen.time_s < trace.cut_s][:-1]  # after the last one something may happen
+        if not calls:
             self._not_run.append(f"an exported clock of more than {_MOST_TICKS} ticks a call")
-        elif abs(interval_s - ta) > _OF_A_TICK:
-            return f"it calls the controller every {interval_s:g} s; proven is TA = {ta:g} s"
+        text.start()
+        for seen in calls:
+            for tick in range(per_call):
+                made, on = text.tick(seen.asked, seen.counts, seen.reading_degC)
+                if departs := self._other(seen, made):
+                    return departs
+                edge = int(np.searchsorted(trace.edge_time_s, seen.time_s + (tick + 0.5) * text.tick_s)) - 1
+                proven = edge >= 0 and bool(trace.edge_on[edge])
+                if on not in (None, proven):
+                    return f"at {seen.time_s + tick * text.tick_s:g} s it switches the heater otherwise than was proven"
         return None
+
+    def _other(self, seen: _Call, made: Called) -> str | None:
+        """Return what the program follows or asks for other than the run at this call."""
+        followed = self._loop.zero_degC + self._loop.unit_degC * made.setpoint
+        if (followed, made.power_pct) == (seen.followed_degC, seen.power_pct):
+            return None
+        return (f"at {seen.time_s:g} s it asks for {made.power_pct:.6g} % after setpoint {made.setpoint}; proven are "
+                f"{seen.power_pct:.6g} %")
 
     def _of_pulses(self) -> str | None:
         """Compare the ticks of a period for what was asked for; nothing is carried from one period to the next."""
@@ -140,19 +176,19 @@ class _Comparison:
         if ticks is None or not self._powers:
             return None
         period = ticks.per_period
-        outputs, length = sorted(self._powers), min(period, _MOST_TICKS)
+        outputs, length = sorted(self._powers), min(period, _MOST_OF_PWM)
         begins = self._text.begin(outputs[0], period)
         if begins is None:
             return None
         counts = self._text.counted() is not None
-        ticked = _spread(outputs, min(_FULLY if counts else len(outputs), max(1, _MOST_TICKS // period)))
+        ticked = _spread(outputs, min(_FULLY if counts else len(outputs), max(1, _MOST_OF_PWM // period)))
         for output in outputs if counts else sorted(ticked):
             on_s, _ = on_time(self._powers[output], 0.0, actuator.numbers)
             proven = on_s / actuator.resolution_s
             begins = self._text.begin(output, period)
             made = [(self._text.counted(), proven)]
             if output in ticked:
-                on = bool(begins) + sum(self._text.tick() for _ in range(length - 1))
+                on = bool(begins) + sum(self._text.go_on() for _ in range(length - 1))
                 made.append((on, min(proven, length)))
             for ticks_on, wanted in made:
                 if ticks_on is not None and abs(ticks_on - wanted) > _OF_A_TICK:

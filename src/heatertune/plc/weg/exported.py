@@ -31,50 +31,52 @@ class ExportedWeg:
     def __init__(self, program: Program) -> None:
         """Take a program; raise InputError where it is not of the exported form."""
         self._program, self._tick_ms = program, int(program["ScanMs"])
-        self._asked: Number | None = None
         self._led = "HeaterRamp" if "HeaterRamp" in program else "HeaterSetPoint"
+        self._pwm = "HeaterOutput" in program
+        self._asked: Number | None = None
+        self._begun = False
         self.start()
+
+    @property
+    def tick_s(self) -> float:
+        """Initial value of ScanMs [s]."""
+        return self._tick_ms / 1000.0
 
     def start(self) -> None:
         """Begin with all variables at their initial values, as nothing is declared to be retained."""
         self._program.start()
-        self._program["HeaterOn"] = True
+        self._program["HeaterOn"], self._begun = True, False
         if self._asked is not None:
             self._program["HeaterSetPoint"] = self._asked
 
-    def call(self, asked: Number, _counts: int, reading_degC: float) -> Called:
+    def call(self, asked: Number, counts: int, reading_degC: float) -> Called:
         """Run the program when the block is due."""
+        if self._begun:
+            self._program["HeaterSince"] = _DUE
+        return self.tick(asked, counts, reading_degC)[0]
+
+    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[Called, bool | None]:  # noqa: ARG002
+        """Run a scan."""
         program = self._program
         if self._asked not in (None, asked):
             program["HeaterSetPoint"] = asked
-        self._asked = asked
+        self._asked, self._begun = asked, True
         program["HeaterTemperature"] = reading_degC
-        program["HeaterSince"] = _DUE
         program.scan()
         power = program["HeaterPower"]
-        return Called(program[self._led], power, min(max(power, 0.0), 100.0))
-
-    def interval_s(self, most: int) -> float | None:
-        """Run it from one scan in which the block is due to the next."""
-        program = self._program
-        since: int | None = None
-        for scan in range(most):
-            program.scan()
-            if program["HeaterDue"]:
-                if since is not None:
-                    return (scan - since) * self._tick_ms / 1000.0
-                since = scan
-        return None
+        called = Called(program[self._led], power, min(max(power, 0.0), 100.0))
+        return called, program["HeaterOutput"] if self._pwm else None
 
     def begin(self, output: Number, ticks: int) -> bool | None:
         """Run the scan in which a period begins with this HeaterPower."""
-        program = self._program
-        if "HeaterOutput" not in program:
+        if not self._pwm:
             return None
+        program = self._program
         program["HeaterPower"], program["HeaterPhase"] = output, (ticks - 1) * self._tick_ms
-        return self.tick()
+        program["HeaterOnMs"] = -1  # anything else than what it has to become
+        return self.go_on()
 
-    def tick(self) -> bool:
+    def go_on(self) -> bool:
         """Run a scan in which the block is not due."""
         self._program["HeaterSince"] = -_DUE
         self._program.scan()

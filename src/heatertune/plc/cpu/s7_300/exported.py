@@ -35,6 +35,7 @@ class ExportedS7(ABC):
         self._pwm = None if _PWM not in cpu.members else (cpu.member(_PWM, "TICK"), cpu.member(_PWM, "COUNT"))
         self._tick_ms = cpu.get(cpu.member(_OWN, "TICK_MS"))
         self._asked: Number | None = None
+        self._begun = False
         if _TOLD not in cpu.memory:
             raise InputError("OB 35: the source has no such block")
         cpu.memory[_TOLD][10:12] = self._tick_ms.to_bytes(2, "big")
@@ -53,22 +54,34 @@ class ExportedS7(ABC):
     def force(self, output: Number) -> None:
         """Write the controller's output."""
 
+    @property
+    def tick_s(self) -> float:
+        """TICK_MS, which OB35 compares with its own interval [s]."""
+        return self._tick_ms / 1000.0
+
     @final
     def start(self) -> None:
         """Run OB100."""
         self._cpu.run("OB 100")
+        self._begun = False
 
     @final
-    def call(self, asked: Number, counts: int, _reading_degC: float) -> Called:
+    def call(self, asked: Number, counts: int, reading_degC: float) -> Called:
         """Run OB35 when the controller is due."""
+        if self._begun:
+            self._cpu.put(self._due, 0)
+        return self.tick(asked, counts, reading_degC)[0]
+
+    @final
+    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[Called, bool | None]:  # noqa: ARG002
+        """Run OB35."""
         cpu = self._cpu
         if self._asked not in (None, asked):
             cpu.put(self._setpoint, self.asked(int(asked)))
-        self._asked = asked
-        cpu.put(self._due, 0)
+        self._asked, self._begun = asked, True
         cpu.memory["P"][_INPUT : _INPUT + 2] = counts.to_bytes(2, "big")
         cpu.run("OB 35")
-        return Called(self._followed(), *self.outcome())
+        return Called(self._followed(), *self.outcome()), None if self._pwm is None else self._on()
 
     def _followed(self) -> Number:
         if self._led is not None:
@@ -77,32 +90,27 @@ class ExportedS7(ABC):
         return cast("Number", self._asked) if as_asked else math.nan
 
     @final
-    def interval_s(self, most: int) -> float | None:
-        """Run OB35 from one call of the controller to the next."""
-        self._cpu.put(self._due, 0)
-        for ticks in range(1, most + 1):
-            self._cpu.run("OB 35")
-            if self._cpu.get(self._due) == 0:
-                return ticks * self._tick_ms / 1000.0
-        return None
-
-    @final
-    def begin(self, output: Number, ticks: int) -> bool | None:  # noqa: ARG002 - TICK 0 begins a period
+    def begin(self, output: Number, ticks: int) -> bool | None:
         """Run OB35 where a period begins with this output."""
         if self._pwm is None:
             return None
         self.force(output)
-        self._cpu.put(self._pwm[0], 0)
+        begins, counted = self._pwm
+        self._cpu.put(begins, 0)
+        self._cpu.put(counted, ticks + 1)  # anything else than what it has to become
         self._cpu.put(self._due, 1)
-        return self.tick()
+        return self.go_on()
 
     @final
-    def tick(self) -> bool:
+    def go_on(self) -> bool:
         """Run OB35."""
         self._cpu.run("OB 35")
-        return bool(self._cpu.memory["P"][4] & 1)
+        return self._on()
 
     @final
     def counted(self) -> int | None:
         """Return COUNT."""
         return None if self._pwm is None else self._cpu.get(self._pwm[1])
+
+    def _on(self) -> bool:
+        return bool(self._cpu.memory["P"][4] & 1)
