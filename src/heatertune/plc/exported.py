@@ -43,6 +43,13 @@ class Exported(Protocol):
         Arguments as for `call`.
         """
 
+    def interrupt(self) -> tuple[float, bool | None]:
+        """Run a tick with a broken sensor, or what stands for one; afterwards the program is as after a start-up.
+
+        Returns:
+            The power asked for meanwhile [%], and whether the heater is on, as `begin` tells it.
+        """
+
     def begin(self, output: Number, ticks: int) -> bool | None:
         """Run the first tick of a PWM period; return whether the heater is on, None where the program makes no pulses.
 

@@ -1,7 +1,7 @@
 """The exported text, given what the controller saw in a run: it must follow and ask for the same, word for word.
 
-So, call after call, it would have made this very run. What no run sees, a broken sensor or manual, is left open; so is
-what a program does after the first `_MOST_CALLS` and `_MOST_TICKS`.
+So, call after call, it would have made this very run. A broken sensor has to put the heater off, and all to begin anew.
+What no run sees, as manual, is left open; so is what a program does after the first `_MOST_CALLS` and `_MOST_TICKS`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _OF_A_TICK: Final = 1e-6
 #: of a run call by call, of its beginning tick by tick, and of all periods of the PWM: each less than a second, for a
 #: hundred times as many would be waited for
 _MOST_CALLS: Final = 20_000
-_MOST_TICKS: Final = 10_000
+_MOST_TICKS: Final = 5_000
 _MOST_OF_PWM: Final = 100_000
 _FULLY: Final = 5  # periods tick by tick, where the program counts the ticks beforehand, and so all others are compared
 
@@ -140,7 +140,7 @@ class _Comparison:
         return None
 
     def _of_ticks(self) -> str | None:
-        """Compare setpoint, power and the heater's switch tick by tick, from the start-up to the first disturbance."""
+        """Compare all tick by tick, from the start-up to the first disturbance, and again after a broken sensor."""
         text, trace, ta = self._text, self._trace, self._words.sample_time_s
         per_call = round(ta / text.tick_s) if text.tick_s > 0.0 else 0
         if abs(per_call * text.tick_s - ta) > _OF_A_TICK:
@@ -150,14 +150,23 @@ class _Comparison:
         if not calls:
             self._not_run.append(f"an exported clock of more than {_MOST_TICKS} ticks a call")
         text.start()
+        if departs := self._of_clock(calls, per_call):
+            return departs
+        power, on = text.interrupt()
+        if power != 0.0 or on:
+            return f"while the sensor is broken it asks for {power:.6g} %{', and the heater is on' if on else ''}"
+        departs = self._of_clock(calls, per_call)
+        return None if departs is None else f"after a broken sensor: {departs}"
+
+    def _of_clock(self, calls: Sequence[_Call], per_call: int) -> str | None:
+        text, edges, switched = self._text, self._trace.edge_time_s, self._trace.edge_on
         for seen in calls:
             for tick in range(per_call):
                 made, on = text.tick(seen.asked, seen.counts, seen.reading_degC)
                 if departs := self._other(seen, made):
                     return departs
-                edge = int(np.searchsorted(trace.edge_time_s, seen.time_s + (tick + 0.5) * text.tick_s)) - 1
-                proven = edge >= 0 and bool(trace.edge_on[edge])
-                if on not in (None, proven):
+                edge = int(np.searchsorted(edges, seen.time_s + (tick + 0.5) * text.tick_s)) - 1
+                if on not in (None, edge >= 0 and bool(switched[edge])):
                     return f"at {seen.time_s + tick * text.tick_s:g} s it switches the heater otherwise than was proven"
         return None
 

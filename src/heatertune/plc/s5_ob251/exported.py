@@ -18,6 +18,7 @@ _INTERVAL: Final = "RS 97"
 #: of DB31: setpoint asked for, YA, calls of OB13 until OB251's, the staircase with its remainder, YA of this period
 _ASKED, _YA, _DUE, _STAIRS, _PART, _YA_OF_PERIOD = 0, 4, 5, 6, 7, 8
 _FAR: Final = 32767
+_WIRE_BREAK: Final = 2
 _FILE: Final = "program_listing.txt"
 _PLACES: Final = {field.name: int(field.address.removeprefix("DW")) for field in FIELDS}
 
@@ -59,6 +60,14 @@ class ExportedS5:
         self._cpu.run("OB 13")
         output = self._own[48]
         return Called(self._own[_PLACES["W"]], output, percent(output)), self._on()
+
+    def interrupt(self) -> tuple[float, bool | None]:
+        """Run OB13 with the wire-break bit, and start up: without that, manual and its power come first."""
+        self._cpu.inputs[INPUT] |= _WIRE_BREAK
+        self._cpu.run("OB 13")
+        power, on = percent(self._work[_YA]), self._on()
+        self.start()
+        return power, on
 
     def begin(self, output: Number, ticks: int) -> bool | None:  # noqa: ARG002 - the staircase's end begins a period
         """Run OB13 where a period begins with this YA."""

@@ -25,7 +25,7 @@ class _Exported(ExportedS7):
         return output, percent(output)
 
     def force(self, output: Number) -> None:
-        self._cpu.memory["DB 100"][_OUT] = int(output).to_bytes(2, "big")
+        self._cpu.memory["DB 100"][_OUT] = (int(output) % (1 << 16)).to_bytes(2, "big")
 
 
 def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> dict[str, Callable[[], ExportedS7]]:

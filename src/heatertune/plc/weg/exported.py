@@ -67,6 +67,14 @@ class ExportedWeg:
         called = Called(program[self._led], power, min(max(power, 0.0), 100.0))
         return called, program["HeaterOutput"] if self._pwm else None
 
+    def interrupt(self) -> tuple[float, bool | None]:
+        """Run a scan without HeaterOn, which has to fall when the sensor breaks."""
+        program, self._begun = self._program, False
+        program["HeaterOn"] = False
+        program.scan()
+        program["HeaterOn"] = True
+        return program["HeaterPower"], program["HeaterOutput"] if self._pwm else None
+
     def begin(self, output: Number, ticks: int) -> bool | None:
         """Run the scan in which a period begins with this HeaterPower."""
         if not self._pwm:

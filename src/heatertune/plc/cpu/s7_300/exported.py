@@ -20,6 +20,7 @@ _OWN: Final = f"DB {DATA}"
 _PWM: Final = f"DB {PWM_DATA}"
 _TOLD: Final = "L OB 35"
 _INPUT: Final = 256
+_BROKEN: Final = 32767
 
 
 class ExportedS7(ABC):
@@ -88,6 +89,14 @@ class ExportedS7(ABC):
             return signed(self._cpu.get(self._led), 16)
         as_asked = self._asked is not None and self._cpu.get(self._setpoint) == self.asked(int(self._asked))
         return cast("Number", self._asked) if as_asked else math.nan
+
+    @final
+    def interrupt(self) -> tuple[float, bool | None]:
+        """Run OB35 with the analog value of a broken wire."""
+        self._begun = False
+        self._cpu.memory["P"][_INPUT : _INPUT + 2] = _BROKEN.to_bytes(2, "big")
+        self._cpu.run("OB 35")
+        return self.outcome()[1], None if self._pwm is None else self._on()
 
     @final
     def begin(self, output: Number, ticks: int) -> bool | None:
