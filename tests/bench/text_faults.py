@@ -33,7 +33,7 @@ STORY = Scenario(setpoint_degC=51.0, duration_s=1000.0, noise_degC=0.05, disturb
     PlcPower(time_s=850.0, on=False), PlcPower(time_s=880.0, on=True)))
 #: (TN, TV) of the design, ramp or not, words that are changed, shortest pulse
 LOOPS = {
-    "weg": [((60.0, 1.5), True, {"TauSetPoint": 2.0, "MaximumOutput": 70.0, "MinimumOutput": 2.0}, 0.06),
+    "weg": [((60.0, 1.5), True, {"TauSetPoint": 2.0, "MaximumOutput": 70.0, "MinimumOutput": 15.0}, 0.06),
             ((60.0, 0.0), False, {"Type": 1, "Ki": 0.0625, "Kd": 4.0}, 0.06), ((float("inf"), 1.5), False, {}, 0.0)],
     "s7-300": [((60.0, 1.5), True, {}, 0.06), ((float("inf"), 0.0), False, {}, 0.0)],
 }
@@ -59,7 +59,7 @@ def loops(target):
         if ramped:
             step = controller.ramp(words, 40.0, 3.0)
             words = replace(words, ramp=Ramp(step=step.step, calls=2, hold=step.hold))
-        yield words, Actuator(pwm_period_s=8.0, minimum_on_s=shortest, minimum_off_s=shortest)
+        yield words, Actuator(pwm_period_s=8.3, minimum_on_s=shortest, minimum_off_s=shortest)
 
 
 def runs(target):
@@ -91,7 +91,8 @@ def faults(file, text):
     for place, end, instead, what in _in_text(text) if file.endswith(".st") else _in_list(text):
         line = text[text.rfind("\n", 0, place) + 1: text.find("\n", place)].strip()
         line = re.sub(r"\b\d+(\.\d+)?(E-?\d+|e[+-]\d+)?", "N", re.sub(r" *(\(\*|//).*", "", line))
-        named = f"{' '.join(line.split())}: {what}"
+        title = "" if file.endswith(".st") else f"{re.findall(r'^TITLE =(.*?),? *$', text[:place], re.MULTILINE)[-1]}: "
+        named = f"{title}{' '.join(line.split())}: {what}"
         seen[named] += 1
         yield f"{named}{f' ({seen[named]})' if seen[named] > 1 else ''}", text[:place] + instead + text[end:]
 
@@ -127,7 +128,7 @@ def _in_text(text):
 def _in_list(text):
     for line in re.finditer(r"^(?:\w+:)? +(?P<name>[^\s;:=]+) *(?P<operand>[^;\n(:]*);", text, re.MULTILINE):
         name, operand = line["name"], line["operand"].strip()
-        if line.start() < text.index("FUNCTION_BLOCK") or name == "NOP":
+        if line.start() < text.index("FUNCTION_BLOCK") or name in ("NOP", "END_STRUCT"):
             continue
         here = line.start("name"), line.end()
         yield *here, "NOP   0;", "left out"
@@ -140,14 +141,15 @@ def _in_list(text):
                 yield *here, f"L     {constant[1]}{shown};", what
 
 
-def survivors(target, file):
-    """Return the faults that no run shows, and how many there were."""
+def survivors(target, file, every=1):
+    """Return which of the faults, or of each so many one, no run shows, and how many there were."""
     planted = [(trace, dict(faults(file, text_of(trace, file)))) for trace in runs(target)]
+    drawn = set(list(dict.fromkeys(named for _, here in planted for named in here))[::every])
     alive = {}
     for trace, here in planted:
         assert departs(trace, file, text_of(trace, file)) is None
         for named, broken in here.items():
-            if alive.get(named, True):
+            if named in drawn and alive.get(named, True):
                 alive[named] = departs(trace, file, broken) is None
     return [named for named, lives in alive.items() if lives], len(alive)
 
@@ -163,13 +165,13 @@ def reasons(file):
     return known
 
 
-def unexplained(target, file):
+def unexplained(target, file, every=1):
     """Return the survivors without a reason, the reasons without a survivor, and how many faults there were."""
-    alive, count = survivors(target, file)
+    alive, count = survivors(target, file, every)
     known, used, left = reasons(file), set(), []
     for named in alive:
-        statement = named.rpartition(":")[0]
-        reason = next((key for key in (named, statement) if key in known), None)
+        keys = named, named.rpartition(":")[0], named.partition(": ")[0]
+        reason = next((key for key in keys if key in known), None)
         used.add(reason)
         left += [] if reason else [named]
     return left, sorted(set(known) - used), count

@@ -20,7 +20,7 @@ _OWN: Final = f"DB {DATA}"
 _PWM: Final = f"DB {PWM_DATA}"
 _TOLD: Final = "L OB 35"
 _INPUT: Final = 256
-_BROKEN: Final = 32767
+_BROKEN: Final = (0x7FFF, 0x8000)  # overflow, underflow
 
 
 class ExportedS7(ABC):
@@ -92,11 +92,13 @@ class ExportedS7(ABC):
 
     @final
     def interrupt(self) -> tuple[float, bool | None]:
-        """Run OB35 with the analog value of a broken wire."""
-        self._begun = False
-        self._cpu.memory["P"][_INPUT : _INPUT + 2] = _BROKEN.to_bytes(2, "big")
-        self._cpu.run("OB 35")
-        return self.outcome()[1], None if self._pwm is None else self._on()
+        """Run OB35 with each analog value of a broken wire."""
+        self._begun, asked, on = False, 0.0, False
+        for value in _BROKEN:
+            self._cpu.memory["P"][_INPUT : _INPUT + 2] = value.to_bytes(2, "big")
+            self._cpu.run("OB 35")
+            asked, on = max(asked, self.outcome()[1]), on or self._on()
+        return asked, None if self._pwm is None else on
 
     @final
     def begin(self, output: Number, ticks: int) -> bool | None:

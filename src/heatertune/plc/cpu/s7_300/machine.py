@@ -39,6 +39,8 @@ from heatertune.plc.cpu.statements import (
 
 __all__ = ["Cpu", "Firmware"]
 
+#: what temporaries hold before they are written: anything
+_JUNK: Final = b"\x5a" * 128
 _WIDTHS: Final = {"X": 0, "B": 1, "W": 2, "D": 4}
 _COMPARED: Final = {"==": operator.eq, "<>": operator.ne, ">": operator.gt, ">=": operator.ge, "<": operator.lt,
                     "<=": operator.le}
@@ -91,6 +93,8 @@ class Cpu(Accumulators):
         if block not in self._code:
             raise InputError(f"{block}: the source has no such block")
         self.first = True
+        if block.startswith("F"):
+            self.memory[f"L {block}"][:] = _JUNK
         carry_out(self, self._code[block], self._blocks[block].lines)
         self.first = True
 
@@ -160,7 +164,7 @@ class Cpu(Accumulators):
             section = temporary if text == "VAR_TEMP" else declared if text.startswith("VAR") else section
             section.append(text)
         own = f"L {name}"
-        self.memory[own] = bytearray(128)
+        self.memory[own] = bytearray(len(_JUNK))
         return _Block(placed(declared, "", 0) | placed(temporary, own, 0), statements(part[begin + 1 : -1]))
 
     def _translated(self, block: _Block) -> list[Statement[Cpu]]:
@@ -243,6 +247,8 @@ class Cpu(Accumulators):
         if called is None:
             raise InputError(f"CALL {operand!r}; expected a block, and its instance where it has one")
         name, data = called[1], called[2] or ""
+        if name not in self._firmware and name not in self._blocks:
+            raise LookupError(name)
         given = [(found[1], self._place(block, found[2].strip()), found[2].strip())
                  for found in _ASSIGNED.finditer(operand)]
 
