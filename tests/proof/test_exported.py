@@ -34,11 +34,11 @@ FILES = {"s5-ob251": "program_listing.txt", "s7-300": "s7_300_pid.awl", "fb41": 
 pytestmark = pytest.mark.long
 
 
-def proven(target, *, ramp=None, tv=0.0, scaling=Scaling(low_degC=10.0, high_degC=110.0), **conditions):
+def proven(target, *, ramp=None, tv=0.0, scaling=None, **conditions):
     """A first look at PI or PID words; the heater passes with them or not."""
     wished = PidDesign(gain_pct_per_degC=1.4 if tv else 2.5, integral_time_s=40.0, derivative_time_s=tv, sample_time_s=3.0,
                        structure="pid" if tv else "pi", method="")
-    words = chain.encode(wished, target, scaling=scaling)
+    words = chain.encode(wished, target, scaling=scaling or Scaling(low_degC=10.0, high_degC=110.0))
     if ramp is not None:
         words = replace(words, ramp=controller_for(target).ramp(words, *ramp))
     return chain.prove(words, model_by_hand(HEATER), Conditions(setpoint_degC=51.0, **conditions), first_look=True)

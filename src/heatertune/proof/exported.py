@@ -6,7 +6,7 @@ What no run sees, as manual, is left open; so is what a program does after the f
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -81,7 +81,7 @@ def compared(
     for file, load in loads.items():
         try:
             text = load()
-            shown = Compared() if text is None else _Comparison(controller, words, trace, text).shown()
+            shown = Compared() if text is None else _Comparison(controller, words, trace, text, load).shown()
         except InputError as problem:
             shown = Compared(str(problem))
         if shown.departs is not None:
@@ -105,8 +105,10 @@ class _Call(NamedTuple):
 class _Comparison:
     """A text beside a run; each part tells where it departs."""
 
-    def __init__(self, controller: Controller, words: Words, trace: Trace, text: Exported) -> None:
-        self._words, self._trace, self._text = words, trace, text
+    def __init__(
+        self, controller: Controller, words: Words, trace: Trace, text: Exported, load: Callable[[], Exported | None]
+    ) -> None:
+        self._words, self._trace, self._text, self._load = words, trace, text, load
         self._loop = in_loop(controller, words, trace.scenario.setpoints_degC, trace.switches)
         self._calls = self._seen(controller)
         self._powers: dict[Number, float] = {}  # output asked for → power [%]
@@ -145,7 +147,9 @@ class _Comparison:
 
     def _of_ticks(self) -> str | None:
         """Compare all tick by tick, from the start-up to the first disturbance, and again after a broken sensor."""
-        text, trace, ta = self._text, self._trace, self._words.sample_time_s
+        # anew, for it may retain what it did
+        text = self._text = self._load() or self._text
+        trace, ta = self._trace, self._words.sample_time_s
         per_call = round(ta / text.tick_s) if text.tick_s > 0.0 else 0
         if abs(per_call * text.tick_s - ta) > _OF_A_TICK:
             return f"its clock ticks every {text.tick_s:g} s; proven is TA = {ta:g} s"

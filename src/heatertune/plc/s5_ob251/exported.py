@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from typing import Final
 
@@ -33,7 +34,7 @@ class ExportedS5:
         self._typed = {number: list(words) for number, words in self._cpu.data.items()}
         start = listing.partition(f"\nFB {START}\n")[2].partition("\nFB ")[0].partition("\nOB ")[0]
         self._clears = "OB 251" in start
-        self._zero = FOUR_MA if f"+{FOUR_MA}; 4 mA" in listing else 0
+        self._zero = FOUR_MA if re.search(rf"\+{FOUR_MA} *; 4 mA", listing) else 0
         self._assume, self._state, self._begun = assume, COLD, False
         self._asked: Number | None = None
         self._cpu.inputs[MODE] = 1

@@ -80,6 +80,8 @@ class ExportedWeg:
         if not self._pwm:
             return None
         program = self._program
+        if "BlockKeepsTs" in program:  # a block that is called each scan would give its own
+            program["BlockKeepsTs"] = False
         program["HeaterPower"], program["HeaterPhase"] = output, (ticks - 1) * self._tick_ms
         program["HeaterOnMs"] = -1  # anything else than what it has to become
         return self.go_on()
