@@ -35,7 +35,7 @@ STORY = Scenario(setpoint_degC=51.0, duration_s=1000.0, noise_degC=0.05, disturb
 LOOPS = {
     "weg": [((60.0, 1.5), True, {"TauSetPoint": 2.0, "MaximumOutput": 70.0, "MinimumOutput": 15.0}, 0.06),
             ((60.0, 0.0), False, {"Type": 1, "Ki": 0.0625, "Kd": 4.0}, 0.06), ((float("inf"), 1.5), False, {}, 0.0)],
-    "s7-300": [((60.0, 1.5), True, {}, 0.06), ((float("inf"), 0.0), False, {}, 0.0)],
+    "s7-300": [((60.0, 1.5), True, {}, 0.06), ((60.0, 3.0), False, {}, 0.06), ((float("inf"), 0.0), False, {}, 0.0)],
 }
 TURNED = {
     "+": "-", "-": "+", "*": "/", "/": "*", "<": "<=", "<=": "<", ">": ">=", ">=": ">", "<>": "=", "=": "<>", "AND": "OR", "OR": "AND",
@@ -46,6 +46,7 @@ TURNED_STL = {
     ">I": ">=I", "<I": "<=I", "<>I": "==I", "==I": "<>I", "JC": "JCN", "JCN": "JC", "JOS": "JU", "A": "AN", "AN": "A",
     "SET": "CLR", "CLR": "SET", "S": "R", "R": "S", "RND": "TRUNC", "TRUNC": "RND", "T": "L", "AD": "+D"}
 TOKEN = re.compile(r"\(\*.*?\*\)|:=|<>|<=|>=|[-+*/<>=]|\b\d+\.\d+(?:E-?\d+)?|\b\d+\b|\b[A-Za-z_]\w*", re.DOTALL)
+TITLE = re.compile(r"^TITLE =([^\r\n]*)", re.MULTILINE)
 
 
 def loops(target):
@@ -91,7 +92,7 @@ def faults(file, text):
     for place, end, instead, what in _in_text(text) if file.endswith(".st") else _in_list(text):
         line = text[text.rfind("\n", 0, place) + 1: text.find("\n", place)].strip()
         line = re.sub(r"\b\d+(\.\d+)?(E-?\d+|e[+-]\d+)?", "N", re.sub(r" *(\(\*|//).*", "", line))
-        title = "" if file.endswith(".st") else f"{re.findall(r'^TITLE =(.*?),? *$', text[:place], re.MULTILINE)[-1]}: "
+        title = "" if file.endswith(".st") else f"{TITLE.findall(text[:place])[-1]}: "
         named = f"{title}{' '.join(line.split())}: {what}"
         seen[named] += 1
         yield f"{named}{f' ({seen[named]})' if seen[named] > 1 else ''}", text[:place] + instead + text[end:]

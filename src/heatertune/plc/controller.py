@@ -72,9 +72,8 @@ class Controller(ABC):
             wrong; None: words cannot be read back.
         tolerated: as `consistent`, for words that were read from a machine: what its manual allows under a condition of
             the process raises nothing; None: as `consistent`.
-        exported: (files of the export, assumptions) → file → what loads its program, None where it holds that of
-            another one; raises InputError for what is not known here. A file whose text is of other assumptions is
-            left out. None: no CPU here runs them.
+        exported: (files of the export, assumptions) → file → what loads its program, see `heatertune.plc.exported`,
+            without files that are of other assumptions; None: no CPU here runs them.
         text: text that a programming tool saves or prints, the sampling interval [s] (None: the words tell it) and a
             name for error messages → the words; None: they cannot be read back from text.
         oddities: what is odd about a running controller's words, one sentence each; None: nothing is known to be.

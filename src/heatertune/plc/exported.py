@@ -65,5 +65,6 @@ class Exported(Protocol):
         """Return how many ticks on the program counted when the period began; None: it counts none beforehand."""
 
 
-#: file of an export → what loads its program, see `heatertune.plc.controller.Controller.exported`
+#: file of an export → what loads its program, None where another file holds the same; it raises InputError for what is
+#: not known here
 Loads = Mapping[str, Callable[[], Exported | None]]

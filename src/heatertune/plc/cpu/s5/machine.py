@@ -57,7 +57,11 @@ class Cpu(Accumulators):
                       for name, block in self._lines.items()}
 
     def block(self, number: int, last: int) -> list[int]:
-        """Return the words of a data block; raise InputError where it has no such last one."""
+        """Return the words of a data block.
+
+        Raises:
+            InputError: it has no such last one.
+        """
         words = self.data.get(number, [])
         if len(words) <= last:
             raise InputError(f"DB {number}: {len(words)} words; expected {last + 1} or more")

@@ -99,7 +99,11 @@ class Cpu(Accumulators):
         self.first = True
 
     def member(self, data: str, name: str) -> Place:
-        """Return the place of a data block's member; raise InputError where there is none."""
+        """Return the place of a data block's member.
+
+        Raises:
+            InputError: there is none.
+        """
         try:
             return self.members[data][name]
         except KeyError:
