@@ -390,7 +390,7 @@ def test_every_memory_is_cleared_at_first():
     assert tuple(fb41.State()) == (0,) * 11
     assert fb41.State() == fb41.restart(controller_for("fb41").start(_fb41_words(), {}).parameters[0])
     assert tuple(tip.COLD) == (0.0, 0.0, False, 0, False)
-    assert tuple(weg.COLD) == (False, 0.0, 0.0, 0.0, 0.0, False)
+    assert tuple(weg.COLD) == (False, 0.0, 0.0, 0.0, 0.0, False, False)
     assert on_off.Memory() == (False,)
 
 

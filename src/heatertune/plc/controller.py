@@ -21,7 +21,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc.core import Core, Running, Scan, Sensor, Timing
 from heatertune.plc.exported import Loads
 from heatertune.plc.feed_forward import Feed
-from heatertune.plc.inputs import Range, least_share
+from heatertune.plc.inputs import Range, module
 from heatertune.plc.open_points import NothingOpen, Switch, assumed, declared
 from heatertune.plc.ramp import Number, Ramp, nearest
 from heatertune.plc.readback import ReadBack
@@ -82,8 +82,7 @@ class Controller(ABC):
         delay_s: longest time from a temperature to its reading and from the controller's output to the heater's switch,
             as input module and exported program make it; part of the dead time in a proof [s].
         direct: for a core that runs a listing, which no compiler takes: words and assumptions → a core that gives the
-            same power, output and flags, and its parameters and cold state; None: the core itself compiles, or none
-            does.
+            same, its parameters and cold state; None: the core itself compiles, or none does.
         feed: the input that a measured disturbance is written to; None: there is none.
         typed: (words, setpoint of the proof [°C], the same in units; None without a proof) → word → what of its
             `heatertune.plc.typed.TypedWord` is other than the words and their fields say; None: nothing.
@@ -269,9 +268,8 @@ class Controller(ABC):
         per_call = rate_degC_per_min / 60.0 * self.timing(words).scan_s * per_degree
         ramp = nearest(per_call, whole=isinstance(high, int), least=(high - low) / self.counts)
         if not ramp.step < high - low:
-            fastest = 60.0 * words.scaling.span_degC / self.timing(words).scan_s
-            raise OutOfRange("setpoint_ramp_degC_per_min", rate_degC_per_min,
-                             f"< {fastest:.4g}, the sensor's whole range in one call")
+            fastest = f"< {60.0 * words.scaling.span_degC / self.timing(words).scan_s:.4g}"
+            raise OutOfRange("setpoint_ramp_degC_per_min", rate_degC_per_min, f"{fastest}, the range in one call")
         if hold_degC is None:
             return ramp
         check("setpoint_hold_degC", abs(hold_degC), above=0.0, most=words.scaling.span_degC)
@@ -319,18 +317,14 @@ class Controller(ABC):
     @final
     def ends(self, words: Words) -> tuple[Number, Number]:
         """Return the readings at the ends of the sensor's range [units]."""
-        scaling = words.scaling  # beyond the range the module limits: at its end the last digit may fall short
-        module = self.sensor(words)._replace(least=0)
-        low, high = (self.core.measure(module, beyond) for beyond in (
-            scaling.low_degC - scaling.span_degC, scaling.high_degC + scaling.span_degC))
-        return low, high
+        its, measure = self.sensor(words)._replace(least=0), self.core.measure
+        # beyond the range the module limits: at its end the last digit may fall short
+        return measure(its, its.low - its.span), measure(its, its.low + 2.0 * its.span)
 
     @final
     def sensor(self, words: Words) -> Sensor:
         """Return the input module as the core's `measure` takes it."""
-        scaling = words.scaling
-        least = self.counts * least_share(self.ranges.get(scaling.input or ""))
-        return Sensor(scaling.low_degC, scaling.span_degC, self.counts, round(least))
+        return module(words.scaling, self.counts, self.ranges)
 
     @final
     def measure(self, words: Words, temperature_degC: float) -> Number:
@@ -383,8 +377,7 @@ class Controller(ABC):
         """Run one scan on all of its inputs; those not named stay as the words have them. Pure, as `step`."""
         if self.scan_all is None:
             setpoint, reading, *_ = self.inputs
-            begins = bool(inputs.get("CYCLE_START", 1))
-            return self.step(running, inputs[setpoint], inputs[reading], cycle_start=begins)
+            return self.step(running, inputs[setpoint], inputs[reading], cycle_start=bool(inputs.get("CYCLE_START", 1)))
         state, *outcome = self.scan_all(running.parameters, running.state, inputs)
         return Running(running.parameters, state), self.core.scanned(outcome)
 

@@ -10,9 +10,10 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError, UnknownName
+from heatertune.plc.core import Sensor
 from heatertune.plc.words import Scaling
 
-__all__ = ["BROKEN_MA", "FOUR_TO_TWENTY", "INPUTS", "Range", "least_share", "scaled", "share_of"]
+__all__ = ["BROKEN_MA", "FOUR_TO_TWENTY", "INPUTS", "Range", "module", "scaled", "share_of"]
 
 #: name on the command line of the range that has a lower end of its own
 FOUR_TO_TWENTY: Final = "4-20mA"
@@ -72,12 +73,21 @@ def scaled(ranges: Mapping[str, Range], name: str | None, sensor_degC: tuple[flo
     return Scaling(low_degC=low - below, high_degC=high, input=name, from_degC=low)
 
 
+def module(scaling: Scaling, counts: int, ranges: Mapping[str, Range]) -> Sensor:
+    """Return the module behind a scaling.
+
+    Args:
+        scaling: of the sensor.
+        counts: steps from the lowest reading to the highest.
+        ranges: that the target's modules have, by name.
+    """
+    range_ = ranges.get(scaling.input or "")
+    # 0: as low as readings go
+    least = share_of(_LEAST_MA, range_) if range_ is not None and range_.from_zero else 0.0
+    return Sensor(scaling.low_degC, scaling.span_degC, counts, round(counts * least))
+
+
 def share_of(current_ma: float, range_: Range) -> float:
     """Return the share of the highest reading that a current gives, below 0 where it lies under 4 mA."""
     low = 0.0 if range_.from_zero else _LOW_MA
     return (current_ma - low) / (_HIGH_MA - low)
-
-
-def least_share(range_: Range | None) -> float:
-    """Return the share of the highest reading below which no sensor goes that is not broken; 0: as low as readings."""
-    return share_of(_LEAST_MA, range_) if range_ is not None and range_.from_zero else 0.0
