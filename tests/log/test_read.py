@@ -188,6 +188,7 @@ def test_any_written_log_is_read_back(tmp_path_factory, data):
     assert np.array_equal(np.column_stack([log.time_s, log.temperature_degC, log.power_pct]), np.array(rows))
 
 
+@pytest.mark.long
 def test_every_real_log_with_common_columns_is_read_whole(real_logs):
     # row counts printed beside the logs
     for name, rows in {"apm_siso_doublet": 571, "box_kp4_ki01": 7537, "pidtune_dataIDFOM1": 5601, "tec_run11": 120}.items():
