@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
+from heatertune.cache import cached
 from heatertune.model.experiment.document import to_document
 from heatertune.model.experiment.fisher import Noise
 from heatertune.model.experiment.plan import propose
@@ -22,6 +24,8 @@ def plan(
     progress: Told = str, **settings: float,
 ) -> dict[str, Any]:
     """Return the experiment that makes a heater known best, and what it would make known, as a document.
+
+    It is kept: the search takes seconds, see `heatertune.cache`.
 
     Args:
         believed: a fitted model, or quantity → (low, high), see `experiment.QUANTITIES`.
@@ -45,4 +49,10 @@ def plan(
         limit_degC=limit_degC, noise=noise, longest_s=prior.longest_s if longest_s is None else longest_s,
         **settings,
     )
-    return to_document(prior, setup, propose(prior, setup, kind=kind, progress=progress))
+    inputs = {"models": {label: repr(model) for label, model in prior.models.items()}, "setup": asdict(setup),
+              "ambient_known": prior.ambient_known, "kind": kind}
+
+    def run() -> dict[str, Any]:
+        return to_document(prior, setup, propose(prior, setup, kind=kind, progress=progress))
+
+    return cached("plan", inputs, run, dict, progress=progress)
