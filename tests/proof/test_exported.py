@@ -1,12 +1,14 @@
 """The exported text runs what the proof ran; the witness is a text with a fault, which has to be noticed.
 
-That the text and the proof are right is tests/golden's: awlsim and an S5 of its own.
+That the text and the proof are right is tests/golden's: awlsim, an S5 and a machine for structured text of its own.
 """
 
 import re
 from dataclasses import replace
 
 import pytest
+from tests.bench.text_faults import HEATER as PLANT
+from tests.bench.text_faults import STORY, loops
 
 from heatertune import chain
 from heatertune.errors import InputError
@@ -15,14 +17,18 @@ from heatertune.model.values import TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Scaling, controller_for
 from heatertune.plc.cpu.s5.machine import Cpu as S5Cpu
+from heatertune.plc.cpu.s7_300.exported import ExportedS7
 from heatertune.plc.cpu.s7_300.machine import Cpu as S7Cpu
+from heatertune.plc.open_points import assumed
 from heatertune.plc.pwm import Actuator
-from heatertune.proof.exported import as_exported, departure
+from heatertune.proof import exported as of_text
+from heatertune.proof import simulate
+from heatertune.proof.exported import Compared, as_exported, compared
 from heatertune.proof.verdict import verdict_line
 from heatertune.settings import Conditions
 
 HEATER = TwoLag(gain_degC_per_pct=0.6, time_constant_s=50.0, second_time_constant_s=11.0, dead_time_s=1.3, ambient_degC=21.0)
-FILES = {"s5-ob251": "program_listing.txt", "s7-300": "s7_300_pid.awl", "fb41": "fb41_cont_c.awl"}
+FILES = {"s5-ob251": "program_listing.txt", "s7-300": "s7_300_pid.awl", "fb41": "fb41_cont_c.awl", "weg": "weg_pid_block.st"}
 
 pytestmark = pytest.mark.long
 
@@ -38,18 +44,32 @@ def proven(target, *, ramp=None, tv=0.0, **conditions):
 
 
 def departs(proof):
-    return departure(controller_for(proof.words.target), proof.words, proof.nominal)
+    return compared(controller_for(proof.words.target), proof.words, proof.nominal).departs
 
 
 @pytest.mark.parametrize(("target", "asked"), [
     ("s5-ob251", {"tv": 6.0}), ("s5-ob251", {"ramp": (5.0, 4.0), "pwm_period_s": 12.0, "minimum_on_s": 0.7, "minimum_off_s": 0.9}),
     ("s5-ob251", {"pwm_period_s": 7.0 / 3.0}), ("s7-300", {"ramp": (5.0, 4.0), "pwm_period_s": 12.0, "minimum_on_s": 0.7}),
     ("s7-300", {"tv": 6.0, "pwm_period_s": 1.5, "pwm_resolution_s": 0.05}), ("fb41", {"ramp": (9.0,), "noise_degC": 0.3}),
-    ("fb41", {"tv": 6.0, "pwm_period_s": 3.0, "pwm_rule": "pulsegen"})])
+    ("fb41", {"tv": 6.0, "pwm_period_s": 3.0, "pwm_rule": "pulsegen"}), ("weg", {"tv": 6.0, "noise_degC": 0.3}),
+    ("weg", {"ramp": (5.0, 4.0), "pwm_period_s": 12.0, "minimum_on_s": 0.7, "minimum_off_s": 0.9}),
+    ("weg", {"ramp": (9.0,), "pwm_period_s": 3.0, "pwm_rule": "pid-compact"})])
 def test_the_text_does_what_was_proven(target, asked):
     proof = proven(target, **asked)
     assert len(set(proof.nominal.power_asked_pct)) > 20
-    assert departs(proof) is None
+    assert compared(controller_for(target), proof.words, proof.nominal) == Compared()
+
+
+@pytest.mark.parametrize("setting", [
+    {"anti_windup": "freeze"}, {"anti_windup": "none", "edge": "runs_at_once"}, {"order": "by_parts"}, {"filter": "exact"}])
+def test_wegs_own_block_is_run_under_every_setting_and_ours_under_its_own(setting):
+    controller, (words, actuator) = controller_for("weg"), next(loops("weg"))
+    trace = simulate(controller, words, PLANT, STORY, actuator, setting)
+    assert compared(controller, words, trace) == Compared()
+    assert compared(controller, words, simulate(controller, words, PLANT, STORY, actuator)) == Compared()
+    files = controller.export(words, Certificate(verdict=""))
+    assert list(controller.exported(files, assumed(controller.assumptions, setting))) == ["weg_pid_call.st"]
+    assert list(controller.exported(files, controller.assumptions())) == ["weg_pid_call.st", "weg_pid_block.st", "weg_pid_plcopen.xml"]
 
 
 #: target → a pattern of its text, what stands there instead
@@ -61,38 +81,99 @@ PLANTED = [
     ("s7-300", r"L     L#13824;", "L     L#13000;"), ("s7-300", r"CALL  FC 101;\r\nEND_ORG", "NOP   0;\r\nEND_ORG"),
     ("fb41", r"GAIN := \d", "GAIN := 9"), ("fb41", r"SP_INT := DB101\.DBD    2", "SP_INT := DB101.DBD    6"),
     ("fb41", r"SRD   12;", "SRD   11;"), ("fb41", r"COM_RST := TRUE", "COM_RST := FALSE"),
+    ("s7-300", r"PER_CALL := L#300", "PER_CALL := L#299"), ("s7-300", r"      L     -32768;", "      L     32767;"),
 ]
+
+
+def told(proof):
+    return Certificate(verdict="", setpoint_degC=51.0, actuator=proof.actuator)
+
+
+def exporting(monkeypatch, controller, files):
+    monkeypatch.setattr(type(controller), "export", staticmethod(lambda *_: files))
 
 
 @pytest.mark.parametrize(("target", "there", "instead"), PLANTED)
 def test_a_fault_in_the_text_is_noticed(target, there, instead, monkeypatch):
     proof = proven(target, ramp=(5.0, 4.0) if ":>F" in there else None)
     controller, file = controller_for(target), FILES[target]
-    whole = controller.export(proof.words, Certificate(verdict="", setpoint_degC=51.0, actuator=proof.actuator))[file]
+    whole = controller.export(proof.words, told(proof))[file]
     broken, count = re.subn(there, instead, whole)
     assert count, whole
-    monkeypatch.setattr(type(controller), "export", staticmethod(lambda *_: {file: broken}))
-    try:
-        assert departs(proof) is not None
-    except InputError:
-        assert "=END" in instead
+    exporting(monkeypatch, controller, {file: broken})
+    assert departs(proof).startswith(f"{file}: ")
 
 
 def test_a_proof_whose_text_does_other_is_none(monkeypatch):
     proof = proven("s7-300", ramp=(3.0, 4.0))
     assert (proof.verdict, as_exported(proof).verdict) == ("PASS", "PASS")
-    monkeypatch.setattr("heatertune.proof.exported.departure", lambda *_: "at 3 s it asks for 7 %")
-    told = as_exported(proof)
-    assert told.verdict == "NOT PROVEN"
-    assert "the exported program does other than what was proven" in verdict_line(told.to_document())
+    monkeypatch.setattr(of_text, "compared", lambda *_: Compared("at 3 s it asks for 7 %"))
+    other = as_exported(proof)
+    assert other.verdict == "NOT PROVEN"
+    assert "the exported program does other than what was proven" in verdict_line(other.to_document())
+
+
+@pytest.mark.parametrize(("target", "file", "there", "instead", "named"), [
+    ("s5-ob251", "program_listing.txt", ":SRW 3", ":SRX 3", r"line \d+: statement 'SRX 3'"),
+    ("s5-ob251", "program_listing.txt", "JU =OUT", "JU =OFF", r"line \d+: statement 'JU =OFF'"),
+    ("s5-ob251", "program_listing.txt", "C  DB 31", "C  DB 77", r"line \d+: statement 'C DB 77'; the CPU stops here"),
+    ("s5-ob251", "program_listing.txt", "JC =BROK", "JC =OUT\nA1 :JU =A1", r"line \d+: .*does not come to the end"),
+    ("s7-300", "s7_300_pid.awl", "RND   ;", "RND+  ;", r"line \d+: statement 'RND\+'"),
+    ("s7-300", "s7_300_pid.awl", "T     #OUT;", "T     #OUTS;", r"line \d+: statement 'T #OUTS'"),
+    ("s7-300", "s7_300_pid.awl", "JC    auto;", "JC    away;", r"line \d+: statement 'JC away'"),
+    ("fb41", "fb41_cont_c.awl", "CALL  FC 101;", "CALL  FC 109;", r"line \d+: statement 'CALL FC 109'"),
+    ("fb41", "fb41_cont_c.awl", "ORGANIZATION_BLOCK OB 35", "ORGANIZATION_BLOCK OB 34", "OB 35: the source has no such block"),
+    ("weg", "weg_pid_call.st", "HeaterWasOn := HeaterOn;", "WHILE HeaterOn;", r"line \d+: 'WHILE HeaterOn;'"),
+    ("weg", "weg_pid_block.st", "KdByTs := Kd / Seconds;", "KdByTs := Kd / Ts;", r"line \d+: 'KdByTs := Kd / Ts;'; / does not go with"),
+    ("weg", "weg_pid_block.st", "MOD 3000", "MOD 0", r"line \d+: 'HeaterSince := HeaterSince MOD 0;'; a controller stops here"),
+    ("weg", "weg_pid_plcopen.xml", "KdByTs := Kd / Seconds;", "KdByTs := Kd;", "its HT_WEG_PID is not that of weg_pid_block.st"),
+    ("weg", "weg_pid_plcopen.xml", "KdByTs := Kd / Seconds;", "KdByTs ::= Kd;", r"HT_WEG_PID: line \d+: 'KdByTs ::= Kd;'"),
+    ("weg", "weg_pid_plcopen.xml", "T#10ms", "T#20ms", "its task calls HEATER every 20 ms"),
+    ("weg", "weg_pid_plcopen.xml", "</project>", "", "this is no XML"),
+])
+def test_a_statement_that_no_cpu_knows_makes_a_proof_not_proven_and_is_named(target, file, there, instead, named, monkeypatch):
+    proof, controller = proven(target), controller_for(target)
+    assert proof.verdict == "PASS"
+    files = controller.export(proof.words, told(proof))
+    assert there in files[file], files[file]
+    exporting(monkeypatch, controller, files | {file: files[file].replace(there, instead)})
+    unproven = as_exported(proof)
+    assert unproven.verdict == "NOT PROVEN"
+    (finding,) = [finding for finding in unproven.heard.findings if finding.name == "exported-text"]
+    assert re.search(f"{re.escape(file)}: .*{named}", finding.told), finding.told
+
+
+def test_what_is_not_run_is_bounded_and_told(monkeypatch):
+    # a period of 60,000 ticks would take minutes, power by power
+    monkeypatch.setattr(of_text, "_MOST_OF_PWM", 1000)
+    monkeypatch.setattr(of_text, "_MOST_CALLS", 200)
+    (words, _), run = next(loops("s7-300")), []
+    monkeypatch.setattr(ExportedS7, "go_on", lambda machine, went=ExportedS7.go_on: run.append(machine) or went(machine))
+    trace = simulate(controller_for("s7-300"), words, PLANT, STORY, Actuator(pwm_period_s=600.0))
+    assert compared(controller_for("s7-300"), words, trace) == Compared(not_run=(
+        "what the exported program does after 200 calls", "the exported PWM after 1000 ticks of a period"))
+    powers = len(set(trace.power_asked_pct[:200]))
+    assert 1000 < len(run) <= 1000 + powers
+    proof = proven("s5-ob251")
+    left = as_exported(proof).heard.not_tested
+    assert left[:-2] == proof.heard.not_tested
+    assert left[-2] == "what the exported program does after 200 calls"
+    assert re.fullmatch(r"the exported PWM at \d+ of \d+ powers", left[-1])
+
+
+def test_a_clock_that_ticks_too_often_for_a_call_is_told(monkeypatch):
+    monkeypatch.setattr(of_text, "_MOST_TICKS", 100)
+    words, actuator = next(loops("weg"))
+    trace = simulate(controller_for("weg"), words, PLANT, STORY, actuator)
+    assert compared(controller_for("weg"), words, trace).not_run == ("an exported clock of more than 100 ticks a call",)
 
 
 def test_a_statement_that_no_cpu_here_knows_is_told():
-    with pytest.raises(InputError, match="'XYZ DW 3'"):
+    with pytest.raises(InputError, match="line 2: statement 'XYZ DW 3'"):
         S5Cpu("FB 1\n     :XYZ DW 3\n     :BE\n", {})
     with pytest.raises(InputError, match="line 2: 'what'"):
         S5Cpu("FB 1\nwhat\n", {})
-    with pytest.raises(InputError, match="XYZ"):
+    with pytest.raises(InputError, match="line 3: statement 'XYZ 3'"):
         S7Cpu("FUNCTION FC 1 : VOID\nBEGIN\n      XYZ   3;\nEND_FUNCTION\n", {})
 
 
@@ -100,4 +181,4 @@ def test_an_analog_output_makes_no_pulses():
     controller = controller_for("fb41")
     words = proven("fb41").words
     files = controller.export(words, Certificate(verdict="", actuator=Actuator(pwm_period_s=3.0, minimum_rule="carry")))
-    assert controller.exported(files, controller.assumptions()).pulses(50.0, 300) is None
+    assert controller.exported(files, controller.assumptions())["fb41_cont_c.awl"]().begin(50.0, 300) is None

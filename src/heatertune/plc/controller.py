@@ -19,7 +19,7 @@ from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
 from heatertune.plc.core import Core, Running, Scan, Sensor, Timing
-from heatertune.plc.exported import Exported
+from heatertune.plc.exported import Loads
 from heatertune.plc.feed_forward import Feed
 from heatertune.plc.open_points import NothingOpen, Switch, assumed, declared
 from heatertune.plc.ramp import Number, Ramp, nearest
@@ -70,8 +70,8 @@ class Controller(ABC):
             wrong; None: words cannot be read back.
         tolerated: as `consistent`, for words that were read from a machine: what its manual allows under a condition of
             the process raises nothing; None: as `consistent`.
-        exported: (files of the export, assumptions) → the program that runs, None where its text is of other
-            ones; None: no CPU here runs it.
+        exported: (files of the export, assumptions) → file → what loads its program, see `heatertune.plc.exported`,
+            without files that are of other assumptions; None: no CPU here runs them.
         text: text that a programming tool saves or prints, the sampling interval [s] (None: the words tell it) and a
             name for error messages → the words; None: they cannot be read back from text.
         oddities: what is odd about a running controller's words, one sentence each; None: nothing is known to be.
@@ -113,7 +113,7 @@ class Controller(ABC):
     consistent: ClassVar[staticmethod[[Words], None] | None] = None
     image: ClassVar[staticmethod[[bytes, float, str], Mapping[str, Number]] | None] = None
     tolerated: ClassVar[staticmethod[[Words], None] | None] = None
-    exported: ClassVar[staticmethod[[Mapping[str, str | bytes], Any], Exported | None] | None] = None
+    exported: ClassVar[staticmethod[[Mapping[str, str | bytes], Any], Loads] | None] = None
     text: ClassVar[staticmethod[[str, float | None, str], ReadBack] | None] = None
     oddities: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     faults: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
 from heatertune.plc.ramp import Number
 
-__all__ = ["Called", "Exported"]
+__all__ = ["Called", "Exported", "Loads"]
 
 
 class Called(NamedTuple):
@@ -20,27 +21,50 @@ class Called(NamedTuple):
 class Exported(Protocol):
     """The program of an export in its PLC."""
 
+    @property
+    def tick_s(self) -> float:
+        """Tick of its clock, as the text has it [s]."""
+
     def start(self) -> None:
         """Start up: STOP to RUN, or the supply is back."""
 
-    def call(self, asked: Number, counts: int) -> Called:
-        """Run up to the next call of the controller, and this one.
+    def call(self, asked: Number, counts: int, reading_degC: float) -> Called:
+        """Run the tick of the next call of the controller, what lies between left out.
 
         Args:
-            asked: the setpoint that the user enters [units].
+            asked: the setpoint that the user enters [units]; the first one is loaded with the program.
             counts: of the input module, from 0 at the beginning of the sensor's range on.
-
-        Returns:
-            The setpoint word that the controller follows [units], and the its output [units].
+            reading_degC: the same as a module in °C gives it.
         """
 
-    def pulses(self, output: Number, ticks: int) -> int | None:
-        """Run a PWM period of so many ticks; return how many of them the heater is on.
+    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[Called, bool | None]:
+        """Run one tick; return what the controller gave last, and whether the heater is on, as `begin` tells it.
+
+        Arguments as for `call`.
+        """
+
+    def interrupt(self) -> tuple[float, bool | None]:
+        """Run a tick with a broken sensor, or what stands for one; afterwards the program is as after a start-up.
+
+        Returns:
+            The power asked for meanwhile [%], and whether the heater is on, as `begin` tells it.
+        """
+
+    def begin(self, output: Number, ticks: int) -> bool | None:
+        """Run the first tick of a PWM period; return whether the heater is on, None where the program makes no pulses.
 
         Args:
             output: that the controller asks for when the period begins [units].
             ticks: of the period.
-
-        Returns:
-            None: the program makes no pulses.
         """
+
+    def go_on(self) -> bool:
+        """Run the next tick of this period; return whether the heater is on."""
+
+    def counted(self) -> float | None:
+        """Return how many ticks on the program counted when the period began; None: it counts none beforehand."""
+
+
+#: file of an export → what loads its program, None where another file holds the same; it raises InputError for what is
+#: not known here
+Loads = Mapping[str, Callable[[], Exported | None]]

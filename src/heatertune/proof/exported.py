@@ -1,20 +1,21 @@
 """The exported text, given what the controller saw in a run: it must follow and ask for the same, word for word.
 
-So, call after call, it would have made this very run. What no run sees, a broken sensor or manual, is left open; so are
-the calls of a very long run after the first `_MOST_CALLS`.
+So, call after call, it would have made this very run. A broken sensor has to put the heater off, and all to begin anew.
+What no run sees, as manual, is left open; so is what a program does after the first `_MOST_CALLS` and `_MOST_TICKS`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from heatertune.errors import InputError
 from heatertune.model.findings import Finding
 from heatertune.plc.controller import Controller, controller_for
-from heatertune.plc.exported import Exported
+from heatertune.plc.exported import Called, Exported
 from heatertune.plc.open_points import assumed
 from heatertune.plc.pwm import on_time
 from heatertune.plc.ramp import Number
@@ -23,27 +24,45 @@ from heatertune.proof.loop import in_loop
 from heatertune.proof.prove import Proof
 from heatertune.proof.trace import Trace
 
-__all__ = ["as_exported", "departure"]
+__all__ = ["Compared", "as_exported", "compared"]
 
 _OF_A_TICK: Final = 1e-6
-_MOST_CALLS: Final = 20_000  # about a second: a hundred times as many would be waited for
+#: of a run call by call, of its beginning tick by tick, and of all periods of the PWM: each less than a second, for a
+#: hundred times as many would be waited for
+_MOST_CALLS: Final = 20_000
+_MOST_TICKS: Final = 5_000
+_MOST_OF_PWM: Final = 100_000
+_FULLY: Final = 5  # periods tick by tick, where the program counts the ticks beforehand, and so all others are compared
+
+
+class Compared(NamedTuple):
+    """What running the exported text showed.
+
+    Attributes:
+        departs: where it does other than the run, with the file; None: nowhere, or nothing here runs it.
+        not_run: what of it was not run, for it would take too long, a few words each.
+    """
+
+    departs: str | None = None
+    not_run: tuple[str, ...] = ()
 
 
 def as_exported(proof: Proof) -> Proof:
     """Return a proof, not proven where it passes, but the export's text does other in its nominal or worst run."""
     if proof.verdict != "PASS":
         return proof
-    controller = controller_for(proof.words.target)
+    controller, heard = controller_for(proof.words.target), proof.heard
     for run in dict.fromkeys((0, proof.worst_run)):
-        told = departure(controller, proof.words, proof.traced(run))
-        if told is not None:
-            findings = (*proof.heard.findings, Finding(name="exported-text", told=f"{proof.runs[run].label}: {told}"))
-            return replace(proof, heard=replace(proof.heard, findings=findings))
-    return proof
+        departs, not_run = compared(controller, proof.words, proof.traced(run))
+        if departs is not None:
+            finding = Finding(name="exported-text", told=f"{proof.runs[run].label}: {departs}")
+            return replace(proof, heard=replace(heard, findings=(*heard.findings, finding)))
+        heard = replace(heard, not_tested=tuple(dict.fromkeys((*heard.not_tested, *not_run))))
+    return replace(proof, heard=heard)
 
 
-def departure(controller: Controller, words: Words, trace: Trace) -> str | None:
-    """Return where the text of the export does other than a run of these words; None: nowhere, or nothing here runs it.
+def compared(controller: Controller, words: Words, trace: Trace) -> Compared:
+    """Return where the text of the export does other than a run of these words.
 
     Args:
         controller: that ran.
@@ -51,49 +70,148 @@ def departure(controller: Controller, words: Words, trace: Trace) -> str | None:
         trace: of the run. One whose setpoint is led along a profile is not looked at: no export leads it.
     """
     if controller.exported is None or trace.scenario.leads:
-        return None
+        return Compared()
     told = Certificate(verdict="PASS", setpoint_degC=trace.setpoint_degC, actuator=trace.actuator)
-    text = controller.exported(controller.export(words, told), assumed(controller.assumptions, trace.switches))
-    if text is None:
+    loads = controller.exported(controller.export(words, told), assumed(controller.assumptions, trace.switches))
+    not_run: dict[str, None] = {}
+    for file, load in loads.items():
+        try:
+            text = load()
+            shown = Compared() if text is None else _Comparison(controller, words, trace, text).shown()
+        except InputError as problem:
+            shown = Compared(str(problem))
+        if shown.departs is not None:
+            return Compared(f"{file}: {shown.departs}")
+        not_run |= dict.fromkeys(shown.not_run)
+    return Compared(not_run=tuple(not_run))
+
+
+class _Call(NamedTuple):
+    """What a call of the controller saw in the run, and what it gave."""
+
+    time_s: float
+    phase: int
+    asked: Number
+    counts: int
+    reading_degC: float
+    followed_degC: float
+    power_pct: float
+
+
+class _Comparison:
+    """A text beside a run; each part tells where it departs."""
+
+    def __init__(self, controller: Controller, words: Words, trace: Trace, text: Exported) -> None:
+        self._words, self._trace, self._text = words, trace, text
+        self._loop = in_loop(controller, words, trace.scenario.setpoints_degC, trace.switches)
+        self._calls = self._seen(controller)
+        self._powers: dict[Number, float] = {}  # output asked for → power [%]
+        self._not_run: list[str] = []
+
+    def shown(self) -> Compared:
+        departs = self._of_calls() or self._of_ticks() or self._of_pulses()
+        return Compared(departs, tuple(self._not_run))
+
+    def _seen(self, controller: Controller) -> list[_Call]:
+        trace, scale = self._trace, self._words.scaling
+        begins = [0.0, *(event.time_s for event in trace.scenario.disturbances)]
+        times, readings = trace.time_s[:_MOST_CALLS], trace.reading_degC[:_MOST_CALLS]
+        phases = (np.searchsorted(begins, times, "right") - 1).tolist()
+        counts = np.rint((readings - scale.low_degC) * (controller.counts / scale.span_degC)).astype(int)
+        asked = [self._loop.asked[phase] for phase in phases]
+        return list(map(_Call, times.tolist(), phases, asked, counts.tolist(), readings.tolist(),
+                        trace.followed_degC.tolist(), trace.power_asked_pct.tolist()))
+
+    def _of_calls(self) -> str | None:
+        """Compare setpoint and power at each call."""
+        if len(self._calls) < len(self._trace.time_s):
+            self._not_run.append(f"what the exported program does after {_MOST_CALLS} calls")
+        supplied = True
+        for seen in self._calls:
+            before, supplied = supplied, self._trace.scenario.supplied[seen.phase]
+            if not supplied:
+                continue
+            if not before:
+                self._text.start()
+            made = self._text.call(seen.asked, seen.counts, seen.reading_degC)
+            self._powers[made.output] = made.power_pct
+            if departs := self._other(seen, made):
+                return departs
         return None
-    outputs: dict[Number, float] = {}
-    return _of_calls(controller, words, trace, text, outputs) or _of_pulses(words, trace, text, outputs)
 
+    def _of_ticks(self) -> str | None:
+        """Compare all tick by tick, from the start-up to the first disturbance, and again after a broken sensor."""
+        text, trace, ta = self._text, self._trace, self._words.sample_time_s
+        per_call = round(ta / text.tick_s) if text.tick_s > 0.0 else 0
+        if abs(per_call * text.tick_s - ta) > _OF_A_TICK:
+            return f"its clock ticks every {text.tick_s:g} s; proven is TA = {ta:g} s"
+        calls = [seen for seen in self._calls[: _MOST_TICKS // per_call + 1]
+                 if seen.phase == 0 and seen.time_s < trace.cut_s][:-1]  # after the last one something may happen
+        if not calls:
+            self._not_run.append(f"an exported clock of more than {_MOST_TICKS} ticks a call")
+        text.start()
+        if departs := self._of_clock(calls, per_call):
+            return departs
+        power, on = text.interrupt()
+        if power != 0.0 or on:
+            return f"while the sensor is broken it asks for {power:.6g} %{', and the heater is on' if on else ''}"
+        departs = self._of_clock(calls, per_call)
+        return None if departs is None else f"after a broken sensor: {departs}"
 
-def _of_calls(
-    controller: Controller, words: Words, trace: Trace, text: Exported, outputs: dict[Number, float]
-) -> str | None:
-    """Compare setpoint and power at each call; enter what was asked for, output → power [%]."""
-    scenario, scale = trace.scenario, words.scaling
-    loop = in_loop(controller, words, scenario.setpoints_degC, trace.switches)
-    begins = [0.0, *(event.time_s for event in scenario.disturbances)]
-    time_s, readings = trace.time_s[:_MOST_CALLS], trace.reading_degC[:_MOST_CALLS]
-    phases = np.searchsorted(begins, time_s, "right") - 1
-    counts = np.rint((readings - scale.low_degC) * (controller.counts / scale.span_degC)).astype(int)
-    supplied = True
-    for scan, (phase, count) in enumerate(zip(phases.tolist(), counts.tolist(), strict=True)):
-        before, supplied = supplied, scenario.supplied[phase]
-        if not supplied:
-            continue
-        if not before:
-            text.start()
-        made = text.call(loop.asked[phase], count)
-        outputs[made.output] = made.power_pct
-        followed, power = trace.followed_degC[scan], trace.power_asked_pct[scan]
-        if loop.zero_degC + loop.unit_degC * made.setpoint != followed or made.power_pct != power:
-            return (f"at {trace.time_s[scan]:g} s it asks for {made.power_pct:.6g} % after setpoint {made.setpoint}; "
-                    f"proven are {power:.6g} %")
-    return None
-
-
-def _of_pulses(words: Words, trace: Trace, text: Exported, outputs: Mapping[Number, float]) -> str | None:
-    """Compare the ticks of a period for all that was asked for; nothing is carried from one period to the next."""
-    ticks = trace.actuator.ticks(words.sample_time_s)
-    if ticks is None:
+    def _of_clock(self, calls: Sequence[_Call], per_call: int) -> str | None:
+        text, edges, switched = self._text, self._trace.edge_time_s, self._trace.edge_on
+        for seen in calls:
+            for tick in range(per_call):
+                made, on = text.tick(seen.asked, seen.counts, seen.reading_degC)
+                if departs := self._other(seen, made):
+                    return departs
+                edge = int(np.searchsorted(edges, seen.time_s + (tick + 0.5) * text.tick_s)) - 1
+                if on not in (None, edge >= 0 and bool(switched[edge])):
+                    return f"at {seen.time_s + tick * text.tick_s:g} s it switches the heater otherwise than was proven"
         return None
-    for output, power in outputs.items():
-        on_s, _ = on_time(power, 0.0, trace.actuator.numbers)
-        made = text.pulses(output, ticks.per_period)
-        if made is not None and abs(made - on_s / trace.actuator.resolution_s) > _OF_A_TICK:
-            return f"{made} ticks of a period are on at {power:.6g} %; proven are {on_s:g} s"
-    return None
+
+    def _other(self, seen: _Call, made: Called) -> str | None:
+        """Return what the program follows or asks for other than the run at this call."""
+        followed = self._loop.zero_degC + self._loop.unit_degC * made.setpoint
+        if (followed, made.power_pct) == (seen.followed_degC, seen.power_pct):
+            return None
+        return (f"at {seen.time_s:g} s it asks for {made.power_pct:.6g} % after setpoint {made.setpoint}; proven are "
+                f"{seen.power_pct:.6g} %")
+
+    def _of_pulses(self) -> str | None:
+        """Compare the ticks of a period for what was asked for; nothing is carried from one period to the next."""
+        actuator = self._trace.actuator
+        ticks = actuator.ticks(self._words.sample_time_s)
+        if ticks is None or not self._powers:
+            return None
+        period = ticks.per_period
+        outputs, length = sorted(self._powers), min(period, _MOST_OF_PWM)
+        begins = self._text.begin(outputs[0], period)
+        if begins is None:
+            return None
+        counts = self._text.counted() is not None
+        ticked = _spread(outputs, min(_FULLY if counts else len(outputs), max(1, _MOST_OF_PWM // period)))
+        for output in outputs if counts else sorted(ticked):
+            on_s, _ = on_time(self._powers[output], 0.0, actuator.numbers)
+            proven = on_s / actuator.resolution_s
+            begins = self._text.begin(output, period)
+            made = [(self._text.counted(), proven)]
+            if output in ticked:
+                on = bool(begins) + sum(self._text.go_on() for _ in range(length - 1))
+                made.append((on, min(proven, length)))
+            for ticks_on, wanted in made:
+                if ticks_on is not None and abs(ticks_on - wanted) > _OF_A_TICK:
+                    return (f"{ticks_on:g} ticks of a period are on at {self._powers[output]:.6g} %; proven are "
+                            f"{wanted:g}")
+        if not counts and len(ticked) < len(outputs):
+            self._not_run.append(f"the exported PWM at {len(outputs) - len(ticked)} of {len(outputs)} powers")
+        if length < period:
+            self._not_run.append(f"the exported PWM after {length} ticks of a period")
+        return None
+
+
+def _spread(ordered: Sequence[Number], count: int) -> set[Number]:
+    """Return so many values, from the smallest to the largest one and evenly, or one from the middle, or all."""
+    last = len(ordered) - 1
+    places = [last / 2.0] if count == 1 else np.linspace(0.0, last, min(count, last + 1))
+    return {ordered[round(float(place))] for place in places}

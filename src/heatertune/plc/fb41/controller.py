@@ -8,7 +8,7 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, TICK_S, TIMER
 from heatertune.plc.fb41.export import export_words
-from heatertune.plc.fb41.exported import ExportedContC
+from heatertune.plc.fb41.exported import exported
 from heatertune.plc.fb41.feed_forward import FEED
 from heatertune.plc.fb41.image import from_image, oddities
 from heatertune.plc.fb41.readback import from_text
@@ -48,7 +48,7 @@ class ContC(Controller, name="fb41"):
     core = Core(step=step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"))
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     export, image, oddities = staticmethod(export_words), staticmethod(from_image), staticmethod(oddities)
-    exported = staticmethod(ExportedContC)
+    exported = staticmethod(exported)
     text, scan_all, feed = staticmethod(from_text), staticmethod(scan), FEED
 
     def begin(self, words: Words, assume: Assumptions) -> Running:

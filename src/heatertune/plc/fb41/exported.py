@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Final
 
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
 from heatertune.plc.cpu.s7_300.machine import Cpu
@@ -12,23 +13,24 @@ from heatertune.plc.fb41.step import Assumptions, State, scaled, scan
 from heatertune.plc.fb41.words import FIELDS, parameters_of
 from heatertune.plc.ramp import Number
 
-__all__ = ["ExportedContC"]
+__all__ = ["exported"]
 
-_LMN = slice(72, 76)
-_REALS = frozenset(field.name for field in FIELDS if field.format == "REAL")
+_FILE: Final = "fb41_cont_c.awl"
+_LMN: Final = slice(72, 76)
+_REALS: Final = frozenset(field.name for field in FIELDS if field.format == "REAL")
 
 
 class ExportedContC(ExportedS7):
     """See `heatertune.plc.exported.Exported`."""
 
-    def __init__(self, files: Mapping[str, str | bytes], assume: Assumptions) -> None:
-        """Load the files of an export; raise InputError where the source has what the CPU does not know."""
+    def __init__(self, source: str, assume: Assumptions) -> None:
+        """Load a source; raise InputError where the source has what the CPU does not know."""
         self._assume, self._state = assume, State()
-        super().__init__(str(files["fb41_cont_c.awl"]), {"FB 41": self._cont_c})
+        super().__init__(source, {"FB 41": self._cont_c})
 
     def asked(self, counts: int) -> int:
         """Return an analog value, which a ramp takes, or what it means in the unit of PV."""
-        if "LED" in self._own:
+        if self._led is not None:
             return counts
         return bits_of(scaled(parameters_of(_values(self._cpu.words["DB 41"])), counts)[0])
 
@@ -51,3 +53,8 @@ class ExportedContC(ExportedS7):
 
 def _values(words: Mapping[str, int]) -> dict[str, Number]:
     return {field.name: as_real(words[field.name]) if field.name in _REALS else words[field.name] for field in FIELDS}
+
+
+def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> dict[str, Callable[[], ExportedContC]]:
+    """Return what loads the source."""
+    return {_FILE: lambda: ExportedContC(str(files[_FILE]), assume)}

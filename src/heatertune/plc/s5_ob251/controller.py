@@ -8,7 +8,7 @@ from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.s5_ob251.export import export_words
-from heatertune.plc.s5_ob251.exported import ExportedS5
+from heatertune.plc.s5_ob251.exported import exported
 from heatertune.plc.s5_ob251.feed_forward import FEED
 from heatertune.plc.s5_ob251.image import from_image, oddities
 from heatertune.plc.s5_ob251.readback import from_text
@@ -58,7 +58,7 @@ class Ob251(Controller, name="s5-ob251"):
     export, typed = staticmethod(export_words), staticmethod(typed)
     image, oddities = staticmethod(from_image), staticmethod(oddities)
     text, tolerated = staticmethod(from_text), staticmethod(tolerated)
-    exported = staticmethod(ExportedS5)
+    exported = staticmethod(exported)
     scan_all, most_gain, feed = staticmethod(scan), staticmethod(most_gain), FEED
 
     def begin(self, words: Words, assume: Assumptions) -> Running:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Final
 
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
 from heatertune.plc.cpu.s7_300.source import signed
@@ -11,7 +12,8 @@ from heatertune.plc.s7_300.step import Assumptions, percent
 
 __all__ = ["exported"]
 
-_OUT = slice(6, 8)
+_FILE: Final = "s7_300_pid.awl"
+_OUT: Final = slice(6, 8)
 
 
 class _Exported(ExportedS7):
@@ -23,9 +25,9 @@ class _Exported(ExportedS7):
         return output, percent(output)
 
     def force(self, output: Number) -> None:
-        self._cpu.memory["DB 100"][_OUT] = int(output).to_bytes(2, "big")
+        self._cpu.memory["DB 100"][_OUT] = (int(output) % (1 << 16)).to_bytes(2, "big")
 
 
-def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> ExportedS7 | None:
-    """Return the program that runs; None for other assumptions than its own: the text is one of several."""
-    return _Exported(str(files["s7_300_pid.awl"]), {}) if assume == Assumptions() else None
+def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> dict[str, Callable[[], ExportedS7]]:
+    """Return what loads the source; nothing for other assumptions than its own: the text is one of several."""
+    return {_FILE: lambda: _Exported(str(files[_FILE]), {})} if assume == Assumptions() else {}

@@ -10,6 +10,7 @@ from heatertune.plc.core import Core, Running, Sensor, count
 from heatertune.plc.pwm import HALF_WAVE_S
 from heatertune.plc.single import single
 from heatertune.plc.weg.export import export_words
+from heatertune.plc.weg.exported import exported
 from heatertune.plc.weg.readback import from_text
 from heatertune.plc.weg.step import COLD, Assumptions, block_of, scan, step
 from heatertune.plc.weg.words import COUNTS, FIELDS, consistent, design_of, interval_s, oddities, values_of
@@ -50,7 +51,7 @@ class Weg(Controller, name="weg"):
     core = Core(step=step, measure=_measure, flags=("upper limit", "lower limit", "overflow"), singles=True)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     interval_s, export, scan_all = staticmethod(interval_s), staticmethod(export_words), staticmethod(scan)
-    text, oddities = staticmethod(from_text), staticmethod(oddities)
+    text, oddities, exported = staticmethod(from_text), staticmethod(oddities), staticmethod(exported)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before EN has ever been TRUE."""

@@ -1,7 +1,7 @@
 """A CPU that runs a STEP 5 listing: the statements that heatertune's own programs use, and no others.
 
-Two accumulators and data words of 16 bits; a comparison asks whether ACCU 2 … ACCU 1 and leaves both as they are
-(S5-115U manual EWA 4NEB 811 6130, chapter 8). A statement becomes a function that gives the place of the next one.
+Data words of 16 bits; a comparison asks whether ACCU 2 … ACCU 1 and leaves both as they are (S5-115U manual
+EWA 4NEB 811 6130, chapter 8).
 """
 
 from __future__ import annotations
@@ -12,20 +12,26 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from heatertune.errors import InputError
+from heatertune.plc.cpu.statements import (
+    END,
+    Accumulators,
+    Line,
+    Statement,
+    carry_out,
+    exchange,
+    jump,
+    load,
+    transfer,
+)
 
 __all__ = ["Cpu"]
 
-_END: Final = -1
 _CONSTANTS: Final = {"KF": 10, "KB": 10, "KH": 16, "KM": 2}
 _COMPARED: Final = {"!=F": operator.eq, "><F": operator.ne, ">F": operator.gt, ">=F": operator.ge, "<F": operator.lt,
                     "<=F": operator.le}
 
-#: label, operation, operand
-_Line = tuple[str, str, str]
-_Statement = Callable[["Cpu"], int]
 
-
-class Cpu:
+class Cpu(Accumulators):
     """A CPU with a listing in its memory.
 
     Attributes:
@@ -40,34 +46,48 @@ class Cpu:
         Raises:
             InputError: a line that is no statement known here, a jump to nowhere, a block that is not there.
         """
-        lines, self.data = _blocks(listing)
+        super().__init__()
+        self._lines, self.data = _blocks(listing)
         self.inputs: dict[str, int] = {}
         self.outputs: dict[str, int] = {}
-        self.one = self.two = 0
-        self.true = False
         self.open: list[int] = []
         self._firmware = firmware
-        known = {*lines, *firmware}
+        known = {*self._lines, *firmware}
         self._code = {name: [_statement(line, place, _labels(block), known) for place, line in enumerate(block)]
-                      for name, block in lines.items()}
+                      for name, block in self._lines.items()}
+
+    def block(self, number: int, last: int) -> list[int]:
+        """Return the words of a data block.
+
+        Raises:
+            InputError: it has no such last one.
+        """
+        words = self.data.get(number, [])
+        if len(words) <= last:
+            raise InputError(f"DB {number}: {len(words)} words; expected {last + 1} or more")
+        return words
 
     def run(self, block: str) -> None:
-        """Run a block until it ends; the data block open before is open again afterwards."""
+        """Run a block until it ends; the data block open before is open again afterwards.
+
+        Raises:
+            InputError: there is none, or a statement at which the CPU would stop.
+        """
         before = self.open
         if block in self._firmware:
             self._firmware[block](before)
             return
-        code, place = self._code[block], 0
-        while place != _END:
-            place = code[place](self)
+        if block not in self._code:
+            raise InputError(f"{block}: the listing has no such block")
+        carry_out(self, self._code[block], self._lines[block])
         self.open = before
 
 
-def _blocks(listing: str) -> tuple[dict[str, list[_Line]], dict[int, list[int]]]:
+def _blocks(listing: str) -> tuple[dict[str, list[Line]], dict[int, list[int]]]:
     """Return the statements of each block, and the words of each data block."""
-    code: dict[str, list[_Line]] = {}
+    code: dict[str, list[Line]] = {}
     data: dict[int, list[int]] = {}
-    statements, words = list[_Line](), list[int]()
+    statements, words = list[Line](), list[int]()
     for number, line in enumerate(listing.splitlines(), 1):
         if not line or line.startswith(("//", "NAME")):
             continue
@@ -76,20 +96,26 @@ def _blocks(listing: str) -> tuple[dict[str, list[_Line]], dict[int, list[int]]]
         elif re.fullmatch(r"(FB|OB) \d+", line):
             statements = code[line] = []
         elif word := re.match(r" *\d+: +(K\w) = ([^;]+);", line):
-            words.append(_constant(word[1], word[2]))
+            words.append(_constant(word[1], word[2], f"line {number}"))
         elif found := re.fullmatch(r"(\w*) *:(\S+) *([^;]*?) *(;.*)?", line):
-            statements.append((found[1], found[2], found[3]))
+            statements.append(Line(number, found[1], found[2], found[3]))
         else:
             raise InputError(f"line {number}: {line.strip()!r}; expected a block, a data word or a statement")
+    for name, block in code.items():
+        if not block or block[-1].operation != "BE":
+            raise InputError(f"{block[-1] if block else name}; a block ends with BE")
     return code, data
 
 
-def _labels(block: list[_Line]) -> dict[str, int]:
-    return {label: place for place, (label, _, _) in enumerate(block) if label}
+def _labels(block: list[Line]) -> dict[str, int]:
+    return {line.label: place for place, line in enumerate(block) if line.label}
 
 
-def _constant(kind: str, digits: str) -> int:
-    return _word(int(digits.replace(" ", ""), _CONSTANTS[kind]))
+def _constant(kind: str, digits: str, where: object) -> int:
+    try:
+        return _word(int(digits.replace(" ", ""), _CONSTANTS[kind]))
+    except (KeyError, ValueError):
+        raise InputError(f"{where}: {kind} = {digits}; this is no constant that is known here") from None
 
 
 def _word(number: int) -> int:
@@ -98,29 +124,28 @@ def _word(number: int) -> int:
 
 
 def _statement(  # noqa: C901, PLR0911, PLR0912 - one branch for each kind of statement
-    line: _Line, place: int, labels: Mapping[str, int], known: set[str]
-) -> _Statement:
+    line: Line, place: int, labels: Mapping[str, int], known: set[str]
+) -> Statement[Cpu]:
     """Return what a statement does.
 
     Raises:
         InputError: it is not known here.
     """
-    _, name, operand = line
-    then = place + 1
+    name, operand, then = line.operation, line.operand, place + 1
     kind, _, rest = operand.partition(" ")
     if name in _COMPARED and not operand:
         return _compare(_COMPARED[name], then)
     match name, kind:
         case ("JU" | "JC"), _ if operand[1:] in labels and operand.startswith("="):
-            return _jump(labels[operand[1:]], then if name == "JC" else None)
+            return jump(labels[operand[1:]], then, _true if name == "JC" else None)
         case "JU", ("FB" | "OB") if operand in known:
             return _call(operand, then)
         case "BE", "":
-            return lambda _: _END
+            return jump(END, then)
         case "BEC", "":
-            return lambda cpu: _END if cpu.true else then
+            return jump(END, then, _true)
         case "TAK", "":
-            return _exchange(then)
+            return exchange(then)
         case ("+F" | "-F"), "":
             return _sum(1 if name == "+F" else -1, then)
         case ("SLW" | "SRW"), _ if operand.isdigit():
@@ -128,111 +153,88 @@ def _statement(  # noqa: C901, PLR0911, PLR0912 - one branch for each kind of st
         case "C", "DB" if rest.isdigit():
             return _opened(int(rest), then)
         case "L", _ if kind in _CONSTANTS:
-            return _loaded(_constant(kind, rest), then)
+            return load(_always(_constant(kind, rest, line)), then)
         case ("L" | "T"), "DW" if rest.isdigit():
-            return _load(int(rest), then) if name == "L" else _transfer(int(rest), then)
+            return load(_word_of(int(rest)), then) if name == "L" else transfer(_to_word(int(rest)), then)
         case "L", "PW":
-            return _read(operand, then)
+            return load(lambda cpu: _word(cpu.inputs.get(operand, 0)), then)
         case "T", ("PW" | "PY" | "RS"):
-            return _written(operand, then)
+            return transfer(_to_output(operand, 0xFF if kind == "PY" else -1), then)
         case "A", "I":
             return _asked(operand, then)
-        case ("TB" | "SU" | "RU"), "D" if re.fullmatch(r"\d+\.\d+", rest):
+        case ("TB" | "SU" | "RU"), "D" if re.fullmatch(r"\d+\.(\d|1[0-5])", rest):
             number, _, bit = rest.partition(".")
             return _bit(name, int(number), int(bit), then)
-    raise InputError(f"statement {' '.join((name, operand)).strip()!r}; this is none that is known here")
+    raise InputError(f"{line}; this is none that is known here")
 
 
-def _compare(asks: Callable[[int, int], bool], then: int) -> _Statement:
+def _true(cpu: Cpu) -> bool:
+    return cpu.true
+
+
+def _always(value: int) -> Callable[[Cpu], int]:
+    return lambda _: value
+
+
+def _word_of(number: int) -> Callable[[Cpu], int]:
+    return lambda cpu: cpu.open[number]
+
+
+def _to_word(number: int) -> Callable[[Cpu, int], None]:
+    def put(cpu: Cpu, value: int) -> None:
+        cpu.open[number] = value
+    return put
+
+
+def _to_output(operand: str, mask: int) -> Callable[[Cpu, int], None]:
+    def put(cpu: Cpu, value: int) -> None:
+        cpu.outputs[operand] = value & mask
+    return put
+
+
+def _compare(asks: Callable[[int, int], bool], then: int) -> Statement[Cpu]:
     def run(cpu: Cpu) -> int:
         cpu.true = asks(cpu.two, cpu.one)
         return then
     return run
 
 
-def _jump(there: int, then: int | None) -> _Statement:
-    """Return a jump, where there is another way one under a condition."""
-    return (lambda _: there) if then is None else (lambda cpu: there if cpu.true else then)
-
-
-def _call(block: str, then: int) -> _Statement:
+def _call(block: str, then: int) -> Statement[Cpu]:
     def run(cpu: Cpu) -> int:
         cpu.run(block)
         return then
     return run
 
 
-def _exchange(then: int) -> _Statement:
-    def run(cpu: Cpu) -> int:
-        cpu.one, cpu.two = cpu.two, cpu.one
-        return then
-    return run
-
-
-def _sum(sign: int, then: int) -> _Statement:
+def _sum(sign: int, then: int) -> Statement[Cpu]:
     def run(cpu: Cpu) -> int:
         cpu.one = _word(cpu.two + sign * cpu.one)
         return then
     return run
 
 
-def _shift(places: int, left: bool, then: int) -> _Statement:
+def _shift(places: int, left: bool, then: int) -> Statement[Cpu]:
     def run(cpu: Cpu) -> int:
         cpu.one = _word(cpu.one << places if left else (cpu.one & 0xFFFF) >> places)
         return then
     return run
 
 
-def _opened(number: int, then: int) -> _Statement:
+def _opened(number: int, then: int) -> Statement[Cpu]:
     def run(cpu: Cpu) -> int:
         cpu.open = cpu.data[number]
         return then
     return run
 
 
-def _loaded(value: int, then: int) -> _Statement:
-    def run(cpu: Cpu) -> int:
-        cpu.one, cpu.two = value, cpu.one
-        return then
-    return run
-
-
-def _load(number: int, then: int) -> _Statement:
-    def run(cpu: Cpu) -> int:
-        cpu.one, cpu.two = cpu.open[number], cpu.one
-        return then
-    return run
-
-
-def _transfer(number: int, then: int) -> _Statement:
-    def run(cpu: Cpu) -> int:
-        cpu.open[number] = cpu.one
-        return then
-    return run
-
-
-def _read(operand: str, then: int) -> _Statement:
-    def run(cpu: Cpu) -> int:
-        cpu.one, cpu.two = _word(cpu.inputs.get(operand, 0)), cpu.one
-        return then
-    return run
-
-
-def _written(operand: str, then: int) -> _Statement:
-    def run(cpu: Cpu) -> int:
-        cpu.outputs[operand] = cpu.one & 0xFF if operand.startswith("PY") else cpu.one
-        return then
-    return run
-
-
-def _asked(operand: str, then: int) -> _Statement:
+def _asked(operand: str, then: int) -> Statement[Cpu]:
     def run(cpu: Cpu) -> int:
         cpu.true = bool(cpu.inputs.get(operand, 0))
         return then
     return run
 
 
-def _bit(name: str, number: int, place: int, then: int) -> _Statement:
+def _bit(name: str, number: int, place: int, then: int) -> Statement[Cpu]:
     """Return what tests (TB), sets (SU) or clears (RU) a bit of a data word."""
     mask = 1 << place
 

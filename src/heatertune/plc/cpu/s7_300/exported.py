@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar, Final, final
+from typing import ClassVar, Final, cast, final
 
+from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300.machine import Cpu, Firmware
 from heatertune.plc.cpu.s7_300.program import DATA, PWM_DATA
 from heatertune.plc.cpu.s7_300.source import signed
@@ -14,21 +16,31 @@ from heatertune.plc.ramp import Number
 
 __all__ = ["ExportedS7"]
 
-_FULLY: Final = 3  # periods that are run tick by tick
+_OWN: Final = f"DB {DATA}"
+_PWM: Final = f"DB {PWM_DATA}"
+_TOLD: Final = "L OB 35"
 _INPUT: Final = 256
+_BROKEN: Final = (0x7FFF, 0x8000)  # overflow, underflow
 
 
 class ExportedS7(ABC):
-    """See `heatertune.plc.exported.Exported`; of most periods only the ticks on are computed, at their beginning."""
+    """See `heatertune.plc.exported.Exported`."""
 
     pulsegen: ClassVar[Mapping[str, Firmware]] = {"FB 43": lambda _cpu, _words: None}
 
     def __init__(self, source: str, firmware: Mapping[str, Firmware]) -> None:
         """Load a source into a CPU with this firmware; raise InputError where it has what the CPU does not know."""
-        self._cpu, self._fully = Cpu(source, {**self.pulsegen, **firmware}), _FULLY
-        self._own, self._pwm = self._cpu.members[f"DB {DATA}"], self._cpu.members.get(f"DB {PWM_DATA}")
-        self._cpu.memory["L OB 35"][10:12] = self._cpu.get(self._own["TICK_MS"]).to_bytes(2, "big")
-        self._cpu.put(self._own["AUTO"], 1)
+        self._cpu = cpu = Cpu(source, {**self.pulsegen, **firmware})
+        self._due, self._setpoint = cpu.member(_OWN, "TICKS"), cpu.member(_OWN, "SP")
+        self._led = cpu.members[_OWN].get("LED")
+        self._pwm = None if _PWM not in cpu.members else (cpu.member(_PWM, "TICK"), cpu.member(_PWM, "COUNT"))
+        self._tick_ms = cpu.get(cpu.member(_OWN, "TICK_MS"))
+        self._asked: Number | None = None
+        self._begun = False
+        if _TOLD not in cpu.memory:
+            raise InputError("OB 35: the source has no such block")
+        cpu.memory[_TOLD][10:12] = self._tick_ms.to_bytes(2, "big")
+        cpu.put(cpu.member(_OWN, "AUTO"), 1)
         self.start()
 
     @abstractmethod
@@ -43,37 +55,73 @@ class ExportedS7(ABC):
     def force(self, output: Number) -> None:
         """Write the controller's output."""
 
+    @property
+    def tick_s(self) -> float:
+        """TICK_MS, which OB35 compares with its own interval [s]."""
+        return self._tick_ms / 1000.0
+
     @final
     def start(self) -> None:
         """Run OB100."""
         self._cpu.run("OB 100")
+        self._begun = False
 
     @final
-    def call(self, asked: Number, counts: int) -> Called:
+    def call(self, asked: Number, counts: int, reading_degC: float) -> Called:
         """Run OB35 when the controller is due."""
-        cpu, own = self._cpu, self._own
-        cpu.put(own["SP"], self.asked(int(asked)))
-        cpu.put(own["TICKS"], 0)
+        if self._begun:
+            self._cpu.put(self._due, 0)
+        return self.tick(asked, counts, reading_degC)[0]
+
+    @final
+    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[Called, bool | None]:  # noqa: ARG002
+        """Run OB35."""
+        cpu = self._cpu
+        if self._asked not in (None, asked):
+            cpu.put(self._setpoint, self.asked(int(asked)))
+        self._asked, self._begun = asked, True
         cpu.memory["P"][_INPUT : _INPUT + 2] = counts.to_bytes(2, "big")
         cpu.run("OB 35")
-        led = own.get("LED")
-        return Called(asked if led is None else signed(cpu.get(led), 16), *self.outcome())
+        return Called(self._followed(), *self.outcome()), None if self._pwm is None else self._on()
+
+    def _followed(self) -> Number:
+        if self._led is not None:
+            return signed(self._cpu.get(self._led), 16)
+        as_asked = self._asked is not None and self._cpu.get(self._setpoint) == self.asked(int(self._asked))
+        return cast("Number", self._asked) if as_asked else math.nan
 
     @final
-    def pulses(self, output: Number, ticks: int) -> int | None:
-        """Run OB35 for a period that begins with this output."""
-        cpu = self._cpu
+    def interrupt(self) -> tuple[float, bool | None]:
+        """Run OB35 with each analog value of a broken wire."""
+        self._begun, asked, on = False, 0.0, False
+        for value in _BROKEN:
+            self._cpu.memory["P"][_INPUT : _INPUT + 2] = value.to_bytes(2, "big")
+            self._cpu.run("OB 35")
+            asked, on = max(asked, self.outcome()[1]), on or self._on()
+        return asked, None if self._pwm is None else on
+
+    @final
+    def begin(self, output: Number, ticks: int) -> bool | None:
+        """Run OB35 where a period begins with this output."""
         if self._pwm is None:
             return None
         self.force(output)
-        cpu.put(self._pwm["TICK"], 0)
-        cpu.put(self._own["TICKS"], 1)
-        cpu.run("OB 35")
-        if self._fully == 0:
-            return cpu.get(self._pwm["COUNT"])
-        self._fully -= 1
-        on = cpu.memory["P"][4] & 1
-        for _ in range(ticks - 1):
-            cpu.run("OB 35")
-            on += cpu.memory["P"][4] & 1
-        return on
+        begins, counted = self._pwm
+        self._cpu.put(begins, 0)
+        self._cpu.put(counted, ticks + 1)  # anything else than what it has to become
+        self._cpu.put(self._due, 1)
+        return self.go_on()
+
+    @final
+    def go_on(self) -> bool:
+        """Run OB35."""
+        self._cpu.run("OB 35")
+        return self._on()
+
+    @final
+    def counted(self) -> int | None:
+        """Return COUNT."""
+        return None if self._pwm is None else self._cpu.get(self._pwm[1])
+
+    def _on(self) -> bool:
+        return bool(self._cpu.memory["P"][4] & 1)

@@ -14,11 +14,33 @@ from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300.real import quotient, real
-from heatertune.plc.cpu.s7_300.source import Place, as_real, bits_of, constant, placed, signed
+from heatertune.plc.cpu.s7_300.source import (
+    LAST,
+    Place,
+    as_real,
+    bits_of,
+    constant,
+    numbered,
+    placed,
+    signed,
+    statements,
+)
+from heatertune.plc.cpu.statements import (
+    END,
+    Accumulators,
+    Line,
+    Statement,
+    carry_out,
+    exchange,
+    jump,
+    load,
+    transfer,
+)
 
 __all__ = ["Cpu", "Firmware"]
 
-_END: Final = -1
+#: what temporaries hold before they are written: anything
+_JUNK: Final = b"\x5a" * 128
 _WIDTHS: Final = {"X": 0, "B": 1, "W": 2, "D": 4}
 _COMPARED: Final = {"==": operator.eq, "<>": operator.ne, ">": operator.gt, ">=": operator.ge, "<": operator.lt,
                     "<=": operator.le}
@@ -27,17 +49,16 @@ _ASSIGNED: Final = re.compile(r"(\w+) := ([^;,)]+)")
 
 #: outputs and inputs, the words of an instance whose block is not in the source → what a call of the block does
 Firmware = Callable[["Cpu", dict[str, int]], None]
-_Statement = Callable[["Cpu"], int]
 
 
 class _Block(NamedTuple):
-    """Source of a code block: its members, its temporaries, and its statements (label, operation, operand)."""
+    """Source of a code block: its members, its temporaries among them, and its statements."""
 
     members: dict[str, Place]
-    lines: list[tuple[str, str, str]]
+    lines: list[Line]
 
 
-class Cpu:
+class Cpu(Accumulators):
     """A CPU with a source in its memory.
 
     Attributes:
@@ -52,24 +73,41 @@ class Cpu:
         Raises:
             InputError: what is no source, or a statement that is not known here.
         """
+        super().__init__()
         self.memory = {name: bytearray(1024) for name in ("I", "Q", "P")}
         self.members: dict[str, dict[str, Place]] = {}
         self.words: dict[str, dict[str, int]] = {}
-        self.one = self.two = 0
-        self.true = self.os = False
+        self.os = False
         self.first = True
         self.instance = ""
         self._firmware = firmware
-        blocks = self._loaded(source)
-        self._code = {name: self._translated(block) for name, block in blocks.items()}
+        self._blocks = self._loaded(source)
+        self._code = {name: self._translated(block) for name, block in self._blocks.items()}
 
     def run(self, block: str) -> None:
-        """Run a block until it ends."""
-        code, place = self._code[block], 0
+        """Run a block until it ends.
+
+        Raises:
+            InputError: there is none, or a statement at which the CPU would stop.
+        """
+        if block not in self._code:
+            raise InputError(f"{block}: the source has no such block")
         self.first = True
-        while place != _END:
-            place = code[place](self)
+        if block.startswith("F"):
+            self.memory[f"L {block}"][:] = _JUNK
+        carry_out(self, self._code[block], self._blocks[block].lines)
         self.first = True
+
+    def member(self, data: str, name: str) -> Place:
+        """Return the place of a data block's member.
+
+        Raises:
+            InputError: there is none.
+        """
+        try:
+            return self.members[data][name]
+        except KeyError:
+            raise InputError(f"{data}: the source has no member {name} there") from None
 
     def get(self, place: Place) -> int:
         """Return what stands at a place: a bit, or bytes as an unsigned number."""
@@ -90,13 +128,13 @@ class Cpu:
     def _loaded(self, source: str) -> dict[str, _Block]:
         """Load the data blocks; return the others."""
         blocks: dict[str, _Block] = {}
-        part: list[str] = []
-        for raw in source.splitlines():
-            line = raw.partition("//")[0].strip()
-            part.append(line)
-            if line.startswith("END_") and line.split()[0].removeprefix("END_") in (
-                    "FUNCTION_BLOCK", "DATA_BLOCK", "FUNCTION", "ORGANIZATION_BLOCK"):
-                head = next(found for found in map(_HEAD.fullmatch, part) if found)
+        part: list[tuple[int, str]] = []
+        for number, line in numbered(source):
+            part.append((number, line))
+            if line in LAST:
+                head = next((found for _, text in part if (found := _HEAD.fullmatch(text))), None)
+                if head is None or all(text != "BEGIN" for _, text in part):
+                    raise InputError(f"line {number}: {line}; expected its head and BEGIN before")
                 if head[1] == "DATA_BLOCK":
                     self._data(head[2], part, blocks)
                 else:
@@ -104,39 +142,44 @@ class Cpu:
                 part = []
         return blocks
 
-    def _data(self, name: str, part: list[str], blocks: Mapping[str, _Block]) -> None:
-        begin = part.index("BEGIN")
-        values = {found[1]: constant(found[2].strip()) for found in map(_ASSIGNED.match, part[begin:]) if found}
-        of = next((line for line in part if re.fullmatch(r"FB \d+", line)), None)
+    def _data(self, name: str, part: list[tuple[int, str]], blocks: Mapping[str, _Block]) -> None:
+        texts = [text for _, text in part]
+        begin = texts.index("BEGIN")
+        values = {found[1]: (number, _constant(number, found[2].strip())) for number, text in part[begin:]
+                  if (found := _ASSIGNED.match(text))}
+        of = next((line for line in texts if re.fullmatch(r"FB \d+", line)), None)
         self.memory[name] = bytearray(1024)
         if of is not None and of not in blocks:
-            self.words[name] = values
+            self.words[name] = {member: value for member, (_, value) in values.items()}
             return
-        members = placed(part[:begin], name, 0) if of is None else blocks[of].members
+        members = placed(texts[:begin], name, 0) if of is None else blocks[of].members
         self.members[name] = {member: place._replace(memory=name) for member, place in members.items()}
-        for member, value in values.items():
+        for member, (number, value) in values.items():
+            if member not in members:
+                raise InputError(f"line {number}: {member}; {name} has no such member")
             self.put(self.members[name][member], value)
 
-    def _block(self, name: str, part: list[str]) -> _Block:
-        begin = part.index("BEGIN")
+    def _block(self, name: str, part: list[tuple[int, str]]) -> _Block:
+        texts = [text for _, text in part]
+        begin = texts.index("BEGIN")
         declared, temporary = list[str](), list[str]()
         section = declared
-        for line in part[:begin]:
-            section = temporary if line == "VAR_TEMP" else declared if line.startswith("VAR") else section
-            section.append(line)
+        for text in texts[:begin]:
+            section = temporary if text == "VAR_TEMP" else declared if text.startswith("VAR") else section
+            section.append(text)
         own = f"L {name}"
-        self.memory[own] = bytearray(128)
-        lines, text = [], " ".join(line for line in part[begin + 1 : -1] if not line.startswith(("NETWORK", "TITLE")))
-        for statement in text.split(";"):
-            if found := re.fullmatch(r"\s*(?:(\w+):)?\s*(\S+)\s*(.*?)\s*", statement):
-                lines.append((found[1] or "", found[2], " ".join(found[3].split())))
-        return _Block(placed(declared, "", 0) | placed(temporary, own, 0), lines)
+        self.memory[own] = bytearray(len(_JUNK))
+        return _Block(placed(declared, "", 0) | placed(temporary, own, 0), statements(part[begin + 1 : -1]))
 
-    def _translated(self, block: _Block) -> list[_Statement]:
-        labels = {label: place for place, (label, _, _) in enumerate(block.lines) if label}
-        code = [self._statement(block, operation, operand, place + 1, labels)
-                for place, (_, operation, operand) in enumerate(block.lines)]
-        return [*code, lambda _: _END]
+    def _translated(self, block: _Block) -> list[Statement[Cpu]]:
+        labels = {line.label: place for place, line in enumerate(block.lines) if line.label}
+        code = list[Statement[Cpu]]()
+        for place, line in enumerate(block.lines):
+            try:
+                code.append(self._statement(block, line, place + 1, labels))
+            except (InputError, LookupError, ValueError):
+                raise InputError(f"{line}; this is none that is known here") from None
+        return [*code, jump(END, 0)]
 
     def _place(self, block: _Block, operand: str) -> Place | None:
         """Return the place of an operand; None: it is a constant."""
@@ -150,20 +193,21 @@ class Cpu:
         return None
 
     def _statement(  # noqa: C901, PLR0911, PLR0912 - one branch for each kind of statement
-        self, block: _Block, name: str, operand: str, then: int, labels: Mapping[str, int]
-    ) -> _Statement:
+        self, block: _Block, line: Line, then: int, labels: Mapping[str, int]
+    ) -> Statement[Cpu]:
         """Return what a statement does.
 
         Raises:
-            InputError: it is not known here.
+            InputError, LookupError, ValueError: it, or its operand, is not known here.
         """
+        name, operand = line.operation, line.operand
         place = self._place(block, operand) if operand else None
         kind = name[-1]
         match name:
             case "L":
-                return _load(place, then) if place else _loaded(constant(operand), then)
+                return load(_value(place) if place else _always(constant(operand)), then)
             case "T" if place:
-                return _transfer(place, then)
+                return transfer(_to(place), then)
             case "A" | "AN" if place:
                 return _asked(place, name == "AN", then)
             case "=" | "S" | "R" if place:
@@ -173,15 +217,16 @@ class Cpu:
             case "JU" | "JC" | "JCN" | "JOS":
                 return _jump(name, labels[operand], then)
             case "BEU":
-                return lambda _: _END
+                return jump(END, then)
             case "NOP":
-                return lambda _: then
+                return jump(then, then)
             case "TAK":
-                return _exchange(then)
+                return exchange(then)
             case "CALL":
                 return self._call(block, operand, then)
             case "SRD":
-                return _unary(lambda one: one >> int(operand), then)
+                places = int(operand)
+                return _unary(lambda one: one >> places, then)
             case "ITD":
                 return _unary(lambda one: signed(one, 16) % (1 << 32), then)
             case "DTR":
@@ -199,13 +244,15 @@ class Cpu:
             return _whole(name[0], 16 if kind == "I" else 32, then)
         if name in ("+R", "-R", "*R", "/R"):
             return _of_reals(name[0], then)
-        raise InputError(f"statement {name} {operand!r}; this is none that is known here")
+        raise LookupError(name)
 
-    def _call(self, block: _Block, operand: str, then: int) -> _Statement:
+    def _call(self, block: _Block, operand: str, then: int) -> Statement[Cpu]:
         called = re.match(r"((?:FB|FC) \d+)(?: , (DB \d+))?", operand)
         if called is None:
             raise InputError(f"CALL {operand!r}; expected a block, and its instance where it has one")
         name, data = called[1], called[2] or ""
+        if name not in self._firmware and name not in self._blocks:
+            raise LookupError(name)
         given = [(found[1], self._place(block, found[2].strip()), found[2].strip())
                  for found in _ASSIGNED.finditer(operand)]
 
@@ -232,28 +279,26 @@ class Cpu:
         return firmware if name in self._firmware else run
 
 
-def _load(place: Place, then: int) -> _Statement:
-    def run(cpu: Cpu) -> int:
-        cpu.one, cpu.two = cpu.get(place), cpu.one
-        return then
-    return run
+def _constant(number: int, text: str) -> int:
+    try:
+        return constant(text)
+    except InputError as problem:
+        raise InputError(f"line {number}: {problem}") from None
 
 
-def _loaded(value: int, then: int) -> _Statement:
-    def run(cpu: Cpu) -> int:
-        cpu.one, cpu.two = value, cpu.one
-        return then
-    return run
+def _always(value: int) -> Callable[[Cpu], int]:
+    return lambda _: value
 
 
-def _transfer(place: Place, then: int) -> _Statement:
-    def run(cpu: Cpu) -> int:
-        cpu.put(place, cpu.one)
-        return then
-    return run
+def _value(place: Place) -> Callable[[Cpu], int]:
+    return lambda cpu: cpu.get(place)
 
 
-def _asked(place: Place, negated: bool, then: int) -> _Statement:
+def _to(place: Place) -> Callable[[Cpu, int], None]:
+    return lambda cpu, value: cpu.put(place, value)
+
+
+def _asked(place: Place, negated: bool, then: int) -> Statement[Cpu]:
     def run(cpu: Cpu) -> int:
         bit = bool(cpu.get(place)) != negated
         cpu.true, cpu.first = bit if cpu.first else cpu.true and bit, False
@@ -261,7 +306,7 @@ def _asked(place: Place, negated: bool, then: int) -> _Statement:
     return run
 
 
-def _written(place: Place, name: str, then: int) -> _Statement:
+def _written(place: Place, name: str, then: int) -> Statement[Cpu]:
     def run(cpu: Cpu) -> int:
         if name == "=" or cpu.true:
             cpu.put(place, int(cpu.true and name != "R"))
@@ -270,14 +315,14 @@ def _written(place: Place, name: str, then: int) -> _Statement:
     return run
 
 
-def _set(value: bool, then: int) -> _Statement:
+def _set(value: bool, then: int) -> Statement[Cpu]:
     def run(cpu: Cpu) -> int:
         cpu.true, cpu.first = value, True
         return then
     return run
 
 
-def _jump(name: str, there: int, then: int) -> _Statement:
+def _jump(name: str, there: int, then: int) -> Statement[Cpu]:
     def run(cpu: Cpu) -> int:
         goes = {"JU": True, "JC": cpu.true, "JCN": not cpu.true, "JOS": cpu.os}[name]
         if name == "JOS":
@@ -289,28 +334,21 @@ def _jump(name: str, there: int, then: int) -> _Statement:
     return run
 
 
-def _exchange(then: int) -> _Statement:
-    def run(cpu: Cpu) -> int:
-        cpu.one, cpu.two = cpu.two, cpu.one
-        return then
-    return run
-
-
-def _unary(makes: Callable[[int], int], then: int) -> _Statement:
+def _unary(makes: Callable[[int], int], then: int) -> Statement[Cpu]:
     def run(cpu: Cpu) -> int:
         cpu.one = makes(cpu.one)
         return then
     return run
 
 
-def _binary(makes: Callable[[int, int], int], then: int) -> _Statement:
+def _binary(makes: Callable[[int, int], int], then: int) -> Statement[Cpu]:
     def run(cpu: Cpu) -> int:
         cpu.one = makes(cpu.two, cpu.one)
         return then
     return run
 
 
-def _whole(sign: str, width: int, then: int) -> _Statement:
+def _whole(sign: str, width: int, then: int) -> Statement[Cpu]:
     """Return a sum, difference or product of whole numbers; that of 16 bits leaves the upper half as it is."""
     makes = {"+": operator.add, "-": operator.sub, "*": operator.mul}[sign]
     mask = (1 << width) - 1
@@ -321,7 +359,7 @@ def _whole(sign: str, width: int, then: int) -> _Statement:
     return run
 
 
-def _divided(rest: bool, then: int) -> _Statement:
+def _divided(rest: bool, then: int) -> Statement[Cpu]:
     """Return quotient or remainder, cut towards zero."""
     def run(cpu: Cpu) -> int:
         dividend, divisor = signed(cpu.two, 32), signed(cpu.one, 32)
@@ -331,7 +369,7 @@ def _divided(rest: bool, then: int) -> _Statement:
     return run
 
 
-def _of_reals(sign: str, then: int) -> _Statement:
+def _of_reals(sign: str, then: int) -> Statement[Cpu]:
     makes: dict[str, Callable[[Any, Any, bool], tuple[float, bool]]] = {
         "+": lambda two, one, os: real(two + one, os), "-": lambda two, one, os: real(two - one, os),
         "*": lambda two, one, os: real(two * one, os), "/": quotient}
@@ -343,7 +381,7 @@ def _of_reals(sign: str, then: int) -> _Statement:
     return run
 
 
-def _compare(asks: Callable[[Any, Any], bool], kind: str, then: int) -> _Statement:
+def _compare(asks: Callable[[Any, Any], bool], kind: str, then: int) -> Statement[Cpu]:
     means: Callable[[int], Any] = {
         "I": lambda bits: signed(bits, 16), "D": lambda bits: signed(bits, 32), "R": as_real}[kind]
 

@@ -1,16 +1,22 @@
-"""Literals and declarations of an STL source, as bits and bytes."""
+"""Statements, literals and declarations of an STL source; the latter as bits and bytes."""
 
 from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Iterable, Iterator
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
+from heatertune.plc.cpu.statements import Line
 
-__all__ = ["Place", "as_real", "bits_of", "constant", "placed", "signed"]
+__all__ = ["LAST", "Place", "as_real", "bits_of", "constant", "numbered", "placed", "signed", "statements"]
+
+#: last lines of blocks
+LAST: Final = ("END_FUNCTION_BLOCK", "END_DATA_BLOCK", "END_FUNCTION", "END_ORGANIZATION_BLOCK")
 
 _SIZES: Final = {"BOOL": 0, "BYTE": 1, "INT": 2, "WORD": 2, "DINT": 4, "TIME": 4, "REAL": 4, "DATE_AND_TIME": 8}
+_STATEMENT: Final = re.compile(r"\s*(?:(\w+):)?\s*(\S+)\s*(.*?)\s*")
 _DECLARED: Final = re.compile(r"(\w+) : (\w+) *(?:\[[^\]]*\] *OF \w+ *)?;")
 
 
@@ -21,6 +27,38 @@ class Place(NamedTuple):
     byte: int
     bit: int
     size: int
+
+
+def numbered(source: str) -> Iterator[tuple[int, str]]:
+    """Yield the lines and their numbers, from 1 on, without remarks and blanks around."""
+    for number, line in enumerate(source.splitlines(), 1):
+        yield number, line.partition("//")[0].strip()
+
+
+def statements(lines: Iterable[tuple[int, str]]) -> list[Line]:
+    """Return the statements of a block's lines: each ends in a semicolon, and may take several of them.
+
+    Raises:
+        InputError: a line after which none ends.
+    """
+    found, begun, text = list[Line](), 0, ""
+    for number, line in lines:
+        if not line or (not text and line.startswith(("NETWORK", "TITLE"))):
+            continue
+        begun, text = (begun, f"{text} {line}") if text else (number, line)
+        *whole, text = text.split(";")
+        found += [_statement(begun, each) for each in whole]
+        begun, text = number, text.strip()
+    if text:
+        raise InputError(f"line {begun}: {text!r}; expected a semicolon")
+    return found
+
+
+def _statement(number: int, text: str) -> Line:
+    parts = _STATEMENT.fullmatch(text)
+    if parts is None:
+        raise InputError(f"line {number}: {text.strip()!r}; this is no statement")
+    return Line(number, parts[1] or "", parts[2], " ".join(parts[3].split()))
 
 
 def as_real(pattern: int) -> float:
