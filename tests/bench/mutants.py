@@ -43,9 +43,9 @@ NOT_HERE = ("choose", "choice", "promise", "design", "laws", "commissioning")
 TESTS = ("tests/plc", "tests/golden", "tests/proof", "tests/chain/test_words.py")
 #: imported before the copies are made of this process, for each would load them anew
 SLOW_TO_LOAD = ("pytest", "numpy", "scipy.signal", "scipy.optimize", "control", "numba", "hypothesis", "matplotlib", "awlsim", "pandas")
-LONGEST_S = 15.0  # of the tests of one fault; what takes much longer has no end
+LONGEST_S = 15.0  # of the tests of one fault, on the processor; what takes much longer has no end
 
-#: they take more than `LONGEST_S` in any case
+#: they take longer than all others of one fault together
 SLOW = (
     "tests/golden/test_fb41.py::test_a_call_is_total_for_every_bit_pattern",
     "tests/golden/test_fb41.py::test_a_rest_that_single_precision_cuts_off_is_not_lost",
@@ -227,10 +227,11 @@ def _read(place):
     return eval(place.read_text(), {"inf": float("inf")})  # what this file wrote
 
 
-def chosen(tests, took, path, first):
+def chosen(tests, took, path, first, longest_s):
     """Return the tests that enter the function, else the file or those that import it, the shortest first, and their time."""
     files = {path}
-    if not first:
+    if not any(line == first and str(path).endswith(SOURCE + name) for name, line in tests):  # at import, or outside
+        first = 0
         root = next(folder for folder in path.parents if str(folder).endswith(SOURCE))
         module = ".".join(("heatertune", *path.relative_to(root).with_suffix("").parts))
         files |= {other for other in root.rglob("*.py") if f"from {module} import" in other.read_text()}
@@ -238,8 +239,8 @@ def chosen(tests, took, path, first):
                if line in (first or line, first) and any(str(file).endswith(SOURCE + name) for file in files)}
     total, taken = 0.0, []
     for test in sorted(entered, key=lambda test: (took.get(test, 0.0), test)):
-        total += took.get(test, 0.0)
-        if total < LONGEST_S:
+        if total + took.get(test, 0.0) < longest_s:
+            total += took.get(test, 0.0)
             taken.append(test)
     return taken, total
 
@@ -250,6 +251,7 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--each", type=int, help="at most so many of each folder, and of each file of proof")
     parser.add_argument("--only", nargs="+", default=[""], help="parts of files' paths: those that have one of them")
+    parser.add_argument("--longest", type=float, default=LONGEST_S, help="of the tests of one fault [s]; the shortest come first")
     parser.add_argument("--map", type=Path, help="where the map from functions to tests is kept for the next run")
     parser.add_argument("--tests", nargs="+", help="run these for each fault, not those that enter its place")
     parser.add_argument("--again", type=Path, help="a former run's output: its survivors only")
@@ -313,7 +315,7 @@ def attacked(copied, asked, end):
             continue
         known = _known_as(path.relative_to(copied / SOURCE), sources[path], at, text)
         outcome = "equal" if known in same else struck(
-            path, planted(trees[path], place, which), *((asked.tests, LONGEST_S) if asked.tests else chosen(tests, took, path, first)))
+            path, planted(trees[path], place, which), *((asked.tests, LONGEST_S) if asked.tests else chosen(tests, took, path, first, asked.longest)))
         counts[outcome] += 1
         of_each[_group(path)][outcome] += 1
         print(f"{outcome} {label}", flush=True)
