@@ -4,6 +4,7 @@ import fcntl
 import hashlib
 import os
 import random
+import sys
 from collections import Counter
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,9 @@ from hypothesis import HealthCheck, settings
 
 from heatertune import compiled
 from heatertune.log.values import Log
+
+sys.dont_write_bytecode = False  # for this process, which rewrites the tests' asserts, and for the commands that tests start:
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # they are many, and each would translate all sources anew
 
 ROOT = Path(__file__).parents[1]
 TABLES = ROOT / "data" / "paper_tables"
@@ -37,6 +41,11 @@ SLOW = ("long", "law", "brute", "doc")
 
 #: of pytest's own cache
 _CACHE = "heatertune"
+
+
+def pytest_configure(config):
+    """Keep machine code from run to run, and fits for this run: of its processes and of the commands that tests start."""
+    os.environ["HEATERTUNE_CACHE"] = str(config.cache.mkdir(_CACHE))
 
 
 def pytest_sessionstart(session):
@@ -78,20 +87,12 @@ def run_folder(tmp_path_factory):
     return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
 
 
-@pytest.fixture(scope="session")
-def run_cache(request):
-    """The folder of machine code, kept from run to run, and of fits, kept for the run where a test asks for `kept`.
-
-    Commands that a test starts find there what the tests compiled, and the tests what they did.
-    """
-    return request.config.cache.mkdir(_CACHE)
-
-
 @pytest.fixture(scope="session", autouse=True)
-def machine_code(run_cache, run_folder):
-    """What is compiled is kept from run to run of the tests, each function by one process: each loop costs seconds."""
+def machine_code(request, run_folder):
+    """What is compiled is kept, whatever cache a test asks for, each function by one process: each loop costs seconds."""
+    place = request.config.cache.mkdir(_CACHE)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiled, "folder", lambda: run_cache)
+        patch.setattr(compiled, "folder", lambda: place)
         _compile_in_turn(patch, run_folder / "locks")
         yield
 
@@ -122,12 +123,6 @@ def _compile_in_turn(patch, locks):
             return compile_plainly(self, signature)
 
     patch.setattr(Dispatcher, "compile", compile_in_turn)
-
-
-@pytest.fixture
-def kept(run_cache, monkeypatch):
-    """Fits are kept for the whole run: the commands share them, other tests and the user's cache do not."""
-    monkeypatch.setenv("HEATERTUNE_CACHE", str(run_cache))
 
 
 @pytest.fixture(scope="session")

@@ -173,7 +173,6 @@ def assert_same(life, trace):
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("kept")
 @pytest.mark.parametrize("target", FILES)
 def test_the_files_of_table4_alone_do_what_was_proven(target, tmp_path):
     proven = design("table4", Asked(target=target), out=tmp_path).closed.proof
