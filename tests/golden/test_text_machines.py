@@ -7,15 +7,20 @@ CONT_C's instance and of OB35's start information.
 
 import random
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from tests.golden.s5_machine import Machine
 
 from heatertune.errors import InputError
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Certificate, Scaling, WordField, controller_for
 from heatertune.plc.cpu.s5.machine import Cpu as S5Cpu
 from heatertune.plc.cpu.s7_300.machine import Cpu as S7Cpu
+from heatertune.plc.cpu.s7_300.memory import read
 from heatertune.plc.cpu.s7_300.source import bits_of
+from heatertune.plc.pwm import Actuator
 
 WORD = (0, 1, -1, 5, -7, 255, 256, -256, 32767, -32768)
 
@@ -223,6 +228,25 @@ def test_a_block_that_is_not_in_the_source_is_the_firmwares_and_in_and_out_come_
     cpu.run("FC 1")
     assert called == [{"GAIN": bits_of(2.5), "SP": 0x0102, "ON": 1}]
     assert cpu.memory["Q"][6:8].hex() == "000c"
+
+
+@pytest.mark.parametrize(("target", "file"), [("s7-300", "s7_300_pid.awl"), ("fb41", "fb41_cont_c.awl")])
+def test_a_program_is_loaded_in_manual_and_with_the_heater_off(target, file):
+    which = controller_for(target)
+    words = which.encode(PidDesign(gain_pct_per_degC=2.5, integral_time_s=40.0, derivative_time_s=0.0, sample_time_s=3.0, structure="pi",
+                                   method=""), Scaling())
+    words = replace(words, ramp=which.ramp(words, 5.0))
+    text = which.export(words, Certificate(verdict="PASS", actuator=Actuator(pwm_period_s=3.0, resolution_s=0.1)))[file]
+    cpu = S7Cpu(text, dict.fromkeys(("FB 41", "FB 43"), lambda *_: None))
+    bits = {name: cpu.get(place) for name, place in cpu.members["DB 101"].items() if place.size == 0}
+    assert bits == {"AUTO": 0, "FAULT": 0, "WRONG_CLOCK": 0, "HEAT": 0, "BEGUN": 0}
+
+
+def test_a_dump_that_ends_with_a_bit_is_read():
+    fields = [WordField(name=name, address=address, format="BOOL", low=0, high=1, comment="") for name, address in (("A", "DBX0.3"), ("B", "DBX1.0"))]
+    assert read(b"\x08\x01", fields, "dump") == {"A": 1, "B": 1}
+    with pytest.raises(InputError, match="1 bytes; expected 2"):
+        read(b"\x08", fields, "dump")
 
 
 @pytest.mark.parametrize("line", ["XYZ", "T 3", "A 3", "= 3", "L #GONE", "L DB1.DBZ 3", "JU gone", "CALL OB 3", "==X", "+X", "L S5T#1S"])

@@ -28,8 +28,8 @@ from heatertune.proof import (
     simulate,
 )
 from heatertune.proof.measured import Measured, columns_of
-from heatertune.proof.meter import COLUMNS, SETTLED, TOTALS
-from heatertune.proof.scenario import delayed, phases_of
+from heatertune.proof.meter import COLUMNS, HIGHEST, SETTLED, TOTALS, is_led
+from heatertune.proof.scenario import Led, delayed, phases_of
 
 #: between both ways: they add up in another order and take exponentials over other times
 NEAR = {"rel": 1e-9, "abs": 1e-9}
@@ -153,3 +153,23 @@ def test_each_loop_is_held_against_the_disturbance_that_uses_most_of_its_time():
     column = next(each for each in columns_of(measured, Limits()) if each.name == "recovery_time")
     assert [(each.value, each.limit) for each in column.criteria("ab")] == [(15.0, 30.0), (50.0, 60.0)]
     assert column.strains == pytest.approx([15.0 / 30.0, 50.0 / 60.0])
+
+
+def test_a_ramp_that_stays_below_its_end_goes_beyond_it_by_nothing():
+    # up from 50 to 60 °C, then a soak; highest 1 °C and 0.5 °C below the setpoints, or 2 °C above that of the soak: 20 % of 10 °C
+    scenario = Scenario(setpoint_degC=50.0, duration_s=300.0, disturbances=(
+        Led(time_s=100.0, from_degC=50.0, setpoint_degC=60.0, duration_s=10.0), Led(time_s=200.0, from_degC=60.0, setpoint_degC=60.0, duration_s=100.0)))
+    table = np.zeros((2, 3, COLUMNS))
+    table[:, :, HIGHEST] = [[0.0, -1.0, -0.5], [0.0, -1.0, 2.0]]
+    measured = Measured(
+        scenario=scenario, band_degC=1.0, phases=phases_of(scenario, 300.0, 80.0), rows=np.ones((2, 6)), table=table,
+        totals=np.zeros((2, TOTALS)), ripple=np.zeros(2))
+    column = next(each for each in columns_of(measured, Limits()) if each.name == "ramp_overshoot")
+    assert column.values.tolist() == [0.0, 20.0]
+
+
+def test_a_setpoint_moves_where_its_rate_is_not_0():
+    # of each phase: begin [s], from [°C], rate [°C/s], duration [s]
+    leads = np.array([0.0, 50.0, 0.0, 0.0, 100.0, 50.0, 1.0, 10.0, 200.0, 60.0, -1.0, 10.0])
+    assert [bool(is_led(leads, phase)) for phase in range(3)] == [False, True, True]
+    assert not is_led(np.empty(0), 0)

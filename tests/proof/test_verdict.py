@@ -15,7 +15,7 @@ from heatertune.proof.measured import Column
 from heatertune.proof.period import life
 from heatertune.proof.specification import GENERAL
 from heatertune.proof.verdict import Heard, HeardView, combined, derived, told_of, verdict_line, verdict_of_samples
-from heatertune.proof.words_file import certificate, demand_same_words
+from heatertune.proof.words_file import _accepting, certificate, demand_same_words
 
 PWM = Actuator(pwm_period_s=10.0)
 PAPER = paper_scenario(duration_s=3000.0)
@@ -213,6 +213,16 @@ def _document(**changed):
     plain = {"verdict": "PASS", "scenario": {"setpoint_degC": 50.0}, "runs": [{"model": name} for name in ("a", "a", "b")],
              "criteria": {"ms": {"ok": True}, "gain_margin": {"ok": True}}, "findings": [], "assumed": {}, "remarks": [], "not_tested": []}
     return plain | changed
+
+
+def test_findings_are_accepted_by_their_names_beside_those_that_were():
+    findings = [POOR, POOR | {"name": "alias"}, POOR | {"name": "coarse-sensor", "accepted": True}]
+    accepted = _accepting(_document(findings=findings, verdict="NOT PROVEN", digest=""), ["alias"])
+    assert [finding["accepted"] for finding in accepted["findings"]] == [False, True, True]
+    assert accepted["verdict"] == "NOT PROVEN"
+    assert _accepting(accepted, ["poor-fit"])["verdict"] == "PASS"
+    with pytest.raises(UnknownName):
+        _accepting(accepted, ["joy"])
 
 
 def _samples(passing, *shares):
