@@ -24,6 +24,7 @@ import importlib
 import io
 import os
 import random
+import re
 import shutil
 import signal
 import sys
@@ -228,17 +229,22 @@ def _read(place):
 
 
 def chosen(tests, took, path, first, longest_s):
-    """Return the tests that enter the function, else the file or those that import it, the shortest first, and their time."""
-    files = {path}
+    """Return the tests that enter the function, the shortest first, and their time.
+
+    Of what stands outside all functions: those that enter the file, or one that imports it, and those of a file that does.
+    """
+    files, beside = {path}, set()
     if not any(line == first and str(path).endswith(SOURCE + name) for name, line in tests):  # at import, or outside
         first = 0
         root = next(folder for folder in path.parents if str(folder).endswith(SOURCE))
-        module = ".".join(("heatertune", *path.relative_to(root).with_suffix("").parts))
-        files |= {other for other in root.rglob("*.py") if f"from {module} import" in other.read_text()}
-    entered = {test for (name, line), those in tests.items() for test in those
-               if line in (first or line, first) and any(str(file).endswith(SOURCE + name) for file in files)}
+        package, stem = ".".join(("heatertune", *path.relative_to(root).parts[:-1])), path.stem
+        imports = re.compile(rf"from {package}\.{stem} import|from {package} import .*\b{stem}\b")
+        files |= {other for other in root.rglob("*.py") if imports.search(other.read_text())}
+        beside = {test for test in took if imports.search((root.parents[1] / test.partition("::")[0]).read_text())}
+    entered = beside | {test for (name, line), those in tests.items() for test in those
+                        if line in (first or line, first) and any(str(file).endswith(SOURCE + name) for file in files)}
     total, taken = 0.0, []
-    for test in sorted(entered, key=lambda test: (took.get(test, 0.0), test)):
+    for test in sorted(entered, key=lambda test: (test not in beside, took.get(test, 0.0), test)):
         if total + took.get(test, 0.0) < longest_s:
             total += took.get(test, 0.0)
             taken.append(test)
@@ -257,7 +263,7 @@ def main():
     parser.add_argument("--again", type=Path, help="a former run's output: its survivors only")
     parser.add_argument("--planted", action="store_true", help="those of planted.toml, nothing drawn")
     asked = parser.parse_args()
-    asked.map = asked.map and asked.map.resolve()
+    asked.map, asked.again = (path and path.resolve() for path in (asked.map, asked.again))  # before the folder is another
     end = time.monotonic() + 60.0 * asked.minutes
     with tempfile.TemporaryDirectory() as folder:
         copied = Path(folder) / "heatertune"
@@ -315,7 +321,7 @@ def attacked(copied, asked, end):
             continue
         known = _known_as(path.relative_to(copied / SOURCE), sources[path], at, text)
         outcome = "equal" if known in same else struck(
-            path, planted(trees[path], place, which), *((asked.tests, LONGEST_S) if asked.tests else chosen(tests, took, path, first, asked.longest)))
+            path, planted(trees[path], place, which), *((["-m", "fast", *asked.tests], LONGEST_S) if asked.tests else chosen(tests, took, path, first, asked.longest)))
         counts[outcome] += 1
         of_each[_group(path)][outcome] += 1
         print(f"{outcome} {label}", flush=True)

@@ -169,7 +169,7 @@ def test_constants_of_the_s7_300_are_their_bits(text, bits):
 
 #: by hand; RLO begins anew after =, S, R, SET, CLR and every jump, JC and JCN set it, a comparison is the first of a series
 @pytest.mark.parametrize(("lines", "inputs", "outputs"), [
-    (["A I 0.0", "A I 0.1", "= Q 4.0"], 0b01, 0), (["A I 0.0", "A I 0.1", "= Q 4.0"], 0b11, 1), (["A I 0.0", "AN I 0.1", "= Q 4.1"], 0b01, 2),
+    (["A I 0.0", "A I 0.1", "= Q 4.0"], 0b01, 0), (["A I 0.0", "A I 0.1", "= Q 4.0"], 0b10, 0), (["A I 0.0", "A I 0.1", "= Q 4.0"], 0b11, 1), (["A I 0.0", "AN I 0.1", "= Q 4.1"], 0b01, 2),
     (["AN I 0.0", "AN I 0.1", "= Q 4.0"], 0b10, 0), (["AN I 0.0", "= Q 4.0", "A I 0.1", "= Q 4.7"], 0b10, 0x81),
     (["SET", "= Q 4.0", "CLR", "= Q 4.1"], 0, 1), (["SET", "S Q 4.3", "CLR", "S Q 4.4", "R Q 4.3"], 0, 8), (["SET", "S Q 4.3", "R Q 4.3"], 0, 0),
     (["SET", "A I 0.0", "= Q 4.0"], 1, 1), (["CLR", "A I 0.0", "= Q 4.0"], 1, 1),
