@@ -205,6 +205,8 @@ def test_constants_without_an_integral_part_have_no_integral_time(ki, tn):
     # the sum E + E_prev is 2·E less the change: K is KP − KI, and K·TA/TN = 2·KI
     words, _ = _repaired({"KP": 100, "KI": ki, "KD": 0, "SCALE": 7, "TICK": 250, "TICKS": 28})
     assert ROOM.decode(words).integral_time_s == pytest.approx(tn)
+    with pytest.raises(OutOfRange, match=r"word KP = 100 .*not KI"):
+        ROOM.design(replace(words, values=dict(words.values, KI=100)))
 
 
 @pytest.mark.parametrize("line", ["MOVX\t+1, VW0", "MOVW\t+1", "MOVW\t+1, VW511", "MOVW\t+1, VW999", "MOVW\t+1, VB0", "S\tQ0.0, 2", "PLS\t1"])

@@ -19,7 +19,7 @@ from heatertune.plc import Certificate, Scaling, WordField, controller_for
 from heatertune.plc.cpu.s5.machine import Cpu as S5Cpu
 from heatertune.plc.cpu.s7_300.machine import Cpu as S7Cpu
 from heatertune.plc.cpu.s7_300.memory import read
-from heatertune.plc.cpu.s7_300.source import bits_of
+from heatertune.plc.cpu.s7_300.source import as_real, bits_of
 from heatertune.plc.pwm import Actuator
 
 WORD = (0, 1, -1, 5, -7, 255, 256, -256, 32767, -32768)
@@ -146,6 +146,13 @@ def test_arithmetic_of_the_s7_300_is_numpys(operation, kind, expected):
                 assert run(*bits)[0] == u32(wanted), (two, operation, one)
 
 
+@pytest.mark.parametrize(("operation", "two", "one"), [
+    ("RND", 0, bits_of(-2.5)), ("TRUNC", 0, bits_of(-2.5)), ("ITD", 0, 0xFFFE), ("-D", 1, 3), ("+D", 2**32 - 1, 2**32 - 1), ("*D", 2, 2**32 - 1),
+    ("/D", 2**32 - 2, 1), ("MOD", 2**32 - 2, 3)])
+def test_an_accumulator_holds_32_bits(operation, two, one):
+    assert made(operation, ("SRD 1", "T DB1.DBD 8"))(two, one)[0] == (2**32 - 2) >> 1
+
+
 @pytest.mark.parametrize("kind", ["I", "D", "R"])
 @pytest.mark.parametrize(("sign", "asks"), [
     ("==", np.equal), ("<>", np.not_equal), (">", np.greater), (">=", np.greater_equal), ("<", np.less), ("<=", np.less_equal)])
@@ -234,9 +241,13 @@ def test_a_block_that_is_not_in_the_source_is_the_firmwares_and_in_and_out_come_
 def test_a_program_is_loaded_in_manual_and_with_the_heater_off(target, file):
     which = controller_for(target)
     words = which.encode(PidDesign(gain_pct_per_degC=2.5, integral_time_s=40.0, derivative_time_s=0.0, sample_time_s=3.0, structure="pi",
-                                   method=""), Scaling())
+                                   method=""), Scaling(low_degC=20.0, high_degC=120.0))
+    told = Certificate(verdict="PASS", setpoint_degC=53.3, actuator=Actuator(pwm_period_s=3.0, resolution_s=0.1))
+    plain = S7Cpu(which.export(words, told)[file], dict.fromkeys(("FB 41", "FB 43"), lambda *_: None))
+    asked = plain.get(plain.members["DB 101"]["SP"])
+    assert {"s7-300": 20.0 + 100.0 * asked / 27648, "fb41": as_real(asked)}[target] == pytest.approx(53.3, abs=100.0 / 27648)
     words = replace(words, ramp=which.ramp(words, 5.0))
-    text = which.export(words, Certificate(verdict="PASS", actuator=Actuator(pwm_period_s=3.0, resolution_s=0.1)))[file]
+    text = which.export(words, told)[file]
     cpu = S7Cpu(text, dict.fromkeys(("FB 41", "FB 43"), lambda *_: None))
     bits = {name: cpu.get(place) for name, place in cpu.members["DB 101"].items() if place.size == 0}
     assert bits == {"AUTO": 0, "FAULT": 0, "WRONG_CLOCK": 0, "HEAT": 0, "BEGUN": 0}

@@ -28,7 +28,7 @@ from heatertune.proof import (
     simulate,
 )
 from heatertune.proof.measured import Measured, columns_of
-from heatertune.proof.meter import COLUMNS, HIGHEST, SETTLED, TOTALS, is_led
+from heatertune.proof.meter import COLUMNS, HIGHEST, SETTLED, TOTALS, begin, is_led, no_meter
 from heatertune.proof.scenario import Led, delayed, phases_of
 
 #: between both ways: they add up in another order and take exponentials over other times
@@ -173,3 +173,9 @@ def test_a_setpoint_moves_where_its_rate_is_not_0():
     leads = np.array([0.0, 50.0, 0.0, 0.0, 100.0, 50.0, 1.0, 10.0, 200.0, 60.0, -1.0, 10.0])
     assert [bool(is_led(leads, phase)) for phase in range(3)] == [False, True, True]
     assert not is_led(np.empty(0), 0)
+
+
+def test_a_ramp_begins_without_a_lag_where_the_temperature_is_at_its_begin():
+    # the phase's setpoint is the ramp's end, 60 °C: 10 °C below it and 10 s on its way from 50 °C, or 12 °C below it at its begin
+    meter = no_meter()._replace(setpoints=np.array([60.0]), leads=np.array([100.0, 50.0, 0.5, 20.0]))
+    assert [begin(meter, 0, time, error).lag for time, error in ((100.0, -10.0), (110.0, -10.0), (100.0, -12.0))] == [0.0, 5.0, 2.0]
