@@ -32,7 +32,7 @@ _PLAIN_SCANS = compiled._PLAIN_SCANS
 #: no deadline: a machine that others use, too, is now and then slow
 _WITHOUT_CLOCK = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("dev", max_examples=200, **_WITHOUT_CLOCK)
-settings.register_profile("ci", max_examples=3_000, print_blob=True, **_WITHOUT_CLOCK)
+settings.register_profile("ci", max_examples=1_000, print_blob=True, **_WITHOUT_CLOCK)
 settings.load_profile("dev")
 
 #: what keeps a test out of the fast ones
