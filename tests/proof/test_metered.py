@@ -27,7 +27,7 @@ from heatertune.proof import (
     runs,
     simulate,
 )
-from heatertune.proof.measured import Measured, columns_of
+from heatertune.proof.measured import Column, Measured, columns_of
 from heatertune.proof.meter import COLUMNS, HIGHEST, LOWEST, SETTLED, TOTALS, begin, is_led, no_meter
 from heatertune.proof.scenario import Led, delayed, phases_of
 
@@ -203,3 +203,8 @@ def test_less_power_lets_a_heater_fall_and_a_cooler_rise():
                         totals=np.zeros((2, TOTALS)), ripple=np.zeros(2))
     column = next(each for each in columns_of(measured, Limits()) if each.name == "deviation")
     assert column.values.tolist() == [4.0, 3.0]
+
+
+def test_a_limit_below_1_is_used_by_its_share():
+    column = Column(name="steady_offset", unit="°C", what="", values=np.array([0.25, 0.5, 1.0, 0.0]), limits=np.full(4, 0.5))
+    assert column.strains.tolist() == [0.5, 1.0, 2.0, 0.0]
