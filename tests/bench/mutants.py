@@ -8,7 +8,11 @@ errors. All this happens in a copy of the checkout. Of each fault is printed: ki
 Known to change nothing: mutants.txt beside this file, a line for each: file | line of the source | column in it: what was
 changed # reason; these are counted for themselves, and one whose fault is no longer there is told. Ends with status 1 where
 another survives; what had to be stopped for its time is told as endless, and counted as killed.
-What it runs is drawn by the seed, so a longer run goes on where a shorter one ends.
+What it runs is drawn by the seed, of each folder in turn, so a longer run goes on where a shorter one ends.
+
+    python tests/bench/mutants.py --planted
+
+plants the faults of planted.toml instead, each of which once survived every test, and runs the tests named there.
 """
 
 import argparse
@@ -20,27 +24,29 @@ import importlib
 import io
 import os
 import random
+import re
 import shutil
 import signal
 import sys
 import tempfile
 import time
+import tomllib
 from collections import Counter, defaultdict
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 EQUIVALENT = Path(__file__).with_suffix(".txt")
+PLANTED = Path(__file__).with_name("planted.toml")
 SOURCE = "src/heatertune"
-MUTATED = ("plc/**/*.py", "proof/judge.py", "proof/criteria.py", "proof/verdict.py")
+MUTATED = ("plc/**/*.py", *(f"proof/{name}.py" for name in ("judge", "criteria", "verdict", "meter", "metered", "measured", "words_file")))
 #: the search for words and what the fit supposes: tested beside pid, model and chain, by long tests
 NOT_HERE = ("choose", "choice", "promise", "design", "laws", "commissioning")
-TESTS = ("tests/plc", "tests/golden", *(f"tests/proof/test_{name}.py" for name in (
-    "judge", "verdict", "prove", "exact_measures", "sampled", "trace", "symptoms", "interlock", "loop", "scenario")))
+TESTS = ("tests/plc", "tests/golden", "tests/proof", "tests/chain/test_words.py")
 #: imported before the copies are made of this process, for each would load them anew
 SLOW_TO_LOAD = ("pytest", "numpy", "scipy.signal", "scipy.optimize", "control", "numba", "hypothesis", "matplotlib", "awlsim", "pandas")
-LONGEST_S = 15.0  # of the tests of one fault; what takes much longer has no end
+LONGEST_S = 15.0  # of the tests of one fault, on the processor; what takes much longer has no end
 
-#: they take more than `LONGEST_S` in any case
+#: they take longer than all others of one fault together
 SLOW = (
     "tests/golden/test_fb41.py::test_a_call_is_total_for_every_bit_pattern",
     "tests/golden/test_fb41.py::test_a_rest_that_single_precision_cuts_off_is_not_lost",
@@ -150,7 +156,7 @@ class Entered:
     """Plugin of pytest: which functions each test enters, and how long it takes."""
 
     def __init__(self, copied):
-        self.prefix, self.tests, self.took, self.now = str(copied / SOURCE), defaultdict(set), {}, None
+        self.prefix, self.tests, self.took, self.now, self.began = str(copied / SOURCE), defaultdict(set), {}, None, 0.0
 
     def _note(self, frame, event, _):
         code = frame.f_code
@@ -159,19 +165,21 @@ class Entered:
 
     def pytest_runtest_logstart(self, nodeid):
         """Begin a test."""
-        self.now = nodeid
+        self.now, self.began = nodeid, time.process_time()
         sys.setprofile(self._note)
 
     def pytest_runtest_logreport(self, report):
-        """Add up how long it takes; one that fails kills nothing."""
-        self.took[report.nodeid] = self.took.get(report.nodeid, 0.0) + (report.duration if report.passed else float("inf"))
+        """Note its time on the processor; one that fails kills nothing."""
+        took = time.process_time() - self.began if report.passed else float("inf")
+        self.took[report.nodeid] = max(self.took.get(report.nodeid, 0.0), took)
 
 
 def in_a_child(work, limit_s):
     """Return the exit status of work done in a copy of this process; None: it was stopped, or died."""
     child = os.fork()
     if child == 0:
-        signal.alarm(int(limit_s))
+        signal.setitimer(signal.ITIMER_PROF, limit_s)  # of the processor: others may be at work
+        signal.alarm(int(20.0 * limit_s))
         quiet = os.open(os.devnull, os.O_WRONLY)
         os.dup2(quiet, 1)
         os.dup2(quiet, 2)
@@ -220,19 +228,25 @@ def _read(place):
     return eval(place.read_text(), {"inf": float("inf")})  # what this file wrote
 
 
-def chosen(tests, took, path, first):
-    """Return the tests that enter the function, else the file or those that import it, the shortest first, and their time."""
-    files = {path}
-    if not first:
+def chosen(tests, took, path, first, longest_s):
+    """Return the tests that enter the function, the shortest first, and their time.
+
+    Of what stands outside all functions: those that enter the file, or one that imports it, and those of a file that does.
+    """
+    files, beside = {path}, set()
+    if not any(line == first and str(path).endswith(SOURCE + name) for name, line in tests):  # at import, or outside
+        first = 0
         root = next(folder for folder in path.parents if str(folder).endswith(SOURCE))
-        module = ".".join(("heatertune", *path.relative_to(root).with_suffix("").parts))
-        files |= {other for other in root.rglob("*.py") if f"from {module} import" in other.read_text()}
-    entered = {test for (name, line), those in tests.items() for test in those
-               if line in (first or line, first) and any(str(file).endswith(SOURCE + name) for file in files)}
+        package, stem = ".".join(("heatertune", *path.relative_to(root).parts[:-1])), path.stem
+        imports = re.compile(rf"from {package}\.{stem} import|from {package} import .*\b{stem}\b")
+        files |= {other for other in root.rglob("*.py") if imports.search(other.read_text())}
+        beside = {test for test in took if imports.search((root.parents[1] / test.partition("::")[0]).read_text())}
+    entered = beside | {test for (name, line), those in tests.items() for test in those
+                        if line in (first or line, first) and any(str(file).endswith(SOURCE + name) for file in files)}
     total, taken = 0.0, []
-    for test in sorted(entered, key=lambda test: (took.get(test, 0.0), test)):
-        total += took.get(test, 0.0)
-        if total < LONGEST_S:
+    for test in sorted(entered, key=lambda test: (test not in beside, took.get(test, 0.0), test)):
+        if total + took.get(test, 0.0) < longest_s:
+            total += took.get(test, 0.0)
             taken.append(test)
     return taken, total
 
@@ -241,11 +255,15 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--minutes", type=float, default=20.0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--each", type=int, help="at most so many of each folder, and of each file of proof")
     parser.add_argument("--only", nargs="+", default=[""], help="parts of files' paths: those that have one of them")
+    parser.add_argument("--longest", type=float, default=LONGEST_S, help="of the tests of one fault [s]; the shortest come first")
     parser.add_argument("--map", type=Path, help="where the map from functions to tests is kept for the next run")
     parser.add_argument("--tests", nargs="+", help="run these for each fault, not those that enter its place")
     parser.add_argument("--again", type=Path, help="a former run's output: its survivors only")
+    parser.add_argument("--planted", action="store_true", help="those of planted.toml, nothing drawn")
     asked = parser.parse_args()
+    asked.map, asked.again = (path and path.resolve() for path in (asked.map, asked.again))  # before the folder is another
     end = time.monotonic() + 60.0 * asked.minutes
     with tempfile.TemporaryDirectory() as folder:
         copied = Path(folder) / "heatertune"
@@ -254,8 +272,26 @@ def main():
         os.environ |= {"PYTHONPATH": f"{copied / 'src'}", "HEATERTUNE_CACHE": f"{copied / 'cache'}"}
         sys.path[:0] = [str(copied / "src"), str(copied)]
         compileall.compile_dir(copied / "src", quiet=2)
-        load_once(asked.tests or TESTS)
-        raise SystemExit(attacked(copied, asked, end))
+        by_hand = tomllib.loads(PLANTED.read_text())["fault"] if asked.planted else []
+        load_once(asked.tests or sorted({test.partition("::")[0] for fault in by_hand for test in fault["tests"]}) or TESTS)
+        raise SystemExit(planted_by_hand(copied, by_hand) if by_hand else attacked(copied, asked, end))
+
+
+def planted_by_hand(copied, faults):
+    """Plant each fault of the table, print what became of it; return how many survive, or are no longer there."""
+    sys.dont_write_bytecode = True
+    if in_a_child(lambda: run(["-m", "fast", *sorted({test for fault in faults for test in fault["tests"]})]), 600.0) != 0:
+        raise SystemExit("the tests fail where nothing is planted")
+    left = 0
+    for fault in faults:
+        path = copied / SOURCE / fault["file"]
+        plain = path.read_text()
+        found = plain.count(fault["old"]) == 1
+        outcome = struck(path, plain.replace(fault["old"], fault["new"]), ["-m", "fast", *fault["tests"]], LONGEST_S) if found else "NOT THERE"
+        left += outcome in ("SURVIVED", "NOT THERE")
+        print(f"{outcome} {fault['file']}: {fault['name']}", flush=True)
+    print(f"{len(faults)} faults planted by hand, {left} left")
+    return left
 
 
 def attacked(copied, asked, end):
@@ -269,14 +305,14 @@ def attacked(copied, asked, end):
              if path.stem not in NOT_HERE or path.parent.name not in ("plc", "s7_200_paper")}
     every = [(path, *fault) for path, tree in trees.items()
              if any(part in str(path.relative_to(copied / SOURCE)) for part in asked.only) for fault in faults(tree)]
-    random.Random(asked.seed).shuffle(every)
     survivors = None if asked.again is None else {line.partition("SURVIVED ")[2] for line in asked.again.read_text().splitlines() if "SURVIVED " in line}
     same = {line.rpartition(" # ")[0] for line in EQUIVALENT.read_text().splitlines()} if EQUIVALENT.exists() else set()
     sources = {path: path.read_text().splitlines() for path in trees}
     planted_here = {_known_as(path.relative_to(copied / SOURCE), sources[path], fault[2], fault[4]) for path, *fault in every}
+    every = drawn(every, asked.seed, asked.each)
     for stale in sorted(line for line in same - planted_here if any(part in line.partition(" | ")[0] for part in asked.only)):
         print(f"no longer there: {stale}")
-    counts = Counter()
+    counts, of_each = Counter(), defaultdict(Counter)
     for path, place, which, at, first, text in every:
         if time.monotonic() > end:
             break
@@ -285,12 +321,30 @@ def attacked(copied, asked, end):
             continue
         known = _known_as(path.relative_to(copied / SOURCE), sources[path], at, text)
         outcome = "equal" if known in same else struck(
-            path, planted(trees[path], place, which), *((asked.tests, LONGEST_S) if asked.tests else chosen(tests, took, path, first)))
+            path, planted(trees[path], place, which), *((["-m", "fast", *asked.tests], LONGEST_S) if asked.tests else chosen(tests, took, path, first, asked.longest)))
         counts[outcome] += 1
+        of_each[_group(path)][outcome] += 1
         print(f"{outcome} {label}", flush=True)
+    for name, found in of_each.items():
+        print(f"{name}: {dict(found)}")
     killed = counts["killed"] + counts["endless"]
     print(f"{len(every)} faults, {sum(counts.values())} run: {dict(counts)}; killed {100.0 * killed / max(killed + counts['SURVIVED'], 1):.1f} %")
     return int(counts["SURVIVED"] > 0)
+
+
+def drawn(every, seed, each):
+    """Return the faults in the order of the seed, one of each folder (of proof: each file) in turn; at most so many of each."""
+    groups = defaultdict(list)
+    for fault in every:
+        groups[_group(fault[0])].append(fault)
+    for name, those in groups.items():
+        random.Random(f"{seed} {name}").shuffle(those)
+    turns = range(min(each or len(every), max(map(len, groups.values()), default=0)))
+    return [those[k] for k in turns for those in groups.values() if k < len(those)]
+
+
+def _group(path):
+    return path.stem if path.parent.name == "proof" else "/".join(path.parts[len(path.parts) - path.parts[::-1].index("plc") - 1:-1])
 
 
 def _known_as(path, lines, at, text):
@@ -310,7 +364,7 @@ def struck(path, source, tests, total):
     path.write_text(source)
     try:
         status = in_a_child(lambda: run(tests), 20.0 + 5.0 * total)
-        return "SURVIVED" if status == 0 else "endless" if status is None else "killed"
+        return "SURVIVED" if status in (0, 5) else "endless" if status is None else "killed"  # 5: no test was chosen
     finally:
         path.write_text(plain)
 

@@ -85,6 +85,10 @@ def test_disv_is_percent_and_added_before_the_limits():
         state, scan = FB41.scan(state, row)
         outputs.append(scan.output)
     assert outputs == [0.0, 12.0, 0.0]
+    running = FB41.start(words, {})
+    _, scan = FB41.step(type(running)(FB41.feed.given(running.parameters, 12.5), running.state), 0.0, 0)
+    assert scan.output == 12.5
+    assert _line(FB41, pct_per_unit=-8.3).at_low == np.float32(-8.3)  # a REAL keeps its fraction
 
 
 @pytest.mark.parametrize("counts", [0, 13824, 27648])

@@ -408,6 +408,14 @@ def test_where_no_ticks_of_ob13_make_the_pulses_the_output_is_analog(actuator):
     assert ("which calls of OB13 do not make" in listing) == (actuator is not None)
 
 
+@pytest.mark.parametrize("ramp", [None, Ramp(step=5, calls=2, hold=9)])
+def test_the_words_are_loaded_as_a_start_up_leaves_them(ramp):
+    cpu = Machine(_listing(Actuator(pwm_period_s=4.0, resolution_s=0.4), replace(WORDS, ramp=ramp)))
+    as_loaded = list(cpu.data[31])
+    cpu.call("OB 22")
+    assert cpu.data[31] == as_loaded
+
+
 def test_a_start_up_clears_what_the_ram_has_kept():
     cpu = _running([1000 << 3])
     cpu.inputs.add("I 0.0")

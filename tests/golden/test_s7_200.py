@@ -184,6 +184,31 @@ def test_pls_takes_only_what_the_control_byte_updates():
     assert [after(c) for c in ("16#CB", "16#CA", "16#C9", "16#4B")] == [(500, 120), (0, 120), (500, 0), (0, 0)]
 
 
+def test_there_are_the_events_0_to_33():
+    # System Manual, table of interrupt events
+    block = "INTERRUPT_BLOCK INT_0:INT0\nBEGIN\nNetwork 1\n\tLD\tSM0.0\nEND_INTERRUPT_BLOCK\n"
+    for line in ("ATCH\tINT0, 33", "DTCH\t33"):
+        assemble(_block("LD\tSM0.0", line) + block)
+        with pytest.raises(InputError, match="no instruction"):
+            assemble(_block("LD\tSM0.0", line.replace("33", "34")) + block)
+
+
+@pytest.mark.parametrize(("gain", "kp", "scale"), [(32767.4, 32767, 7), (32768.2, 16384, 6)])
+def test_the_constants_take_as_many_bits_as_the_largest_leaves_room_for(gain, kp, scale):
+    # by hand: TA = 7 s, so 1 % is 70 ms, and a count of 100/255 °C; KP = K·70·(100/255)·(1 + TA/2TN), in ms/2^SCALE
+    words = ROOM.encode(_design(gain=gain / 2**7 / (70.0 * 100.0 / 255.0 * (1.0 + 7.0 / 600.0))), Scaling())
+    assert (words.values["KP"], words.values["SCALE"]) == (kp, scale)
+
+
+@pytest.mark.parametrize(("ki", "tn"), [(0, math.inf), (1, 7.0 * 99 / 2.0)])
+def test_constants_without_an_integral_part_have_no_integral_time(ki, tn):
+    # the sum E + E_prev is 2·E less the change: K is KP − KI, and K·TA/TN = 2·KI
+    words, _ = _repaired({"KP": 100, "KI": ki, "KD": 0, "SCALE": 7, "TICK": 250, "TICKS": 28})
+    assert ROOM.decode(words).integral_time_s == pytest.approx(tn)
+    with pytest.raises(OutOfRange, match=r"word KP = 100 .*not KI"):
+        ROOM.design(replace(words, values=dict(words.values, KI=100)))
+
+
 @pytest.mark.parametrize("line", ["MOVX\t+1, VW0", "MOVW\t+1", "MOVW\t+1, VW511", "MOVW\t+1, VW999", "MOVW\t+1, VB0", "S\tQ0.0, 2", "PLS\t1"])
 def test_an_instruction_the_machine_does_not_know_is_refused_by_its_line(line):
     with pytest.raises(InputError, match=r"line 5: .* no instruction"):
@@ -242,6 +267,21 @@ def test_no_words_and_no_readings_overflow_the_repaired_program():
                 state, scan = ROOM.step(state, setpoint, reading)
                 memory = repaired.cycle(c, memory, setpoint, reading)
                 assert (scan.flags["SM1.1"], scan.output) == (False, memory.width)
+
+
+@pytest.mark.parametrize("switches", [{}, {"overflow": "wrap"}, {"rails": "edges_go_on", "width_applies": "next_cycle"},
+                                      {"cycle_time": "never_loaded"}, {"cycle_time": "never_loaded", "rails": "edges_go_on"}])
+@pytest.mark.parametrize("constants", [{"KI": 3, "T": 5, "KD": 77, "POT1": 9}, {"KP": 32767, "KD": -4, "T": 32767}, {"T": 0, "CYCLE": 2}])
+def test_the_printed_text_is_the_printed_program_scan_by_scan(switches, constants):
+    # T = 0 is no word that heatertune writes; a CPU sets SM1.3 at the division
+    words = paper_words(gain=20)
+    words = replace(words, values=dict(words.values, **constants))
+    state, memory, c = PAPER.start(words, switches), printed.Memory(), printed.constants(words, switches)
+    for number, (setpoint, reading) in enumerate([(60, 50), (60, 50), (49, 0), (61, 50), (130, 120), (200, 50), (90, 80), (3, 250)] * 2):
+        state, scan = PAPER.step(state, setpoint, reading, cycle_start=number % 2 == 0)
+        memory = printed.scan(c, memory, setpoint, reading, number % 2 == 0)
+        assert (scan.output, scan.power_pct, *scan.flags.values()) == (
+            memory.applied, printed.power_pct(c, memory.applied), memory.overflow, memory.zero_division)
 
 
 @pytest.mark.brute
@@ -367,6 +407,7 @@ def test_the_exports_are_the_texts_that_ran():
     assert "// verdict of the proof: PASS\r\n// proven on ?\r\n" in text
     assert text.index("16#CB, SMB67") < text.index("\tPLS\t0") < text.index("16#CA, SMB67")
     assert "\tMOVW\t+7000, SMW68\r\n" in text
+    assert "TA and PWM cycle 7 s: 28 timed interrupts of 250 ms" in text
     faithful = PAPER.export(paper_words(gain=60), Certificate(verdict="FAIL", forced=True))["s7_200_paper.awl"]
     assert "16#CB" not in faithful
     assert "\tDTCH\t0\r\n" in faithful  # network 12: the event is detached

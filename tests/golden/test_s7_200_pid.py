@@ -172,7 +172,7 @@ def test_the_loop_table_has_the_manuals_offsets_and_comes_back():
     short, long = to_image(words), to_image(words, extended=True)
     assert (len(short), len(long), long[36:40]) == (36, 80, b"PIDA")
     # Table 9-19: gain at 12, sample time at 16 [s], integral time at 20 and derivative time at 24 [min]
-    assert struct.unpack_from(">4f", short, 12) == (5.0, 2.0, 4.0, 0.5)
+    assert struct.unpack(">9f", short) == (0.0, 0.0, 0.0, 5.0, 2.0, 4.0, 0.5, 0.0, 0.0)
     # auto-tune part: DEV 44, HYS 48 (DEV/HYS at least 4), STEP 52, WDOG 56 (60…7200 s)
     dev, hys, step, wdog = struct.unpack_from(">4f", long, 44)
     assert (0.025 <= dev <= 0.25, dev / hys >= 4.0, 0.05 <= step <= 0.4, 60 <= wdog <= 7200) == (True,) * 4

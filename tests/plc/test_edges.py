@@ -233,6 +233,7 @@ def test_a_ramp_in_degrees_a_minute_is_units_a_call_and_back():
     assert controller.ramp(words, 3.0) == Ramp(step=1)
     assert controller.ramp(words, 6.0, 0.06) == Ramp(step=2, hold=1)
     assert controller.ramp(words, 6.0, -2.5) == Ramp(step=2, hold=-25)
+    assert controller.ramp(words, 6.0, -0.5) == Ramp(step=2, hold=-5)
     assert controller.ramp(words, 6.0, 0.01) == Ramp(step=2, hold=1)  # a unit at least
     assert controller.ramp_degC_per_min(words) == math.inf
     assert controller.hold_degC(words) is None

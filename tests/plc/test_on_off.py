@@ -114,7 +114,8 @@ def test_the_files_hold_program_and_word():
     assert files["on_off_rom.bin"] == bytes.fromhex(by_hand)
     listing = files["on_off_listing.txt"]
     assert "; verdict of the proof: PASS\n; proven in 3 runs\n" in listing
-    assert "7. Jump(CFF=1) line0        ; 1001 0000\n" in listing
+    coded = [line.rpartition("; ")[2] for line in listing.splitlines() if line[:1].isdigit()]
+    assert " ".join(f"{int(code.replace(' ', ''), 2):02X}" for code in coded) == by_hand.replace("  ", " ").removesuffix(" 01 2C")
     assert "register 2 (BAND) = 300 counts = 7.33 °C" in listing
     rows = list(csv.DictReader(io.StringIO(files["on_off_words.csv"])))
     assert [(row["address"], row["word"], row["value"]) for row in rows] == [("register 2", "BAND", "300")]

@@ -4,7 +4,8 @@ from hypothesis import strategies as st
 
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.options import options_of
-from heatertune.plc.pwm import RULES, Actuator, on_time, pid_compact, pulsegen, switched_by, tick_for
+from heatertune.plc import TARGETS, controller_for
+from heatertune.plc.pwm import RULES, Actuator, on_time, pid_compact, pulse_ends, pulsegen, switched_by, tick_for
 from heatertune.proof.fitted import default_pwm_period_s
 from heatertune.settings import Conditions
 
@@ -164,12 +165,28 @@ def test_an_actuator_that_cannot_be_is_refused(field, settings):
     (17.0, 8.5, 0.1),  # 85 ticks, as OB13 is called every 100 ms where nobody changes SD97
     (23.0, 5.75, 0.05),  # 57½ of them are none
     (2.0, 2.0, 0.02),  # 20 would be steps of 5 %
+    (5.0, 5.0, 0.1), (4.9, 4.9, 0.05),  # 50 are steps of 2 %, 49 would be more
     (0.2, 0.2, 0.01),  # the finest, 20 of them
     (17.0, 17.0 / 3.0, 0.01),  # no clock of 10 ms makes it: a switch of its own
 ])
 def test_a_target_with_a_clock_gets_its_ticks(interval, period, resolution):
     assert tick_for(0.1, sample_time_s=interval, pwm_period_s=period) == pytest.approx(resolution)
     assert tick_for(None, sample_time_s=interval, pwm_period_s=period) == 0.01
+
+
+def test_the_clock_of_each_target_is_that_of_its_cpu():
+    # OB13 is called every 100 ms unless SD97 says otherwise (S5-115U); OB35 and WEG's cycle are set: a half-wave of 50 Hz
+    assert {name: controller_for(name).tick_s for name in TARGETS if controller_for(name).tick_s is not None} == {
+        "s5-ob251": 0.1, "s7-300": 0.01, "fb41": 0.01, "weg": 0.01}
+
+
+@pytest.mark.parametrize(("times", "full", "ends"), [
+    ({}, 2, (1, 1)),  # a half and the whole: pulses from 1 on, pauses up to 1
+    ({}, 1, (1, 0)), ({"resolution_s": 0.1}, 100, (5, 94)),  # 5 % of ten steps are half a step, rounded up
+    ({"minimum_on_s": 0.2, "minimum_off_s": 0.3}, 100, (20, 70)),
+])
+def test_the_first_pulse_and_the_last_pause_of_a_number_are_worked_out(times, full, ends):
+    assert pulse_ends(Actuator(pwm_period_s=1.0, **times), lambda number: 100.0 * number / full, full) == ends
 
 
 @given(st.one_of(st.integers(1, 1000).map(lambda n: n / 100.0), st.integers(11, 600).map(float)))

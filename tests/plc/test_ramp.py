@@ -26,6 +26,10 @@ def _words(target, scaling=None):
     return controller_for(target).encode(DESIGN, scaling or Scaling())
 
 
+def test_a_target_that_tells_of_a_setpoint_ramp_has_one():
+    assert [name for name in TARGETS if any("setpoint ramp" in told for told in controller_for(name).can)] == RAMPED
+
+
 @pytest.mark.parametrize(("ramp", "begin", "asked", "rows"), [
     # OB251, 0…100 °C = 0…2047 units: from 24 °C (491) to 27 °C (552), 20 units every second call
     (Ramp(step=20, calls=2), 491, 552, [491, 511, 511, 531, 531, 551, 551, 552, 552, 552]),

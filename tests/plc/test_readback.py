@@ -62,6 +62,13 @@ def exports(draw, target):
         return controller.encode(DESIGN, Scaling())
 
 
+@targets
+def test_the_texts_of_one_design_come_back_as_its_words(target):
+    words = controller_for(target).encode(DESIGN, Scaling())
+    for text in _exported(words):
+        assert _read(target, text, interval=words.sample_time_s)[0] == words
+
+
 @pytest.mark.law
 @targets
 def test_what_is_exported_comes_back_the_same(target):

@@ -27,9 +27,9 @@ from heatertune.proof import (
     runs,
     simulate,
 )
-from heatertune.proof.measured import Measured, columns_of
-from heatertune.proof.meter import COLUMNS, SETTLED, TOTALS
-from heatertune.proof.scenario import delayed, phases_of
+from heatertune.proof.measured import Column, Measured, columns_of
+from heatertune.proof.meter import COLUMNS, HIGHEST, LOWEST, SETTLED, TOTALS, begin, is_led, no_meter
+from heatertune.proof.scenario import Led, delayed, phases_of
 
 #: between both ways: they add up in another order and take exponentials over other times
 NEAR = {"rel": 1e-9, "abs": 1e-9}
@@ -153,3 +153,58 @@ def test_each_loop_is_held_against_the_disturbance_that_uses_most_of_its_time():
     column = next(each for each in columns_of(measured, Limits()) if each.name == "recovery_time")
     assert [(each.value, each.limit) for each in column.criteria("ab")] == [(15.0, 30.0), (50.0, 60.0)]
     assert column.strains == pytest.approx([15.0 / 30.0, 50.0 / 60.0])
+
+
+def test_a_ramp_that_stays_below_its_end_goes_beyond_it_by_nothing():
+    # up from 50 to 60 °C, then a soak; highest 1 °C and 0.5 °C below the setpoints, or 2 °C above that of the soak: 20 % of 10 °C
+    scenario = Scenario(setpoint_degC=50.0, duration_s=300.0, disturbances=(
+        Led(time_s=100.0, from_degC=50.0, setpoint_degC=60.0, duration_s=10.0), Led(time_s=200.0, from_degC=60.0, setpoint_degC=60.0, duration_s=100.0)))
+    table = np.zeros((2, 3, COLUMNS))
+    table[:, :, HIGHEST] = [[0.0, -1.0, -0.5], [0.0, -1.0, 2.0]]
+    measured = Measured(
+        scenario=scenario, band_degC=1.0, phases=phases_of(scenario, 300.0, 80.0), rows=np.ones((2, 6)), table=table,
+        totals=np.zeros((2, TOTALS)), ripple=np.zeros(2))
+    column = next(each for each in columns_of(measured, Limits()) if each.name == "ramp_overshoot")
+    assert column.values.tolist() == [0.0, 20.0]
+
+
+def test_a_setpoint_moves_where_its_rate_is_not_0():
+    # of each phase: begin [s], from [°C], rate [°C/s], duration [s]
+    leads = np.array([0.0, 50.0, 0.0, 0.0, 100.0, 50.0, 1.0, 10.0, 200.0, 60.0, -1.0, 10.0])
+    assert [bool(is_led(leads, phase)) for phase in range(3)] == [False, True, True]
+    assert not is_led(np.empty(0), 0)
+
+
+def test_a_ramp_begins_without_a_lag_where_the_temperature_is_at_its_begin():
+    # the phase's setpoint is the ramp's end, 60 °C: 10 °C below it and 10 s on its way from 50 °C, or 12 °C below it at its begin
+    meter = no_meter()._replace(setpoints=np.array([60.0]), leads=np.array([100.0, 50.0, 0.5, 20.0]))
+    assert [begin(meter, 0, time, error).lag for time, error in ((100.0, -10.0), (110.0, -10.0), (100.0, -12.0))] == [0.0, 5.0, 2.0]
+
+
+def test_all_that_is_switched_within_a_long_dead_time_is_under_way():
+    # 64.5 s and a call of 2 s, the heater switched on and off each second: 133 instants, which the next power of two below does not hold
+    which = controller_for("s5-ob251")
+    words = which.encode(PidDesign(gain_pct_per_degC=1.0, integral_time_s=400.0, derivative_time_s=0.0, sample_time_s=2.0, structure="pi",
+                                   method=""), Scaling())
+    near = Fopdt(gain_degC_per_pct=0.6, time_constant_s=100.0, dead_time_s=2.0, ambient_degC=20.0)
+    models = [("near", near), ("far", replace(near, dead_time_s=64.5 - which.delay_s))]
+    scenario, actuator, limits = Scenario(setpoint_degC=50.0, duration_s=200.0), Actuator(pwm_period_s=1.0), Limits()
+    runs_ = {run.model: run for run in prove_models(which, words, models, scenario, actuator, Acceptance(limits=limits)).runs}
+    trace = simulate(which, words, delayed(models[1][1], which.delay_s), scenario, actuator, runs_["far"].switches)
+    for metered, traced in zip(runs_["far"].criteria, judge(trace, limits), strict=False):
+        assert metered.value == pytest.approx(traced.value, **NEAR), metered.name
+
+
+def test_less_power_lets_a_heater_fall_and_a_cooler_rise():
+    scenario = Scenario(setpoint_degC=50.0, duration_s=200.0, disturbances=(Load(time_s=100.0, power_pct=-10.0),))
+    table, rows = np.zeros((2, 2, COLUMNS)), np.ones((2, 6))
+    table[:, 1, HIGHEST], table[:, 1, LOWEST], rows[1, 0] = 3.0, -4.0, -1.0
+    measured = Measured(scenario=scenario, band_degC=1.0, phases=phases_of(scenario, 200.0, 80.0), rows=rows, table=table,
+                        totals=np.zeros((2, TOTALS)), ripple=np.zeros(2))
+    column = next(each for each in columns_of(measured, Limits()) if each.name == "deviation")
+    assert column.values.tolist() == [4.0, 3.0]
+
+
+def test_a_limit_below_1_is_used_by_its_share():
+    column = Column(name="steady_offset", unit="°C", what="", values=np.array([0.25, 0.5, 1.0, 0.0]), limits=np.full(4, 0.5))
+    assert column.strains.tolist() == [0.5, 1.0, 2.0, 0.0]

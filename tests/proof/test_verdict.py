@@ -9,13 +9,14 @@ import pytest
 from heatertune.errors import DocumentError, ExportRefused, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding
 from heatertune.pid.loop.robustness import margins
+from heatertune.plc import Ramp
 from heatertune.proof import Acceptance, Actuator, Criterion, Limits, paper_scenario, prove_models
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.measured import Column
 from heatertune.proof.period import life
 from heatertune.proof.specification import GENERAL
 from heatertune.proof.verdict import Heard, HeardView, combined, derived, told_of, verdict_line, verdict_of_samples
-from heatertune.proof.words_file import certificate, demand_same_words
+from heatertune.proof.words_file import _accepting, certificate, demand_same_words, words_of
 
 PWM = Actuator(pwm_period_s=10.0)
 PAPER = paper_scenario(duration_s=3000.0)
@@ -215,9 +216,25 @@ def _document(**changed):
     return plain | changed
 
 
+def test_findings_are_accepted_by_their_names_beside_those_that_were():
+    findings = [POOR, POOR | {"name": "alias"}, POOR | {"name": "coarse-sensor", "accepted": True}]
+    accepted = _accepting(_document(findings=findings, verdict="NOT PROVEN", digest=""), ["alias"])
+    assert [finding["accepted"] for finding in accepted["findings"]] == [False, True, True]
+    assert accepted["verdict"] == "NOT PROVEN"
+    assert _accepting(accepted, ["poor-fit"])["verdict"] == "PASS"
+    with pytest.raises(UnknownName):
+        _accepting(accepted, ["joy"])
+
+
 def _samples(passing, *shares):
     settings = [{"switches": {"sum": name, "edge": "on"}, "passing": share} for name, share in zip("xyz", shares, strict=False)]
     return {"passing": passing, "quantile": 0.95, "count": 200, "settings": settings}
+
+
+def test_a_ramp_of_which_only_the_step_is_told_moves_at_each_call():
+    document = {"target": "s5-ob251", "sample_time_s": 2.0, "scaling": {"low_degC": 0.0, "high_degC": 100.0}, "setpoint_ramp": {"step": 5},
+                "words": {"K": 1024, "R": 1024, "TI": 20, "TD": 0, "W": 0, "STEU": 33, "YH": 0, "BGOG": 2047, "BGUG": 0}}
+    assert words_of(document, "s5-ob251", "words.json").ramp == Ramp(step=5)
 
 
 POOR = {"name": "poor-fit", "accepted": False, "told": "", "effect": "blocks"}

@@ -61,7 +61,8 @@ _FOREIGN: Final[dict[str, re.Pattern[str]]] = {
 
 def role_of(name: str) -> str | None:
     """Return the role that a name tells, None where it tells none."""
-    return next((role for role, pattern in _NAMES.items() if pattern.search(plain_name(name))), None)
+    plain = plain_name(name)
+    return next((role for role, pattern in _NAMES.items() if pattern.search(plain)), None)
 
 
 def is_second_choice(name: str) -> bool:

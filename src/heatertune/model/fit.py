@@ -96,11 +96,11 @@ def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str]
     about, bounds = middle_degC(log), _bounds(given.ambient_degC)
     _check_given(mirrored_log(log, about), None, given.power_before_pct)
     turned = None if bounds is None else (2.0 * about - bounds[1], 2.0 * about - bounds[0])
-    found = fit(mirrored_log(log, about), replace(given, cooler=False, ambient_degC=turned), seed=seed,
-                progress=progress)
+    heater = fit(mirrored_log(log, about), replace(given, cooler=False, ambient_degC=turned), seed=seed,
+                 progress=progress)
     note = (f"{log.name}: of a cooler, and fitted as a heater, mirrored at {about:.4g} °C; a temperature in the notes "
             "of the fit is that of the mirror image.")
-    return replace(mirrored(found, about), notes=(note, *found.notes))
+    return replace(mirrored(heater, about), notes=(note, *heater.notes))
 
 
 def _refuse_cooler(given: FitSettings) -> None:

@@ -148,7 +148,7 @@ def frames(
         ramp_open: whether nobody said anything about a setpoint ramp.
         least_interval_s: TA is not taken below [s].
     """
-    words, broken = proof.words, {each.name for each in proof.criteria if not each.ok}
+    words, broken = proof.words, {criterion.name for criterion in proof.criteria if not criterion.ok}
     own = controller_for(words.target).timing(words).pwm_period_s is not None
     switch = _Switch(proof=proof, models=tuple(models), own=own)
     given = own or period_given

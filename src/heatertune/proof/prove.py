@@ -197,8 +197,8 @@ def prove_models(
     if controller.direct is not None and coverage.only is None:  # measured on traces, whose last digits differ
         for run in {0, _worst(results)}:
             results[run] = _ran(results[run], judge(traced(run), limits, where=results[run].label))
-    seeds, told = _with_draws(runs, results, judged) if coverage.draws else ({}, [])
-    heard = replace(heard, remarks=(*heard.remarks, *told))
+    seeds, remarks = _with_draws(runs, results, judged) if coverage.draws else ({}, [])
+    heard = replace(heard, remarks=(*heard.remarks, *remarks))
     return Proof(
         words=words,
         design=design,

@@ -53,9 +53,9 @@ class Screen:
 
     def with_failed(self, proof: Proof) -> Screen:
         """Return it with the worst run of each criterion that a proof breaks, before what is there."""
-        broken = sorted(self._broken(proof), key=lambda each: -each.strain)
+        broken = sorted(self._broken(proof), key=lambda criterion: -criterion.strain)
         runs = {run.label: (run.model, run.switches) for run in proof.runs}
-        worst = dict.fromkeys(each.where for each in broken)
+        worst = dict.fromkeys(criterion.where for criterion in broken)
         new = [runs[label] for label in worst if label in runs and runs[label] not in self.runs]
         return replace(self, runs=(*new, *self.runs))
 
@@ -73,8 +73,8 @@ class Screen:
         badness, names = 0.0, frozenset[str]()
         for runs in filter(None, (self.runs[:1], self.runs[1:])):
             broken = [self._broken(run) for run in prove(words, self.fitted, conditions, only=runs).runs]
-            badness = max(badness, *(sum(map(_beyond, each)) for each in broken))
-            names |= {one.name for each in broken for one in each}
+            badness = max(badness, *(sum(map(_beyond, criteria)) for criteria in broken))
+            names |= {criterion.name for criteria in broken for criterion in criteria}
             if badness >= bound:
                 break
         return Look(badness, names)
@@ -88,7 +88,8 @@ class Screen:
         return self.look(words, conditions, bound=NOTICEABLE).badness == 0.0
 
     def _broken(self, proof: Proof | RunResult) -> list[Criterion]:
-        return [each for each in proof.criteria if not each.ok and (self.names is None or each.name in self.names)]
+        return [criterion for criterion in proof.criteria
+                if not criterion.ok and (self.names is None or criterion.name in self.names)]
 
 
 def _beyond(criterion: Criterion) -> float:

@@ -77,7 +77,7 @@ class JointProblem:
 
     @property
     def records(self) -> Array:
-        """The readings of all logs, one log after the other [°C]."""
+        """The readings of all logs, one log after the other [°C], shape (m,)."""
         return np.concatenate([part.readings.temperature_degC for part in self.parts])
 
     def thinned(self, most: int) -> JointProblem:
@@ -88,7 +88,7 @@ class JointProblem:
         return replace(self, parts=parts, weights=self.weights * np.array(counts))
 
     def split(self, stacked: Array) -> list[Array]:
-        """Return the part of each log, along the last axis."""
+        """Return the part of each log, along the last axis: of shape (…, m) as many of shape (…, m of the log)."""
         ends = np.cumsum([len(part.readings.time_s) for part in self.parts])
         return np.split(stacked, ends[:-1], axis=-1)
 
@@ -118,7 +118,7 @@ class JointProblem:
     def with_ambient(self, fit: JointFit) -> tuple[JointProblem, Array]:
         """Return the problem that seeks the first log's ambient beside what is shared, and the vector of a fit in it.
 
-        The problem itself, where that ambient is known.
+        Of shape (4,), or with that ambient (5,). The problem itself, where that ambient is known.
         """
         first = self.parts[0]
         if not math.isnan(first.fixed[AMBIENT]):
@@ -129,7 +129,7 @@ class JointProblem:
         return wider, np.append(fit.vector, best)
 
     def refined(self, starts: Array) -> JointFit:
-        """Return the best fit that the starts, vectors of what is shared, lead to."""
+        """Return the best fit that the starts (n, p), vectors of what is shared, lead to."""
         records = np.tile(self.records, (len(starts), 1))
         minima = minimise(self.residuals(records), starts, self.low, self.high, tolerance=1e-9)
         return self.at(minima.parameters[int(np.argmin(minima.cost))])
@@ -143,7 +143,7 @@ class JointProblem:
         return self.at(minimise(self.residuals(records), start[None, :], self.low, high).parameters[0])
 
     def at(self, vector: Array) -> JointFit:
-        """Return the fit at a shared vector, its gain not per lag."""
+        """Return the fit at a shared vector (p,), its gain not per lag."""
         gain = math.exp(vector[POWER])
         return JointFit(vector=vector, parts=tuple(part.held(vector[LAG:], gain) for part in self.parts))
 

@@ -138,4 +138,5 @@ def _instant(problem: PowerProblem, fit: PowerFit) -> float:
 def _best(trial: PowerProblem, fit: PowerFit, tried: Array) -> float:
     """Return at which of the instants tried (n,) the last load step explains most [s]."""
     left = trial.with_last_load(fit.vector, tried)
-    return float(tried[np.argmin([ar1_bic(each, 0) if np.all(np.isfinite(each)) else np.inf for each in left])])
+    bics = [ar1_bic(residuals, 0) if np.all(np.isfinite(residuals)) else np.inf for residuals in left]
+    return float(tried[np.argmin(bics)])

@@ -119,7 +119,7 @@ class PowerProblem:
 
     @property
     def fixed(self) -> Array:
-        """The linear unknowns that are given, nan where they are free."""
+        """The linear unknowns that are given, nan where they are free, shape (q,)."""
         fixed = np.full(self._width, math.nan)
         if self.ambient_degC is not None:
             fixed[AMBIENT] = self.ambient_degC
@@ -210,7 +210,7 @@ class PowerProblem:
         return self.refined(starts[np.argsort(coarse.cost(starts, record))[:3]])
 
     def roughly(self) -> tuple[float, Array]:
-        """Return the least sum of squares on a grid over lags and dead time, by a few readings, and where it lies."""
+        """Return the least sum of squares on a grid over lags and dead time, by a few readings, and its place (3,)."""
         coarse = self.thinned(_ROUGH_READINGS)
         grid = self._grid()[::_ROUGH].copy()  # rows side by side: of others `project` would be compiled once more
         cost = coarse.cost(grid, np.tile(coarse.readings.temperature_degC, (len(grid), 1)))
@@ -231,7 +231,7 @@ class PowerProblem:
         return self.at(z[np.argmin(self.cost(z, records))])
 
     def held(self, vector: Array, gain: float) -> PowerFit:
-        """Return the fit with lags, dead time and gain given [°C/%], whatever the bounds of this log's own search."""
+        """Return the fit with lags and dead time (3,) and gain [°C/%] given, whatever this log's own bounds."""
         fixed = self.nothing_more(1)
         fixed.values[0, GAIN] = gain
         return self.at(vector, fixed)
@@ -253,7 +253,7 @@ class PowerProblem:
         return np.array(np.meshgrid(lags, dead, ratios)).reshape(3, -1).T.copy()
 
     def at(self, z: Array, fixed: Fixed | None = None) -> PowerFit:
-        """Return the fit with lags and dead time given, and of the linear unknowns what is known (one row)."""
+        """Return the fit with lags and dead time (3,) given, and of the linear unknowns what is known (one row)."""
         record = self.readings.temperature_degC
         residuals, linear = self.solve(z[None, :], record[None, :], fixed)
         return PowerFit(

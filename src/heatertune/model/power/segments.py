@@ -41,11 +41,11 @@ class Segments(NamedTuple):
 
     @property
     def places(self) -> Places:
-        """All of them, in order."""
+        """All of them, in order, shape (n,)."""
         return np.union1d(self.after_gaps, self.after_jumps)
 
     def with_jumps(self, places: Places) -> Segments:
-        """Return the segments with these jumps too."""
+        """Return the segments with these jumps (n,), too."""
         return self._replace(after_jumps=np.union1d(self.after_jumps, np.setdiff1d(places, self.after_gaps)))
 
     def kept(self, n: int) -> npt.NDArray[np.bool_]:

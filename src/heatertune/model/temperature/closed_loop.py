@@ -145,7 +145,7 @@ class Hypothesis:
 
     @property
     def measured(self) -> Array:
-        """All readings, segment after segment [°C]."""
+        """All readings, segment after segment [°C], shape (m,)."""
         return np.concatenate([s.log.temperature_degC for s in self.segments])
 
     @property
@@ -163,7 +163,7 @@ class Hypothesis:
         return Hypothesis(segments=still, two_lags=self.two_lags)
 
     def starts(self, rng: np.random.Generator, n: int) -> Array:
-        """Return n random vectors within the bounds."""
+        """Return n random vectors within the bounds, shape (n, p)."""
         return self.spread_events(self.low + (self.high - self.low) * rng.random((n, len(self.low))), rng)
 
     def early(self, share: float) -> Hypothesis:
@@ -177,7 +177,7 @@ class Hypothesis:
         return Hypothesis(segments=tuple(parts), two_lags=self.two_lags)
 
     def adopt(self, z: Array, rng: np.random.Generator, n: int) -> Array:
-        """Return the vectors of the same hypothesis without events, each with n random instants for its events."""
+        """Return vectors (k, p) of the hypothesis without events, each with n random instants for them: (n·k, p)."""
         z = np.clip(z, self.low, self.high)
         if not any(segment.event for segment in self.segments):
             return z
@@ -186,7 +186,7 @@ class Hypothesis:
         return self.spread_events(np.repeat(z, n, axis=0), rng)
 
     def spread_events(self, z: Array, rng: np.random.Generator) -> Array:
-        """Return the vectors with random instants for their events."""
+        """Return the vectors (n, p) with random instants for their events."""
         z = z.copy()
         for segment, first in zip(self.segments, self._offsets(), strict=True):
             z[:, first + 5] = segment.event_times(rng, len(z))
@@ -212,7 +212,7 @@ class Hypothesis:
         return np.concatenate(parts, axis=1)
 
     def plant(self, z: Array, segment: int = 0) -> HeaterModel:
-        """Return the heater of one vector, with the ambient of a segment."""
+        """Return the heater of one vector (p,), with the ambient of a segment."""
         gain, lag = map(math.exp, z[:2])
         ambient = float(z[self._offsets()[segment]])
         dead = float(z[3])
@@ -226,7 +226,7 @@ class Hypothesis:
         )
 
     def controller(self, z: Array, segment: int = 0) -> dict[str, float]:
-        """Return what was fitted about one segment's controller, name → value, unit in the name."""
+        """Return what a vector (p,) tells of one segment's controller, name → value, unit in the name."""
         first, law = self._offsets()[segment], self.segments[segment].law
         fitted = {"setpoint_degC": float(z[first + 3])}
         if self.segments[segment].event:
@@ -238,7 +238,7 @@ class Hypothesis:
         return fitted
 
     def on_bound(self, z: Array) -> tuple[str, ...]:
-        """Return the names of the unknowns that ended on a bound of their search."""
+        """Return the names of the unknowns that ended on a bound of their search, of a vector (p,)."""
         margin = 1e-3 * (self.high - self.low)
         touching = (self.high > self.low) & ((z <= self.low + margin) | (z >= self.high - margin))
         return tuple(name for name, is_touching in zip(self.names, touching, strict=True) if is_touching)
