@@ -268,8 +268,8 @@ class Controller(ABC):
         per_call = rate_degC_per_min / 60.0 * self.timing(words).scan_s * per_degree
         ramp = nearest(per_call, whole=isinstance(high, int), least=(high - low) / self.counts)
         if not ramp.step < high - low:
-            fastest = f"< {60.0 * words.scaling.span_degC / self.timing(words).scan_s:.4g}"
-            raise OutOfRange("setpoint_ramp_degC_per_min", rate_degC_per_min, f"{fastest}, the range in one call")
+            rule = f"< {rate_degC_per_min * (high - low) / per_call:.4g}, the sensor's whole range in one call"
+            raise OutOfRange("setpoint_ramp_degC_per_min", rate_degC_per_min, rule)
         if hold_degC is None:
             return ramp
         check("setpoint_hold_degC", abs(hold_degC), above=0.0, most=words.scaling.span_degC)

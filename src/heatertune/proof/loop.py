@@ -205,8 +205,7 @@ def traced(
     plant = plant_row(model, scenario)
     events = events_of(scenario, [model.dead_time_s])
     batch = Batch(scans, noise_degC[None], late_s[None], np.array([plant]), *events, np.array(scenario.leads))
-    # each start-up may begin a period early
-    pulses = pulses_of(time[-1] + 2.0 * controller.scan_s, actuator) + 2 * scenario.supplied.count(False)
+    pulses = pulses_of(time[-1] + 2.0 * controller.scan_s, actuator) + 2 * scenario.supplied.count(False)  # start-ups
     edges = np.empty(ring_size(pulses))
     record = Record(
         True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),

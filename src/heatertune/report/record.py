@@ -81,8 +81,8 @@ def assumed(documents: Documents) -> str:
             rows.append(["what a pulse leaves", "made up in the next one", "", options_of(Conditions)["pwm_rule"].flag])
     points = controller_for(documents["words"]["target"]).switches
     known = documents["proof"]["known"]
-    settings = [[point.name, point.default, ", ".join(_proven(point, known)), point.why]
-                for point in points if not point.in_manual]
+    settings = [[point.name, point.default, ", ".join(proven), point.why]
+                for point in points if not point.in_manual and (proven := _proven(point, known))]
     by_hand = ", ".join(point.name for point in points if point.in_manual)
     open_points = (
         "<h3>What the manual leaves open</h3><p>The proof ran under every setting"
@@ -99,9 +99,11 @@ def assumed(documents: Documents) -> str:
 
 
 def _proven(point: Switch, known: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the settings that ran: of a choice the one that was made, and the default."""
+    """Return the settings that ran: of a choice the one that was made, and the default; none where that is chosen."""
     chosen = known.get(point.name, point.default)
-    return tuple(dict.fromkeys((chosen, point.default))) if point.chosen else point.settings
+    if point.chosen:
+        return () if chosen == point.default else (chosen, point.default)
+    return point.settings
 
 
 def _row(name: str, value: float) -> list[str]:
