@@ -4,6 +4,7 @@ import fcntl
 import hashlib
 import os
 import random
+import sys
 from collections import Counter
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,9 @@ from hypothesis import HealthCheck, settings
 
 from heatertune import compiled
 from heatertune.log.values import Log
+
+sys.dont_write_bytecode = False  # for this process, which rewrites the tests' asserts, and for the commands that tests start:
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # they are many, and each would translate all sources anew
 
 ROOT = Path(__file__).parents[1]
 TABLES = ROOT / "data" / "paper_tables"

@@ -36,7 +36,7 @@ from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Scaling, controller_for
-from heatertune.proof import prove_models
+from heatertune.proof import Acceptance, Coverage, prove_models
 from heatertune.proof.fitted import actuator_for, course_for, limits_of, specified
 from heatertune.proof.presets import PRESETS
 from heatertune.settings import Conditions
@@ -205,7 +205,8 @@ def _proven(words, model, conditions, *, draws):
     course = course_for(words, [model], conditions, conditions.highest_degC)
     return prove_models(
         _without_listing(words.target), words, [("by hand", model)], course.scenario, actuator_for(conditions, words),
-        limits_of(specified(conditions), [model]), margins, known=conditions.switches, draws=draws)
+        Acceptance(limits=limits_of(specified(conditions), [model]), margins_of=margins),
+        Coverage(known=conditions.switches, draws=draws))
 
 
 @cache

@@ -19,7 +19,18 @@ from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, controller_for
-from heatertune.proof import Actuator, Limits, Load, Scenario, TemperatureStep, judge, prove_models, simulate
+from heatertune.proof import (
+    Acceptance,
+    Actuator,
+    Coverage,
+    Limits,
+    Load,
+    Scenario,
+    TemperatureStep,
+    judge,
+    prove_models,
+    simulate,
+)
 from heatertune.proof.scenario import delayed
 from tests.proof.test_exact_measures import STEP_S, errors, stays
 
@@ -47,7 +58,8 @@ def apart(room, words, seen, heater, scenario, switch):
     """Return how far each measure is apart, as a share of what is allowed."""
     limits = Limits(tolerance_degC=2.0)
     trace = simulate(room, words, seen, scenario, switch)
-    (run,) = prove_models(room, words, [("heater", heater)], scenario, switch, limits, open_points=False).runs
+    (run,) = prove_models(room, words, [("heater", heater)], scenario, switch, Acceptance(limits=limits),
+                          Coverage(open_points=False)).runs
     times, error = errors(trace, seen)
     stops = (0.0, *(event.time_s for event in scenario.disturbances), float(trace.time_s[-1]))
     band = max(2.0, 2.0 * trace.resolution_degC)

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tes
 
 from heatertune.compiled import decide
 from heatertune.plc import TARGETS
-from heatertune.proof import judge, prove_models, simulate
+from heatertune.proof import Acceptance, judge, prove_models, simulate
 from heatertune.proof.scenario import delayed
 from tests.proof.test_metered import NEAR, drawn
 
@@ -41,15 +41,18 @@ def apart(one, other):
 
 def compared(target, seed):
     """Return the number of runs, both times [ms], and how far the values and verdicts are apart, of one proof."""
-    which, words, models, scenario, actuator, limits = given = drawn(target, seed)
+    which, words, models, scenario, actuator, limits = drawn(target, seed)
 
     def by_traces():
         return [judge(simulate(which, words, delayed(dict(models)[run.model], which.delay_s), scenario, actuator, run.switches), limits)
                 for run in proof.runs]
 
-    proof = prove_models(*given)  # what is to be compiled is
+    def by_meter():
+        return prove_models(which, words, models, scenario, actuator, Acceptance(limits=limits))
+
+    proof = by_meter()  # what is to be compiled is
     by_traces()
-    spent, longer = least(lambda: prove_models(*given)), least(by_traces)
+    spent, longer = least(by_meter), least(by_traces)
     pairs = [pair for run, own in zip(proof.runs, by_traces(), strict=True) for pair in zip(run.criteria, own, strict=False)]
     furthest = max(apart(one.value, other.value) for one, other in pairs)
     return len(proof.runs), spent, longer, furthest, sum(one.ok != other.ok for one, other in pairs)

@@ -14,7 +14,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.on_off.export import PROGRAM, intel_hex
 from heatertune.plc.replay import replay
-from heatertune.proof import Actuator, Scenario, prove_models, simulate
+from heatertune.proof import Acceptance, Actuator, Scenario, prove_models, simulate
 
 ROOM = controller_for("on-off")
 PASS = Certificate(verdict="PASS", lines=("proven in 3 runs",))
@@ -74,7 +74,8 @@ def test_the_loop_swings_as_a_relay_with_dead_time_does():
 def test_a_proof_of_a_controller_without_a_law_has_no_margins():
     heater = Fopdt(gain_degC_per_pct=0.5, time_constant_s=400.0, dead_time_s=2.0, ambient_degC=20.0)
     scenario = Scenario(setpoint_degC=40.0, duration_s=3000.0)
-    proof = prove_models(ROOM, _words(), [("one", heater)], scenario, Actuator(pwm_period_s=1.0), margins_of=lambda *_: 1 / 0)
+    proof = prove_models(ROOM, _words(), [("one", heater)], scenario, Actuator(pwm_period_s=1.0),
+                         Acceptance(margins_of=lambda *_: 1 / 0))
     assert (proof.design, proof.verdict) == (None, "PASS")
 
 

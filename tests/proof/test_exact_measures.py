@@ -7,7 +7,17 @@ import pytest
 from scipy.signal import lfilter
 
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.proof import Actuator, Limits, Load, Scenario, TemperatureStep, judge, prove_models, simulate
+from heatertune.proof import (
+    Acceptance,
+    Actuator,
+    Limits,
+    Load,
+    Scenario,
+    TemperatureStep,
+    judge,
+    prove_models,
+    simulate,
+)
 
 STEP_S = 0.001
 SCENARIO = Scenario(setpoint_degC=40.0, duration_s=400.0, disturbances=(
@@ -54,7 +64,7 @@ def test_integrals_and_crossings_are_those_of_a_fine_integration(tenths, words, 
         "steady_offset": abs(error[rest].mean()), "limit_cycle": np.ptp(error[rest]) / 2.0,
     }
     assert all(value > 0.01 for value in expected.values())
-    (run,) = prove_models(tenths, words(gain=2.5, tn=30), [("heater", model)], SCENARIO, COARSE, limits).runs
+    (run,) = prove_models(tenths, words(gain=2.5, tn=30), [("heater", model)], SCENARIO, COARSE, Acceptance(limits=limits)).runs
     for criteria in (run.criteria, judge(trace, limits)):
         measured = {each.name: each.value for each in criteria}
         assert {name: measured[name] for name in expected} == pytest.approx(expected, rel=1e-3)

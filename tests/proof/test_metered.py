@@ -14,6 +14,7 @@ from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.proof import (
+    Acceptance,
     Actuator,
     Interlock,
     Limits,
@@ -90,7 +91,7 @@ def drawn(target, seed):
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_run_is_judged_by_the_meter_as_by_its_trace(target, seed):
     which, words, models, scenario, actuator, limits = drawn(target, seed)
-    for run in prove_models(which, words, models, scenario, actuator, limits).runs:
+    for run in prove_models(which, words, models, scenario, actuator, Acceptance(limits=limits)).runs:
         trace = simulate(which, words, delayed(dict(models)[run.model], which.delay_s), scenario, actuator, run.switches)
         own = judge(trace, limits, where=run.label)
         for metered, traced in zip(run.criteria, own, strict=False):  # the last, the step's power, is of the words alone
@@ -106,7 +107,7 @@ def test_traces_are_run_when_they_are_asked_for(monkeypatch):
     monkeypatch.setattr(runs, "simulate", lambda *given, **how: asked.append(given[5]) or run(*given, **how))
     which, chance = controller_for("weg"), random.Random(1)
     scenario, actuator, limits = conditions(chance)
-    proof = prove_models(which, words_of("weg", chance), heaters(chance, 2), scenario, actuator, limits)
+    proof = prove_models(which, words_of("weg", chance), heaters(chance, 2), scenario, actuator, Acceptance(limits=limits))
     assert proof.to_document()["scenario"]["duration_s"] == scenario.duration_s
     assert asked == []
     assert proof.nominal is proof.nominal
@@ -132,7 +133,7 @@ def test_an_interlock_is_judged_by_traces():
     scenario, actuator, limits = conditions(chance)
     words, models = words_of("s5-ob251", chance), heaters(chance, 2)
     watch = Interlock(name="heater-fan", limit_degC=scenario.setpoint_degC - 5.0)
-    proof = prove_models(which, words, models, scenario, actuator, limits, interlock=watch)
+    proof = prove_models(which, words, models, scenario, actuator, Acceptance(limits=limits), interlock=watch)
     for run in proof.runs:
         heater = delayed(dict(models)[run.model], which.delay_s)
         trace = simulate(which, words, heater, scenario, actuator, run.switches, watch)

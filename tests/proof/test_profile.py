@@ -13,7 +13,18 @@ from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, controller_for
-from heatertune.proof import Actuator, Limits, Story, judge, prove, prove_models, simulate, story_for
+from heatertune.proof import (
+    Acceptance,
+    Actuator,
+    Coverage,
+    Limits,
+    Story,
+    judge,
+    prove,
+    prove_models,
+    simulate,
+    story_for,
+)
 from heatertune.proof.document import checked
 from heatertune.proof.profile import Profile, Segment
 from heatertune.proof.profile_file import read_profile
@@ -264,7 +275,7 @@ def test_a_firing_is_judged_by_the_meter_as_by_its_trace(target):
     models = [("one", HEATER), ("two", TwoLag(gain_degC_per_pct=0.9, time_constant_s=40.0, second_time_constant_s=20.0,
                                               dead_time_s=3.0, ambient_degC=20.0))]
     limits, switch = Limits(tolerance_degC=2.0), Actuator(pwm_period_s=2.0)
-    for run in prove_models(which, words, models, SCENARIO, switch, limits, open_points=False).runs:
+    for run in prove_models(which, words, models, SCENARIO, switch, Acceptance(limits=limits), Coverage(open_points=False)).runs:
         heater = delayed(dict(models)[run.model], which.delay_s)
         trace = simulate(which, words, heater, SCENARIO, switch, run.switches)
         own = judge(trace, limits, where=run.label)

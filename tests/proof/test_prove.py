@@ -11,10 +11,21 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.open_points import Switch, settings_to_prove
-from heatertune.proof import Actuator, Limits, Scenario, judge, paper_scenario, prove_models, simulate
+from heatertune.proof import (
+    Acceptance,
+    Actuator,
+    Coverage,
+    Limits,
+    Scenario,
+    judge,
+    paper_scenario,
+    prove_models,
+    simulate,
+)
 
 PWM = Actuator(pwm_period_s=10.0)
 PAPER = paper_scenario(duration_s=3000.0)
+JUDGED = Acceptance(margins_of=margins)
 
 
 def _switches(*sizes):
@@ -29,7 +40,7 @@ def slower(heater):
 
 
 def test_sane_words_pass(tenths, words, heater, slower):
-    proof = prove_models(tenths, words(), [("best", heater), ("second", slower)], PAPER, PWM, margins_of=margins)
+    proof = prove_models(tenths, words(), [("best", heater), ("second", slower)], PAPER, PWM, JUDGED)
     assert proof.verdict == "PASS"
     assert [run.verdict for run in proof.runs] == ["PASS", "PASS"]
     assert all(each.ok for each in proof.criteria)
@@ -37,7 +48,7 @@ def test_sane_words_pass(tenths, words, heater, slower):
 
 def test_words_that_are_unstable_on_one_model_fail_and_say_where(tenths, words, heater):
     late = replace(heater, dead_time_s=80.0)
-    proof = prove_models(tenths, words(gain=15.0), [("best", heater), ("late", late)], PAPER, PWM, margins_of=margins)
+    proof = prove_models(tenths, words(gain=15.0), [("best", heater), ("late", late)], PAPER, PWM, JUDGED)
     found = {each.name: each for each in proof.criteria}
     assert proof.verdict == "FAIL"
     assert [run.verdict for run in proof.runs] == ["PASS", "FAIL"]
@@ -83,14 +94,15 @@ def test_runs_that_are_asked_for_alone_are_those_of_the_whole_proof_and_count_as
     switched, words, heater, slower
 ):
     heaters = [("best", heater), ("second", slower)]
-    whole = prove_models(switched, words(tn=60), heaters, PAPER, PWM, margins_of=margins)
+    whole = prove_models(switched, words(tn=60), heaters, PAPER, PWM, JUDGED)
     chosen = [whole.runs[place] for place in (13, 2, 9)]
-    alone = prove_models(switched, words(tn=60), heaters, PAPER, PWM, margins_of=margins,
-                         only=[(run.model, run.switches) for run in chosen])
+    alone = prove_models(switched, words(tn=60), heaters, PAPER, PWM, JUDGED,
+                         Coverage(only=[(run.model, run.switches) for run in chosen]))
     assert alone.runs == tuple(sorted(chosen, key=whole.runs.index))
     assert (whole.open_points, alone.open_points) == (True, False)
     with pytest.raises(InputError, match="at least one run"):
-        prove_models(switched, words(tn=60), heaters, PAPER, PWM, only=[("third", whole.runs[0].switches)])
+        prove_models(switched, words(tn=60), heaters, PAPER, PWM,
+                     coverage=Coverage(only=[("third", whole.runs[0].switches)]))
 
 
 def test_the_worst_trace_is_the_run_that_strains_its_limits_most(switched, words, heater, slower):
@@ -133,7 +145,8 @@ def test_what_shows_in_manual_alone_is_not_run_but_told(tenths, words, heater):
     which = [switch.name for switch in s5.switches if switch.in_manual]
     assert which == ["manual_flag", "velocity_return", "manual_way", "manual_count"]
     design = PidDesign(gain_pct_per_degC=2.0, integral_time_s=170.0, derivative_time_s=0.0, sample_time_s=10.0, structure="pi", method="")
-    proofs = [prove_models(s5, s5.encode(design, Scaling()), [("best", heater)], PAPER, PWM, known=known, open_points=open_points)
+    proofs = [prove_models(s5, s5.encode(design, Scaling()), [("best", heater)], PAPER, PWM,
+                           coverage=Coverage(known=known, open_points=open_points))
               for known, open_points in (({}, True), ({"manual_way": "whole"}, True), ({}, False))]
     assert [len(proof.runs) for proof in proofs] == [6, 6, 1]
     told = [[name for name in which if any(name in part for part in proof.heard.not_tested)] for proof in proofs]
@@ -142,7 +155,7 @@ def test_what_shows_in_manual_alone_is_not_run_but_told(tenths, words, heater):
 
 def test_the_document_is_json_and_tells_what_was_proven(tenths, words, heater):
     late = replace(heater, dead_time_s=80.0)
-    proof = prove_models(tenths, words(gain=15.0), [("late", late)], PAPER, PWM, margins_of=margins)
+    proof = prove_models(tenths, words(gain=15.0), [("late", late)], PAPER, PWM, JUDGED)
     document = json.loads(json.dumps(proof.to_document(), allow_nan=False))
     assert (document["schema"], document["verdict"]) == ("heatertune/proof/3", "FAIL")
     assert document["words"] == {"K": 15000, "TN": 110}
@@ -183,6 +196,7 @@ def test_settings_that_no_run_tells_apart_are_not_tested(switched, words, heater
     # the tenths room knows what "integral" does; "second" and "third" do nothing
     proof = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM)
     assert proof.heard.not_tested == ("settings of second, third (they change no run)",)
-    known = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM, known={"second": "never off"})
+    known = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM, coverage=Coverage(known={"second": "never off"}))
     assert known.heard.not_tested == ("settings of third (they change no run)",)
-    assert prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM, open_points=False).heard.not_tested == ()
+    defaults = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM, coverage=Coverage(open_points=False))
+    assert defaults.heard.not_tested == ()

@@ -14,7 +14,9 @@ from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.proof import (
+    Acceptance,
     Actuator,
+    Coverage,
     Limits,
     Load,
     Mains,
@@ -235,7 +237,8 @@ def test_a_run_is_judged_by_the_meter_as_by_its_trace_through_all_of_it(target):
     models = [("one", HEATER), ("two", TwoLag(gain_degC_per_pct=0.5, time_constant_s=40.0, second_time_constant_s=20.0,
                                               dead_time_s=3.0, ambient_degC=20.0))]
     limits = Limits(tolerance_degC=2.0)
-    for run in prove_models(which, words, models, SCENARIO, Actuator(pwm_period_s=2.0), limits, open_points=False).runs:
+    for run in prove_models(which, words, models, SCENARIO, Actuator(pwm_period_s=2.0), Acceptance(limits=limits),
+                            Coverage(open_points=False)).runs:
         heater = delayed(dict(models)[run.model], which.delay_s)
         own = judge(simulate(which, words, heater, SCENARIO, Actuator(pwm_period_s=2.0), run.switches), limits, where=run.label)
         assert {"reheat_overshoot", "change_time", "restart_overshoot", "power_reserve"} <= {each.name for each in own}

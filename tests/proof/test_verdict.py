@@ -9,7 +9,7 @@ import pytest
 from heatertune.errors import DocumentError, ExportRefused, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding
 from heatertune.pid.loop.robustness import margins
-from heatertune.proof import Actuator, Criterion, Limits, paper_scenario, prove_models
+from heatertune.proof import Acceptance, Actuator, Criterion, Limits, paper_scenario, prove_models
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.measured import Column
 from heatertune.proof.period import life
@@ -26,7 +26,8 @@ OTHERS = [name for name, kind in KINDS.items() if kind.effect != "blocks"]
 @pytest.fixture
 def proven(tenths, words, heater):
     def proven(*, gain=4.0, **heard):
-        return prove_models(tenths, words(gain=gain), [("best", heater)], PAPER, PWM, margins_of=margins, heard=Heard(**heard))
+        return prove_models(tenths, words(gain=gain), [("best", heater)], PAPER, PWM,
+                            Acceptance(margins_of=margins, heard=Heard(**heard)))
 
     return proven
 
@@ -134,7 +135,7 @@ def test_a_step_of_the_reading_may_move_a_tenth_of_the_power(tenths, words, heat
     design = tenths.decode(words(gain=4.0))
     parts = 1.0 + design.sample_time_s / design.integral_time_s
     for step, expected in ((0.0, 0.1 * 4.0 * parts), (2.0, 2.0 * 4.0 * parts), (4.0, 4.0 * 4.0 * parts)):
-        proof = prove_models(tenths, words(gain=4.0), [("best", heater)], PAPER, PWM, reading_step_degC=step)
+        proof = prove_models(tenths, words(gain=4.0), [("best", heater)], PAPER, PWM, Acceptance(reading_step_degC=step))
         found = {each.name: each for each in proof.criteria}["step_power"]
         assert found.value == pytest.approx(expected, rel=1e-12)
         assert found.ok is (expected <= 10.0)
@@ -145,8 +146,9 @@ def test_a_sensor_that_widens_the_tolerance_is_no_pass_of_what_was_asked(tenths,
     coarse = words(gain=4.0, high=900.0)
 
     def proof(tolerance, accepted=()):
-        return prove_models(tenths, coarse, [("best", heater)], PAPER, PWM, Limits(tolerance_degC=tolerance, step_power_pct=None),
-                            heard=Heard(accepted=accepted, remarks=("by hand",))).to_document()
+        acceptance = Acceptance(limits=Limits(tolerance_degC=tolerance, step_power_pct=None),
+                                heard=Heard(accepted=accepted, remarks=("by hand",)))
+        return prove_models(tenths, coarse, [("best", heater)], PAPER, PWM, acceptance).to_document()
 
     asked = proof(1.0)
     assert asked["verdict"] == "NOT PROVEN"

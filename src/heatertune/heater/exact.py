@@ -147,14 +147,21 @@ def slopes_by_lag(t: Array, lag: Numbers, other: Numbers = 0.0) -> Array:
         return np.asarray(-t / own**2 * np.exp(-t / own))
     slow = np.maximum(own, other)
     z = (1.0 / np.minimum(own, other) - 1.0 / slow) * t  # not negative
+    slower = np.broadcast_to(own >= other, z.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
-        fed = np.where(own >= other, z + np.expm1(-z), -np.expm1(-z) - z * np.exp(-z)) / z**2
-    near = np.minimum(z, _SERIES)
-    term, series = np.full(np.shape(z), 0.5), np.zeros(np.shape(z))
+        fed = np.where(slower, z + np.expm1(-z), -np.expm1(-z) - z * np.exp(-z)) / z**2
+    near = z < _SERIES
+    fed[near] = _series(z[near], slower[near])
+    return np.asarray(-(t**2) * np.exp(-t / slow) * fed / (own**2 * other))
+
+
+def _series(z: Array, slower: npt.NDArray[np.bool_]) -> Array:
+    """Return what small z make of the quotient in `slopes_by_lag`, of the slower lag or of the other."""
+    term, total = np.full(z.shape, 0.5), np.zeros(z.shape)
     for k in range(_TERMS):
-        series += term * np.where(own >= other, 1.0, k + 1.0)
-        term = -term * near / (k + 3.0)
-    return np.asarray(-(t**2) * np.exp(-t / slow) * np.where(z < _SERIES, series, fed) / (own**2 * other))
+        total += term * np.where(slower, 1.0, k + 1.0)
+        term = -term * z / (k + 3.0)
+    return total
 
 
 def apart(first: float, second: float) -> tuple[float, float]:

@@ -73,7 +73,7 @@ def rows_of(models: Sequence[HeaterModel]) -> Array:
 
 def rise(rows: Array, schedule: Schedule, instants: Array) -> Array:
     """Return the temperature above that of the base power, shape (g, n) [°C], at instants (n,) or (g, n) [s]."""
-    unit, _, _ = _unit_steps(rows, _since(rows, schedule, instants))
+    unit, _ = since_step(_since(rows, schedule, instants), *_each_lag(rows))
     return np.asarray(rows[:, :1] * (unit @ schedule.steps_pct))
 
 
@@ -129,8 +129,13 @@ def _lags(rows: Array) -> list[Array]:
     return list(rows[:, 2:].T)
 
 
+def _each_lag(rows: Array) -> list[Array]:
+    """Return the lags so that they broadcast with instants and steps."""
+    return [lag[:, None, None] for lag in _lags(rows)]
+
+
 def _unit_steps(rows: Array, since: Array) -> tuple[Array, Array, list[Array]]:
     """Return the unit step response of the lags, its slope, and its derivative by each lag."""
-    lags = [lag[:, None, None] for lag in _lags(rows)]
+    lags = _each_lag(rows)
     covered, slope = since_step(since, *lags)
     return covered, (since > 0.0) * slope, [slopes_by_lag(since, *pair) for pair in (lags, lags[::-1])[: len(lags)]]

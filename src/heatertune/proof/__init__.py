@@ -1,6 +1,8 @@
 """Model + words → Trace → verdict: the closed loop with PWM, sensor and the PLC's own arithmetic."""
 
 from heatertune.plc.pwm import Actuator, pid_compact, pulsegen
+from heatertune.proof.acceptance import Acceptance
+from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Criterion, Limits
 from heatertune.proof.fitted import prove
 from heatertune.proof.ideal import simulate_wish
@@ -24,7 +26,9 @@ from heatertune.proof.story import Story, story_for
 from heatertune.proof.trace import Trace
 
 __all__ = [
+    "Acceptance",
     "Actuator",
+    "Coverage",
     "Criterion",
     "Drawing",
     "Interlock",

@@ -15,7 +15,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.plc.s7_200_paper.words import paper_words
-from heatertune.proof import Proof, paper_scenario, prove_models, simulate
+from heatertune.proof import Acceptance, Coverage, Proof, paper_scenario, prove_models, simulate
 from heatertune.proof.fitted import actuator_for
 from heatertune.proof.heaters import holding, labelled
 from heatertune.proof.series import trace_series
@@ -60,13 +60,11 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
     if proof.words.ramp is not None and controller_for(target).ramped:
         ramp = controller_for(target).ramp(words, proof.ramp_degC_per_min, proof.hold_degC)
         words = replace(words, ramp=ramp)
-    actuator = actuator_for(Conditions(), words)
+    coverage = Coverage(open_points=False, known=proof.known if target == proof.words.target else {})
     proven = prove_models(
-        controller_for(target), words, holding(fitted, proof.scenario.setpoint_degC), proof.scenario, actuator,
-        proof.limits, margins,
-        open_points=False, interlock=proof.interlock,
-        known=proof.known if target == proof.words.target else None,
-    )
+        controller_for(target), words, holding(fitted, proof.scenario.setpoint_degC), proof.scenario,
+        actuator_for(Conditions(), words), Acceptance(limits=proof.limits, margins_of=margins), coverage,
+        interlock=proof.interlock)
     ms = next((criterion.value for criterion in proven.criteria if criterion.name == "ms"), None)
     fails = tuple(criterion.name for criterion in proven.criteria if not criterion.ok)
     return RivalView(label=label, verdict=proven.verdict, ms=ms, fails=fails)

@@ -14,6 +14,8 @@ from heatertune.options import merged
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc import Words, controller_for
 from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
+from heatertune.proof.acceptance import Acceptance
+from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Limits
 from heatertune.proof.heaters import default_setpoint, holding, unreached
 from heatertune.proof.interlock import Interlock
@@ -60,17 +62,18 @@ def prove(
         raise InputError("an interlock switches off a heater that gets too hot; for a cooler leave --interlock out")
     setpoint, farthest = setpoints_for(fitted, asked)
     models = holding(fitted, farthest)
-    course, specification = course_for(words, [model for _, model in models], asked, setpoint), specified(asked)
+    heaters = [model for _, model in models]
+    course, specification = course_for(words, heaters, asked, setpoint), specified(asked)
+    heard = Heard(
+        findings=(*fitted.findings, *unreached(fitted, len(models), farthest)), accepted=asked.accept,
+        assumed=fitted.assumed, remarks=(*_remarks(words, fitted), *course.told), not_tested=course.not_tested)
+    acceptance = Acceptance(
+        limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
+        reading_step_degC=fitted.reading_step_degC, heard=heard)
+    coverage = Coverage(known=asked.switches, open_points=not first_look, only=only, draws=not first_look)
     return prove_models(
         controller_for(words.target), words, models[:1] if first_look else models, course.scenario,
-        actuator_for(asked, words), limits_of(specification, [model for _, model in models]), margins,
-        open_points=not first_look, draws=not first_look, known=asked.switches, only=only,
-        interlock=_interlock(asked, words),
-        heard=Heard(findings=(*fitted.findings, *unreached(fitted, len(models), farthest)), accepted=asked.accept,
-                    assumed=fitted.assumed, remarks=(*_remarks(words, fitted), *course.told),
-                    not_tested=course.not_tested),
-        reading_step_degC=fitted.reading_step_degC, specification=specification,
-    )
+        actuator_for(asked, words), acceptance, coverage, interlock=_interlock(asked, words))
 
 
 def setpoints_for(fitted: FittedModel, conditions: Conditions) -> tuple[float, float]:

@@ -13,11 +13,13 @@ from heatertune.errors import InputError
 from heatertune.model.findings import Finding
 from heatertune.model.values import HeaterModel
 from heatertune.pid.recipe import RampView
-from heatertune.pid.values import Margins, PidDesign
+from heatertune.pid.values import PidDesign
 from heatertune.plc.controller import Controller
-from heatertune.plc.open_points import Switch, settings_to_prove
+from heatertune.plc.open_points import Switch
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
+from heatertune.proof.acceptance import Acceptance
+from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, digested
 from heatertune.proof.interlock import Interlock
@@ -156,22 +158,9 @@ class Proof(Shown):
 
 
 def prove_models(
-    controller: Controller,
-    words: Words,
-    models: Sequence[tuple[str, HeaterModel]],
-    scenario: Scenario,
-    actuator: Actuator | None = None,
-    limits: Limits | None = None,
-    margins_of: Callable[[HeaterModel, PidDesign], Margins] | None = None,
-    *,
-    open_points: bool = True,
-    known: Mapping[str, str] | None = None,
+    controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario,
+    actuator: Actuator | None = None, acceptance: Acceptance | None = None, coverage: Coverage | None = None, *,
     interlock: Interlock | None = None,
-    heard: Heard | None = None,
-    reading_step_degC: float = 0.0,
-    specification: Specification | None = None,
-    draws: bool = True,
-    only: Sequence[tuple[str, Mapping[str, str]]] | None = None,
 ) -> Proof:
     """Run the words on every model under every setting the manual leaves open, and judge the worst.
 
@@ -184,44 +173,31 @@ def prove_models(
         models: (label, heater); the first is the nominal one.
         scenario: what happens in each run.
         actuator: the switch; not used where the controller makes the PWM itself.
-        limits: None: the defaults.
-        margins_of: margins of a design on a heater; None: margins are not judged.
-        known: switch → setting of what is known of this very controller, the manual leaving it open.
-        open_points: False: only the default settings of the controller's switches, for a quick comparison.
+        acceptance: what the runs are held against; None: the default limits, without margins.
+        coverage: which runs are made; None: all.
         interlock: what watches the heater in every run; None: nothing.
-        heard: what the fit found and the user knows; None: nothing.
-        reading_step_degC: step or noise of a reading on the heater, where that is more than the controller's own [°C].
-        specification: behind the limits.
-        draws: False: no more than one draw of the noise, for a quick look; see `heatertune.proof.noise`.
-        only: label of a model and settings of each run, by the controller's direct form alone, for a quick look; None:
-            every model under every setting.
 
     Raises:
         InputError: no model or no run, or as in `simulate`, with the model's label.
         OutOfRange, UnknownName: as in `simulate`.
     """
-    limits, design = limits or Limits(), controller.decode(words)
-    settings = settings_to_prove(controller.switches, known or {})[: None if open_points else 1]
-    runs = Runs.of(controller, words, models, settings, only, scenario=scenario, actuator=actuator, limits=limits,
-                   interlock=interlock)
+    acceptance, coverage, design = acceptance or Acceptance(), coverage or Coverage(), controller.decode(words)
+    limits = acceptance.limits
+    runs = Runs.of(controller, words, models, scenario, actuator, limits, coverage, interlock=interlock)
     traced, judged = remember(runs.traced), runs.judged()
-    step = None if design is None else design.step_power_pct_per_degC * max(
-        reading_step_degC, runs.resolution_degC, scenario.noise_degC)
-    ran_on = dict.fromkeys(model for _, model, _ in runs.cases)
-    margins = {} if margins_of is None or design is None else {model: margins_of(model, design) for model in ran_on}
+    step = acceptance.step_power_pct(design, max(runs.resolution_degC, scenario.noise_degC))
+    margins = acceptance.margins(design, (model for _, model, _ in runs.cases))
     results = [
         RunResult(model=name, switches=switches, label=runs.label(run),
                   criteria=(*ran, *of_words(limits, margins.get(model), step, runs.label(run))))
         for run, ((name, model, switches), ran) in enumerate(zip(runs.cases, judged, strict=True))
     ]
-    whole = open_points and only is None
-    in_question = [switch for switch in controller.switches
-                   if not switch.in_manual or (whole and switch.name not in (known or {}))]
-    heard = _with_unshown(_with_band(heard or Heard(), limits, runs.resolution_degC), in_question, results)
-    if controller.direct is not None and only is None:  # its own runs are measured on traces, whose last digits differ
+    heard = _with_unshown(_with_band(acceptance.heard, limits, runs.resolution_degC),
+                          coverage.in_question(controller.switches), results)
+    if controller.direct is not None and coverage.only is None:  # measured on traces, whose last digits differ
         for run in {0, _worst(results)}:
             results[run] = _ran(results[run], judge(traced(run), limits, where=results[run].label))
-    seeds, told = _with_draws(runs, results, judged) if draws else ({}, [])
+    seeds, told = _with_draws(runs, results, judged) if coverage.draws else ({}, [])
     heard = replace(heard, remarks=(*heard.remarks, *told))
     return Proof(
         words=words,
@@ -233,13 +209,13 @@ def prove_models(
         actuator=runs.actuator,
         interlock=interlock,
         traced=lambda run: traced(run, seeds[run]) if run in seeds else traced(run),
-        known=dict(known or {}),
+        known=dict(coverage.known),
         faults=() if controller.faults is None else controller.faults(words),
         ramp_degC_per_min=math.inf if words.ramp is None else controller.ramp_degC_per_min(words),
         hold_degC=None if words.ramp is None else controller.hold_degC(words),
-        open_points=whole,
+        open_points=coverage.whole,
         heard=heard,
-        specification=specification,
+        specification=acceptance.specification,
     )
 
 

@@ -13,6 +13,7 @@ from heatertune.model.values import HeaterModel
 from heatertune.plc.controller import Controller
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
+from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Criterion, Limits
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge
@@ -51,33 +52,32 @@ class Runs:
 
     @classmethod
     def of(
-        cls, controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]],
-        settings: Sequence[Mapping[str, str]], only: Sequence[tuple[str, Mapping[str, str]]] | None, *,
-        scenario: Scenario, actuator: Actuator | None, limits: Limits, interlock: Interlock | None,
+        cls, controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario,
+        actuator: Actuator | None, limits: Limits, coverage: Coverage, *, interlock: Interlock | None,
     ) -> Runs:
-        """Return the runs of every model under every setting.
+        """Return the runs of every model under every setting that a proof covers.
 
         Args:
             controller: that runs the words; its delay is added to the dead times.
             words: what it holds.
             models: (label, heater).
-            settings: of what the manual leaves open.
-            only: label of a model and settings of each run; None: all.
             scenario: as the attribute.
             actuator: not used where the controller makes the PWM itself.
             limits: as the attribute.
+            coverage: which of the runs are made.
             interlock: as the attribute.
 
         Raises:
             InputError: no model or no run, or as in `simulate`, with the model's label.
             OutOfRange, UnknownName: as in `simulate`.
         """
+        settings = coverage.settings(controller.switches)
         if not models:
             raise InputError("a proof needs at least one model")
         late = [(name, delayed(model, controller.delay_s)) for name, model in models]
         _check(controller, words, late, scenario)
         cases = [(name, model, setting) for (name, model), setting in product(late, settings)
-                if only is None or (name, setting) in only]
+                 if coverage.runs(name, setting)]
         if not cases:
             raise InputError("a proof needs at least one run")
         loops = [in_loop(controller, words, scenario.setpoints_degC, setting, direct=True) for setting in settings

@@ -1,0 +1,50 @@
+"""Which runs a proof makes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from heatertune.plc.open_points import Switch, settings_to_prove
+
+__all__ = ["Coverage"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coverage:
+    """Which runs a proof makes: every model under every setting the manual leaves open, or fewer for a quick look.
+
+    Attributes:
+        known: switch → setting of what is known of this very controller, the manual leaving it open.
+        open_points: False: only the default settings of the controller's switches, for a quick comparison.
+        only: label of a model and settings of each run, by the controller's direct form alone; None: every model under
+            every setting.
+        draws: False: no more than one draw of the noise; see `heatertune.proof.noise`.
+    """
+
+    known: Mapping[str, str] = field(default_factory=dict)
+    open_points: bool = True
+    only: Sequence[tuple[str, Mapping[str, str]]] | None = None
+    draws: bool = True
+
+    @property
+    def whole(self) -> bool:
+        """Whether every model runs under every setting."""
+        return self.open_points and self.only is None
+
+    def settings(self, switches: Sequence[Switch]) -> list[dict[str, str]]:
+        """Return the settings under which words are run, the defaults (and what is known) first.
+
+        Raises:
+            UnknownName: what is known is no switch or setting.
+        """
+        return settings_to_prove(switches, self.known)[: None if self.open_points else 1]
+
+    def runs(self, model: str, settings: Mapping[str, str]) -> bool:
+        """Return whether a model, by its label, is run under these settings."""
+        return self.only is None or (model, settings) in self.only
+
+    def in_question(self, switches: Sequence[Switch]) -> list[Switch]:
+        """Return the switches that are run in several settings, or that no run can show though nobody knows them."""
+        return [switch for switch in switches
+                if not switch.in_manual or (self.whole and switch.name not in self.known)]
