@@ -8,11 +8,12 @@
  * given for it is over; then the story goes on from where it was.
  */
 #include <math.h>
+#include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define RING 16384
+#define RING 524288                        /* six hours of dead time with bursts every tenth of a second */
 #define MEMORY 16
 
 enum { S5, WEG, FB41, S7300, S7200, S7200PID };
@@ -66,8 +67,6 @@ typedef struct {
     double y, x, level, carried, asked_pct, word;
     int phase, arrived;                    /* events whose power has reached the heater */
     double mains, load;
-    int first, count;
-    Edge ring[RING];
     int64_t scans, limited, faults, pulses;
     double last_level;
     uint64_t seed;
@@ -76,6 +75,8 @@ typedef struct {
     double highest, lowest, absolute, settled;
     int outside, resting;
     double rest_integral, rest_highest, rest_lowest;
+    int first, count;
+    Edge ring[RING];                       /* last: see copy */
 } Sim;
 
 /* ---- heater -------------------------------------------------------------------------------------------------- */
@@ -539,6 +540,15 @@ static int same(const Sim *a, const Sim *b)
     return 1;
 }
 
+static void copy(Sim *to, const Sim *from)
+{
+    memcpy(to, from, offsetof(Sim, ring));
+    for (int i = 0; i < from->count; i++) {
+        int at = (from->first + i) % RING;
+        to->ring[at] = from->ring[at];
+    }
+}
+
 static int64_t beat(int64_t a, int64_t b)
 {
     int64_t x = a, y = b;
@@ -552,8 +562,8 @@ static void follow(const Sim *from, Sim *s, Sim *mark, int64_t until, int64_t wi
     const Case *c = from->c;
     int64_t end = until + (int64_t)(c->longer * (double)c->begin[c->phases]), chunk = beat(c->scan, c->period);
     double asked = c->asked[from->phase];
-    memcpy(s, from, sizeof *s);
-    memcpy(mark, s, sizeof *s);
+    copy(s, from);
+    copy(mark, s);
     s->beyond = s->resting = 1;
     f->later_highest = -INFINITY;
     f->later_lowest = INFINITY;
@@ -566,7 +576,7 @@ static void follow(const Sim *from, Sim *s, Sim *mark, int64_t until, int64_t wi
             now = now + chunk < closes ? now + chunk : closes;
             run(s, now);
             if (c->noise == NULL && same(s, mark)) f->repeats = 1.0;
-            if (now - marked >= span) { memcpy(mark, s, sizeof *s); marked = now; span *= 2; }
+            if (now - marked >= span) { copy(mark, s); marked = now; span *= 2; }
         }
         double mean = s->rest_integral / ((double)(now - opened) * c->tick);
         double swing = 0.5 * (s->rest_highest - s->rest_lowest);
