@@ -17,7 +17,7 @@
 #define MEMORY 16
 
 enum { S5, WEG, FB41, S7300, S7200, S7200PID };
-enum { START, STEP, LOAD, SETPOINT, MAINS, PLC };
+enum { START, STEP, LOAD, SETPOINT, MAINS, PLC, LED };
 
 typedef struct {
     int target, sw[8];
@@ -35,7 +35,8 @@ typedef struct {
     double *rest;                          /* from when on each phase has to be at rest [s]; its end: never */
     int *kind;                             /* of the event at its begin */
     double *value;
-    double *asked;                         /* setpoint [degC] */
+    double *asked;                         /* setpoint [degC]; of LED at its end */
+    double *from;                          /* setpoint at the begin of LED, led straight to the end of the phase [degC] */
     double *power;                         /* share of full power that mains and PLC let through */
     int *supplied;
     double band;                           /* [degC] */
@@ -444,9 +445,19 @@ static double led(const Case *c, double word, double asked, double reading, int 
     return word;
 }
 
+static double setpoint_of(const Sim *s)
+{
+    const Case *c = s->c;
+    int p = s->phase;
+    if (c->kind[p] != LED) return c->asked[p];
+    double passed = (double)(s->k * c->scan - c->begin[p]) / (double)(c->begin[p + 1] - c->begin[p]);
+    return c->from[p] + (c->asked[p] - c->from[p]) * passed;
+}
+
 static void scan(Sim *s)
 {
     const Case *c = s->c;
+    double wanted = setpoint_of(s);
     double noise = 0.0;
     if (c->noise != NULL) noise = !s->beyond && s->k < c->noises ? c->noise[s->k] : c->sigma * normal(&s->seed);
     s->k++;
@@ -456,7 +467,7 @@ static void scan(Sim *s)
         memset(&s->m, 0, sizeof s->m);
         return;
     }
-    double reading = reading_of(c, s->y + noise), asked = reading_of(c, c->asked[s->phase]);
+    double reading = reading_of(c, s->y + noise), asked = reading_of(c, wanted);
     if (c->ramp == 0.0)
         s->word = asked;
     else {
@@ -609,7 +620,7 @@ int second_opinion(const Case *c, Found *found, double *totals)
         f->rest_integral = s->rest_integral;
         f->rest_highest = s->rest_highest;
         f->rest_lowest = s->rest_lowest;
-        if (window > 0 && c->longer > 0.0) follow(s, later, mark, end, window, f);
+        if (window > 0 && c->longer > 0.0 && c->kind[p] != LED) follow(s, later, mark, end, window, f);
     }
     totals[0] = (double)s->scans;
     totals[1] = (double)s->limited;
