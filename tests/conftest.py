@@ -32,7 +32,7 @@ _PLAIN_SCANS = compiled._PLAIN_SCANS
 #: no deadline: a machine that others use, too, is now and then slow
 _WITHOUT_CLOCK = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("dev", max_examples=200, **_WITHOUT_CLOCK)
-settings.register_profile("ci", max_examples=3_000, print_blob=True, **_WITHOUT_CLOCK)
+settings.register_profile("ci", max_examples=1_000, print_blob=True, **_WITHOUT_CLOCK)
 settings.load_profile("dev")
 
 #: what keeps a test out of the fast ones
@@ -41,6 +41,11 @@ SLOW = ("long", "law", "brute", "doc")
 
 #: of pytest's own cache
 _CACHE = "heatertune"
+
+
+def pytest_configure(config):
+    """Keep machine code from run to run, and fits for this run: of its processes and of the commands that tests start."""
+    os.environ["HEATERTUNE_CACHE"] = str(config.cache.mkdir(_CACHE))
 
 
 def pytest_sessionstart(session):
@@ -82,20 +87,12 @@ def run_folder(tmp_path_factory):
     return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
 
 
-@pytest.fixture(scope="session")
-def run_cache(request):
-    """The folder of machine code, kept from run to run, and of fits, kept for the run where a test asks for `kept`.
-
-    Commands that a test starts find there what the tests compiled, and the tests what they did.
-    """
-    return request.config.cache.mkdir(_CACHE)
-
-
 @pytest.fixture(scope="session", autouse=True)
-def machine_code(run_cache, run_folder):
-    """What is compiled is kept from run to run of the tests, each function by one process: each loop costs seconds."""
+def machine_code(request, run_folder):
+    """What is compiled is kept, whatever cache a test asks for, each function by one process: each loop costs seconds."""
+    place = request.config.cache.mkdir(_CACHE)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiled, "folder", lambda: run_cache)
+        patch.setattr(compiled, "folder", lambda: place)
         _compile_in_turn(patch, run_folder / "locks")
         yield
 
@@ -126,12 +123,6 @@ def _compile_in_turn(patch, locks):
             return compile_plainly(self, signature)
 
     patch.setattr(Dispatcher, "compile", compile_in_turn)
-
-
-@pytest.fixture
-def kept(run_cache, monkeypatch):
-    """Fits are kept for the whole run: the commands share them, other tests and the user's cache do not."""
-    monkeypatch.setenv("HEATERTUNE_CACHE", str(run_cache))
 
 
 @pytest.fixture(scope="session")

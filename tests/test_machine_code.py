@@ -116,5 +116,7 @@ def test_what_is_kept_on_disk_is_loaded_for_less_work(tmp_path, place, monkeypat
     module = _started_anew(tmp_path)
     assert not machine.worth_compiling(15_001, "new", function=module.outer)
     compiled(module.outer)(3.0)
+    assert [machine.worth_compiling(scans, "ready", function=module.outer) for scans in (3_000, 1)] == [False, True]
+    monkeypatch.delitem(sys.modules, "numba")  # as in a process that has not loaded the compiler
     assert [machine.worth_compiling(scans, "kept", function=module.outer) for scans in (15_000, 1)] == [False, True]
     assert not machine.worth_compiling(15_001, "other", function=module.inner), "only what was compiled by itself"

@@ -12,6 +12,7 @@ import hashlib
 import os
 import re
 import shutil
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -34,8 +35,9 @@ _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 #: scans after which a process that ran them plainly has spent as long as the compiler's start takes
 _PLAIN_SCANS: Final = 50_000
 
-#: the same where machine code of this work is kept, so that it need only be loaded
+#: the same where machine code of this work is kept, so that it need only be loaded, before and after the compiler was
 _PLAIN_SCANS_KEPT: Final = 15_000
+_PLAIN_SCANS_READY: Final = 3_000
 
 _scans_asked: Final[Counter[str]] = Counter()
 
@@ -74,7 +76,8 @@ def worth_compiling(
     """Return whether a process has by now asked for so many scans that the compiler's start pays, or decided so.
 
     Each work counts its own: what is compiled for one does not help another. `most_plain` is how many plain scans take
-    as long as this start, by default of the proof's loop; where machine code of `function` is kept, fewer do.
+    as long as this start, by default of the proof's loop; where machine code of `function` is kept, fewer do, and fewer
+    still where the compiler is there already.
 
     So the short runs of one command never load the compiler, and long work takes at most twice as long as if it had
     been known from the start. Both ways give the same, bit for bit.
@@ -83,8 +86,9 @@ def worth_compiling(
         return _decided[0]
     _scans_asked[work] += scans
     most = _PLAIN_SCANS if most_plain is None else most_plain
-    if _scans_asked[work] > _PLAIN_SCANS_KEPT and function is not None and _is_kept(function):
-        most = min(most, _PLAIN_SCANS_KEPT)
+    kept = _PLAIN_SCANS_READY if "numba" in sys.modules else _PLAIN_SCANS_KEPT
+    if kept < _scans_asked[work] <= most and function is not None and _is_kept(function):
+        return True
     return _scans_asked[work] > most
 
 

@@ -87,9 +87,10 @@ class Case:
 
 @dataclass
 class Clock:
-    """How long the case under way may take, and whether it computes."""
+    """How long the case under way may compute, how long it may take until then [s], and whether it computes."""
 
     moment_s: float = 0.3
+    hang_s: float = HANG_S
     deep: bool = True
     computing: bool = False
 
@@ -159,8 +160,8 @@ def outcome(case: Case, clock: Clock) -> tuple[str, str]:
     said, told = io.StringIO(), io.StringIO()
     clock.computing, clock.deep = False, case.deep
     signal.signal(signal.SIGALRM, clock.rings)
-    signal.setitimer(signal.ITIMER_REAL, HANG_S)
-    faulthandler.dump_traceback_later(6 * HANG_S, exit=True)
+    signal.setitimer(signal.ITIMER_REAL, clock.hang_s)
+    faulthandler.dump_traceback_later(6 * clock.hang_s, exit=True)
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(told), warnings.catch_warnings():
             warnings.simplefilter("always")
@@ -555,7 +556,7 @@ def _reading(chance: random.Random) -> list[str]:
 
 # ---- the whole
 
-def attack(folder: Path, counts: dict[str, int], *, seed: int = 1, moment_s: float = 0.3,
+def attack(folder: Path, counts: dict[str, int], *, seed: int = 1, clock: Clock | None = None,
            deep: bool = True) -> dict[str, Tally]:
     """Run so many cases of each kind in a folder, none beyond its door unless `deep`; return what became of them."""
     base, here = folder / "base", folder / "here"
@@ -563,7 +564,7 @@ def attack(folder: Path, counts: dict[str, int], *, seed: int = 1, moment_s: flo
         base.mkdir()
         write_all(base)
     here.mkdir(exist_ok=True)
-    made, clock, tallies = Attack(base, here, seed), Clock(moment_s), {kind: Tally() for kind in counts}
+    made, clock, tallies = Attack(base, here, seed), clock or Clock(), {kind: Tally() for kind in counts}
     cwd = Path.cwd()
     os.chdir(here)
     try:
@@ -597,6 +598,7 @@ def _main() -> int:
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--count", type=int, nargs=3, default=list(COUNTS.values()), metavar=("LOGS", "DOCUMENTS", "OPTIONS"))
     options.add_argument("--only", metavar="KIND:NUMBER")
+    options.add_argument("--hang", type=float, default=HANG_S, help="how long a refusal may take, more on a busy machine [s]")
     options.add_argument("--moment", type=float, default=0.3, help="how long a command may compute [s]")
     given = options.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
@@ -605,7 +607,7 @@ def _main() -> int:
         if given.only:
             return _one(folder, given)
         begun = time.monotonic()
-        tallies = attack(folder, dict(zip(COUNTS, given.count, strict=True)), seed=given.seed, moment_s=given.moment)
+        tallies = attack(folder, dict(zip(COUNTS, given.count, strict=True)), seed=given.seed, clock=Clock(given.moment, given.hang))
         print("\n".join(lines_of(tallies)), f"\n{time.monotonic() - begun:.0f} s", flush=True)
         return 1 if any(tally.faults for tally in tallies.values()) else 0
 

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from heatertune.batch import in_processes
-from heatertune.batch.fleets import fleet
+from heatertune.batch.fleets import ZoneSettings, fleet
 from heatertune.proof.closing import Asked
 
 ROWS, SPACING_S, STEP_S = 240, 11.0, 0.5
@@ -62,8 +62,8 @@ def run(folder, zones, target, samples, jobs):
     """Return seconds, processor seconds of the pool, and how the zones ended."""
     write_logs(folder / f"logs{zones}", zones)
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    summary = fleet(folder / f"logs{zones}", Asked(target=target), out=folder / f"fleet{zones}.parquet",
-                    workers=in_processes(jobs), samples=samples)
+    summary = fleet(folder / f"logs{zones}", ZoneSettings(asked=Asked(target=target), samples=samples),
+                    out=folder / f"fleet{zones}.parquet", workers=in_processes(jobs))
     spent = time.perf_counter() - begun
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return spent, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, summary["outcomes"]

@@ -166,6 +166,7 @@ def _fast(**changed):
 
 
 @pytest.mark.usefixtures("whole_story")
+@pytest.mark.long
 def test_where_ripple_and_half_waves_take_the_band_they_are_told():
     found = closed(*_fast(switch_kind="ssr"))
     ripple = 700.0 * math.tanh(1.0 / 64.0)
@@ -175,6 +176,7 @@ def test_where_ripple_and_half_waves_take_the_band_they_are_told():
 
 
 @pytest.mark.usefixtures("whole_story")
+@pytest.mark.long
 def test_what_no_solid_state_relays_pwm_holds_gets_bursts_of_whole_waves():
     model, asked = _fast()
     found = closed(model, asked)

@@ -46,6 +46,7 @@ def _of_one_step(proof):
 
 
 @pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.long
 def test_the_words_of_a_cooler_are_those_of_its_mirror_image_turned_round(target):
     heating, cooling = (dict(_made(model, target, sample_time_s=4.0).values) for model in (HEATER, COOLER))
     if target == "weg":

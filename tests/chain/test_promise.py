@@ -51,6 +51,7 @@ def peaks(words, peak=ms_of, heaters=None):
     return sorted(peak(heater, loop) for heater in heaters or draw_heaters(FITTED))
 
 
+@pytest.mark.long
 def test_where_rounding_breaks_it_the_words_found_keep_it_and_rounded_ones_tell_by_how_much(design):
     assert design.promise == Promise(way="worst", limits={"ms": 1.6})
     rounded = encode(design, "s5-ob251")

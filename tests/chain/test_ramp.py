@@ -94,6 +94,7 @@ def test_where_the_step_is_a_real_the_ramp_found_is_the_fastest_within_3_percent
     assert _broken(faster) == ["overshoot"]
 
 
+@pytest.mark.long
 def test_without_being_asked_it_is_proposed_only(words, plain, found):
     proof, notes = prove_ramped(words, SLOW, conditions=PROVING)
     assert proof.words == words

@@ -7,11 +7,6 @@ from tests.conftest import ROOT
 from heatertune.cli import main
 
 
-@pytest.fixture(autouse=True)
-def own_cache(kept):
-    """Every command keeps its fits."""
-
-
 @pytest.fixture
 def run(capsys):
     """Run a command as a user types it; return exit status, stdout and stderr."""

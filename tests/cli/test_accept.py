@@ -39,6 +39,7 @@ def test_verify_says_not_proven_in_its_first_line_with_the_way_on_and_ends_with_
     assert last == f"VERDICT {first}"
 
 
+@pytest.mark.long
 def test_what_is_accepted_is_pass_and_stands_in_the_files(pid, run, tmp_path):
     asked = ("--target", "s5-ob251", "-o", tmp_path / "out")
     status, _, err = run("export-db", pid, *asked)

@@ -78,6 +78,7 @@ def test_python_control_is_asked_for_a_second_opinion(run):
     assert "no opinion" in out
 
 
+@pytest.mark.long
 def test_verify_and_export_prove_the_words(run, by_hand, tmp_path):
     status, out, _ = run("verify", by_hand, "--target", "s5-ob251", "--setpoint", 40, "--json")
     document = json.loads(out)
@@ -92,6 +93,7 @@ def test_verify_and_export_prove_the_words(run, by_hand, tmp_path):
     assert run("verify", tmp_path / "out" / "words.json", "--target", "s5-ob251", "--setpoint", 40, *HAND)[0] == 0
 
 
+@pytest.mark.long
 def test_an_exported_block_is_read_back_and_proven(run, by_hand, tmp_path):
     conditions = ("--target", "s5-ob251", "--setpoint", 40)
     exported = json.loads(run("export-db", by_hand, *conditions, "-o", tmp_path, "--json")[1])
@@ -157,6 +159,7 @@ def test_the_s7_300_rooms_go_from_design_to_proven_source_and_back_from_a_dump(r
         assert "no PID\nodd: GAIN is 0" in out
 
 
+@pytest.mark.long
 def test_the_pwm_of_a_named_block_is_proven(run, by_hand):
     conditions = ("verify", by_hand, "--target", "s7-300", "--setpoint", 40, *HAND, "--json")
     block = ("--pwm-period", 5, "--pwm-resolution", 0.5, "--minimum-on", 1)

@@ -169,7 +169,7 @@ def test_a_log_that_vanished_is_a_row(logs):
 
 def test_a_log_of_any_name_is_a_row_and_one_that_changed_is_done_again(tmp_path):
     """The names hold U+2028, which ends a line for `str.splitlines`, and a byte that is no UTF-8."""
-    from heatertune.batch.fleets import fleet  # noqa: PLC0415 - the slow libraries, beside their only use
+    from heatertune.batch.fleets import ZoneSettings, fleet  # noqa: PLC0415 - the slow libraries, beside their only use
 
     folder, out = tmp_path / "logs", tmp_path / "fleet.parquet"
     folder.mkdir()
@@ -182,13 +182,13 @@ def test_a_log_of_any_name_is_a_row_and_one_that_changed_is_done_again(tmp_path)
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        fleet(folder, Asked(target="s7-300"), out=out, workers=stopped)
+        fleet(folder, ZoneSettings(asked=Asked(target="s7-300")), out=out, workers=stopped)
     (folder / "d.csv").write_text("")
 
     def here(chunks, do):
         yield from ((chunk, do(chunk.cases)) for chunk in chunks)
 
-    summary = fleet(folder, Asked(target="s7-300"), out=out, workers=here, resume=True)
+    summary = fleet(folder, ZoneSettings(asked=Asked(target="s7-300")), out=out, workers=here, resume=True)
     assert summary["done_again"] == 1
     assert "changed since the run that was stopped: 1" in outcome_lines(summary)
     rows = pyarrow.parquet.read_table(out).to_pylist()
@@ -198,7 +198,7 @@ def test_a_log_of_any_name_is_a_row_and_one_that_changed_is_done_again(tmp_path)
 
 
 def test_a_fleet_is_not_resumed_under_a_specification_that_has_changed_and_a_missing_one_is_refused_at_once(tmp_path):
-    from heatertune.batch.fleets import fleet  # noqa: PLC0415 - the slow libraries, beside their only use
+    from heatertune.batch.fleets import ZoneSettings, fleet  # noqa: PLC0415 - the slow libraries, beside their only use
 
     (tmp_path / "a.csv").write_text("no log")
     spec = tmp_path / "spec.toml"
@@ -210,13 +210,13 @@ def test_a_fleet_is_not_resumed_under_a_specification_that_has_changed_and_a_mis
         raise KeyboardInterrupt
 
     with pytest.raises(DocumentError, match=r"spec\.toml: cannot be read"):
-        fleet(tmp_path / "a.csv", asked, out=out, workers=stopped)
+        fleet(tmp_path / "a.csv", ZoneSettings(asked=asked), out=out, workers=stopped)
     spec.write_text('[limits]\novershoot = "5 %"\n')
     with pytest.raises(KeyboardInterrupt):
-        fleet(tmp_path / "a.csv", asked, out=out, workers=stopped)
+        fleet(tmp_path / "a.csv", ZoneSettings(asked=asked), out=out, workers=stopped)
     spec.write_text('[limits]\novershoot = "50 %"\n')
     with pytest.raises(InputError, match="specification"):
-        fleet(tmp_path / "a.csv", asked, out=out, workers=stopped, resume=True)
+        fleet(tmp_path / "a.csv", ZoneSettings(asked=asked), out=out, workers=stopped, resume=True)
 
 
 def test_a_fleet_and_a_study_are_not_resumed_along_a_profile_that_has_changed(tmp_path, monkeypatch):
@@ -231,10 +231,10 @@ def test_a_fleet_and_a_study_are_not_resumed_along_a_profile_that_has_changed(tm
                      f"[grid]\nprofile = ['{firing.as_posix()}']\n")
     asked = Asked(target="s7-300", conditions=Conditions(profile=str(firing)))
     with pytest.raises(DocumentError, match=r"firing\.csv: cannot be read"):
-        fleets.fleet(log, asked, out=tmp_path / "fleet.parquet", workers=None)
+        fleets.fleet(log, fleets.ZoneSettings(asked=asked), out=tmp_path / "fleet.parquet", workers=None)
     for soak in (10, 10, 11):
         firing.write_text(f"target [degC],ramp [degC/h],soak [min]\n60,100,{soak}\n")
-        fleets.fleet(log, asked, out=tmp_path / "fleet.parquet", workers=None)
+        fleets.fleet(log, fleets.ZoneSettings(asked=asked), out=tmp_path / "fleet.parquet", workers=None)
         studies.study(cases, out=tmp_path / "study.parquet", workers=None)
     assert seen[:2] == seen[2:4]
     assert seen[0] != seen[4]

@@ -28,6 +28,7 @@ def _old(path):
     return old
 
 
+@pytest.mark.long
 def test_a_design_is_proven_and_exported_as_it_passed_and_an_old_file_is_still_read(run, led, tmp_path):
     ramp = json.loads(led.read_text())["made_for"]["setpoint_ramp"]
     status, out, _ = run("verify", led, "--target", "s7-300", "--quiet")
@@ -42,6 +43,7 @@ def test_a_design_is_proven_and_exported_as_it_passed_and_an_old_file_is_still_r
     assert "has it" not in out
 
 
+@pytest.mark.long
 def test_an_option_takes_the_place_of_what_the_file_says_and_that_is_told(run, led):
     status, out, _ = run("verify", led, "--target", "s7-300", "--quiet", "--setpoint-ramp", "none", "--setpoint", 38,
                          "--limit", "overshoot=50%")

@@ -11,6 +11,7 @@ KNOWN = tuple(part for setting in ("sum=unlimited", "integral_off=previous_call"
 PROOF = ("--target", "s5-ob251", "--setpoint", 40, "--noise", 0.05, *HAND, "--json")
 
 
+@pytest.mark.long
 def test_the_worst_of_the_samples_comes_back_by_its_seed(run, by_hand):
     status, out, _ = run("verify", by_hand, *PROOF, "--samples", 12, "--seed", 100)
     document = json.loads(out)

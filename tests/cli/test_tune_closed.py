@@ -14,6 +14,7 @@ def _gains(document):
     return document["gain_pct_per_degC"], document["integral_time_s"]
 
 
+@pytest.mark.long
 def test_a_design_that_fails_its_specification_is_closed_and_what_was_done_is_told(run, tmp_path):
     asked = ("tune", *HASTY, "--target", "s7-300", *STORY, "--quiet")
     status, out, _ = run(*asked, "-o", tmp_path / "pid.json")
@@ -28,6 +29,7 @@ def test_a_design_that_fails_its_specification_is_closed_and_what_was_done_is_to
     assert not any("as asked for fails" in note for note in plain["notes"])
 
 
+@pytest.mark.long
 def test_without_a_target_a_specification_is_only_aimed_at_and_one_sentence_says_so(run):
     status, out, _ = run("tune", *HAND, "--sample-time", 4, "--limit", "ms=1.4", "--setpoint", 40, "--json", "--quiet")
     document = json.loads(out)

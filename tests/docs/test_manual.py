@@ -21,7 +21,7 @@ PAPER = ("tutorial.md", "explain/no_power.md")
 
 
 @pytest.fixture
-def folder(tmp_path, kept, monkeypatch):
+def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -349,6 +349,7 @@ reals = st.integers(0, 2**32 - 1).map(lambda pattern: struct.unpack(">f", patter
 
 @given(numbers=st.lists(reals, min_size=15, max_size=15), bits=st.lists(st.booleans(), min_size=6, max_size=6),
        readings=st.lists(st.tuples(reals, reals), min_size=2, max_size=5))
+@pytest.mark.long
 def test_a_call_is_total_for_every_bit_pattern(numbers, bits, readings):
     running = ROOM.start(_words(), {})
     p = type(running.parameters[0])(*numbers, *bits)

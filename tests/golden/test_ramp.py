@@ -243,6 +243,7 @@ def _loaded(running, text):
 
 @pytest.mark.parametrize("ramp", [Ramp(step=3), Ramp(step=7, calls=3), Ramp(step=7, calls=3, hold=5), Ramp(step=4, hold=9),
                                   Ramp(step=7, calls=3, hold=-5), Ramp(step=4, hold=-9)])
+@pytest.mark.long
 def test_the_s7_200_program_makes_the_setpoints_that_the_room_was_told(ramp):
     words, found = _words("s7-200", ramp), controller_for("s7-200")
     told = made = found.start(words, {})

@@ -164,7 +164,6 @@ def assert_same(life, trace):
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("kept")
 def test_the_files_of_table4_alone_do_what_was_proven(tmp_path):
     proven = design("table4", Asked(target=TARGET), out=tmp_path).closed.proof
     listing, proof = (tmp_path / "program_listing.txt").read_text(), json.loads((tmp_path / "proof.json").read_text())

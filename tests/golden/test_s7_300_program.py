@@ -251,6 +251,7 @@ def test_a_broken_wire_puts_the_heater_off_at_once_and_all_begins_anew(machine, 
 
 
 @pytest.mark.parametrize("target", ["s7-300", "fb41"])
+@pytest.mark.long
 def test_at_another_interval_of_ob35_the_heater_stays_off_and_the_bit_tells(machine, tmp_path, target):
     _loaded(machine, target, tmp_path, Actuator(pwm_period_s=4.0))
     for interval in (100, 9, 11):  # 100 ms is what STEP 7 sets

@@ -32,7 +32,7 @@ def _write_files(folder):
 
 @pytest.mark.doc
 @pytest.mark.long(seconds=40)
-@pytest.mark.usefixtures("kept", "whatever_pays")
+@pytest.mark.usefixtures("whatever_pays")
 def test_the_readmes_commands_run_in_the_order_they_stand(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     _write_files(tmp_path)
@@ -49,7 +49,7 @@ def test_every_command_stands_in_the_readme():
 
 @pytest.mark.doc
 @pytest.mark.long(seconds=15)
-@pytest.mark.usefixtures("kept", "whatever_pays")
+@pytest.mark.usefixtures("whatever_pays")
 def test_the_example_in_every_commands_help_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     examples = {command._EXAMPLE.split()[2]: command._EXAMPLE.removeprefix("example: ").splitlines()[0] for command in COMMANDS}
@@ -66,7 +66,6 @@ def test_the_example_in_every_commands_help_runs(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.doc
 @pytest.mark.long
-@pytest.mark.usefixtures("kept")
 def test_the_readmes_python_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (code,) = [block for kind, block in BLOCKS if kind == "python"]

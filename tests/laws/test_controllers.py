@@ -1,4 +1,4 @@
-"""What holds for every room: 200 cases each, 3,000 in CI."""
+"""What holds for every room: 200 cases each, 1,000 in CI."""
 
 import math
 

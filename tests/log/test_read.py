@@ -188,6 +188,7 @@ def test_any_written_log_is_read_back(tmp_path_factory, data):
     assert np.array_equal(np.column_stack([log.time_s, log.temperature_degC, log.power_pct]), np.array(rows))
 
 
+@pytest.mark.long
 def test_every_real_log_with_common_columns_is_read_whole(real_logs):
     # row counts printed beside the logs
     for name, rows in {"apm_siso_doublet": 571, "box_kp4_ki01": 7537, "pidtune_dataIDFOM1": 5601, "tec_run11": 120}.items():
@@ -264,3 +265,11 @@ def test_seconds_since_1970_are_told_by_their_digits(tmp_path, begins, ticks_per
 ])
 def test_slashed_dates_are_refused_where_they_can_be_read_either_way(dates, is_either):
     assert is_day_or_month(f"{date} 10:00:00" for date in dates) is is_either
+
+
+def test_a_cell_of_a_million_characters_is_not_searched_for_names_for_hours(tmp_path):
+    # found by tests/bench/fuzz.py: `temp\w* ?set` tries every "temp" to the end of the cell
+    path = tmp_path / "log.txt"
+    path.write_text("time_s temp_C " + "temp" * 300_000 + "\n" + "".join(f"{10 * k} {20 + k} 7\n" for k in range(30)))
+    log = read_log(path)
+    assert log.temperature_degC.tolist() == [20.0 + k for k in range(30)]

@@ -29,6 +29,7 @@ def test_a_step_is_lsims(heater):
 
 @given(st.floats(1e-9, 1.0), st.floats(0.0, 5.0), st.floats(0.1, 30.0))
 @example(ratio=1.0, dead=1.1249999701976776, interval=0.375)  # power that arrives 3e-8 s before an instant: -9e-17 degC
+@pytest.mark.long
 def test_a_sampled_heater_is_exact_whatever_the_dead_time(ratio, dead, interval):
     heater = TwoLag(gain_degC_per_pct=1.0, time_constant_s=20.0, second_time_constant_s=20.0 * ratio, dead_time_s=dead)
     time = interval * np.arange(12)

@@ -101,6 +101,7 @@ def test_what_is_foretold_worse_than_fitted_is_told_with_the_worst_window():
 
 
 @pytest.mark.parametrize("bare", [False, True])
+@pytest.mark.long
 def test_the_checks_survive_their_document(bare):
     fitted = fit(_log())
     found = fitted.validation
@@ -111,6 +112,7 @@ def test_the_checks_survive_their_document(bare):
     assert from_document(document).validation == found
 
 
+@pytest.mark.long
 def test_a_half_in_which_a_coarse_sensor_never_moves_is_none():
     time = np.arange(0.0, 800.0, 4.0)
     heated = logged(time, np.where((time > 40.0) & (time < 200.0), 20.0, 0.0), lag=60.0)

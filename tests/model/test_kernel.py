@@ -37,6 +37,7 @@ def _integrated(plant, power, h, n):
 
 @pytest.mark.parametrize("ratio", [0.0, 0.4, 1.0], ids=["one lag", "two lags", "equal lags"])
 @pytest.mark.parametrize("dead", [0.0, 6.5], ids=["no dead time", "fractional dead time"])
+@pytest.mark.long
 def test_the_loop_agrees_with_an_ode_solver(ratio, dead):
     plant = np.array([[0.5, 90.0, ratio, dead, 20.0, 25.0, 30.0]])
     h, n = 2.0, 60

@@ -158,6 +158,7 @@ def test_a_step_in_a_gap_leaves_the_dead_time_open_by_the_gap(logs):
     assert all(each.delta_bic < 100.0 for each in fitted.candidates), "no heater of a power that the log does not have"
 
 
+@pytest.mark.long
 def test_beside_a_step_that_was_seen_the_right_reading_of_one_in_a_gap_is_the_best_candidate():
     time = np.arange(0.0, 3000.0, 5.0)
     power = np.select([time < 100.0, time < 1500.0], [0.0, 60.0], 20.0)

@@ -147,6 +147,7 @@ def _logs(heaters):
     return np.log([[h.gain_degC_per_pct, h.time_constant_s] for h in heaters]).T
 
 
+@pytest.mark.long
 def test_the_interval_of_gain_per_time_constant_correlates_the_two():
     ratio = (0.0025, Interval(low=0.0023, high=0.0027))
     fitted = replace(_fitted(gain_degC_per_pct=WIDE["gain_degC_per_pct"], time_constant_s=Interval(low=128.0, high=200.0)),

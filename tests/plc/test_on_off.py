@@ -54,6 +54,7 @@ def test_it_is_two_level_control_wherever_no_word_overflows(band, w, x):
         assert scan.flags["overflow"], "SP + BAND is computed in every scan"
 
 
+@pytest.mark.long
 def test_the_loop_swings_as_a_relay_with_dead_time_does():
     # continuous relay on k/(T·s + 1)·e^(−L·s): after switching off at SP + h the temperature goes on rising for L towards
     # ambient + 100·k, after switching on at SP − h it goes on falling for L towards ambient

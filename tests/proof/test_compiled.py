@@ -299,6 +299,7 @@ def test_the_compiler_is_loaded_once_a_process_has_asked_for_enough(monkeypatch)
 
 
 @given(table=st.integers(1, 9).flatmap(lambda n: st.lists(st.lists(st.one_of(st.just(np.nan), st.floats(-9, 9)), min_size=n, max_size=n), min_size=1, max_size=5)))
+@pytest.mark.long
 def test_the_medians_of_the_ripple_are_numpys(table):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a row without any number

@@ -13,7 +13,7 @@ from heatertune.plc import Scaling, controller_for
 from heatertune.plc.feed_forward import feed_forward
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.criteria import Limits
-from heatertune.proof.feed_forward import Beside, prove_feed_forward
+from heatertune.proof.feed_forward import Beside, PlainLoop, prove_feed_forward
 
 TA, SETPOINT = 5.0, 80.0
 #: until an input module's reading is there and a process image is written, S5 (AI 460) and S7-300 (SM 331) [s]
@@ -33,10 +33,9 @@ DEFAULTS = {switch.name: switch.default for switch in ROOM.switches}
 def _prove(effect=EFFECT, words=WORDS, **changed):
     room = controller_for(words.target)
     line = feed_forward(room.feed, column="flow", pct_per_unit=effect.pct_per_unit, calm=1.0, low=0.0, high=5.0)
-    given = {"known": {switch.name: switch.default for switch in room.switches}, "models": [("h", HEATER)],
-             "setpoint_degC": SETPOINT} | changed
-    return prove_feed_forward(words, line, effect, given["models"], given["setpoint_degC"], SWITCH, changed.get("limits"),
-                              known=given["known"])
+    models = changed.pop("models", [("h", HEATER)])
+    plain = {"known": {switch.name: switch.default for switch in room.switches}, "setpoint_degC": SETPOINT, "actuator": SWITCH}
+    return prove_feed_forward(words, line, effect, models, PlainLoop(**(plain | changed)))
 
 
 def _witness(fed, effect, lead, hot_s, rest_s):
@@ -165,7 +164,7 @@ def test_a_controller_without_an_input_for_it_is_refused():
     line = feed_forward(ROOM.feed, column="flow", pct_per_unit=-8.0, calm=1.0, low=0.0, high=5.0)
     words = controller_for("s7-300").encode(DESIGN, Scaling(low_degC=0.0, high_degC=200.0))
     with pytest.raises(InputError, match="s7-300 has no input for a measured disturbance"):
-        prove_feed_forward(words, line, EFFECT, [("h", HEATER)], SETPOINT, SWITCH)
+        prove_feed_forward(words, line, EFFECT, [("h", HEATER)], PlainLoop(setpoint_degC=SETPOINT, actuator=SWITCH))
 
 
 def test_a_step_that_leaves_no_reserve_is_made_smaller():

@@ -73,6 +73,7 @@ def test_no_name_lies_over_another_nor_is_cut(name):
 
 
 @pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.long
 def test_no_name_lies_over_a_curve(name):
     figure = FIGURES[name]()
     boxes = drawn(figure)

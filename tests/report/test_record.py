@@ -136,6 +136,7 @@ def test_the_same_documents_give_the_same_page_and_other_words_other_ticks(docum
     assert marks[0] != marks[1]
 
 
+@pytest.mark.long
 def test_the_data_of_a_live_picture_are_the_lines_of_the_printed_one(documents, page):
     series = documents["pictures"]
     found = panels(plot_loop(series["nominal"], series["worst"], series["others"]))

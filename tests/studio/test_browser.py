@@ -23,7 +23,7 @@ pytestmark = pytest.mark.long
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
     """The address a started studio prints."""
-    environment = os.environ | {"HEATERTUNE_CACHE": ""}  # no folder, no compiler beside the page
+    environment = dict(os.environ)
     environment.pop("PYTEST_CURRENT_TEST", None)  # NiceGUI would start its own test server where it sees this
     with subprocess.Popen([sys.executable, "-m", "heatertune", "studio", "--no-browser"], stdout=subprocess.PIPE,
                           text=True, env=environment) as server:

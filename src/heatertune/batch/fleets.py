@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import partial
 from glob import glob, has_magic
 from pathlib import Path, PurePath
@@ -26,7 +26,7 @@ from heatertune.proof.fitted import specified
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.units import check
 
-__all__ = ["SCHEMA", "find_logs", "fleet"]
+__all__ = ["SCHEMA", "ZoneSettings", "find_logs", "fleet"]
 
 SCHEMA: Final = "heatertune/fleet/1"
 
@@ -47,18 +47,30 @@ class Zone(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
-    """What is the same for all zones; arguments as of `fleet`."""
+class ZoneSettings:
+    """What is done with every log of a fleet.
+
+    Attributes:
+        asked: what each design is asked for.
+        read: how the logs are read.
+        fitted_with: what is known beside them.
+        samples: on how many drawn heaters each zone's words are proven as well; 0: none.
+
+    Raises:
+        OutOfRange: a negative number of samples.
+    """
 
     asked: Asked
-    read: ReadSettings
-    fitted_with: FitSettings
-    samples: int
+    read: ReadSettings = field(default_factory=ReadSettings)
+    fitted_with: FitSettings = field(default_factory=FitSettings)
+    samples: int = 0
+
+    def __post_init__(self) -> None:
+        check("samples", self.samples, least=0)
 
 
 def fleet(
-    logs: str | Path, asked: Asked, *, out: str | Path, workers: Workers, resume: bool = False,
-    read: ReadSettings | None = None, fitted_with: FitSettings | None = None, samples: int = 0,
+    logs: str | Path, settings: ZoneSettings, *, out: str | Path, workers: Workers, resume: bool = False,
     progress: Progress = silent,
 ) -> dict[str, Any]:
     """Take every log through the chain and write one row per log, sorted by name; return the summary.
@@ -68,29 +80,24 @@ def fleet(
 
     Args:
         logs: a folder (searched through), a pattern with ``*``, or a text file with one path per line.
-        asked: what each design is asked for.
+        settings: what is done with each.
         out: Parquet file; the meaning of every column is kept in it.
         workers: where the zones are done.
         resume: go on where a run with the same options was stopped; logs that have changed since are done again.
-        read: how the logs are read.
-        fitted_with: what is known beside them.
-        samples: on how many drawn heaters each zone's words are proven as well; 0: none.
         progress: told how many zones are done, and how many there are.
 
     Raises:
         UnknownName: no such target.
         InputError: no log found, or as `in_force`; as `heatertune.batch.engine`.
     """
-    check("samples", samples, least=0)
-    controller_for(asked.target)  # an unknown one is refused before the long part
-    specification = specified(asked.conditions)  # likewise, and a file may change before the fleet is resumed
+    controller_for(settings.asked.target)  # an unknown one is refused before the long part
+    specification = specified(settings.asked.conditions)  # likewise, and a file may change before the fleet is resumed
     folder, names = find_logs(logs)
-    shared = _Asked(asked=asked, read=read or ReadSettings(), fitted_with=fitted_with or FitSettings(), samples=samples)
     listed = hashlib.sha256(json.dumps(names).encode()).hexdigest()
     batch = Batch(
-        do=_zone, shared=shared, cases=names, sent=partial(_sent, folder), lost=lost_row,
-        columns=(*_COLUMNS, *word_columns([asked.target])),
-        identity={field.name: repr(getattr(shared, field.name)) for field in fields(shared)} | {
+        do=_zone, shared=settings, cases=names, sent=partial(_sent, folder), lost=lost_row,
+        columns=(*_COLUMNS, *word_columns([settings.asked.target])),
+        identity={one.name: repr(getattr(settings, one.name)) for one in fields(settings)} | {
             "logs": listed, "specification": repr(specification)},
     )
     return {"schema": SCHEMA} | run(batch, out, workers=workers, resume=resume, progress=progress)
@@ -140,14 +147,14 @@ def _sent(folder: str, name: str) -> Zone:
         return Zone(name, None, f"cannot be read: {problem.strerror}")
 
 
-def _zone(shared: _Asked, zone: Zone) -> Row:
+def _zone(settings: ZoneSettings, zone: Zone) -> Row:
     """Return the row of one log; this runs on the worker."""
-    return zone_row(zone.name, partial(_fitted, shared, zone), shared.asked, samples=shared.samples)
+    return zone_row(zone.name, partial(_fitted, settings, zone), settings.asked, samples=settings.samples)
 
 
-def _fitted(shared: _Asked, zone: Zone) -> FittedModel:
+def _fitted(settings: ZoneSettings, zone: Zone) -> FittedModel:
     if zone.content is None:
         raise LogError(str(zone.problem), file=zone.name)
-    log = read_log(zone.name, shared.read, content=zone.content)
+    log = read_log(zone.name, settings.read, content=zone.content)
     with cache.unused():
-        return fit(log, shared.fitted_with)
+        return fit(log, settings.fitted_with)

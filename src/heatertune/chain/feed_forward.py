@@ -15,7 +15,7 @@ from heatertune.options import merged
 from heatertune.plc import Words, controller_for
 from heatertune.plc.feed_forward import feed_forward as line_for
 from heatertune.proof.document import ProofView, checked
-from heatertune.proof.feed_forward import FeedForwardProof, prove_feed_forward
+from heatertune.proof.feed_forward import FeedForwardProof, PlainLoop, prove_feed_forward
 from heatertune.proof.heaters import holding
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA, certificate, demand_same_words, read_words
@@ -67,11 +67,10 @@ def feed_forward(
     low, high = asked.disturbance_range or (effect.calm, effect.strong)
     line = line_for(feed, column=effect.column, pct_per_unit=effect.pct_per_unit, calm=effect.calm, low=low, high=high,
                     switched=asked.contact)
-    setpoint = plain.scenario.setpoint_degC
-    models = holding(read_model(folder / "model.json"), setpoint)
-    proof = prove_feed_forward(
-        words, line, effect, models, setpoint, plain.actuator, plain.limits,
-        noise_degC=plain.scenario.noise_degC, known=plain.known)
+    loop = PlainLoop(setpoint_degC=plain.scenario.setpoint_degC, actuator=plain.actuator, limits=plain.limits,
+                     noise_degC=plain.scenario.noise_degC, known=plain.known)
+    models = holding(read_model(folder / "model.json"), loop.setpoint_degC)
+    proof = prove_feed_forward(words, line, effect, models, loop)
     files = {"feed_forward.json": to_json(proof.to_document())}
     if force or not proof.refusal:
         files |= feed.listing(line, replace(proven, lines=(*proven.lines, *proof.told), forced=proven.forced or force))

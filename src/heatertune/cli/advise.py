@@ -36,22 +36,18 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.pid.document import read_design  # noqa: PLC0415
     from heatertune.plc import controller_for  # noqa: PLC0415
     from heatertune.proof.advice import advise  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.recipes import scaling_of  # noqa: PLC0415
     from heatertune.report.text import advice_table  # noqa: PLC0415
 
     design, model, kept = read_design(settings.pid)
     if model is None:
         raise InputError(f"{settings.pid} holds no model to prove on; expected pid.json as written by tune")
-    target, progress = common.target(settings), printing.Progress(settings)
-    controller_for(target)  # an unknown target is refused before the log is read
+    progress = printing.Progress(settings)
+    controller_for(common.target(settings))  # an unknown target is refused before the log is read
     log = None if settings.log == "proof" else read_log(settings.log, common.reading(settings))
     printing.tell_taken(settings, [] if log is None else [log], progress)
     recipe, notes = in_force(settings, kept, settings.pid)
     for note in notes:
         progress(note)
-    document = advise(
-        design, model, log, recipe.conditions, target=target, scaling=scaling_of(recipe), recipe=recipe,
-        until_s=settings.until, progress=progress,
-    )
+    document = advise(design, model, recipe, log, until_s=settings.until, progress=progress)
     printing.output(settings, document, lambda: advice_table(document))
     return 0 if any(case["verdict"] == "PASS" for case in document["cases"]) else 1

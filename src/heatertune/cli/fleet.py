@@ -35,13 +35,12 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.batch.fleets import fleet  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.batch.fleets import ZoneSettings, fleet  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import outcome_lines  # noqa: PLC0415
 
-    document = fleet(
-        settings.logs, common.asked(settings), out=settings.out, workers=batch.workers(settings),
-        resume=settings.resume, read=common.reading(settings), fitted_with=options.of(FitSettings, settings),
-        samples=settings.samples, progress=batch.Bar(settings, "zones"),
-    )
+    each = ZoneSettings(asked=common.asked(settings), read=common.reading(settings),
+                        fitted_with=options.of(FitSettings, settings), samples=settings.samples)
+    document = fleet(settings.logs, each, out=settings.out, workers=batch.workers(settings), resume=settings.resume,
+                     progress=batch.Bar(settings, "zones"))
     printing.output(settings, document, lambda: outcome_lines(document))
     return 0

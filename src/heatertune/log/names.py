@@ -9,6 +9,9 @@ __all__ = ["ROLES", "is_foreign", "is_second_choice", "plain_name", "role_of", "
 
 ROLES: Final = ("time", "temperature", "power", "setpoint")
 
+#: characters of a name that are looked at: a cell of a million would be searched for hours
+_LONGEST: Final = 1000
+
 #: looked for in this order: "set point (degC)" is no temperature, "heater temperature" no power; t is a time, T is not
 _NAMES: Final[dict[str, re.Pattern[str]]] = {
     "setpoint": re.compile(r"(?i:set.?(point|temp|value)|temp\w* ?set\b|\bt?sp\d*\b|soll|target)"),
@@ -80,5 +83,5 @@ def is_foreign(role: str, name: str) -> bool:
 
 
 def plain_name(name: str) -> str:
-    """Return a name with spaces for underscores and one way to write degrees."""
-    return name.replace("_", " ").strip().replace("º", "°").replace("℃", "°C").replace("℉", "°F")
+    """Return a name with spaces for underscores and one way to write degrees, of what is longer the beginning."""
+    return name[:_LONGEST].replace("_", " ").strip().replace("º", "°").replace("℃", "°C").replace("℉", "°F")

@@ -16,7 +16,6 @@ from heatertune.model.values import FittedModel
 from heatertune.model.windows import undisturbed
 from heatertune.pid.recipe import Recipe
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc import Scaling
 from heatertune.plc.design import encode
 from heatertune.plc.weg.advice import ADVICE, Change, Gains, Symptom, changed
 from heatertune.progress import Told
@@ -24,7 +23,7 @@ from heatertune.proof import Proof, prove
 from heatertune.proof.fitted import specified
 from heatertune.proof.heaters import labelled
 from heatertune.proof.nearest import settings_told
-from heatertune.proof.recipes import finished
+from heatertune.proof.recipes import finished, scaling_of
 from heatertune.proof.symptoms import Response, observe
 from heatertune.proof.verdict import NOT_PROVEN
 from heatertune.settings import Conditions
@@ -45,8 +44,7 @@ _LAGS: Final = 3.0  # time constants after which a heater has done 95 % of a ste
 
 
 def advise(
-    design: PidDesign, fitted: FittedModel, log: Log | None = None, conditions: Conditions | None = None, *,
-    target: str = "weg", scaling: Scaling | None = None, recipe: Recipe | None = None, until_s: float | None = None,
+    design: PidDesign, fitted: FittedModel, recipe: Recipe, log: Log | None = None, *, until_s: float | None = None,
     progress: Told = str,
 ) -> dict[str, Any]:
     """Return the symptom, and every step of the advice with the proof before and after it.
@@ -54,11 +52,9 @@ def advise(
     Args:
         design: that ran, or is to run.
         fitted: the heater to prove on.
+        recipe: controller, sensor range, what the words get beside the gains, and conditions of the proof; their
+            setpoint is that of the log, too, None: as logged.
         log: the response; None: the one of the design's own proof.
-        conditions: of the proof; its setpoint is that of the log, too; None: as logged.
-        target: the controller whose words are proven.
-        scaling: sensor range.
-        recipe: what the words get beside the gains; None: nothing.
         until_s: last instant of the log to look at [s]; None: up to a disturbance.
         progress: told what begins.
 
@@ -68,10 +64,10 @@ def advise(
         NotRepresentable: the design itself does not fit the target.
     """
     seen_log = None if log is None else _part(log, until_s)
-    assumed = conditions or Conditions()
+    assumed = recipe.conditions
     if assumed.highest_degC is None and seen_log is not None:
         assumed = replace(assumed, setpoint_degC=_setpoint(seen_log))
-    proven = partial(_proven, fitted, assumed, target, scaling, recipe)
+    proven = partial(_proven, fitted, replace(recipe, conditions=assumed))
     progress("proving the design as it is")
     before = proven(design)
     expected = max(m.dead_time_s + _LAGS * sum(m.lags_s) for _, m in labelled(fitted))
@@ -84,7 +80,7 @@ def advise(
         cases.append(_tried(label, gains, after, design, proven))
         cases[-1]["effect"] = _effect(cases[0], cases[-1], aim)
     return {
-        "schema": SCHEMA, "target": target, "log": None if log is None else log.name,
+        "schema": SCHEMA, "target": recipe.target, "log": None if log is None else log.name,
         "symptom": seen.symptom.name, "symptom_text": seen.symptom.value,
         "seen": {name: value for name, value in asdict(seen).items() if name != "symptom"},
         "aim": aim, "cases": cases, "best": _best(cases, aim),
@@ -107,11 +103,9 @@ def _setpoint(log: Log) -> float:
     return float(log.setpoint_degC[-1])
 
 
-def _proven(
-    fitted: FittedModel, assumed: Conditions, target: str, scaling: Scaling | None, recipe: Recipe | None,
-    design: PidDesign,
-) -> Proof:
-    return prove(finished(encode(design, target, scaling=scaling), recipe), fitted, assumed)
+def _proven(fitted: FittedModel, recipe: Recipe, design: PidDesign) -> Proof:
+    words = encode(design, recipe.target, scaling=scaling_of(recipe))
+    return prove(finished(words, recipe), fitted, recipe.conditions)
 
 
 def _observed(log: Log | None, before: Proof, assumed: Conditions, expected_s: float) -> Response:

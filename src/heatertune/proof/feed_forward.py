@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -33,7 +33,7 @@ from heatertune.proof.loop import InLoop, check_words, in_loop, run_loop
 from heatertune.proof.scenario import Load, Scenario, conditions, delayed
 from heatertune.proof.trace import Trace
 
-__all__ = ["Beside", "FeedForwardProof", "prove_feed_forward", "step_fed"]
+__all__ = ["Beside", "FeedForwardProof", "PlainLoop", "prove_feed_forward", "step_fed"]
 
 Array = npt.NDArray[np.float64]
 
@@ -189,10 +189,28 @@ class FeedForwardProof:
         }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlainLoop:
+    """The loop with plain feedback, as its words were proven.
+
+    Attributes:
+        setpoint_degC: [°C].
+        actuator: the switch; None where the controller makes the PWM itself.
+        limits: on the overshoot.
+        noise_degC: of the sensor [°C].
+        known: settings of open points that are known.
+    """
+
+    setpoint_degC: float
+    actuator: Actuator | None = None
+    limits: Limits = field(default_factory=Limits)
+    noise_degC: float = 0.0
+    known: Mapping[str, str] = field(default_factory=dict)
+
+
 def prove_feed_forward(
     words: Words, line: FeedForward, effect: DisturbanceEffect, models: Sequence[tuple[str, HeaterModel]],
-    setpoint_degC: float, actuator: Actuator | None, limits: Limits | None = None, *, noise_degC: float = 0.0,
-    known: Mapping[str, str] | None = None,
+    plain: PlainLoop,
 ) -> FeedForwardProof:
     """Run words with plain feedback and with feed-forward on every possible heater.
 
@@ -201,11 +219,7 @@ def prove_feed_forward(
         line: what the program writes.
         effect: of the disturbance.
         models: (label, heater), the first the working one; all with their ambient.
-        setpoint_degC: [°C].
-        actuator: the switch; None where the controller makes the PWM itself.
-        limits: on the overshoot; None: the defaults.
-        noise_degC: of the sensor [°C].
-        known: settings of open points that are known.
+        plain: what the words were proven under.
 
     Raises:
         InputError: the controller has no input for it, or a heater has no power left over for the step.
@@ -216,13 +230,13 @@ def prove_feed_forward(
         raise InputError(f"{words.target} has no input for a measured disturbance (see: heatertune targets)")
     if not models:
         raise InputError("a proof needs at least one model")
-    share = _share(models, effect, setpoint_degC)
+    share = _share(models, effect, plain.setpoint_degC)
     strong = effect.calm + share * (effect.strong - effect.calm)
-    trial = _Trial(controller, words, line, effect, strong, setpoint_degC, actuator, limits or Limits(), noise_degC)
-    runs = tuple(trial.runs(models, settings_to_prove(controller.switches, known)))
+    trial = _Trial(controller, words, line, effect, strong, plain)
+    runs = tuple(trial.runs(models, settings_to_prove(controller.switches, plain.known)))
     return FeedForwardProof(
-        line=line, word=controller.feed.word, effect=effect, setpoint_degC=setpoint_degC, step=(effect.calm, strong),
-        load_pct=effect.pct_per_unit * (strong - effect.calm), runs=runs)
+        line=line, word=controller.feed.word, effect=effect, setpoint_degC=plain.setpoint_degC,
+        step=(effect.calm, strong), load_pct=effect.pct_per_unit * (strong - effect.calm), runs=runs)
 
 
 def _share(models: Sequence[tuple[str, HeaterModel]], effect: DisturbanceEffect, setpoint_degC: float) -> float:
@@ -257,10 +271,7 @@ class _Trial(NamedTuple):
     line: FeedForward
     effect: DisturbanceEffect
     strong: float
-    setpoint_degC: float
-    actuator: Actuator | None
-    limits: Limits
-    noise_degC: float
+    plain: PlainLoop
 
     def runs(
         self, models: Sequence[tuple[str, HeaterModel]], settings: Sequence[Mapping[str, str]]
@@ -292,9 +303,9 @@ class _Trial(NamedTuple):
         check_words(self.controller, self.words, scenario)
         asked = scenario.setpoints_degC
         loops = in_loop(self.controller, self.words, asked, chosen), self._fed(asked, chosen, begin, end)
+        since_s = max(begin, 0) * self._scan_s
         (plain, beyond_plain), (fed, beyond_fed) = (
-            _measured(run_loop(loop, late, scenario, self.actuator), max(begin, 0) * self._scan_s, beyond=heats_up)
-            for loop in loops)
+            _measured(run_loop(loop, late, scenario, self.plain.actuator), since_s, beyond=heats_up) for loop in loops)
         return Beside(label=label, iae_degC_s=(plain, fed), deviation_degC=(beyond_plain, beyond_fed),
                       allowed_degC=self._allowed_degC(model) if heats_up else None)
 
@@ -309,7 +320,7 @@ class _Trial(NamedTuple):
         lead = min(acts.lead_s, model.dead_time_s)
         steps = [(max(begin * self._scan_s - lead, 0.0) + late, load), (end * self._scan_s - lead + late, -load)]
         return Scenario(
-            setpoint_degC=self.setpoint_degC, duration_s=stops_s, noise_degC=self.noise_degC,
+            setpoint_degC=self.plain.setpoint_degC, duration_s=stops_s, noise_degC=self.plain.noise_degC,
             disturbances=tuple(Load(time_s=time, power_pct=power) for time, power in steps if time < stops_s))
 
     def _fed(self, asked_degC: Sequence[float], chosen: Mapping[str, str], begin: int, end: int) -> InLoop:
@@ -325,8 +336,8 @@ class _Trial(NamedTuple):
 
     def _allowed_degC(self, model: HeaterModel) -> float:
         """Return how far a heat-up may go beyond the setpoint [°C]."""
-        step = self.setpoint_degC - (model.ambient_degC or 0.0)
-        share, most = self.limits.overshoot_pct, self.limits.overshoot_degC
+        step = self.plain.setpoint_degC - (model.ambient_degC or 0.0)
+        share, most = self.plain.limits.overshoot_pct, self.plain.limits.overshoot_degC
         allowed = math.inf if share is None else step * share / 100.0
         return min(allowed, math.inf if most is None else most)
 
@@ -336,7 +347,7 @@ class _Trial(NamedTuple):
         tn = 0.0 if design is None or math.isinf(design.integral_time_s) else design.integral_time_s
         rest = _HEATER_TIMES * (sum(model.lags_s) + model.dead_time_s) + _TN_TIMES * tn + 10.0 * scan_s
         rest += 2.0 * max(0.0, -self.effect.lead_s)
-        ramp = (self.setpoint_degC - ambient) / self.controller.ramp_degC_per_min(self.words) * 60.0
+        ramp = (self.plain.setpoint_degC - ambient) / self.controller.ramp_degC_per_min(self.words) * 60.0
         begin = math.ceil((rest + ramp) / scan_s)
         end = begin + math.ceil(rest / scan_s)
         return (-1, end, begin * scan_s) if heats_up else (begin, end, end * scan_s + rest)

@@ -130,7 +130,7 @@ def restarted(_parameters: Any, _cold: Any, _state: Any) -> Any:
     raise NotImplementedError
 
 
-def run(
+def run(  # noqa: PLR0913 - compiled for the types of each: one value of them all would be as many fields again
     parameters: Any, state: Any, sensor: Any, clock: Clock, program: Program, plant: Plant, start: float,
     events: Events, pwm: tuple[float, float, float, float, bool], cut: float, edges: Places, record: Record,
     meter: Meter,
@@ -213,7 +213,7 @@ def run(
     return switched, rows
 
 
-def run_all(
+def run_all(  # noqa: PLR0913 - as `run`
     parameters: Any, state: Any, sensor: Any, scan_s: float, program: Program, batch: Batch,
     pwm: tuple[float, float, float, float, bool], cut: float, edges: Places, record: Record, meter: Meter,
 ) -> tuple[int, int]:

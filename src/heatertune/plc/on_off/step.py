@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 from heatertune.plc.cpu.one_bit.assembler import assemble
@@ -23,6 +24,7 @@ class Memory(NamedTuple):
     is_on: bool = False
 
 
+@lru_cache(maxsize=1 << 16)  # a pure function, and near the setpoint the same few readings come again and again
 def listed(band: int, state: State, setpoint: int, reading: int, _begins: bool) -> tuple[State, float, int, int]:
     """Compute one scan by the program, see `heatertune.plc.core.Core`.
 
