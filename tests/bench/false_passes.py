@@ -327,8 +327,8 @@ def _broken_draws(library, bench, limits, count):
 
 def _apart(proof, told, step_s=0.0):
     """Return by which share the proof's integral and times differ from another's, times by more than two of its steps."""
-    values = {"iae": told.iae} | {
-        name: told.values[name][0] for name in ("settling_time", "recovery_time", "soak_deviation", "peak") if name in told.values}
+    names = ("settling_time", "recovery_time", *(() if step_s else ("soak_deviation", "peak")))  # pulses end within steps
+    values = {"iae": told.iae} | {name: told.values[name][0] for name in names if name in told.values}
     criteria = {each.name: each.value for each in proof.criteria}
     unseen = {"settling_time": 2.0 * step_s, "recovery_time": 2.0 * step_s}
     return {name: max(0.0, abs(criteria[name] - value) - unseen.get(name, 0.0)) / value
