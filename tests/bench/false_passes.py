@@ -5,7 +5,8 @@
 
 Each case is drawn from its number alone: heater, controller with one setting of each of its open points, words of a rule
 that is detuned at random, sensor range, limits, setpoint, switch and noise; from 100,000 on also presets, limits of every
-kind, two ends of the setpoints and ramps with a holdback, from 1,000,000 on limits of the output and burst firing. heatertune proves the words. Where no limit
+kind, two ends of the setpoints and ramps with a holdback, from 1,000,000 on limits of the output and burst firing, from
+2,000,000 on profiles with limits of their own, and words that were made for another heater. heatertune proves the words. Where no limit
 of the runs is broken, second_opinion.c runs the whole story again, and then its rests for 50 stories more, to see what
 hunts or drifts later; a short story is measured in steps of a millisecond, too. A false PASS breaks a limit by more than
 0.1 %, the share by which measures may differ. What differs is printed as a line of JSON; exit status 1 where something
@@ -52,6 +53,7 @@ _TOO_MANY = 0.05  # of them may break a limit
 _OF_WORDS = {"stability", "ms", "gain_margin", "phase_margin", "step_power"}
 _WIDE = 100_000  # from this case on more is drawn, those before stay as they were
 _WIDER = 1_000_000  # and from this on again
+_ALONG = 2_000_000  # and again
 _PLAIN_STEP_S = 1e-3
 _PLAIN_S = 40_000.0  # a story so long is measured in steps of a millisecond, too
 
@@ -70,7 +72,8 @@ def drawn(number, target):
     step = setpoint - ambient
     low = float(rng.choice([0.0, -50.0]))
     high = max(setpoint * _log(rng, 1.05, 2.5), setpoint + 0.22 * step)
-    design = _design(rng, gain, lags, dead + TARGETS[target][2], target)
+    made_for = _another(number, gain, lags, dead, target) if number >= _ALONG else (gain, lags, dead)
+    design = _design(rng, *made_for[:2], made_for[2] + TARGETS[target][2], target)
     words = controller_for(target).encode(design, Scaling(low_degC=low, high_degC=high))
     if rng.random() < 0.15:
         words = _ramped(words, step / (sum(lags) + dead) * 60.0 / _log(rng, 0.3, 4.0))
@@ -94,7 +97,17 @@ def drawn(number, target):
         words, bench, conditions = _widened(number, words, bench, conditions)
     if number >= _WIDER:
         words, bench, conditions = _switched_otherwise(number, words, bench, conditions)
+    if number >= _ALONG:
+        bench, conditions = _led(number, bench, conditions)
     return model, words, bench, conditions
+
+
+def _another(number, gain, lags, dead, target):
+    """Return a heater that differs from the case's by up to a half, in one case of two; else the same."""
+    rng = np.random.default_rng([number, TARGETS[target][0], 3])
+    if rng.random() < 0.5:
+        return gain, lags, dead
+    return gain * _log(rng, 0.67, 1.5), tuple(lag * _log(rng, 0.67, 1.5) for lag in lags), dead * _log(rng, 0.67, 1.5)
 
 
 def _design(rng, gain, lags, dead, target):
@@ -184,6 +197,42 @@ def _switched_otherwise(number, words, bench, conditions):
     return words, bench, conditions
 
 
+def _led(number, bench, conditions):
+    """Return them with a profile that the heater can follow, its parts whole PWM periods and scans, and its limits."""
+    rng = np.random.default_rng([number, TARGETS[bench.target][0], 4])
+    unit, step = bench.interval * bench.ratio[0], bench.setpoint - bench.ambient
+    if bench.target.startswith("s7-200"):
+        unit = bench.interval
+    segments, at = [], bench.ambient
+    for _ in range(rng.integers(1, 5)):
+        end = bench.ambient + step * float(rng.uniform(0.2, 1.0))
+        room = bench.ambient + 100.0 * bench.gain - end if end > at else end - bench.ambient
+        ramp = abs(end - at) / (room / sum(bench.lags)) * _log(rng, 1.1, 12.0)
+        soak = bench.slow * _log(rng, 1.0, 20.0) if rng.random() < 0.8 else 0.0
+        segments.append((end, unit * math.ceil(ramp / unit), unit * math.ceil(soak / unit)))
+        at = end
+    end, ramp, soak = segments[-1]
+    segments[-1] = end, ramp, soak or unit * math.ceil(5.0 * bench.slow / unit)  # what has none is watched for a time of its own
+    band = bench.tolerance * _log(rng, 0.5, 4.0) if rng.random() < 0.6 else None
+    share = round(float(rng.uniform(10.0, 90.0))) if rng.random() < 0.4 else None
+    seconds = bench.slow * _log(rng, 0.5, 10.0) if rng.random() < 0.3 else None
+    peak = bench.setpoint + step * _log(rng, 0.01, 0.2) if rng.random() < 0.4 else None
+    asked = {"soak-band": band and f"{band!r} degC", "soak-settling": share and f"{share} %", "peak": peak and f"{peak!r} degC"}
+    limits = [f"{name}={value}" for name, value in asked.items() if value]
+    limits += [f"soak-settling={seconds!r} s"] if seconds else []
+    file = Path(_folder().name) / f"{bench.target}-{number}.csv"
+    rows = (f"{end!r},{ramp!r},{soak!r}" for end, ramp, soak in segments)
+    file.write_text("\n".join(("target [degC],ramp [s],soak [s]", *rows)))
+    bench = replace(bench, profile=tuple(segments), soak_band=band, soak_in_s=seconds,
+                    soak_in_share=None if share is None else share / 100.0)
+    return bench, replace(conditions, profile=str(file), limit=(*conditions.limit, *limits))
+
+
+@cache
+def _folder():
+    return tempfile.TemporaryDirectory()
+
+
 def _many_limits(rng, step, slow):
     """Return limits of every kind as a user writes them, some of them."""
     kinds = {
@@ -226,7 +275,7 @@ def _limits(limits):
             "restart_overshoot": limits.overshoot_pct, "reheat_overshoot": limits.reheat_overshoot_pct,
             "recovery_overshoot": limits.recovery_overshoot_pct, "settling_time": limits.settling_s,
             "recovery_time": limits.recovery_s, "deviation": limits.deviation_degC, "iae": limits.iae_degC_s,
-            "saturation": limits.saturation_pct, "switchings": limits.switchings_per_h,
+            "peak": limits.peak_degC, "saturation": limits.saturation_pct, "switchings": limits.switchings_per_h,
             "power held": None if limits.power_reserve_pct is None else 100.0 - limits.power_reserve_pct,
             **{f"{name} in degC": limits.overshoot_degC for name in ("overshoot", "change_overshoot", "restart_overshoot")},
             "reheat_overshoot in degC": limits.reheat_overshoot_degC,
@@ -243,7 +292,7 @@ def judged(library, number, target, longer=LONGER, draws=_DRAWS):
         return case | {"end": "no words", "why": str(problem)}
     case["with"] = [name for name, there in {
         "ramp": bench.ramp, "hold": bench.ramp and bench.ramp[2], "low": bench.asked_low, "noise": bench.noise,
-        "spec": conditions.spec, "limits": conditions.limit, "least on": bench.least_on, "bursts": conditions.pwm_rule == "burst",
+        "spec": conditions.spec, "limits": conditions.limit, "least on": bench.least_on, "bursts": conditions.pwm_rule == "burst", "profile": bench.profile,
         "limited": words.values.get("MaximumOutput", words.values.get("LMN_HLM", 100.0)) < 100.0}.items() if there]
     case |= {"end": proof.runs[0].verdict, "not kept": [each.name for each in proof.criteria if not each.ok]}
     case["runs"] = set(case["not kept"]) <= _OF_WORDS
@@ -278,7 +327,8 @@ def _broken_draws(library, bench, limits, count):
 
 def _apart(proof, told, step_s=0.0):
     """Return by which share the proof's integral and times differ from another's, times by more than two of its steps."""
-    values = {"iae": told.iae} | {name: told.values[name][0] for name in ("settling_time", "recovery_time")}
+    names = ("settling_time", "recovery_time", *(() if step_s else ("soak_deviation", "peak")))  # pulses end within steps
+    values = {"iae": told.iae} | {name: told.values[name][0] for name in names if name in told.values}
     criteria = {each.name: each.value for each in proof.criteria}
     unseen = {"settling_time": 2.0 * step_s, "recovery_time": 2.0 * step_s}
     return {name: max(0.0, abs(criteria[name] - value) - unseen.get(name, 0.0)) / value

@@ -8,15 +8,16 @@
  * given for it is over; then the story goes on from where it was.
  */
 #include <math.h>
+#include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define RING 16384
+#define RING 524288                        /* six hours of dead time with bursts every tenth of a second */
 #define MEMORY 16
 
 enum { S5, WEG, FB41, S7300, S7200, S7200PID };
-enum { START, STEP, LOAD, SETPOINT, MAINS, PLC };
+enum { START, STEP, LOAD, SETPOINT, MAINS, PLC, LED };
 
 typedef struct {
     int target, sw[8];
@@ -34,7 +35,8 @@ typedef struct {
     double *rest;                          /* from when on each phase has to be at rest [s]; its end: never */
     int *kind;                             /* of the event at its begin */
     double *value;
-    double *asked;                         /* setpoint [degC] */
+    double *asked;                         /* setpoint [degC]; of LED at its end */
+    double *from;                          /* setpoint at the begin of LED, led straight to the end of the phase [degC] */
     double *power;                         /* share of full power that mains and PLC let through */
     int *supplied;
     double band;                           /* [degC] */
@@ -66,8 +68,6 @@ typedef struct {
     double y, x, level, carried, asked_pct, word;
     int phase, arrived;                    /* events whose power has reached the heater */
     double mains, load;
-    int first, count;
-    Edge ring[RING];
     int64_t scans, limited, faults, pulses;
     double last_level;
     uint64_t seed;
@@ -76,6 +76,8 @@ typedef struct {
     double highest, lowest, absolute, settled;
     int outside, resting;
     double rest_integral, rest_highest, rest_lowest;
+    int first, count;
+    Edge ring[RING];                       /* last: see copy */
 } Sim;
 
 /* ---- heater -------------------------------------------------------------------------------------------------- */
@@ -443,9 +445,19 @@ static double led(const Case *c, double word, double asked, double reading, int 
     return word;
 }
 
+static double setpoint_of(const Sim *s)
+{
+    const Case *c = s->c;
+    int p = s->phase;
+    if (c->kind[p] != LED) return c->asked[p];
+    double passed = (double)(s->k * c->scan - c->begin[p]) / (double)(c->begin[p + 1] - c->begin[p]);
+    return c->from[p] + (c->asked[p] - c->from[p]) * passed;
+}
+
 static void scan(Sim *s)
 {
     const Case *c = s->c;
+    double wanted = setpoint_of(s);
     double noise = 0.0;
     if (c->noise != NULL) noise = !s->beyond && s->k < c->noises ? c->noise[s->k] : c->sigma * normal(&s->seed);
     s->k++;
@@ -455,7 +467,7 @@ static void scan(Sim *s)
         memset(&s->m, 0, sizeof s->m);
         return;
     }
-    double reading = reading_of(c, s->y + noise), asked = reading_of(c, c->asked[s->phase]);
+    double reading = reading_of(c, s->y + noise), asked = reading_of(c, wanted);
     if (c->ramp == 0.0)
         s->word = asked;
     else {
@@ -539,6 +551,15 @@ static int same(const Sim *a, const Sim *b)
     return 1;
 }
 
+static void copy(Sim *to, const Sim *from)
+{
+    memcpy(to, from, offsetof(Sim, ring));
+    for (int i = 0; i < from->count; i++) {
+        int at = (from->first + i) % RING;
+        to->ring[at] = from->ring[at];
+    }
+}
+
 static int64_t beat(int64_t a, int64_t b)
 {
     int64_t x = a, y = b;
@@ -552,8 +573,8 @@ static void follow(const Sim *from, Sim *s, Sim *mark, int64_t until, int64_t wi
     const Case *c = from->c;
     int64_t end = until + (int64_t)(c->longer * (double)c->begin[c->phases]), chunk = beat(c->scan, c->period);
     double asked = c->asked[from->phase];
-    memcpy(s, from, sizeof *s);
-    memcpy(mark, s, sizeof *s);
+    copy(s, from);
+    copy(mark, s);
     s->beyond = s->resting = 1;
     f->later_highest = -INFINITY;
     f->later_lowest = INFINITY;
@@ -566,7 +587,7 @@ static void follow(const Sim *from, Sim *s, Sim *mark, int64_t until, int64_t wi
             now = now + chunk < closes ? now + chunk : closes;
             run(s, now);
             if (c->noise == NULL && same(s, mark)) f->repeats = 1.0;
-            if (now - marked >= span) { memcpy(mark, s, sizeof *s); marked = now; span *= 2; }
+            if (now - marked >= span) { copy(mark, s); marked = now; span *= 2; }
         }
         double mean = s->rest_integral / ((double)(now - opened) * c->tick);
         double swing = 0.5 * (s->rest_highest - s->rest_lowest);
@@ -599,7 +620,7 @@ int second_opinion(const Case *c, Found *found, double *totals)
         f->rest_integral = s->rest_integral;
         f->rest_highest = s->rest_highest;
         f->rest_lowest = s->rest_lowest;
-        if (window > 0 && c->longer > 0.0) follow(s, later, mark, end, window, f);
+        if (window > 0 && c->longer > 0.0 && c->kind[p] != LED) follow(s, later, mark, end, window, f);
     }
     totals[0] = (double)s->scans;
     totals[1] = (double)s->limited;

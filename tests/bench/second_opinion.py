@@ -6,7 +6,8 @@ setpoint (weg_pid_call.st, and the same law in whole units). All is computed her
 
 What it cannot judge: margins, Ms and step power (of the words, not of a run), the ripple within a PWM period, several
 heaters at once, samples, coolers, two-level control and the program as the paper prints it, feed-forward, an interlock,
-the paper's times, a story with parts left out or of another size, and what an exported listing of the S7-200 does itself.
+the paper's times, a story with parts left out or of another size, how far a ramp of a profile lags, a profile whose
+parts are no whole PWM periods, and what an exported listing of the S7-200 does itself.
 """
 
 import ctypes
@@ -38,7 +39,7 @@ SWITCHES = {
     "s7-200": {"width_applies": ("this_cycle", "next_cycle")},
     "s7-200-pid": {"width_applies": ("this_cycle", "next_cycle")},
 }
-KINDS = {"heat-up": 0, "temperature-step": 1, "load": 2, "setpoint": 3, "mains": 4, "plc": 5}
+KINDS = {"heat-up": 0, "temperature-step": 1, "load": 2, "setpoint": 3, "mains": 4, "plc": 5, "led": 6}
 _TOO_SLOW = 20.0  # sums of lags and dead time
 
 
@@ -57,6 +58,10 @@ class Bench:
             there is none.
         asked_low: lower end of the setpoints of use [°C], None: a fifth of the step below the upper one.
         heats_in, recovers_in: that heat-up and disturbances may take as specified, where that is more [s].
+        profile: segments (end [°C], duration of the ramp [s], of the soak [s]), in whole PWM periods and scans.
+        soak_band: as specified [°C], None: the tolerance.
+        soak_in_s, soak_in_share: in what time of a soak it has to be there [s], in what share, None: not told; of both
+            the sooner, of none a half.
     """
 
     gain: float
@@ -82,6 +87,10 @@ class Bench:
     asked_low: float | None = None
     heats_in: float = 0.0
     recovers_in: float = 0.0
+    profile: tuple = ()
+    soak_band: float | None = None
+    soak_in_s: float | None = None
+    soak_in_share: float | None = None
 
     @property
     def period(self):
@@ -122,7 +131,10 @@ class Bench:
 
 @dataclass
 class Part:
-    """A part of the story: its event, how long it may take, how long it then rests [s], and what it is judged as."""
+    """A part of the story: its event, how long it may take, how long it then rests [s], and what it is judged as.
+
+    `begins_at`: setpoint at its begin, where it is led to `asked` [°C].
+    """
 
     event: str
     value: float
@@ -133,6 +145,7 @@ class Part:
     asked: float = 0.0
     power: float = 1.0
     supplied: bool = True
+    begins_at: float = 0.0
 
 
 def story(b):
@@ -167,6 +180,22 @@ def story(b):
     for off in (0.1 * b.slow, _takes(b, 0.95)):
         yield part("plc", 0.0, "off", takes=off, rest=0.0, power=0.0, supplied=False)
         yield part("plc", 0.0, "restart", takes=way, power=1.0, supplied=True)
+    if b.profile:
+        near = 0.5 * (b.tolerance if b.soak_band is None else b.soak_band)
+        yield part("plc", 0.0, "off", takes=_takes(b, 1.0 - min(0.05, near / step)), rest=0.0, power=0.0, supplied=False)
+        yield from _along(b)
+
+
+def _along(b):
+    """Return the ramps and soaks of the profile, from the ambient on."""
+    at = b.ambient
+    for end, ramp, soak in b.profile:
+        yield Part("led", 0.0, ramp, 0.0, "ramp", end > at, end, begins_at=at)
+        if soak > 0.0:
+            given = [each for each in (b.soak_in_s, b.soak_in_share and b.soak_in_share * soak) if each is not None]
+            rest = max(0.0, soak - min(given, default=0.5 * soak))
+            yield Part("led", 0.0, soak - rest, rest, "soak", True, end, begins_at=end)
+        at = end
 
 
 def ends_of(b, parts):
@@ -218,7 +247,7 @@ class _Case(ctypes.Structure):
         *((name, ctypes.c_double) for name in ("gain", "lag", "inner", "dead", "ambient", "start", "per_lag", "per_inner", "ramp", "hold")),
         ("ramp_calls", ctypes.c_int64), ("phases", ctypes.c_int),
         ("begin", ctypes.c_void_p), ("rest", ctypes.c_void_p), ("kind", ctypes.c_void_p), ("value", ctypes.c_void_p),
-        ("asked", ctypes.c_void_p), ("power", ctypes.c_void_p), ("supplied", ctypes.c_void_p),
+        ("asked", ctypes.c_void_p), ("from", ctypes.c_void_p), ("power", ctypes.c_void_p), ("supplied", ctypes.c_void_p),
         ("band", ctypes.c_double), ("noise", ctypes.c_void_p), ("noises", ctypes.c_int64), ("sigma", ctypes.c_double),
         ("longer", ctypes.c_double),
     )
@@ -277,7 +306,7 @@ def opinion(library, b, limits, *, longer):
         longer: 0: the story alone.
     """
     told, case, held = _prepared(b)
-    case.longer = longer / sum(part.rest > 0.0 for part in told.parts)
+    case.longer = longer / sum(part.rest > 0.0 and part.event != "led" for part in told.parts)
     table, totals = np.zeros((len(told.parts), len(FOUND))), np.zeros(4)
     if library.second_opinion(ctypes.byref(case), _place(table), _place(totals)):
         raise RuntimeError("too many pulses were under way")
@@ -310,7 +339,7 @@ def _prepared(b):
         "begin": np.array(begins, dtype=np.int64), "rest": np.array(rests),
         "kind": np.array([KINDS[part.event] for part in parts], dtype=np.int32),
         "value": np.array([part.value for part in parts]), "asked": np.array([part.asked for part in parts]),
-        "power": np.array([part.power for part in parts]),
+        "from": np.array([part.begins_at for part in parts]), "power": np.array([part.power for part in parts]),
         "supplied": np.array([part.supplied for part in parts], dtype=np.int32), "noise": noise,
     }
     settings = [choices.index(b.settings[name]) for name, choices in SWITCHES[b.target].items()]
@@ -341,14 +370,15 @@ _NAMES = {"heat-up": ("overshoot", "settling_time"), "change": ("change_overshoo
 def _enter(told, name, value, limit):
     """Enter a criterion's value where none uses more of its limit; None: nothing is asked for."""
     limit = math.inf if limit is None else limit
-    if name not in told.values or value / limit > told.values[name][0] / told.values[name][1]:
+    before, its = told.values.get(name, (-math.inf, 1.0))
+    if (value / limit, value) > (before / its, before):
         told.values[name] = value, limit
 
 
 def _judged(told, b, limits):
     """Enter the worst value of each criterion."""
     for part, seen, begin, end in zip(told.parts, told.seen, told.begins, told.begins[1:], strict=False):
-        if part.kind == "off":
+        if part.kind == "off" or part.event == "led":
             continue
         beyond, time = _NAMES[part.kind]
         above = part.up != (part.kind == "recovery")  # what a disturbance pushes up is overshot below
@@ -368,6 +398,29 @@ def _judged(told, b, limits):
             for name, value in later.items():
                 told.later[name] = max(told.later.get(name, 0.0), value / b.band)
     _enter(told, "iae", told.iae, limits.get("iae"))
+    _judged_along(told, b, limits)
+
+
+def _judged_along(told, b, limits):
+    """Enter the criteria of the profile; how far a ramp lags is not looked at."""
+    led = [(part, seen) for part, seen in zip(told.parts, told.seen, strict=True) if part.event == "led"]
+    for number, (part, seen) in enumerate(led):
+        _enter(told, "peak", part.asked + seen["highest"], limits.get("peak"))
+        if part.kind == "soak":
+            if part.rest > 0.0:
+                _enter(told, "soak_deviation", max(seen["rest_highest"], -seen["rest_lowest"]),
+                       b.band if b.soak_band is None else b.soak_band)
+            continue
+        beyond = [seen]
+        for later, its in led[number + 1:]:
+            if later.kind == "ramp" and later.up == part.up:
+                break
+            beyond.append(its | {name: its[name] + later.asked - part.asked for name in ("highest", "lowest")})
+            if later.kind == "ramp":
+                break
+        over = max(0.0, *(each["highest"] if part.up else -each["lowest"] for each in beyond))
+        _enter(told, "ramp_overshoot", over / abs(part.asked - part.begins_at) * 100.0, limits["overshoot"])
+        _enter(told, "ramp_overshoot in degC", over, limits.get("overshoot in degC"))
 
 
 def _counted(told, b, limits, scans, limited, faults, pulses):

@@ -19,11 +19,11 @@ def library(tmp_path_factory):
     return compiled(tmp_path_factory.mktemp("judge"))
 
 
-# one and two lags, noise, a ramp and a holdback, a preset, two setpoints, short pulses made up later, and every target; all
+# one and two lags, noise, a ramp and a holdback, a preset, two setpoints, short pulses made up later, a profile, and every target; all
 # keep the limits of their runs
 @pytest.mark.parametrize(("number", "target"), [
     (10154, "fb41"), (10109, "s5-ob251"), (10120, "s5-ob251"), (10138, "s7-200"), (20057, "s7-200-pid"), (4017, "s7-300"),
-    (4255, "weg"), (100099, "weg"), (100875, "s7-300"),
+    (4255, "weg"), (100099, "weg"), (100875, "s7-300"), (2000005, "weg"),
 ])
 @pytest.mark.long
 def test_what_passes_keeps_its_limits_in_another_simulation_five_times_as_long(library, number, target):
@@ -57,6 +57,15 @@ def test_the_second_opinion_knows_a_holdback(library):
     assert hold > 0.0
     assert held.values["reheat_overshoot"][0] < 10.0
     assert free.values["reheat_overshoot"][0] > 40.0
+
+
+def test_the_second_opinion_sees_a_profile(library):
+    # the firing that its words keep, led twice as fast: the ramps' ends are overshot and the soaks begin too hot or too cold
+    _, _, bench, _ = drawn(2000005, "weg")
+    fast = tuple((end, bench.interval * max(1, round(ramp / 4.0 / bench.interval)), soak) for end, ramp, soak in bench.profile)
+    kept, broken = (opinion(library, replace(bench, profile=profile), LIMITS, longer=0.0) for profile in (bench.profile, fast))
+    for name in ("ramp_overshoot", "soak_deviation"):
+        assert broken.values[name][0] > kept.values[name][0]
 
 
 def test_a_loop_that_leaves_the_band_long_after_a_load_is_seen_by_the_story(library):

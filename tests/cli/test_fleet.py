@@ -12,8 +12,9 @@ from heatertune.errors import DocumentError, InputError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, Words
-from heatertune.proof.closing import Asked
+from heatertune.proof.closing import Asked, closed
 from heatertune.proof.drawn import sample_document
+from heatertune.proof.verdict import verdict_line
 from heatertune.report.text import outcome_lines
 from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
 
@@ -244,7 +245,7 @@ def test_a_fleet_and_a_study_are_not_resumed_along_a_profile_that_has_changed(tm
 def test_a_zone_is_proven_on_drawn_heaters_too():
     # the samples of `verify --samples` on the same words: chain.samples, whose figures tests/proof/test_compiled.py holds
     heater = model_by_hand(Fopdt(gain_degC_per_pct=0.5, time_constant_s=120.0, dead_time_s=10.0, ambient_degC=20.0))
-    asked = Asked(target="weg", tuned=TuneSettings(method="simc"))
+    asked = Asked(target="weg", tuned=TuneSettings(method="simc"), setpoint_ramp="none")
     plain, row = zone_row("zone", lambda: heater, asked), zone_row("zone", lambda: heater, asked, samples=20)
     words = Words(target="weg", values=json.loads(row["words"]), scaling=Scaling(), sample_time_s=row["sample_time_s"])
     found = sample_document(words, heater, 20)
@@ -272,6 +273,28 @@ def test_drawn_heaters_are_switched_as_the_proof_was():
     assert sample_document(words, heater, 20, conditions)["passing"] == 0.0
     its = replace(conditions, pwm_period_s=row["pwm_period_s"])
     assert row["samples_passing_pct"] == 100.0 * sample_document(words, heater, 20, its)["passing"] > 0.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("heater", "target", "conditions", "outcome", "says"), [
+    (Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=15.0, ambient_degC=22.0), "weg", Conditions(
+        setpoint_degC=46.0, switches={"anti_windup": "none", "manual": "limited", "manual_return": "held"}),
+     "PASS", "with a setpoint ramp and a holdback of 4 °C"),
+    (Fopdt(gain_degC_per_pct=1.0, time_constant_s=38.0, dead_time_s=11.0, ambient_degC=20.0), "s7-300", Conditions(
+        setpoint_degC=60.0, tolerance_degC=0.8, pwm_period_s=2.0), "FAIL", "would pass at --tolerance"),
+])
+def test_a_row_says_what_the_single_command_says(heater, target, conditions, outcome, says):
+    # the witness is the verdict's line as `design` prints it of the same question
+    asked = Asked(target=target, conditions=conditions, tuned=TuneSettings(sample_time_s=6.0 if target == "weg" else 2.0))
+    row = zone_row("zone", lambda: model_by_hand(heater), asked)
+    single = closed(model_by_hand(heater), asked).proof.to_document()
+    line = verdict_line(single)
+    assert (row["outcome"], single["verdict"]) == (outcome, outcome)
+    assert says in row["remarks"]
+    assert all(remark in line for remark in row["remarks"].split("; "))
+    ramp = single["setpoint_ramp"]
+    assert (row["ramp_degC_per_min"], row["hold_degC"]) == (
+        (None, None) if ramp is None else (ramp["degC_per_min"], ramp["hold_degC"]))
 
 
 def test_a_fault_of_the_program_is_a_row():

@@ -1,6 +1,7 @@
 """What a command does not need it does not import."""
 
 import json
+import os
 import subprocess
 import sys
 
@@ -23,7 +24,9 @@ def slow_modules(arguments):
         "except SystemExit as end: status = end.code\n"
         f"print(status, [name for name in {SLOW!r} if name in sys.modules], file=sys.stderr)"
     )
-    ended = subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, check=True)
+    fresh = os.environ | {"HEATERTUNE_CACHE": ""}  # kept machine code would be loaded, and the compiler with it
+    ended = subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, check=True,
+                           env=fresh)
     return ended.stderr.strip()
 
 

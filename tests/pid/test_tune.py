@@ -79,6 +79,32 @@ def test_the_optimum_keeps_the_limit_and_no_point_of_a_dense_grid_beats_it(struc
     assert problem.cost(found) < 1.01 * best
 
 
+@pytest.mark.parametrize(("lag", "dead", "interval"), [(10.8, 8.581, 1.9), (10.0, 13.56, 1.29), (10.0, 17.471, 2.05)])
+def test_a_dead_time_of_many_samples_hides_no_stable_gain(lag, dead, interval):
+    # beyond the stable gains are pieces where |1 + L| is large, too, here more than four: nothing that keeps Ms was found.
+    # The witness has its own pulse transfer function, Ms on its own frequencies and the poles of the loop
+    plant = Fopdt(gain_degC_per_pct=1.0, time_constant_s=lag, dead_time_s=dead)
+    found = search(Problem(plants=(plant,), structure="pi", ms=1.6, sample_time_s=interval, step_power=3000.0))
+    delay, rest = divmod(dead, interval)
+    left, decay = math.exp(-(interval - rest) / lag), math.exp(-interval / lag)
+    numer = [0.0] * (int(delay) + 1) + [1.0 - left, left - decay]
+    z = np.exp(-1j * np.linspace(1e-4, math.pi, 5_000))
+
+    def ms(gain, tn):
+        grown = gain * np.polymul(numer[::-1], [-1.0, 1.0 + interval / tn])[::-1]  # ascending powers of 1/z
+        ended = np.polymul([-decay, 1.0], [-1.0, 1.0])[::-1]
+        ended = np.pad(ended, (0, len(grown) - len(ended)))
+        if np.abs(np.roots(ended + grown)).max() >= 1.0:
+            return math.inf
+        return np.abs(np.polyval(ended[::-1], z) / np.polyval((ended + grown)[::-1], z)).max()
+
+    assert 1.59 < ms(found.gain_pct_per_degC, found.integral_time_s) < 1.601
+    gains = [(tn, gain) for tn in np.geomspace(0.3, 2.0, 8) * (lag + dead) for gain in np.geomspace(0.1, 3.0, 20)
+             if tn / gain < 0.97 * found.integral_time_s / found.gain_pct_per_degC]
+    assert gains
+    assert all(ms(gain, tn) > 1.6 for tn, gain in gains)
+
+
 def test_ipopt_finds_the_same_optimum_as_the_feasible_set():
     problem = Problem(plants=(HEATER, OTHER), structure="pi", ms=1.6, sample_time_s=10.0)
     start = search(problem)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import Any, Final
 
 from heatertune import cache
@@ -61,6 +61,11 @@ RESULT: Final = (
     Column(name="structure", kind="text", what="parts that act"),
     Column(name="method", kind="text", what="how the design was found"),
     Column(name="words", kind="text", what="the words the PLC will hold, as JSON"),
+    Column(name="remarks", kind="text", what="what else stands on the verdict's line: what was changed to pass, or "
+                                             "what would pass"),
+    Column(name="ramp_degC_per_min", kind="float", what="setpoint ramp [°C/min]; empty: none"),
+    Column(name="hold_degC", kind="float", what="its holdback: how far from the reading it lets the setpoint be [°C]; "
+                                                "empty: as far as it goes"),
     Column(name="setpoint_degC", kind="float", what="setpoint of the proof [°C]"),
     Column(name="pwm_period_s", kind="float", what="PWM period of the proof [s]: the one to set where none was given"),
     Column(name="runs", kind="int", what="closed-loop runs of the proof"),
@@ -89,14 +94,14 @@ def word_columns(targets: Iterable[str]) -> tuple[Column, ...]:
 
 
 def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked, *, samples: int = 0) -> Row:
-    """Take a heater through the chain; what cannot be done is told in the row, never raised.
+    """Take a heater through the chain as `design` does; what cannot be done is told in the row, never raised.
 
     Nothing but what `find` finds is kept in the cache: a million designs would fill the disk.
 
     Args:
         name: of the row.
         find: reads and fits the log, or reads the model.
-        asked: what the design is asked for; no setpoint ramp is looked for.
+        asked: what the design is asked for.
         samples: on how many drawn heaters the words are proven as well, see `sample_document`.
     """
     row: Row = {"name": name}
@@ -107,7 +112,7 @@ def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked, *, sample
         with cache.unused():
             begun = list[str]()
             try:
-                design = closed(fitted, replace(asked, setpoint_ramp="none"), stage=begun.append)
+                design = closed(fitted, asked, stage=begun.append)
             finally:
                 stage = f"no {begun[-1]}"
             words = design.proof.words
@@ -151,6 +156,9 @@ def _proof(proof: Proof) -> Row:
     reasons += [f"not proven: {criterion['name']}" for criterion in blocking(proof.heard.to_document())]
     return {
         "outcome": proof.verdict, "reason": "; ".join(reasons) or None,
+        "remarks": "; ".join(proof.heard.remarks) or None,
+        "ramp_degC_per_min": None if proof.words.ramp is None else proof.ramp_degC_per_min,
+        "hold_degC": proof.hold_degC,
         "setpoint_degC": proof.scenario.setpoint_degC, "pwm_period_s": proof.actuator.pwm_period_s,
         "runs": len(proof.runs),
         **{column: None if name not in worst or math.isnan(worst[name].value) else float(worst[name].value)

@@ -11,12 +11,11 @@ from typing import Final
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.model.values import FittedModel
 from heatertune.pid.tune import assessed_sampled
-from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.choose import choose_words
 from heatertune.plc.design import encode
 from heatertune.progress import Told
-from heatertune.proof import Proof
+from heatertune.proof import Proof, price
 from heatertune.proof.asked import Asked, Closed, Made, made_for, plainly
 from heatertune.proof.fitted import aimed
 from heatertune.proof.frames import COARSE, OF_WINDUP, WAVE_S, Frame, calmest_pwm, frames, unwinds
@@ -30,6 +29,7 @@ from heatertune.proof.nearest import (
     tolerance_that_passes,
 )
 from heatertune.proof.screen import NOTICEABLE, Look, Screen
+from heatertune.proof.setpoint_ramp import BY_RAMP
 
 __all__ = ["Asked", "Closed", "closed", "plainly"]
 
@@ -40,10 +40,6 @@ _STEPS: Final = (0.24, 0.12, 0.06, 0.03)  # around the best place of a frame
 _MOST_PROOFS: Final = 3  # whole proofs in a frame
 _HALVINGS: Final = 3  # of the way from the optimum to gains that pass
 _HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
-_NOTICED: Final = 0.1  # a smaller change of heat-up or switchings is not told
-_NEAR: Final = 0.05  # a factor nearer to 1 is told with a digit more
-_SAME: Final = 0.005  # a factor of gains nearer to 1 is not told
-_NOTHING_PCT: Final = 0.05  # more IAE than this is told
 
 
 def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: Told = str) -> Closed:
@@ -117,10 +113,11 @@ class _Search:
             mended = next((one for one in tried if one is not None), None)
             if mended is not None:
                 dear.append(mended)
-                if _more_iae(self.first, mended) <= _DEAR:
+                if price.more_iae(self.first, mended) <= _DEAR:
                     return mended
-        best = min(dear, key=partial(_more_iae, self.first), default=None)
-        return dear[0] if best and _more_iae(self.first, best) > _CHEAPER * _more_iae(self.first, dear[0]) else best
+        more = partial(price.more_iae, self.first)
+        best = min(dear, key=more, default=None)
+        return dear[0] if best and more(best) > _CHEAPER * more(dear[0]) else best
 
     def _wholes(self, frame: Frame) -> Iterator[Frame]:
         """Return a change with what has helped so far.
@@ -136,7 +133,7 @@ class _Search:
             yield helped.with_(frame)
 
     def _changed(self, whole: Frame) -> Closed | None:
-        self.progress(f"{_broken(self.first)} fails: trying {self.told(whole) or 'other gains'}")
+        self.progress(f"{price.broken(self.first)} fails: trying {self.told(whole) or 'other gains'}")
         return self.within(whole)
 
     def told(self, frame: Frame) -> str:
@@ -147,7 +144,7 @@ class _Search:
         """Return what is to be said beside a design that passes: which open point it is the price of."""
         hanging = settings_told(self.first.proof, "the optimum")
         yield from hanging
-        if not hanging and _more_iae(self.first, mended) > _DEAR and (told := self._with_settings()):
+        if not hanging and price.more_iae(self.first, mended) > _DEAR and (told := self._with_settings()):
             yield f"It {told}."
 
     def nearest(self) -> Closed:
@@ -171,7 +168,7 @@ class _Search:
         known = {**self.asked.conditions.switches, **settings}
         asked = replace(self.asked, conditions=replace(self.asked.conditions, switches=known))
         options = " ".join(f"--switch {name}={setting}" for name, setting in settings.items())
-        self.progress(f"{_broken(self.first)} fails: trying {options}")
+        self.progress(f"{price.broken(self.first)} fails: trying {options}")
         other = closed(self.fitted, asked, progress=self.progress)
         if other.proof.verdict == "FAIL":
             return None
@@ -204,8 +201,7 @@ class _Search:
             return None
         if not frame.ramped:
             return inside.cheapest()
-        places = dict.fromkeys((inside.family.place, self.place or inside.family.place))
-        tried = (self.proven(frame, inside.made(place)) for place in places)
+        tried = (self.proven(frame, inside.made(place)) for place in inside.beside_a_ramp())
         return next((mended for mended in tried if mended is not None), None)
 
     def unwound_by_others(self, look: Look, frame: Frame) -> bool:
@@ -253,12 +249,12 @@ class _Search:
             return None
         hold = tried.proof.hold_degC
         held = "" if hold is None else f"a holdback of {hold:.3g} °C"
-        what = " and ".join(filter(None, (_gains_told(self.first.wished, made[0]), self.told(frame), held)))
+        what = " and ".join(filter(None, (price.gains_told(self.first.wished, made[0]), self.told(frame), held)))
         heard = tried.proof.heard
         proof = replace(tried.proof, heard=replace(heard, remarks=(*heard.remarks, f"with {what}")))
         refined = self.asked.refined and made[1] is self.first.choice
         recipe = replace(tried.recipe, power_most_pct=frame.power_most_pct, refined=refined)
-        return replace(tried, proof=proof, recipe=recipe, notes=(_told(self.first, tried, what), *tried.notes))
+        return replace(tried, proof=proof, recipe=recipe, notes=(price.told(self.first, tried, what), *tried.notes))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -316,20 +312,39 @@ class _Within:
         """Return by how much the words at a place break the limits in the runs that others have failed."""
         return self.look(place, bound).badness
 
-    def look(self, place: Place, bound: float = math.inf) -> Look:
-        """Return what the words at a place break in the runs that others have failed, see `Screen`."""
+    def look(self, place: Place, bound: float = math.inf, screen: Screen | None = None) -> Look:
+        """Return what the words at a place break in the runs that others have failed (None), or in others."""
         design, asked = self.family.at(place), self.asked
         if design is None:
             return Look(math.inf)
         try:
             words = self.frame.on(encode(design, asked.target, scaling=asked.scaling))
-            return self.search.screen.look(words, asked.conditions, bound=bound)
+            return (screen or self.search.screen).look(words, asked.conditions, bound=bound)
         except HeatertuneError:
             return Look(math.inf)
 
-    def keeps(self, place: Place) -> bool:
+    def keeps(self, place: Place, screen: Screen | None = None) -> bool:
         """Return whether they keep all of them."""
-        return self.badness(place, bound=NOTICEABLE) == 0.0
+        return self.look(place, NOTICEABLE, screen).badness == 0.0
+
+    def beside_a_ramp(self) -> Iterator[Place]:
+        """Return what to try with a ramp: the optimum, what helped so far, and what keeps all that no ramp mends."""
+        search, own = self.search, self.family.place
+        yield own
+        if search.place is not None and search.place != own:
+            yield search.place
+        if unled := broken_names(search.first.proof) - BY_RAMP:
+            screen = Screen(fitted=search.fitted, names=frozenset(unled)).with_failed(search.first.proof)
+            kept = next((place for place in self.family.places() if self.keeps(place, screen)), own)
+            yield from dict.fromkeys((self.halved(kept, screen), kept) if kept != own else ())
+
+    def halved(self, place: Place, screen: Screen | None = None) -> Place:
+        """Return what still keeps them nearest to the optimum on the way to a place that does."""
+        failing, passing = self.family.place, place
+        for _ in range(_HALVINGS if place != failing else 0):
+            between = failing.towards(passing, 0.5)
+            failing, passing = (failing, between) if self.keeps(between, screen) else (between, passing)
+        return passing
 
     def mended(self, place: Place) -> Closed | None:
         """Return what passes nearest to the optimum on the way to a place, None where the whole proof fails."""
@@ -340,11 +355,8 @@ class _Within:
         if self.proofs >= _MOST_PROOFS:
             return None
         self.proofs += 1
-        failing, passing = self.family.place, place
-        for _ in range(_HALVINGS if place != failing else 0):
-            between = failing.towards(passing, 0.5)
-            failing, passing = (failing, between) if self.keeps(between) else (between, passing)
-        tried = (self.search.proven(self.frame, self.made(near)) for near in dict.fromkeys((passing, place)))
+        places = dict.fromkeys((self.halved(place), place))
+        tried = (self.search.proven(self.frame, self.made(near)) for near in places)
         return next((mended for mended in tried if mended is not None), None)
 
     def made(self, place: Place) -> Made:
@@ -358,36 +370,3 @@ class _Within:
         assessed = assessed_sampled(fitted.plants, design)
         choice = choose_words(assessed, asked.target, fitted, scaling=asked.scaling, way=asked.words_by)
         return assessed, replace(choice, words=self.frame.on(choice.words))
-
-
-def _gains_told(first: PidDesign, other: PidDesign) -> str:
-    """Return by what factors gains were changed, empty where they were not."""
-    factors = [other.gain_pct_per_degC / first.gain_pct_per_degC, other.integral_time_s / first.integral_time_s]
-    return " and ".join(f"{name} times {factor:.{3 if abs(factor - 1.0) < _NEAR else 2}g}"
-                        for name, factor in zip(("K", "TN"), factors, strict=True) if abs(factor - 1.0) >= _SAME)
-
-
-def _told(first: Closed, found: Closed, what: str) -> str:
-    price = ", ".join(_price(first, found))
-    return f"The optimum as asked for fails ({_broken(first)}); with {what} every limit is kept; {price}."
-
-
-def _more_iae(first: Closed, found: Closed) -> float:
-    """Return how much more a load disturbance costs, as a share of what it did; 0 where that is not known."""
-    before, after = first.choice.search.realised.iae_load, found.choice.search.realised.iae_load
-    return 0.0 if before is None or after is None else after / before - 1.0
-
-
-def _price(first: Closed, found: Closed) -> Iterator[str]:
-    """Return what a change costs: load disturbances, heat-up, wear of the switch."""
-    more = 100.0 * _more_iae(first, found)
-    yield f"a load disturbance costs {more:.2g} % more IAE" if more > _NOTHING_PCT else "IAE stays"
-    for name, unit in (("settling_time", "s"), ("switchings", "1/h")):
-        old, new = (next(each.value for each in closed_.proof.criteria if each.name == name)
-                    for closed_ in (first, found))
-        if abs(new - old) > _NOTICED * old:
-            yield f"the worst {name.replace('_', ' ')} goes from {old:.3g} to {new:.3g} {unit}"
-
-
-def _broken(found: Closed) -> str:
-    return ", ".join(each.name.replace("_", " ") for each in found.proof.criteria if not each.ok)

@@ -23,7 +23,7 @@ from heatertune.proof.scenario import conditions as conditions_of
 from heatertune.proof.screen import Screen
 from heatertune.settings import Conditions
 
-__all__ = ["OVERSHOOTS", "REHEATS", "prove_ramped"]
+__all__ = ["BY_RAMP", "OVERSHOOTS", "REHEATS", "prove_ramped"]
 
 _STEP: Final = math.sqrt(2.0)  # from one duration to the next, while looking for one that is long enough
 _NEAR: Final = 1.03  # the ramp found is the fastest within this factor
@@ -41,6 +41,8 @@ _UNLED: Final = frozenset({"steady_offset", "limit_cycle", "recovery_time"})
 #: what a windup on the way leaves behind
 _LEFT_BEHIND: Final = frozenset(
     {"settling_time", "steady_offset", "limit_cycle", "recovery_time", "change_time", "restart_time"})
+#: all that a ramp with a holdback may mend
+BY_RAMP: Final = OVERSHOOTS | REHEATS | _LEFT_BEHIND
 
 
 def prove_ramped(
@@ -84,7 +86,7 @@ def _ramped(
         return plain, []
     broken = {criterion.name for criterion in plain.criteria if not criterion.ok}
     alone = bool(broken) and broken <= OVERSHOOTS | REHEATS
-    helps = bool(broken & (OVERSHOOTS | REHEATS | _LEFT_BEHIND)) if ramp == "auto" else alone
+    helps = bool(broken & BY_RAMP) if ramp == "auto" else alone
     if not helps or not controller.ramped:
         return plain, [_why_none(plain, sorted(broken), ramped=controller.ramped)] if ramp == "auto" else []
     progress("looking for the fastest setpoint ramp that keeps the limit on overshoot")
@@ -104,14 +106,13 @@ def _ramped(
 def _cheapest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: set[str]) -> Proof | None:
     """Return the proof with the fastest ramp without holdback, with one that settles first where that passes alone."""
     free = None if broken & REHEATS else _fastest(plain, fitted, conditions, broken)
-    kept = OVERSHOOTS | REHEATS | _LEFT_BEHIND
-    if (free is not None and free.verdict != "FAIL") or not broken <= kept:
+    if (free is not None and free.verdict != "FAIL") or not broken <= BY_RAMP:
         return free
     side = -1.0 if cools(fitted) else 1.0
     band = band_of(plain.limits, plain.nominal.resolution_degC)
     for holds in _HOLDS:
         searches = [
-            _Search(plain=plain, fitted=fitted, conditions=conditions, kept=kept, hold_degC=side * times * band)
+            _Search(plain=plain, fitted=fitted, conditions=conditions, kept=BY_RAMP, hold_degC=side * times * band)
             for times in holds]
         if (held := _soonest(searches)) is not None:
             return held
@@ -220,7 +221,7 @@ class _Search:
         return Screen(fitted=self.fitted, names=self.kept).with_failed(self.plain)
 
     def _fastest_on(self, watched: Screen) -> Words | None:
-        shorter, hopeful = None, False
+        shorter, hopeful = None, not any(each.name in _UNLED and not each.ok for each in self.plain.criteria)
         for duration in self._durations():
             words = self._with(duration)
             if words is not None and self._keeps(words, watched):

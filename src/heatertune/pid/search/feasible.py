@@ -1,9 +1,10 @@
 """The exact set of gains that keep a sensitivity limit, and the search built on it.
 
 With C = K·c(jω), |1 + K·h| ≥ 1/Ms at one frequency excludes one interval of K (a quadratic in K), and so do the limits
-on Mt and Mks; what is left over all frequencies and all models is the feasible set. It need not be connected, so its
-pieces are tried from the top. That leaves a search over TN (and TV) only, and no start value can mislead it. What is
-feasible the margins say, on their own frequencies, without a tolerance.
+on Mt and Mks; what is left over all frequencies and all models keeps the limits where it is stable. A long dead time
+leaves many pieces that are not: they lie beyond a crossing of h and the negative real axis whose turn no other takes
+back. The stable ones need not be connected, so they are tried from the top. That leaves a search over TN (and TV) only,
+and no start value can mislead it. What is feasible the margins say, on their own frequencies, without a tolerance.
 
 After a load step ∫e dt is TN/K, and ∫|e| is no less: the points of a grid are simulated in the order of this bound,
 until it is above the best cost.
@@ -32,7 +33,7 @@ __all__ = ["Problem", "keeps", "largest_gain", "search"]
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-_PIECES: Final = 4  # feasible pieces tried, from the top
+_PIECES: Final = 4  # stable pieces tried, from the top
 _TN_RATIO, _TV_RATIO = 1.27, 1.6  # of neighbours in the first grid
 _FINE: Final = 1.01  # ratio of TN at which the zooms end
 
@@ -146,14 +147,16 @@ def largest_gain(problem: Problem, integral_time_s: float, derivative_time_s: fl
 
 
 def _at_the_tops(problem: Problem, tn: float, tv: float) -> list[PidDesign]:
-    """Return designs a hair below the upper ends of the pieces of K, stable or not, the largest first."""
+    """Return designs a hair below the upper ends of the stable pieces of K, the largest first."""
     unit, specs = problem.design(1.0, tn, tv), problem.specs
-    looked_at = [seen(plant, unit) for plant in problem.limited]
-    excluded = [_excluded(plant * c, c, specs) for plant, c in looked_at]
+    looked_at = [(plant * c, c) for plant, c in (seen(plant, unit) for plant in problem.limited)]
+    excluded = [_excluded(h, c, specs) for h, c in looked_at]
     steps = step_parts(tn, tv, problem.sample_time_s, problem.derivative_filter)
     most = min(problem.step_power / steps, problem.most_gain(unit))
-    tops = _tops(np.concatenate([*excluded, [[most, math.inf]]]))
-    return [problem.design((1.0 - ROOM) * top, tn, tv) for top in tops[-_PIECES:][::-1] if top > 0.0]
+    tops = np.array(_tops(np.concatenate([*excluded, [[most, math.inf]]])))
+    for h, _ in looked_at:
+        tops = tops[_stable(h, tops)]
+    return [problem.design((1.0 - ROOM) * float(top), tn, tv) for top in tops[-_PIECES:][::-1]]
 
 
 def search(problem: Problem) -> PidDesign:
@@ -244,6 +247,17 @@ def _excluded(h: Complex, c: Complex, specs: Specs) -> Array:
         np.divide(root, alpha, out=high, where=alpha > 0.0)
         intervals.append(np.column_stack([gamma / root[hit], high[hit]]))
     return np.concatenate(intervals)
+
+
+def _stable(h: Complex, gains: Array) -> npt.NDArray[np.bool_]:
+    """Return for which K the curve K·h does not turn around −1; h, shape (n,), up to half the sampling frequency."""
+    lower = h.imag[:-1] < 0.0  # the end is real
+    at = np.flatnonzero(lower[1:] != lower[:-1])
+    share = h.imag[at] / (h.imag[at] - h.imag[at + 1])
+    crossed = np.append(h.real[at] + share * (h.real[at + 1] - h.real[at]), h.real[-1])
+    turns = np.where(lower[np.append(at, -1)], 2, -2)
+    turns[-1] //= 2  # the mirrored half of the curve goes through the same crossing
+    return np.asarray((gains[:, None] * crossed < -1.0) @ turns == 0)
 
 
 def _tops(excluded: Array) -> list[float]:
