@@ -206,7 +206,7 @@ def test_members_stand_where_siemens_puts_them():
                 "NINE : BOOL ;", "ODD : BYTE ;", "EVEN : INT ;", "LAST : DINT ;"]
     temporary = ["KIND : BYTE ;", "INFO : BYTE ;", "PRIORITY : BYTE ;", "NUMBER : BYTE ;", "R1 : BYTE ;", "R2 : BYTE ;", "OFFSET : WORD ;", "R3 : INT ;",
                  "FREQ : INT ;", "DATE : DATE_AND_TIME ;", "MINE : INT ;"]
-    text = source(["L #FREQ", "T #MAN", "L #MINE", "T #PV_PER", "L #DATE", "T #EVEN", "SET", "= #D_SEL", "CLR", "= #MAN_ON", "L 7", "T #MINE"],
+    text = source(["L 258", "T #FREQ", "T #MAN", "L 7", "T #MINE", "T #PV_PER", "L 9", "T #EVEN", "SET", "= #D_SEL", "CLR", "= #MAN_ON"],
                   more="", block="FUNCTION_BLOCK FB 5", declared=["VAR_INPUT", *declared, "END_VAR", "VAR_TEMP", *temporary, "END_VAR"])
     cpu = S7Cpu(text + "DATA_BLOCK DB 9\nFB 5\nBEGIN\n  MAN_ON := TRUE ;\n  CYCLE := T#258MS ;\n  LAST := L#-2 ;  // remark\nEND_DATA_BLOCK\n"
              + source(["CALL FB 5 , DB 9 (NINE := TRUE, ODD := IB 1)"], more=""), {})
@@ -217,10 +217,12 @@ def test_members_stand_where_siemens_puts_them():
         ("LAST", 24, 4)]}}
     before = cpu.memory["DB 9"]
     assert (before[0], before[2:6].hex(), before[24:28].hex()) == (2, "00000102", "fffffffe")
-    cpu.memory["I"][1], cpu.memory["L FB 5"][10:22] = 0xA5, bytes(range(1, 13))
+    cpu.memory["I"][1] = 0xA5
     cpu.run("FC 1")
-    assert (before[0], before[14:28].hex()) == (0x80, "0b0c" + "00000102" + "01a5" + "090a" + "fffffffe")
-    assert cpu.memory["L FB 5"][20:22].hex() == "0007"
+    assert (before[0], before[14:28].hex()) == (0x80, "0007" + "00000102" + "01a5" + "0009" + "fffffffe")
+    written = cpu.memory["L FB 5"]
+    assert (written[10:12].hex(), written[20:22].hex(), set(written[:10] + written[12:20] + written[22:])) == ("0102", "0007", {0x5A}), (
+        "what is not written is whatever was there")
 
 
 def test_a_block_that_is_not_in_the_source_is_the_firmwares_and_in_and_out_come_back():
