@@ -64,9 +64,9 @@ typedef struct {
     const Case *c;
     Memory m;
     long double now;
-    int64_t k, j, calls;
+    int64_t k, j, calls, origin;           /* origin: of the PWM periods, of which j have begun [ticks] */
     double y, x, level, carried, asked_pct, word;
-    int phase, arrived;                    /* events whose power has reached the heater */
+    int phase, dark, arrived;              /* dark: no supply at the last scan; arrived: events whose power has reached the heater */
     double mains, load;
     int64_t scans, limited, faults, pulses;
     double last_level;
@@ -454,19 +454,32 @@ static double setpoint_of(const Sim *s)
     return c->from[p] + (c->asked[p] - c->from[p]) * passed;
 }
 
+/* the output falls with the supply */
+static void falls(Sim *s, long double at)
+{
+    Edge *last = &s->ring[(s->first + s->count + RING - 1) % RING];
+    if (s->last_level == 1.0) send(s, at, 0.0);
+    else if (s->count && last->level == 0.0 && last->due > at + s->c->dead) last->due = at + s->c->dead;
+}
+
 static void scan(Sim *s)
 {
     const Case *c = s->c;
+    int64_t now = s->k * c->scan;
     double wanted = setpoint_of(s);
     double noise = 0.0;
     if (c->noise != NULL) noise = !s->beyond && s->k < c->noises ? c->noise[s->k] : c->sigma * normal(&s->seed);
     s->k++;
     if (!c->supplied[s->phase]) {
         s->calls = 0;
+        s->dark = 1;
+        falls(s, now * (long double)c->tick);
         s->asked_pct = 0.0;
         memset(&s->m, 0, sizeof s->m);
         return;
     }
+    if (s->dark && s->origin + s->j * c->period != now) { s->origin = now; s->j = 0; }  /* the exported PWM begins anew */
+    s->dark = 0;
     double reading = reading_of(c, s->y + noise), asked = reading_of(c, wanted);
     if (c->ramp == 0.0)
         s->word = asked;
@@ -493,7 +506,7 @@ static void pulse(Sim *s)
     else if (wanted > period - c->least_off + near || on > period - c->least_off + near || on > period - near)
         on = period;
     s->carried = c->carries ? wanted - on : 0.0;
-    long double begin = s->j * c->period * (long double)c->tick;
+    long double begin = (s->origin + s->j * c->period) * (long double)c->tick;
     s->j++;
     if (on > 0.0 && s->last_level == 0.0) send(s, begin, 1.0);
     if (on < period && s->last_level == 1.0) send(s, begin + on, 0.0);
@@ -515,7 +528,7 @@ static void run(Sim *s, int64_t until)
 {
     const Case *c = s->c;
     for (;;) {
-        int64_t a = s->k * c->scan, b = s->j * c->period, next = a < b ? a : b;
+        int64_t a = s->k * c->scan, b = s->origin + s->j * c->period, next = a < b ? a : b;
         if (next >= until) break;
         reach(s, next * (long double)c->tick);
         if (a <= b) scan(s); else pulse(s);
@@ -543,7 +556,8 @@ static int same(const Sim *a, const Sim *b)
     if (memcmp(&a->m, &b->m, sizeof a->m) || a->count != b->count || a->level != b->level || a->word != b->word) return 0;
     if (fabs(a->y - b->y) > 1e-9 || fabs(a->x - b->x) > 1e-9 || fabs(a->carried - b->carried) > 1e-9) return 0;
     if ((a->calls - b->calls) % a->c->ramp_calls) return 0;
-    if (a->k * a->c->scan - a->j * a->c->period != b->k * b->c->scan - b->j * b->c->period) return 0;
+    int64_t ahead = a->k * a->c->scan - a->origin - a->j * a->c->period;
+    if (ahead != b->k * b->c->scan - b->origin - b->j * b->c->period) return 0;
     for (int i = 0; i < a->count; i++) {
         const Edge *p = &a->ring[(a->first + i) % RING], *q = &b->ring[(b->first + i) % RING];
         if (p->level != q->level || fabsl((p->due - a->now) - (q->due - b->now)) > 1e-9L) return 0;
