@@ -131,7 +131,8 @@ def test_a_failure_that_hangs_on_what_the_manual_leaves_open_says_what_to_find_o
 
 @pytest.mark.long
 def test_a_step_that_helps_but_fails_is_not_the_best(run, response, by_hand):
-    document = json.loads(run("advise", response(lag_s=280.0), "--pid", by_hand, "--json", "--quiet")[1])
+    known = ("--switch", "sampling=caller")
+    document = json.loads(run("advise", response(lag_s=280.0), "--pid", by_hand, *known, "--json", "--quiet")[1])
     assert document["symptom"] == "SLOW"
     assert {(case["effect"], case["verdict"]) for case in document["cases"][1:3]} == {("better", "FAIL")}
     assert document["best"] is None

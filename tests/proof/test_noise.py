@@ -24,7 +24,7 @@ WORDS = Words(
     target="s5-ob251", sample_time_s=4.0, scaling=Scaling(low_degC=0.0, high_degC=100.0),
     values={"K": 9881, "R": 1024, "TI": 63, "TD": 0, "W": 0, "STEU": 33, "YH": 0, "BGOG": 2047, "BGUG": 0})
 KNOWN = {switch.name: switch.default for switch in S5.switches}
-NOISY = Conditions(setpoint_degC=40.0, noise_degC=0.2, tolerance_degC=0.4325, switches=KNOWN)
+NOISY = Conditions(setpoint_degC=40.0, noise_degC=0.2, tolerance_degC=0.44, switches=KNOWN)
 
 
 def _of(value, name="limit_cycle", limit=1.0):
@@ -44,7 +44,7 @@ def test_words_that_pass_with_one_draw_fail_where_another_breaks_a_limit(monkeyp
     monkeypatch.setattr(compiled, "_PLAIN_SCANS", 0)  # in the machine code that the proof has anyway
     proof = prove(WORDS, FITTED, NOISY)
     assert proof.verdict == "FAIL"
-    assert _remarks(proof) == ["noise of 0.2 °C: 1 of 59 draws break a limit on the run nearest to one"]
+    assert _remarks(proof) == ["noise of 0.2 °C: 2 of 59 draws break a limit on the run nearest to one"]
     # draws on their own, measured on their traces and not by the meter that the proof uses
     heater, broken = delayed(HEATER, S5.delay_s), proof.worst.scenario.seed
     assert 0 < broken < DRAWS

@@ -135,7 +135,11 @@ def asked(settings: argparse.Namespace) -> Asked:
 
 
 def scaling(settings: argparse.Namespace) -> Scaling:
-    """Return the sensor range as its module gives it; errors as `heatertune.plc.inputs.scaled`."""
+    """Return the sensor range as its module gives it.
+
+    Raises:
+        InputError: a module's range without a target; else as `heatertune.plc.inputs.scaled`.
+    """
     from heatertune.plc import controller_for  # noqa: PLC0415
     from heatertune.plc.inputs import scaled  # noqa: PLC0415
 

@@ -156,9 +156,7 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
         lines.append(f"proven with the setpoint ramp {rate}; nothing is proven without it")
     watch = proof["interlock"]
     lines += [] if watch is None else [f"behind the interlock {watch['name']}, limit {watch['limit_degC']:g} °C"]
-    choices = [switch.name for switch in controller_for(proof["target"]).switches if switch.chosen]
-    lines += [f"{'chosen' if name in choices else 'taken as known'}: {name} = {setting}"
-              for name, setting in proof["known"].items()]
+    lines += [f"taken as known: {name} = {setting}" for name, setting in proof["known"].items()]
     lines += [f"not kept: {name}" for name in failed]
     lines += [f"not proven: {finding['told']}" for finding in open_]
     lines += [*sampled(proof), *told_of(proof)]

@@ -80,8 +80,8 @@ def retains(certificate: Certificate) -> bool:
 def _start_up(certificate: Certificate) -> str:
     if retains(certificate):
         return ("start-up: OB251 goes on with what DW18 to DW48 have kept, or from cold where they have kept nothing; "
-                "PWM and ramp begin anew")
-    return "start-up: OB21 and OB22 clear DW18 to DW48, whatever they have kept; PWM and ramp begin anew"
+                "the rest begins anew")
+    return "start-up: OB21 and OB22 clear DW18 to DW48, whatever they have kept; the rest begins anew"
 
 
 def _by_hand(
