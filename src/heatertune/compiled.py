@@ -41,6 +41,9 @@ _PLAIN_SCANS_READY: Final = 3_000
 
 _scans_asked: Final[Counter[str]] = Counter()
 
+#: works whose machine code was looked for on disk: once, for a look takes longer than a short run
+_looked_for: Final[set[str]] = set()
+
 #: what a process decided for all its work; None: whatever pays
 _decided: Final[list[bool | None]] = [None]
 
@@ -87,8 +90,10 @@ def worth_compiling(
     _scans_asked[work] += scans
     most = _PLAIN_SCANS if most_plain is None else most_plain
     kept = _PLAIN_SCANS_READY if "numba" in sys.modules else _PLAIN_SCANS_KEPT
-    if kept < _scans_asked[work] <= most and function is not None and _is_kept(function):
-        return True
+    if kept < _scans_asked[work] <= most and function is not None and work not in _looked_for:
+        _looked_for.add(work)
+        if _is_kept(function):
+            _scans_asked[work] = most + 1
     return _scans_asked[work] > most
 
 
