@@ -143,7 +143,7 @@ class TuneSettings:
         "pi", str, "parts that act", flag="--structure", choices=("p", "pi", "pid"), instead=("pi", ""))
     method: str = option(
         "optimum", str, "optimum or a rule", flag="--method", metavar="NAME",
-        help="optimum (default), or a rule: simc, simc-improved, lambda, imc, amigo, "
+        help="optimum (default), or a rule: simc, simc-improved, lambda, imc, haalman, amigo, "
              "ziegler-nichols, ziegler-nichols-ultimate, cohen-coon, chr-{setpoint,load}-{0,20}, tyreus-luyben, "
              "lopez-{iae,ise,itae}, rovira-{iae,itae}, usort-{load,setpoint}-{2.0,1.8,1.6,1.4}")
     closed_loop_s: float | None = option(
