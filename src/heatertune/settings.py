@@ -192,6 +192,7 @@ class WordSettings:
         refined: whether the gains are refined in the loop of the proof, see `heatertune.proof.refine.refine`.
         setpoint_ramp: [°C/min], "auto" or "none", see `heatertune.proof.setpoint_ramp.prove_ramped`; None: as the words
             have it; of a design, where nothing else helps.
+        as_is: the plain design, even where another one would pass, see `heatertune.proof.closing.closed`.
     """
 
     words_by: str = option(
@@ -210,6 +211,9 @@ class WordSettings:
     switch_kind: str | None = option(
         None, str, "what switches the heater", flag="--switch-kind", choices=("ssr", "relay", "contactor"),
         help="what switches the heater: the PWM period is proposed, ripple against wear of contacts")
+    as_is: bool = option(
+        False, bool, "keep the plain design where other gains, another PWM or TA, or a ramp would pass",
+        flag="--as-is")
 
     def __post_init__(self) -> None:
         checked(self)
