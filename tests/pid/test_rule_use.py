@@ -21,7 +21,7 @@ EACH = [(name, structure) for name, rule in RULES.items() for structure in rule.
 @pytest.mark.parametrize(("method", "structure"), EACH)
 def test_every_rule_scales_with_gain_and_time(method, structure):
     # a heater 1/3 as strong and 7 times as slow needs 3 times the gain and 7 times the times
-    small = two_lags(1.0, 0.4, dead=0.45) if method == "simc" and structure == "pid" else one_lag(0.45)
+    small = two_lags(1.0, 0.4, dead=0.45) if structure in RULES[method].two_lags else one_lag(0.45)
     large = (
         two_lags(7.0, 2.8, dead=3.15, gain=1.0 / 3.0) if isinstance(small, TwoLag) else one_lag(0.45, lag=7.0, gain=1.0 / 3.0)
     )
