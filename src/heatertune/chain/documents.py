@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,7 +19,7 @@ from heatertune.proof.document import ProofView, checked
 from heatertune.proof.views import ComparisonView, LogView, PicturesView, TakenView
 from heatertune.proof.words_file import FieldView, WholeWordsView, demand_same_words
 
-__all__ = ["log_document", "read_documents", "words_document"]
+__all__ = ["log_document", "read_documents", "verdict_first", "without_curves", "words_document"]
 
 _VIEWS: Final[Mapping[str, type]] = {
     "log": LogView, "model": ModelView, "pid": PidView, "words": WholeWordsView, "proof": ProofView,
@@ -46,6 +46,32 @@ def words_document(
         realised=None if proof.design is None else pid_document.to_document(proof.design), files=tuple(sorted(files)),
         forced=bool(files) and proof.verdict != "PASS", search=None if search is None else plain(search)))
     return document
+
+
+def verdict_first(proof: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a proof's document with what is asked of it first."""
+    first = {"verdict": proof["verdict"], "target": proof["target"],
+             "setpoint_degC": proof["scenario"]["setpoint_degC"], "specification": proof["specification"],
+             "words": proof["words"], "criteria": proof["criteria"]}
+    return first | {name: value for name, value in proof.items() if name not in first}
+
+
+def without_curves(documents: Mapping[str, Mapping[str, Any]], nearest: Sequence[str] = ()) -> dict[str, Any]:
+    """Return what a program needs of a design: verdict, setpoint, specification, words, criteria and files first.
+
+    Args:
+        documents: of all stages; those of log and pictures are curves.
+        nearest: of a design that fails, the command whose verdict is PASS.
+    """
+    proof = verdict_first(documents["proof"])
+    first = {name: proof.pop(name) for name in ("verdict", "target", "setpoint_degC", "specification", "words",
+                                                "criteria")}
+    curves = {"model": ("residuals",), "comparison": ("paper",)}
+    rest = {name: {key: part for key, part in documents[name].items() if key not in curves.get(name, ())}
+            for name in ("model", "pid", "comparison")}
+    words = {name: part for name, part in documents["words"].items() if name not in ("words", "target", "verdict")}
+    return {"schema": "heatertune/design/1", **first, "files": documents["words"]["files"], "nearest": list(nearest),
+            "encoded": words, "proof": proof, **rest}
 
 
 def read_documents(directory: Path) -> dict[str, dict[str, Any]]:

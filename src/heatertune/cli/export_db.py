@@ -63,7 +63,7 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     proof, notes = prove_ramped(asked.words, asked.fitted, asked.ramp, asked.conditions, progress=progress)
     notes = [*asked.notes, *notes]
     for note in notes:
-        progress(note)
+        progress.note(note)
     search = None if asked.choice is None else search_document(asked.choice, asked.fitted, notes)
     files = chain.export(proof.words, proof, force=settings.force)
     document = words_document(proof.words, proof, files, search)
