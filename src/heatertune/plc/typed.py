@@ -76,12 +76,15 @@ def word_text(value: Number, format_: str = "") -> str:
 
 
 def as_typed(value: Number, format_: str) -> str:
-    """Return a word as its programming tool takes it, format and all: KF = +02968, TRUE, T#17000MS."""
+    """Return a word as its programming tool takes it: KF +02968, TRUE, T#17000MS, a REAL with its decimal point."""
     if format_ == "KF":
         return f"KF {int(value):+06d}"
     if format_ == "BOOL":
         return "TRUE" if value else "FALSE"
-    return f"T#{int(value)}MS" if format_ == "TIME" else word_text(value, format_)
+    if format_ == "TIME":
+        return f"T#{int(value)}MS"
+    text = word_text(value, format_)
+    return f"{text}.0" if format_ == "REAL" and text.lstrip("-").isdigit() else text
 
 
 def bits(value: int) -> str:

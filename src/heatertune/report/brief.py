@@ -28,6 +28,8 @@ _WORST: Final = 5
 _NAMED: Final = 3
 _DOUBTS: Final = 7
 _FAILING: Final = 3
+#: lines of a verdict, and of what leaves it unproven
+_SAID: Final = 4
 #: words up to which each has a line with its meaning
 _WITH_MEANING: Final = 10
 
@@ -55,10 +57,11 @@ def design_brief(documents: Mapping[str, Document], out: str, nearest: Sequence[
     notes = [*_notes(model), *_notes(pid), *search_notes(words)]
     facts = {"heater": [_heater(model)], "ideal": [_ideal(pid)]}
     files = _files(words, out)
-    doubts = labelled({**_doubts(proof, _unsure(model)), "notes": _counted(notes)}, _DOUBTS)
-    return screen(
-        [*_verdict(proof, nearest), *labelled(facts, 2)], _values(words, proof), _worst(proof),
-        [*doubts, *files, *([hint] if hint else [])])
+    said, values, worst = [*_verdict(proof, nearest), *labelled(facts, 2)], _values(words, proof), _worst(proof)
+    ends = [*files, *([hint] if hint else [])]
+    room = LINES - sum(map(len, (said, values, worst, ends)))
+    doubts = labelled({**_doubts(proof, _unsure(model)), "notes": _counted(notes)}, max(1, min(room, _DOUBTS)))
+    return screen(said, values, worst, [*doubts, *ends])
 
 
 def verify_brief(proof: Document, notes: Sequence[str] = ()) -> str:
@@ -125,10 +128,11 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
         said = f"every limit is kept in {on}"
     drawn = [f"{share.partition(' under ')[0]}, {100.0 * proof['samples']['quantile']:.4g} % must"
              for share in sampled(proof)]
-    lines = wrapped("; ".join([f"{where}: {said}", *drawn]), f"{verdict}  ")
-    for finding in blocking(proof):
-        kind = KINDS[finding["name"]]
-        lines += wrapped(f"{kind.short}; {kind.remedy}, or --accept {finding['name']}", "  not proven: ")
+    lines = wrapped("; ".join([f"{where}: {said}", *drawn]), f"{verdict}  ", _SAID)
+    if open_ := list(dict.fromkeys(finding["name"] for finding in blocking(proof))):
+        kind, others = KINDS[open_[0]], ", ".join(open_[1:])
+        lines += wrapped(f"{kind.short}; {kind.remedy}, or --accept {open_[0]}", "  not proven: ", _SAID)
+        lines += wrapped(f"{others} (--verbose)", "  nor proven: ", 1) if others else []
     if verdict == "FAIL" and nearest:
         lines += ["no limit is broken by:" if blocking(proof) else "nearest PASS:", *command(nearest)]
     return lines

@@ -60,11 +60,12 @@ def wrapped(text: str, first: str = "", most: int | None = None) -> list[str]:
 def labelled(parts: Mapping[str, Sequence[str]], most: int) -> list[str]:
     """Return parts behind their labels, in so many lines at most.
 
-    Of the label with most parts those at the end are left out first, and counted.
+    Of the longest label the parts at the end are left out first, and counted; where there are more labels than lines,
+    the last line counts what is behind the last labels.
 
     Args:
         parts: label → a few words each, the most important first; a label without any is left out.
-        most: lines at most, one for each label at least.
+        most: lines at most, 1 at least.
     """
     kept = {label: list(of) for label, of in parts.items() if of}
     left = dict.fromkeys(kept, 0)
@@ -79,7 +80,13 @@ def labelled(parts: Mapping[str, Sequence[str]], most: int) -> list[str]:
         longest = max(kept, key=lambda label: (len(kept[label]) > 1, sum(map(len, kept[label]))))
         kept[longest].pop()
         left[longest] += 1
-    return lines() if len(lines()) <= most else lines(1)
+    if len(lines()) <= most or len(lines(1)) <= most:
+        return lines() if len(lines()) <= most else lines(1)
+    beyond = list(kept)[most - 1:]
+    counted = ", ".join(f"{label} ({len(parts[label])})" for label in beyond)
+    for label in beyond:
+        del kept[label]
+    return [*lines(1), *wrapped(f"{counted}: --verbose", f"{'more':<{width}}", 1)]
 
 
 def command(words: Sequence[str]) -> list[str]:
