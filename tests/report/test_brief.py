@@ -188,4 +188,4 @@ def test_a_comparison_is_one_screen():
     lines = _fits(screen)
     assert lines[2].split() == ["s5-ob251", "PASS", "never", "10.2", "%", "0.28", "°C", "1000", "times"]
     assert lines[3].endswith("not representable")
-    assert lines[4].endswith("+150.00 %  reheat overshoot, 1 more")
+    assert lines[4].endswith("+150.0 %  reheat overshoot +1")

@@ -60,9 +60,10 @@ def _run(settings: argparse.Namespace) -> int:
         verdicts.append(document["samples"]["verdict"])
     verdict = document["verdict"] = combined(verdicts)
     document = digested(document)
-    remarks, line = [f"- {note}" for note in (*asked.notes, *ramp_note(document), *notes)], verdict_line(document)
+    remarks, line = [*asked.notes, *ramp_note(document), *notes], verdict_line(document)
     printing.output(
         settings, document,
-        lambda: "\n".join([line, criteria_table(document), *remarks, *samples_table(document), f"VERDICT {line}"]),
-        brief=lambda: verify_brief(document, [*asked.notes, *notes]), short=lambda: verdict_first(document))
+        lambda: "\n".join([line, criteria_table(document), *(f"- {remark}" for remark in remarks),
+                           *samples_table(document), f"VERDICT {line}"]),
+        brief=lambda: verify_brief(document, remarks), short=lambda: verdict_first(document))
     return 0 if verdict == "PASS" else 1

@@ -49,9 +49,9 @@ def _brief(row: Document) -> tuple[str, ...]:
     real, fails = row["realised"], [name.replace("_", " ") for name in row["fails"]]
     settles = "never" if real["settling_time"] is None else f"{real['settling_time']:.0f} s"
     times = real["iae"] / row["wished"]["iae"]
-    broken = f"{fails[0]}{f', {len(fails) - 1} more' if len(fails) > 1 else ''}" if fails else ""
+    broken = f"{fails[0]}{f' +{len(fails) - 1}' if len(fails) > 1 else ''}" if fails else ""
     return (row["target"], row["verdict"], settles, f"{figure(real['overshoot'], 3)} %",
-            f"{figure(real['steady_offset'], 2)} °C", _more(real["iae"], row["wished"]["iae"]) if times < _DEAR else
+            f"{figure(real['steady_offset'], 2)} °C", f"{100.0 * (times - 1.0):+.1f} %" if times < _DEAR else
             f"{times:.0f} times", broken)
 
 
