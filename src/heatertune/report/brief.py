@@ -82,7 +82,7 @@ def model_brief(model: Document, out: str | None = None) -> str:
     fit = f"{figure(model.get('fit_pct'), 3)} % of the curve"
     fit += "" if unseen is None else f", {figure(unseen['fit_pct'], 3)} % of parts that were left out of it"
     parts = {
-        "fit": [fit], "so": [model["outcome_text"].rstrip(".")],
+        "fit": [fit], "outcome": [model["outcome_text"].rstrip(".")],
         "proven on": [f"{others} possible heaters, which explain the log nearly as well"] if others > 1 else [],
         "not known": told}
     return _with_notes(_notes(model), table(rows, right=(1,)).splitlines(), labelled(parts, 14), _written(out))
