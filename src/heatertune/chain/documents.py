@@ -16,16 +16,16 @@ from heatertune.pid.document import PidView
 from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof
 from heatertune.proof.document import ProofView, checked
+from heatertune.proof.verdict import FIRST, verdict_first
 from heatertune.proof.views import ComparisonView, LogView, PicturesView, TakenView
 from heatertune.proof.words_file import FieldView, WholeWordsView, demand_same_words
 
-__all__ = ["log_document", "read_documents", "verdict_first", "without_curves", "words_document"]
+__all__ = ["log_document", "read_documents", "without_curves", "words_document"]
 
 _VIEWS: Final[Mapping[str, type]] = {
     "log": LogView, "model": ModelView, "pid": PidView, "words": WholeWordsView, "proof": ProofView,
     "pictures": PicturesView, "comparison": ComparisonView,
 }
-
 
 def log_document(log: Log) -> dict[str, Any]:
     """Return the JSON document of a log as it was understood."""
@@ -48,14 +48,6 @@ def words_document(
     return document
 
 
-def verdict_first(proof: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a proof's document with what is asked of it first."""
-    first = {"verdict": proof["verdict"], "target": proof["target"],
-             "setpoint_degC": proof["scenario"]["setpoint_degC"], "specification": proof["specification"],
-             "words": proof["words"], "criteria": proof["criteria"]}
-    return first | {name: value for name, value in proof.items() if name not in first}
-
-
 def without_curves(documents: Mapping[str, Mapping[str, Any]], nearest: Sequence[str] = ()) -> dict[str, Any]:
     """Return what a program needs of a design: verdict, setpoint, specification, words, criteria and files first.
 
@@ -64,13 +56,12 @@ def without_curves(documents: Mapping[str, Mapping[str, Any]], nearest: Sequence
         nearest: of a design that fails, the command whose verdict is PASS.
     """
     proof = verdict_first(documents["proof"])
-    first = {name: proof.pop(name) for name in ("verdict", "target", "setpoint_degC", "specification", "words",
-                                                "criteria")}
+    first = {name: proof.pop(name) for name in FIRST}
     curves = {"model": ("residuals",), "comparison": ("paper",)}
     rest = {name: {key: part for key, part in documents[name].items() if key not in curves.get(name, ())}
             for name in ("model", "pid", "comparison")}
     words = {name: part for name, part in documents["words"].items() if name not in ("words", "target", "verdict")}
-    return {"schema": "heatertune/design/1", **first, "files": documents["words"]["files"], "nearest": list(nearest),
+    return {**first, "files": documents["words"]["files"], "nearest": list(nearest), "schema": "heatertune/design/1",
             "encoded": words, "proof": proof, **rest}
 
 

@@ -32,11 +32,10 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.chain.documents import verdict_first  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.document import digested  # noqa: PLC0415
+    from heatertune.proof.document import digested  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.drawn import replay_document, sample_document  # noqa: PLC0415
     from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415
-    from heatertune.proof.verdict import combined, verdict_line  # noqa: PLC0415
+    from heatertune.proof.verdict import combined, verdict_first, verdict_line  # noqa: PLC0415
     from heatertune.report.brief import verify_brief  # noqa: PLC0415
     from heatertune.report.text import criteria_table, ramp_note, samples_table  # noqa: PLC0415
 

@@ -16,8 +16,9 @@ from heatertune.proof.profile import Profile
 from heatertune.proof.specification import GENERAL, NOTHING
 
 __all__ = [
-    "ASSUMED", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "derived", "extent",
-    "sampled", "switched", "told_by_kind", "told_of", "verdict_line", "verdict_of_samples",
+    "ASSUMED", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "derived", "extent",
+    "sampled", "switched", "told_by_kind", "told_of", "verdict_first", "verdict_line",
+    "verdict_of_samples",
 ]
 
 #: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use
@@ -27,6 +28,10 @@ NOT_PROVEN: Final = "NOT PROVEN"
 
 #: what a user may know beside the log → how a certificate says it
 ASSUMED: Final = {"dead_time_at_most_s": "dead time at most {:g} s", "sensor_delay_s": "sensor delay of {:g} s"}
+
+
+#: what is asked of a proof first
+FIRST: Final = ("verdict", "target", "setpoint_degC", "specification", "words", "criteria")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,6 +193,12 @@ def switched(proof: Mapping[str, Any]) -> list[str]:
         return []
     per_hour = math.inf if often["value"] is None else often["value"]
     return [f"{per_hour:.0f} switchings/h (a contactor lasts {life('contactor', per_hour)})"]
+
+
+def verdict_first(proof: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a proof's document with what is asked of it first."""
+    told = {**proof, "setpoint_degC": proof["scenario"]["setpoint_degC"]}
+    return {name: told[name] for name in FIRST} | {name: part for name, part in told.items() if name not in FIRST}
 
 
 def _of_spec(spec: Mapping[str, Any]) -> list[str]:

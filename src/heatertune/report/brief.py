@@ -213,7 +213,8 @@ def _values(words: Document, proof: Document) -> list[str]:
     if not words["files"]:
         values = ", ".join(f"{row.name} {as_typed(row.then, row.format)}" for row in rows)
         return wrapped(values, "not to be typed in: ", _FAILING)
-    return [*wrapped(_facts(words, proof), "values to type in: "), *_typed_lines(rows)]
+    forced = "by --force, against the verdict; " if words.get("forced") else ""
+    return [*wrapped(f"{forced}{_facts(words, proof)}", "values to type in: "), *_typed_lines(rows)]
 
 
 def _typed_lines(rows: Sequence[TypedWord]) -> list[str]:
