@@ -43,6 +43,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.report.text import summary  # noqa: PLC0415
 
     progress = printing.Progress(settings, TYPICAL_S)
+    progress("reading")
     asked, beside = common.asked(settings), options.of(FitSettings, settings)  # refused before the log is read
     controller_for(asked.target)
     log = chain.read_log(settings.log, common.reading(settings), errata=True)

@@ -45,8 +45,10 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.report.text import hypothesis_table, model_lines  # noqa: PLC0415
 
     progress = printing.Progress(settings)
+    progress("reading")
     logs = [chain.read_log(name, common.reading(settings)) for name in settings.log]
     printing.tell_taken(settings, logs, progress)
+    progress("finding the heater")
     document = to_document(_fitted(settings, logs, progress))
     printing.save(settings.out, document)
     shown = settings.hypotheses or settings.controller is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from heatertune.log.cells import count
 from heatertune.model.values import FittedModel
 from heatertune.pid.recipe import Recipe
 from heatertune.pid.values import PidDesign
@@ -89,7 +90,7 @@ def plainly(
     if asked.refined:
         choice = refine(choice, fitted, conditions, progress=progress)
     stage("proof")
-    progress(f"proving the words on {len(fitted.plants)} possible heaters")
+    progress(f"proving the words on {count(len(fitted.plants), 'possible heater')}")
     proof, notes = prove_ramped(
         choice.words, fitted, asked.setpoint_ramp, conditions, plain=plain, progress=progress)
     return Closed(wished=wished, choice=choice, proof=proof, notes=tuple(notes), conditions=conditions,
