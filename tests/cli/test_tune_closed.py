@@ -1,6 +1,7 @@
 """`tune` under a specification: closed on the verdict of its words where a target says whose."""
 
 import json
+import shlex
 
 import pytest
 
@@ -43,3 +44,18 @@ def test_what_a_design_hears_itself_asks_for_no_proof(run):
                     "--quiet")
     assert out.startswith("ideal "), "nothing was proven"
     assert "--target" not in out
+
+
+@pytest.mark.long
+def test_the_nearest_command_that_a_failure_names_passes(run):
+    hasty = ("tune", *HAND, "--target", "s7-300", "--setpoint", 40, "--spec", "paper", "--method", "simc", "--quiet",
+             "--setpoint-ramp", "none", "--limit", "overshoot=0.1%", "--limit", "recovery-overshoot=0.1%")
+    status, out, _ = run(*hasty)
+    assert status == 1
+    assert out.startswith("FAIL  s7-300 at 40 °C: ")
+    told = out.replace("\\\n", " ").partition("nearest PASS:\n")[2].splitlines()[0]
+    name, *nearest = shlex.split(told)
+    assert name == "heatertune"
+    assert nearest[:2] == ["tune", "--gain"]
+    status, out, _ = run(*nearest)
+    assert (status, out[:4]) == (0, "PASS")
