@@ -23,7 +23,7 @@ from heatertune.plc import controller_for
 from heatertune.plc.choose import search_document
 from heatertune.progress import Told
 from heatertune.proof import Proof
-from heatertune.proof.closing import Asked, Closed, closed, plainly
+from heatertune.proof.closing import Asked, Closed, closed
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.proof.pictures import pictures
 from heatertune.proof.views import ComparisonView
@@ -60,7 +60,7 @@ class ChainResult:
 
 def design(
     source: str | Path | Log, asked: Asked, *, out: str | Path, read: ReadSettings | None = None,
-    fitted_with: FitSettings | None = None, as_is: bool = False, force: bool = False, progress: Told = str,
+    fitted_with: FitSettings | None = None, force: bool = False, progress: Told = str,
 ) -> ChainResult:
     """Run the whole chain, write every stage's document, the export files and the report.
 
@@ -72,7 +72,6 @@ def design(
         out: directory for the results.
         read: how the log is read; misprints of a built-in table are corrected.
         fitted_with: what is known beside the log.
-        as_is: the plain design, even where another one would pass, see `closed`.
         force: export whatever the verdict.
         progress: told what begins.
 
@@ -83,8 +82,7 @@ def design(
     log = source if isinstance(source, Log) else read_log(source, read, errata=True)
     progress(_STAGES["fit"])
     fitted = fit(log, fitted_with, companions=True, progress=progress)
-    result = (plainly if as_is else closed)(
-        fitted, asked, progress=progress, stage=lambda name: progress(_STAGES[name]))
+    result = closed(fitted, asked, progress=progress, stage=lambda name: progress(_STAGES[name]))
     proof = result.proof
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
     progress(_STAGES["report"])
