@@ -53,7 +53,7 @@ def test_the_nearest_command_that_a_failure_names_passes(run):
     status, out, _ = run(*hasty)
     assert status == 1
     assert out.startswith("FAIL  s7-300 at 40 °C: ")
-    told = out.replace("\\\n", " ").partition("nearest PASS:\n")[2].splitlines()[0]
+    told = out.replace("\\\n", " ").partition("nearest that passes:\n")[2].splitlines()[0]
     name, *nearest = shlex.split(told)
     assert name == "heatertune"
     assert nearest[:2] == ["tune", "--gain"]

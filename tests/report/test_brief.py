@@ -56,7 +56,7 @@ def test_every_verdict_of_every_controller_is_one_screen(target, verdict):
         assert "no files for the PLC" in whole
     if verdict == "FAIL":
         assert "overshoot 24.1 % (limit 20 %), settling time never (limit 1500 s)" in whole
-        assert f"nearest PASS: {' '.join(NEAREST).format(target)}" in whole
+        assert f"nearest that passes: {' '.join(NEAREST).format(target)}" in whole
     if verdict == "NOT PROVEN":
         assert "--accept dead-time-open" in whole
 

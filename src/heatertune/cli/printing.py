@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -115,14 +116,15 @@ def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Prog
             for note in (*log.repairs, *log.doubts):
                 progress.note(f"- {note}")
         elif told := [f"{count(len(notes), noun)}" for notes, noun in (
-                (log.repairs, "repair"), (log.doubts, "odd reading")) if notes]:
+                (log.repairs, "repair"), (log.doubts, "doubt")) if notes]:
             progress.note(f"[log] {log.name}: {' and '.join(told)} (heatertune read tells which)")
 
 
 def _print_lines(lines: Iterable[str]) -> None:
     LINE.end()
     for line in lines:
-        print(line, file=sys.stderr, flush=True)
+        shown = textwrap.fill(line, WIDTH, subsequent_indent=" " * len("[log] ")) if sys.stderr.isatty() else line
+        print(shown, file=sys.stderr, flush=True)
 
 
 def output(

@@ -134,7 +134,7 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
         lines += wrapped(f"{kind.short}; {kind.remedy}, or --accept {open_[0]}", "  not proven: ", _SAID)
         lines += wrapped(f"{others} (--verbose)", "  nor proven: ", 1) if others else []
     if verdict == "FAIL" and nearest:
-        lines += ["no limit is broken by:" if blocking(proof) else "nearest PASS:", *command(nearest)]
+        lines += ["no limit is broken by:" if blocking(proof) else "nearest that passes:", *command(nearest)]
     return lines
 
 
@@ -275,7 +275,7 @@ def _files(words: Document, out: str) -> list[str]:
         rows.append((str(Path(out) / _program(words["files"])), "what goes into the PLC"))
     lines = table(rows).splitlines()
     fits = all(len(line) <= WIDTH for line in lines)
-    refused = [] if words["files"] else ["no files for the PLC: only words that PASS are exported, or --force"]
+    refused = [] if words["files"] else ["no files for the PLC: only proven words are exported, or --force"]
     return [*(lines if fits else [name for name, _ in rows]), *refused]
 
 
