@@ -28,6 +28,7 @@ __all__ = [
     "OutOfRange",
     "UnknownName",
     "one_line",
+    "suggested",
 ]
 
 #: characters of an error
@@ -40,6 +41,14 @@ def one_line(text: str) -> str:
     line = _BROKEN.sub(lambda broken: broken[0].encode("unicode_escape").decode(), text)
     half = LONGEST // 2 - 2
     return line if len(line) <= LONGEST else f"{line[:half]} … {line[-half:]}"
+
+
+def suggested(name: str, known: Iterable[str]) -> str:
+    """Return ": did you mean …?" where a known name is near to one that is not; else nothing."""
+    import difflib  # noqa: PLC0415 - only an error needs it
+
+    near = difflib.get_close_matches(name.lower(), list(known), n=1)
+    return f": did you mean {near[0]}?" if near else ""
 
 
 class HeatertuneError(Exception):

@@ -7,7 +7,7 @@ a study and the rows of a record are read from the same declaration (`options_of
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from numbers import Integral, Real
 from typing import Any, Final, TypeVar
@@ -15,7 +15,7 @@ from typing import Any, Final, TypeVar
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.units import check
 
-__all__ = ["Option", "add", "checked", "given", "merged", "of", "option", "options_of"]
+__all__ = ["Option", "add", "checked", "given", "merged", "of", "one_of", "option", "options_of"]
 
 _T = TypeVar("_T")
 _METAVARS: Final = {"s": "S"}
@@ -120,7 +120,7 @@ class Option:
             return keywords | {"action": "store_true"}
         keywords |= {"default": self.automatic[0] if self.automatic else self.default}
         if self.choices:
-            return keywords | {"choices": tuple(self.choices)}
+            return keywords | {"choices": tuple(self.choices), "type": one_of(self.choices)}
         keywords["metavar"] = self.metavar or _METAVARS.get(self.unit, self.unit) or None
         if self.kind in (tuple, dict):
             return keywords | {"action": "append", "default": []}
@@ -160,6 +160,12 @@ class Option:
             *first, last = self._texts
             expected = ", ".join(["seconds" if self.unit == "s" else self.unit, *first])
             raise InputError(f"{self.flag} is {given!r}; expected {expected} or {last}") from problem
+
+
+def one_of(choices: Iterable[str]) -> Callable[[str], str]:
+    """Return what reads one of some names: as it is spelled, whatever the case it is typed in."""
+    names = {name.lower(): name for name in choices}
+    return lambda typed: names.get(typed.lower(), typed)
 
 
 def option(default: Any, kind: type, what: str, **more: Any) -> Any:

@@ -10,10 +10,9 @@ from heatertune.codec import decode
 @pytest.mark.long
 @pytest.mark.usefixtures("whatever_pays")
 def test_bench_tells_times_that_agree_with_each_other(run):
-    status, said, progress = run("bench", "--samples", 100, "--json", "--target", "weg")
+    status, said, _ = run("bench", "--samples", 100, "--json", "--target", "weg")
     told = json.loads(said)
     assert (status, told["schema"], told["samples"]) == (0, "heatertune/bench/1", 100)
-    assert "fitting logs" in progress
     loop, rate = told["loop"], told["samples_per_s"]
     # a sample is 3,000 scans of 1 s: both figures are of one run
     assert rate["one"] * loop["compiled_ns_per_scan"] * 3000.0 == pytest.approx(1e9, rel=1e-9)

@@ -32,10 +32,9 @@ def test_tune_gives_the_keys_of_its_contract(run):
 @pytest.mark.long
 def test_fit_gives_the_keys_of_its_contract_and_its_file_can_be_tuned(run, tmp_path):
     model = tmp_path / "model.json"
-    status, out, err = run("fit", "table4", "-o", model, "--json", "--until", 640)
+    status, out, _ = run("fit", "table4", "-o", model, "--json=full", "--until", 640)
     document = json.loads(out)
     assert status == 0
-    assert "fitting" in err
     for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"):
         assert isinstance(document[name], float)
         assert document[f"{name}_ci95"] is None or len(document[f"{name}_ci95"]) == 2
@@ -43,7 +42,8 @@ def test_fit_gives_the_keys_of_its_contract_and_its_file_can_be_tuned(run, tmp_p
     assert document["fit_pct"] > 96.0
     assert json.loads(model.read_text()) == document
     again = run("fit", "table4", "--json", "--until", 640)[1]
-    assert json.loads(again) == document, "a fit read from the cache is the fit"
+    assert json.loads(again) == {name: part for name, part in document.items() if name != "residuals"}, \
+        "a fit read from the cache is the fit; only --json=full has its curves"
     assert run("tune", model, "--quiet")[0] == 0
 
 
@@ -208,7 +208,7 @@ def test_the_s7_200_exports_its_program_and_on_request_the_papers_with_its_fault
     faults = json.loads((tmp_path / "paper" / "proof.json").read_text())["faults"]
     assert len(faults) >= 4
     assert all(f"// fault: {fault}" in text for fault in faults)
-    assert "fault: SMB67 = 16#CA" in run("verify", by_hand, "--target", "s7-200", *short, "--faithful")[1]
+    assert "fault: SMB67 = 16#CA" in run("verify", by_hand, "--target", "s7-200", *short, "--faithful", "--verbose")[1]
     status, _, err = run("verify", by_hand, "--target", "s5-ob251", "--setpoint", 40, "--faithful")
     assert (status, "s7-200" in err) == (2, True)
 
@@ -305,8 +305,8 @@ def test_a_whole_design_of_two_level_control_behind_an_interlock_is_reported(run
     watched = ("--interlock", "heater-fan", "--limit-temperature", 45)
     status, said, _ = run("design", "table4", "--target", "on-off", *watched, "--out", out)
     assert status == 1
-    assert "limit cycle" in said
-    assert "VERDICT FAIL" in said
+    assert "offset at rest" in said
+    assert said.startswith("FAIL  on-off at")
     page = (out / "report.html").read_text()
     assert "interlock heater-fan, limit 45 °C" in page
     rivals = json.loads((out / "comparison.json").read_text())["rivals"]
@@ -336,12 +336,12 @@ def _prints_on(page, folder, *, pages):
 @pytest.mark.long
 def test_the_main_job_passes_and_its_report_can_be_drawn_again(run, tmp_path):
     out = tmp_path / "out"
-    status, said, err = run("design", "table4", "--target", "s5-ob251", "--out", out)
+    status, said, _ = run("design", "table4", "--target", "s5-ob251", "--out", out)
     assert status == 0
-    assert "VERDICT PASS" in said
-    assert "table3" in said, "the other table's candidates are proven too"
-    assert "simc" in said
-    assert "proving" in err
+    assert said.startswith("PASS  s5-ob251 at 53.3 °C")
+    whole = run("report", out, "--verbose")[1]
+    assert "table3" in whole, "the other table's candidates are proven too"
+    assert "simc" in whole
     comparison = json.loads((out / "comparison.json").read_text())
     simc = next(rival for rival in comparison["rivals"] if rival["label"].startswith("simc"))
     assert simc["verdict"] == "FAIL"

@@ -48,11 +48,10 @@ def test_a_known_controller_gives_the_heater_and_the_table_of_its_open_points(ru
     assert document["dead_time_s"] == pytest.approx(25.0, abs=4.0)
     assert len(document["hypotheses"]) > 2
     assert any("Closed again in simulation" in note for note in document["notes"])
-    status, out, err = run(*given, "--switch", "integral=rectangle")
+    status, out, _ = run(*given, "--switch", "integral=rectangle")
     assert status == 0
     assert "fb41, integral = rectangle replayed" in out
     assert "fb41 replayed" not in out
-    assert "running fb41 on the logged readings" in err
 
 
 @pytest.mark.long

@@ -21,9 +21,8 @@ def write(folder, name, *powers, gain=GAIN, without_power=False):
 @pytest.mark.long
 def test_two_logs_give_one_model_that_tune_takes(run, tmp_path):
     logs = write(tmp_path, "first", 60, 10, 80), write(tmp_path, "second", 40, 90, 0)
-    status, out, err = run("fit", *logs, "-o", tmp_path / "model.json", "--json")
+    status, out, _ = run("fit", *logs, "-o", tmp_path / "model.json", "--json")
     assert status == 0
-    assert "fitting one heater to first and second" in err
     document = json.loads(out)
     assert document["gain_degC_per_pct"] == pytest.approx(GAIN, rel=0.01)
     assert document["time_constant_s"] == pytest.approx(LAG, rel=0.02)

@@ -36,9 +36,8 @@ def test_a_doublet_is_proposed_as_table_and_schedule(run, tmp_path):
 @pytest.mark.long
 def test_a_relay_test_is_proposed_with_its_settings(run, tmp_path):
     path = tmp_path / "plan.csv"
-    status, out, err = run("plan", *POINT, *TEST, "--relay", "-o", path)
+    status, out, _ = run("plan", *POINT, *TEST, "--relay", "-o", path)
     assert status == 0
-    assert "searching the best experiment" in err
     assert "setpoint" in out
     (row,) = csv.DictReader(path.read_text().splitlines())
     settings = {name: float(value) for name, value in row.items()}

@@ -31,7 +31,7 @@ def _old(path):
 @pytest.mark.long
 def test_a_design_is_proven_and_exported_as_it_passed_and_an_old_file_is_still_read(run, led, tmp_path):
     ramp = json.loads(led.read_text())["made_for"]["setpoint_ramp"]
-    status, out, _ = run("verify", led, "--target", "s7-300", "--quiet")
+    status, out, _ = run("verify", led, "--target", "s7-300", "--quiet", "--verbose")
     assert status == 0
     assert f"As {led} has it: --setpoint 40, --spec paper, --limit ms=2.2, --limit overshoot=10%, a setpoint ramp" in out
     assert run("export-db", led, "--target", "s7-300", "-o", tmp_path / "out", "--quiet")[0] == 0
@@ -46,17 +46,17 @@ def test_a_design_is_proven_and_exported_as_it_passed_and_an_old_file_is_still_r
 @pytest.mark.long
 def test_an_option_takes_the_place_of_what_the_file_says_and_that_is_told(run, led):
     status, out, _ = run("verify", led, "--target", "s7-300", "--quiet", "--setpoint-ramp", "none", "--setpoint", 38,
-                         "--limit", "overshoot=50%")
+                         "--limit", "overshoot=50%", "--verbose")
     assert status == 0
     assert f"As {led} has it: --spec paper, --limit ms=2.2." in out
     assert f"Not as {led} has it, for an option says otherwise: --setpoint 40, --limit overshoot=10%, a setpoint" in out
-    _, out, _ = run("verify", led, "--target", "s7-300", "--quiet", "--spec", "general", "--noise", 0.01)
+    _, out, _ = run("verify", led, "--target", "s7-300", "--quiet", "--spec", "general", "--noise", 0.01, "--verbose")
     assert f"As {led} has it: --setpoint 40, a setpoint ramp" in out  # the limits were part of the specification
 
 
 def test_another_controller_gets_the_conditions_and_not_what_belongs_to_the_words(run, led):
     _, out, _ = run("verify", led, "--target", "fb41", "--quiet", "--setpoint-ramp", "none")
-    assert f"Of {led} not taken, as it is of s7-300: a setpoint ramp" in out
+    assert "not taken, as it is of s7-300: a setpoint ramp" in " ".join(out.split())
     assert "specification paper" in out
     assert "at 40 °C" in out
 

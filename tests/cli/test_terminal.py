@@ -3,13 +3,16 @@
 import argparse
 import io
 import os
-import re
 import subprocess
 import sys
+import threading
+from types import SimpleNamespace
 
 import pytest
 
-from heatertune.cli import COMMANDS, printing, terminal
+from heatertune.cli import COMMANDS, parser, printing, terminal
+from heatertune.cli.line import Line
+from heatertune.cli.parsing import again
 from heatertune.plc import TARGETS
 
 
@@ -67,37 +70,119 @@ def test_json_and_a_pipe_have_no_escapes(run, by_hand):
         assert "\033" not in out + err
 
 
-def _told(monkeypatch, capsys, messages, quiet=False):
-    """Messages told at given instants → the lines on stderr."""
-    clock = iter([0.0, *(instant for instant, _ in messages)])
-    monkeypatch.setattr(printing.time, "monotonic", lambda: next(clock))
-    progress = printing.Progress(argparse.Namespace(quiet=quiet))
-    for _, message in messages:
+@pytest.fixture
+def line(monkeypatch):
+    """A terminal's line that moves, drawn by hand."""
+    err = _Terminal()
+    monkeypatch.setattr("heatertune.cli.line.sys", SimpleNamespace(stderr=err))
+    monkeypatch.setattr(printing.LINE, "_beat", lambda _: None)
+    yield err
+    printing.LINE.end()
+
+
+def _told(monkeypatch, line, messages, typical_s=()):
+    """Messages told at given instants → what the line was each time."""
+    clock = [0.0]
+    monkeypatch.setattr(printing, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    progress = printing.Progress(argparse.Namespace(quiet=False), typical_s)
+    for clock[0], message in messages:
         progress(message)
-    return capsys.readouterr().err.splitlines()
+    return line.getvalue().split("\r\033[K")[1:]
 
 
-def test_the_time_left_is_told_where_a_count_is_known(monkeypatch, capsys):
+def test_the_time_left_is_told_where_a_count_is_known(monkeypatch, line):
     # three of five done in 30 s: the two that are left take 20 s; what came before the first does not count
-    told = _told(monkeypatch, capsys, [(7.0, "reading"), (10.0, "a (1 of 5)"), (20.0, "b (2 of 5)"), (40.0, "d (4 of 5)")])
-    assert told[0].endswith("reading")
-    assert told[1].endswith("a (1 of 5)")
-    assert told[2].endswith("b (2 of 5), about 40 s left")
-    assert told[3].endswith("d (4 of 5), about 20 s left")
+    told = _told(monkeypatch, line, [(7.0, "reading"), (10.0, "a (1 of 5)"), (20.0, "b (2 of 5)"), (40.0, "d (4 of 5)")])
+    assert told == ["[  7.0 s] reading", "[ 10.0 s] 1 of 5: a", "[ 20.0 s] 2 of 5: b, about 40 s left",
+                    "[ 40.0 s] 4 of 5: d, about 20 s left"]
 
 
-def test_a_second_count_begins_anew_and_quiet_is_silent(monkeypatch, capsys):
+def test_a_second_count_begins_anew(monkeypatch, line):
     steps = [(0.0, "a (1 of 2)"), (50.0, "a (2 of 2)"), (100.0, "b (1 of 2)"), (103.0, "b (2 of 2)")]
-    assert _told(monkeypatch, capsys, steps)[3].endswith("about 3 s left")
-    assert _told(monkeypatch, capsys, steps, quiet=True) == []
+    assert _told(monkeypatch, line, steps)[-1].endswith("about 3 s left")
 
 
-@pytest.mark.long
-def test_pareto_tells_its_count(run):
-    _, _, err = run("pareto", "--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--structure", "pi",
-                    "--points", 2)
-    assert "(1 of 2)" in err
-    assert re.search(r"\(2 of 2\), about \d+ s left", err)
+def test_steps_that_take_unlike_times_are_weighed_by_these():
+    # the first, 8 s as a rule, took 16: twice as slow, so that 2 + 4 + 1 s become 14; from a cache: half at least
+    assert printing.time_left(2, 4, 16.0, (8.0, 2.0, 4.0, 1.0)) == 14.0
+    assert printing.time_left(2, 4, 0.1, (8.0, 2.0, 4.0, 1.0)) == 3.5
+    assert printing.time_left(1, 4, 0.0, (8.0, 2.0, 4.0, 1.0)) == 15.0
+    assert printing.time_left(1, 4, 0.0) is None
+
+
+def test_a_line_is_never_wider_than_a_terminal_and_goes_before_a_result(monkeypatch, line):
+    told = _told(monkeypatch, line, [(0.0, f"{'x' * 90} (1 of 2)"), (1000.0, f"{'y' * 90} (2 of 2)")])
+    assert [len(each) for each in told] == [79, 79]
+    assert told[1].endswith("…, about 1000 s left")
+    printing.LINE.end()
+    assert line.getvalue().endswith("\r\033[K")
+
+
+def test_progress_is_for_terminals(capsys):
+    progress = printing.Progress(argparse.Namespace(quiet=False))
+    progress("a (1 of 2)")
+    assert capsys.readouterr().err == ""
+    progress.note("a row was left out")
+    assert capsys.readouterr().err == "a row was left out\n"
+    quiet = printing.Progress(argparse.Namespace(quiet=True))
+    quiet("a (1 of 2)")
+    quiet.note("a row was left out")
+    assert capsys.readouterr().err == ""
+
+
+def test_quiet_is_heard_on_a_terminal(line):
+    printing.Progress(argparse.Namespace(quiet=True))("a (1 of 2)")
+    assert line.getvalue() == ""
+
+
+def test_the_line_lives_by_itself_while_something_takes_long(monkeypatch):
+    drawn = threading.Event()
+    line, texts = Line(), iter(range(1000))
+
+    class _Waits(_Terminal):
+        def write(self, text):
+            if "3" in text:
+                drawn.set()
+            return super().write(text)
+
+    monkeypatch.setattr("heatertune.cli.line.sys", SimpleNamespace(stderr=_Waits()))
+    monkeypatch.setattr("heatertune.cli.line._BEAT_S", 0.001)
+    line.show(lambda: str(next(texts)))
+    assert drawn.wait(10.0)
+    line.end()
+
+
+def test_heatertune_alone_shows_where_to_begin(run):
+    status, out, err = run()
+    assert (status, err) == (0, "")
+    examples = [each.split()[1] for each in out.splitlines() if each.startswith("  heatertune")]
+    assert examples == ["design", "studio", "read", "verify", "decode"]
+    assert max(map(len, out.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(("typed", "meant"), [("desing", "design"), ("Verify", "verify"), ("exportdb", "export-db")])
+def test_a_command_that_is_nearly_one_is_named(run, typed, meant):
+    status, out, err = run(typed, "table4")
+    assert (status, out) == (2, "")
+    assert err == f"error: unknown command {typed!r}: did you mean {meant}? (see: heatertune --help)\n"
+
+
+def test_names_are_taken_in_any_case():
+    for wanted in ("s5-ob251", "S5-OB251"):
+        settings = parser("design").parse_args(
+            ["design", "x.csv", "--out", "o", "--target", wanted, "--structure", "PI", "--pwm-rule", "Burst"])
+        assert (settings.target, settings.structure, settings.pwm_rule) == ("s5-ob251", "pi", "burst")
+
+
+def test_a_command_is_given_again_with_what_makes_it_pass():
+    given = ("design", "x.csv", "--limit", "overshoot=1%", "--tolerance=2", "--limit", "ms=1.6", "--switch", "a=b")
+    assert again(given, ("--tolerance", "3")) == (
+        "heatertune", "design", "x.csv", "--limit", "overshoot=1%", "--limit", "ms=1.6", "--switch", "a=b",
+        "--tolerance", "3")
+    assert again(given, ("--limit", "overshoot=5%")) == (
+        "heatertune", "design", "x.csv", "--tolerance=2", "--limit", "ms=1.6", "--switch", "a=b",
+        "--limit", "overshoot=5%")
+    assert again(given, ()) == ()
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """`tune` under a specification: closed on the verdict of its words where a target says whose."""
 
 import json
+import shlex
 
 import pytest
 
@@ -20,8 +21,8 @@ def test_a_design_that_fails_its_specification_is_closed_and_what_was_done_is_to
     status, out, _ = run(*asked, "-o", tmp_path / "pid.json")
     plain_status, plain_out, _ = run(*asked, "--as-is", "-o", tmp_path / "plain.json")
     assert (status, plain_status) == (0, 1)
-    assert "VERDICT PASS at 40 °C" in out
-    assert "VERDICT FAIL at 40 °C" in plain_out
+    assert out.startswith("PASS  s7-300 at 40 °C")
+    assert plain_out.startswith("FAIL  s7-300 at 40 °C: overshoot ")
     closed, plain = (json.loads((tmp_path / name).read_text()) for name in ("pid.json", "plain.json"))
     alone = json.loads(run("tune", *HASTY, "--target", "s7-300", "--json", "--quiet")[1])
     assert _gains(plain) == _gains(alone)
@@ -41,5 +42,20 @@ def test_without_a_target_a_specification_is_only_aimed_at_and_one_sentence_says
 def test_what_a_design_hears_itself_asks_for_no_proof(run):
     _, out, _ = run("tune", *HAND, "--sample-time", 4, "--target", "s7-300", "--step-power", 5, "--switch-kind", "ssr",
                     "--quiet")
-    assert "VERDICT" not in out
+    assert out.startswith("ideal "), "nothing was proven"
     assert "--target" not in out
+
+
+@pytest.mark.long
+def test_the_nearest_command_that_a_failure_names_passes(run):
+    hasty = ("tune", *HAND, "--target", "s7-300", "--setpoint", 40, "--spec", "paper", "--method", "simc", "--quiet",
+             "--setpoint-ramp", "none", "--limit", "overshoot=0.1%", "--limit", "recovery-overshoot=0.1%")
+    status, out, _ = run(*hasty)
+    assert status == 1
+    assert out.startswith("FAIL  s7-300 at 40 °C: ")
+    told = out.replace("\\\n", " ").partition("nearest that passes:\n")[2].splitlines()[0]
+    name, *nearest = shlex.split(told)
+    assert name == "heatertune"
+    assert nearest[:2] == ["tune", "--gain"]
+    status, out, _ = run(*nearest)
+    assert (status, out[:4]) == (0, "PASS")

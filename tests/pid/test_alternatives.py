@@ -99,7 +99,7 @@ def test_tune_prints_the_alternatives_and_writes_them(capsys, monkeypatch):
     assert [row["method"] for row in document["alternatives"]] == ["this design", *RULES]
     assert document["forms"]["parallel"]["kp"] == document["gain_pct_per_degC"]
     assert "The rule claims: τc = θ: Ms 1.59" in document["notes"][1]
-    assert main(["tune", *HAND, "--method", "simc"]) == 0
+    assert main(["tune", *HAND, "--method", "simc", "--verbose"]) == 0
     out = capsys.readouterr().out
     assert "worst Ms" in out
     assert "in the series form: K" in out

@@ -5,14 +5,18 @@ import numpy as np
 import pytest
 
 from heatertune import chain
+from heatertune.chain.documents import without_curves
 from heatertune.documents import plain
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Ramp
 from heatertune.proof.pictures import pictures
+from heatertune.proof.verdict import verdict_first
+from heatertune.proof.words_file import export_first
 from heatertune.report import plots
+from heatertune.report.layout import table
 from heatertune.report.style import LOOK, to_svg
-from heatertune.report.text import criteria_table, criterion_value, design_lines, ramp_note, table
+from heatertune.report.text import criteria_table, criterion_value, design_lines, ramp_note
 
 LABELS = {"temperature [°C]", "residual [°C]", "power asked for [%]", "difference [°C]", "heater [%]", "Re L [1]",
           "|S| [1]"}
@@ -118,6 +122,30 @@ def test_tables_are_aligned_and_tell_what_never_happened():
     assert table([("a", "1"), ("bb", "22")], right=(1,)) == "a    1\nbb  22"
     assert criterion_value({"value": None, "ok": False}) == "never"
     assert criterion_value({"value": None, "ok": True}) == "unlimited"
+
+
+FIRST = ["verdict", "target", "setpoint_degC", "specification", "words", "criteria"]
+
+
+def _curves(document):
+    """Every list of more than a hundred numbers, by its path."""
+    if isinstance(document, dict):
+        return [f"{name}.{path}" for name, part in document.items() for path in _curves(part)]
+    if isinstance(document, list | tuple):
+        return ["[]"] if len(document) > 100 else [path for part in document for path in _curves(part)]
+    return []
+
+
+def test_programs_get_first_what_is_asked_first_and_no_curves(documents):
+    design = without_curves(documents, ["heatertune", "design"])
+    assert list(design)[:7] == [*FIRST, "files"]
+    assert design["words"] == documents["words"]["words"]
+    assert design["files"] == documents["words"]["files"]
+    assert (_curves(plain(design)), bool(_curves(plain(dict(documents))))) == ([], True)
+    assert list(verdict_first(documents["proof"]))[:6] == FIRST
+    exported = export_first(documents["words"], documents["proof"])
+    assert list(exported)[:7] == [*FIRST, "files"]
+    assert set(documents["words"]) < set(exported)
 
 
 def test_the_criteria_table_names_what_fails(shown):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,16 +16,16 @@ from heatertune.pid.document import PidView
 from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof
 from heatertune.proof.document import ProofView, checked
+from heatertune.proof.verdict import FIRST, verdict_first
 from heatertune.proof.views import ComparisonView, LogView, PicturesView, TakenView
 from heatertune.proof.words_file import FieldView, WholeWordsView, demand_same_words
 
-__all__ = ["log_document", "read_documents", "words_document"]
+__all__ = ["log_document", "read_documents", "without_curves", "words_document"]
 
 _VIEWS: Final[Mapping[str, type]] = {
     "log": LogView, "model": ModelView, "pid": PidView, "words": WholeWordsView, "proof": ProofView,
     "pictures": PicturesView, "comparison": ComparisonView,
 }
-
 
 def log_document(log: Log) -> dict[str, Any]:
     """Return the JSON document of a log as it was understood."""
@@ -46,6 +46,23 @@ def words_document(
         realised=None if proof.design is None else pid_document.to_document(proof.design), files=tuple(sorted(files)),
         forced=bool(files) and proof.verdict != "PASS", search=None if search is None else plain(search)))
     return document
+
+
+def without_curves(documents: Mapping[str, Mapping[str, Any]], nearest: Sequence[str] = ()) -> dict[str, Any]:
+    """Return what a program needs of a design: verdict, setpoint, specification, words, criteria and files first.
+
+    Args:
+        documents: of all stages; those of log and pictures are curves.
+        nearest: of a design that fails, the command whose verdict is PASS.
+    """
+    proof = verdict_first(documents["proof"])
+    first = {name: proof.pop(name) for name in FIRST}
+    curves = {"model": ("residuals",), "comparison": ("paper",)}
+    rest = {name: {key: part for key, part in documents[name].items() if key not in curves.get(name, ())}
+            for name in ("model", "pid", "comparison")}
+    words = {name: part for name, part in documents["words"].items() if name not in ("words", "target", "verdict")}
+    return {**first, "files": documents["words"]["files"], "nearest": list(nearest), "schema": "heatertune/design/1",
+            "encoded": words, "proof": proof, **rest}
 
 
 def read_documents(directory: Path) -> dict[str, dict[str, Any]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from heatertune import cache
 from heatertune.chain.documents import log_document, read_documents, words_document
@@ -30,7 +30,13 @@ from heatertune.proof.views import ComparisonView
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.writing import write_files
 
-__all__ = ["ChainResult", "design", "dossier", "redraw", "write_report"]
+__all__ = ["TYPICAL_S", "ChainResult", "design", "dossier", "redraw", "write_report"]
+
+#: stage → what is told where it begins, and how long it takes as a rule, its machine code being kept [s]
+_STAGES: Final = {
+    "fit": "finding the heater (1 of 5)", "design": "tuning (2 of 5)", "words": "finding the words (3 of 5)",
+    "proof": "proving them (4 of 5)", "report": "comparing with other designs, drawing the report (5 of 5)"}
+TYPICAL_S: Final = (8.0, 1.5, 2.0, 4.0, 5.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,11 +80,12 @@ def design(
     """
     controller_for(asked.target)  # an unknown target is refused before the long part
     log = source if isinstance(source, Log) else read_log(source, read, errata=True)
+    progress(_STAGES["fit"])
     fitted = fit(log, fitted_with, companions=True, progress=progress)
-    result = closed(fitted, asked, progress=progress)
+    result = closed(fitted, asked, progress=progress, stage=lambda name: progress(_STAGES[name]))
     proof = result.proof
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
-    progress("comparing with other designs, drawing the report")
+    progress(_STAGES["report"])
     documents = dossier(log, fitted, result.wished, proof, files,
                         search=search_document(result.choice, fitted, result.notes), recipe=result.recipe)
     _write(documents, files, out)

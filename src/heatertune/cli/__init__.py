@@ -37,9 +37,10 @@ from heatertune.cli import (
     validate,
     verify,
 )
+from heatertune.cli.line import LINE
 from heatertune.cli.parsing import CommandParser, Named
 from heatertune.cli.terminal import painted
-from heatertune.errors import ExportRefused, HeatertuneError, one_line
+from heatertune.errors import ExportRefused, HeatertuneError, InputError, one_line, suggested
 
 __all__ = ["main"]
 
@@ -47,6 +48,15 @@ COMMANDS = (
     design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, feed_forward, compare, advise, study,
     fleet, report, decode, diff, replay, targets, studio, doctor, bench, completion,
 )
+
+#: those that most people need, in the order in which they do, and what they are for
+_FIRST = {
+    design: "from a log to words that are proven, and the record to sign: begin here",
+    studio: "the same in the browser: drop a log, move the design, download the words",
+    read: "what a log file is taken for, before anything is made of it",
+    verify: "prove a design or words again, under your own conditions",
+    decode: "what a controller that runs already holds, and its proof",
+}
 
 #: exit status of a crash, as EX_SOFTWARE of sysexits.h
 FAULT: Final = 70
@@ -63,6 +73,19 @@ exit status: 0 success, 1 a verdict of FAIL or NOT PROVEN, 2 bad input (one line
 """
 
 
+def _named() -> dict[str, Any]:
+    """Return every command by the name that a user types."""
+    return {command.__name__.rpartition(".")[2].replace("_", "-"): command for command in COMMANDS}
+
+
+def _welcome() -> str:
+    """Return what `heatertune` alone shows: the commands that most people need, each by its example."""
+    told = [f"  {command._EXAMPLE.removeprefix('example: ')}\n      {what}" for command, what in _FIRST.items()]
+    return "\n".join([
+        "From a temperature log to PLC words, proven before they reach the heater.", "", *told, "",
+        "heatertune --help lists all commands, heatertune COMMAND --help its options."])
+
+
 def parser(only: str | None = None) -> argparse.ArgumentParser:
     """Return the parser of all commands; where `only` is one of them, of that one: the others' options take time.
 
@@ -77,7 +100,7 @@ def parser(only: str | None = None) -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"heatertune {__version__}")
     made: Any = Named if only in _BEFORE else CommandParser
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=made)
-    named = {command.__name__.rpartition(".")[2].replace("_", "-"): command for command in COMMANDS}
+    named = _named()
     for command in [named[only]] if only in named else COMMANDS:
         command.add_to(commands)
     return top
@@ -89,26 +112,45 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):  # a name that is no text is shown escaped
             stream.reconfigure(errors="backslashreplace")
     try:
-        given = sys.argv[1:] if arguments is None else arguments
-        settings = parser(given[0] if given else "--help").parse_args(given)
-        return int(settings.run(settings))
+        return _run(tuple(sys.argv[1:] if arguments is None else arguments))
     except ExportRefused as problem:
-        print(painted(f"error: {problem}", sys.stderr), file=sys.stderr)
+        _complain(str(problem))
         return 1
     except HeatertuneError as problem:
-        print(painted(f"error: {problem}", sys.stderr), file=sys.stderr)
+        _complain(str(problem))
         return 2
     except BrokenPipeError:  # the reader of a pipe went away; nothing is wrong with the result
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:
-        print(painted("error: interrupted", sys.stderr), file=sys.stderr)
+        _complain("interrupted")
         return 130
     except Exception as problem:  # a verdict has 0 and 1, bad input 2: none of them may say that this program failed
         if os.environ.get("HEATERTUNE_DEBUG"):
             raise
-        print(painted(f"error: {_fault(problem)}", sys.stderr), file=sys.stderr)
+        _complain(_fault(problem))
         return FAULT
+
+
+def _run(given: tuple[str, ...]) -> int:
+    """Run a command line; alone it shows where to begin.
+
+    Raises:
+        InputError: no such command.
+    """
+    if not given:
+        print(_welcome())
+        return 0
+    if not given[0].startswith("-") and given[0] not in _named():
+        raise InputError(f"unknown command {given[0]!r}{suggested(given[0], _named())} (see: heatertune --help)")
+    settings = parser(given[0]).parse_args(given)
+    settings.given = given
+    return int(settings.run(settings))
+
+
+def _complain(text: str) -> None:
+    LINE.end()
+    print(painted(f"error: {text}", sys.stderr), file=sys.stderr)
 
 
 def _fault(problem: Exception) -> str:

@@ -47,7 +47,7 @@ def _run(settings: argparse.Namespace) -> int:
     printing.tell_taken(settings, [] if log is None else [log], progress)
     recipe, notes = in_force(settings, kept, settings.pid)
     for note in notes:
-        progress(note)
+        progress.note(note)
     document = advise(design, model, recipe, log, until_s=settings.until, progress=progress)
     printing.output(settings, document, lambda: advice_table(document))
     return 0 if any(case["verdict"] == "PASS" for case in document["cases"]) else 1

@@ -6,6 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from heatertune.cli import printing
+from heatertune.options import one_of
 from heatertune.plc import TARGETS
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ def add_to(commands: Any) -> None:
         description="Time the closed loop of a controller, plain and compiled, a proof on samples and a fit. It takes "
         "some ten seconds; the first time a loop is compiled, some more.",
     )
-    command.add_argument("--target", default="s5-ob251", metavar="NAME", help=f"one of {', '.join(TARGETS)}")
+    command.add_argument("--target", default="s5-ob251", metavar="NAME", type=one_of(TARGETS),
+                         help=f"one of {', '.join(TARGETS)}")
     command.add_argument("--samples", type=int, default=1000, metavar="N",
                          help="how many samples of 3,000 s are run on one processor and on all (default 1000)")
     printing.add_output_options(command)
@@ -40,7 +42,7 @@ def _run(settings: argparse.Namespace) -> int:
 
 
 def _told(speed: Speed) -> str:
-    from heatertune.report.text import table  # noqa: PLC0415
+    from heatertune.report.layout import table  # noqa: PLC0415
 
     loop, rate = speed.loop, speed.samples_per_s
     rows = [

@@ -60,6 +60,7 @@ def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = 
     group = command.add_argument_group("target")
     default = "" if target is None else f" (default: {target})"
     group.add_argument("--target", required=needed and target is None, default=target, metavar="NAME",
+                       type=options.one_of(TARGETS),
                        help=f"the controller: {', '.join(TARGETS)}{default}")
     group.add_argument("--faithful", action="store_true",
                        help="the program as its source prints it, faults included (s7-200)")

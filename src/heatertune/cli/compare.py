@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -28,7 +29,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("-o", "--out", metavar="DIR", help="directory for compare.json and compare.html")
     common.add_condition_options(command, "range_degC")
     common.add_model_options(command)
-    printing.add_output_options(command)
+    printing.add_output_options(command, brief=True)
     command.set_defaults(run=_run)
 
 
@@ -36,13 +37,13 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.documents import plain, to_json  # noqa: PLC0415
     from heatertune.proof.recipes import scaling_of  # noqa: PLC0415
-    from heatertune.report.targets import render_targets, targets_table  # noqa: PLC0415
+    from heatertune.report.targets import render_targets, targets_brief, targets_table  # noqa: PLC0415
     from heatertune.writing import write_files  # noqa: PLC0415
 
     design, fitted, kept = common.design_and_model(settings)
     progress, (recipe, notes) = printing.Progress(settings), in_force(settings, kept, settings.pid)
     for note in notes:
-        progress(note)
+        progress.note(note)
     if recipe.input is not None:
         if "range_degC" not in options.given(SensorSettings, settings):
             raise InputError(f"{settings.pid} is for --input {recipe.input} of {recipe.target}, which others have not: "
@@ -52,5 +53,10 @@ def _run(settings: argparse.Namespace) -> int:
         design, fitted, recipe.conditions, scaling=scaling_of(recipe), recipe=recipe, progress=progress))
     if settings.out is not None:
         write_files(settings.out, {"compare.json": to_json(document), "compare.html": render_targets(document)})
-    printing.output(settings, document, lambda: targets_table(document))
+    printing.output(settings, document, lambda: targets_table(document), brief=lambda: targets_brief(document),
+                    short=lambda: {**document, "rows": [_without_curves(row) for row in document["rows"]]})
     return 0
+
+
+def _without_curves(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: part for name, part in row.items() if name not in ("series", "wish")}

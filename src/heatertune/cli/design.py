@@ -7,6 +7,7 @@ from typing import Any
 
 from heatertune import options
 from heatertune.cli import common, printing
+from heatertune.cli.parsing import again
 from heatertune.settings import FitSettings, WordSettings
 
 __all__ = ["add_to"]
@@ -27,16 +28,20 @@ def add_to(commands: Any) -> None:
     common.add_proof_options(command)
     common.add_log_options(command)
     common.add_tuning_options(command)
-    printing.add_output_options(command)
+    printing.add_output_options(command, brief=True)
     command.set_defaults(run=_run)
 
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.chain.documents import without_curves  # noqa: PLC0415
+    from heatertune.chain.whole import TYPICAL_S  # noqa: PLC0415
     from heatertune.plc import controller_for  # noqa: PLC0415
+    from heatertune.report.brief import design_brief  # noqa: PLC0415
     from heatertune.report.text import summary  # noqa: PLC0415
 
-    progress = printing.Progress(settings)
+    progress = printing.Progress(settings, TYPICAL_S)
+    progress("reading")
     asked, beside = common.asked(settings), options.of(FitSettings, settings)  # refused before the log is read
     controller_for(asked.target)
     log = chain.read_log(settings.log, common.reading(settings), errata=True)
@@ -46,6 +51,11 @@ def _run(settings: argparse.Namespace) -> int:
         progress=progress)
     effect, feed = result.fitted.disturbance, controller_for(asked.target).feed
     fed = "" if effect is None or not effect.acts or feed is None else (
-        f"\nfeed it forward: heatertune feed-forward {settings.out}")
-    printing.output(settings, result.documents, lambda: f"{summary(result.documents)}\nwritten to {settings.out}{fed}")
+        f"feed it forward: heatertune feed-forward {settings.out}")
+    nearest = again(settings.given, result.closed.passes_with)
+    printing.output(
+        settings, result.documents,
+        lambda: "\n".join(filter(None, (summary(result.documents), f"written to {settings.out}", fed))),
+        brief=lambda: design_brief(result.documents, settings.out, nearest, fed),
+        short=lambda: without_curves(result.documents, nearest))
     return 0 if result.closed.proof.verdict == "PASS" else 1

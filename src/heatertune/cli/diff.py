@@ -25,7 +25,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("before", metavar="A", help="the words before")
     command.add_argument("after", metavar="B", help="the words after")
-    command.add_argument("--target", metavar="NAME",
+    command.add_argument("--target", metavar="NAME", type=options.one_of(TARGETS),
                          help=f"the controller, where neither file tells it: {', '.join(TARGETS)}")
     command.add_argument("--called-every", type=float, metavar="S",
                          help="sampling interval TA of a dump or text [s] (default: as in the other)")

@@ -28,7 +28,7 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.health import document, examine, works  # noqa: PLC0415 - it loads what it looks at
-    from heatertune.report.text import table  # noqa: PLC0415
+    from heatertune.report.layout import table  # noqa: PLC0415
 
     findings = examine()
 

@@ -34,7 +34,7 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.documents import to_json  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
-    from heatertune.proof.words_file import export_again  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.words_file import export_again, export_first  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import words_table  # noqa: PLC0415
     from heatertune.writing import write_files  # noqa: PLC0415
 
@@ -47,7 +47,8 @@ def _run(settings: argparse.Namespace) -> int:
     written = write_files(settings.out, {**proven["files"], **documents})
     names = "\n".join(str(path) for path in written)
     line = verdict_line(proven["proof"])
-    printing.output(settings, document, lambda: f"{line}\n{words_table(document)}\nVERDICT {line}\n{names}")
+    printing.output(settings, document, lambda: f"{line}\n{words_table(document)}\nVERDICT {line}\n{names}",
+                    short=lambda: export_first(document, proven["proof"]))
     return 0
 
 
@@ -63,7 +64,7 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     proof, notes = prove_ramped(asked.words, asked.fitted, asked.ramp, asked.conditions, progress=progress)
     notes = [*asked.notes, *notes]
     for note in notes:
-        progress(note)
+        progress.note(note)
     search = None if asked.choice is None else search_document(asked.choice, asked.fitted, notes)
     files = chain.export(proof.words, proof, force=settings.force)
     document = words_document(proof.words, proof, files, search)

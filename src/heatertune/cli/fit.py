@@ -34,23 +34,28 @@ def add_to(commands: Any) -> None:
                          help="show the table of controller hypotheses; for one log all of them, however bad")
     common.add_log_options(command)
     add_known_options(command)
-    printing.add_output_options(command)
+    printing.add_output_options(command, brief=True)
     command.set_defaults(run=_run)
 
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.model.document import to_document  # noqa: PLC0415
+    from heatertune.report.brief import model_brief  # noqa: PLC0415
     from heatertune.report.text import hypothesis_table, model_lines  # noqa: PLC0415
 
     progress = printing.Progress(settings)
+    progress("reading")
     logs = [chain.read_log(name, common.reading(settings)) for name in settings.log]
     printing.tell_taken(settings, logs, progress)
+    progress("finding the heater")
     document = to_document(_fitted(settings, logs, progress))
     printing.save(settings.out, document)
     shown = settings.hypotheses or settings.controller is not None
     parts = [model_lines, hypothesis_table] if shown else [model_lines]
-    printing.output(settings, document, lambda: "\n\n".join(part(document) for part in parts))
+    printing.output(settings, document, lambda: "\n\n".join(part(document) for part in parts),
+                    brief=None if shown else lambda: model_brief(document, settings.out),
+                    short=lambda: {name: part for name, part in document.items() if name != "residuals"})
     return 0
 
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import Any, NoReturn
+from collections.abc import Sequence
+from typing import Any, Final, NoReturn
 
 from heatertune.errors import InputError
 
-__all__ = ["CommandParser", "Named"]
+__all__ = ["FULL", "CommandParser", "Named", "again"]
+
+#: what --json=full is to argparse, whose options with a value that may be missing would take the next word for it
+FULL: Final = "--json-full"
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -16,10 +20,11 @@ class CommandParser(argparse.ArgumentParser):
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Return the options; "--option=--" has no value, argparse makes a list of it."""
-        for argument in sys.argv[1:] if args is None else args:
+        given = sys.argv[1:] if args is None else args
+        for argument in given:
             if argument.startswith("-") and argument.endswith("=--"):
                 self.error(f"argument {argument.removesuffix('=--')}: expected a value, got '--'")
-        return super().parse_args(args, namespace)
+        return super().parse_args([FULL if each == "--json=full" else each for each in given], namespace)
 
     def error(self, message: str) -> NoReturn:
         """Raise the complaint as an input error.
@@ -28,6 +33,34 @@ class CommandParser(argparse.ArgumentParser):
             InputError: always.
         """
         raise InputError(f"{message} (see: {self.prog} --help)")
+
+
+def again(given: Sequence[str], options: Sequence[str]) -> tuple[str, ...]:
+    """Return a command with options in the place of what it says there; nothing without options.
+
+    Args:
+        given: as it was typed, without the program's name.
+        options: flags, each followed by its value; of values NAME=VALUE only those of the name are replaced.
+    """
+    if not options:
+        return ()
+    command = tuple(given)
+    for flag, value in zip(options[::2], options[1::2], strict=True):
+        command = (*_without(command, flag, value.partition("=")[0] if "=" in value else ""), flag, value)
+    return ("heatertune", *command)
+
+
+def _without(given: Sequence[str], flag: str, name: str) -> tuple[str, ...]:
+    """Return a command without a flag and its value; where there is a name, only where the value is of that name."""
+    kept, rest = list[str](), list(given)
+    while rest:
+        word = rest.pop(0)
+        value = word.removeprefix(f"{flag}=") if word.startswith(f"{flag}=") else rest[0] if word == flag else None
+        if value is None or (name and value.partition("=")[0].strip() != name):
+            kept.append(word)
+        elif word == flag:
+            rest.pop(0)
+    return tuple(kept)
 
 
 class Named:

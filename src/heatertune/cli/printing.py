@@ -5,85 +5,149 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+import textwrap
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from heatertune.cli.line import LINE
+from heatertune.cli.parsing import FULL
 from heatertune.cli.terminal import painted
 
 if TYPE_CHECKING:
     from heatertune.log.values import Log
 
-__all__ = ["Progress", "add_output_options", "output", "save", "tell_taken"]
+__all__ = ["Progress", "add_output_options", "output", "save", "tell_taken", "time_left"]
 
+#: columns of a terminal; a line that moves is no longer
+WIDTH: Final = 80
+#: how much faster or slower than as a rule what is left may be taken for: what was kept says nothing of the rest
+_PACES: Final = (0.5, 4.0)
 _COUNT: Final = re.compile(r"\((\d+) of (\d+)\)$")
 
 
 class Progress:
-    """Messages on stderr for whatever takes longer than a second; silent with --quiet."""
+    """What is done now, on the line of a terminal that moves; silent where there is none, and with --quiet.
 
-    def __init__(self, settings: argparse.Namespace) -> None:
-        self._loud = not settings.quiet
-        self._begun = time.monotonic()
-        self._counted_from = self._begun
+    Where a message ends in its count, "(3 of 9)", the line says so until another count comes, with the time left.
+    """
+
+    def __init__(self, settings: argparse.Namespace, typical_s: Sequence[float] = ()) -> None:
+        """Begin.
+
+        Args:
+            settings: of the command.
+            typical_s: how long each step of the count takes as a rule [s]; none: all take as long.
+        """
+        self._loud, self._typical_s = not settings.quiet, typical_s
+        self._begun = self._counted_from = time.monotonic()
+        self._count, self._message = "", ""
+        self._ends: float | None = None
 
     def __call__(self, message: str) -> None:
-        """Tell what begins now; where the message ends in its count, "(3 of 9)", also the time that is left."""
-        now = time.monotonic()
+        """Tell what begins now."""
+        if (found := _COUNT.search(message)) is not None:
+            number, total = int(found[1]), int(found[2])
+            now = time.monotonic()
+            self._counted_from = now if number <= 1 else self._counted_from
+            left = time_left(number, total, now - self._counted_from, self._typical_s)
+            self._count, self._ends = f"{number} of {total}: ", None if left is None else now + left
+            message = message[:found.start()].rstrip()
+        self._message = message
         if self._loud:
-            left = self._left(message, now)
-            print(f"[{now - self._begun:5.1f} s] {message}{left}", file=sys.stderr, flush=True)
+            LINE.show(self._line)
 
-    def _left(self, message: str, now: float) -> str:
-        count = _COUNT.search(message)
-        if count is None:
-            return ""
-        number, total = int(count[1]), int(count[2])
-        if number <= 1:
-            self._counted_from = now
-            return ""
-        seconds = (now - self._counted_from) / (number - 1) * (total - number + 1)
-        return f", about {seconds:.0f} s left"
+    def note(self, message: str) -> None:
+        """Tell what has to be known of the input, a line that stays; silent with --quiet."""
+        if self._loud:
+            LINE.end()
+            print(message, file=sys.stderr, flush=True)
+
+    def _line(self) -> str:
+        now = time.monotonic()
+        left = 0.0 if self._ends is None else self._ends - now
+        end = f", about {left:.0f} s left" if left >= 1.0 else ""
+        line, room = f"[{now - self._begun:5.1f} s] {self._count}{self._message}", WIDTH - 1 - len(end)
+        return f"{line if len(line) <= room else f'{line[:room - 1]}…'}{end}"
 
 
-def add_output_options(command: argparse.ArgumentParser) -> None:
-    """Add --json and --quiet."""
+def time_left(number: int, total: int, elapsed_s: float, typical_s: Sequence[float] = ()) -> float | None:
+    """Return how long steps take that are left, the one that begins included [s]; None: nothing is known yet.
+
+    Args:
+        number: of the step that begins, from 1 on.
+        total: how many steps there are.
+        elapsed_s: since the first one began [s].
+        typical_s: how long each takes as a rule [s]; of another number than total: all take as long.
+    """
+    if len(typical_s) != total:
+        return elapsed_s / (number - 1) * (total - number + 1) if number > 1 else None
+    pace = elapsed_s / sum(typical_s[:number - 1]) if number > 1 else 1.0
+    return min(max(pace, _PACES[0]), _PACES[1]) * sum(typical_s[number - 1:])
+
+
+def add_output_options(command: argparse.ArgumentParser, *, brief: bool = False) -> None:
+    """Add --json and --quiet; where the command has a short form, --verbose."""
     group = command.add_argument_group("output")
-    group.add_argument("--json", action="store_true", help="print one JSON document on stdout instead of the table")
+    group.add_argument("--json", action="store_true", help="print one JSON document on stdout instead of the table; "
+                       "--json=full: with every curve in it")
+    group.add_argument(FULL, action="store_true", help=argparse.SUPPRESS)
     group.add_argument("--quiet", action="store_true", help="no progress on stderr")
+    if brief:
+        group.add_argument("--verbose", action="store_true", help="tell all that was found, not what matters most")
 
 
 def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Progress) -> None:
-    """Tell on stderr what was taken of each log as what, and as progress what was repaired or is doubtful.
+    """Tell on stderr what was taken of each log as what, and what was repaired or is doubtful: how many, or each.
 
-    The line is no progress: with --quiet it waits for the result, so that an error stays the only line; with --quiet
-    and --json it is in the document alone.
+    The line on what was taken is no progress: with --quiet it waits for the result, so that an error stays the only
+    line; with --quiet and --json it is in the document alone.
     """
+    from heatertune.log.cells import count  # noqa: PLC0415 - the help must not wait for it
+
     for log in logs:
         line = [] if log.taken is None else [f"[log] {log.taken.line}"]
         if settings.quiet:
             settings.taken = [*getattr(settings, "taken", ()), *line]
         else:
             _print_lines(line)
-        for note in (*log.repairs, *log.doubts):
-            progress(note)
+        if getattr(settings, "verbose", True):
+            for note in (*log.repairs, *log.doubts):
+                progress.note(f"- {note}")
+        elif told := [f"{count(len(notes), noun)}" for notes, noun in (
+                (log.repairs, "repair"), (log.doubts, "doubt")) if notes]:
+            progress.note(f"[log] {log.name}: {' and '.join(told)} (heatertune read tells which)")
 
 
 def _print_lines(lines: Iterable[str]) -> None:
+    LINE.end()
     for line in lines:
-        print(line, file=sys.stderr, flush=True)
+        shown = textwrap.fill(line, WIDTH, subsequent_indent=" " * len("[log] ")) if sys.stderr.isatty() else line
+        print(shown, file=sys.stderr, flush=True)
 
 
-def output(settings: argparse.Namespace, document: Mapping[str, Any], summary: Callable[[], str]) -> None:
-    """Print the document (--json) or the summary on stdout."""
+def output(
+    settings: argparse.Namespace, document: Mapping[str, Any], summary: Callable[[], str],
+    brief: Callable[[], str] | None = None, short: Callable[[], Mapping[str, Any]] | None = None,
+) -> None:
+    """Print a result on stdout.
+
+    Args:
+        settings: of the command.
+        document: the whole result, for --json=full.
+        summary: it as text, for --verbose.
+        brief: what matters most of it as text; None: the summary is short enough.
+        short: what programs need of it, for --json; None: all.
+    """
     from heatertune.documents import to_json  # noqa: PLC0415
 
-    if settings.json:
-        print(to_json(document), end="")
-    else:
-        _print_lines(getattr(settings, "taken", ()))
-        print(painted(summary(), sys.stdout))
+    LINE.end()
+    if settings.json_full or settings.json:
+        print(to_json(document if settings.json_full or short is None else short()), end="")
+        return
+    _print_lines(getattr(settings, "taken", ()))
+    print(painted((summary if brief is None or settings.verbose else brief)(), sys.stdout))
 
 
 def save(path: str | None, document: Mapping[str, Any]) -> None:

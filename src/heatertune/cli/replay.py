@@ -24,7 +24,8 @@ def add_to(commands: Any) -> None:
         "controller's own units, setpoint and process variable first (their names: heatertune targets).",
     )
     command.add_argument("inputs", metavar="INPUTS", help="CSV file with a header, one row per scan")
-    command.add_argument("--target", required=True, metavar="NAME", help=f"the controller: {', '.join(TARGETS)}")
+    command.add_argument("--target", required=True, metavar="NAME", type=options.one_of(TARGETS),
+                         help=f"the controller: {', '.join(TARGETS)}")
     command.add_argument("--words", required=True, metavar="FILE", help="words.json as written by export-db")
     options.add(
         command, Conditions, "switches", help="setting of an open point (see: heatertune targets); may be repeated")

@@ -34,7 +34,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.codec import encode  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.presets import PRESETS  # noqa: PLC0415
     from heatertune.proof.spec_file import in_force, spec_text  # noqa: PLC0415
-    from heatertune.report.text import table  # noqa: PLC0415
+    from heatertune.report.layout import table  # noqa: PLC0415
     from heatertune.writing import write_files  # noqa: PLC0415
 
     if settings.list:

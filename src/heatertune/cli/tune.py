@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.cli import common, printing
+from heatertune.cli.parsing import again
 from heatertune.errors import InputError
 from heatertune.settings import Conditions, TuneSettings, WordSettings
 
@@ -28,7 +29,7 @@ def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "tune", help="model → pid: K, TN, TV and TA by a rule or the optimum", epilog=_EXAMPLE,
-        description="Find the controller for a heater and all its candidate models. With --target and a specification "
+        description="Find the controller for all heaters that explain a log. With --target and a specification "
                     "(--spec, --limit) its words are proven, and where they fail the cheapest change that passes is "
                     "taken; exit status 1 where none is found.",
     )
@@ -40,7 +41,7 @@ def add_to(commands: Any) -> None:
     common.add_tuning_options(command)
     command.add_argument("--second-opinion", action="store_true",
                          help="have python-control compute Ms, too (takes seconds to load)")
-    printing.add_output_options(command)
+    printing.add_output_options(command, brief=True)
     command.set_defaults(run=_run)
 
 
@@ -49,6 +50,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.pid.document import to_document  # noqa: PLC0415
     from heatertune.pid.forms import other_forms  # noqa: PLC0415
     from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
+    from heatertune.report.brief import tune_brief  # noqa: PLC0415
     from heatertune.report.text import alternatives_table, design_lines, forms_lines  # noqa: PLC0415
 
     fitted, progress = common.model_from(settings, settings.model), printing.Progress(settings)
@@ -64,9 +66,14 @@ def _run(settings: argparse.Namespace) -> int:
     document = to_document(design, fitted, None if proven is None else proven.recipe) | {
         "forms": other_forms(*settled), "alternatives": others}
     printing.save(settings.out, document)
-    verdict = [] if proven is None else ["", f"VERDICT {verdict_line(proven.proof.to_document())}"]
-    printing.output(settings, document, lambda: "\n".join(
-        (design_lines(document), forms_lines(document["forms"]), "", alternatives_table(others), *verdict)))
+    proof = None if proven is None else proven.proof.to_document()
+    verdict = [] if proof is None else ["", f"VERDICT {verdict_line(proof)}"]
+    nearest = () if proven is None else again(settings.given, proven.passes_with)
+    printing.output(
+        settings, document,
+        lambda: "\n".join((design_lines(document), forms_lines(document["forms"]), "", alternatives_table(others),
+                           *verdict)),
+        brief=lambda: tune_brief(document, proof, nearest, settings.out))
     return 0 if proven is None or proven.proof.verdict == "PASS" else 1
 
 

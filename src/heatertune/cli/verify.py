@@ -20,14 +20,14 @@ def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "verify", help="prove a design or words: exit status 1 where the verdict is not PASS", epilog=_EXAMPLE,
-        description="Run the closed loop in the PLC's own arithmetic on every candidate model and judge it.",
+        description="Run the closed loop in the PLC's own arithmetic on every possible heater and judge it.",
     )
     command.add_argument("pid", metavar="PID|WORDS", help="pid.json as written by tune, or words.json by export-db")
     common.add_word_options(command, "words_by", "setpoint_ramp")
     common.add_proof_options(command)
     common.add_model_options(command)
     options.add(command.add_argument_group("many heaters"), SampleSettings)
-    printing.add_output_options(command)
+    printing.add_output_options(command, brief=True)
     command.set_defaults(run=_run)
 
 
@@ -35,9 +35,11 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.proof.document import digested  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.drawn import replay_document, sample_document  # noqa: PLC0415
     from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415
-    from heatertune.proof.verdict import combined, verdict_line  # noqa: PLC0415
+    from heatertune.proof.verdict import combined, verdict_first, verdict_line  # noqa: PLC0415
+    from heatertune.report.brief import verify_brief  # noqa: PLC0415
     from heatertune.report.text import criteria_table, ramp_note, samples_table  # noqa: PLC0415
 
+    progress = printing.Progress(settings)
     asked, drawn = proving(settings), options.of(SampleSettings, settings)
     fitted, conditions = asked.fitted, asked.conditions
     if drawn.replay is not None:
@@ -46,17 +48,21 @@ def _run(settings: argparse.Namespace) -> int:
         document = replay_document(asked.words, fitted, drawn.replay, conditions, spread=drawn.spread)
         printing.output(settings, document, lambda: f"{criteria_table(document)}\nVERDICT {document['verdict']}")
         return 0 if document["verdict"] == "PASS" else 1
-    proof, notes = prove_ramped(asked.words, fitted, asked.ramp, conditions)
+    progress("proving the words")
+    proof, notes = prove_ramped(asked.words, fitted, asked.ramp, conditions, progress=progress)
     document, verdicts = proof.to_document(), [proof.verdict]
     if drawn.samples is not None:
+        progress(f"proving them on {drawn.samples} samples")
         document["samples"] = sample_document(
             proof.words, fitted, drawn.samples, conditions, seed=drawn.seed, quantile=drawn.quantile,
             spread=drawn.spread)
         verdicts.append(document["samples"]["verdict"])
     verdict = document["verdict"] = combined(verdicts)
     document = digested(document)
-    remarks, line = [f"- {note}" for note in (*asked.notes, *ramp_note(document), *notes)], verdict_line(document)
-    printing.output(settings, document, lambda: "\n".join(
-        [line, criteria_table(document), *remarks, *samples_table(document), f"VERDICT {line}"]
-    ))
+    remarks, line = [*asked.notes, *ramp_note(document), *notes], verdict_line(document)
+    printing.output(
+        settings, document,
+        lambda: "\n".join([line, criteria_table(document), *(f"- {remark}" for remark in remarks),
+                           *samples_table(document), f"VERDICT {line}"]),
+        brief=lambda: verify_brief(document, remarks), short=lambda: verdict_first(document))
     return 0 if verdict == "PASS" else 1

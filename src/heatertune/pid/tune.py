@@ -144,7 +144,7 @@ def _improved(
         problem, design = replace(problem, guards=kept.guards), kept.design
     notes = []
     if problem.structure != "p":
-        progress("polishing the optimum with CasADi and IPOPT")
+        progress("improving the optimum by a second method")
         polished, comparison = polish(problem, design)
         better = None if kept is None or heaters is None else kept.improved(heaters, problem.specs, polished)
         if kept is not None and better is None:

@@ -10,7 +10,7 @@ from heatertune.plc.controller import controller_for
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import Words
 
-__all__ = ["FIRST", "THEN", "TypedTable", "TypedWord", "bits", "typed_table", "typed_words", "word_text"]
+__all__ = ["FIRST", "THEN", "TypedTable", "TypedWord", "as_typed", "bits", "typed_table", "typed_words", "word_text"]
 
 FIRST: Final = "first (manual)"
 THEN: Final = "then (automatic)"
@@ -73,6 +73,18 @@ def word_text(value: Number, format_: str = "") -> str:
     if format_ == "KM":
         return f"KM {bits(int(value))}"
     return f"{value:.9g}" if isinstance(value, float) else str(value)
+
+
+def as_typed(value: Number, format_: str) -> str:
+    """Return a word as its programming tool takes it: KF +02968, TRUE, T#17000MS, a REAL with its decimal point."""
+    if format_ == "KF":
+        return f"KF {int(value):+06d}"
+    if format_ == "BOOL":
+        return "TRUE" if value else "FALSE"
+    if format_ == "TIME":
+        return f"T#{int(value)}MS"
+    text = word_text(value, format_)
+    return f"{text}.0" if format_ == "REAL" and text.lstrip("-").isdigit() else text
 
 
 def bits(value: int) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from heatertune.log.cells import count
 from heatertune.model.values import FittedModel
 from heatertune.pid.recipe import Recipe
 from heatertune.pid.values import PidDesign
@@ -56,6 +57,7 @@ class Closed:
         notes: what was done to make them pass and what that costs, one sentence each.
         conditions: of the proof, with the PWM period that was proposed.
         recipe: of the words, for those who have the design alone.
+        passes_with: of a design that fails, flags and values under which no run does; none: none are known.
     """
 
     wished: PidDesign
@@ -64,6 +66,7 @@ class Closed:
     notes: tuple[str, ...]
     conditions: Conditions
     recipe: Recipe
+    passes_with: tuple[str, ...] = ()
 
 
 def plainly(
@@ -87,7 +90,7 @@ def plainly(
     if asked.refined:
         choice = refine(choice, fitted, conditions, progress=progress)
     stage("proof")
-    progress(f"proving the words on {len(fitted.plants)} possible heaters")
+    progress(f"proving the words on {count(len(fitted.plants), 'possible heater')}")
     proof, notes = prove_ramped(
         choice.words, fitted, asked.setpoint_ramp, conditions, plain=plain, progress=progress)
     return Closed(wished=wished, choice=choice, proof=proof, notes=tuple(notes), conditions=conditions,

@@ -23,6 +23,7 @@ from heatertune.proof.gains import Family, Place
 from heatertune.proof.nearest import (
     broken_names,
     broken_told,
+    limits_that_pass,
     passing_settings,
     settings_told,
     suspects,
@@ -147,7 +148,7 @@ class _Search:
         """Return what is to be said beside a design that passes: which open point it is the price of."""
         hanging = settings_told(self.first.proof, "the optimum")
         yield from hanging
-        if not hanging and price.more_iae(self.first, mended) > _DEAR and (told := self._with_settings()):
+        if not hanging and price.more_iae(self.first, mended) > _DEAR and (told := self._with_settings()[0]):
             yield f"It {told}."
 
     def nearest(self) -> Closed:
@@ -155,28 +156,31 @@ class _Search:
         first, proof = self.first, self.first.proof
         share, coarse = self._coarse()
         why = coarse if share >= COARSE else None
-        told = self._with_settings() or "; ".join(filter(None, (why, self._with_tolerance())))
-        told = told or "nothing tried mends it"
+        told, options = self._with_settings()
+        if not told:
+            options = self._with_tolerance() or self._with_limits()
+            would = f"would pass at {' '.join(options)}" if options else ""
+            told = "; ".join(filter(None, (why, would))) or "nothing tried mends it"
         heard = replace(proof.heard, remarks=(*proof.heard.remarks, told))
         note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
-        return replace(first, proof=replace(proof, heard=heard), notes=(*first.notes, note))
+        return replace(first, proof=replace(proof, heard=heard), notes=(*first.notes, note), passes_with=options)
 
-    def _with_settings(self) -> str | None:
-        """Return what is told where one setting of an open point would do, None where none does."""
+    def _with_settings(self) -> tuple[str, tuple[str, ...]]:
+        """Return what is told where one setting of an open point would do, and its options; nothing where none does."""
         proof = self.first.proof
         settings = {name: kept[0] for name, kept in passing_settings(proof).items()}
         settings = dict(list(settings.items())[:1]) or (suspects(proof) if self._coarse()[0] < _HOPELESS else {})
         if not settings:
-            return None
+            return "", ()
         known = {**self.asked.conditions.switches, **settings}
         asked = replace(self.asked, conditions=replace(self.asked.conditions, switches=known))
-        options = " ".join(f"--switch {name}={setting}" for name, setting in settings.items())
-        self.progress(f"{price.broken(self.first)} fails: trying {options}")
+        options = tuple(word for name, setting in settings.items() for word in ("--switch", f"{name}={setting}"))
+        self.progress(f"{price.broken(self.first)} fails: trying {' '.join(options)}")
         other = closed(self.fitted, asked, progress=self.progress)
         if other.proof.verdict == "FAIL":
-            return None
+            return "", ()
         changes = f", {other.proof.heard.remarks[-1]}" if other.notes else ""
-        return f"would pass with {options}{changes}: find out what this controller does"
+        return f"would pass with {' '.join(options)}{changes}: find out what this controller does", options
 
     def _coarse(self) -> tuple[float, str]:
         """Return how much of the band the calmest PWM of whole half-waves takes, and what is told of it."""
@@ -189,10 +193,24 @@ class _Search:
                 "°C: bursts of a power controller (--pwm-rule burst) would be calmer")
         return calm.share(tolerance), told
 
-    def _with_tolerance(self) -> str | None:
+    def _with_limits(self) -> tuple[str, ...]:
+        """Return the options that loosen each broken limit by as little as will do, none where they would not."""
+        conditions = self.asked.conditions
+        looser = limits_that_pass(self.first.proof)
+        if not looser:
+            return ()
+        self.progress(f"{price.broken(self.first)} fails: trying what it would keep")
+        own = [limit for limit in conditions.limit if limit.partition("=")[0].strip() not in looser]
+        asked = replace(self.asked, setpoint_ramp=self.asked.setpoint_ramp or "none", conditions=replace(
+            conditions, limit=(*own, *(f"{name}={value}" for name, value in looser.items()))))
+        if plainly(self.fitted, asked, progress=self.progress).proof.verdict == "FAIL":
+            return ()
+        return tuple(word for name, value in looser.items() for word in ("--limit", f"{name}={value}"))
+
+    def _with_tolerance(self) -> tuple[str, ...]:
         first = self.first
         wider = tolerance_that_passes(first.proof.words, self.fitted, first.proof, first.conditions)
-        return None if wider is None else f"would pass at --tolerance {wider:g}"
+        return () if wider is None else ("--tolerance", f"{wider:g}")
 
     def within(self, frame: Frame) -> Closed | None:
         """Return the cheapest gains that pass within a frame; None where none do."""

@@ -34,7 +34,7 @@ from heatertune.proof.verdict import (
     verdict_of_samples,
 )
 
-__all__ = ["OutcomeView", "ProofView", "RunView", "checked", "digested"]
+__all__ = ["LIMIT_OF", "OutcomeView", "ProofView", "RunView", "checked", "digested"]
 
 Verdict = Literal["PASS", "FAIL", "NOT PROVEN"]
 
@@ -46,7 +46,7 @@ _DISTURBED: Final = ("recovery_time", "recovery_overshoot", "deviation")
 _OF_PID: Final = ("stability", "ms", "gain_margin", "phase_margin", "step_power")
 _GUARDED: Final = ("interlock_trips",)
 #: criterion → the limit it is held against, by its name among the limits
-_LIMITS: Final = {
+LIMIT_OF: Final = {
     **{overshoot: "overshoot_pct" for overshoot, *_ in WAYS.values()},
     **{f"{overshoot}{IN_DEGC}": "overshoot_degC" for overshoot, *_ in WAYS.values()},
     "reheat_overshoot": "reheat_overshoot_pct", f"reheat_overshoot{IN_DEGC}": "reheat_overshoot_degC",
@@ -196,7 +196,7 @@ class ProofView:
         needed = [*_ALWAYS, *ways, *(_DISTURBED if "recovery" in kinds else ()), *(_GUARDED if self.interlock else ()),
                   *self._led(kinds)]
         needed += [f"{name}{IN_DEGC}" for name in needed if name.endswith("overshoot")
-                   and getattr(self.limits, _LIMITS[f"{name}{IN_DEGC}"]) is not None]
+                   and getattr(self.limits, LIMIT_OF[f"{name}{IN_DEGC}"]) is not None]
         if any(name in self.criteria for name in _OF_PID):
             needed += _OF_PID
         if missing := [name for name in needed if name not in self.criteria]:
@@ -237,8 +237,8 @@ class ProofView:
     def _check_criterion(self, at: str, name: str, criterion: CriterionView) -> None:
         if criterion.bound != (">=" if name in _AT_LEAST else "<="):
             raise DocumentError(f"{at}.bound: {criterion.bound!r}; the other way round is right")
-        if name in _LIMITS and criterion.limit != getattr(self.limits, _LIMITS[name]):
-            raise DocumentError(f"{at}.limit: {criterion.limit}; limits.{_LIMITS[name]} says otherwise")
+        if name in LIMIT_OF and criterion.limit != getattr(self.limits, LIMIT_OF[name]):
+            raise DocumentError(f"{at}.limit: {criterion.limit}; limits.{LIMIT_OF[name]} says otherwise")
         values = [run.criteria[name].value for run in self.runs]
         worst = min(values) if criterion.bound == ">=" else max(values)
         if worst != criterion.value:

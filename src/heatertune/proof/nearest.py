@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final
@@ -9,17 +10,24 @@ from typing import Final
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words, controller_for
 from heatertune.proof.criteria import Criterion
+from heatertune.proof.document import LIMIT_OF
 from heatertune.proof.fitted import prove, specified
 from heatertune.proof.prove import Proof
 from heatertune.proof.screen import Screen
+from heatertune.proof.specification import LIMITS
 from heatertune.settings import Conditions
 
-__all__ = ["broken_names", "broken_told", "passing_settings", "settings_told", "suspects", "tolerance_that_passes"]
+__all__ = ["broken_names", "broken_told", "limits_that_pass", "passing_settings", "settings_told", "suspects",
+           "tolerance_that_passes"]
 
 #: times the tolerance asked for
 _WIDER: Final = (1.5, 2.0, 3.0, 5.0)
 #: criteria that the band decides, beside those of time
 _IN_BAND: Final = ("limit_cycle", "steady_offset", "soak_deviation")
+#: limits that are never loosened for a design that fails
+_OF_ROBUSTNESS: Final = ("ms", "gain-margin", "phase-margin", "step-power")
+#: above what was found, for another proof of the same words
+_ROOM: Final = 1.02
 
 
 def passing_settings(proof: Proof) -> dict[str, tuple[str, ...]]:
@@ -64,6 +72,29 @@ def tolerance_that_passes(words: Words, fitted: FittedModel, proof: Proof, condi
         if screen.keeps(words, wider) and prove(words, fitted, wider).verdict != "FAIL":
             return tolerance
     return None
+
+
+def limits_that_pass(proof: Proof) -> dict[str, str]:
+    """Return the limits that a proof breaks, each with the value that it would keep; none where one is not to be moved.
+
+    Robustness is not to be moved, nor is there a limit for what never happens or is a fault.
+    """
+    by_field = {measure.field: (name, unit) for name, kind in LIMITS.items() if name not in _OF_ROBUSTNESS
+                for unit, measure in kind.units.items() if measure.factor == 1.0 and unit != "T+L"}
+    looser: dict[str, tuple[float, str]] = {}
+    for each in (each for each in proof.criteria if not each.ok):
+        field = "tolerance_degC" if each.name in _IN_BAND else LIMIT_OF.get(each.name, "")
+        if field not in by_field or each.at_least or not math.isfinite(each.value):
+            return {}
+        name, unit = by_field[field]
+        looser[name] = max(looser.get(name, (0.0, unit)), (each.value, unit))
+    return {name: f"{_rounded_up(value):g}{unit}" for name, (value, unit) in looser.items()}
+
+
+def _rounded_up(value: float) -> float:
+    """Return a number of two digits that is larger by some hundredths at least."""
+    digit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.ceil(value * _ROOM / digit) * digit:.6g}")
 
 
 def broken_names(proof: Proof) -> set[str]:

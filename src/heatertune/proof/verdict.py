@@ -16,8 +16,9 @@ from heatertune.proof.profile import Profile
 from heatertune.proof.specification import GENERAL, NOTHING
 
 __all__ = [
-    "ASSUMED", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "derived", "extent",
-    "sampled", "told_of", "verdict_line", "verdict_of_samples",
+    "ASSUMED", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "derived", "extent",
+    "sampled", "switched", "told_by_kind", "told_of", "verdict_first", "verdict_line",
+    "verdict_of_samples",
 ]
 
 #: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use
@@ -27,6 +28,10 @@ NOT_PROVEN: Final = "NOT PROVEN"
 
 #: what a user may know beside the log → how a certificate says it
 ASSUMED: Final = {"dead_time_at_most_s": "dead time at most {:g} s", "sensor_delay_s": "sensor delay of {:g} s"}
+
+
+#: what is asked of a proof first
+FIRST: Final = ("verdict", "target", "setpoint_degC", "specification", "words", "criteria")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,7 +130,7 @@ def verdict_line(proof: Mapping[str, Any]) -> str:
     parts += sampled(proof)
     parts += [f"{KINDS[name].short} ({name}): {KINDS[name].remedy}, or --accept {name}"
               for name in (finding["name"] for finding in blocking(proof))]
-    return "; ".join([*parts, *told_of(proof), *_switched(proof)])
+    return "; ".join([*parts, *told_of(proof), *switched(proof)])
 
 
 def sampled(proof: Mapping[str, Any]) -> list[str]:
@@ -164,22 +169,36 @@ def _broken(proof: Mapping[str, Any]) -> Sequence[str]:
 
 def told_of(proof: Mapping[str, Any]) -> list[str]:
     """Return what is told, widened, accepted and assumed in a proof's document, a few words each."""
-    under = [] if (spec := proof.get("specification")) is None else _of_spec(spec)
+    told = told_by_kind(proof)
+    untold = [f"not tested: {', '.join(told['not tested'])}"] if told["not tested"] else []
+    return [*told["asked"], *told["assumed"], *told["not known"], *told["changed"], *untold]
+
+
+def told_by_kind(proof: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Return the same by what it is: "not known", "not tested", "assumed", "asked" or "changed"."""
     findings = [(KINDS[finding["name"]], finding["accepted"]) for finding in proof["findings"]]
     others = [kind.short for kind, _ in findings if kind.effect != "blocks"]
     accepted = [f"accepted: {kind.short}" for kind, accepts in findings if accepts]
     assumed = [f"taken as known: {ASSUMED[name].format(value)}" for name, value in proof["assumed"].items()]
-    untold = [f"not tested: {', '.join(proof['not_tested'])}"] if proof["not_tested"] else []
-    return [*under, *assumed, *accepted, *dict.fromkeys(others), *proof["remarks"], *untold]
+    return {
+        "not known": list(dict.fromkeys(others)), "not tested": list(proof["not_tested"]),
+        "assumed": [*assumed, *accepted],
+        "asked": [] if (spec := proof.get("specification")) is None else _of_spec(spec),
+        "changed": list(proof["remarks"])}
 
 
-
-def _switched(proof: Mapping[str, Any]) -> list[str]:
+def switched(proof: Mapping[str, Any]) -> list[str]:
     """Return how often the heater is switched, and what that means for a contactor."""
     if (often := proof["criteria"].get("switchings")) is None:
         return []
     per_hour = math.inf if often["value"] is None else often["value"]
     return [f"{per_hour:.0f} switchings/h (a contactor lasts {life('contactor', per_hour)})"]
+
+
+def verdict_first(proof: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a proof's document with what is asked of it first."""
+    told = {**proof, "setpoint_degC": proof["scenario"]["setpoint_degC"]}
+    return {name: told[name] for name in FIRST} | {name: part for name, part in told.items() if name not in FIRST}
 
 
 def _of_spec(spec: Mapping[str, Any]) -> list[str]:

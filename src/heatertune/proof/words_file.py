@@ -14,10 +14,21 @@ from heatertune.plc import Certificate, Ramp, Scaling, Words, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.document import checked, digested
-from heatertune.proof.verdict import PROOF_SCHEMA, Heard, blocking, derived, extent, sampled, told_of, verdict_line
+from heatertune.proof.verdict import (
+    FIRST,
+    PROOF_SCHEMA,
+    Heard,
+    blocking,
+    derived,
+    extent,
+    sampled,
+    told_of,
+    verdict_first,
+    verdict_line,
+)
 
-__all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_again", "read_words",
-           "words_of"]
+__all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_again", "export_first",
+           "read_words", "words_of"]
 
 WORDS_SCHEMA: Final = "heatertune/words/1"
 
@@ -164,6 +175,13 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
     return Certificate(verdict=verdict, lines=tuple(lines), forced=verdict != "PASS", digest=proof["digest"],
                        setpoint_degC=proof["scenario"]["setpoint_degC"], actuator=Actuator(**proof["actuator"]),
                        specification=None if spec is None else spec["name"], switches=proof["known"])
+
+
+def export_first(words: Mapping[str, Any], proof: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the document of exported words with what is asked of their proof first."""
+    told = verdict_first(proof)
+    first = {name: told[name] for name in FIRST} | {"files": words["files"]}
+    return first | {name: value for name, value in words.items() if name not in first}
 
 
 def _accepting(proof: Mapping[str, Any], accept: Sequence[str]) -> dict[str, Any]:

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from heatertune.plc.typed import word_text
-from heatertune.report.text import figure, table
+from heatertune.report.layout import table
+from heatertune.report.text import figure
 
 __all__ = ["difference_lines"]
 

@@ -18,8 +18,9 @@ from heatertune.plc.typed import typed_table, typed_words
 from heatertune.proof import Proof, Trace
 from heatertune.proof.verdict import verdict_line
 from heatertune.report.cards import card
+from heatertune.report.layout import table
 from heatertune.report.pictures import drawn, panels
-from heatertune.report.text import criteria_table, design_lines, figure, model_lines, table
+from heatertune.report.text import criteria_table, design_lines, figure, model_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from heatertune.report.text import figure, table
+from heatertune.report.layout import table
+from heatertune.report.text import figure
 from heatertune.units import NOMENCLATURE
 
 __all__ = ["plan_csv", "plan_lines"]

@@ -9,13 +9,14 @@ import numpy as np
 
 from heatertune.report.html import page, picture, text_of
 from heatertune.report.html import table as html_table
+from heatertune.report.layout import cut, table, wrapped
 from heatertune.report.style import LOOK, new_figure
-from heatertune.report.text import figure, table
+from heatertune.report.text import figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["plot_targets", "render_targets", "targets_table"]
+__all__ = ["plot_targets", "render_targets", "targets_brief", "targets_table"]
 
 Document = Mapping[str, Any]
 
@@ -23,12 +24,35 @@ _HEADS = (
     "target", "verdict", "IAE °C·s", "words", "arithmetic", "overshoot %", "offset °C", "settling s", "recovery s",
 )
 _NUMERIC = range(2, len(_HEADS))
+#: times the ideal controller's integral of the error, from which on it is no percentage
+_DEAR = 3.0
 
 
 def targets_table(document: Document) -> str:
     """Return one line per controller, and below why one could not hold the design or failed."""
     lines = [_where(document), table([_HEADS, *_rows(document)], right=_NUMERIC), _legend(document)]
     return "\n".join(lines + [f"- {line}" for line in _reasons(document)])
+
+
+def targets_brief(document: Document) -> str:
+    """Return one line per controller on one screen: what it does, and what it costs beside the ideal."""
+    rows: list[tuple[str, ...]] = [("", "", "settles", "overshoot", "offset", "costs", "")]
+    rows += [_brief(row) for row in document["rows"]]
+    told = "costs: how much larger the integral of the error is than that of the ideal controller on this heater"
+    return "\n".join([
+        _where(document), *map(cut, table(rows, right=(2, 3, 4, 5)).splitlines()), *wrapped(told)])
+
+
+def _brief(row: Document) -> tuple[str, ...]:
+    if "realised" not in row:
+        return (row["target"], "", "", "", "", "", row["verdict"])
+    real, fails = row["realised"], [name.replace("_", " ") for name in row["fails"]]
+    settles = "never" if real["settling_time"] is None else f"{real['settling_time']:.0f} s"
+    times = real["iae"] / row["wished"]["iae"]
+    broken = f"{fails[0]}{f' +{len(fails) - 1}' if len(fails) > 1 else ''}" if fails else ""
+    return (row["target"], row["verdict"], settles, f"{figure(real['overshoot'], 3)} %",
+            f"{figure(real['steady_offset'], 2)} °C", f"{100.0 * (times - 1.0):+.1f} %" if times < _DEAR else
+            f"{times:.0f} times", broken)
 
 
 def render_targets(document: Document) -> str:

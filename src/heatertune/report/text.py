@@ -9,12 +9,13 @@ from typing import Any
 from heatertune.plc.typed import TypedWord, typed_table, typed_words, word_text
 from heatertune.proof.verdict import verdict_line
 from heatertune.proof.words_file import words_of
+from heatertune.report.layout import table
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
     "feed_forward_lines", "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "model_lines", "model_rows",
-    "outcome_lines", "pareto_table", "ramp_note", "samples_table", "search_notes", "summary", "table", "typed",
+    "outcome_lines", "pareto_table", "ramp_note", "samples_table", "search_notes", "summary", "typed",
     "validation_lines", "words_table",
 ]
 
@@ -35,17 +36,6 @@ def figure(value: Any, digits: int = 4) -> str:
 def criterion_value(criterion: Document) -> str:
     """Return a criterion's value; one that is not finite never happened, or, where it is ok, has no limit."""
     return ("unlimited" if criterion["ok"] else "never") if criterion["value"] is None else figure(criterion["value"])
-
-
-def table(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> str:
-    """Return rows as aligned columns; the columns named in `right` are aligned to the right."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = []
-    for row in rows:
-        padded = enumerate(zip(row, widths, strict=True))
-        cells = [cell.rjust(width) if i in right else cell.ljust(width) for i, (cell, width) in padded]
-        lines.append("  ".join(cells).rstrip())
-    return "\n".join(lines)
 
 
 def model_lines(model: Document) -> str:

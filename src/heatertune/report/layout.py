@@ -1,0 +1,136 @@
+"""Text as a terminal shows it: wrapped to its width, in columns, no longer than a screen."""
+
+from __future__ import annotations
+
+import shlex
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+__all__ = ["LINES", "WIDTH", "beside", "command", "cut", "labelled", "notes_within", "screen", "table",
+           "wrapped"]
+
+#: columns and lines of a terminal that nobody has made larger, the prompt's own left out
+WIDTH: Final = 80
+LINES: Final = 30
+
+_GAP: Final = "  "
+
+
+def table(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> str:
+    """Return rows as aligned columns; the columns named in `right` are aligned to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        padded = enumerate(zip(row, widths, strict=True))
+        cells = [cell.rjust(width) if i in right else cell.ljust(width) for i, (cell, width) in padded]
+        lines.append(_GAP.join(cells).rstrip())
+    return "\n".join(lines)
+
+
+def beside(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> list[str]:
+    """Return rows as aligned columns, in two halves side by side where the terminal is wide enough."""
+    single = table(rows, right=right).splitlines()
+    half = (len(rows) + 1) // 2
+    if half < 2 or 2 * max(map(len, single)) + 2 * len(_GAP) > WIDTH:
+        return single
+    width = max(map(len, single[:half]))
+    return [f"{left:<{width}}{_GAP * 2}{other}".rstrip()
+            for left, other in zip(single[:half], [*single[half:], ""], strict=False)]
+
+
+def cut(text: str, width: int = WIDTH) -> str:
+    """Return a text, or its beginning where it is wider."""
+    return text if len(text) <= width else f"{text[:max(0, width - 1)].rstrip()}…"
+
+
+def wrapped(text: str, first: str = "", most: int | None = None) -> list[str]:
+    """Return a text in lines of a terminal's width; what comes first stands alone in its columns.
+
+    Args:
+        text: one paragraph.
+        first: before its first line.
+        most: so many lines at most, the last one cut; None: any number.
+    """
+    lines = textwrap.wrap(text, WIDTH, initial_indent=first, subsequent_indent=" " * len(first), max_lines=most,
+                          placeholder=" …", break_on_hyphens=False)
+    return lines or [first.rstrip()]
+
+
+def labelled(parts: Mapping[str, Sequence[str]], most: int) -> list[str]:
+    """Return parts behind their labels, in so many lines at most.
+
+    Of the longest label the parts at the end are left out first, and counted; where there are more labels than lines,
+    the last line counts what is behind the last labels.
+
+    Args:
+        parts: label → a few words each, the most important first; a label without any is left out.
+        most: lines at most, 1 at least.
+    """
+    kept = {label: list(of) for label, of in parts.items() if of}
+    left = dict.fromkeys(kept, 0)
+    width = max(map(len, kept), default=0) + len(_GAP)
+
+    def lines(most_each: int | None = None) -> list[str]:
+        told = {label: "; ".join([*of, *([f"and {left[label]} more"] if left[label] else [])])
+                for label, of in kept.items()}
+        return [line for label, text in told.items() for line in wrapped(text, f"{label:<{width}}", most_each)]
+
+    while len(lines()) > most and any(len(of) > 1 for of in kept.values()):
+        longest = max(kept, key=lambda label: (len(kept[label]) > 1, sum(map(len, kept[label]))))
+        kept[longest].pop()
+        left[longest] += 1
+    if len(lines()) <= most or len(lines(1)) <= most:
+        return lines() if len(lines()) <= most else lines(1)
+    beyond = list(kept)[most - 1:]
+    counted = ", ".join(f"{label} ({len(parts[label])})" for label in beyond)
+    for label in beyond:
+        del kept[label]
+    return [*lines(1), *wrapped(f"{counted}: --verbose", f"{'more':<{width}}", 1)]
+
+
+def command(words: Sequence[str]) -> list[str]:
+    """Return a command that can be copied: its lines are one for the shell."""
+    groups: list[str] = []
+    for word in map(shlex.quote, words):
+        if groups and not word.startswith("-"):
+            groups[-1] += f" {word}"
+        else:
+            groups.append(word)
+    lines = [f"  {groups[0]}"]
+    for group in groups[1:]:
+        if len(lines[-1]) + len(group) + len("  \\") > WIDTH:
+            lines[-1] += " \\"
+            lines.append(f"    {group}")
+        else:
+            lines[-1] += f" {group}"
+    return lines
+
+
+def notes_within(room: int, notes: Sequence[str], hidden: int = 0) -> list[str]:
+    """Return notes as items, as many as there is room for, and how many there are beside them.
+
+    Args:
+        room: lines at most, one of them for the number of those left out.
+        notes: to be shown, the most important first.
+        hidden: how many more there are that are not to be shown.
+    """
+    lines = list[str]()
+    for number, note in enumerate(notes):
+        more = wrapped(note, "- ")
+        if len(lines) + len(more) >= room:
+            hidden += len(notes) - number
+            break
+        lines += more
+    return [*lines, *([f"- {hidden} more to read: --verbose"] if hidden else [])]
+
+
+def screen(*parts: Sequence[str]) -> str:
+    """Return parts with an empty line between them, as far as a screen has room for empty lines."""
+    shown = [list(part) for part in parts if part]
+    room = LINES - sum(map(len, shown))
+    for part in shown[1:]:
+        if room > 0:
+            part.insert(0, "")
+            room -= 1
+    return "\n".join(line for part in shown for line in part)
