@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from operator import itemgetter
 from typing import Any, Final
 
 from heatertune.errors import InputError
@@ -21,6 +22,7 @@ _BLOCK: Final = "weg_pid_block.st"
 _PROJECT: Final = "weg_pid_plcopen.xml"
 #: ms that make a call due, and that keep it from being
 _DUE: Final = 1 << 30
+_words: Final = itemgetter(*(field.name for field in FIELDS))
 _INPUTS: Final = {"EN": "BOOL", "SetPoint": "REAL", "ManualSetPoint": "REAL", "SelectSetPoint": "BOOL",
                   "Feedback": "REAL"}
 
@@ -129,15 +131,17 @@ def _check_project(project: str, text: str) -> None:
 def _firmware(assume: Assumptions, due: Callable[[], bool]) -> Firmware:
     """Return WEG's block under the assumptions; `due` tells whether Ts is over, where it keeps Ts itself."""
     def make() -> Callable[[Mapping[str, Value]], Mapping[str, Value]]:
-        state = COLD
+        state, held, block = COLD, tuple[Value, ...](), None
 
         def run(given: Mapping[str, Any]) -> dict[str, Value]:
-            nonlocal state
+            nonlocal state, held, block
             if assume.sampling == BLOCK and given["EN"] and not due():
                 return {"Output": state.output}
+            if block is None or _words(given) != held:
+                held, block = _words(given), block_of(given, assume)
             inputs = Inputs(given["SetPoint"], given["Feedback"], given["ManualSetPoint"], given["SelectSetPoint"],
                             given["EN"])
-            state = call(block_of(given, assume), assume, state, inputs)
+            state = call(block, assume, state, inputs)
             return {"Output": state.output}
 
         return run
