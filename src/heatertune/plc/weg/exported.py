@@ -34,7 +34,7 @@ class ExportedWeg:
         """Take a program; raise InputError where it is not of the exported form."""
         self._program, self._tick_ms = program, int(program["ScanMs"])
         self._led = "HeaterRamp" if "HeaterRamp" in program else "HeaterSetPoint"
-        self._pwm = "HeaterOutput" in program
+        self._pwm, self._calls_each_scan = "HeaterOutput" in program, "BlockKeepsTs" in program
         self._asked: Number | None = None
         self._begun = False
         self.start()
@@ -82,7 +82,7 @@ class ExportedWeg:
         if not self._pwm:
             return None
         program = self._program
-        if "BlockKeepsTs" in program:  # a block that is called each scan would give its own
+        if self._calls_each_scan:  # a block that is called each scan would give its own
             program["BlockKeepsTs"] = False
         program["HeaterPower"], program["HeaterPhase"] = output, (ticks - 1) * self._tick_ms
         program["HeaterOnMs"] = -1  # anything else than what it has to become

@@ -12,9 +12,7 @@ from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.text import (
-    Arm,
     Assignment,
-    Branches,
     Call,
     Expression,
     Literal,
@@ -74,6 +72,7 @@ class Program:
         if len(programs) != 1:
             raise InputError(f"{len(programs)} programs; expected one")
         self._block = _Compiler(programs[0], known).block()
+        self._named: dict[str, int] = {}  # name as it was asked for → place
         self.start()
 
     def start(self) -> None:
@@ -98,9 +97,11 @@ class Program:
         self._memory[self._place(name)] = value
 
     def _place(self, name: str) -> int:
-        if name not in self:
-            raise InputError(f"the program has no variable {name}")
-        return self._block.places[name.upper()][1]
+        if name not in self._named:
+            if name not in self:
+                raise InputError(f"the program has no variable {name}")
+            self._named[name] = self._block.places[name.upper()][1]
+        return self._named[name]
 
 
 def _of_firmware(block: Firmware) -> _Block:
@@ -167,7 +168,8 @@ class _Compiler:
                 raise
             except (ArithmeticError, ValueError) as problem:
                 made = problem.__traceback__ and problem.__traceback__.tb_next
-                raise InputError(f"{unit.told(lines[made.tb_lineno if made else 0])}; a controller stops here") from None
+                line = lines[made.tb_lineno if made else 0]
+                raise InputError(f"{unit.told(line)}; a controller stops here") from None
 
         return run
 
