@@ -131,7 +131,7 @@ def test_a_fault_in_the_text_is_noticed(target, there, instead, monkeypatch):
 def test_a_proof_whose_text_does_other_is_none(monkeypatch):
     proof = proven("s7-300", ramp=(3.0, 4.0))
     assert (proof.verdict, as_exported(proof).verdict) == ("PASS", "PASS")
-    monkeypatch.setattr(of_text, "compared", lambda *_: Compared("at 3 s it asks for 7 %"))
+    monkeypatch.setattr(of_text, "compared", lambda *_, **__: Compared("at 3 s it asks for 7 %"))
     other = as_exported(proof)
     assert other.verdict == "NOT PROVEN"
     assert "the exported program does other than what was proven" in verdict_line(other.to_document())
