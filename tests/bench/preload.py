@@ -3,7 +3,8 @@
 The heaters of passes.py, where the optimum as asked for fails and closing finds what passes. A program that holds the I part
 at a share of the power that holds the setpoint, while the output is at its upper limit, lets the loop leave the limit with
 it, however long it was there: in heat-up as after an open circuit. CONT_C has inputs for that (I_ITL_ON, I_ITLVAL). WEG's
-block has none; of it this is what an input would be worth, and, of the share 0, an edge of EN, which clears the I part.
+block has none; of it this is what an input would be worth. What its program can do is not to enable the block ("cold") while
+the P part alone is at the limit, and to give full power itself: the edge of EN then clears the I part, and costs a call.
 The gains as asked for are proven with such a preload and the PWM that closing took, and so are closing's own gains
 without its ramp and limit of the output.
 
@@ -35,6 +36,7 @@ from heatertune.settings import Conditions
 from tests.bench.passes import _STEPS, case
 
 SHARES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
+COLD_UNTIL_P = -1.0  # in place of a share
 _FULL = {"fb41": "LMN_HLM", "weg": "MaximumOutput"}
 _EARLIER = 0.9  # times closing's settling time
 _MORE_IAE = 0.005
@@ -51,7 +53,11 @@ def step_contc(parameters, state, setpoint, reading, _begins):
 def step_weg(parameters, state, setpoint, reading, begins):
     """One call, likewise."""
     block, assume, power = parameters
-    if state.output >= block.maximum:
+    if power < 0.0:
+        if setpoint - reading >= block.maximum / block.kp:
+            waits = State(False, state.reference, state.error, state.integral, block.maximum, False, False)
+            return waits, min(max(waits.output, 0.0), 100.0), waits.output, 1
+    elif state.output >= block.maximum:
         state = State(state.enabled, state.reference, state.error, power, state.output, state.overflow, state.skips)
     return weg_step((block, assume), state, setpoint, reading, begins)
 
@@ -102,9 +108,9 @@ def tried(one, target):
             (free, found.conditions, price.more_iae(plain, found))]
     passing = {}
     for words, conditions, more in ways:
-        for share in SHARES:
+        for share in (*SHARES, *([COLD_UNTIL_P] if target == "weg" else [])):
             try:
-                proof = proven(words, fitted, conditions, share * held)
+                proof = proven(words, fitted, conditions, COLD_UNTIL_P if share < 0.0 else share * held)
             except HeatertuneError:
                 continue
             if proof.verdict == "PASS":
@@ -125,7 +131,7 @@ def main():
     os.environ["HEATERTUNE_CACHE"] = ""
     setpoint_ramp.as_exported = lambda proof: proof  # the text is not what is asked
     fails = saves = 0
-    passes, cheaper = {"any": 0, "0": 0}, {"any": 0, "0": 0}
+    passes, cheaper = {"any": 0, "cold": 0}, {"any": 0, "cold": 0}
     for number in range(given.first, given.first + given.count):
         result = tried(case(number, given.seed), given.target)
         if result is None:
@@ -133,18 +139,19 @@ def main():
         took, verdict, seconds, more, passing, broken = result
         fails, saves = fails + 1, saves + (verdict == "FAIL" and bool(passing))
         told = []
-        for shares, ways in {"any": passing, "0": {way: at for way, at in passing.items() if way[0] == 0.0}}.items():
+        for shares, ways in {"any": {way: at for way, at in passing.items() if way[0] >= 0.0},
+                             "cold": {way: at for way, at in passing.items() if way[0] < 0.0}}.items():
             if not ways:
-                told.append(f"share {shares}: none passes")
+                told.append(f"{shares}: none passes")
                 continue
             (share, extra), at = min(ways.items(), key=lambda way: (way[0][1] > _MORE_IAE, way[1]))
             is_cheaper = verdict == "PASS" and extra <= more + _MORE_IAE and (at < _EARLIER * seconds or extra < more - 0.05)
             passes[shares], cheaper[shares] = passes[shares] + 1, cheaper[shares] + is_cheaper
-            told.append(f"share {share:g}: {at:.4g} s, {extra:+.0%} IAE{' CHEAPER' if is_cheaper else ''}")
+            told.append(f"{'cold' if share < 0.0 else f'share {share:g}'}: {at:.4g} s, {extra:+.0%} IAE{' CHEAPER' if is_cheaper else ''}")
         print(f"{number:3d} breaks {broken}; {took}: {seconds:.4g} s, {more:+.0%} IAE; {'; '.join(told)}", flush=True)
     print(f"{fails} of {given.count} fail as asked for; where closing FAILs a preload passes on {saves}")
     for shares, count in passes.items():
-        print(f"preload, share {shares}: passes on {count}, cheaper than what closing took on {cheaper[shares]}")
+        print(f"preload, {shares}: passes on {count}, cheaper than what closing took on {cheaper[shares]}")
 
 
 if __name__ == "__main__":

@@ -298,14 +298,7 @@ def _value(place: Place) -> Callable[[Cpu], int]:
 
 
 def _to(place: Place) -> Callable[[Cpu, int], None]:
-    name, byte, end, size = place.memory, place.byte, place.byte + place.size, place.size
-    if not name or not size:
-        return lambda cpu, value: cpu.put(place, value)
-    values = 1 << 8 * size
-
-    def put(cpu: Cpu, value: int) -> None:
-        cpu.memory[name][byte:end] = (value % values).to_bytes(size, "big")
-    return put
+    return lambda cpu, value: cpu.put(place, value)
 
 
 def _asked(place: Place, negated: bool, then: int) -> Statement[Cpu]:
