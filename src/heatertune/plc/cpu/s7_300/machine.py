@@ -382,10 +382,8 @@ def _of_reals(sign: str, then: int) -> Statement[Cpu]:
         "+": lambda two, one, os: real(two + one, os), "-": lambda two, one, os: real(two - one, os),
         "*": lambda two, one, os: real(two * one, os), "/": quotient}
 
-    make = makes[sign]
-
     def run(cpu: Cpu) -> int:
-        made, cpu.os = make(as_real(cpu.two), as_real(cpu.one), cpu.os)
+        made, cpu.os = makes[sign](as_real(cpu.two), as_real(cpu.one), cpu.os)
         cpu.one = bits_of(made)
         return then
     return run
