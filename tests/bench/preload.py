@@ -10,6 +10,11 @@ without its ramp and limit of the output.
 
 Told for each heater: what closing took and when all has settled then; the share that passes and settles first. At the end: how
 often a preload passes at all, and where it is cheaper: it settles earlier by a tenth at no more IAE.
+
+Measured, seed 0 (no text run, no hysteresis, no noise). fb41, heaters 0 to 99: 41 fail as asked for, closing FAILs on none and
+takes a ramp on none; a preload passes on 28 and is cheaper on 7, on 3 of them in place of gains or a limit of the output: not worth
+its program. weg, heaters 0 to 59: all fail as asked for, closing takes a ramp on 42; a preload, had the block an input,
+passes on 53 and is cheaper on 45 (settled after 0.59 of the time, median), "cold" passes on 23 and is cheaper on all (0.61).
 """
 
 import argparse
