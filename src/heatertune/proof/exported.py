@@ -153,17 +153,17 @@ class _Comparison:
 
     def _of_ticks(self) -> str | None:
         """Compare all tick by tick, from the start-up to the first disturbance, and again after a broken sensor."""
-        # anew, for it may retain what it did
-        text = self._text = self._load() or self._text
-        trace, ta = self._trace, self._words.sample_time_s
+        text, trace, ta = self._text, self._trace, self._words.sample_time_s
         per_call = round(ta / text.tick_s) if text.tick_s > 0.0 else 0
         if abs(per_call * text.tick_s - ta) > _OF_A_TICK:
             return f"its clock ticks every {text.tick_s:g} s; proven is TA = {ta:g} s"
         calls = [seen for seen in self._calls[: _MOST_TICKS // per_call + 1]
                  if seen.phase == 0 and seen.time_s < trace.cut_s][:-1]  # after the last one something may happen
-        if not calls:
+        if calls:  # anew, for it may retain what it did
+            text = self._text = self._load() or text
+            text.start()
+        else:
             self._not_run.append(f"an exported clock of more than {_MOST_TICKS} ticks a call")
-        text.start()
         if departs := self._of_clock(calls, per_call):
             return departs
         power, on = text.interrupt()
