@@ -121,7 +121,7 @@ def test_words_are_read_back_from_the_text_that_tools_print(run, tmp_path):
     assert (status, "not looked at: SetPoint := HeaterSetPoint" in out) == (0, True)
     changed = (tmp_path / "weg_pid_call.st").read_text().replace("Kp := ", "Kp := 1.1.")
     (tmp_path / "weg.st").write_text(changed)
-    line = next(number for number, text in enumerate(changed.splitlines(), 1) if "Kp := " in text)
+    line = next(number for number, text in enumerate(changed.splitlines(), 1) if "Kp := 1.1.5.0" in text)
     status, out, err = run("decode", tmp_path / "weg.st", "--target", "weg")
     assert (status, out) == (2, "")
     assert f"weg.st, line {line}, Kp: '1.1." in err

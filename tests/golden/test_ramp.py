@@ -169,7 +169,9 @@ def test_the_fb41_source_moves_sp_int_to_the_bits_of_the_room(awlsim, ramp):
 
 def _weg_program(words, name):
     """The whole exported program, a scan each Ts; WEG's own block, which is in no text, does nothing."""
-    return Program(_export(words, name), {"FB_PID": Wegs})
+    program = Program(_export(words, name), {"FB_PID": Wegs})
+    program.variables.ScanMs = words.whole["Ts"]
+    return program
 
 
 class Wegs:

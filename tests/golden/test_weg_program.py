@@ -121,33 +121,35 @@ def _run(files, scans, *, kept, early=0, name="weg_pid_call.st", **inputs):
     return powers, program.variables.HeaterPid.calls
 
 
-def test_whoever_keeps_ts_the_block_computes_each_ts_where_the_program_is_told(tmp_path):
+def test_whoever_keeps_ts_the_block_computes_each_ts_once_each_ts(tmp_path):
     # the help does not tell; a call each scan of a block that does not keep Ts would integrate a hundred times too fast
     files = _files(_words(ta=0.2), Actuator(pwm_period_s=0.2), tmp_path)
     plain, calls = _run(files, 200, kept=False)
     assert calls == 10
-    assert _run(files, 200, kept=False, BlockKeepsTs=True)[1] == 200  # what the user's test finds
+    assert _run(files, 200, kept=True) == (plain, 10)  # which the first scan finds out
+    late, calls = _run(files, 200, kept=True, early=1)
+    assert (calls, set(late[1:]) <= set(plain)) == (10, True)  # each call a scan late, none lost
     assert plain[0] == 0.0  # the edge of EN
     assert plain[20] == pytest.approx(8.0 + 4.0 / 22.0 * 0.2 * 2.0, abs=1e-3)
-    rise_per_min = (plain[180] - plain[20]) / (160 * 0.01) * 60.0
-    assert f"rise by {rise_per_min * 20.0 / 8.0:.3g} % per minute" in files["weg_pid_call.st"]
     told = _files(_words(ta=0.2), Actuator(pwm_period_s=0.2), tmp_path, sampling="block")
     assert _run(told, 200, kept=True) == (plain, 10)
+    assert _run(told, 200, kept=False)[1] == 200  # told wrongly
     assert "keeps Ts itself, as you told" in told["weg_pid_call.st"]
     caller = _files(_words(ta=0.2), Actuator(pwm_period_s=0.2), tmp_path, sampling="caller")
     assert _run(caller, 200, kept=False) == (plain, 10)
-    assert "does not keep Ts, as you told" in caller["weg_pid_call.st"]
+    assert "is called each Ts, as you told" in caller["weg_pid_call.st"]
 
 
 def test_a_block_that_keeps_ts_and_finds_the_calls_early_does_what_the_proof_calls_skipped(tmp_path):
     words = _words(ta=0.2)
-    powers, calls = _run(_files(words, Actuator(pwm_period_s=0.2), tmp_path), 200, kept=True, early=1)
+    files = _files(words, Actuator(pwm_period_s=0.2), tmp_path, sampling="skipped")  # told, it does not find out
+    powers, calls = _run(files, 200, kept=True, early=1)
     assert calls == 5
     rows = [{"SetPoint": float(np.float32(62.0)), "Feedback": float(np.float32(60.0))}] * 10
     assert powers[::20] == [scan.output for scan in replay(ROOM, words, rows, {"sampling": "skipped"})]
     assert powers[::20] != [scan.output for scan in replay(ROOM, words, rows, {})]
     open_ = {setting["sampling"] for setting in settings_to_prove(ROOM.switches)}
-    assert open_ == {"caller", "skipped"}
+    assert open_ == {"caller"}
     assert {setting["sampling"] for setting in settings_to_prove(ROOM.switches, {"sampling": "block"})} == {"block"}
 
 
@@ -232,5 +234,5 @@ def test_the_files_are_read_back_and_their_heads_name_the_conditions(tmp_path):
     for text in _files(words, Actuator(pwm_period_s=4.0), tmp_path).values():
         assert ROOM.text(text, None, "file").values == words.values
         for part in ("sensor 0...150 degC; TA: called every 4000 ms", "proven setpoint: 61.7", "PWM period 4 s in steps of 0.01 s",
-                     "1. wire HeaterOn", "it must rise by 54.5 % per minute"):
+                     "1. wire HeaterOn", "finds out (HeaterProbe)"):
             assert part in text

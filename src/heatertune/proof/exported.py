@@ -52,8 +52,9 @@ def as_exported(proof: Proof) -> Proof:
     if proof.verdict != "PASS":
         return proof
     controller, heard = controller_for(proof.words.target), proof.heard
+    pulses: dict[str, set[Number]] = {}
     for run in dict.fromkeys((0, proof.worst_run)):
-        departs, not_run = compared(controller, proof.words, proof.traced(run), proof.known)
+        departs, not_run = compared(controller, proof.words, proof.traced(run), proof.known, pulses=pulses)
         if departs is not None:
             finding = Finding(name="exported-text", told=f"{proof.runs[run].label}: {departs}")
             return replace(proof, heard=replace(heard, findings=(*heard.findings, finding)))
@@ -62,7 +63,8 @@ def as_exported(proof: Proof) -> Proof:
 
 
 def compared(
-    controller: Controller, words: Words, trace: Trace, known: Mapping[str, str] | None = None
+    controller: Controller, words: Words, trace: Trace, known: Mapping[str, str] | None = None, *,
+    pulses: dict[str, set[Number]] | None = None,
 ) -> Compared:
     """Return where the text of the export does other than a run of these words.
 
@@ -71,7 +73,10 @@ def compared(
         words: that it held.
         trace: of the run. One whose setpoint is led along a profile is not looked at: no export leads it.
         known: switch → setting that is known or chosen, which the export follows.
+        pulses: file → outputs whose PWM was compared in a run before, as its clock was: these are not compared again;
+            grows.
     """
+    pulses = {} if pulses is None else pulses
     if controller.exported is None or trace.scenario.leads:
         return Compared()
     told = Certificate(verdict="PASS", setpoint_degC=trace.setpoint_degC, actuator=trace.actuator,
@@ -81,7 +86,8 @@ def compared(
     for file, load in loads.items():
         try:
             text = load()
-            shown = Compared() if text is None else _Comparison(controller, words, trace, text, load).shown()
+            shown = Compared() if text is None else _Comparison(
+                controller, words, trace, text, load).shown(pulses.setdefault(file, set()))
         except InputError as problem:
             shown = Compared(str(problem))
         if shown.departs is not None:
@@ -114,8 +120,8 @@ class _Comparison:
         self._powers: dict[Number, float] = {}  # output asked for → power [%]
         self._not_run: list[str] = []
 
-    def shown(self) -> Compared:
-        departs = self._of_calls() or self._of_ticks() or self._of_pulses()
+    def shown(self, pulses: set[Number]) -> Compared:
+        departs = self._of_calls() or (None if pulses else self._of_ticks()) or self._of_pulses(pulses)
         return Compared(departs, tuple(self._not_run))
 
     def _seen(self, controller: Controller) -> list[_Call]:
@@ -147,17 +153,17 @@ class _Comparison:
 
     def _of_ticks(self) -> str | None:
         """Compare all tick by tick, from the start-up to the first disturbance, and again after a broken sensor."""
-        # anew, for it may retain what it did
-        text = self._text = self._load() or self._text
-        trace, ta = self._trace, self._words.sample_time_s
+        text, trace, ta = self._text, self._trace, self._words.sample_time_s
         per_call = round(ta / text.tick_s) if text.tick_s > 0.0 else 0
         if abs(per_call * text.tick_s - ta) > _OF_A_TICK:
             return f"its clock ticks every {text.tick_s:g} s; proven is TA = {ta:g} s"
         calls = [seen for seen in self._calls[: _MOST_TICKS // per_call + 1]
                  if seen.phase == 0 and seen.time_s < trace.cut_s][:-1]  # after the last one something may happen
-        if not calls:
+        if calls:  # anew, for it may retain what it did
+            text = self._text = self._load() or text
+            text.start()
+        else:
             self._not_run.append(f"an exported clock of more than {_MOST_TICKS} ticks a call")
-        text.start()
         if departs := self._of_clock(calls, per_call):
             return departs
         power, on = text.interrupt()
@@ -186,14 +192,20 @@ class _Comparison:
         return (f"at {seen.time_s:g} s it asks for {made.power_pct:.6g} % after setpoint {made.setpoint}; proven are "
                 f"{seen.power_pct:.6g} %")
 
-    def _of_pulses(self) -> str | None:
-        """Compare the ticks of a period for what was asked for; nothing is carried from one period to the next."""
+    def _of_pulses(self, known: set[Number]) -> str | None:
+        """Compare the ticks of a period for what was asked for; nothing is carried from one period to the next.
+
+        Args:
+            known: outputs whose periods are compared already; grows.
+        """
         actuator = self._trace.actuator
         ticks = actuator.ticks(self._words.sample_time_s)
-        if ticks is None or not self._powers:
+        outputs = sorted(self._powers.keys() - known)
+        known |= self._powers.keys()
+        if ticks is None or not outputs:
             return None
         period = ticks.per_period
-        outputs, length = sorted(self._powers), min(period, _MOST_OF_PWM)
+        length = min(period, _MOST_OF_PWM)
         begins = self._text.begin(outputs[0], period)
         if begins is None:
             return None

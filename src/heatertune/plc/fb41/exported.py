@@ -26,6 +26,7 @@ class ExportedContC(ExportedS7):
     def __init__(self, source: str, assume: Assumptions) -> None:
         """Load a source; raise InputError where the source has what the CPU does not know."""
         self._assume, self._state = assume, State()
+        self._held: tuple[int, ...] = ()
         super().__init__(source, {"FB 41": self._cont_c})
 
     def asked(self, counts: int) -> int:
@@ -44,10 +45,12 @@ class ExportedContC(ExportedS7):
         self._cpu.memory["DB 41"][_LMN] = bits_of(output).to_bytes(4, "big")
 
     def _cont_c(self, _cpu: Cpu, words: dict[str, int]) -> None:
-        values = _values(words)
+        values = tuple(words[field.name] for field in FIELDS)
+        if values != self._held:
+            self._held, self._parameters = values, parameters_of(_values(words))
         inputs = {"COM_RST": words["COM_RST"], "MAN_ON": words["MAN_ON"], "PV_PER": signed(words.get("PV_PER", 0), 16),
                   "SP_INT": as_real(words.get("SP_INT", 0))}
-        self._state, _, lmn, _ = scan((parameters_of(values), self._assume), self._state, inputs)
+        self._state, _, lmn, _ = scan((self._parameters, self._assume), self._state, inputs)
         self.force(lmn)
 
 

@@ -73,6 +73,7 @@ class ExportedS5:
         self._cpu.inputs[INPUT] |= _WIRE_BREAK
         self._cpu.run("OB 13")
         power, on = percent(self._work[_YA]), self._on()
+        self._cpu.inputs[INPUT] &= ~_WIRE_BREAK
         if not self._clears:
             self._forget()
         self.start()

@@ -5,14 +5,15 @@ None of the files was tried in WPS or in another vendor's tool; parsers of the l
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.single import single
 from heatertune.plc.weg.plcopen import project
-from heatertune.plc.weg.program import Clock, clock_for, literal, statements, variables
+from heatertune.plc.weg.program import PROBE, Clock, clock_for, literal, statements, variables
 from heatertune.plc.weg.source import BLOCK_NAME, function_block
-from heatertune.plc.weg.words import COUNTS, FIELDS, PARALLEL
+from heatertune.plc.weg.words import COUNTS, FIELDS
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["RENAMED", "export_words", "literal"]
@@ -25,23 +26,23 @@ _WIRES = (
 #: input of WEG's block → input of the exported one, where the language reserves the name
 RENAMED: Final = {"Type": "Form", "Action": "Acting"}
 
-#: output at which the user tests who keeps Ts [%]
-_TESTED: Final = 20.0
-
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     """Return the three files; the same words and certificate give the same bytes."""
     clock, setpoint = clock_for(words, certificate.actuator), _setpoint(words, certificate)
-    kept = certificate.switches.get("sampling") == "block"
-    head = (*_head(words, certificate, clock), *_by_hand(words, clock, certificate))
+    known = certificate.switches.get("sampling")
+    kept = None if known is None else known == "block"
+    head = (*_head(words, certificate, clock), *_by_hand(clock, certificate))
     comment = "\n".join(f"(* {line} *)" for line in head) + "\n"
     own = variables(words, clock, setpoint)
-    body = statements(words, clock, _block_call(words), keeps_ts=False)
-    called = statements(words, clock, _weg_call(words), keeps_ts=True)
+    body = statements(words, clock, _block_call(words))
+    wegs = variables(words, clock, setpoint, calls_wegs=True, keeps_ts=kept)
+    called = statements(words, clock, _weg_call(words), calls_wegs=True, keeps_ts=kept)
+    instances = {"HeaterPid": "FB_PID"} | ({PROBE: "FB_PID"} if kept is None else {})
     return {
-        "weg_pid_call.st":
-            comment + _program("WegHeater", "FB_PID", variables(words, clock, setpoint, keeps_ts=kept), called),
-        "weg_pid_block.st": comment + function_block() + "\n" + _program("Heater", BLOCK_NAME, own, body),
+        "weg_pid_call.st": comment + _program("WegHeater", instances, wegs, called),
+        "weg_pid_block.st":
+            comment + function_block() + "\n" + _program("Heater", {"HeaterPid": BLOCK_NAME}, own, body),
         "weg_pid_plcopen.xml": project(own, body, head, clock.tick_ms),
     }
 
@@ -64,7 +65,7 @@ def _head(words: Words, certificate: Certificate, clock: Clock) -> tuple[str, ..
     )
 
 
-def _by_hand(words: Words, clock: Clock, certificate: Certificate) -> list[str]:
+def _by_hand(clock: Clock, certificate: Certificate) -> list[str]:
     """Return what remains to be done by hand, numbered."""
     wired = "HeaterOutput" if clock.steps else "HeaterPower, through a PWM of yours as it was proven,"
     exact = f"; a scan longer than {clock.tick_ms} ms makes coarser pulses than were proven" if clock.steps else ""
@@ -74,7 +75,7 @@ def _by_hand(words: Words, clock: Clock, certificate: Certificate) -> list[str]:
         "fall when the sensor breaks: that puts the heater off",
         f"ScanMs is the time of one scan: call the program from a task of {clock.tick_ms} ms, or write the time of the "
         f"last scan there each scan{exact}",
-        _who_keeps_ts(words, certificate.switches.get("sampling")),
+        _who_keeps_ts(certificate.switches.get("sampling")),
         "leave the variables and the block without retention: each start-up is from cold then, as proven",
         "HeaterOn has to stay TRUE: each time that it rises the first call gives 0",
         f"setpoint: HeaterSetPoint begins {loaded}; another one is not proven",
@@ -82,25 +83,14 @@ def _by_hand(words: Words, clock: Clock, certificate: Certificate) -> list[str]:
     return ["remains to be done by hand:", *(f"  {number}. {step}" for number, step in enumerate(steps, start=1))]
 
 
-def _who_keeps_ts(words: Words, known: str | None) -> str:
-    """Return what is known of it, or how the user finds out: by the slope of the I part."""
-    if known in ("block", "caller"):
-        return (f"WEG's block keeps Ts itself, as you told ({known}): BlockKeepsTs is TRUE, and it is called each scan"
-                if known == "block" else
-                "WEG's block does not keep Ts, as you told (caller): BlockKeepsTs is FALSE, and it is called each Ts")
-    return f"who keeps Ts is not told, and both are proven with BlockKeepsTs FALSE: {_test_of_ts(words)}"
-
-
-def _test_of_ts(words: Words) -> str:
-    v = words.values
-    growth = v["Ki"] if v["Type"] == PARALLEL else v["Kp"] * v["Ki"]
-    if growth == 0.0 or v["Kp"] == 0.0:
-        return "without an I part only a D part asks; leave BlockKeepsTs FALSE"
-    slope = 60.0 * growth * _TESTED / v["Kp"]
-    return (
-        f"leave BlockKeepsTs FALSE, open the heater's circuit, set HeaterSetPoint so that HeaterPower begins near "
-        f"{_TESTED:g} %: it must rise by {slope:.3g} % per minute; where it is slower, down to half, set BlockKeepsTs "
-        "TRUE, test again, and prove and export with --switch sampling=block")
+def _who_keeps_ts(known: str | None) -> str:
+    """Return what is known of it, or that the program finds out."""
+    if known == "block":
+        return "WEG's block keeps Ts itself, as you told (block): BlockKeepsTs is TRUE, and it is called each scan"
+    if known is not None:
+        return f"WEG's block is called each Ts, as you told ({known}): BlockKeepsTs is FALSE"
+    return (f"who keeps Ts, WEG's block or its caller, the first scan after each start-up finds out ({PROBE}): "
+            "BlockKeepsTs then shows it; a ladder of your own has to know")
 
 
 def _values(words: Words) -> list[tuple[str, str]]:
@@ -129,6 +119,9 @@ def _block_call(words: Words) -> str:
     return f"{call}HeaterPower := HeaterPid.Output;\n"
 
 
-def _program(name: str, block: str, listed: tuple[tuple[str, str, str, str], ...], body: str) -> str:
+def _program(
+    name: str, instances: Mapping[str, str], listed: tuple[tuple[str, str, str, str], ...], body: str
+) -> str:
     declared = "".join(f"  {n} : {t} := {v}; (* {meaning} *)\n" for n, t, v, meaning in listed)
-    return f"PROGRAM {name}\nVAR\n{declared}  HeaterPid : {block};\nEND_VAR\n\n{body}\nEND_PROGRAM\n"
+    declared += "".join(f"  {instance} : {block};\n" for instance, block in instances.items())
+    return f"PROGRAM {name}\nVAR\n{declared}END_VAR\n\n{body}\nEND_PROGRAM\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from operator import itemgetter
 from typing import Any, Final
 
 from heatertune.errors import InputError
@@ -21,6 +22,7 @@ _BLOCK: Final = "weg_pid_block.st"
 _PROJECT: Final = "weg_pid_plcopen.xml"
 #: ms that make a call due, and that keep it from being
 _DUE: Final = 1 << 30
+_words: Final = itemgetter(*(field.name for field in FIELDS))
 _INPUTS: Final = {"EN": "BOOL", "SetPoint": "REAL", "ManualSetPoint": "REAL", "SelectSetPoint": "BOOL",
                   "Feedback": "REAL"}
 
@@ -32,7 +34,7 @@ class ExportedWeg:
         """Take a program; raise InputError where it is not of the exported form."""
         self._program, self._tick_ms = program, int(program["ScanMs"])
         self._led = "HeaterRamp" if "HeaterRamp" in program else "HeaterSetPoint"
-        self._pwm = "HeaterOutput" in program
+        self._pwm, self._calls_each_scan = "HeaterOutput" in program, "BlockKeepsTs" in program
         self._asked: Number | None = None
         self._begun = False
         self.start()
@@ -80,7 +82,7 @@ class ExportedWeg:
         if not self._pwm:
             return None
         program = self._program
-        if "BlockKeepsTs" in program:  # a block that is called each scan would give its own
+        if self._calls_each_scan:  # a block that is called each scan would give its own
             program["BlockKeepsTs"] = False
         program["HeaterPower"], program["HeaterPhase"] = output, (ticks - 1) * self._tick_ms
         program["HeaterOnMs"] = -1  # anything else than what it has to become
@@ -129,15 +131,17 @@ def _check_project(project: str, text: str) -> None:
 def _firmware(assume: Assumptions, due: Callable[[], bool]) -> Firmware:
     """Return WEG's block under the assumptions; `due` tells whether Ts is over, where it keeps Ts itself."""
     def make() -> Callable[[Mapping[str, Value]], Mapping[str, Value]]:
-        state = COLD
+        state, held, block = COLD, tuple[Value, ...](), None
 
         def run(given: Mapping[str, Any]) -> dict[str, Value]:
-            nonlocal state
+            nonlocal state, held, block
             if assume.sampling == BLOCK and given["EN"] and not due():
                 return {"Output": state.output}
+            if block is None or _words(given) != held:
+                held, block = _words(given), block_of(given, assume)
             inputs = Inputs(given["SetPoint"], given["Feedback"], given["ManualSetPoint"], given["SelectSetPoint"],
                             given["EN"])
-            state = call(block_of(given, assume), assume, state, inputs)
+            state = call(block, assume, state, inputs)
             return {"Output": state.output}
 
         return run

@@ -1,7 +1,8 @@
 """The program around WEG's block in structured text: calls each Ts, enabling, setpoint ramp, PWM.
 
-It is called each scan and adds up the time of the scans. While EN is FALSE the block leaves Output as it was (WPS
-help), so the program puts the power to 0 itself.
+It is called each scan and adds up the time of the scans. Whether the block keeps Ts itself, the help does not tell: the
+program finds out, by a second instance that it calls three times in its first scan. While EN is FALSE the block leaves
+Output as it was (WPS help), so the program puts the power to 0 itself.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from heatertune.plc.ramp import Number, Ramp, for_coolers
 from heatertune.plc.single import real_of, single, word_of
 from heatertune.plc.words import Words
 
-__all__ = ["Clock", "clock_for", "literal", "statements", "variables"]
+__all__ = ["PROBE", "Clock", "clock_for", "literal", "statements", "variables"]
 
 Variable = tuple[str, str, str, str]
 
@@ -43,6 +44,23 @@ _VARIABLES: Final = (
     ("HeaterWasOn", "BOOL", "FALSE", "HeaterOn of the scan before"),
 )
 _KEEPS_TS: Final = (("BlockKeepsTs", "BOOL", "{kept}", "TRUE: the block itself keeps Ts and is called each scan"),)
+#: instance that tells who keeps Ts
+PROBE: Final = "HeaterProbe"
+_PROBE_VARIABLES: Final = (
+    ("HeaterProbed", "BOOL", "FALSE", "BlockKeepsTs is found out"),
+    ("HeaterBefore", "REAL", "0.0", "%, of the probe a call before"),
+)
+#: an I part that moves with each call that computes; Ts is longer than any scan
+_PROBES: Final = (
+    f"  {PROBE}(SetPoint := 1.0, ManualSetPoint := 0.0, SelectSetPoint := FALSE, Feedback := 0.0, Kp := 1.0,\n"
+    "    Ki := 0.1, Kd := 0.0, TauSetPoint := 0.0, MinimumOutput := 0.0, MaximumOutput := 100.0, Type := 0,\n"
+    "    Action := 0, Ts := 60000);\n")
+_PROBED: Final = (
+    "(* who keeps Ts? a block that does computes once at most in the last two of three calls in one scan *)\n"
+    f"IF NOT HeaterProbed THEN\n  {PROBE}.EN := TRUE;\n{_PROBES}{_PROBES}  HeaterBefore := {PROBE}.Output;\n{_PROBES}"
+    f"  BlockKeepsTs := {PROBE}.Output = HeaterBefore;\n  HeaterProbed := TRUE;\nEND_IF;\n")
+#: scans in Ts at least, where there is no PWM: a block that keeps Ts itself has to be called more often
+_SCANS: Final = 4
 _PWM_VARIABLES: Final = (
     ("HeaterOutput", "BOOL", "FALSE", "the heater's switch"),
     ("HeaterPhase", "DINT", "0", "ms since the period began"),
@@ -79,7 +97,8 @@ class Clock(NamedTuple):
 def clock_for(words: Words, actuator: Actuator | None) -> Clock:
     """Return the clock of a program that switches as was proven; None: no switch is known."""
     def none(why: str) -> Clock:
-        return Clock(words.whole["Ts"], why=why)
+        ts = words.whole["Ts"]
+        return Clock(next((ts // scans for scans in range(_SCANS, ts + 1) if ts % scans == 0), ts), why=why)
 
     if actuator is None:
         return none("no switch is known of the proof")
@@ -93,7 +112,7 @@ def clock_for(words: Words, actuator: Actuator | None) -> Clock:
 
 
 def variables(
-    words: Words, clock: Clock, setpoint_degC: float, *, keeps_ts: bool | None = None
+    words: Words, clock: Clock, setpoint_degC: float, *, calls_wegs: bool = False, keeps_ts: bool | None = None
 ) -> tuple[Variable, ...]:
     """Return name, type, initial value and meaning of the program's variables.
 
@@ -101,33 +120,39 @@ def variables(
         words: that are exported.
         clock: of the program.
         setpoint_degC: as it was proven, on the counts of the input module [°C].
-        keeps_ts: whether the block keeps Ts itself; None: it does not, whatever the user finds.
+        calls_wegs: whether it calls WEG's own block.
+        keeps_ts: whether that keeps Ts itself; None: the program finds out.
     """
     ramp = () if words.ramp is None else _RAMP_VARIABLES + (() if words.ramp.hold is None else _HOLD_VARIABLES)
-    listed = _VARIABLES + (() if keeps_ts is None else _KEEPS_TS) + (_PWM_VARIABLES if clock.steps else ()) + ramp
+    keeps = _KEEPS_TS + (_PROBE_VARIABLES if keeps_ts is None else ()) if calls_wegs else ()
+    listed = _VARIABLES + keeps + (_PWM_VARIABLES if clock.steps else ()) + ramp
     given = {"setpoint": literal(single(setpoint_degC)), "tick": clock.tick_ms, "kept": str(bool(keeps_ts)).upper()}
     return tuple((name, type_, initial.format(**given), meaning) for name, type_, initial, meaning in listed)
 
 
-def statements(words: Words, clock: Clock, call: str, *, keeps_ts: bool) -> str:
+def statements(
+    words: Words, clock: Clock, call: str, *, calls_wegs: bool = False, keeps_ts: bool | None = None
+) -> str:
     """Return the program's statements.
 
     Args:
         words: that are exported.
         clock: of the program.
         call: statements that call the block and take its output to HeaterPower.
-        keeps_ts: whether the block may keep Ts itself, as WEG's own.
+        calls_wegs: whether that is WEG's own block.
+        keeps_ts: as for `variables`.
     """
     ts = words.whole["Ts"]
     ramp = "" if words.ramp is None else f"IF HeaterDue THEN\n{_indented(_ramp(words.ramp))}END_IF;\n"
     return (
+        f"{_PROBED if calls_wegs and keeps_ts is None else ''}"
         "(* a call each Ts, the first one at once; a scan that is too long is not made up *)\n"
         "IF HeaterOn AND HeaterWasOn THEN\n  HeaterSince := HeaterSince + ScanMs;\n"
         f"ELSE\n  HeaterSince := {ts};\nEND_IF;\n"
         f"HeaterDue := HeaterOn AND HeaterSince >= {ts};\n"
         f"IF HeaterDue THEN\n  HeaterSince := HeaterSince MOD {ts};\nEND_IF;\n"
         f"{ramp}"
-        f"IF HeaterDue OR {'BlockKeepsTs OR ' if keeps_ts else ''}NOT HeaterOn THEN\n{_indented(call)}END_IF;\n"
+        f"IF HeaterDue OR {'BlockKeepsTs OR ' if calls_wegs else ''}NOT HeaterOn THEN\n{_indented(call)}END_IF;\n"
         "IF NOT HeaterOn THEN (* the block leaves its output as it was *)\n  HeaterPower := 0.0;\nEND_IF;\n"
         f"{_pwm(clock)}HeaterWasOn := HeaterOn;\n"
     )

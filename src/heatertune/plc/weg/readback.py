@@ -10,6 +10,7 @@ from heatertune.errors import InputError
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import Collected, ReadBack, lines_of, real_of, whole_of, wrong
 from heatertune.plc.weg.export import RENAMED
+from heatertune.plc.weg.program import PROBE
 from heatertune.plc.weg.words import FIELDS
 
 __all__ = ["from_text"]
@@ -18,6 +19,8 @@ __all__ = ["from_text"]
 _TAG: Final = re.compile(r"<[^<>]*>")
 _COMMENT: Final = re.compile(r"\(\*.*?(?:\*\)|\Z)|//[^\r\n]*", re.DOTALL)
 _CALL: Final = re.compile(r"\b[A-Za-z_]\w*\s*\(((?:[^()]|\([^()]*\))*)\)")
+#: statements of the instance that finds out who keeps Ts
+_PROBED: Final = re.compile(rf"\b{PROBE}\b[^;]*;")
 #: an input that is set before the call
 _MEMBER: Final = re.compile(r"\b[A-Za-z_]\w*\.([A-Za-z_]\w*)\s*:=\s*([^;]*?)\s*;")
 _NAMED: Final = re.compile(r"([A-Za-z_]\w*)#?\s*:=")
@@ -49,6 +52,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     """
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     plain = _blanked(_COMMENT, _blanked(_TAG, text) if text.lstrip().startswith("<") else text)
+    plain = _blanked(_PROBED, plain)
     calls = [call for call in _CALL.finditer(plain) if any(name.upper() in _ASKED for name in _NAMED.findall(call[1]))]
     if len(calls) > 1:
         lines = " and ".join(str(plain.count("\n", 0, call.start()) + 1) for call in calls[:2])

@@ -66,9 +66,9 @@ class Assumptions(NamedTuple):
         why="at that edge: filter at SetPoint and e(k−1) = e(k), or both zero; i is zero either way",
     )] = False
     sampling: Annotated[int, Switch(
-        name="sampling", means={"caller": CALLER, "skipped": SKIPPED, "block": BLOCK}, told=("block",),
-        why="who keeps Ts: the caller; or the block, which then may skip every second call of a program that calls it "
-            "each Ts, unless that is told (block) and calls it each scan",
+        name="sampling", means={"caller": CALLER, "skipped": SKIPPED, "block": BLOCK}, told=("skipped", "block"),
+        why="who keeps Ts: the caller; or the block (block), which then may skip every second call of a program that "
+            "calls it each Ts (skipped): the exported one finds out, and calls it each scan",
     )] = CALLER
 
 

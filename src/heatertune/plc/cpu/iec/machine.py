@@ -1,4 +1,4 @@
-"""A machine that runs structured text: each statement becomes a function on the memory of an instance.
+"""A machine that runs structured text: a unit becomes a Python function on the memory of an instance.
 
 REAL is single precision, rounded once by each operation; whole numbers are computed in 32 bits with a sign and kept in
 those of their variable. Numbers of one kind do not become another by themselves.
@@ -7,15 +7,12 @@ those of their variable. Numbers of one kind do not become another by themselves
 from __future__ import annotations
 
 import math
-import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.text import (
-    Arm,
     Assignment,
-    Branches,
     Call,
     Expression,
     Literal,
@@ -30,15 +27,13 @@ __all__ = ["Firmware", "Program", "Value"]
 Value = bool | int | float
 #: variables of an instance by their places, instances in it being memories themselves
 _Memory = list[Any]
-_Get = Callable[[_Memory], Any]
 _Run = Callable[[_Memory], None]
 
 #: whole type → bits, and whether it has a sign
 _WHOLE: Final = {"BYTE": (8, False), "UINT": (16, False), "INT": (16, True), "DINT": (32, True)}
 _KIND: Final = {"REAL": "REAL", "BOOL": "BOOL", **dict.fromkeys(_WHOLE, "WHOLE")}
 _NOTHING: Final[Mapping[str, Value]] = {"REAL": 0.0, "BOOL": False, "WHOLE": 0}
-_COMPARED: Final[Mapping[str, Callable[[Any, Any], bool]]] = {
-    "=": operator.eq, "<>": operator.ne, "<": operator.lt, ">": operator.gt, "<=": operator.le, ">=": operator.ge}
+_COMPARED: Final = {"=": "==", "<>": "!=", "<": "<", ">": ">", "<=": "<=", ">=": ">="}
 
 
 class Firmware(NamedTuple):
@@ -77,6 +72,7 @@ class Program:
         if len(programs) != 1:
             raise InputError(f"{len(programs)} programs; expected one")
         self._block = _Compiler(programs[0], known).block()
+        self._named: dict[str, int] = {}  # name as it was asked for → place
         self.start()
 
     def start(self) -> None:
@@ -101,9 +97,11 @@ class Program:
         self._memory[self._place(name)] = value
 
     def _place(self, name: str) -> int:
-        if name not in self:
-            raise InputError(f"the program has no variable {name}")
-        return self._block.places[name.upper()][1]
+        if name not in self._named:
+            if name not in self:
+                raise InputError(f"the program has no variable {name}")
+            self._named[name] = self._block.places[name.upper()][1]
+        return self._named[name]
 
 
 def _of_firmware(block: Firmware) -> _Block:
@@ -119,13 +117,14 @@ def _of_firmware(block: Firmware) -> _Block:
 
 
 class _Compiler:
-    """Translates one unit."""
+    """Translates one unit: its statements become a Python function of the instance's memory `m`."""
 
     def __init__(self, unit: Unit, known: Mapping[str, _Block]) -> None:
         self._unit, self._known = unit, known
         self._places: dict[str, tuple[str, int]] = {}
         self._constant = {each.name for each in unit.variables if each.section.endswith("CONSTANT")}
         self._line = 0  # of the statement that is translated
+        self._lines = [0, 0]  # of the text, for each of the function's from 0 on: there is none, and its head
 
     def block(self) -> _Block:
         """Return the unit translated."""
@@ -142,7 +141,7 @@ class _Compiler:
                 raise self._wrong(f"{variable.name}: {variable.type} is no type that is known here")
             value = _NOTHING[kind] if variable.initial is None else self._initial(variable.initial, variable.type)
             begins.append(_always(value))
-        return _Block(self._places, lambda: [begin() for begin in begins], self._all(self._unit.body))
+        return _Block(self._places, lambda: [begin() for begin in begins], self._body())
 
     def _wrong(self, what: str) -> InputError:
         where = self._unit.told(self._line) if self._line else self._unit.name
@@ -151,159 +150,131 @@ class _Compiler:
     def _initial(self, given: Literal, type_: str) -> Value:
         if given.kind != _KIND[type_]:
             raise self._wrong(f"{given.value} is no {type_}")
-        value: Value = _fit(type_)(single(given.value) if given.kind == "REAL" else given.value)
-        return value
+        if given.kind == "REAL":
+            return single(given.value)
+        return _cut(int(given.value), *_WHOLE[type_]) if type_ in _WHOLE else given.value
 
-    def _all(self, statements: Iterable[Statement]) -> _Run:
-        """Return what runs statements; where a controller would stop, InputError tells the line."""
-        runs, unit = [(self._run(statement), statement.line) for statement in statements], self._unit
+    def _body(self) -> _Run:
+        """Return what runs the unit's statements; where a controller would stop, InputError tells the line."""
+        source = ["def body(m):", *self._all(self._unit.body, " ")]
+        names = {**_FUNCTIONS, **{f"run_{type_}": block.run for type_, block in self._known.items()}}
+        exec(compile("\n".join(source), self._unit.name, "exec"), names)
+        body, unit, lines = names["body"], self._unit, self._lines
 
         def run(memory: _Memory) -> None:
-            line = 0
             try:
-                for each, line in runs:  # noqa: B007 - told in the error
-                    each(memory)
+                body(memory)
             except InputError:
                 raise
-            except (ArithmeticError, ValueError):
+            except (ArithmeticError, ValueError) as problem:
+                made = problem.__traceback__ and problem.__traceback__.tb_next
+                line = lines[made.tb_lineno if made else 0]
                 raise InputError(f"{unit.told(line)}; a controller stops here") from None
 
         return run
 
-    def _run(self, statement: Statement) -> _Run:
-        self._line = statement.line
-        if isinstance(statement, Assignment):
-            return self._assignment(statement)
-        return self._call(statement) if isinstance(statement, Call) else self._branches(statement)
+    def _all(self, statements: Iterable[Statement], indent: str) -> Iterator[str]:
+        """Return the lines that run statements, at least one."""
+        made = False
+        for statement in statements:
+            self._line = statement.line
+            for line in self._run(statement, indent):
+                made = True
+                yield line
+        if not made:
+            yield self._made(f"{indent}pass")
 
-    def _assignment(self, statement: Assignment) -> _Run:
-        type_, places = self._variable(statement.target)
+    def _made(self, line: str) -> str:
+        self._lines.append(self._line)
+        return line
+
+    def _run(self, statement: Statement, indent: str) -> Iterator[str]:
+        if isinstance(statement, Assignment):
+            yield self._made(f"{indent}{self._assignment(statement)}")
+        elif isinstance(statement, Call):
+            yield from (self._made(f"{indent}{line}") for line in self._call(statement))
+        else:
+            for number, arm in enumerate(statement.arms):
+                self._line = arm.line
+                if arm.condition is None:
+                    head = "else:"
+                else:
+                    head = f"{'elif' if number else 'if'} {self._to(arm.condition, 'BOOL')}:"
+                yield self._made(f"{indent}{head}")
+                yield from self._all(arm.body, f"{indent} ")
+
+    def _assignment(self, statement: Assignment) -> str:
+        type_, place = self._variable(statement.target)
         if statement.target.path[-1] in self._constant:
             raise self._wrong(f"{statement.target.path[-1]} is a constant")
-        value = self._to(statement.value, type_)
-        if len(places) == 1:
-            (place,) = places
+        return f"{place} = {self._to(statement.value, type_)}"
 
-            def run(memory: _Memory) -> None:
-                memory[place] = value(memory)
-        else:
-            instance, member = places
-
-            def run(memory: _Memory) -> None:
-                memory[instance][member] = value(memory)
-
-        return run
-
-    def _call(self, statement: Call) -> _Run:
+    def _call(self, statement: Call) -> Iterator[str]:
         type_, place = self._places.get(statement.instance, ("", 0))
         block = self._known.get(type_)
         if block is None:
             raise self._wrong(f"{statement.instance} is no instance")
-        inputs = list[tuple[int, _Get]]()
         for name, expression in statement.inputs:
             if name not in block.places:
                 raise self._wrong(f"{type_} has no input {name}")
             wanted, there = block.places[name]
-            inputs.append((there, self._to(expression, wanted)))
-        body = block.run
+            yield f"m[{place}][{there}] = {self._to(expression, wanted)}"
+        yield f"run_{type_}(m[{place}])"
 
-        def run(memory: _Memory) -> None:
-            own = memory[place]
-            for there, value in inputs:
-                own[there] = value(memory)
-            body(own)
-
-        return run
-
-    def _branches(self, statement: Branches) -> _Run:
-        arms = [self._arm(arm) for arm in statement.arms]
-
-        def run(memory: _Memory) -> None:
-            for holds, body in arms:
-                if holds(memory):
-                    body(memory)
-                    return
-
-        return run
-
-    def _arm(self, arm: Arm) -> tuple[_Get, _Run]:
-        self._line = arm.line
-        holds = _always(True) if arm.condition is None else self._to(arm.condition, "BOOL")
-        return holds, self._all(arm.body)
-
-    def _variable(self, name: Name) -> tuple[str, tuple[int, ...]]:
-        """Return type and place of a variable, or of an instance's."""
-        places, known = self._places, list[int]()
+    def _variable(self, name: Name) -> tuple[str, str]:
+        """Return the type of a variable, or of an instance's, and where it stands in the memory."""
+        places, there, type_ = self._places, "m", ""
         for part in name.path:
             if part not in places:
                 raise self._wrong(f"{'.'.join(name.path)} is not declared")
             type_, place = places[part]
-            known.append(place)
+            there = f"{there}[{place}]"
             places = self._known[type_].places if type_ in self._known else {}
         if type_ not in _KIND:
             raise self._wrong(f"{'.'.join(name.path)} is no number")
-        return type_, tuple(known)
+        return type_, there
 
-    def _to(self, expression: Expression, type_: str) -> _Get:
-        """Return what gives an expression's value as a variable of a type keeps it."""
+    def _to(self, expression: Expression, type_: str) -> str:
+        """Return an expression, its value as a variable of a type keeps it."""
         kind, value = self._value(expression)
         if _KIND.get(type_) != kind:
             raise self._wrong(f"expected {type_}")
-        if kind != "WHOLE" or type_ == "DINT":
-            return value
-        fit = _fit(type_)
-        return lambda memory: fit(value(memory))
+        return value if kind != "WHOLE" or type_ == "DINT" else _fitted(value, type_)
 
-    def _value(self, expression: Expression) -> tuple[str, _Get]:
-        """Return the kind of an expression and what gives its value."""
+    def _value(self, expression: Expression) -> tuple[str, str]:
+        """Return the kind of an expression, and it."""
         if isinstance(expression, Literal):
-            return expression.kind, _always(
-                single(expression.value) if expression.kind == "REAL" else expression.value)
+            return expression.kind, repr(single(expression.value) if expression.kind == "REAL" else expression.value)
         if isinstance(expression, Name):
-            type_, places = self._variable(expression)
-            return _KIND[type_], _at(places)
+            type_, place = self._variable(expression)
+            return _KIND[type_], place
         operands = [self._value(operand) for operand in expression.operands]
         kinds = [kind for kind, _ in operands]
         if (expression.sign, *kinds) not in _MADE:
             raise self._wrong(f"{expression.sign} does not go with {' and '.join(kinds)}")
-        kind, makes = _MADE[(expression.sign, *kinds)]
-        return kind, _applied(makes, *(value for _, value in operands))
+        kind, made = _MADE[(expression.sign, *kinds)]
+        return kind, made.format(*(value for _, value in operands))
 
 
-def _always(value: Value) -> Callable[..., Value]:
-    return lambda *_: value
+def _always(value: Value) -> Callable[[], Value]:
+    return lambda: value
 
 
-def _at(places: tuple[int, ...]) -> _Get:
-    if len(places) == 1:
-        return operator.itemgetter(places[0])
-    instance, member = places
-    return lambda memory: memory[instance][member]
-
-
-def _fit(type_: str) -> Callable[[Any], Any]:
-    """Return what cuts a whole number to the bits of its type; others are as they are."""
-    if type_ not in _WHOLE:
-        return lambda value: value
+def _fitted(value: str, type_: str) -> str:
+    """Return an expression of a whole number, cut to the bits of a type."""
     bits, signed = _WHOLE[type_]
-    low, all_ = -(1 << bits - 1) if signed else 0, 1 << bits
-    return lambda value: (value - low) % all_ + low
+    low = 1 << bits - 1 if signed else 0
+    return f"(({value} + {low}) % {1 << bits} - {low})"
 
 
-_dint: Final = _fit("DINT")
-
-
-def _applied(makes: Callable[..., Any], *values: _Get) -> _Get:
-    if len(values) == 1:
-        (value,) = values
-        return lambda memory: makes(value(memory))
-    left, right = values
-    return lambda memory: makes(left(memory), right(memory))
+def _cut(value: int, bits: int, signed: bool) -> int:
+    low = -(1 << bits - 1) if signed else 0
+    return (value - low) % (1 << bits) + low
 
 
 def _truncated(value: float) -> int:
     whole = math.trunc(value)
-    if whole != _dint(whole):
+    if whole != _cut(whole, *_WHOLE["DINT"]):
         raise OverflowError
     return whole
 
@@ -314,23 +285,27 @@ def _quotient(dividend: int, divisor: int) -> int:
     return share if (dividend < 0) == (divisor < 0) else -share
 
 
+def _rest(dividend: int, divisor: int) -> int:
+    return dividend - divisor * _quotient(dividend, divisor)
+
+
+#: what a unit's function calls; of a literal beyond all singles `repr` gives "inf"
+_FUNCTIONS: Final[Mapping[str, Any]] = {"single": single, "divided": divided, "truncated": _truncated,
+                                        "quotient": _quotient, "rest": _rest, "inf": math.inf}
 #: operation or function and the kinds of its operands → the kind of what it makes, and how
-_MADE: Final[Mapping[tuple[str, ...], tuple[str, Callable[..., Any]]]] = {
-    ("NOT", "BOOL"): ("BOOL", operator.not_),
-    ("AND", "BOOL", "BOOL"): ("BOOL", operator.and_),
-    ("OR", "BOOL", "BOOL"): ("BOOL", operator.or_),
-    ("ABS", "REAL"): ("REAL", abs),
-    ("UINT_TO_REAL", "WHOLE"): ("REAL", single),
-    ("DINT_TO_REAL", "WHOLE"): ("REAL", single),
-    ("TRUNC", "REAL"): ("WHOLE", _truncated),
-    ("+", "REAL", "REAL"): ("REAL", lambda one, two: single(one + two)),
-    ("-", "REAL", "REAL"): ("REAL", lambda one, two: single(one - two)),
-    ("*", "REAL", "REAL"): ("REAL", lambda one, two: single(one * two)),
-    ("/", "REAL", "REAL"): ("REAL", divided),
-    ("+", "WHOLE", "WHOLE"): ("WHOLE", lambda one, two: _dint(one + two)),
-    ("-", "WHOLE", "WHOLE"): ("WHOLE", lambda one, two: _dint(one - two)),
-    ("*", "WHOLE", "WHOLE"): ("WHOLE", lambda one, two: _dint(one * two)),
-    ("/", "WHOLE", "WHOLE"): ("WHOLE", lambda one, two: _dint(_quotient(one, two))),
-    ("MOD", "WHOLE", "WHOLE"): ("WHOLE", lambda one, two: one - two * _quotient(one, two)),
-    **{(sign, kind, kind): ("BOOL", asks) for sign, asks in _COMPARED.items() for kind in ("REAL", "WHOLE")},
+_MADE: Final[Mapping[tuple[str, ...], tuple[str, str]]] = {
+    ("NOT", "BOOL"): ("BOOL", "(not {0})"),
+    ("AND", "BOOL", "BOOL"): ("BOOL", "({0} & {1})"),
+    ("OR", "BOOL", "BOOL"): ("BOOL", "({0} | {1})"),
+    ("ABS", "REAL"): ("REAL", "abs({0})"),
+    ("UINT_TO_REAL", "WHOLE"): ("REAL", "single({0})"),
+    ("DINT_TO_REAL", "WHOLE"): ("REAL", "single({0})"),
+    ("TRUNC", "REAL"): ("WHOLE", "truncated({0})"),
+    ("/", "REAL", "REAL"): ("REAL", "divided({0}, {1})"),
+    ("/", "WHOLE", "WHOLE"): ("WHOLE", _fitted("quotient({0}, {1})", "DINT")),
+    ("MOD", "WHOLE", "WHOLE"): ("WHOLE", "rest({0}, {1})"),
+    **{(sign, "REAL", "REAL"): ("REAL", f"single({{0}} {sign} {{1}})") for sign in "+-*"},
+    **{(sign, "WHOLE", "WHOLE"): ("WHOLE", _fitted(f"({{0}} {sign} {{1}})", "DINT")) for sign in "+-*"},
+    **{(sign, kind, kind): ("BOOL", f"({{0}} {asks} {{1}})") for sign, asks in _COMPARED.items()
+       for kind in ("REAL", "WHOLE")},
 }

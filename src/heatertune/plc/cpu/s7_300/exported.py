@@ -94,10 +94,12 @@ class ExportedS7(ABC):
     def interrupt(self) -> tuple[float, bool | None]:
         """Run OB35 with each analog value of a broken wire."""
         self._begun, asked, on = False, 0.0, False
+        whole = bytes(self._cpu.memory["P"][_INPUT : _INPUT + 2])
         for value in _BROKEN:
             self._cpu.memory["P"][_INPUT : _INPUT + 2] = value.to_bytes(2, "big")
             self._cpu.run("OB 35")
             asked, on = max(asked, self.outcome()[1]), on or self._on()
+        self._cpu.memory["P"][_INPUT : _INPUT + 2] = whole
         return asked, None if self._pwm is None else on
 
     @final

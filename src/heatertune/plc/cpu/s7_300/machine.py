@@ -291,7 +291,10 @@ def _always(value: int) -> Callable[[Cpu], int]:
 
 
 def _value(place: Place) -> Callable[[Cpu], int]:
-    return lambda cpu: cpu.get(place)
+    name, byte, end = place.memory, place.byte, place.byte + place.size
+    if not name or not place.size:
+        return lambda cpu: cpu.get(place)
+    return lambda cpu: int.from_bytes(cpu.memory[name][byte:end], "big")
 
 
 def _to(place: Place) -> Callable[[Cpu, int], None]:
@@ -323,15 +326,20 @@ def _set(value: bool, then: int) -> Statement[Cpu]:
 
 
 def _jump(name: str, there: int, then: int) -> Statement[Cpu]:
-    def run(cpu: Cpu) -> int:
-        goes = {"JU": True, "JC": cpu.true, "JCN": not cpu.true, "JOS": cpu.os}[name]
-        if name == "JOS":
-            cpu.os = False
-        elif name != "JU":
-            cpu.true = True  # of both
+    def always(cpu: Cpu) -> int:
         cpu.first = True
+        return there
+
+    def overflow(cpu: Cpu) -> int:
+        goes, cpu.os, cpu.first = cpu.os, False, True
         return there if goes else then
-    return run
+
+    def asked(cpu: Cpu) -> int:
+        goes, cpu.true, cpu.first = cpu.true == wanted, True, True  # the result of both is true
+        return there if goes else then
+
+    wanted = name == "JC"
+    return {"JU": always, "JOS": overflow}.get(name, asked)
 
 
 def _unary(makes: Callable[[int], int], then: int) -> Statement[Cpu]:

@@ -18,6 +18,8 @@ LAST: Final = ("END_FUNCTION_BLOCK", "END_DATA_BLOCK", "END_FUNCTION", "END_ORGA
 _SIZES: Final = {"BOOL": 0, "BYTE": 1, "INT": 2, "WORD": 2, "DINT": 4, "TIME": 4, "REAL": 4, "DATE_AND_TIME": 8}
 _STATEMENT: Final = re.compile(r"\s*(?:(\w+):)?\s*(\S+)\s*(.*?)\s*")
 _DECLARED: Final = re.compile(r"(\w+) : (\w+) *(?:\[[^\]]*\] *OF \w+ *)?;")
+_REAL: Final = struct.Struct(">f")
+_BITS: Final = struct.Struct(">I")
 
 
 class Place(NamedTuple):
@@ -63,13 +65,13 @@ def _statement(number: int, text: str) -> Line:
 
 def as_real(pattern: int) -> float:
     """Return the REAL that 32 bits hold."""
-    value: float = struct.unpack(">f", struct.pack(">I", pattern))[0]
+    value: float = _REAL.unpack(_BITS.pack(pattern))[0]
     return value
 
 
 def bits_of(value: float) -> int:
     """Return the 32 bits of a REAL."""
-    pattern: int = struct.unpack(">I", struct.pack(">f", value))[0]
+    pattern: int = _BITS.unpack(_REAL.pack(value))[0]
     return pattern
 
 
