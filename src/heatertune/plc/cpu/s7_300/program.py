@@ -137,7 +137,7 @@ class Program:
 
     @property
     def _members(self) -> list[Member]:
-        kind, tick = "REAL" if self.real else "INT", self.switch.tick_ms
+        kind = "REAL" if self.real else "INT"
         bits = [
             Member("AUTO", "BOOL", 0, "yours: 0 manual, 1 automatic"),
             Member("FAULT", "BOOL", 0, "sensor broken: heater off"),
@@ -151,7 +151,7 @@ class Program:
         return [
             *bits, self.setpoint,
             Member("POWER", kind, 0, f"yours in manual, {'%' if self.real else f'0..{FULL_SCALE}'}; follows else"),
-            *ramp, Member("TICK_MS", "INT", tick - (65536 if tick > 32767 else 0), "interval of OB 35"),
+            *ramp, Member("TICK_MS", "INT", self.switch.tick_ms, "interval of OB 35"),
             Member("TICKS", "DINT", 0, "since the last call of the controller"),
             Member("PER_CALL", "DINT", self.switch.per_call, "ticks from one call of it to the next"),
         ]
