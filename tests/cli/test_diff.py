@@ -114,7 +114,7 @@ def test_a_design_with_its_recipe_becomes_the_words_that_were_proven(run, proven
     a, _ = read_sides(tmp_path / "pid.json", proven, Given())
     assert (a.kind, a.taken_over, a.words.scaling.high_degC) == ("design", (), 150.0)
     assert a.words.values["BGOG"] == 1638  # 80 % of 2047 units
-    rounded, _ = read_sides(tmp_path / "pid.json", proven, Given(scaling=Scaling()))  # the user's range
+    rounded, _ = read_sides(tmp_path / "pid.json", proven, Given(sensor_degC=(0.0, 100.0)))  # the user's range
     assert (rounded.words.scaling, rounded.words.values["BGOG"]) == (Scaling(), 1638)
     other, _ = read_sides(tmp_path / "pid.json", tmp_path / "pid.json", Given(target="weg"))
     assert other.words.values["MaximumOutput"] == 100.0  # a recipe of another controller says nothing of this one

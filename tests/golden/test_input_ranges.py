@@ -172,10 +172,12 @@ def test_a_transmitter_gives_3_8_ma_at_the_least_and_the_setpoint_stays_within_i
 
 
 def test_a_range_that_a_target_does_not_have_or_that_has_its_own_ends_is_refused():
-    with pytest.raises(UnknownName, match="unknown input 'rtd'; known: 4-20mA"):
-        scaled(controller_for("s5-ob251").ranges, "rtd")
-    with pytest.raises(UnknownName, match="input"):
-        scaled(controller_for("weg").ranges, "4-20mA")
+    with pytest.raises(UnknownName, match="unknown input 'pt100'; known: 4-20mA"):
+        scaled(controller_for("fb41").ranges, "pt100")
+    for target, name, why in (("s5-ob251", "rtd", "ohms"), ("s5-ob251", "thermocouple", "not known"), ("weg", "4-20mA", "no analog module"),
+                              ("s7-200", "thermocouple", "no analog module"), ("s7-200-pid", "rtd-climatic", "use rtd")):
+        with pytest.raises(InputError, match=rf"^--input {name}: .*{why}"):
+            controller_for(target).scaled(name, (0.0, 100.0))
     with pytest.raises(InputError, match=r"--range 0 400 beside --input rtd: its readings are 0…2764.8 °C"):
         scaled(controller_for("fb41").ranges, "rtd", (0.0, 400.0))
     for target in S7:

@@ -3,9 +3,13 @@
 That the text and the proof are right is tests/golden's: awlsim, an S5 and a machine for structured text of its own.
 """
 
+import math
+import random
 import re
 from dataclasses import replace
+from fractions import Fraction
 from functools import cache
+from itertools import product
 
 import pytest
 from tests.bench.text_faults import HEATER as PLANT
@@ -20,6 +24,7 @@ from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.cpu.s5.machine import Cpu as S5Cpu
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
 from heatertune.plc.cpu.s7_300.machine import Cpu as S7Cpu
+from heatertune.plc.cpu.s7_300.source import as_real, bits_of
 from heatertune.plc.inputs import scaled
 from heatertune.plc.open_points import assumed
 from heatertune.plc.pwm import Actuator
@@ -40,11 +45,11 @@ SWITCH = Actuator(pwm_period_s=2.0, resolution_s=0.1, minimum_on_s=0.2)
 
 
 @cache
-def short_run(target, *, ramped=False, actuator=SWITCH, tv=2.0, **known):
+def short_run(target, *, ramped=False, actuator=SWITCH, input_=None, **known):
     which = controller_for(target)
-    design = PidDesign(gain_pct_per_degC=0.9 if target == "s5-ob251" else 4.0, integral_time_s=30.0, derivative_time_s=tv, sample_time_s=1.0,
-                       structure="pid" if tv else "pi", method="")
-    words = which.encode(design, Scaling(low_degC=0.0, high_degC=150.0))
+    design = PidDesign(gain_pct_per_degC=0.9 if target == "s5-ob251" else 4.0, integral_time_s=30.0, derivative_time_s=2.0, sample_time_s=1.0,
+                       structure="pid", method="")
+    words = which.encode(design, which.scaled(input_, (0.0, 150.0)))
     if ramped:
         ramp = which.ramp(words, 60.0, 6.0)
         words = replace(words, ramp=Ramp(step=2 * ramp.step, calls=2, hold=ramp.hold))
@@ -62,10 +67,10 @@ def compared_with(trace, files, monkeypatch):
     return compared(controller, trace.words, trace, trace.switches).departs
 
 
-@pytest.mark.parametrize("ramped", [False, True])
-@pytest.mark.parametrize("target", FILES)
-def test_a_text_follows_a_short_run(target, ramped):
-    trace = short_run(target, ramped=ramped)
+@pytest.mark.parametrize(("target", "how"), [
+    *product(FILES, ({}, {"ramped": True})), *((target, {"input_": "4-20mA"}) for target in FILES if target != "weg")])
+def test_a_text_follows_a_short_run(target, how):
+    trace = short_run(target, **how)
     assert len(set(trace.power_asked_pct)) > 12
     assert compared(controller_for(target), trace.words, trace) == Compared()
 
@@ -157,6 +162,61 @@ def test_a_fault_in_the_text_is_noticed(target, there, instead, monkeypatch):
     broken, count = re.subn(there, instead, files[file])
     assert count, files[file]
     assert compared_with(trace, files | {file: broken}, monkeypatch).startswith(f"{file}: ")
+
+
+def loaded(trace, files=None):
+    controller = controller_for(trace.words.target)
+    loads = controller.exported(files or files_of(trace), assumed(controller.assumptions, trace.switches))
+    return loads[FILES[trace.words.target]]()
+
+
+@pytest.mark.parametrize("target", ["s7-300", "fb41"])
+def test_an_underflow_that_does_not_take_the_power_away_is_seen(target):
+    trace = short_run(target, actuator=Actuator(pwm_period_s=2.0, minimum_rule="carry"))  # so all there is is the power asked for
+    source = files_of(trace)[FILES[target]]
+    line = "      L     -32768;"
+    assert source.count(line) == 1
+    blind = loaded(trace, {FILES[target]: source.replace(line, "      L     1;")})
+    for text, power in ((loaded(trace), 0.0), (blind, 100.0)):
+        assert text.tick(9000, 100, 0.0)[1] is None
+        assert text.interrupt() == (power, None)
+
+
+def test_an_output_beyond_its_limits_is_no_power_beyond_100_pct():
+    text = loaded(short_run("fb41"))
+    for output, power in ((150.0, 100.0), (100.5, 100.0), (-3.0, 0.0), (37.5, 37.5)):
+        text.force(output)
+        assert text.outcome() == (output, power)
+
+
+@pytest.mark.parametrize("target", ["s7-300", "fb41"])
+def test_a_period_holds_the_nearest_number_of_ticks(target):
+    # by hand: share of the period, halves up
+    ticks, chance = 7000, random.Random(3)
+    text = loaded(short_run(target, actuator=Actuator(pwm_period_s=70.0, resolution_s=0.01)))
+    full = 27648 if target == "s7-300" else 100
+    for _ in range(300):
+        output = chance.randint(0, 27648) if target == "s7-300" else as_real(bits_of(chance.uniform(0.0, 100.0)))
+        text.begin(output, ticks)
+        assert text.counted() == math.floor(Fraction(output) * ticks / full + Fraction(1, 2)), output
+
+
+@pytest.mark.parametrize(("actuator", "made"), [
+    (Actuator(pwm_period_s=10.0, resolution_s=1.0), True), (Actuator(pwm_period_s=0.5, resolution_s=0.5), True),
+    (Actuator(pwm_period_s=10.0, resolution_s=0.3), False), (Actuator(pwm_period_s=770.0), True), (Actuator(pwm_period_s=770.01), False)])
+def test_pulses_are_made_where_they_are_whole_ticks_and_their_product_fits(actuator, made):
+    trace = short_run("s7-300")
+    files = controller_for("s7-300").export(trace.words, Certificate(verdict="", actuator=actuator))
+    assert (loaded(trace, files).counted() is not None) == made
+
+
+def test_a_short_run_restarts_from_what_the_text_leaves_and_from_cold():
+    which = controller_for("s5-ob251")
+    kept, cleared = short_run("s5-ob251", start_up="retained"), short_run("s5-ob251")
+    assert kept.power_asked_pct.tolist() != cleared.power_asked_pct.tolist()
+    assert compared(which, kept.words, kept, {"start_up": "retained"}) == Compared()
+    assert compared(which, cleared.words, cleared, {"start_up": "retained"}) == Compared()  # a CPU without a battery
+    assert compared(which, kept.words, kept).departs is not None
 
 
 @pytest.mark.long

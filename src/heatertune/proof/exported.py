@@ -123,7 +123,7 @@ class _Comparison:
         begins = [0.0, *(event.time_s for event in trace.scenario.disturbances)]
         times, readings = trace.time_s[:_MOST_CALLS], trace.reading_degC[:_MOST_CALLS]
         phases = (np.searchsorted(begins, times, "right") - 1).tolist()
-        counts = np.rint((readings - scale.low_degC) * (controller.counts / scale.span_degC)).astype(int)
+        counts = np.rint((readings - scale.low_degC) * (controller.sensor(scale).counts / scale.span_degC)).astype(int)
         asked = [self._loop.asked[phase] for phase in phases]
         return list(map(_Call, times.tolist(), phases, asked, counts.tolist(), readings.tolist(),
                         trace.followed_degC.tolist(), trace.power_asked_pct.tolist()))

@@ -34,7 +34,6 @@ class ExportedWeg:
         self._led = "HeaterRamp" if "HeaterRamp" in program else "HeaterSetPoint"
         self._pwm = "HeaterOutput" in program
         self._asked: Number | None = None
-        self._begun = False
         self.start()
 
     @property

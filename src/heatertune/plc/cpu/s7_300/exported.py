@@ -36,7 +36,6 @@ class ExportedS7(ABC):
         self._pwm = None if _PWM not in cpu.members else (cpu.member(_PWM, "TICK"), cpu.member(_PWM, "COUNT"))
         self._tick_ms = cpu.get(cpu.member(_OWN, "TICK_MS"))
         self._asked: Number | None = None
-        self._begun = False
         if _TOLD not in cpu.memory:
             raise InputError("OB 35: the source has no such block")
         cpu.memory[_TOLD][10:12] = self._tick_ms.to_bytes(2, "big")

@@ -10,13 +10,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from heatertune.plc.core import Sensor, count
+from heatertune.plc.core import count
 from heatertune.plc.cpu.s7_300 import awl, cells
 from heatertune.plc.cpu.s7_300.cells import Member
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, RANGES
 from heatertune.plc.cpu.s7_300.ramp import ramp_begins, ramp_moves
 from heatertune.plc.cpu.s7_300.switch import ANALOG, OWN, PULSEGEN, Switching, pwm_block, pwm_members
-from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, share_of
+from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, module, share_of
 from heatertune.plc.ramp import Ramp
 from heatertune.plc.words import Certificate, Words
 
@@ -222,7 +222,7 @@ class Program:
 
 def counts_of(words: Words, temperature_degC: float) -> int:
     """Return the analog value of a temperature."""
-    return count(Sensor(words.scaling.low_degC, words.scaling.span_degC, FULL_SCALE), temperature_degC)
+    return count(module(words.scaling, FULL_SCALE, RANGES), temperature_degC)
 
 
 def by_hand(words: Words, certificate: Certificate, switch: Switching, *blocks: str) -> list[str]:
