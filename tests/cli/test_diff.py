@@ -13,6 +13,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Certificate, Ramp, Scaling, controller_for
 from heatertune.proof.difference import Given, Side, difference, read_sides
 from heatertune.proof.document import digested
+from heatertune.report.difference import difference_lines
 
 DESIGN = PidDesign(gain_pct_per_degC=2.0, integral_time_s=200.0, derivative_time_s=0.0, sample_time_s=5.0, structure="pi", method="")
 PROVEN = {"verdict": "PASS", "digest": "sha256:0"}
@@ -203,7 +204,21 @@ def test_two_controllers_are_compared_in_engineering_terms():
     assert document["proofs"][0]["why_not"] == ["target"]
 
 
+def test_another_range_of_the_module_is_told_and_not_covered(run, proven):
+    which = controller_for("fb41")
+    a, b = (Side(source=name, kind="words", words=which.encode(DESIGN, which.scaled(name))) for name in ("thermocouple", "rtd"))
+    document = difference(replace(a, proof=PROVEN), b)
+    assert (document["same"], document["around"], document["words"]) == (False, ["analog input"], [])
+    assert document["proofs"][0]["why_not"] == ["analog input"]
+    text = difference_lines(document)
+    assert "rtd: its sensor is a resistance thermometer" in text
+    assert "does not cover rtd: another analog input" in text
+    document = _document(run, proven, proven / "DB30.bin", "--input", "4-20mA")
+    assert (document["same"], document["around"], document["proofs"][0]["covers"]) == (False, ["analog input"], False)
+
+
 @pytest.mark.parametrize(("arguments", "said"), [
+    (("{proven}", "{proven}/DB30.bin", "--input", "rtd"), "--input rtd: an analog input 460 gives ohms"),
     (("{here}", "{proven}"), "no words.json"), (("{here}/none.json", "{proven}"), "cannot be read"),
     (("{proven}/pid.json", "{proven}/pid.json"), "--target is needed"), (("{proven}/proof.json", "{proven}"), "schema is"),
     (("{proven}", "{here}/bad.txt"), "line 2, data word: 'K = 3'"), (("{proven}", "{here}/short.bin"), "2 bytes; expected 98"),

@@ -90,6 +90,8 @@ def test_cases_are_every_combination_then_the_listed_ones(study):
      "[grid]: dead_time_s without gain_degC_per_pct, which it belongs to"),
     (HAND + "[[case]]\ntarget = 'weg'\nminimum_on_s = 1\n", "[[case]] 1: minimum_on_s without pwm_period_s"),
     (HAND + "[grid]\ntarget = ['weg', 's5-ob251']\nswitches = [{}, {rails = 'x'}]\n", "[grid]: weg: unknown switch 'rails'"),
+    (HAND + "input = 'rtd'\n[grid]\ntarget = ['fb41', 's5-ob251']\n", "[grid]: s5-ob251: --input rtd: an analog input 460 gives ohms"),
+    (HAND + "range_high_degC = 90\ntarget = 'fb41'\n[grid]\ninput = ['4-20mA', 'rtd']\n", "[grid]: fb41: --range 0 90 beside --input rtd"),
     ("[[case]]\ntarget = 'weg'\nlog = 'gone.csv'\n", "log 'gone.csv' cannot be read: No such file"),
     ("[[case]]\ntarget = 'weg'\nmodel = 'gone.json'\n", "gone.json: cannot be read: No such file"),
 ])
@@ -183,7 +185,7 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
     assert (seen["heater"].dead_time_s, seen["heater"].ambient_degC) == (5.0, 21.0)
     asked = seen["asked"]
     assert (asked.target, asked.words_by, seen["samples"]) == ("fb41", "rounded", 3)
-    assert (asked.scaling.low_degC, asked.scaling.high_degC) == (10.0, 90.0)
+    assert (asked.scaling.low_degC, asked.scaling.high_degC, asked.scaling.input) == (10.0, 90.0, "4-20mA")
     for part in (asked.tuned, asked.conditions):
         assert asdict(part) == {name: settings.get(name, ()) for name in asdict(part)}
     assert "accept" not in KEYS

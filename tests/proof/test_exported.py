@@ -27,7 +27,7 @@ from heatertune.plc.cpu.s7_300.machine import Cpu as S7Cpu
 from heatertune.plc.cpu.s7_300.source import as_real, bits_of
 from heatertune.plc.inputs import scaled
 from heatertune.plc.open_points import assumed
-from heatertune.plc.pwm import Actuator
+from heatertune.plc.pwm import Actuator, pulsegen
 from heatertune.proof import Scenario, simulate
 from heatertune.proof import exported as of_text
 from heatertune.proof.exported import Compared, as_exported, compared
@@ -67,8 +67,11 @@ def compared_with(trace, files, monkeypatch):
     return compared(controller, trace.words, trace, trace.switches).departs
 
 
+GEN = pulsegen(pwm_period_s=2.0, call_interval_s=0.1, minimum_s=0.2)
+
+
 @pytest.mark.parametrize(("target", "how"), [
-    *product(FILES, ({}, {"ramped": True})), *((target, {"input_": "4-20mA"}) for target in FILES if target != "weg")])
+    *product(("s7-300", "fb41"), ({"actuator": GEN},)), *product(FILES, ({}, {"ramped": True})), *((target, {"input_": "4-20mA"}) for target in FILES if target != "weg")])
 def test_a_text_follows_a_short_run(target, how):
     trace = short_run(target, **how)
     assert len(set(trace.power_asked_pct)) > 12
@@ -151,13 +154,17 @@ PLANTED = [
     ("s7-300", r"L     L#13824;", "L     L#13000;"), ("s7-300", r"CALL  FC 101;\r\nEND_ORG", "NOP   0;\r\nEND_ORG"),
     ("fb41", r"GAIN := \d", "GAIN := 9"), ("fb41", r"SP_INT := DB101\.DBD    2", "SP_INT := DB101.DBD    6"),
     ("fb41", r"SRD   12;", "SRD   11;"), ("fb41", r"COM_RST := TRUE", "COM_RST := FALSE"),
+    *(("s7-300 PULSEGEN", there, instead) for there, instead in (
+        ("PER_TM := T#2000MS", "PER_TM := T#1000MS"), ("P_B_TM := T#200MS", "P_B_TM := T#900MS"), (" CYCLE := T#100MS", " CYCLE := T#50MS"),
+        ("STEP3_ON := FALSE", "STEP3_ON := TRUE"), ("SYN_ON := FALSE", "SYN_ON := TRUE"), ("INV := #share", "INV := 0.0"))),
     ("s7-300", r"PER_CALL := L#10", "PER_CALL := L#9"), ("s7-300", r"      L     -32768;", "      L     32767;"),
 ]
 
 
 @pytest.mark.parametrize(("target", "there", "instead"), PLANTED)
 def test_a_fault_in_the_text_is_noticed(target, there, instead, monkeypatch):
-    trace = short_run(target, ramped=":>F" in there)
+    target, _, block = target.partition(" ")
+    trace = short_run(target, ramped=":>F" in there, actuator=GEN if block else SWITCH)
     files, file = files_of(trace), FILES[target]
     broken, count = re.subn(there, instead, files[file])
     assert count, files[file]

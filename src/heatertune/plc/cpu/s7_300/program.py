@@ -16,11 +16,12 @@ from heatertune.plc.cpu.s7_300.cells import Member
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, RANGES
 from heatertune.plc.cpu.s7_300.ramp import ramp_begins, ramp_moves
 from heatertune.plc.cpu.s7_300.switch import ANALOG, OWN, PULSEGEN, Switching, pwm_block, pwm_members
-from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, module, share_of
+from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
 from heatertune.plc.ramp import Ramp
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["DATA", "LEAST", "PWM_DATA", "Program", "by_hand", "counts_of"]
+__all__ = ["DATA", "LEAST", "PWM_DATA", "Program", "by_hand", "counts_of",
+           "whole_number"]
 
 #: numbers of the program's own blocks, free in most programs: data block, FC that begins anew, PWM and its instance
 DATA: Final = 101
@@ -223,6 +224,11 @@ class Program:
 def counts_of(words: Words, temperature_degC: float) -> int:
     """Return the analog value of a temperature."""
     return count(module(words.scaling, FULL_SCALE, RANGES), temperature_degC)
+
+
+def whole_number(words: Words) -> str:
+    """Return how a setpoint becomes an analog value, as a reading does."""
+    return "the nearest whole number" if has_ends(RANGES, words.scaling.input) else "cut to a whole number"
 
 
 def by_hand(words: Words, certificate: Certificate, switch: Switching, *blocks: str) -> list[str]:
