@@ -391,7 +391,7 @@ def test_the_head_names_the_conditions_and_what_remains_to_be_done_by_hand(tmp_p
     assert max(map(len, text.splitlines())) <= 200
 
 
-@pytest.mark.parametrize(("ta", "tick", "per_call"), [(32.767, 32767, 1), (32.768, 16384, 2), (60.0, 30000, 2), (59.999, 8571, 7)])
+@pytest.mark.parametrize(("ta", "tick", "per_call"), [(32.767, 32767, 1), (32.768, 16384, 2), (60.0, 30000, 2), (59.997, 19999, 3)])
 def test_ob35_ticks_no_slower_than_its_exc_freq_can_tell_which_is_an_int(tmp_path, ta, tick, per_call):
     text = _folder(_words("s7-300", ta), None, tmp_path)
     assert f"TICK_MS := {tick} ;" in text

@@ -17,8 +17,9 @@ from heatertune.model.findings import Finding
 from heatertune.plc.controller import Controller, controller_for
 from heatertune.plc.exported import Called, Exported
 from heatertune.plc.open_points import assumed
-from heatertune.plc.pwm import on_time
+from heatertune.plc.pwm import Actuator, on_time, pulse_ends
 from heatertune.plc.ramp import Number
+from heatertune.plc.single import real_of, word_of
 from heatertune.plc.words import Certificate, Words
 from heatertune.proof.loop import in_loop
 from heatertune.proof.prove import Proof
@@ -193,14 +194,15 @@ class _Comparison:
         if ticks is None or not self._powers:
             return None
         period = ticks.per_period
-        outputs, length = sorted(self._powers), min(period, _MOST_OF_PWM)
+        powers = self._powers | _at_ends(self._powers, actuator)
+        outputs, length = sorted(powers), min(period, _MOST_OF_PWM)
         begins = self._text.begin(outputs[0], period)
         if begins is None:
             return None
         counts = self._text.counted() is not None
         ticked = _spread(outputs, min(_FULLY if counts else len(outputs), max(1, _MOST_OF_PWM // period)))
         for output in outputs if counts else sorted(ticked):
-            on_s, _ = on_time(self._powers[output], 0.0, actuator.numbers)
+            on_s, _ = on_time(powers[output], 0.0, actuator.numbers)
             proven = on_s / actuator.resolution_s
             begins = self._text.begin(output, period)
             made = [(self._text.counted(), proven)]
@@ -209,13 +211,29 @@ class _Comparison:
                 made.append((on, min(proven, length)))
             for ticks_on, wanted in made:
                 if ticks_on is not None and abs(ticks_on - wanted) > _OF_A_TICK:
-                    return (f"{ticks_on:g} ticks of a period are on at {self._powers[output]:.6g} %; proven are "
+                    return (f"{ticks_on:g} ticks of a period are on at {powers[output]:.6g} %; proven are "
                             f"{wanted:g}")
         if not counts and len(ticked) < len(outputs):
             self._not_run.append(f"the exported PWM at {len(outputs) - len(ticked)} of {len(outputs)} powers")
         if length < period:
             self._not_run.append(f"the exported PWM after {length} ticks of a period")
         return None
+
+
+def _at_ends(powers: Mapping[Number, float], actuator: Actuator) -> dict[Number, float]:
+    """Return the outputs between which pulses begin and pauses end, output → power [%]; powers: some others."""
+    output, power = max(powers.items())
+    if power <= 0.0:
+        return {}
+    if isinstance(output, int):
+        full = round(100.0 * output / power)
+        return {end: 100.0 * end / full for end in _beside(pulse_ends(actuator, lambda at: 100.0 * at / full, full))}
+    return {real: real for real in map(real_of, _beside(pulse_ends(actuator, real_of, word_of(100.0))))}
+
+
+def _beside(ends: tuple[int, int]) -> list[int]:
+    least, most = ends
+    return [least - 1, least, most, most + 1]
 
 
 def _spread(ordered: Sequence[Number], count: int) -> set[Number]:
