@@ -154,7 +154,7 @@ PLANTED = [
     ("s7-300", r"L     L#13824;", "L     L#13000;"), ("s7-300", r"CALL  FC 101;\r\nEND_ORG", "NOP   0;\r\nEND_ORG"),
     ("fb41", r"GAIN := \d", "GAIN := 9"), ("fb41", r"SP_INT := DB101\.DBD    2", "SP_INT := DB101.DBD    6"),
     ("fb41", r"SRD   12;", "SRD   11;"), ("fb41", r"COM_RST := TRUE", "COM_RST := FALSE"),
-    ("s7-300", "LEAST := 2765", "LEAST := 2766"), ("s7-300", "MOST := 26956", "MOST := 26955"), ("s5-ob251", r"KF \+205 ", "KF +206 "),
+    ("fb41", "PVPER_ON := TRUE", "PVPER_ON := FALSE"), ("s7-300", "  AUTO := FALSE", "  AUTO := TRUE"), ("s7-300", "LEAST := 2765", "LEAST := 2766"), ("s7-300", "MOST := 26956", "MOST := 26955"), ("s5-ob251", r"KF \+205 ", "KF +206 "),
     *(("s7-300 PULSEGEN", there, instead) for there, instead in (
         ("PER_TM := T#2000MS", "PER_TM := T#1000MS"), ("P_B_TM := T#200MS", "P_B_TM := T#900MS"), (" CYCLE := T#100MS", " CYCLE := T#50MS"),
         ("STEP3_ON := FALSE", "STEP3_ON := TRUE"), ("SYN_ON := FALSE", "SYN_ON := TRUE"), ("INV := #share", "INV := 0.0"))),
