@@ -195,7 +195,7 @@ def unexplained(target, file, every=1, part=""):
         reason = next((key for key in keys if key in known), None)
         used.add(reason)
         left += [] if reason else [named]
-    return left, sorted(set(known) - used), count
+    return left, [] if part else sorted(set(known) - used), count
 
 
 if __name__ == "__main__":

@@ -18,10 +18,10 @@ from typing import Any, ClassVar, Final, NamedTuple, cast, final
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
-from heatertune.plc.core import Core, Running, Scan, Sensor, Timing
+from heatertune.plc.core import Core, Running, Scan, Timing
 from heatertune.plc.exported import Loads
 from heatertune.plc.feed_forward import Feed
-from heatertune.plc.inputs import Range, module, scaled
+from heatertune.plc.inputs import Inputs
 from heatertune.plc.open_points import NothingOpen, Switch, assumed, declared
 from heatertune.plc.ramp import Number, Ramp, nearest
 from heatertune.plc.readback import ReadBack
@@ -37,7 +37,7 @@ __all__ = ["Controller", "controller_for"]
 _CLASSES: Final[dict[str, type[Controller]]] = {}
 
 
-class Controller(ABC):
+class Controller(Inputs, ABC):
     """One controller, as `class Ob251(Controller, name="s5-ob251")`; the class registers itself under its name.
 
     Attributes:
@@ -100,8 +100,6 @@ class Controller(ABC):
     can: ClassVar[tuple[str, ...]]
     cannot: ClassVar[tuple[str, ...]]
     counts: ClassVar[int]
-    ranges: ClassVar[Mapping[str, Range]] = {}
-    unread: ClassVar[Mapping[str, str]] = {}
     timer: ClassVar[Timer]
     core: ClassVar[Core]
     assumptions: ClassVar[type[NamedTuple]] = NothingOpen
@@ -122,7 +120,6 @@ class Controller(ABC):
     oddities: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     faults: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     tick_s: ClassVar[float | None] = None
-    delay_s: ClassVar[float] = 0.0
     direct: ClassVar[staticmethod[[Words, Any], tuple[Core, Running]] | None] = None
     feed: ClassVar[Feed | None] = None
     typed: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, Mapping[str, Any]]] | None] = None
@@ -322,22 +319,6 @@ class Controller(ABC):
         its, measure = self.sensor(words.scaling)._replace(least=0, half=0.0), self.core.measure
         # beyond the range the module limits: at its end the last digit may fall short
         return measure(its, its.low - its.span), measure(its, its.low + 2.0 * its.span)
-
-    @final
-    def sensor(self, scaling: Scaling) -> Sensor:
-        """Return the input module as the core's `measure` takes it."""
-        return module(scaling, self.counts, self.ranges)
-
-    @final
-    def scaled(self, input_: str | None, sensor_degC: tuple[float, float] | None = None) -> Scaling:
-        """Return the scaling of a sensor behind a module; arguments and errors as `heatertune.plc.inputs.scaled`."""
-        return scaled(self.ranges, input_, sensor_degC, self.unread)
-
-    @final
-    def delayed_s(self, scaling: Scaling) -> float:
-        """Return `delay_s` with the module behind a scaling [s]."""
-        own = self.ranges.get(scaling.input or "", Range()).delay_s
-        return self.delay_s if own is None else own
 
     @final
     def measure(self, words: Words, temperature_degC: float) -> Number:

@@ -8,14 +8,16 @@ rounds it to the nearest; other converters cut.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import ClassVar, Final, NamedTuple, final
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.plc.core import Sensor
 from heatertune.plc.words import Scaling
 
-__all__ = ["BROKEN_MA", "FOUR_TO_TWENTY", "INPUTS", "Range", "described", "has_ends", "module", "scaled",
-           "share_of"]
+__all__ = [
+    "BROKEN_MA", "FOUR_TO_TWENTY", "INPUTS", "Inputs", "Range", "described", "has_ends", "module", "scaled",
+    "share_of",
+]
 
 #: name on the command line of the range that has a lower end of its own
 FOUR_TO_TWENTY: Final = "4-20mA"
@@ -101,6 +103,31 @@ def module(scaling: Scaling, counts: int, ranges: Mapping[str, Range]) -> Sensor
     least = share_of(_LEAST_MA, range_) if range_.from_zero else 0.0
     half = 0.0 if range_.high_degC is None else 0.5
     return Sensor(scaling.low_degC, scaling.span_degC, counts, round(counts * least), half)
+
+
+class Inputs:
+    """What a controller reads; its attributes are explained there, see `heatertune.plc.controller.Controller`."""
+
+    counts: ClassVar[int]
+    ranges: ClassVar[Mapping[str, Range]] = {}
+    unread: ClassVar[Mapping[str, str]] = {}
+    delay_s: ClassVar[float] = 0.0
+
+    @final
+    def sensor(self, scaling: Scaling) -> Sensor:
+        """Return the input module as the core's `measure` takes it."""
+        return module(scaling, self.counts, self.ranges)
+
+    @final
+    def scaled(self, name: str | None, sensor_degC: tuple[float, float] | None = None) -> Scaling:
+        """Return the scaling of a sensor behind a module, by the name of its range; see `scaled`."""
+        return scaled(self.ranges, name, sensor_degC, self.unread)
+
+    @final
+    def delayed_s(self, scaling: Scaling) -> float:
+        """Return `delay_s` with the module behind a scaling [s]."""
+        own = self.ranges.get(scaling.input or "", Range()).delay_s
+        return self.delay_s if own is None else own
 
 
 def has_ends(ranges: Mapping[str, Range], name: str | None) -> bool:

@@ -21,6 +21,7 @@ __all__ = ["ExportedS7"]
 _OWN: Final = f"DB {DATA}"
 _PWM: Final = f"DB {PWM_DATA}"
 _TOLD: Final = "L OB 35"
+_GENERATOR: Final = "DB 43"
 _INPUT: Final = 256
 _BROKEN: Final = (0x7FFF, 0x8000)  # overflow, underflow
 
@@ -56,7 +57,7 @@ class ExportedS7(ABC):
         self._due, self._setpoint = cpu.member(_OWN, "TICKS"), cpu.member(_OWN, "SP")
         self._led = cpu.members[_OWN].get("LED")
         self._pwm = None if _PWM not in cpu.members else (cpu.member(_PWM, "TICK"), cpu.member(_PWM, "COUNT"))
-        self._switches = self._pwm is not None or "DB 43" in cpu.words
+        self._switches = self._pwm is not None or _GENERATOR in cpu.words
         self._tick_ms = cpu.get(cpu.member(_OWN, "TICK_MS"))
         self._asked: Number | None = None
         if _TOLD not in cpu.memory:

@@ -20,8 +20,7 @@ from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, m
 from heatertune.plc.ramp import Ramp
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["DATA", "LEAST", "PWM_DATA", "Program", "by_hand", "counts_of",
-           "whole_number"]
+__all__ = ["DATA", "LEAST", "PWM_DATA", "Program", "by_hand", "counts_of", "whole_number"]
 
 #: numbers of the program's own blocks, free in most programs: data block, FC that begins anew, PWM and its instance
 DATA: Final = 101
