@@ -274,7 +274,7 @@ def test_what_is_not_run_is_bounded_and_told(monkeypatch):
     assert compared(controller_for("s7-300"), words, trace) == Compared(not_run=(
         "what the exported program does after 200 calls", "the exported PWM after 1000 ticks of a period"))
     powers = len(set(trace.power_asked_pct[:200]))
-    assert 1000 < len(run) <= 1000 + powers
+    assert 1000 < len(run) <= 1000 + powers + 4  # and beside both ends
     proof = proven("s5-ob251")
     left = as_exported(proof).heard.not_tested
     assert left[:-2] == proof.heard.not_tested
