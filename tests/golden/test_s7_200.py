@@ -137,6 +137,15 @@ def test_the_faults_are_counted_with_analog_adjustment_1_in_the_error():
         assert [line.partition(": ")[2].partition(" pairs")[0] for line in told if line.startswith("DIV")] == left
 
 
+def test_a_start_up_of_the_printed_program_makes_no_pulse_before_it_computed_one():
+    cold = running = PAPER.start(paper_words(gain=20), {})
+    for _ in range(40):
+        running, scan = PAPER.step(running, 120, 60)
+    assert scan.power_pct > 0.0
+    again = running._replace(state=PAPER.core.restarted(running.parameters, cold.state, running.state))
+    assert PAPER.step(again, 120, 60)[1].power_pct == 0.0
+
+
 def test_the_edge_of_the_first_scan_is_served_in_the_third():
     # DIFFERENCES.md; by hand: E = 256·50, VW100 = ⌊20·E/65536⌋ = 3 from the second scan on, added where Q0.0 has risen
     memory, widths = printed.Memory(), []
