@@ -30,10 +30,17 @@ CHROMIUM = Path("/usr/bin/chromium")
 _PLAIN_SCANS = compiled._PLAIN_SCANS
 
 #: no deadline: a machine that others use, too, is now and then slow
+_IN_CI = 500
 _WITHOUT_CLOCK = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
-settings.register_profile("dev", max_examples=200, **_WITHOUT_CLOCK)
-settings.register_profile("ci", max_examples=1_000, print_blob=True, **_WITHOUT_CLOCK)
+settings.register_profile("dev", max_examples=100, **_WITHOUT_CLOCK)
+settings.register_profile("ci", max_examples=_IN_CI, print_blob=True, **_WITHOUT_CLOCK)
 settings.load_profile("dev")
+
+
+def tried(dev, ci):
+    """How often a test tries what chance decides, in each profile."""
+    return ci if settings().max_examples == _IN_CI else dev
+
 
 #: what keeps a test out of the fast ones
 SLOW = ("long", "law", "brute", "doc")

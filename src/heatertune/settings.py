@@ -143,7 +143,7 @@ class TuneSettings:
         "pi", str, "parts that act", flag="--structure", choices=("p", "pi", "pid"), instead=("pi", ""))
     method: str = option(
         "optimum", str, "optimum or a rule", flag="--method", metavar="NAME",
-        help="optimum (default), or a rule: simc, simc-improved, lambda, imc, amigo, "
+        help="optimum (default), or a rule: simc, simc-improved, lambda, imc, haalman, amigo, "
              "ziegler-nichols, ziegler-nichols-ultimate, cohen-coon, chr-{setpoint,load}-{0,20}, tyreus-luyben, "
              "lopez-{iae,ise,itae}, rovira-{iae,itae}, usort-{load,setpoint}-{2.0,1.8,1.6,1.4}")
     closed_loop_s: float | None = option(
@@ -192,6 +192,7 @@ class WordSettings:
         refined: whether the gains are refined in the loop of the proof, see `heatertune.proof.refine.refine`.
         setpoint_ramp: [°C/min], "auto" or "none", see `heatertune.proof.setpoint_ramp.prove_ramped`; None: as the words
             have it; of a design, where nothing else helps.
+        as_is: the plain design, even where another one would pass, see `heatertune.proof.closing.closed`.
     """
 
     words_by: str = option(
@@ -210,6 +211,9 @@ class WordSettings:
     switch_kind: str | None = option(
         None, str, "what switches the heater", flag="--switch-kind", choices=("ssr", "relay", "contactor"),
         help="what switches the heater: the PWM period is proposed, ripple against wear of contacts")
+    as_is: bool = option(
+        False, bool, "keep the plain design where other gains, another PWM or TA, or a ramp would pass",
+        flag="--as-is")
 
     def __post_init__(self) -> None:
         checked(self)

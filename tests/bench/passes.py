@@ -37,7 +37,7 @@ from heatertune.errors import HeatertuneError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, controller_for
-from heatertune.proof.closing import Asked, closed, plainly
+from heatertune.proof.closing import Asked, closed
 from heatertune.settings import Conditions
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-pid", "s7-300", "fb41", "weg")
@@ -96,7 +96,7 @@ def designed(one, target, *, as_is=False, known=None, limit=()):
     """Return what becomes of a heater on a target."""
     tolerance = max(one.tolerance, _STEPS * 1.001 * one.high / controller_for(target).counts)
     asked = Asked(
-        target=target, scaling=Scaling(low_degC=0.0, high_degC=one.high),
+        target=target, scaling=Scaling(low_degC=0.0, high_degC=one.high), as_is=as_is,
         conditions=Conditions(setpoint_degC=one.setpoint, tolerance_degC=tolerance, switches=known or {}, limit=limit))
     fitted, begun, first = model_by_hand(one.model), time.process_time(), []
 
@@ -105,7 +105,7 @@ def designed(one, target, *, as_is=False, known=None, limit=()):
             first.append((time.process_time() - begun, message.split(" fails")[0]))
 
     try:
-        result = (plainly if as_is else closed)(fitted, asked, progress=told)
+        result = closed(fitted, asked, progress=told)
     except HeatertuneError as problem:
         taken = time.process_time() - begun
         return Outcome(plain="ERROR", verdict="ERROR", broken_plain=(str(problem)[:60],), broken=(str(problem)[:60],),

@@ -24,6 +24,7 @@ method = "simc"
 
 #: the grid's eight cases, then two more; the last does not fit the words of its target
 STUDY = HAND + """setpoint_degC = 40
+as_is = true
 [grid]
 target = ["s5-ob251", "s7-300"]
 pwm_period_s = [2, 10.5]
@@ -50,7 +51,7 @@ def study(tmp_path):
 def test_cases_are_every_combination_then_the_listed_ones(study):
     found = read_study(study(STUDY))
     fixed = {"gain_degC_per_pct": 0.37, "time_constant_s": 167.0, "dead_time_s": 12.0, "ambient_degC": 22.0,
-             "method": "simc", "setpoint_degC": 40.0}
+             "method": "simc", "setpoint_degC": 40.0, "as_is": True}
     grid = [fixed | {"target": target, "pwm_period_s": period, "closed_loop_s": tau}
             for target, period, tau in product(("s5-ob251", "s7-300"), (2.0, 10.5), (12.0, 40.0))]
     listed = [fixed | {"target": "s7-200", "structure": "p"}, fixed | {"target": "s5-ob251", "gain_degC_per_pct": 0.1}]
@@ -164,6 +165,7 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
         "gain_degC_per_pct": 0.5, "time_constant_s": 100.0, "second_time_constant_s": 9.0, "dead_time_s": 5.0,
         "ambient_degC": 21.0, "target": "fb41", "structure": "pi", "method": "optimum", "closed_loop_s": 7.0,
         "objective": "load", "weight": 0.5, "ms": 1.5, "mt": 1.3, "mks": 30.0, "sample_time_s": 1.0, "words": "rounded",
+        "as_is": True,
         "range_low_degC": 10.0, "range_high_degC": 90.0, "switches": {"a": "b"}, "setpoint_degC": 50.0,
         "noise_degC": 0.1, "tolerance_degC": 0.7, "pwm_period_s": 8.0, "pwm_resolution_s": 0.25, "minimum_on_s": 0.5,
         "minimum_off_s": 0.75, "pwm_rule": "pid-compact", "interlock": "heater-fan", "limit_degC": 80.0,
@@ -184,7 +186,7 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
     assert (seen["heater"].gain_degC_per_pct, *seen["heater"].lags_s) == (0.5, 100.0, 9.0)
     assert (seen["heater"].dead_time_s, seen["heater"].ambient_degC) == (5.0, 21.0)
     asked = seen["asked"]
-    assert (asked.target, asked.words_by, seen["samples"]) == ("fb41", "rounded", 3)
+    assert (asked.target, asked.words_by, asked.as_is, seen["samples"]) == ("fb41", "rounded", True, 3)
     assert (asked.scaling.low_degC, asked.scaling.high_degC, asked.scaling.input) == (10.0, 90.0, "4-20mA")
     for part in (asked.tuned, asked.conditions):
         assert asdict(part) == {name: settings.get(name, ()) for name in asdict(part)}

@@ -107,6 +107,17 @@ def test_the_improved_simc_pid_is_simcs_loop_with_a_lead_of_a_third_of_the_dead_
     assert loop == pytest.approx(np.exp(-ratio * s) * (1.0 + ratio * s / 3.0) / (2.0 * ratio * s), rel=1e-9)
 
 
+@pytest.mark.parametrize("model", [one_lag(0.13), one_lag(0.3), one_lag(3.0), two_lags(7.0, 3.0), two_lags(2.0, 0.5)])
+def test_haalmans_loop_is_the_same_whatever_the_lags(model):
+    # Åström and Hägglund 1995, section 4.5: Ms 1.9; by hand, for 2/(3s)·e^(−s): gain margin 3π/4 at π/2, phase margin
+    # 90° − 2/3 rad
+    structure = "pid" if len(model.lags_s) == 2 else "pi"
+    ms, _, gain_margin, phase_margin = _margins(apply_rule("haalman", model, structure, 0.0), model)
+    assert ms == pytest.approx(1.9, abs=0.05)
+    assert gain_margin == pytest.approx(0.75 * math.pi, rel=1e-3)
+    assert phase_margin == pytest.approx(90.0 - math.degrees(2.0 / 3.0), abs=0.05)
+
+
 @pytest.mark.parametrize("ratio", [0.05, 0.2, 0.7, 1.5])
 def test_amigo_pid_has_the_sensitivity_it_is_made_for(ratio):
     # Åström and Hägglund 2004, section 5: Ms = 1.4 within 15 % over their batch; the FOPDT lies near the middle

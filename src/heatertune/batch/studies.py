@@ -103,7 +103,7 @@ def _files(path: Path, cases: Study) -> dict[str, Any]:
 
 
 def _columns(cases: Study) -> tuple[Column, ...]:
-    kinds = {str: "text", float: "float", int: "int", dict: "text"}
+    kinds = {str: "text", float: "float", int: "int", bool: "bool", dict: "text"}
     return (
         Column(name="case", kind="int", what="number of the case, from 1"),
         Column(name="name", kind="text", what="what tells the case from the others"),
@@ -137,7 +137,7 @@ def _row(folder: Path, case: Case) -> Row:
         conditions = replace(conditions, profile=str(folder / conditions.profile))
     asked = Asked(
         target=settings["target"], scaling=scaling_of(settings), tuned=_of(TuneSettings, settings),
-        conditions=conditions, words_by=settings.get("words", "auto"))
+        conditions=conditions, words_by=settings.get("words", "auto"), as_is=settings.get("as_is", False))
     return _labelled(case, zone_row(case.name, partial(_heater, case), asked, samples=settings.get("samples", 0)))
 
 

@@ -31,7 +31,7 @@ def _keys(kind: type) -> dict[str, Option]:
 
 
 #: kind of a key → what the file holds
-_TYPES: Final[Mapping[type, Any]] = {float: float, int: int, str: str, dict: dict[str, str]}
+_TYPES: Final[Mapping[type, Any]] = {float: float, int: int, str: str, bool: bool, dict: dict[str, str]}
 
 #: every key of a study, in the order of the chain
 KEYS: Final[Mapping[str, Option]] = {
@@ -45,6 +45,7 @@ KEYS: Final[Mapping[str, Option]] = {
     "target": _key(str, "the controller", choices=tuple(TARGETS)),
     **_keys(TuneSettings) | {"method": replace(_keys(TuneSettings)["method"], choices=METHODS)},
     "words": options_of(WordSettings)["words_by"],
+    "as_is": options_of(WordSettings)["as_is"],
     "range_low_degC": _key(float, "temperature at the sensor's lowest reading", unit="°C"),
     "range_high_degC": _key(float, "temperature at the sensor's highest reading", unit="°C"),
     "input": options_of(SensorSettings)["input"],

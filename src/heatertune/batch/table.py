@@ -47,7 +47,7 @@ def write_table(
         InputError: the file cannot be written, or pyarrow is missing.
     """
     arrow = demand_parquet()
-    kinds = {"text": arrow.string(), "float": arrow.float64(), "int": arrow.int64()}
+    kinds = {"text": arrow.string(), "float": arrow.float64(), "int": arrow.int64(), "bool": arrow.bool_()}
     schema = arrow.schema([arrow.field(c.name, kinds[c.kind], metadata={"what": c.what}) for c in columns])
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:

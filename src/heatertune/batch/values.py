@@ -27,7 +27,7 @@ class Column:
 
     Attributes:
         name: with its unit at the end.
-        kind: "text", "float" or "int"; a row may hold None in any of them.
+        kind: "text", "float", "int" or "bool"; a row may hold None in any of them.
         what: its meaning, kept in the table.
     """
 

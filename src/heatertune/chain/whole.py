@@ -23,7 +23,7 @@ from heatertune.plc import controller_for
 from heatertune.plc.choose import search_document
 from heatertune.progress import Told
 from heatertune.proof import Proof
-from heatertune.proof.closing import Asked, Closed, closed, plainly
+from heatertune.proof.closing import Asked, Closed, closed
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.proof.pictures import pictures
 from heatertune.proof.views import ComparisonView
@@ -54,7 +54,7 @@ class ChainResult:
 
 def design(
     source: str | Path | Log, asked: Asked, *, out: str | Path, read: ReadSettings | None = None,
-    fitted_with: FitSettings | None = None, as_is: bool = False, force: bool = False, progress: Told = str,
+    fitted_with: FitSettings | None = None, force: bool = False, progress: Told = str,
 ) -> ChainResult:
     """Run the whole chain, write every stage's document, the export files and the report.
 
@@ -66,7 +66,6 @@ def design(
         out: directory for the results.
         read: how the log is read; misprints of a built-in table are corrected.
         fitted_with: what is known beside the log.
-        as_is: the plain design, even where another one would pass, see `closed`.
         force: export whatever the verdict.
         progress: told what begins.
 
@@ -76,7 +75,7 @@ def design(
     controller_for(asked.target)  # an unknown target is refused before the long part
     log = source if isinstance(source, Log) else read_log(source, read, errata=True)
     fitted = fit(log, fitted_with, companions=True, progress=progress)
-    result = (plainly if as_is else closed)(fitted, asked, progress=progress)
+    result = closed(fitted, asked, progress=progress)
     proof = result.proof
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
     progress("comparing with other designs, drawing the report")

@@ -131,7 +131,7 @@ def asked(settings: argparse.Namespace) -> Asked:
     return Asked(
         target=target(settings), scaling=scaling(settings), tuned=options.of(TuneSettings, settings),
         conditions=conditions(settings), interval_by_words=interval_by_words(settings), words_by=by.words_by,
-        refined=by.refined, setpoint_ramp=by.setpoint_ramp, switch_kind=by.switch_kind)
+        refined=by.refined, setpoint_ramp=by.setpoint_ramp, switch_kind=by.switch_kind, as_is=by.as_is)
 
 
 def scaling(settings: argparse.Namespace) -> Scaling:

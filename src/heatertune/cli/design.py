@@ -23,8 +23,6 @@ def add_to(commands: Any) -> None:
     command.add_argument("log", metavar="LOG", help="a CSV file, or table3 / table4 built in")
     command.add_argument("--out", required=True, metavar="DIR", help="directory for the results")
     options.add(command, WordSettings)
-    command.add_argument("--as-is", action="store_true",
-                         help="keep the plain design where other gains, another PWM or TA, or a ramp would pass")
     command.add_argument("--force", action="store_true", help="export whatever the verdict")
     common.add_proof_options(command)
     common.add_log_options(command)
@@ -44,7 +42,7 @@ def _run(settings: argparse.Namespace) -> int:
     log = chain.read_log(settings.log, common.reading(settings), errata=True)
     printing.tell_taken(settings, [log], progress)
     result = chain.design(
-        log, asked, out=settings.out, fitted_with=beside, as_is=settings.as_is, force=settings.force,
+        log, asked, out=settings.out, fitted_with=beside, force=settings.force,
         progress=progress)
     effect, feed = result.fitted.disturbance, controller_for(asked.target).feed
     fed = "" if effect is None or not effect.acts or feed is None else (

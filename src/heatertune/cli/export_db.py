@@ -23,7 +23,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("pid", metavar="PID|WORDS", help=(
         "pid.json as written by tune; or words.json, exported again as the proof.json beside it says"))
     command.add_argument("-o", "--out", required=True, metavar="DIR", help="directory for the files")
-    common.add_word_options(command, but=("switch_kind",))
+    common.add_word_options(command, but=("switch_kind", "as_is"))
     command.add_argument("--force", action="store_true", help="export whatever the verdict; the files say so")
     common.add_proof_options(command)
     common.add_model_options(command)

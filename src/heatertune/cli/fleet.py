@@ -26,7 +26,7 @@ def add_to(commands: Any) -> None:
     batch.add_table_options(command)
     options.add(command, SampleSettings, "samples", default=0,
                 help="prove each zone's words on N drawn heaters, too (see: verify --samples)")
-    options.add(command, WordSettings, "words_by")
+    options.add(command, WordSettings, "words_by", "as_is")
     common.add_proof_options(command)
     common.add_log_options(command)
     common.add_tuning_options(command)

@@ -35,8 +35,6 @@ def add_to(commands: Any) -> None:
     command.add_argument("model", metavar="MODEL", nargs="?", help="model.json as written by fit")
     command.add_argument("-o", "--out", metavar="FILE", help="write the design to this JSON file")
     common.add_word_options(command)
-    command.add_argument("--as-is", action="store_true",
-                         help="keep the plain design where another one would keep the specification")
     common.add_proof_options(command, needed=False)
     common.add_model_options(command)
     common.add_tuning_options(command)
@@ -74,16 +72,16 @@ def _run(settings: argparse.Namespace) -> int:
 
 def _closed(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> Closed | None:
     """Return the design closed on the verdict of its words, None where no proof is asked for or can be made."""
-    from heatertune.proof.closing import closed, plainly  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.closing import closed  # noqa: PLC0415 - the help must not wait for it
 
     if settings.target is None or not _proof_asked(settings):
         return None
-    return (plainly if settings.as_is else closed)(fitted, common.asked(settings), progress=progress)
+    return closed(fitted, common.asked(settings), progress=progress)
 
 
 def _proof_asked(settings: argparse.Namespace) -> bool:
     """Return whether there is an option that only a proof hears."""
-    beside = {"step_power_pct", "switch_kind"}  # a design hears these, too
+    beside = {"step_power_pct", "switch_kind", "as_is"}  # a design hears these, too
     return bool({*options.given(Conditions, settings), *options.given(WordSettings, settings)} - beside)
 
 

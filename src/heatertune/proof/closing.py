@@ -47,11 +47,14 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
 
     Other gains on the bound of Ms or a tighter one first, then another PWM period, another TA, at last a setpoint
     ramp; what swings gets another PWM first. The limits are never moved, Ms is only lowered, and what the user gave
-    stays. Where nothing helps it is the plain design, and its proof says what would pass. Arguments as `plainly`.
+    stays. Where nothing helps it is the plain design, and its proof says what would pass; where the plain one is asked
+    for, it is that. Arguments as `plainly`.
 
     Raises:
         HeatertuneError: as the stages on the plain design.
     """
+    if asked.as_is:
+        return plainly(fitted, asked, progress=progress, stage=stage)
     still = replace(asked, setpoint_ramp=asked.setpoint_ramp or "none")
     first = plainly(fitted, still, made=made_for(fitted, asked, progress, stage), progress=progress, stage=stage)
     if first.proof.verdict != "FAIL":

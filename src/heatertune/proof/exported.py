@@ -133,9 +133,9 @@ class _Comparison:
         """Compare setpoint and power at each call."""
         if len(self._calls) < len(self._trace.time_s):
             self._not_run.append(f"what the exported program does after {_MOST_CALLS} calls")
-        supplied = True
+        supplied, supplies = True, self._trace.scenario.supplied
         for seen in self._calls:
-            before, supplied = supplied, self._trace.scenario.supplied[seen.phase]
+            before, supplied = supplied, supplies[seen.phase]
             if not supplied:
                 continue
             if not before:

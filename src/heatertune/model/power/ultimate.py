@@ -16,7 +16,7 @@ Array = npt.NDArray[np.float64]
 _LAGS: Final = 40  # on the grid, over all that the search allows
 _RATIOS: Final = (0.01, 0.03, 0.1, 0.25, 0.5, 0.98)
 _ZOOMS: Final = 4
-_BISECTIONS: Final = 60
+_STEPS: Final = 100  # at most: far below the root each doubles the frequency
 
 
 def periods_of(vectors: Array) -> Array:
@@ -25,13 +25,17 @@ def periods_of(vectors: Array) -> Array:
     As `measures.ultimate_period_s`, but 0 without dead time: what it comes near as the dead time vanishes.
     """
     lag, dead, ratio = np.exp(vectors[:, 0]), np.maximum(vectors[:, 1], 0.0), vectors[:, 2]
-    with np.errstate(divide="ignore"):
-        low, high = np.zeros(len(dead)), np.pi / dead
-    for _ in range(_BISECTIONS):
-        middle = np.where(np.isinf(high), 2.0 * low + 1.0, (low + high) / 2.0)
-        turned = middle * dead + np.arctan(middle * lag) + np.arctan(middle * lag * ratio)
-        low, high = np.where(turned < np.pi, middle, low), np.where(turned < np.pi, high, middle)
-    return np.where(dead > 0.0, 2.0 * np.pi / np.maximum(low, 1e-300), 0.0)
+    delayed = np.where(dead > 0.0, dead, 1.0)
+    # the angle is concave in the frequency: Newton's steps come from below and never pass the root
+    frequency = np.pi / (delayed + lag * (1.0 + ratio))
+    for _ in range(_STEPS):
+        first, second = frequency * lag, frequency * lag * ratio
+        missing = np.pi - (frequency * delayed + np.arctan(first) + np.arctan(second))
+        more = missing / (delayed + lag / (1.0 + first**2) + lag * ratio / (1.0 + second**2))
+        frequency += more
+        if not (more > 1e-14 * frequency).any():
+            break
+    return np.where(dead > 0.0, 2.0 * np.pi / frequency, 0.0)
 
 
 def fits_of_period(problem: PowerProblem, periods: Array) -> tuple[Array, Array]:

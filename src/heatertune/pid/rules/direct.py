@@ -1,4 +1,4 @@
-"""Rules that ask for a closed-loop time constant: SIMC, as it was and improved, lambda tuning, IMC."""
+"""Rules that shape the loop directly: SIMC, as it was and improved, lambda tuning, IMC, Haalman's."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ def _simc_pi(model: HeaterModel, wanted_s: float | None) -> Settings:
 
 
 def _simc_pid(model: HeaterModel, wanted_s: float | None) -> Settings:
-    if not isinstance(model, TwoLag):
-        raise InputError("SIMC gives PID settings only for a second lag; use --structure pi, or another --method")
-    total = (model.dead_time_s if wanted_s is None else wanted_s) + model.dead_time_s
-    slow = model.time_constant_s
-    return slow / (model.gain_degC_per_pct * total), min(slow, 4.0 * total), model.second_time_constant_s
+    two = _two_lags(model, "SIMC")
+    total = (two.dead_time_s if wanted_s is None else wanted_s) + two.dead_time_s
+    slow = two.time_constant_s
+    return slow / (two.gain_degC_per_pct * total), min(slow, 4.0 * total), two.second_time_constant_s
 
 
 def _improved_pi(model: HeaterModel, wanted_s: float | None) -> Settings:
@@ -64,6 +63,23 @@ def _imc_pid(model: HeaterModel, wanted_s: float | None) -> Settings:
     return integral / (one.gain_degC_per_pct * (lam + L / 2.0)), integral, T * L / (2.0 * T + L)
 
 
+def _haalman_pi(model: HeaterModel, wanted_s: float | None) -> Settings:  # noqa: ARG001 - leaves nothing open
+    one = model.half_rule()
+    return 2.0 * one.time_constant_s / (3.0 * one.gain_degC_per_pct * one.dead_time_s), one.time_constant_s, 0.0
+
+
+def _haalman_pid(model: HeaterModel, wanted_s: float | None) -> Settings:  # noqa: ARG001 - leaves nothing open
+    two = _two_lags(model, "Haalman's rule")
+    slow = two.time_constant_s
+    return 2.0 * slow / (3.0 * two.gain_degC_per_pct * two.dead_time_s), slow, two.second_time_constant_s
+
+
+def _two_lags(model: HeaterModel, rule: str) -> TwoLag:
+    if isinstance(model, TwoLag):
+        return model
+    raise InputError(f"{rule} gives PID settings only for a second lag; use --structure pi, or another --method")
+
+
 _RIVERA: Final = "D. E. Rivera, M. Morari, S. Skogestad, Ind. Eng. Chem. Process Des. Dev. 25 (1986) 252–265"
 
 DIRECT: Final[dict[str, Rule]] = {
@@ -99,5 +115,13 @@ DIRECT: Final[dict[str, Rule]] = {
         closed_loop="τc",
         errata=("Two rules go by this name: T grows by θ/3 in the PI rule of 2012, TV is θ/3 in the PID rule of 2018.",
                 ),
+    ),
+    "haalman": Rule(
+        source="A. Haalman, Control Eng. 12 (7) (1965) 71–73; K. J. Åström and T. Hägglund, PID Controllers, "
+        "2nd ed. (ISA, 1995), section 4.5",
+        formulas={"pi": _haalman_pi, "pid": _haalman_pid},
+        claim="the loop is 2/(3·L·s)·e^(−L·s) whatever the lags: Ms 1.9; slow to recover from a load on a slow lag",
+        form="series",
+        two_lags=("pid",),
     ),
 }
