@@ -232,3 +232,13 @@ def test_bad_input_is_told_in_one_line(run, proven, tmp_path, arguments, said):
     status, out, err = run("diff", *(text.format(here=tmp_path, proven=proven) for text in arguments))
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert said in err
+
+
+@pytest.mark.parametrize(("name", "value", "said"), [("verdict", 3, "verdict"), ("files", "DB30.bin", "files"), ("fields", [], "fields: others")])
+def test_words_whose_document_is_not_whole_are_not_exported_again(run, proven, tmp_path, name, value, said):
+    folder = shutil.copytree(proven, tmp_path / "changed")
+    document = json.loads((folder / "words.json").read_text())
+    (folder / "words.json").write_text(json.dumps(document | {name: value}))
+    status, out, err = run("export-db", folder / "words.json", "--target", "s5-ob251", "-o", tmp_path / "out")
+    assert (status, out) == (2, "")
+    assert said in err
