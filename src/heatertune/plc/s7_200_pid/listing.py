@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from heatertune.plc.cpu.s7_200.cycle import cycle_ms
 from heatertune.plc.cpu.s7_200.ramp import ramp_begins, ramp_moves
 from heatertune.plc.cpu.s7_200.text import Network, block, count_ticks, program, pwm_registers, real, timed_interrupt
-from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, share_of
+from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, has_ends, share_of
 from heatertune.plc.s7_200_pid.words import FULL, RANGES, SETPOINT, TABLE
 from heatertune.plc.words import Words
 
@@ -102,7 +102,7 @@ def least_good(words: Words) -> int | None:
 
 def in_degrees(words: Words) -> bool:
     """Return whether the analog module gives the temperature itself."""
-    return words.scaling.input in ("thermocouple", "rtd")
+    return has_ends(RANGES, words.scaling.input)
 
 
 def _seeing_again(words: Words) -> Network:
