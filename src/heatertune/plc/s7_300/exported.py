@@ -24,7 +24,7 @@ class _Exported(ExportedS7):
         return output, percent(output)
 
     def force(self, output: Number) -> None:
-        self._cpu.memory["DB 100"][_OUT] = int(output).to_bytes(2, "big")
+        self._cpu.memory["DB 100"][_OUT] = int(output).to_bytes(2, "big", signed=True)
 
 
 def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> dict[str, Callable[[], ExportedS7]]:
