@@ -195,6 +195,10 @@ def test_an_output_beyond_its_limits_is_no_power_beyond_100_pct():
     for output, power in ((150.0, 100.0), (100.5, 100.0), (-3.0, 0.0), (37.5, 37.5)):
         text.force(output)
         assert text.outcome() == (output, power)
+    text = loaded(short_run("s7-300"))
+    for output, power in ((27648, 100.0), (-5, 0.0), (32767, 100.0), (-32768, 0.0)):
+        text.force(output)
+        assert text.outcome() == (output, power)
 
 
 @pytest.mark.parametrize("target", ["s7-300", "fb41"])
