@@ -157,7 +157,7 @@ PLANTED = [
     ("fb41", "PVPER_ON := TRUE", "PVPER_ON := FALSE"), ("s7-300", "  AUTO := FALSE", "  AUTO := TRUE"), ("s7-300", "LEAST := 2765", "LEAST := 2766"), ("s7-300", "MOST := 26956", "MOST := 26955"), ("s5-ob251", r"KF \+205 ", "KF +206 "),
     *(("s7-300 PULSEGEN", there, instead) for there, instead in (
         ("PER_TM := T#2000MS", "PER_TM := T#1000MS"), ("P_B_TM := T#200MS", "P_B_TM := T#900MS"), (" CYCLE := T#100MS", " CYCLE := T#50MS"),
-        ("STEP3_ON := FALSE", "STEP3_ON := TRUE"), ("SYN_ON := FALSE", "SYN_ON := TRUE"), ("INV := #share", "INV := 0.0"))),
+        ("STEP3_ON := FALSE", "STEP3_ON := TRUE"), ("SYN_ON := FALSE", "SYN_ON := TRUE"), ("INV := #share", "INV := 0.0"), ("  PER_TM := T#2000MS ;", ""))),
     ("s7-300", r"PER_CALL := L#10", "PER_CALL := L#9"), ("s7-300", r"      L     -32768;", "      L     32767;"),
 ]
 

@@ -34,10 +34,12 @@ class _Pulsegen:
 
     def __call__(self, _cpu: Cpu, words: dict[str, int]) -> None:
         """Make the output of one call."""
-        if words["COM_RST"]:
+        if words.get("COM_RST", 0):
             self.calls = 0
             return
-        if other := [name for name in ("STEP3_ON", "ST2BI_ON", "SYN_ON") if words[name]]:
+        if missing := [name for name in ("PER_TM", "CYCLE", "P_B_TM", "INV") if name not in words]:
+            raise InputError(f"FB 43: nobody gives {missing[0]}")
+        if other := [name for name in ("STEP3_ON", "ST2BI_ON", "SYN_ON") if words.get(name, 1)]:
             raise InputError(f"FB 43: {other[0]} is TRUE; that is another way to make pulses than was proven")
         period, interval, shortest = (words[name] / 1000.0 for name in ("PER_TM", "CYCLE", "P_B_TM"))
         if self.calls == 0:
