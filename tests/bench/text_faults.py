@@ -1,8 +1,9 @@
 """Plants small faults in exported programs, one at a time, and asks whether a proof notices: `exported-text`.
 
     python tests/bench/text_faults.py weg weg_pid_block.st
+    python tests/bench/text_faults.py s7-300 s7_300_pid.awl data    the values of its data blocks alone
 
-A fault is an operation turned, a constant one more, one less or the next REAL, or a statement left out. It counts as noticed
+A fault is an operation turned, a constant or a start value one more, one less or the next REAL, or a statement left out. It counts as noticed
 where it is in one of a few runs that show much: a ramp with a holdback, both limits, an open circuit, a restart. What no run of
 a proof shows, or what changes nothing, stands in text_faults.txt with its reason, a line each: file | statement: fault # reason,
 numbers being N; a reason holds for all faults of a statement where none is named. Ends with status 1 where another survives.
@@ -12,6 +13,7 @@ import re
 import sys
 from collections import Counter
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -19,13 +21,12 @@ import numpy as np
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
-from heatertune.plc.pwm import Actuator
+from heatertune.plc.pwm import switched_by
 from heatertune.proof import Scenario, TemperatureStep, simulate
 from heatertune.proof.exported import compared
 from heatertune.proof.scenario import Mains, NewSetpoint, PlcPower
 
 REASONS = Path(__file__).with_suffix(".txt")
-FILES = {"weg": ("weg_pid_block.st", "weg_pid_call.st"), "s7-300": ("s7_300_pid.awl",)}
 HEATER = Fopdt(gain_degC_per_pct=0.9, time_constant_s=100.0, dead_time_s=2.0, ambient_degC=20.0)
 STORY = Scenario(setpoint_degC=51.0, duration_s=1000.0, noise_degC=0.05, disturbances=(
     NewSetpoint(time_s=200.0, setpoint_degC=40.0), TemperatureStep(time_s=450.0, temperature_degC=-6.0),
@@ -36,7 +37,10 @@ LOOPS = {
     "weg": [((60.0, 1.5), True, {"TauSetPoint": 2.0, "MaximumOutput": 70.0, "MinimumOutput": 15.0}, 0.06),
             ((60.0, 0.0), False, {"Type": 1, "Ki": 0.0625, "Kd": 4.0}, 0.06), ((float("inf"), 1.5), False, {}, 0.0)],
     "s7-300": [((60.0, 1.5), True, {}, 0.06), ((60.0, 3.0), False, {}, 0.06), ((float("inf"), 0.0), False, {}, 0.0)],
+    "fb41": [((60.0, 3.0), True, {}, 0.06), ((60.0, 0.0), False, {"LMN_HLM": 70.0, "LMN_LLM": 15.0}, 0.06), ((60.0, 3.0), False, {}, 0.0)],
 }
+#: targets whose last loop is switched by PULSEGEN
+GENERATED = ("s7-300", "fb41")
 TURNED = {
     "+": "-", "-": "+", "*": "/", "/": "*", "<": "<=", "<=": "<", ">": ">=", ">=": ">", "<>": "=", "=": "<>", "AND": "OR", "OR": "AND",
     "NOT": "", "MOD": "/", "TRUE": "FALSE", "FALSE": "TRUE"}
@@ -60,7 +64,8 @@ def loops(target):
         if ramped:
             step = controller.ramp(words, 40.0, 3.0)
             words = replace(words, ramp=Ramp(step=step.step, calls=2, hold=step.hold))
-        yield words, Actuator(pwm_period_s=8.3, minimum_on_s=shortest, minimum_off_s=shortest)
+        block = "pulsegen" if target in GENERATED and (tn, tv) == LOOPS[target][-1][0] and not shortest else None
+        yield words, switched_by(block, pwm_period_s=8.3, minimum_on_s=shortest, minimum_off_s=shortest)
 
 
 def runs(target):
@@ -86,10 +91,14 @@ def departs(trace, file, text):
     return compared(Alone(), trace.words, trace).departs
 
 
-def faults(file, text):
-    """Yield what was done to which statement, numbers being N, and the text with it."""
+def faults(file, text, part=""):
+    """Yield what was done to which statement, numbers being N, and the text with it.
+
+    `part` is "data" for the values of data blocks alone.
+    """
     seen = Counter()
-    for place, end, instead, what in _in_text(text) if file.endswith(".st") else _in_list(text):
+    planted = _in_text(text) if file.endswith(".st") else chain(() if part == "data" else _in_list(text), _in_data(text))
+    for place, end, instead, what in planted:
         line = text[text.rfind("\n", 0, place) + 1: text.find("\n", place)].strip()
         line = re.sub(r"\b\d+(\.\d+)?(E-?\d+|e[+-]\d+)?", "N", re.sub(r" *(\(\*|//).*", "", line))
         title = "" if file.endswith(".st") else f"{TITLE.findall(text[:place])[-1]}: "
@@ -142,9 +151,20 @@ def _in_list(text):
                 yield *here, f"L     {constant[1]}{shown};", what
 
 
-def survivors(target, file, every=1):
+def _in_data(text):
+    for block in re.finditer(r"^DATA_BLOCK.*?^END_DATA_BLOCK", text, re.MULTILINE | re.DOTALL):
+        for value in re.finditer(r"^  \w+ := (?P<kind>L#|T#)?(?P<value>[^;\s]+?)(?P<unit>MS)? ;", block[0], re.MULTILINE):
+            here = block.start() + value.start("value"), block.start() + value.end("value")
+            if value["value"] in ("TRUE", "FALSE"):
+                yield *here, TURNED[value["value"]], f"{value['value']} turned"
+            else:
+                for other, what in _numbers(value["value"]):
+                    yield *here, other.replace("E", "e"), what
+
+
+def survivors(target, file, every=1, part=""):
     """Return which of the faults, or of each so many one, no run shows, and how many there were."""
-    planted = [(trace, dict(faults(file, text_of(trace, file)))) for trace in runs(target)]
+    planted = [(trace, dict(faults(file, text_of(trace, file), part))) for trace in runs(target)]
     drawn = set(list(dict.fromkeys(named for _, here in planted for named in here))[::every])
     alive = {}
     for trace, here in planted:
@@ -166,20 +186,20 @@ def reasons(file):
     return known
 
 
-def unexplained(target, file, every=1):
+def unexplained(target, file, every=1, part=""):
     """Return the survivors without a reason, the reasons without a survivor, and how many faults there were."""
-    alive, count = survivors(target, file, every)
+    alive, count = survivors(target, file, every, part)
     known, used, left = reasons(file), set(), []
     for named in alive:
         keys = named, named.rpartition(":")[0], named.partition(": ")[0]
         reason = next((key for key in keys if key in known), None)
         used.add(reason)
         left += [] if reason else [named]
-    return left, sorted(set(known) - used), count
+    return left, [] if part else sorted(set(known) - used), count
 
 
 if __name__ == "__main__":
-    found, unused, of = unexplained(*sys.argv[1:])
+    found, unused, of = unexplained(*sys.argv[1:3], part="".join(sys.argv[3:]))
     sys.stdout.writelines(f"SURVIVED {named}\n" for named in found)
     sys.stdout.writelines(f"no survivor: {named}\n" for named in unused)
     sys.stdout.write(f"{of} faults, {len(found)} noticed by nobody\n")

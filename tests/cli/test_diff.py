@@ -13,6 +13,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Certificate, Ramp, Scaling, controller_for
 from heatertune.proof.difference import Given, Side, difference, read_sides
 from heatertune.proof.document import digested
+from heatertune.report.difference import difference_lines
 
 DESIGN = PidDesign(gain_pct_per_degC=2.0, integral_time_s=200.0, derivative_time_s=0.0, sample_time_s=5.0, structure="pi", method="")
 PROVEN = {"verdict": "PASS", "digest": "sha256:0"}
@@ -114,7 +115,7 @@ def test_a_design_with_its_recipe_becomes_the_words_that_were_proven(run, proven
     a, _ = read_sides(tmp_path / "pid.json", proven, Given())
     assert (a.kind, a.taken_over, a.words.scaling.high_degC) == ("design", (), 150.0)
     assert a.words.values["BGOG"] == 1638  # 80 % of 2047 units
-    rounded, _ = read_sides(tmp_path / "pid.json", proven, Given(scaling=Scaling()))  # the user's range
+    rounded, _ = read_sides(tmp_path / "pid.json", proven, Given(sensor_degC=(0.0, 100.0)))  # the user's range
     assert (rounded.words.scaling, rounded.words.values["BGOG"]) == (Scaling(), 1638)
     other, _ = read_sides(tmp_path / "pid.json", tmp_path / "pid.json", Given(target="weg"))
     assert other.words.values["MaximumOutput"] == 100.0  # a recipe of another controller says nothing of this one
@@ -203,7 +204,21 @@ def test_two_controllers_are_compared_in_engineering_terms():
     assert document["proofs"][0]["why_not"] == ["target"]
 
 
+def test_another_range_of_the_module_is_told_and_not_covered(run, proven):
+    which = controller_for("fb41")
+    a, b = (Side(source=name, kind="words", words=which.encode(DESIGN, which.scaled(name))) for name in ("thermocouple", "rtd"))
+    document = difference(replace(a, proof=PROVEN), b)
+    assert (document["same"], document["around"], document["words"]) == (False, ["analog input"], [])
+    assert document["proofs"][0]["why_not"] == ["analog input"]
+    text = difference_lines(document)
+    assert "rtd: its sensor is a resistance thermometer" in text
+    assert "does not cover rtd: another analog input" in text
+    document = _document(run, proven, proven / "DB30.bin", "--input", "4-20mA")
+    assert (document["same"], document["around"], document["proofs"][0]["covers"]) == (False, ["analog input"], False)
+
+
 @pytest.mark.parametrize(("arguments", "said"), [
+    (("{proven}", "{proven}/DB30.bin", "--input", "rtd"), "--input rtd: an analog input 460 gives ohms"),
     (("{here}", "{proven}"), "no words.json"), (("{here}/none.json", "{proven}"), "cannot be read"),
     (("{proven}/pid.json", "{proven}/pid.json"), "--target is needed"), (("{proven}/proof.json", "{proven}"), "schema is"),
     (("{proven}", "{here}/bad.txt"), "line 2, data word: 'K = 3'"), (("{proven}", "{here}/short.bin"), "2 bytes; expected 98"),
@@ -216,4 +231,14 @@ def test_bad_input_is_told_in_one_line(run, proven, tmp_path, arguments, said):
     (tmp_path / "short.bin").write_bytes(b"12")
     status, out, err = run("diff", *(text.format(here=tmp_path, proven=proven) for text in arguments))
     assert (status, out, err.count("\n")) == (2, "", 1)
+    assert said in err
+
+
+@pytest.mark.parametrize(("name", "value", "said"), [("verdict", 3, "verdict"), ("files", "DB30.bin", "files"), ("fields", [], "fields: others")])
+def test_words_whose_document_is_not_whole_are_not_exported_again(run, proven, tmp_path, name, value, said):
+    folder = shutil.copytree(proven, tmp_path / "changed")
+    document = json.loads((folder / "words.json").read_text())
+    (folder / "words.json").write_text(json.dumps(document | {name: value}))
+    status, out, err = run("export-db", folder / "words.json", "--target", "s5-ob251", "-o", tmp_path / "out")
+    assert (status, out) == (2, "")
     assert said in err

@@ -1,8 +1,15 @@
 """`pid.json` holds what the words were proven with and under: other commands take it, and options take its place."""
 
 import json
+from argparse import Namespace
 
 import pytest
+
+from heatertune.cli.recorded import in_force
+from heatertune.errors import InputError
+from heatertune.pid.recipe import Recipe
+from heatertune.proof.recipes import scaling_of
+from heatertune.settings import Conditions
 
 #: a long dead time and an optimum with little robustness: in the paper's story it overshoots, and a ramp mends that
 HASTY = ("--gain", 0.9, "--time-constant", 120, "--dead-time", 18, "--ambient", 28, "--sample-time", 4, "--ms", 2)
@@ -59,6 +66,22 @@ def test_another_controller_gets_the_conditions_and_not_what_belongs_to_the_word
     assert "not taken, as it is of s7-300: a setpoint ramp" in " ".join(out.split())
     assert "specification paper" in out
     assert "at 40 °C" in out
+
+
+def test_the_range_of_a_module_in_degrees_is_that_modules_alone():
+    said = Recipe(target="s7-300", input="thermocouple", range_degC=(0.0, 2764.8), conditions=Conditions(setpoint_degC=60.0))
+
+    def taken(target, **sensor):
+        return in_force(Namespace(target=target, faithful=False, **sensor), said, "pid.json")
+
+    recipe, notes = taken("s7-300")
+    assert (scaling_of(recipe).high_degC, recipe.input) == (2764.8, "thermocouple")
+    assert notes == ["As pid.json has it: --input thermocouple, --setpoint 60."]
+    assert scaling_of(taken("s7-200-pid")[0]).high_degC == 3200.0
+    assert scaling_of(taken("s7-300", input="4-20mA")[0]).sensor_degC == (0.0, 100.0)
+    with pytest.raises(InputError, match=r"pid\.json is for --input thermocouple of s7-300, which s5-ob251 has not: say a --range"):
+        taken("s5-ob251")
+    assert taken("s5-ob251", range=[0.0, 300.0])[0].range_degC == (0.0, 300.0)
 
 
 @pytest.mark.long

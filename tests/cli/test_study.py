@@ -91,6 +91,8 @@ def test_cases_are_every_combination_then_the_listed_ones(study):
      "[grid]: dead_time_s without gain_degC_per_pct, which it belongs to"),
     (HAND + "[[case]]\ntarget = 'weg'\nminimum_on_s = 1\n", "[[case]] 1: minimum_on_s without pwm_period_s"),
     (HAND + "[grid]\ntarget = ['weg', 's5-ob251']\nswitches = [{}, {rails = 'x'}]\n", "[grid]: weg: unknown switch 'rails'"),
+    (HAND + "input = 'rtd'\n[grid]\ntarget = ['fb41', 's5-ob251']\n", "[grid]: s5-ob251: --input rtd: an analog input 460 gives ohms"),
+    (HAND + "range_high_degC = 90\ntarget = 'fb41'\n[grid]\ninput = ['4-20mA', 'rtd']\n", "[grid]: fb41: --range 0 90 beside --input rtd"),
     ("[[case]]\ntarget = 'weg'\nlog = 'gone.csv'\n", "log 'gone.csv' cannot be read: No such file"),
     ("[[case]]\ntarget = 'weg'\nmodel = 'gone.json'\n", "gone.json: cannot be read: No such file"),
 ])
@@ -168,7 +170,7 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
         "noise_degC": 0.1, "tolerance_degC": 0.7, "pwm_period_s": 8.0, "pwm_resolution_s": 0.25, "minimum_on_s": 0.5,
         "minimum_off_s": 0.75, "pwm_rule": "pid-compact", "interlock": "heater-fan", "limit_degC": 80.0,
         "fan_stops_s": 99.0, "samples": 3, "spec": "oven", "robust": "none", "step_power_pct": 9.0,
-        "profile": "/any/firing.csv",
+        "profile": "/any/firing.csv", "input": "4-20mA",
     }
     assert {*settings, "log", "model", *options_of(FitSettings)} == {*KEYS, "cooler"}, "no key is forgotten here"
     seen = {}
@@ -185,7 +187,7 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
     assert (seen["heater"].dead_time_s, seen["heater"].ambient_degC) == (5.0, 21.0)
     asked = seen["asked"]
     assert (asked.target, asked.words_by, asked.as_is, seen["samples"]) == ("fb41", "rounded", True, 3)
-    assert (asked.scaling.low_degC, asked.scaling.high_degC) == (10.0, 90.0)
+    assert (asked.scaling.low_degC, asked.scaling.high_degC, asked.scaling.input) == (10.0, 90.0, "4-20mA")
     for part in (asked.tuned, asked.conditions):
         assert asdict(part) == {name: settings.get(name, ()) for name in asdict(part)}
     assert "accept" not in KEYS

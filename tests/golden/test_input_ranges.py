@@ -2,12 +2,13 @@
 
 Witnesses: ET 200S manual EWA 4NEB 780 6024-02, tables 12-1 and 12-14 ff. (S7 format: 0.1 °C per digit, overflow 32767,
 underflow −32768); S5-135U/155U manual C79000-G8576-C199-06, p. 9-71 (4 mA 512 units, 20 mA 2560); S7-200 manual
-A5E00066097-02 (0 to 20 mA is 0…32000; EM 231 without supply 32766); NAMUR NE 43 (3.8 mA at the least, 3.6 mA: broken). The
+A5E00066097-02 (0 to 20 mA is 0…32000; EM 231, tables A-27 and A-34: 100.2 °C is 1002, all channels new each 405 ms, broken wire
+32767 or −32768, without supply 32766); NAMUR NE 43 (3.8 mA at the least, 3.6 mA: broken). The
 programs run in awlsim, in an S5 that knows the listing alone, and in the S7-200's machine.
 """
 
-import re
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -18,15 +19,17 @@ from tests.golden.test_s7_300_program import DATA, NAMES, Tip
 
 from heatertune.cli import main
 from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, controller_for
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run
 from heatertune.plc.inputs import INPUTS, scaled
 from heatertune.plc.pwm import Actuator
-from heatertune.proof import Scenario, simulate
+from heatertune.proof import Scenario, prove, simulate
 from heatertune.proof.scenario import delayed
 from heatertune.proof.story import Loop, story_for
+from heatertune.settings import Conditions
 
 S7 = ("s7-300", "fb41")
 
@@ -44,14 +47,55 @@ def _text(words, setpoint=61.7, actuator=None):
     return next(text for name, text in files.items() if name.endswith((".awl", "program_listing.txt")))
 
 
-@pytest.mark.parametrize("target", S7)
-@pytest.mark.parametrize(("name", "celsius", "digits"), [
-    ("thermocouple", 1820.0, 18200), ("thermocouple", 100.2, 1002), ("rtd", 61.7, 617), ("rtd-climatic", 61.7, 6170),
-])
-def test_digits_are_degrees_as_the_modules_table_has_them(target, name, celsius, digits):
+@pytest.mark.parametrize(("target", "name"), [
+    *product(S7, ("thermocouple", "rtd", "rtd-climatic")), *product(["s7-200-pid"], ("thermocouple", "rtd"))])
+def test_digits_are_degrees_as_the_modules_table_has_them_the_nearest_one(target, name):
     words, which = _words(target, name), controller_for(target)
-    assert which.measure(words, celsius + 1e-6) == digits
-    assert re.search(rf"SP := {digits} ;" if target == "s7-300" else "SP := ", _text(words, celsius + 1e-6))
+    cases = {100.2: 1002, 200.0: 2000, 61.7: 617, 61.76: 618, 61.74: 617, 0.04: 0, -3.0: 0}
+    if name == "rtd-climatic":
+        cases = {61.7: 6170, 100.2: 10020, 61.704: 6170, 61.706: 6171}
+    for celsius, digits in cases.items():
+        assert which.measure(words, celsius) == digits, celsius
+        if celsius > 1.0:
+            assert {"s7-300": f"SP := {digits} ;", "fb41": "SP := ", "s7-200-pid": f"= {digits / 32000:g}, the proven"}[target] in _text(words, celsius)
+
+
+def test_an_em_231_tells_no_power_of_a_broken_wire_and_is_read_in_each_scan():
+    words = _words("s7-200-pid", "thermocouple")
+    program = assemble(_text(words))
+    begun = run(program, "OB1", COLD.written({"AIW0": 617, "SM0.1": 1})).written({"VD104": 0x3D000000})  # 1/32 of 3200 °C: 100 °C
+    assert begun.read("VW94") == 617
+    # the module has a new value only after the last one was read, A-73: OB1 reads it in each scan
+    assert run(program, "OB1", begun.written({"AIW0": 618, "SM0.1": 0})).read("VW94") == 618
+
+    def call(cpu, reading):
+        return run(program, "INT0", cpu.written({"AIW0": reading, "VW90": 1}))
+
+    for reading in (617, -50, 999):  # 100 °C − 99.9 °C is 0.1 °C · 4 %/°C = 0.4 %
+        assert call(begun, reading).width > 0, reading
+    for reading in (1001, 13720, 32766, 32767, -32767, -32768):
+        assert call(begun, reading).width == 0, reading
+
+
+def test_the_proof_of_an_em_231_waits_for_two_updates_of_the_module():
+    own = controller_for("s7-200-pid")
+    assert own.delayed_s(own.scaled("rtd")) == 2 * 0.405
+    assert own.delayed_s(own.scaled("4-20mA")) == own.delayed_s(own.scaled(None)) == 0.0
+    words = _words("s7-200-pid", "rtd")
+    heater = Fopdt(gain_degC_per_pct=0.9, time_constant_s=40.0, dead_time_s=3.0, ambient_degC=20.0)
+    trace = simulate(own, words, heater, Scenario(setpoint_degC=61.7, duration_s=600.0))
+    assert trace.temperature_degC[-1] == pytest.approx(61.7, abs=0.2)
+    assert trace.resolution_degC == pytest.approx(0.1)
+    text = _text(words)
+    for part in ("sensor 0...3200 degC = 0...32000 on AIW0", "an EM231 for a resistance thermometer (0.1 degC per digit", "gives 0: a limiter must"):
+        assert part in text
+
+
+def test_an_interlock_behind_a_module_in_degrees_needs_its_limit():
+    for target, name, end in (("s7-300", "thermocouple", "2764.8"), ("s7-200-pid", "rtd", "3200")):
+        with pytest.raises(InputError, match=rf"--interlock with --input {name} needs --limit-temperature: .* up to {end} °C"):
+            prove(_words(target, name), model_by_hand(Fopdt(gain_degC_per_pct=0.9, time_constant_s=40.0, dead_time_s=3.0, ambient_degC=20.0)),
+                  Conditions(setpoint_degC=60.0, interlock="heater-fan"), first_look=True)
 
 
 class Thermocouple(Tip):
@@ -59,11 +103,11 @@ class Thermocouple(Tip):
 
     def setpoint(self, celsius):
         if not self.begun:  # loaded as it was proven
-            assert self.machine.read(DATA, "SP") == int(10.0 * celsius + 1e-9)
-        self.machine.write(DATA, SP=int(10.0 * celsius + 1e-9))
+            assert self.machine.read(DATA, "SP") == int(10.0 * celsius + 0.5)
+        self.machine.write(DATA, SP=int(10.0 * celsius + 0.5))
 
     def tick(self, celsius, due):
-        output, _, image = self.machine.tick(self.tick_ms, int(10.0 * celsius))
+        output, _, image = self.machine.tick(self.tick_ms, int(10.0 * celsius + 0.5))
         assert output == image
         if due:
             self.output = 100.0 * self.machine.read(100, "OUT") / 27648
@@ -172,10 +216,12 @@ def test_a_transmitter_gives_3_8_ma_at_the_least_and_the_setpoint_stays_within_i
 
 
 def test_a_range_that_a_target_does_not_have_or_that_has_its_own_ends_is_refused():
-    with pytest.raises(UnknownName, match="unknown input 'rtd'; known: 4-20mA"):
-        scaled(controller_for("s5-ob251").ranges, "rtd")
-    with pytest.raises(UnknownName, match="input"):
-        scaled(controller_for("weg").ranges, "4-20mA")
+    with pytest.raises(UnknownName, match="unknown input 'pt100'; known: 4-20mA"):
+        scaled(controller_for("fb41").ranges, "pt100")
+    for target, name, why in (("s5-ob251", "rtd", "ohms"), ("s5-ob251", "thermocouple", "not known"), ("weg", "4-20mA", "no analog module"),
+                              ("s7-200", "thermocouple", "no analog module"), ("s7-200-pid", "rtd-climatic", "use rtd")):
+        with pytest.raises(InputError, match=rf"^--input {name}: .*{why}"):
+            controller_for(target).scaled(name, (0.0, 100.0))
     with pytest.raises(InputError, match=r"--range 0 400 beside --input rtd: its readings are 0…2764.8 °C"):
         scaled(controller_for("fb41").ranges, "rtd", (0.0, 400.0))
     for target in S7:
@@ -191,7 +237,7 @@ def test_the_range_goes_with_design_words_and_export(tmp_path, capsys):
     assert main(["export-db", str(tmp_path / "pid.json"), *asked, "--input", "thermocouple", "-o", str(folder)]) == 0
     text = (folder / NAMES["s7-300"]).read_text()
     assert "the range of a thermocouple in degC, 0.1 degC per digit" in text
-    assert "SP := 1999 ;" in text  # 200·27648/2764.8 ends just below 2000, and the converter cuts: as the proof has it
+    assert "SP := 2000 ;" in text
     again = tmp_path / "again"
     assert main(["export-db", str(folder / "words.json"), "--target", "s7-300", "-o", str(again)]) == 0
     assert (again / NAMES["s7-300"]).read_text() == text

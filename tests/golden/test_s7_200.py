@@ -17,8 +17,10 @@ from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.cpu.s7_200 import COLD, assemble, cycle, run
 from heatertune.plc.cpu.s7_200.arithmetic import added, divided, high_word, multiplied
 from heatertune.plc.cpu.s7_200.cpu import carry_out
+from heatertune.plc.cpu.s7_200.cycle import run_cycle, timed
 from heatertune.plc.cpu.s7_200.instructions import block_number
-from heatertune.plc.s7_200.listing import repaired_program
+from heatertune.plc.cpu.s7_200.state import own
+from heatertune.plc.s7_200.listing import COUNTDOWN, repaired_program
 from heatertune.plc.s7_200_paper import step
 from heatertune.plc.s7_200_paper.faults import faults
 from heatertune.plc.s7_200_paper.listing import printed_program
@@ -135,6 +137,15 @@ def test_the_faults_are_counted_with_analog_adjustment_1_in_the_error():
         assert [line.partition(": ")[2].partition(" pairs")[0] for line in told if line.startswith("DIV")] == left
 
 
+def test_a_start_up_of_the_printed_program_makes_no_pulse_before_it_computed_one():
+    cold = running = PAPER.start(paper_words(gain=20), {})
+    for _ in range(40):
+        running, scan = PAPER.step(running, 120, 60)
+    assert scan.power_pct > 0.0
+    again = running._replace(state=PAPER.core.restarted(running.parameters, cold.state, running.state))
+    assert PAPER.step(again, 120, 60)[1].power_pct == 0.0
+
+
 def test_the_edge_of_the_first_scan_is_served_in_the_third():
     # DIFFERENCES.md; by hand: E = 256·50, VW100 = ⌊20·E/65536⌋ = 3 from the second scan on, added where Q0.0 has risen
     memory, widths = printed.Memory(), []
@@ -191,6 +202,14 @@ def test_there_are_the_events_0_to_33():
         assemble(_block("LD\tSM0.0", line) + block)
         with pytest.raises(InputError, match="no instruction"):
             assemble(_block("LD\tSM0.0", line.replace("33", "34")) + block)
+
+
+def test_there_are_64_subroutines_and_128_interrupts_each_of_its_own_number():
+    names = ["OB1", *(f"SBR{k}" for k in range(64)), *(f"INT{k}" for k in range(128))]
+    assert len({block_number(name) for name in names}) == 193
+    for name in ("SBR64", "INT128", "OB2"):
+        with pytest.raises(ValueError, match=r"64|128|OB2"):
+            block_number(name)
 
 
 @pytest.mark.parametrize(("gain", "kp", "scale"), [(32767.4, 32767, 7), (32768.2, 16384, 6)])
@@ -327,6 +346,14 @@ def test_the_ticks_that_the_room_passes_over_do_nothing_but_count():
         assert whole == short
         widths.append(whole.width)
     assert len(set(widths)) == 4
+
+
+@pytest.mark.parametrize(("statement", "told"), [("MOVW\t+1, VW400", 0), ("DIV\t+0, VD400", 2), ("+I\t+32767, VW10", 1)])
+def test_a_cycle_tells_overflow_as_bit_0_and_a_division_by_zero_as_bit_1(statement, told):
+    words, _ = _repaired(WORD_SETS[0])  # VW10 is 1 and more where the setpoint is above the reading
+    text = repaired_program(words).replace("END_INTERRUPT_BLOCK", f"Network 99 // added\r\n\tLD\tSM0.0\r\n\t{statement}\r\nEND_INTERRUPT_BLOCK")
+    state = own(COLD.written({"SMB28": 120, "IB0": 90}))
+    assert run_cycle(timed(assemble(text), words.values, COUNTDOWN, next_cycle=False), state.memory)[2] == told
 
 
 def test_the_feedback_on_i0_0_does_not_reach_the_reading():

@@ -8,7 +8,6 @@ NumPy implementation of the equation (see test_fb41), PULSEGEN is written in STL
 
 import random
 import re
-import struct
 from dataclasses import replace
 
 import numpy as np
@@ -390,6 +389,11 @@ def test_the_head_names_the_conditions_and_what_remains_to_be_done_by_hand(tmp_p
                  "specification: general", "digest of the proof: sha256:0", "  1. hardware configuration: OB 35 every 10 ms"):
         assert part in head
     assert max(map(len, text.splitlines())) <= 200
-    minute = _folder(_words("s7-300", 60.0), None, tmp_path)  # OB35_EXC_FREQ is an INT of 16 bits
-    assert "TICK_MS := -5536 ;" in minute
-    assert struct.pack(">H", 60000) == struct.pack(">h", -5536)
+
+
+@pytest.mark.parametrize(("ta", "tick", "per_call"), [(32.767, 32767, 1), (32.768, 16384, 2), (60.0, 30000, 2), (59.997, 19999, 3)])
+def test_ob35_ticks_no_slower_than_its_exc_freq_can_tell_which_is_an_int(tmp_path, ta, tick, per_call):
+    text = _folder(_words("s7-300", ta), None, tmp_path)
+    assert f"TICK_MS := {tick} ;" in text
+    assert f"PER_CALL := L#{per_call} ;" in text
+    assert tick * per_call == round(1000 * ta)

@@ -91,6 +91,12 @@ def test_what_an_s5_of_the_project_does_not_know_is_refused(line):
         S5Cpu(f"FB 1\n     {line}\n     :BE\n", {})
 
 
+@pytest.mark.parametrize("text", ["FB 1\n     :L  DW 1\n", "FB 1\n     :BE\nOB 1\n", "FB 1\n     :BE\n     :L  DW 1\n"])
+def test_a_block_of_an_s5_ends_with_be(text):
+    with pytest.raises(InputError, match="a block ends with BE"):
+        S5Cpu(text, {})
+
+
 # S7-300
 
 HEAD = "DATA_BLOCK DB 1\nSTRUCT\n  A : DINT ;\n  B : DINT ;\n  C : DINT ;\n  BIT : BOOL ;\nEND_STRUCT ;\nBEGIN\nEND_DATA_BLOCK\n"

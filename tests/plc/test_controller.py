@@ -177,3 +177,14 @@ def test_a_whole_word_is_rounded_once_halves_away_from_zero(exact, held):
 def test_a_whole_word_beyond_its_range_is_refused(exact):
     with pytest.raises(NotRepresentable, match=r"word N would be .* a whole number -99…99"):
         stored(WHOLE, exact)
+
+
+@pytest.mark.parametrize("target", [target for target in TARGETS if controller_for(target).most_power])
+def test_a_limited_output_ends_at_that_share_of_full_power(target):
+    which = controller_for(target)
+    design = PidDesign(gain_pct_per_degC=1.0, integral_time_s=60.0, derivative_time_s=0.0, sample_time_s=1.0, structure="pi", method="")
+    words = which.limited(which.encode(design, Scaling()), 40.0)
+    running, (low, high) = which.start(words, {}), which.ends(words)
+    for _ in range(200):
+        running, scan = which.step(running, high, low)
+    assert scan.power_pct == pytest.approx(40.0, abs=0.03)  # 2047 units are 100 %

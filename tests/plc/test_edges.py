@@ -37,7 +37,7 @@ def test_a_clock_that_ticks_at_the_resolution_makes_calls_and_periods_or_cannot(
 
 def test_a_switch_has_no_least_times_and_half_waves_of_50_hz_unless_told_so():
     assert Actuator(pwm_period_s=10.0).numbers == switched_by(None, pwm_period_s=10.0).numbers == (10.0, 0.01, 0.0, 0.0, False)
-    assert pulsegen(pwm_period_s=10.0, call_interval_s=1.0).numbers == switched_by("pulsegen", pwm_period_s=10.0, resolution_s=1.0).numbers == (10.0, 1.0, 0.0, 0.0, False)
+    assert pulsegen(pwm_period_s=10.0, call_interval_s=1.0).numbers == switched_by("pulsegen", pwm_period_s=10.0, resolution_s=1.0).numbers == (10.0, 1.0, 1.0, 1.0, False)  # P_B_TM is a call at least
     assert pid_compact(pwm_period_s=10.0, call_interval_s=1.0).numbers == switched_by("pid-compact", pwm_period_s=10.0, resolution_s=1.0).numbers == (10.0, 1.0, 0.0, 0.0, True)
     assert pulsegen(pwm_period_s=10.0, call_interval_s=1.0, minimum_s=2.0).numbers == (10.0, 1.0, 2.0, 2.0, False)
     halves = [pid_compact(pwm_period_s=10.0, call_interval_s=1.0, minimum_on_s=on).minimum_on_s for on in (0.4, 0.5, 1.4, 1.5)]

@@ -8,7 +8,7 @@ from tests.golden import printed
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc import Certificate, Ramp, Scaling, Words, controller_for
+from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.cpu.one_bit.assembler import assemble as single_bit
 from heatertune.plc.cpu.one_bit.machine import START, Wiring, scan
 from heatertune.plc.cpu.one_bit.programs import HEATER_NAMES, HEATER_PRINTED, ON_OFF_NAMES, TWO_LEVEL_NAMES
@@ -41,7 +41,7 @@ def _words(target, scaling=None, **changed):
 ])
 def test_the_upper_end_of_the_sensors_range_is_the_modules_full_scale(target, full):
     controller = controller_for(target)
-    high = controller.sensor(Words(target=target, values={}, scaling=Scaling(low_degC=-20.0, high_degC=130.0), sample_time_s=1.0))
+    high = controller.sensor(Scaling(low_degC=-20.0, high_degC=130.0))
     assert (high.counts, high.low, high.span) == (full, -20.0, 150.0)
 
 

@@ -208,3 +208,18 @@ def test_a_ramp_says_what_it_is():
     assert str(Ramp(step=4, hold=41)) == "4 units every call, held within 41 units of the reading"
     assert str(Ramp(step=4, hold=-41)) == "4 units every call, held within 41 units of the reading (of a cooler)"
     assert (str(Ramp(step=4)), str(Ramp(step=0.25, calls=3))) == ("4 units every call", "0.25 units every 3 calls")
+
+
+@pytest.mark.parametrize(("whole", "least"), [(True, 1.0 / 1.05), (False, 1.0)])
+def test_a_step_takes_as_many_calls_as_a_counter_counts(whole, least):
+    assert nearest(least / 32766.9, whole=whole, least=1.0).calls == 32767  # an INT
+    with pytest.raises(OutOfRange, match="32767 calls"):
+        nearest(least / 32767.1, whole=whole, least=1.0)
+
+
+def test_a_slow_ramp_moves_no_less_than_a_step_of_the_module_wherever_the_range_begins():
+    which = controller_for("weg")
+    design = PidDesign(gain_pct_per_degC=2.0, integral_time_s=60.0, derivative_time_s=0.0, sample_time_s=1.0, structure="pi", method="")
+    low, high = (which.encode(design, Scaling(low_degC=low, high_degC=low + 100.0)) for low in (0.0, 900.0))
+    assert which.ramp(low, 0.05) == which.ramp(high, 0.05)
+    assert which.ramp(high, 0.05).step >= 100.0 / which.counts

@@ -259,6 +259,8 @@ def test_the_tips_data_block_is_read_from_initial_values_and_from_bits():
     ("GAIN := 2.500000e+000;", "GAIN := T#2S;", ("line 11", "GAIN", "'T#2S'", "REAL")),
     ("GAIN := 2.500000e+000;", "GIAN := 2.5;", ("GAIN (DBD20)",)),
     ("GAIN := 2.500000e+000;", "GAIN := 1.0e39;", ("line 11", "GAIN", "'1.0e39'")),
+    ("GAIN := 2.500000e+000;", "GAIN := DW#16#140200000;", ("line 11", "GAIN", "'DW#16#140200000'", "REAL")),
+    ("GAIN := 2.500000e+000;", "GAIN := DW#16#40G00000;", ("line 11", "GAIN", "'DW#16#40G00000'", "REAL")),
     ("T#1M20S", "80", ("line 12", "TI", "'80'", "TIME")),
     ("T#1M20S", "T#0.5MS", ("line 12", "TI")), ("T#1M20S", "T#20S1M", ("line 12", "TI")),
     ("BEGIN\n", "BEGIN GAIN := 2.6;\n", ("line 11", "GAIN", "2.6, as in line 6")),
@@ -323,6 +325,7 @@ def test_a_call_of_wegs_block_is_read_whatever_stands_in_comments():
     (WEG + "Kp = 3\n", ("line 11", "Kp", "'3'", "2.5, as in line 1")),
     (CALL.replace("REAL#2.5", "Gain1"), ("line 3", "Kp", "'Gain1'")),
     (CALL.replace("Kd := 0.0", "0.0"), ("line 4", "'0.0'", "NAME := VALUE")),
+    (CALL.replace("Kd := 0.0", "0.0\n"), ("line 4", "'0.0'", "NAME := VALUE")),
     (CALL + CALL, ("lines 3 and 8",)), ("PID_1.Kp := 3.0;\n" + CALL, ("line 4", "Kp", "'REAL#2.5'", "3.0, as in line 1")),
 ])
 def test_a_bad_parameter_of_wegs_block_is_told(text, said):

@@ -46,7 +46,7 @@ def test_narrowed_leaves_every_number_and_makes_single_precision_of_the_floats_a
     assert found == given_
     assert isinstance(found[0], Sensor)
     assert [type(each) for each in (*found[0], *found[1], found[2])] == [
-        np.float32, np.float32, int, int, bool, np.float32, int,
+        np.float32, np.float32, int, int, np.float32, bool, np.float32, int,
     ]
     whole = np.array([16777217])  # 2^24 + 1, which single precision does not hold
     assert narrowed(whole).tolist() == whole.tolist()

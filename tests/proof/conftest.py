@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -65,8 +66,11 @@ class TenthsRoom:
     def start_directly(self, words, switches):
         return (self.direct or (lambda *_: (self.core, self.start(words, switches))))(words, switches)
 
-    def sensor(self, words):
-        return words
+    def sensor(self, scaling):
+        return SimpleNamespace(scaling=scaling, counts=self.counts)
+
+    def delayed_s(self, _scaling):
+        return self.delay_s
 
     @property
     def core(self):

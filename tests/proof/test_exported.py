@@ -3,8 +3,13 @@
 That the text and the proof are right is tests/golden's: awlsim, an S5 and a machine for structured text of its own.
 """
 
+import math
+import random
 import re
 from dataclasses import replace
+from fractions import Fraction
+from functools import cache
+from itertools import product
 
 import pytest
 from tests.bench.text_faults import HEATER as PLANT
@@ -15,23 +20,62 @@ from heatertune.errors import InputError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import TwoLag
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Certificate, Scaling, controller_for
+from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.cpu.s5.machine import Cpu as S5Cpu
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
 from heatertune.plc.cpu.s7_300.machine import Cpu as S7Cpu
+from heatertune.plc.cpu.s7_300.source import as_real, bits_of
 from heatertune.plc.inputs import scaled
 from heatertune.plc.open_points import assumed
-from heatertune.plc.pwm import Actuator
+from heatertune.plc.pwm import Actuator, pulsegen
+from heatertune.proof import Scenario, simulate
 from heatertune.proof import exported as of_text
-from heatertune.proof import simulate
 from heatertune.proof.exported import Compared, as_exported, compared
+from heatertune.proof.scenario import NewSetpoint, PlcPower
 from heatertune.proof.verdict import verdict_line
 from heatertune.settings import Conditions
 
 HEATER = TwoLag(gain_degC_per_pct=0.6, time_constant_s=50.0, second_time_constant_s=11.0, dead_time_s=1.3, ambient_degC=21.0)
 FILES = {"s5-ob251": "program_listing.txt", "s7-300": "s7_300_pid.awl", "fb41": "fb41_cont_c.awl", "weg": "weg_pid_block.st"}
 
-pytestmark = pytest.mark.long
+#: half a minute that shows most of a text
+SHORT = Scenario(setpoint_degC=51.0, duration_s=36.0, noise_degC=0.05, disturbances=(
+    NewSetpoint(time_s=14.0, setpoint_degC=44.0), PlcPower(time_s=24.0, on=False), PlcPower(time_s=27.0, on=True)))
+SWITCH = Actuator(pwm_period_s=2.0, resolution_s=0.1, minimum_on_s=0.2)
+
+
+@cache
+def short_run(target, *, ramped=False, actuator=SWITCH, input_=None, **known):
+    which = controller_for(target)
+    design = PidDesign(gain_pct_per_degC=0.9 if target == "s5-ob251" else 4.0, integral_time_s=30.0, derivative_time_s=2.0, sample_time_s=1.0,
+                       structure="pid", method="")
+    words = which.encode(design, which.scaled(input_, (0.0, 150.0)))
+    if ramped:
+        ramp = which.ramp(words, 60.0, 6.0)
+        words = replace(words, ramp=Ramp(step=2 * ramp.step, calls=2, hold=ramp.hold))
+    return simulate(which, words, PLANT, SHORT, actuator, known)
+
+
+def files_of(trace):
+    told = Certificate(verdict="PASS", setpoint_degC=trace.setpoint_degC, actuator=trace.actuator, switches=trace.switches)
+    return controller_for(trace.words.target).export(trace.words, told)
+
+
+def compared_with(trace, files, monkeypatch):
+    controller = controller_for(trace.words.target)
+    monkeypatch.setattr(type(controller), "export", staticmethod(lambda *_: files))
+    return compared(controller, trace.words, trace, trace.switches).departs
+
+
+GEN = pulsegen(pwm_period_s=2.0, call_interval_s=0.1, minimum_s=0.2)
+
+
+@pytest.mark.parametrize(("target", "how"), [
+    *product(("s7-300", "fb41"), ({"actuator": GEN},)), *product(FILES, ({}, {"ramped": True})), *((target, {"input_": "4-20mA"}) for target in FILES if target != "weg")])
+def test_a_text_follows_a_short_run(target, how):
+    trace = short_run(target, **how)
+    assert len(set(trace.power_asked_pct)) > 12
+    assert compared(controller_for(target), trace.words, trace) == Compared()
 
 
 def proven(target, *, ramp=None, tv=0.0, scaling=None, **conditions):
@@ -48,6 +92,7 @@ def departs(proof):
     return compared(controller_for(proof.words.target), proof.words, proof.nominal).departs
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("target", "asked"), [
     ("s5-ob251", {"tv": 6.0}), ("s5-ob251", {"ramp": (5.0, 4.0), "pwm_period_s": 12.0, "minimum_on_s": 0.7, "minimum_off_s": 0.9}),
     ("s5-ob251", {"pwm_period_s": 7.0 / 3.0}), ("s7-300", {"ramp": (5.0, 4.0), "pwm_period_s": 12.0, "minimum_on_s": 0.7}),
@@ -61,6 +106,7 @@ def test_the_text_does_what_was_proven(target, asked):
     assert compared(controller_for(target), proof.words, proof.nominal) == Compared()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("setting", [
     {"anti_windup": "freeze"}, {"anti_windup": "none", "edge": "runs_at_once"}, {"order": "by_parts"}, {"filter": "exact"}])
 def test_wegs_own_block_is_run_under_every_setting_and_ours_under_its_own(setting):
@@ -73,6 +119,7 @@ def test_wegs_own_block_is_run_under_every_setting_and_ours_under_its_own(settin
     assert list(controller.exported(files, controller.assumptions())) == ["weg_pid_call.st", "weg_pid_block.st", "weg_pid_plcopen.xml"]
 
 
+@pytest.mark.long
 def test_a_start_up_as_chosen_is_that_of_the_text():
     proof = proven("s5-ob251", tv=6.0, switches={"start_up": "retained"})
     which = controller_for("s5-ob251")
@@ -83,12 +130,14 @@ def test_a_start_up_as_chosen_is_that_of_the_text():
     assert compared(which, proof.words, cleared, proof.known) == Compared()  # a CPU without a battery
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("who", ["caller", "skipped", "block"])
 def test_whoever_keeps_ts_the_text_does_what_was_proven(who):
     proof = proven("weg", switches={"sampling": who})
     assert compared(controller_for("weg"), proof.words, proof.nominal, proof.known) == Compared()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("target", "name"), [("s5-ob251", "4-20mA"), ("fb41", "thermocouple"), ("s7-300", "4-20mA")])
 def test_a_text_for_another_range_of_the_module_does_what_was_proven(target, name):
     own = controller_for(target)
@@ -98,36 +147,91 @@ def test_a_text_for_another_range_of_the_module_does_what_was_proven(target, nam
 
 #: target → a pattern of its text, what stands there instead
 PLANTED = [
-    ("s5-ob251", r"SRW 3", "SRW 2"), ("s5-ob251", r"KF = \+02560;( +K )", r"KF = +02561;\1"),
-    ("s5-ob251", r":T  DW 22 ", ":T  DW 23 "), ("s5-ob251", r"(OUT  :L  DW 7.*\n +:L  KF \+)(\d+)", r"\g<1>3"),
+    ("s5-ob251", r"SRW 3", "SRW 2"), ("s5-ob251", r"KF = \+01382;( +K )", r"KF = +01383;\1"),
+    ("s5-ob251", r":T  DW 22 ", ":T  DW 23 "), ("s5-ob251", r"(OUT  :L  DW 7.*\n +:L  KF \+)(\d+)", r"\g<1>39"),
     ("s5-ob251", r":SU D 11\.2", ":RU D 11.2"), ("s5-ob251", r"(:L  KF \+\d+\n +:\+F\n +:L  DW 0\n +:>F)", r"\1\n     :JU =END"),
     ("s7-300", r"/R    ;", "*R    ;"), ("s7-300", r"DTR   ;", "NOP   0;"), ("s7-300", r"ou1:  L     1\.0", "ou1:  L     9.0"),
     ("s7-300", r"L     L#13824;", "L     L#13000;"), ("s7-300", r"CALL  FC 101;\r\nEND_ORG", "NOP   0;\r\nEND_ORG"),
     ("fb41", r"GAIN := \d", "GAIN := 9"), ("fb41", r"SP_INT := DB101\.DBD    2", "SP_INT := DB101.DBD    6"),
     ("fb41", r"SRD   12;", "SRD   11;"), ("fb41", r"COM_RST := TRUE", "COM_RST := FALSE"),
-    ("s7-300", r"PER_CALL := L#300", "PER_CALL := L#299"), ("s7-300", r"      L     -32768;", "      L     32767;"),
+    ("fb41", "PVPER_ON := TRUE", "PVPER_ON := FALSE"), ("s7-300", "  AUTO := FALSE", "  AUTO := TRUE"), ("s7-300", "LEAST := 2765", "LEAST := 2766"), ("s7-300", "MOST := 26956", "MOST := 26955"), ("s5-ob251", r"KF \+205 ", "KF +206 "),
+    *(("s7-300 PULSEGEN", there, instead) for there, instead in (
+        ("PER_TM := T#2000MS", "PER_TM := T#1000MS"), ("P_B_TM := T#200MS", "P_B_TM := T#900MS"), (" CYCLE := T#100MS", " CYCLE := T#50MS"),
+        ("STEP3_ON := FALSE", "STEP3_ON := TRUE"), ("SYN_ON := FALSE", "SYN_ON := TRUE"), ("INV := #share", "INV := 0.0"), ("  PER_TM := T#2000MS ;", ""))),
+    ("s7-300", r"PER_CALL := L#10", "PER_CALL := L#9"), ("s7-300", r"      L     -32768;", "      L     32767;"),
 ]
-
-
-def told(proof):
-    return Certificate(verdict="", setpoint_degC=51.0, actuator=proof.actuator)
-
-
-def exporting(monkeypatch, controller, files):
-    monkeypatch.setattr(type(controller), "export", staticmethod(lambda *_: files))
 
 
 @pytest.mark.parametrize(("target", "there", "instead"), PLANTED)
 def test_a_fault_in_the_text_is_noticed(target, there, instead, monkeypatch):
-    proof = proven(target, ramp=(5.0, 4.0) if ":>F" in there else None)
-    controller, file = controller_for(target), FILES[target]
-    whole = controller.export(proof.words, told(proof))[file]
-    broken, count = re.subn(there, instead, whole)
-    assert count, whole
-    exporting(monkeypatch, controller, {file: broken})
-    assert departs(proof).startswith(f"{file}: ")
+    target, _, block = target.partition(" ")
+    trace = short_run(target, ramped=":>F" in there, actuator=GEN if block else SWITCH)
+    files, file = files_of(trace), FILES[target]
+    broken, count = re.subn(there, instead, files[file])
+    assert count, files[file]
+    assert compared_with(trace, files | {file: broken}, monkeypatch).startswith(f"{file}: ")
 
 
+def loaded(trace, files=None):
+    controller = controller_for(trace.words.target)
+    loads = controller.exported(files or files_of(trace), assumed(controller.assumptions, trace.switches))
+    return loads[FILES[trace.words.target]]()
+
+
+@pytest.mark.parametrize("target", ["s7-300", "fb41"])
+def test_an_underflow_that_does_not_take_the_power_away_is_seen(target):
+    trace = short_run(target, actuator=Actuator(pwm_period_s=2.0, minimum_rule="carry"))  # so all there is is the power asked for
+    source = files_of(trace)[FILES[target]]
+    line = "      L     -32768;"
+    assert source.count(line) == 1
+    blind = loaded(trace, {FILES[target]: source.replace(line, "      L     1;")})
+    for text, power in ((loaded(trace), 0.0), (blind, 100.0)):
+        assert text.tick(9000, 100, 0.0)[1] is None
+        assert text.interrupt() == (power, None)
+
+
+def test_an_output_beyond_its_limits_is_no_power_beyond_100_pct():
+    text = loaded(short_run("fb41"))
+    for output, power in ((150.0, 100.0), (100.5, 100.0), (-3.0, 0.0), (37.5, 37.5)):
+        text.force(output)
+        assert text.outcome() == (output, power)
+    text = loaded(short_run("s7-300"))
+    for output, power in ((27648, 100.0), (-5, 0.0), (32767, 100.0), (-32768, 0.0)):
+        text.force(output)
+        assert text.outcome() == (output, power)
+
+
+@pytest.mark.parametrize("target", ["s7-300", "fb41"])
+def test_a_period_holds_the_nearest_number_of_ticks(target):
+    # by hand: share of the period, halves up
+    ticks, chance = 7000, random.Random(3)
+    text = loaded(short_run(target, actuator=Actuator(pwm_period_s=70.0, resolution_s=0.01)))
+    full = 27648 if target == "s7-300" else 100
+    for _ in range(300):
+        output = chance.randint(0, 27648) if target == "s7-300" else as_real(bits_of(chance.uniform(0.0, 100.0)))
+        text.begin(output, ticks)
+        assert text.counted() == math.floor(Fraction(output) * ticks / full + Fraction(1, 2)), output
+
+
+@pytest.mark.parametrize(("actuator", "made"), [
+    (Actuator(pwm_period_s=10.0, resolution_s=1.0), True), (Actuator(pwm_period_s=0.5, resolution_s=0.5), True),
+    (Actuator(pwm_period_s=10.0, resolution_s=0.3), False), (Actuator(pwm_period_s=770.0), True), (Actuator(pwm_period_s=770.01), False)])
+def test_pulses_are_made_where_they_are_whole_ticks_and_their_product_fits(actuator, made):
+    trace = short_run("s7-300")
+    files = controller_for("s7-300").export(trace.words, Certificate(verdict="", actuator=actuator))
+    assert (loaded(trace, files).counted() is not None) == made
+
+
+def test_a_short_run_restarts_from_what_the_text_leaves_and_from_cold():
+    which = controller_for("s5-ob251")
+    kept, cleared = short_run("s5-ob251", start_up="retained"), short_run("s5-ob251")
+    assert kept.power_asked_pct.tolist() != cleared.power_asked_pct.tolist()
+    assert compared(which, kept.words, kept, {"start_up": "retained"}) == Compared()
+    assert compared(which, cleared.words, cleared, {"start_up": "retained"}) == Compared()  # a CPU without a battery
+    assert compared(which, kept.words, kept).departs is not None
+
+
+@pytest.mark.long
 def test_a_proof_whose_text_does_other_is_none(monkeypatch):
     proof = proven("s7-300", ramp=(3.0, 4.0))
     assert (proof.verdict, as_exported(proof).verdict) == ("PASS", "PASS")
@@ -149,24 +253,21 @@ def test_a_proof_whose_text_does_other_is_none(monkeypatch):
     ("fb41", "fb41_cont_c.awl", "ORGANIZATION_BLOCK OB 35", "ORGANIZATION_BLOCK OB 34", "OB 35: the source has no such block"),
     ("weg", "weg_pid_call.st", "HeaterWasOn := HeaterOn;", "WHILE HeaterOn;", r"line \d+: 'WHILE HeaterOn;'"),
     ("weg", "weg_pid_block.st", "KdByTs := Kd / Seconds;", "KdByTs := Kd / Ts;", r"line \d+: 'KdByTs := Kd / Ts;'; / does not go with"),
-    ("weg", "weg_pid_block.st", "MOD 3000", "MOD 0", r"line \d+: 'HeaterSince := HeaterSince MOD 0;'; a controller stops here"),
+    ("weg", "weg_pid_block.st", "MOD 1000", "MOD 0", r"line \d+: 'HeaterSince := HeaterSince MOD 0;'; a controller stops here"),
     ("weg", "weg_pid_plcopen.xml", "KdByTs := Kd / Seconds;", "KdByTs := Kd;", "its HT_WEG_PID is not that of weg_pid_block.st"),
     ("weg", "weg_pid_plcopen.xml", "KdByTs := Kd / Seconds;", "KdByTs ::= Kd;", r"HT_WEG_PID: line \d+: 'KdByTs ::= Kd;'"),
-    ("weg", "weg_pid_plcopen.xml", "T#10ms", "T#20ms", "its task calls HEATER every 20 ms"),
+    ("weg", "weg_pid_plcopen.xml", "T#100ms", "T#200ms", "its task calls HEATER every 200 ms"),
     ("weg", "weg_pid_plcopen.xml", "</project>", "", "this is no XML"),
 ])
-def test_a_statement_that_no_cpu_knows_makes_a_proof_not_proven_and_is_named(target, file, there, instead, named, monkeypatch):
-    proof, controller = proven(target), controller_for(target)
-    assert proof.verdict == "PASS"
-    files = controller.export(proof.words, told(proof))
+def test_a_statement_that_no_cpu_knows_is_named(target, file, there, instead, named, monkeypatch):
+    trace = short_run(target)
+    files = files_of(trace)
     assert there in files[file], files[file]
-    exporting(monkeypatch, controller, files | {file: files[file].replace(there, instead)})
-    unproven = as_exported(proof)
-    assert unproven.verdict == "NOT PROVEN"
-    (finding,) = [finding for finding in unproven.heard.findings if finding.name == "exported-text"]
-    assert re.search(f"{re.escape(file)}: .*{named}", finding.told), finding.told
+    broken = files | {file: files[file].replace(there, instead)}
+    assert re.match(f"{re.escape(file)}: .*{named}", compared_with(trace, broken, monkeypatch))
 
 
+@pytest.mark.long
 def test_what_is_not_run_is_bounded_and_told(monkeypatch):
     # a period of 60,000 ticks would take minutes, power by power
     monkeypatch.setattr(of_text, "_MOST_OF_PWM", 1000)
@@ -177,7 +278,7 @@ def test_what_is_not_run_is_bounded_and_told(monkeypatch):
     assert compared(controller_for("s7-300"), words, trace) == Compared(not_run=(
         "what the exported program does after 200 calls", "the exported PWM after 1000 ticks of a period"))
     powers = len(set(trace.power_asked_pct[:200]))
-    assert 1000 < len(run) <= 1000 + powers
+    assert 1000 < len(run) <= 1000 + powers + 4  # and beside both ends
     proof = proven("s5-ob251")
     left = as_exported(proof).heard.not_tested
     assert left[:-2] == proof.heard.not_tested
@@ -203,6 +304,7 @@ def test_a_statement_that_no_cpu_here_knows_is_told():
         S7Cpu("FUNCTION FC 1 : VOID\nBEGIN\n      XYZ   3;\nEND_FUNCTION\n", {})
 
 
+@pytest.mark.long
 def test_an_analog_output_makes_no_pulses():
     controller = controller_for("fb41")
     words = proven("fb41").words

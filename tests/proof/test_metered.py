@@ -181,14 +181,16 @@ def test_a_ramp_begins_without_a_lag_where_the_temperature_is_at_its_begin():
     assert [begin(meter, 0, time, error).lag for time, error in ((100.0, -10.0), (110.0, -10.0), (100.0, -12.0))] == [0.0, 5.0, 2.0]
 
 
-def test_all_that_is_switched_within_a_long_dead_time_is_under_way():
-    # 64.5 s and a call of 2 s, the heater switched on and off each second: 133 instants, which the next power of two below does not hold
+@pytest.mark.parametrize(("ta_s", "dead_s"), [(2.0, 64.5), (64.0, 2.5)])
+def test_all_that_is_switched_within_a_long_dead_time_is_under_way(ta_s, dead_s):
+    # 64.5 s and a call of 2 s, or the other way round, the heater switched on and off each second: 133 instants, which the
+    # next power of two below does not hold
     which = controller_for("s5-ob251")
-    words = which.encode(PidDesign(gain_pct_per_degC=1.0, integral_time_s=400.0, derivative_time_s=0.0, sample_time_s=2.0, structure="pi",
+    words = which.encode(PidDesign(gain_pct_per_degC=1.0, integral_time_s=400.0, derivative_time_s=0.0, sample_time_s=ta_s, structure="pi",
                                    method=""), Scaling())
     near = Fopdt(gain_degC_per_pct=0.6, time_constant_s=100.0, dead_time_s=2.0, ambient_degC=20.0)
-    models = [("near", near), ("far", replace(near, dead_time_s=64.5 - which.delay_s))]
-    scenario, actuator, limits = Scenario(setpoint_degC=50.0, duration_s=200.0), Actuator(pwm_period_s=1.0), Limits()
+    models = [("near", near), ("far", replace(near, dead_time_s=dead_s - which.delay_s))]
+    scenario, actuator, limits = Scenario(setpoint_degC=50.0, duration_s=400.0), Actuator(pwm_period_s=1.0), Limits()
     runs_ = {run.model: run for run in prove_models(which, words, models, scenario, actuator, Acceptance(limits=limits)).runs}
     trace = simulate(which, words, delayed(models[1][1], which.delay_s), scenario, actuator, runs_["far"].switches)
     for metered, traced in zip(runs_["far"].criteria, judge(trace, limits), strict=False):

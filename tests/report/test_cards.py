@@ -106,7 +106,7 @@ def test_words_show_what_is_typed_in_and_what_it_realises():
     # S5-115U manual, section 11.2.3: TI = TA/TN and K in 1024ths, so TN = 4 s·1024/64, K = 9728/1024
     assert ["TN", "64", "s"] in rows
     assert ["K", "9.5", "%/°C"] in rows
-    assert "Called every 4 s; sensor 0 … 100 °C." in text
+    assert "Called every 4 s; sensor 0…100 °C." in text
     assert pictures == 1
     on_off = Words(target="on-off", values={"BAND": 20}, scaling=Scaling(), sample_time_s=1.0)
     assert _seen(on_off)[2] == 0, "no PID, no reaction"

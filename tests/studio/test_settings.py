@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from heatertune.errors import OutOfRange, UnknownName
+from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import TARGETS, controller_for
@@ -36,6 +36,9 @@ def test_every_end_of_every_slider_is_a_setting(heater):
 def test_the_resolution_is_that_of_the_manual():
     # S5-115U: 2048 units over the range; OB251's W and X go to 2047 (CPU 944 manual, section 11.2.3)
     assert Settings(target="s5-ob251").resolution_degC == pytest.approx(100.0 / 2047, rel=1e-3)
+    assert Settings(target="s7-300", input="thermocouple", high_degC=200.0).resolution_degC == pytest.approx(0.1)  # per digit
+    with pytest.raises(InputError, match="no analog module"):
+        Settings(target="weg", input="4-20mA")
     assert Settings(target="s5-ob251", high_degC=200.0).resolution_degC == pytest.approx(200.0 / 2047, rel=1e-3)
 
 

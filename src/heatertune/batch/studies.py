@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 from heatertune.batch import Batch, Column, Progress, Row, Workers, run, silent
-from heatertune.batch.study_file import KEYS, Study, read_study
+from heatertune.batch.study_file import KEYS, Study, read_study, scaling_of
 from heatertune.batch.zone import HEAD, RESULT, lost_row, word_columns, zone_row
 from heatertune.chain.stages import fit
 from heatertune.documents import read_document
@@ -23,7 +23,6 @@ from heatertune.model.document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.document import from_document
 from heatertune.model.values import FittedModel, Fopdt, TwoLag
 from heatertune.options import options_of
-from heatertune.plc import Scaling
 from heatertune.proof.closing import Asked
 from heatertune.proof.profile_file import read_profile
 from heatertune.proof.spec_file import in_force
@@ -34,8 +33,6 @@ __all__ = ["SCHEMA", "study"]
 SCHEMA: Final = "heatertune/study/1"
 
 _T = TypeVar("_T")
-
-_RANGE: Final = {"range_low_degC": "low_degC", "range_high_degC": "high_degC"}
 
 
 class Case(NamedTuple):
@@ -138,9 +135,8 @@ def _row(folder: Path, case: Case) -> Row:
         conditions = replace(conditions, spec=_beside(folder, conditions.spec))
     if conditions.profile is not None:
         conditions = replace(conditions, profile=str(folder / conditions.profile))
-    sensor = Scaling(**{field: settings[key] for key, field in _RANGE.items() if key in settings})
     asked = Asked(
-        target=settings["target"], scaling=sensor, tuned=_of(TuneSettings, settings),
+        target=settings["target"], scaling=scaling_of(settings), tuned=_of(TuneSettings, settings),
         conditions=conditions, words_by=settings.get("words", "auto"), as_is=settings.get("as_is", False))
     return _labelled(case, zone_row(case.name, partial(_heater, case), asked, samples=settings.get("samples", 0)))
 

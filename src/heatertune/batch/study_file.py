@@ -14,11 +14,11 @@ from heatertune.documents import read_toml
 from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.options import Option, options_of
 from heatertune.pid.tune import METHODS
-from heatertune.plc import TARGETS, controller_for
+from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.plc.open_points import settings_of
-from heatertune.settings import Conditions, FitSettings, TuneSettings, WordSettings
+from heatertune.settings import Conditions, FitSettings, SensorSettings, TuneSettings, WordSettings
 
-__all__ = ["KEYS", "Study", "read_study"]
+__all__ = ["KEYS", "Study", "read_study", "scaling_of"]
 
 
 def _key(kind: type, what: str, **more: Any) -> Option:
@@ -48,10 +48,12 @@ KEYS: Final[Mapping[str, Option]] = {
     "as_is": options_of(WordSettings)["as_is"],
     "range_low_degC": _key(float, "temperature at the sensor's lowest reading", unit="°C"),
     "range_high_degC": _key(float, "temperature at the sensor's highest reading", unit="°C"),
+    "input": options_of(SensorSettings)["input"],
     **_keys(Conditions),
     "samples": _key(int, "drawn heaters on which the words are proven, too", least=0.0),
 }
 
+_RANGE: Final = ("range_low_degC", "range_high_degC")
 _PARTS: Final = ("fixed", "grid", "case")
 _SOURCES: Final = ("log", "model", "gain_degC_per_pct")
 _BY_HAND: Final = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
@@ -182,7 +184,7 @@ def _demand_known(where: str | Path, kind: str, name: str, allowed: Any) -> None
 def _shapes(path: str | Path, study: Study) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Return one case of each shape with its place: those that differ only in numbers need no second look."""
     if study.grid:
-        chosen = {key: settings if key in ("target", "switches") else settings[:1]
+        chosen = {key: settings if key in ("target", "switches", "input") else settings[:1]
                   for key, settings in study.grid.items()}
         for settings in product(*chosen.values()):
             yield f"{path}, [grid]", {**study.fixed, **dict(zip(chosen, settings, strict=True))}
@@ -206,5 +208,13 @@ def _check(where: str, case: Mapping[str, Any]) -> None:
         raise DocumentError(f"{where}: no {missing[0]}; a model by hand needs {', '.join(_BY_HAND)}")
     try:
         settings_of(controller_for(case["target"]).switches, case.get("switches", {}))
-    except UnknownName as problem:
+        scaling_of(case)
+    except InputError as problem:
         raise DocumentError(f"{where}: {case['target']}: {problem}") from problem
+
+
+def scaling_of(case: Mapping[str, Any]) -> Scaling:
+    """Return the sensor's range of a case; errors as `heatertune.plc.inputs.scaled`."""
+    low, high = _RANGE
+    plain = options_of(SensorSettings)["range_degC"].default
+    return controller_for(case["target"]).scaled(case.get("input"), (case.get(low, plain[0]), case.get(high, plain[1])))

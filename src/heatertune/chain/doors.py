@@ -81,7 +81,8 @@ def simulate(
     happens = (scenario if isinstance(scenario, Scenario)
                else course_for(words, [model], Conditions(), float(scenario)).scenario)
     switch = actuator_for(Conditions(), words) if actuator is None else actuator
-    return simulate_loop(controller, words, delayed(model, controller.delay_s), happens, switch, switches, interlock)
+    late = delayed(model, controller.delayed_s(words.scaling))
+    return simulate_loop(controller, words, late, happens, switch, switches, interlock)
 
 
 def _design(what: PidDesign | Words) -> PidDesign:

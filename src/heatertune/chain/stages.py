@@ -104,7 +104,7 @@ def fit_known(
     inputs = _columns(log) | asdict(given) | {
         "setpoint_degC": setpoint_degC,
         "target": words.target, "words": dict(words.values), "sample_time_s": words.sample_time_s,
-        "range": [words.scaling.low_degC, words.scaling.high_degC],
+        "range": repr(words.scaling),
         "switches": [dict(controller.switches) for controller in tried],
     }
 

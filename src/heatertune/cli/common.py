@@ -141,15 +141,15 @@ def scaling(settings: argparse.Namespace) -> Scaling:
     Raises:
         InputError: a module's range without a target; else as `heatertune.plc.inputs.scaled`.
     """
-    from heatertune.plc import controller_for  # noqa: PLC0415
-    from heatertune.plc.inputs import scaled  # noqa: PLC0415
+    from heatertune.plc import Scaling, controller_for  # noqa: PLC0415
 
     sensor = options.of(SensorSettings, settings)
     if sensor.input is None:
-        return scaled({}, None, sensor.range_degC)
+        low, high = sensor.range_degC
+        return Scaling(low_degC=low, high_degC=high)
     if settings.target is None:
         raise InputError("--input needs --target: the ranges are its module's")
-    return scaled(controller_for(target(settings)).ranges, sensor.input, sensor.range_degC)
+    return controller_for(target(settings)).scaled(sensor.input, sensor.range_degC)
 
 
 def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedModel, Recipe | None]:

@@ -29,23 +29,26 @@ def add_to(commands: Any) -> None:
                          help=f"the controller, where neither file tells it: {', '.join(TARGETS)}")
     command.add_argument("--called-every", type=float, metavar="S",
                          help="sampling interval TA of a dump or text [s] (default: as in the other)")
-    options.add(command, SensorSettings, "range_degC", default=None,
+    options.add(command, SensorSettings, "range_degC", default=argparse.SUPPRESS,
                 help="sensor range at the lowest and highest reading of a design, dump or text [°C] (default: as in "
                      "the other, else 0 100)")
+    options.add(command, SensorSettings, "input", default=argparse.SUPPRESS,
+                help="range of the analog module of a design, dump or text (default: as in the other, else a "
+                     "plain one)")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.plc import Scaling  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.difference import Given, difference, read_sides  # noqa: PLC0415
+    from heatertune.proof.difference import Given, difference, read_sides  # noqa: PLC0415 - the help must not wait
     from heatertune.report.difference import difference_lines  # noqa: PLC0415
     from heatertune.units import check  # noqa: PLC0415
 
     if settings.called_every is not None:
         check("--called-every", settings.called_every, above=0.0)
-    scaling = None if settings.range is None else Scaling(low_degC=settings.range[0], high_degC=settings.range[1])
-    given = Given(target=settings.target, sample_time_s=settings.called_every, scaling=scaling)
+    sensor = options.given(SensorSettings, settings)
+    given = Given(target=settings.target, sample_time_s=settings.called_every, sensor_degC=sensor.get("range_degC"),
+                  input=sensor.get("input"))
     document = difference(*read_sides(settings.before, settings.after, given))
     printing.output(settings, document, lambda: difference_lines(document))
     return 0 if document["same"] else 1

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.cli import common
+from heatertune.errors import InputError
 from heatertune.options import Option, options_of
 from heatertune.settings import Conditions, SensorSettings, WordSettings
 
@@ -69,7 +70,8 @@ def in_force(settings: argparse.Namespace, kept: Recipe | None, where: str) -> t
     Of a recipe for another controller the conditions hold, but for what is known of that controller.
 
     Raises:
-        InputError: a file of the specification has changed since; as `heatertune.options.of`.
+        InputError: a file of the specification has changed since; another controller whose module gives no degrees;
+            as `heatertune.options.of`.
     """
     from heatertune.pid.recipe import Recipe  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.recipes import demand_same_files  # noqa: PLC0415
@@ -81,7 +83,7 @@ def in_force(settings: argparse.Namespace, kept: Recipe | None, where: str) -> t
     if kept is None:
         return Recipe(target=target or "", conditions=common.conditions(settings), **sensor, **by), []
     demand_same_files(kept, own, where)
-    kept, foreign = _of(kept, kept.target if target is None else target, where)
+    kept, foreign = _of(kept, kept.target if target is None else target, where, sensor)
     if common.by_hand(settings):  # what was accepted was found in another model
         kept = replace(kept, conditions=replace(kept.conditions, accept=()))
     recipe = replace(kept, conditions=_merged(kept.conditions, own), **sensor, **by)
@@ -90,14 +92,21 @@ def in_force(settings: argparse.Namespace, kept: Recipe | None, where: str) -> t
     return recipe, [*foreign, *_told(kept, recipe, where)]
 
 
-def _of(kept: Recipe, target: str, where: str) -> tuple[Recipe, list[str]]:
+def _of(kept: Recipe, target: str, where: str, sensor: Mapping[str, Any]) -> tuple[Recipe, list[str]]:
     """Return what a recipe says of any controller, where it is of another one, and what of it is not taken then."""
     from heatertune.plc import controller_for  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc.inputs import has_ends  # noqa: PLC0415
 
+    degrees = has_ends(controller_for(kept.target).ranges, kept.input)
+    if degrees:
+        kept = replace(kept, range_degC=options_of(SensorSettings)["range_degC"].default)
     if target == kept.target:
         return kept, []
+    has = kept.input in controller_for(target).ranges
+    if degrees and not has and not sensor:
+        raise InputError(f"{where} is for --input {kept.input} of {kept.target}, which {target} has not: say a --range")
     theirs = replace(
-        kept, target=target, input=kept.input if kept.input in controller_for(target).ranges else None,
+        kept, target=target, input=kept.input if has else None,
         words_by="auto", refined=False, power_most_pct=None, setpoint_ramp=None,
         conditions=replace(kept.conditions, switches={}))
     left = [part for part in _parts(kept) if part not in _parts(theirs)]

@@ -85,7 +85,7 @@ def _choice(
     if why is not None:
         return _plainly(_as_robust(design, rounded, fitted, wished), fitted, wished, why)
     inputs = {
-        "words": dict(rounded.values), "target": target, "range": [rounded.scaling.low_degC, rounded.scaling.high_degC],
+        "words": dict(rounded.values), "target": target, "range": repr(rounded.scaling),
         "sample_time_s": rounded.sample_time_s, "ms": wished.ms, "plants": [repr(plant) for plant in fitted.plants],
         "promise": repr(design.promise), "drawn": repr(draw_heaters(fitted)) if design.promise else "",
         "step_power": design.step_power_limit_pct_per_degC,

@@ -18,10 +18,10 @@ from typing import Any, ClassVar, Final, NamedTuple, cast, final
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
-from heatertune.plc.core import Core, Running, Scan, Sensor, Timing
+from heatertune.plc.core import Core, Running, Scan, Timing
 from heatertune.plc.exported import Loads
 from heatertune.plc.feed_forward import Feed
-from heatertune.plc.inputs import Range, module
+from heatertune.plc.inputs import Inputs
 from heatertune.plc.open_points import NothingOpen, Switch, assumed, declared
 from heatertune.plc.ramp import Number, Ramp, nearest
 from heatertune.plc.readback import ReadBack
@@ -37,7 +37,7 @@ __all__ = ["Controller", "controller_for"]
 _CLASSES: Final[dict[str, type[Controller]]] = {}
 
 
-class Controller(ABC):
+class Controller(Inputs, ABC):
     """One controller, as `class Ob251(Controller, name="s5-ob251")`; the class registers itself under its name.
 
     Attributes:
@@ -51,6 +51,7 @@ class Controller(ABC):
         cannot: what it can't do, or what is left out here, one sentence each.
         counts: steps of the input module over the sensor range.
         ranges: name → range of the analog module that the export can read beside a plain one.
+        unread: name of a range that it cannot read → why.
         timer: the sampling intervals that the target's timer can make.
         core: what `step` and `measure` compute.
         assumptions: what the manual leaves open, see `heatertune.plc.open_points`.
@@ -99,7 +100,6 @@ class Controller(ABC):
     can: ClassVar[tuple[str, ...]]
     cannot: ClassVar[tuple[str, ...]]
     counts: ClassVar[int]
-    ranges: ClassVar[Mapping[str, Range]] = {}
     timer: ClassVar[Timer]
     core: ClassVar[Core]
     assumptions: ClassVar[type[NamedTuple]] = NothingOpen
@@ -120,7 +120,6 @@ class Controller(ABC):
     oddities: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     faults: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     tick_s: ClassVar[float | None] = None
-    delay_s: ClassVar[float] = 0.0
     direct: ClassVar[staticmethod[[Words, Any], tuple[Core, Running]] | None] = None
     feed: ClassVar[Feed | None] = None
     typed: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, Mapping[str, Any]]] | None] = None
@@ -266,7 +265,7 @@ class Controller(ABC):
         low, high = self.ends(words)
         per_degree = (high - low) / words.scaling.span_degC
         per_call = rate_degC_per_min / 60.0 * self.timing(words).scan_s * per_degree
-        ramp = nearest(per_call, whole=isinstance(high, int), least=(high - low) / self.counts)
+        ramp = nearest(per_call, whole=isinstance(high, int), least=(high - low) / self.sensor(words.scaling).counts)
         if not ramp.step < high - low:
             rule = f"< {rate_degC_per_min * (high - low) / per_call:.4g}, the sensor's whole range in one call"
             raise OutOfRange("setpoint_ramp_degC_per_min", rate_degC_per_min, rule)
@@ -299,7 +298,7 @@ class Controller(ABC):
         if not self.ramped:
             raise InputError(f"{self.name} has no setpoint ramp (see: heatertune targets)")
         low, high = self.ends(words)
-        least = 1 if isinstance(high, int) else single((high - low) / self.counts)
+        least = 1 if isinstance(high, int) else single((high - low) / self.sensor(words.scaling).counts)
         if isinstance(words.ramp.step, int) != isinstance(high, int) or not least <= words.ramp.step < high - low:
             kind = "a whole number" if isinstance(high, int) else "a number in single precision"
             raise OutOfRange("ramp step", words.ramp.step, f"{kind} from {least:.4g} to below {high - low:g}")
@@ -317,19 +316,14 @@ class Controller(ABC):
     @final
     def ends(self, words: Words) -> tuple[Number, Number]:
         """Return the readings at the ends of the sensor's range [units]."""
-        its, measure = self.sensor(words)._replace(least=0), self.core.measure
+        its, measure = self.sensor(words.scaling)._replace(least=0, half=0.0), self.core.measure
         # beyond the range the module limits: at its end the last digit may fall short
         return measure(its, its.low - its.span), measure(its, its.low + 2.0 * its.span)
 
     @final
-    def sensor(self, words: Words) -> Sensor:
-        """Return the input module as the core's `measure` takes it."""
-        return module(words.scaling, self.counts, self.ranges)
-
-    @final
     def measure(self, words: Words, temperature_degC: float) -> Number:
         """Return the reading for a temperature, quantised and limited as the input module does [units]."""
-        return cast("Number", self.core.measure(self.sensor(words), temperature_degC))
+        return cast("Number", self.core.measure(self.sensor(words.scaling), temperature_degC))
 
     @final
     def start(self, words: Words, switches: Mapping[str, str]) -> Running:

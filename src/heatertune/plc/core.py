@@ -41,17 +41,26 @@ class Scan:
 
 
 class Sensor(NamedTuple):
-    """The input module: lowest temperature and span [°C], its highest count, and the least that a sensor gives."""
+    """The input module.
+
+    Attributes:
+        low, span: lowest temperature and span [°C].
+        counts: its highest count.
+        least: the least count that a sensor gives.
+        half: 0.5 where it gives the nearest count, 0 where it cuts [counts].
+    """
 
     low: float
     span: float
     counts: int
     least: int = 0
+    half: float = 0.0
 
 
 def count(sensor: Sensor, temperature_degC: float) -> int:
-    """Return the count of a temperature, cut towards zero as a converter does, limited to 0…`counts`."""
-    return int(min(max((temperature_degC - sensor.low) * sensor.counts / sensor.span, 0.0), float(sensor.counts)))
+    """Return the count of a temperature, limited to 0…`counts`."""
+    exact = (temperature_degC - sensor.low) * sensor.counts / sensor.span + sensor.half
+    return int(min(max(exact, 0.0), float(sensor.counts)))
 
 
 class Running(NamedTuple):

@@ -49,7 +49,7 @@ def tune(
     if target is not None:
         its, sensor = controller_for(target), scaling or Scaling()
         held = {"timer": its.timer, "derivative_filter": its.derivative_filter,
-                "resolution_degC": sensor.span_degC / its.counts}
+                "resolution_degC": sensor.span_degC / its.sensor(sensor).counts}
         if its.most_gain is not None:
             most_gain = partial(its.most_gain, sensor)
     inputs = {"model": _essence(fitted), "settings": asdict(asked), "held": {name: repr(held[name]) for name in held},

@@ -1,19 +1,23 @@
 """Ranges of analog input modules: how a sensor's range becomes what the program reads.
 
 A transmitter of 4 to 20 mA gives 3.8 mA at the least; below 3.6 mA it, or its wire, is broken (NAMUR NE 43). A range
-for thermocouples or resistance thermometers gives the temperature itself, a fixed part of a degree per digit.
+for thermocouples or resistance thermometers gives the temperature itself, a fixed part of a degree per digit, and
+rounds it to the nearest; other converters cut.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import ClassVar, Final, NamedTuple, final
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.plc.core import Sensor
 from heatertune.plc.words import Scaling
 
-__all__ = ["BROKEN_MA", "FOUR_TO_TWENTY", "INPUTS", "Range", "module", "scaled", "share_of"]
+__all__ = [
+    "BROKEN_MA", "FOUR_TO_TWENTY", "INPUTS", "Inputs", "Range", "described", "has_ends", "module", "scaled",
+    "share_of",
+]
 
 #: name on the command line of the range that has a lower end of its own
 FOUR_TO_TWENTY: Final = "4-20mA"
@@ -28,6 +32,8 @@ _LEAST_MA: Final = 3.8
 _LOW_MA: Final = 4.0
 _HIGH_MA: Final = 20.0
 _PLAIN: Final = (0.0, 100.0)
+_NO_MODULE: Final = ("this target's program reads no analog module; say with --range what the lowest and the highest "
+                     "reading mean")
 
 
 class Range(NamedTuple):
@@ -36,30 +42,40 @@ class Range(NamedTuple):
     Attributes:
         high_degC: temperature at the highest reading, that at 0 being 0 °C; None: the user tells both [°C].
         from_zero: whether 0 is 0 mA, so that the readings of a transmitter begin at a fifth.
+        counts: steps from 0 to the highest reading; None: as many as a plain range has.
+        delay_s: longest time until a temperature is read; None: as in a plain range [s].
     """
 
     high_degC: float | None = None
     from_zero: bool = False
+    counts: int | None = None
+    delay_s: float | None = None
 
 
-def scaled(ranges: Mapping[str, Range], name: str | None, sensor_degC: tuple[float, float] | None = None) -> Scaling:
+def scaled(
+    ranges: Mapping[str, Range], name: str | None, sensor_degC: tuple[float, float] | None = None,
+    unread: Mapping[str, str] | None = None,
+) -> Scaling:
     """Return the scaling of a sensor behind a module.
 
     Args:
         ranges: that the target's modules have, by name.
         name: of the range; None: a plain one, whose readings from the lowest to the highest are the sensor's.
         sensor_degC: temperatures at both ends of the sensor's range; None: 0 and 100 [°C].
+        unread: name of a range that the target does not have → why.
 
     Raises:
-        UnknownName: the target has no such range.
-        InputError: a sensor range beside a module's that has its own.
+        UnknownName: no range has that name.
+        InputError: the target does not have it; a sensor range beside a module's that has its own.
         OutOfRange: a sensor range that is none.
     """
     low, high = _PLAIN if sensor_degC is None else sensor_degC
     if not name:
         return Scaling(low_degC=low, high_degC=high)
+    if name not in INPUTS:
+        raise UnknownName("input", name, INPUTS)
     if name not in ranges:
-        raise UnknownName("input", name, ranges)
+        raise InputError(f"--input {name}: {(unread or {}).get(name, _NO_MODULE)}")
     own = ranges[name].high_degC
     if own is not None:
         if (low, high) not in (_PLAIN, (0.0, own)):
@@ -81,10 +97,49 @@ def module(scaling: Scaling, counts: int, ranges: Mapping[str, Range]) -> Sensor
         counts: steps from the lowest reading to the highest.
         ranges: that the target's modules have, by name.
     """
-    range_ = ranges.get(scaling.input or "")
+    range_ = ranges.get(scaling.input or "", Range())
+    counts = range_.counts or counts
     # 0: as low as readings go
-    least = share_of(_LEAST_MA, range_) if range_ is not None and range_.from_zero else 0.0
-    return Sensor(scaling.low_degC, scaling.span_degC, counts, round(counts * least))
+    least = share_of(_LEAST_MA, range_) if range_.from_zero else 0.0
+    half = 0.0 if range_.high_degC is None else 0.5
+    return Sensor(scaling.low_degC, scaling.span_degC, counts, round(counts * least), half)
+
+
+class Inputs:
+    """What a controller reads; its attributes are explained there, see `heatertune.plc.controller.Controller`."""
+
+    counts: ClassVar[int]
+    ranges: ClassVar[Mapping[str, Range]] = {}
+    unread: ClassVar[Mapping[str, str]] = {}
+    delay_s: ClassVar[float] = 0.0
+
+    @final
+    def sensor(self, scaling: Scaling) -> Sensor:
+        """Return the input module as the core's `measure` takes it."""
+        return module(scaling, self.counts, self.ranges)
+
+    @final
+    def scaled(self, name: str | None, sensor_degC: tuple[float, float] | None = None) -> Scaling:
+        """Return the scaling of a sensor behind a module, by the name of its range; see `scaled`."""
+        return scaled(self.ranges, name, sensor_degC, self.unread)
+
+    @final
+    def delayed_s(self, scaling: Scaling) -> float:
+        """Return `delay_s` with the module behind a scaling [s]."""
+        own = self.ranges.get(scaling.input or "", Range()).delay_s
+        return self.delay_s if own is None else own
+
+
+def has_ends(ranges: Mapping[str, Range], name: str | None) -> bool:
+    """Return whether a range has ends of its own, which are neither the sensor's nor the heater's."""
+    return ranges.get(name or "", Range()).high_degC is not None
+
+
+def described(scaling: Scaling) -> str:
+    """Return the sensor's range, and which one of the module is told, in a few words."""
+    low, high = scaling.sensor_degC
+    told = f"{low:.6g}…{high:.6g} °C"
+    return told if scaling.input is None else f"{told} ({INPUTS[scaling.input]})"
 
 
 def share_of(current_ma: float, range_: Range) -> float:

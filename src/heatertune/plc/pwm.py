@@ -136,8 +136,9 @@ def pulsegen(*, pwm_period_s: float, call_interval_s: float, minimum_s: float = 
     Args:
         pwm_period_s: PER_TM [s].
         call_interval_s: interval at which the block is called [s].
-        minimum_s: P_B_TM [s], of pulse and pause.
+        minimum_s: P_B_TM, of pulse and pause; at least one call [s].
     """
+    minimum_s = max(minimum_s, call_interval_s)
     return Actuator(pwm_period_s=pwm_period_s, resolution_s=call_interval_s, minimum_on_s=minimum_s,
                     minimum_off_s=minimum_s, minimum_rule=RULES["pulsegen"], block="pulsegen")
 

@@ -13,6 +13,7 @@ from heatertune.errors import DocumentError, ExportRefused, InputError
 from heatertune.pid.document import SCHEMA as DESIGN_SCHEMA
 from heatertune.pid.document import read_design
 from heatertune.plc import Controller, Scaling, Words, controller_for
+from heatertune.plc.inputs import described
 from heatertune.plc.machine import content_of, read_machine, realised
 from heatertune.proof.document import checked
 from heatertune.proof.verdict import PROOF_SCHEMA
@@ -37,12 +38,19 @@ class Given:
     Attributes:
         target: the controller.
         sample_time_s: interval at which it is called [s].
-        scaling: sensor range.
+        sensor_degC: temperatures at both ends of the sensor's range [°C].
+        input: range of the analog module.
     """
 
     target: str | None = None
     sample_time_s: float | None = None
-    scaling: Scaling | None = None
+    sensor_degC: tuple[float, float] | None = None
+    input: str | None = None
+
+    @property
+    def scales(self) -> bool:
+        """Whether a user says anything of the sensor's range."""
+        return self.sensor_degC is not None or self.input is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,7 +152,7 @@ def _designed(path: str, given: Given, other: Side | None) -> Side:
     from heatertune.proof.recipes import finished, made_again  # noqa: PLC0415 - dumps need none of its libraries
 
     design, model, recipe = read_design(path)
-    is_own = recipe is not None and given.target in (None, recipe.target) and given.scaling is None
+    is_own = recipe is not None and given.target in (None, recipe.target) and not given.scales
     if is_own and model is not None and recipe is not None:
         return Side(source=path, kind="design", words=made_again(design, model, recipe).words)
     controller, scaling, taken_over = _whose(path, given, other)
@@ -177,10 +185,11 @@ def _whose(path: str, given: Given, other: Side | None) -> tuple[Controller, Sca
     target = given.target or (None if other is None else other.words.target)
     if target is None:
         raise InputError(f"{path}: --target is needed: neither file tells whose words these are")
-    if given.scaling is not None or other is None:
-        return controller_for(target), given.scaling or Scaling(), ()
+    its = controller_for(target)
+    if given.scales or other is None:
+        return its, its.scaled(given.input, given.sensor_degC), ()
     scaling = other.words.scaling
-    return controller_for(target), scaling, (f"sensor range {scaling.low_degC:g}…{scaling.high_degC:g} °C",)
+    return its, scaling, (f"sensor range {described(scaling)}",)
 
 
 def difference(a: Side, b: Side) -> dict[str, Any]:
@@ -209,7 +218,7 @@ def difference(a: Side, b: Side) -> dict[str, Any]:
 
 def _told(side: Side) -> dict[str, Any]:
     return {
-        "source": side.source, "kind": side.kind, "target": side.words.target,
+        "source": side.source, "kind": side.kind, "target": side.words.target, "input": side.words.scaling.input,
         "verdict": None if side.proof is None else side.proof["verdict"],
         "digest": None if side.proof is None else side.proof["digest"],
         "taken_over": list(side.taken_over), "notes": list(side.notes),
@@ -264,7 +273,9 @@ def _around(a: Side, b: Side) -> Iterator[tuple[str, object, object]]:
     """Yield name and values of what belongs to words besides them."""
     yield "target", a.words.target, b.words.target
     yield "call interval", a.words.sample_time_s, b.words.sample_time_s
-    yield "sensor range", a.words.scaling, b.words.scaling
+    one, two = a.words.scaling, b.words.scaling
+    yield "analog input", one.input, two.input
+    yield "sensor range", (one.low_degC, one.high_degC, one.from_degC), (two.low_degC, two.high_degC, two.from_degC)
     yield "setpoint ramp", a.words.ramp, b.words.ramp
 
 

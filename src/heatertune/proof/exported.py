@@ -17,8 +17,9 @@ from heatertune.model.findings import Finding
 from heatertune.plc.controller import Controller, controller_for
 from heatertune.plc.exported import Called, Exported
 from heatertune.plc.open_points import assumed
-from heatertune.plc.pwm import on_time
+from heatertune.plc.pwm import Actuator, on_time, pulse_ends
 from heatertune.plc.ramp import Number
+from heatertune.plc.single import real_of, word_of
 from heatertune.plc.words import Certificate, Words
 from heatertune.proof.loop import in_loop
 from heatertune.proof.prove import Proof
@@ -129,7 +130,7 @@ class _Comparison:
         begins = [0.0, *(event.time_s for event in trace.scenario.disturbances)]
         times, readings = trace.time_s[:_MOST_CALLS], trace.reading_degC[:_MOST_CALLS]
         phases = (np.searchsorted(begins, times, "right") - 1).tolist()
-        counts = np.rint((readings - scale.low_degC) * (controller.counts / scale.span_degC)).astype(int)
+        counts = np.rint((readings - scale.low_degC) * (controller.sensor(scale).counts / scale.span_degC)).astype(int)
         asked = [self._loop.asked[phase] for phase in phases]
         return list(map(_Call, times.tolist(), phases, asked, counts.tolist(), readings.tolist(),
                         trace.followed_degC.tolist(), trace.power_asked_pct.tolist()))
@@ -200,9 +201,12 @@ class _Comparison:
         """
         actuator = self._trace.actuator
         ticks = actuator.ticks(self._words.sample_time_s)
-        outputs = sorted(self._powers.keys() - known)
-        known |= self._powers.keys()
-        if ticks is None or not outputs:
+        if ticks is None or not self._powers:
+            return None
+        powers = self._powers | _at_ends(self._powers, actuator)
+        outputs = sorted(powers.keys() - known)
+        known |= powers.keys()
+        if not outputs:
             return None
         period = ticks.per_period
         length = min(period, _MOST_OF_PWM)
@@ -212,7 +216,7 @@ class _Comparison:
         counts = self._text.counted() is not None
         ticked = _spread(outputs, min(_FULLY if counts else len(outputs), max(1, _MOST_OF_PWM // period)))
         for output in outputs if counts else sorted(ticked):
-            on_s, _ = on_time(self._powers[output], 0.0, actuator.numbers)
+            on_s, _ = on_time(powers[output], 0.0, actuator.numbers)
             proven = on_s / actuator.resolution_s
             begins = self._text.begin(output, period)
             made = [(self._text.counted(), proven)]
@@ -221,13 +225,29 @@ class _Comparison:
                 made.append((on, min(proven, length)))
             for ticks_on, wanted in made:
                 if ticks_on is not None and abs(ticks_on - wanted) > _OF_A_TICK:
-                    return (f"{ticks_on:g} ticks of a period are on at {self._powers[output]:.6g} %; proven are "
+                    return (f"{ticks_on:g} ticks of a period are on at {powers[output]:.6g} %; proven are "
                             f"{wanted:g}")
         if not counts and len(ticked) < len(outputs):
             self._not_run.append(f"the exported PWM at {len(outputs) - len(ticked)} of {len(outputs)} powers")
         if length < period:
             self._not_run.append(f"the exported PWM after {length} ticks of a period")
         return None
+
+
+def _at_ends(powers: Mapping[Number, float], actuator: Actuator) -> dict[Number, float]:
+    """Return the outputs between which pulses begin and pauses end, output → power [%]; powers: some others."""
+    output, power = max(powers.items())
+    if power <= 0.0:
+        return {}
+    if isinstance(output, int):
+        full = round(100.0 * output / power)
+        return {end: 100.0 * end / full for end in _beside(pulse_ends(actuator, lambda at: 100.0 * at / full, full))}
+    return {real: real for real in map(real_of, _beside(pulse_ends(actuator, real_of, word_of(100.0))))}
+
+
+def _beside(ends: tuple[int, int]) -> list[int]:
+    least, most = ends
+    return [least - 1, least, most, most + 1]
 
 
 def _spread(ordered: Sequence[Number], count: int) -> set[Number]:

@@ -306,9 +306,9 @@ class _Trial(NamedTuple):
     ) -> Beside:
         """Return one heater with plain feedback and with feed-forward."""
         begin, end, stops_s = self._instants(model, heats_up=heats_up)
-        late = delayed(model, self.controller.delay_s)
+        late = delayed(model, self._delay_s)
         # the disturbance does not wait for the program
-        sooner = acts._replace(lead_s=acts.lead_s + self.controller.delay_s)
+        sooner = acts._replace(lead_s=acts.lead_s + self._delay_s)
         scenario = self._scenario(late, sooner, begin, end, stops_s)
         check_words(self.controller, self.words, scenario)
         asked = scenario.setpoints_degC
@@ -318,6 +318,10 @@ class _Trial(NamedTuple):
             _measured(run_loop(loop, late, scenario, self.plain.actuator), since_s, beyond=heats_up) for loop in loops)
         return Beside(label=label, iae_degC_s=(plain, fed), deviation_degC=(beyond_plain, beyond_fed),
                       allowed_degC=self._allowed_degC(model) if heats_up else None)
+
+    @property
+    def _delay_s(self) -> float:
+        return self.controller.delayed_s(self.words.scaling)
 
     @property
     def _scan_s(self) -> float:

@@ -13,6 +13,7 @@ from heatertune.model.values import FittedModel, HeaterModel, Outcome
 from heatertune.options import merged
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc import Words, controller_for
+from heatertune.plc.inputs import has_ends
 from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
 from heatertune.proof.acceptance import Acceptance
 from heatertune.proof.coverage import Coverage
@@ -185,7 +186,12 @@ def default_pwm_period_s(sample_time_s: float, *, tick_s: float | None, most_s: 
 def _interlock(conditions: Conditions, words: Words) -> Interlock | None:
     if conditions.interlock is None:
         return None
-    limit = words.scaling.high_degC if conditions.limit_degC is None else conditions.limit_degC
+    limit, scale = conditions.limit_degC, words.scaling
+    if limit is None:
+        if has_ends(controller_for(words.target).ranges, scale.input):
+            raise InputError(f"--interlock with --input {scale.input} needs --limit-temperature: the module's readings "
+                             f"go up to {scale.high_degC:g} °C")
+        limit = scale.high_degC
     return Interlock(name=conditions.interlock, limit_degC=limit, fan_stops_s=conditions.fan_stops_s)
 
 
@@ -193,7 +199,7 @@ def _remarks(words: Words, fitted: FittedModel) -> Iterator[str]:
     """Return what stands on the verdict's line beside the findings of the fit."""
     if fitted.outcome is Outcome.BY_HAND:
         yield "the model was given by hand"
-    if (delay := controller_for(words.target).delay_s) > 0.0:
+    if (delay := controller_for(words.target).delayed_s(words.scaling)) > 0.0:
         yield f"dead time {delay:g} s longer, for the input module"
     if words.sample_time_s < fitted.log_interval_s:
         yield f"TA {words.sample_time_s:g} s is below the log's interval of {fitted.log_interval_s:g} s"

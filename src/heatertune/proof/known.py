@@ -45,7 +45,7 @@ class KnownController:
     @property
     def resolution_degC(self) -> float:
         """Step of the input module [°C]."""
-        return self.words.scaling.span_degC / self.controller.counts
+        return self.words.scaling.span_degC / self.controller.sensor(self.words.scaling).counts
 
     def power_pct(self, temperature_degC: Array, setpoint_degC: Array) -> Array:
         """Return the power after each scan, from the cold state on [%], shape (n,).

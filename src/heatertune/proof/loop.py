@@ -385,7 +385,7 @@ def in_loop(
         core=replace(core, stored=single) if isinstance(asked[0], float) else core,
         parameters=running.parameters,
         state=running.state,
-        sensor=controller.sensor(words),
+        sensor=controller.sensor(words.scaling),
         asked=asked,
         scan_s=timing.scan_s,
         ramp_step=none if ramp is None else ramp.step,
@@ -394,7 +394,7 @@ def in_loop(
         pwm_period_s=timing.pwm_period_s,
         unit_degC=unit,
         zero_degC=low - unit * lowest,
-        resolution_degC=words.scaling.span_degC / controller.counts,
+        resolution_degC=words.scaling.span_degC / controller.sensor(words.scaling).counts,
         words=words,
         switches=settings_of(controller.switches, switches),
     )

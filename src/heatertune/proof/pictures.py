@@ -23,7 +23,7 @@ __all__ = ["pictures"]
 def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, Any]:
     """Return the series that the report draws: the runs, the wish, and the robustness of the words as realised."""
     first_of = {run.model: number for number, run in reversed(list(enumerate(proof.runs)))}
-    delay_s, nominal = controller_for(proof.words.target).delay_s, proof.nominal
+    delay_s, nominal = controller_for(proof.words.target).delayed_s(proof.words.scaling), proof.nominal
     models = [(label, delayed(model, delay_s)) for label, model in labelled(fitted) if label in first_of]
     others = [trace_series(proof.traced(first_of[label]), label) for label, _ in models[1:]]
     wish = simulate_wish(wished, models[0][1], nominal.scenario, nominal.actuator,

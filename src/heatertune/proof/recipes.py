@@ -14,7 +14,6 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Ramp, Scaling, Words, controller_for
 from heatertune.plc.choice import WordChoice
 from heatertune.plc.choose import choose_words
-from heatertune.plc.inputs import scaled
 from heatertune.proof.profile_file import read_profile
 from heatertune.proof.refine import refine
 from heatertune.proof.spec_file import in_force
@@ -63,8 +62,10 @@ def demand_same_files(recipe: Recipe, given: Collection[str], where: str) -> Non
 
 def scaling_of(recipe: Recipe) -> Scaling:
     """Return the sensor's range as its module gives it; errors as `heatertune.plc.inputs.scaled`."""
-    ranges = {} if recipe.input is None else controller_for(recipe.target).ranges
-    return scaled(ranges, recipe.input, recipe.range_degC)
+    if recipe.input is None:
+        low, high = recipe.range_degC
+        return Scaling(low_degC=low, high_degC=high)
+    return controller_for(recipe.target).scaled(recipe.input, recipe.range_degC)
 
 
 def made_again(design: PidDesign, fitted: FittedModel, recipe: Recipe) -> WordChoice:

@@ -74,7 +74,7 @@ class Runs:
         settings = coverage.settings(controller.switches)
         if not models:
             raise InputError("a proof needs at least one model")
-        late = [(name, delayed(model, controller.delay_s)) for name, model in models]
+        late = [(name, delayed(model, controller.delayed_s(words.scaling))) for name, model in models]
         _check(controller, words, late, scenario)
         cases = [(name, model, setting) for (name, model), setting in product(late, settings)
                  if coverage.runs(name, setting)]

@@ -144,7 +144,7 @@ class Drawing:
         controllers = [in_loop(controller, words, scenario.setpoints_degC, setting, direct=True)
                        for setting in settings_to_prove(controller.switches, switches)]
         return cls(controllers=controllers, heaters=heaters, scenario=scenario, spread=spread,
-                   delay_s=controller.delay_s, actuator=actuator_of(controllers[0], actuator))
+                   delay_s=controller.delayed_s(words.scaling), actuator=actuator_of(controllers[0], actuator))
 
     def setting(self, seed: int) -> int:
         """Return the number of the controller that the sample of a seed runs."""

@@ -14,6 +14,7 @@ from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
+from heatertune.plc.inputs import described
 from heatertune.plc.typed import typed_table, typed_words
 from heatertune.proof import Proof, Trace
 from heatertune.report.html import bullets, table, text_of
@@ -104,8 +105,7 @@ def _constants(design: PidDesign) -> list[tuple[str, str, str]]:
 def _words(value: Words) -> str:
     controller = controller_for(value.target)
     heads, values, rows = typed_table(typed_words(value))
-    scale = (f"<p>Called every {figure(value.sample_time_s)} s; sensor {figure(value.scaling.low_degC)} … "
-             f"{figure(value.scaling.high_degC)} °C.</p>")
+    scale = f"<p>Called every {figure(value.sample_time_s)} s; sensor {described(value.scaling)}.</p>"
     parts = [table(heads, rows, numeric=values), scale]
     real = controller.decode(value)
     if real is not None:

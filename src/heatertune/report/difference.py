@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from heatertune.plc.inputs import INPUTS
 from heatertune.plc.typed import word_text
 from heatertune.report.layout import table
 from heatertune.report.text import figure
@@ -58,6 +59,8 @@ def _words(document: Document) -> Iterator[tuple[str, str, str, str, str]]:
 def _of_side(side: Document) -> Iterator[str]:
     if side["kind"] == "design":
         yield f"a design, made words of {side['target']}"
+    if side["input"] is not None:
+        yield f"its sensor is {INPUTS[side['input']]}"
     yield from side["notes"]
 
 

@@ -14,6 +14,7 @@ from heatertune.model.values import FittedModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
+from heatertune.plc.inputs import described
 from heatertune.plc.typed import typed_table, typed_words
 from heatertune.proof import Proof, Trace
 from heatertune.proof.verdict import verdict_line
@@ -71,8 +72,7 @@ def _words(value: Words) -> str:
     controller = controller_for(value.target)
     heads, values, rows = typed_table(typed_words(value))
     faults = () if controller.faults is None else controller.faults(value)
-    called = (f"called every {figure(value.sample_time_s)} s; sensor {figure(value.scaling.low_degC)} … "
-              f"{figure(value.scaling.high_degC)} °C")
+    called = f"called every {figure(value.sample_time_s)} s; sensor {described(value.scaling)}"
     shown = table([heads, *rows], right=values)
     return "\n".join([controller.title, shown, called, *(f"! {fault}" for fault in faults)])
 

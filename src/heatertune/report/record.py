@@ -7,8 +7,9 @@ from typing import Any
 
 from heatertune.codec import decode
 from heatertune.options import options_of
-from heatertune.plc import Switch, controller_for
+from heatertune.plc import Scaling, Switch, controller_for
 from heatertune.plc.commissioning import commissioning
+from heatertune.plc.inputs import described
 from heatertune.plc.typed import typed_table
 from heatertune.proof.profile import Profile
 from heatertune.proof.specification import LIMITS
@@ -40,7 +41,7 @@ def words(documents: Documents) -> str:
                    source=controller_for(document["target"]).title)
     return (
         f"<h2>Words for {text_of(document['target'])}</h2><p>In the order in which they are typed in. Sensor "
-        f"{figure(scale['low_degC'])}…{figure(scale['high_degC'])} °C; call every "
+        f"{described(Scaling(**scale))}; call every "
         f"{figure(document['sample_time_s'])} s. The setpoint of the proof, {figure(document['setpoint_degC'])} °C, is "
         f"{document['setpoint_units']} units.</p>"
         f"{listed}{bullets([*ramp_note(document), *search_notes(document)])}<ul>{files}</ul>"

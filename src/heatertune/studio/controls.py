@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from nicegui import ui
 
 from heatertune.pid.tune import STRUCTURES
-from heatertune.plc import TARGETS
+from heatertune.plc import TARGETS, controller_for
+from heatertune.plc.inputs import INPUTS
 from heatertune.report.text import figure
 from heatertune.studio.settings import SLIDERS, Settings, Slider
 
 __all__ = ["Controls"]
 
 Moved = Callable[..., object]
+
+_PLAIN: Final = "a plain range"
 
 
 class Controls:
@@ -28,7 +31,10 @@ class Controls:
         self._placed: dict[str, float] = {}
         self._autos: dict[str, ui.checkbox] = {}
         self._target = ui.select(
-            list(TARGETS), label="Controller", on_change=lambda e: self._say(target=e.value)
+            list(TARGETS), label="Controller", on_change=lambda e: self._say(target=e.value, input=None)
+        ).props("outlined dense options-dense").classes("w-full")
+        self._input = ui.select(
+            {"": _PLAIN}, label="Analog input", value="", on_change=lambda e: self._say(input=e.value or None)
         ).props("outlined dense options-dense").classes("w-full")
         with ui.element("div").classes("control"):
             ui.label("Structure").classes("field-name").props("aria-hidden=true")
@@ -77,6 +83,8 @@ class Controls:
         self._silent = True  # what is shown was not moved by the user
         try:
             self._target.set_value(settings.target)
+            known = {name: INPUTS[name] for name in controller_for(settings.target).ranges}
+            self._input.set_options({"": _PLAIN, **known}, value=settings.input or "")
             self._structure.set_value(settings.structure)
             for slider in SLIDERS:
                 given = getattr(settings, slider.field)

@@ -9,6 +9,7 @@ from typing import Final
 from heatertune.errors import OutOfRange
 from heatertune.model.values import FittedModel
 from heatertune.plc import TARGETS, Scaling, controller_for
+from heatertune.plc.inputs import has_ends
 from heatertune.proof.heaters import default_setpoint, labelled
 from heatertune.settings import Conditions, TuneSettings
 from heatertune.units import check
@@ -64,7 +65,8 @@ class Settings:
         sample_time_s: TA [s]; None: TRdom/10.
         pwm_period_s: of the switch behind the controller [s]; None: TA in whole parts of up to 10 s.
         setpoint_degC: of the proof [°C]; None: as the proof takes it.
-        low_degC, high_degC: sensor range [°C].
+        low_degC, high_degC: sensor range; not looked at where the module has its own [°C].
+        input: range of the analog module, one of `heatertune.plc.inputs.INPUTS`; None: a plain one.
         noise_degC: standard deviation of the sensor's noise [°C].
 
     Raises:
@@ -80,6 +82,7 @@ class Settings:
     low_degC: float = 0.0
     high_degC: float = 100.0
     noise_degC: float = 0.0
+    input: str | None = None
 
     def __post_init__(self) -> None:
         if self.target not in TARGETS:
@@ -91,12 +94,15 @@ class Settings:
     @property
     def scaling(self) -> Scaling:
         """The sensor range."""
-        return Scaling(low_degC=self.low_degC, high_degC=self.high_degC)
+        which = controller_for(self.target)
+        if has_ends(which.ranges, self.input):
+            return which.scaled(self.input)
+        return which.scaled(self.input, (self.low_degC, self.high_degC))
 
     @property
     def resolution_degC(self) -> float:
         """One step of the input module [°C]."""
-        return self.scaling.span_degC / controller_for(self.target).counts
+        return self.scaling.span_degC / controller_for(self.target).sensor(self.scaling).counts
 
     @property
     def assumed(self) -> Conditions:

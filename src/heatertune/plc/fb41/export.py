@@ -7,7 +7,7 @@ from typing import Final
 from heatertune.plc.cpu.s7_300 import awl
 from heatertune.plc.cpu.s7_300.cells import Member
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.program import Program, by_hand, counts_of
+from heatertune.plc.cpu.s7_300.program import Program, by_hand, counts_of, whole_number
 from heatertune.plc.cpu.s7_300.real import quotient, real
 from heatertune.plc.cpu.s7_300.switch import PULSEGEN, Switching, like, switching
 from heatertune.plc.fb41.words import FIELDS
@@ -36,7 +36,7 @@ def source(words: Words, by: str) -> str:
 def _source(words: Words, certificate: Certificate, switch: Switching) -> str:
     low, factor = words.values["PV_OFF"], words.values["PV_FAC"]
     asked = "SP in degC" if words.ramp is None else (
-        f"SP = {FULL_SCALE}/100 * (degC {0.0 - low:+g})/{factor:g}, cut to a whole number: OB 35 leads SP_INT there"
+        f"SP = {FULL_SCALE}/100 * (degC {0.0 - low:+g})/{factor:g}, {whole_number(words)}: OB 35 leads SP_INT there"
     )
     library = "FB 41 must be in the program" if switch.by != PULSEGEN else "FB 41 and FB 43 must be in the program"
     head = awl.head(

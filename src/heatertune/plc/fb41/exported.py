@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
 from heatertune.plc.cpu.s7_300.machine import Cpu
 from heatertune.plc.cpu.s7_300.real import clamp
@@ -45,6 +46,8 @@ class ExportedContC(ExportedS7):
         self._cpu.memory["DB 41"][_LMN] = bits_of(output).to_bytes(4, "big")
 
     def _cont_c(self, _cpu: Cpu, words: dict[str, int]) -> None:
+        if not words["PVPER_ON"]:
+            raise InputError("FB 41: PVPER_ON is FALSE; so it reads PV_IN, and no analog value")
         values = tuple(words[field.name] for field in FIELDS)
         if values != self._held:
             self._held, self._parameters = values, parameters_of(_values(words))

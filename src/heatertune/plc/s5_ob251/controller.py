@@ -18,6 +18,7 @@ from heatertune.plc.s5_ob251.typed import typed
 from heatertune.plc.s5_ob251.words import (
     FIELDS,
     FULL_SCALE,
+    UNREAD,
     consistent,
     design_of,
     most_gain,
@@ -45,6 +46,7 @@ class Ob251(Controller, name="s5-ob251"):
     )
     fields, assumptions, counts = FIELDS, Assumptions, FULL_SCALE
     ranges: ClassVar = {FOUR_TO_TWENTY: Range()}
+    unread: ClassVar = UNREAD
     timer = Timer(shortest_s=0.01, longest_s=600.0, step_s=0.01)  # OB10 to OB13
     inputs: ClassVar = {"W": "KF", "X": "KF", "Z": "KF", "XZ": "KF", "YH": "KF", "STEU": "KM"}
     input_ranges: ClassVar = dict.fromkeys(("W", "X", "Z", "XZ", "YH"), (-FULL_SCALE, FULL_SCALE))  # table 11-11

@@ -35,7 +35,7 @@ class ExportedS5:
         start = listing.partition(f"\nFB {START}\n")[2].partition("\nFB ")[0].partition("\nOB ")[0]
         self._clears = "OB 251" in start
         self._zero = FOUR_MA if re.search(rf"\+{FOUR_MA} *; 4 mA", listing) else 0
-        self._assume, self._state, self._begun = assume, COLD, False
+        self._assume, self._state = assume, COLD
         self._asked: Number | None = None
         self._cpu.inputs[MODE] = 1
         self.start()

@@ -12,9 +12,17 @@ from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE, NO_Z, Parameters
 from heatertune.plc.words import Scaling, WordField, Words, rounded
 
 __all__ = [
-    "FACTOR", "FIELDS", "FULL_SCALE", "GAIN_WITH_D", "consistent", "design_of", "most_gain", "parameters_of",
+    "FACTOR", "FIELDS", "FULL_SCALE", "GAIN_WITH_D", "UNREAD", "consistent", "design_of", "most_gain", "parameters_of",
     "tolerated", "values_of",
 ]
+
+_CURVED: Final = "an analog input 460 gives {}, no straight line in °C{}; take a transmitter: --input 4-20mA"
+#: range of an analog module → why there is none here; units of the 464-8MA21: EWA 4NEB 812 6087, tables 7-10 to 7-12
+UNREAD: Final = {
+    "thermocouple": _CURVED.format("millivolts", ", and how long a 464-8MA21 with 1 °C per unit takes is not known"),
+    "rtd": _CURVED.format("ohms", ", and the units of a 464-8MF21 are not known"),
+    "rtd-climatic": _CURVED.format("ohms", ""),
+}
 
 #: K, R and TI are multiples of this; the manual's 0.001 is its round value (footnote of table 11-11)
 FACTOR: Final = 1024

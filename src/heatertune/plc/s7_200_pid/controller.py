@@ -14,8 +14,8 @@ from heatertune.plc.s7_200_pid.export import export_words
 from heatertune.plc.s7_200_pid.image import from_image, oddities
 from heatertune.plc.s7_200_pid.listing import COUNTDOWN, pid_program
 from heatertune.plc.s7_200_pid.readback import from_text
-from heatertune.plc.s7_200_pid.step import FULL, STEP, Assumptions, measure, step
-from heatertune.plc.s7_200_pid.words import FIELDS, RANGES, design_of, values_of
+from heatertune.plc.s7_200_pid.step import STEP, Assumptions, measure, step
+from heatertune.plc.s7_200_pid.words import FIELDS, FULL, RANGES, UNREAD, design_of, values_of
 from heatertune.plc.words import Words
 
 __all__ = ["S7200Pid"]
@@ -33,7 +33,7 @@ class S7200Pid(Controller, name="s7-200-pid"):
     )
     cannot = ("only on a CPU 22x; no manual mode in this program", "no filter of the derivative")
     fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, FULL // STEP
-    ranges = RANGES
+    ranges, unread = RANGES, UNREAD
     inputs: ClassVar = {"SP": "INT", "PV": "INT"}
     derivative_filter = 0.0
     scans_per_period = 1

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from heatertune.plc.cpu.s7_200.cycle import cycle_ms
 from heatertune.plc.cpu.s7_200.ramp import ramp_begins, ramp_moves
 from heatertune.plc.cpu.s7_200.text import Network, block, count_ticks, program, pwm_registers, real, timed_interrupt
-from heatertune.plc.inputs import BROKEN_MA, share_of
-from heatertune.plc.s7_200_pid.words import RANGES, SETPOINT, TABLE
+from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, has_ends, share_of
+from heatertune.plc.s7_200_pid.words import FULL, RANGES, SETPOINT, TABLE
 from heatertune.plc.words import Words
 
-__all__ = ["ASKED", "COUNTDOWN", "least_good", "pid_program"]
+__all__ = ["ASKED", "COUNTDOWN", "in_degrees", "least_good", "pid_program"]
 
 #: where a program with a ramp finds the setpoint asked for, as an analog input word
 ASKED = "VW80"
@@ -24,15 +24,17 @@ _RAMP = (ASKED, "VW82", "VW84")
 #: the reading of this call, whether it is that of a broken wire, and whether there was one since the call before
 _READING, _BROKEN, _BLIND = "VW86", "VW88", "VW92"
 _END = 32766  # what an EM231 gives in size where its supply is missing, and nearly so where a wire is broken
-#: analog input word of 20 mA, its range being 0 to 20 mA
-_FULL = 32000
+#: where OB1 leaves what it reads of an EM 231 for temperatures, that this goes on
+_READ = "VW94"
 
 
 def pid_program(words: Words, head: Sequence[str] = ()) -> str:
     """Return the program; the same words and head give the same bytes."""
     first = Network("first scan", ["LD SM0.1", "CALL SBR0"])
+    read = Network("the module has a new value only after the last one was read", ["LD SM0.0", f"MOVW AIW0, {_READ}"])
+    main = [first, *([read] if in_degrees(words) else [])]
     return program(
-        block("OB1", "PID instruction with PWM output", [first], head),
+        block("OB1", "PID instruction with PWM output", main, head),
         block("SBR0", "loop table, PWM on Q0.0, timed interrupt", _initialisation(words)),
         block("INT0", "one sampling interval: PID, pulse width", _interrupt(words)),
     )
@@ -93,8 +95,14 @@ def _sensor_fault(words: Words) -> list[Network]:
 
 def least_good(words: Words) -> int | None:
     """Return the least word of a transmitter whose wire is not broken; None: its sensor is none of 4 to 20 mA."""
-    range_ = RANGES.get(words.scaling.input or "")
-    return None if range_ is None else round(_FULL * share_of(BROKEN_MA, range_))
+    if words.scaling.input != FOUR_TO_TWENTY:
+        return None
+    return round(FULL * share_of(BROKEN_MA, RANGES[FOUR_TO_TWENTY]))
+
+
+def in_degrees(words: Words) -> bool:
+    """Return whether the analog module gives the temperature itself."""
+    return has_ends(RANGES, words.scaling.input)
 
 
 def _seeing_again(words: Words) -> Network:

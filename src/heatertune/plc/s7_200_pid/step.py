@@ -10,13 +10,11 @@ from heatertune.plc.cpu.s7_200.cells import cell
 from heatertune.plc.cpu.s7_200.cycle import Timed, run_cycle
 from heatertune.plc.cpu.s7_200.memory import put_real, put_word
 from heatertune.plc.cpu.s7_200.wiring import WIDTH_APPLIES
-from heatertune.plc.s7_200_pid.words import SETPOINT
+from heatertune.plc.s7_200_pid.words import FULL, SETPOINT
 from heatertune.plc.single import divided
 
 __all__ = ["FULL", "STEP", "Assumptions", "measure", "step"]
 
-#: analog input word at the end of the range
-FULL: Final = 32000
 #: of a converter of 12 bits, left-justified
 STEP: Final = 8
 
@@ -33,7 +31,8 @@ class Assumptions(NamedTuple):
 def measure(sensor: Sensor, temperature_degC: float) -> int:
     """Return the analog input word of a temperature."""
     share = (temperature_degC - sensor.low) / sensor.span
-    return STEP * int(min(max(share * sensor.counts, float(sensor.least)), float(sensor.counts)))
+    exact = share * sensor.counts + sensor.half
+    return FULL // sensor.counts * int(min(max(exact, float(sensor.least)), float(sensor.counts)))
 
 
 def step(timed: Timed, state: State, setpoint: int, reading: int, _begins: bool) -> tuple[State, float, int, int]:

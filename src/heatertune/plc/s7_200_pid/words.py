@@ -13,10 +13,17 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
 from heatertune.plc.words import Scaling, WordField, Words
 
-__all__ = ["FIELDS", "NO_INTEGRAL", "RANGES", "SETPOINT", "TABLE", "design_of", "values_of"]
+__all__ = ["FIELDS", "FULL", "NO_INTEGRAL", "RANGES", "SETPOINT", "TABLE", "UNREAD", "design_of", "values_of"]
 
+#: analog input word at the end of the range
+FULL: Final = 32000
+#: an EM 231 for temperatures: 0.1 °C per digit; all channels are new every 405 ms, which one conversion and its being
+#: handed over may take each, or 810 ms with eight channels (A5E00066097-02, tables A-27, A-34; A5E01151572-01)
+_DEGREES: Final = Range(high_degC=0.1 * FULL, counts=FULL, delay_s=0.81)
 #: an EM 231 or EM 235 knows 0 to 20 mA: 4 mA is the word 6400
-RANGES: Final = {FOUR_TO_TWENTY: Range(from_zero=True)}
+RANGES: Final = {FOUR_TO_TWENTY: Range(from_zero=True), "thermocouple": _DEGREES, "rtd": _DEGREES}
+#: range → why there is none
+UNREAD: Final = {"rtd-climatic": "an EM 231 gives 0.1 °C per digit, and has no climatic range: use rtd"}
 
 #: where the loop table begins in V memory
 TABLE: Final = 100

@@ -7,7 +7,7 @@ from typing import Final
 from heatertune.plc.cpu.s7_300 import awl
 from heatertune.plc.cpu.s7_300.cells import Member
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.program import Program, by_hand, counts_of
+from heatertune.plc.cpu.s7_300.program import Program, by_hand, counts_of, whole_number
 from heatertune.plc.cpu.s7_300.switch import PULSEGEN, Switching, like, switching
 from heatertune.plc.s7_300.listing import STATEMENTS, VARIABLES
 from heatertune.plc.s7_300.words import FIELDS
@@ -40,7 +40,7 @@ def _source(words: Words, certificate: Certificate, switch: Switching) -> str:
     head = awl.head(
         "PID of S7-300/400 application tip No. 2: the document's equations, heatertune's statements",
         words, certificate,
-        f"setpoint SP = {FULL_SCALE}/{span:g} * (degC {0.0 - low:+g}), cut to a whole number",
+        f"setpoint SP = {FULL_SCALE}/{span:g} * (degC {0.0 - low:+g}), {whole_number(words)}",
         *by_hand(words, certificate, switch, *(pulsegen if switch.by == PULSEGEN else [])),
     )
     program = _program(words, certificate, switch)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
-from heatertune.plc.cpu.s7_300.source import signed
 from heatertune.plc.ramp import Number
 from heatertune.plc.s7_300.step import Assumptions, percent
 
@@ -21,11 +20,11 @@ class _Exported(ExportedS7):
         return counts
 
     def outcome(self) -> tuple[Number, float]:
-        output = signed(int.from_bytes(self._cpu.memory["DB 100"][_OUT], "big"), 16)
+        output = int.from_bytes(self._cpu.memory["DB 100"][_OUT], "big", signed=True)
         return output, percent(output)
 
     def force(self, output: Number) -> None:
-        self._cpu.memory["DB 100"][_OUT] = (int(output) % (1 << 16)).to_bytes(2, "big")
+        self._cpu.memory["DB 100"][_OUT] = int(output).to_bytes(2, "big", signed=True)
 
 
 def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> dict[str, Callable[[], ExportedS7]]:

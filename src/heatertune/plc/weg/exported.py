@@ -36,7 +36,6 @@ class ExportedWeg:
         self._led = "HeaterRamp" if "HeaterRamp" in program else "HeaterSetPoint"
         self._pwm, self._calls_each_scan = "HeaterOutput" in program, "BlockKeepsTs" in program
         self._asked: Number | None = None
-        self._begun = False
         self.start()
 
     @property

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar, Final, cast, final
+from typing import Final, cast, final
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300.machine import Cpu, Firmware
 from heatertune.plc.cpu.s7_300.program import DATA, PWM_DATA
-from heatertune.plc.cpu.s7_300.source import signed
+from heatertune.plc.cpu.s7_300.real import clamp
+from heatertune.plc.cpu.s7_300.source import as_real, signed
 from heatertune.plc.exported import Called
+from heatertune.plc.pwm import on_time, pulsegen
 from heatertune.plc.ramp import Number
 
 __all__ = ["ExportedS7"]
@@ -19,28 +21,54 @@ __all__ = ["ExportedS7"]
 _OWN: Final = f"DB {DATA}"
 _PWM: Final = f"DB {PWM_DATA}"
 _TOLD: Final = "L OB 35"
+_GENERATOR: Final = "DB 43"
 _INPUT: Final = 256
 _BROKEN: Final = (0x7FFF, 0x8000)  # overflow, underflow
+
+
+class _Pulsegen:
+    """FB43, which comes with STEP 7, as the proof has it: `heatertune.plc.pwm.pulsegen`."""
+
+    def __init__(self) -> None:
+        self.calls, self.on = 0, 0
+
+    def __call__(self, _cpu: Cpu, words: dict[str, int]) -> None:
+        """Make the output of one call."""
+        if words.get("COM_RST", 0):
+            self.calls = 0
+            return
+        if missing := [name for name in ("PER_TM", "CYCLE", "P_B_TM", "INV") if name not in words]:
+            raise InputError(f"FB 43: nobody gives {missing[0]}")
+        if other := [name for name in ("STEP3_ON", "ST2BI_ON", "SYN_ON") if words.get(name, 1)]:
+            raise InputError(f"FB 43: {other[0]} is TRUE; that is another way to make pulses than was proven")
+        period, interval, shortest = (words[name] / 1000.0 for name in ("PER_TM", "CYCLE", "P_B_TM"))
+        if self.calls == 0:
+            switch = pulsegen(pwm_period_s=period, call_interval_s=interval, minimum_s=shortest)
+            self.on = round(on_time(clamp(as_real(words["INV"]), 0.0, 100.0), 0.0, switch.numbers)[0] / interval)
+        words["QPOS_P"] = self.calls < self.on
+        self.calls = (self.calls + 1) % round(period / interval)
 
 
 class ExportedS7(ABC):
     """See `heatertune.plc.exported.Exported`."""
 
-    pulsegen: ClassVar[Mapping[str, Firmware]] = {"FB 43": lambda _cpu, _words: None}
-
     def __init__(self, source: str, firmware: Mapping[str, Firmware]) -> None:
         """Load a source into a CPU with this firmware; raise InputError where it has what the CPU does not know."""
-        self._cpu = cpu = Cpu(source, {**self.pulsegen, **firmware})
+        self._pulsegen = _Pulsegen()
+        self._cpu = cpu = Cpu(source, {"FB 43": self._pulsegen, **firmware})
         self._due, self._setpoint = cpu.member(_OWN, "TICKS"), cpu.member(_OWN, "SP")
         self._led = cpu.members[_OWN].get("LED")
         self._pwm = None if _PWM not in cpu.members else (cpu.member(_PWM, "TICK"), cpu.member(_PWM, "COUNT"))
+        self._switches = self._pwm is not None or _GENERATOR in cpu.words
         self._tick_ms = cpu.get(cpu.member(_OWN, "TICK_MS"))
         self._asked: Number | None = None
-        self._begun = False
         if _TOLD not in cpu.memory:
             raise InputError("OB 35: the source has no such block")
         cpu.memory[_TOLD][10:12] = self._tick_ms.to_bytes(2, "big")
-        cpu.put(cpu.member(_OWN, "AUTO"), 1)
+        automatic = cpu.member(_OWN, "AUTO")
+        if cpu.get(automatic):
+            raise InputError(f"{_OWN}: AUTO is TRUE after loading, so it heats before anyone asks for it")
+        cpu.put(automatic, 1)
         self.start()
 
     @abstractmethod
@@ -82,7 +110,7 @@ class ExportedS7(ABC):
         self._asked, self._begun = asked, True
         cpu.memory["P"][_INPUT : _INPUT + 2] = counts.to_bytes(2, "big")
         cpu.run("OB 35")
-        return Called(self._followed(), *self.outcome()), None if self._pwm is None else self._on()
+        return Called(self._followed(), *self.outcome()), self._on() if self._switches else None
 
     def _followed(self) -> Number:
         if self._led is not None:
@@ -100,17 +128,20 @@ class ExportedS7(ABC):
             self._cpu.run("OB 35")
             asked, on = max(asked, self.outcome()[1]), on or self._on()
         self._cpu.memory["P"][_INPUT : _INPUT + 2] = whole
-        return asked, None if self._pwm is None else on
+        return asked, on if self._switches else None
 
     @final
     def begin(self, output: Number, ticks: int) -> bool | None:
         """Run OB35 where a period begins with this output."""
-        if self._pwm is None:
+        if not self._switches:
             return None
         self.force(output)
-        begins, counted = self._pwm
-        self._cpu.put(begins, 0)
-        self._cpu.put(counted, ticks + 1)  # anything else than what it has to become
+        if self._pwm is None:
+            self._pulsegen.calls = 0
+        else:
+            begins, counted = self._pwm
+            self._cpu.put(begins, 0)
+            self._cpu.put(counted, ticks + 1)  # anything else than what it has to become
         self._cpu.put(self._due, 1)
         return self.go_on()
 
@@ -122,8 +153,10 @@ class ExportedS7(ABC):
 
     @final
     def counted(self) -> int | None:
-        """Return COUNT."""
-        return None if self._pwm is None else self._cpu.get(self._pwm[1])
+        """Return COUNT, or what PULSEGEN counted."""
+        if self._pwm is not None:
+            return self._cpu.get(self._pwm[1])
+        return self._pulsegen.on if self._switches else None
 
     def _on(self) -> bool:
         return bool(self._cpu.memory["P"][4] & 1)

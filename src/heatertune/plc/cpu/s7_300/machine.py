@@ -259,9 +259,15 @@ class Cpu(Accumulators):
         def value(cpu: Cpu, place: Place | None, text: str) -> int:
             return constant(text) if place is None else cpu.get(place)
 
+        def back(cpu: Cpu, after: Callable[[str], int]) -> None:
+            for member, place, _ in given:  # what is put in comes back as it was
+                if place is not None and not place.memory.startswith(("L", "P")):
+                    cpu.put(place, after(member))
+
         def firmware(cpu: Cpu) -> int:
             cpu.words[data] |= {member: value(cpu, place, text) for member, place, text in given}
             cpu._firmware[name](cpu, cpu.words[data])
+            back(cpu, lambda member: cpu.words[data][member])
             return then
 
         def run(cpu: Cpu) -> int:
@@ -271,9 +277,7 @@ class Cpu(Accumulators):
             cpu.instance = data
             cpu.run(name)
             cpu.instance = before
-            for member, place, _ in given:  # what is put in comes back as it was
-                if place is not None and not place.memory.startswith(("L", "P")):
-                    cpu.put(place, cpu.get(members[member]))
+            back(cpu, lambda member: cpu.get(members[member]))
             return then
 
         return firmware if name in self._firmware else run

@@ -10,17 +10,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from heatertune.plc.core import Sensor, count
+from heatertune.plc.core import count
 from heatertune.plc.cpu.s7_300 import awl, cells
 from heatertune.plc.cpu.s7_300.cells import Member
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, RANGES
 from heatertune.plc.cpu.s7_300.ramp import ramp_begins, ramp_moves
 from heatertune.plc.cpu.s7_300.switch import ANALOG, OWN, PULSEGEN, Switching, pwm_block, pwm_members
-from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, share_of
+from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
 from heatertune.plc.ramp import Ramp
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["DATA", "LEAST", "PWM_DATA", "Program", "by_hand", "counts_of"]
+__all__ = ["DATA", "LEAST", "PWM_DATA", "Program", "by_hand", "counts_of", "whole_number"]
 
 #: numbers of the program's own blocks, free in most programs: data block, FC that begins anew, PWM and its instance
 DATA: Final = 101
@@ -137,7 +137,7 @@ class Program:
 
     @property
     def _members(self) -> list[Member]:
-        kind, tick = "REAL" if self.real else "INT", self.switch.tick_ms
+        kind = "REAL" if self.real else "INT"
         bits = [
             Member("AUTO", "BOOL", 0, "yours: 0 manual, 1 automatic"),
             Member("FAULT", "BOOL", 0, "sensor broken: heater off"),
@@ -151,7 +151,7 @@ class Program:
         return [
             *bits, self.setpoint,
             Member("POWER", kind, 0, f"yours in manual, {'%' if self.real else f'0..{FULL_SCALE}'}; follows else"),
-            *ramp, Member("TICK_MS", "INT", tick - (65536 if tick > 32767 else 0), "interval of OB 35"),
+            *ramp, Member("TICK_MS", "INT", self.switch.tick_ms, "interval of OB 35"),
             Member("TICKS", "DINT", 0, "since the last call of the controller"),
             Member("PER_CALL", "DINT", self.switch.per_call, "ticks from one call of it to the next"),
         ]
@@ -222,7 +222,12 @@ class Program:
 
 def counts_of(words: Words, temperature_degC: float) -> int:
     """Return the analog value of a temperature."""
-    return count(Sensor(words.scaling.low_degC, words.scaling.span_degC, FULL_SCALE), temperature_degC)
+    return count(module(words.scaling, FULL_SCALE, RANGES), temperature_degC)
+
+
+def whole_number(words: Words) -> str:
+    """Return how a setpoint becomes an analog value, as a reading does."""
+    return "the nearest whole number" if has_ends(RANGES, words.scaling.input) else "cut to a whole number"
 
 
 def by_hand(words: Words, certificate: Certificate, switch: Switching, *blocks: str) -> list[str]:

@@ -22,8 +22,8 @@ OWN: Final = "own"
 PULSEGEN: Final = "pulsegen"
 ANALOG: Final = "analog"
 
-#: OB35 in milliseconds
-_SLOWEST: Final = 60000
+#: interval of OB35 that an INT holds, as OB35_EXC_FREQ and TICK_MS are [ms]
+_SLOWEST: Final = 32767
 #: ticks of a period whose product with an analog value fits into 32 bits
 _MOST_TICKS: Final = 77000
 #: LMN in parts of a percent, and these in twelve bits and the rest: so a product with the ticks fits into 32 bits
@@ -224,11 +224,13 @@ def pwm_members(switch: Switching, *, real: bool) -> list[Member]:
 
 
 def _analog(words: Words, why: str) -> Switching:
-    return Switching(ANALOG, max(1, round(1000.0 * words.sample_time_s)), why=why)
+    ms = max(1, round(1000.0 * words.sample_time_s))
+    per_call = next(ticks for ticks in range(-(-ms // _SLOWEST), ms + 1) if ms % ticks == 0)
+    return Switching(ANALOG, ms // per_call, per_call, why=why)
 
 
 def _milliseconds(seconds: float) -> int | None:
-    """Return an interval that OB35 can have [ms], None for another."""
+    """Return an interval that OB35 can have and tell [ms], None for another."""
     ms = round(1000.0 * seconds)
     return ms if 1 <= ms <= _SLOWEST and abs(ms - 1000.0 * seconds) < 1e-6 else None
 
