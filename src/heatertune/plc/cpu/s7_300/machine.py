@@ -234,13 +234,11 @@ class Cpu(Accumulators):
             case "RND" | "TRUNC":
                 whole: Callable[[float], int] = round if name == "RND" else math.trunc
                 return _unary(lambda one: whole(as_real(one)) % (1 << 32), then)
-            case "AD":
-                return _binary(operator.and_, then)
             case "/D" | "MOD":
                 return _divided(name == "MOD", then)
         if name[:-1] in _COMPARED and kind in "IDR":
             return _compare(_COMPARED[name[:-1]], kind, then)
-        if name in ("+I", "-I", "+D", "-D", "*D"):
+        if name in ("+I", "-I", "+D", "-D", "*D", "AD"):
             return _whole(name[0], 16 if kind == "I" else 32, then)
         if name in ("+R", "-R", "*R", "/R"):
             return _of_reals(name[0], then)
@@ -353,16 +351,9 @@ def _unary(makes: Callable[[int], int], then: int) -> Statement[Cpu]:
     return run
 
 
-def _binary(makes: Callable[[int, int], int], then: int) -> Statement[Cpu]:
-    def run(cpu: Cpu) -> int:
-        cpu.one = makes(cpu.two, cpu.one)
-        return then
-    return run
-
-
 def _whole(sign: str, width: int, then: int) -> Statement[Cpu]:
-    """Return a sum, difference or product of whole numbers; that of 16 bits leaves the upper half as it is."""
-    makes = {"+": operator.add, "-": operator.sub, "*": operator.mul}[sign]
+    """Return what whole numbers give together; of 16 bits it leaves the upper half as it is."""
+    makes = {"+": operator.add, "-": operator.sub, "*": operator.mul, "A": operator.and_}[sign]
     mask = (1 << width) - 1
 
     def run(cpu: Cpu) -> int:
