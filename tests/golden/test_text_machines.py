@@ -72,6 +72,16 @@ def test_any_statements_of_an_s5_leave_what_they_leave_in_another_machine():
         ran += 1
 
 
+@pytest.mark.parametrize(("statement", "word", "left"), [
+    ("SLW 15", 3, -32768), ("SLW 1", 0x4000, -32768), ("SLW 0", -7, -7), ("SLW 4", -1, -16), ("SRW 15", -1, 1), ("SRW 1", -1, 32767),
+    ("SRW 0", -7, -7), ("SRW 4", 255, 15)])
+def test_an_s5_shifts_sixteen_bits_and_fills_up_with_zeros(statement, word, left):
+    # S5-115U manual, chapter 8: SLW and SRW shift ACCU 1's word, vacated bits become 0
+    cpu = S5Cpu(f"DB30\n   0:  KF = {word:+06d};\nFB 1\n     :C  DB 30\n     :L  DW 0\n     :{statement}\n     :T  DW 0\n     :BE\n", {})
+    cpu.run("FB 1")
+    assert cpu.data == {30: [left]}
+
+
 def test_an_s5_reads_an_input_and_a_constant_as_signed_words_and_wraps_a_sum():
     # "+F" of 32767 and 1 overflows; ACCU 1 holds the 16 bits all the same (manual, chapter 8: OV is set, nothing is limited)
     cpu = S5Cpu("DB30\n   0:  KH = FFFF;\n   1:  KM = 10000000 00000000;\nFB 1\n     :C  DB 30\n     :L  PW 128\n     :L  KF +1\n     :+F\n"

@@ -78,7 +78,7 @@ def test_two_machines_give_the_same_bits_for_random_programs(body, inputs):
     ("w := 1.0;", "W is not declared"), ("IF x THEN\n  n := 1;\nEND_IF;", "expected BOOL"), ("n := 1", "line 14: 'END_PROGRAM'; expected ;"),
     ("IF p THEN\n  n := 1;\nELSIF n THEN\n  n := 2;\nEND_IF;", "line 15: 'ELSIF n THEN'; expected BOOL"),
     ("FOR n := 1 TO 3 DO", "line 13: 'FOR n := 1 TO 3 DO'"), ("n := 1 # 2;", "'#' is no sign"), ("(* open", "expected END_PROGRAM"),
-    ("Block(a := 1);", "BLOCK is no instance"), ("x.y := 1.0;", "X.Y is not declared"), ("p := p < q;", "< does not go with BOOL and BOOL"),
+    ("Block(a := 1);", "BLOCK is no instance"), ("Block(a := 1 b := 2);", "expected ,"), ("x.y := 1.0;", "X.Y is not declared"), ("p := p < q;", "< does not go with BOOL and BOOL"),
     ("x := SIN(x);", r"line 13: 'x := SIN\(x\);'; expected ;"),
 ])
 def test_what_the_machine_does_not_know_is_named_with_its_line(body, told):

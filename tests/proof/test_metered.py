@@ -62,7 +62,7 @@ def conditions(chance):
         tolerance_degC=chance.choice([0.3, 1.0, 5.0]), settling_s=chance.choice([None, 90.0]),
         recovery_s=chance.choice([None, 40.0]), steady_share=chance.choice([0.05, 0.2, 1.0]),
         pwm_ripple_degC=chance.choice([None, 0.2]), deviation_degC=chance.choice([None, 4.0]), switchings_per_h=300.0,
-        overflow_flags=("SM1.1", "SM1.3", "overflow", "upper limit"),
+        overflow_flags=("SM1.1", "SM1.3", "overflow", chance.choice(["upper limit", "lower limit"]), "QLMN_LLM"),
     )
     return scenario, Actuator(pwm_period_s=chance.choice([1.0, 2.0, 7.0])), limits
 
