@@ -1,4 +1,4 @@
-"""What CPUs with two accumulators do alike: a statement is a function that gives the place of the next one.
+"""What CPUs with two accumulators have alike, and how the S5 runs: a statement is a function that gives the next place.
 
 Where a CPU would stop, for an operand that is not there or a block without end, InputError tells statement and line.
 """
