@@ -165,6 +165,7 @@ def test_a_data_block_of_micro_win_is_read_for_both_programs():
     read, _ = _read("s7-200", block)
     assert read.values == {"KP": 120, "KI": 9, "KD": -2, "SCALE": 5, "TICK": 155, "TICKS": 20}
     assert read.sample_time_s == 3.1
+    assert _read("s7-200", block.replace("16#FFFE", "-2"))[0].values == read.values
     _, over = _read("s7-200", f"VW10 7, 8\n{block}")
     assert over == ("VW10 7 (line 1)", "VW12 8 (line 1)")
 

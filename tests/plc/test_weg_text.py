@@ -53,6 +53,12 @@ def _bits(values):
     return np.array(values, dtype=np.float32).tobytes()
 
 
+def test_only_the_program_that_calls_wegs_block_finds_out_who_keeps_ts():
+    # WPS help: it leaves open whether the block keeps Ts; the project's own block does not
+    assert {name: "HeaterProbed" in text for name, text in FILES.items()} == {
+        "weg_pid_call.st": True, "weg_pid_block.st": False, "weg_pid_plcopen.xml": False}
+
+
 @pytest.mark.parametrize("words", [
     _words(), _words(tv=0.0), _words(tn=math.inf, tv=0.0, ta=0.5), _words(gain=40.0, tn=30.0),
     _words(Type=1, Ki=0.0625, Kd=24.0), _words(TauSetPoint=30.0, MinimumOutput=5.0, MaximumOutput=80.0),

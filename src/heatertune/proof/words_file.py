@@ -217,9 +217,7 @@ def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where:
                 f"{where}: runs: none on {model} under {untried}: no whole proof; prove the words again")
 
 
-def export_again(
-    path: str | Path, target: str, *, force: bool = False, accept: Sequence[str] = ()
-) -> dict[str, Any] | None:
+def export_again(path: str | Path, target: str, *, force: bool, accept: Sequence[str]) -> dict[str, Any] | None:
     """Return the files of words that were proven before, with their two documents; None where the file holds no words.
 
     The proof is the `proof.json` beside the words, and must be of exactly these.
