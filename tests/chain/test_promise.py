@@ -150,6 +150,7 @@ def test_the_document_holds_the_promise_and_a_strange_one_is_refused(design):
     assert document["robust"] == {"way": "worst", "limits": {"ms": 1.6}}
     assert from_document(document).promise == design.promise
     assert from_document(document | {"robust": None}).promise is None
-    for strange in ({"way": "best", "limits": {"ms": 1.6}}, {"way": "p95", "limits": {"gain": 1.0}}, {"way": "p95"}, 3):
+    for strange in ({"way": "best", "limits": {"ms": 1.6}}, {"way": "p95", "limits": {"gain": 1.0}}, {"way": "p95"}, 3,
+                    {"way": "worst", "limits": {}}, {"way": "worst", "limits": {"ms": 0.0}}, {"way": "p95", "limits": {"mt": -1.0}}):
         with pytest.raises(DocumentError, match="robust"):
             from_document(document | {"robust": strange})

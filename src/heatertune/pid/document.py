@@ -30,9 +30,13 @@ class PromiseView:
     limits: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        for name in self.limits:
+        if not self.limits:
+            raise DocumentError("limits: none; expected one or more of ms, mt, mks")
+        for name, limit in self.limits.items():
             if name not in ("ms", "mt", "mks"):
                 raise DocumentError(f"limits.{name}: no such limit; known: ms, mt, mks")
+            if not limit > 0.0:
+                raise DocumentError(f"limits.{name}: {limit!r}; expected a number > 0")
 
     @property
     def value(self) -> Promise:
