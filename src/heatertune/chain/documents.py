@@ -27,6 +27,7 @@ _VIEWS: Final[Mapping[str, type]] = {
     "pictures": PicturesView, "comparison": ComparisonView,
 }
 
+
 def log_document(log: Log) -> dict[str, Any]:
     """Return the JSON document of a log as it was understood."""
     taken = None if log.taken is None else decode(TakenView, plain(log.taken.document()), log.name)

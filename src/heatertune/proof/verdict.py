@@ -17,8 +17,7 @@ from heatertune.proof.specification import GENERAL, NOTHING
 
 __all__ = [
     "ASSUMED", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "derived", "extent",
-    "sampled", "switched", "told_by_kind", "told_of", "verdict_first", "verdict_line",
-    "verdict_of_samples",
+    "sampled", "switched", "told_by_kind", "told_of", "verdict_first", "verdict_line", "verdict_of_samples",
 ]
 
 #: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use
@@ -28,7 +27,6 @@ NOT_PROVEN: Final = "NOT PROVEN"
 
 #: what a user may know beside the log → how a certificate says it
 ASSUMED: Final = {"dead_time_at_most_s": "dead time at most {:g} s", "sensor_delay_s": "sensor delay of {:g} s"}
-
 
 #: what is asked of a proof first
 FIRST: Final = ("verdict", "target", "setpoint_degC", "specification", "words", "criteria")
