@@ -6,9 +6,11 @@ A line `<!-- generate: NAME -->` in a page is replaced by what the function of t
 from __future__ import annotations
 
 import argparse
+import ast
+import json
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,10 +18,11 @@ from typing import Any
 from heatertune.cli import parser
 from heatertune.plc import TARGETS, controller_for
 from heatertune.plc.commissioning import commissioning
-from heatertune.units import NOMENCLATURE
+from heatertune.terms import TERMS, Term
 
 SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
-STAGES = ("log", "model", "pid", "plc", "proof", "report")
+COMMON = "common"
+ROOMS = ("chain", "log", "heater", "model", "pid", "plc", "proof", "report", "batch", COMMON)
 _MARKER = re.compile(r"^<!-- generate: (\w+) -->$", re.MULTILINE)
 
 
@@ -32,11 +35,27 @@ def commands() -> str:
     return "\n".join(parts)
 
 
-def nomenclature() -> str:
+def symbols() -> str:
     """Return the table of symbols."""
-    rows = "\n".join(f"| {symbol} | {name} | {unit} | `{field}` |"
-                     for field, (symbol, name, unit) in NOMENCLATURE.items())
-    return f"| symbol | term | unit | name in the code |\n| --- | --- | --- | --- |\n{rows}\n"
+    return _table(("symbol", "term [unit]", "meaning", "name in the code"), [
+        (_anchored(term), f"{', '.join(term.names[1:])} [{term.unit}]", term.meaning, f"`{term.field}`")
+        for term in TERMS if term.field])
+
+
+def words() -> str:
+    """Return the table of words."""
+    return _table(("term", "meaning"), [(_anchored(term), term.meaning) for term in TERMS if not term.field])
+
+
+def _anchored(term: Term) -> str:
+    """Return a term's name where a link leads to; words with their other names."""
+    names = term.names[:1] if term.field else term.names
+    return f'<a id="{term.anchor}"></a>{", ".join(names)}'
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def controllers() -> str:
@@ -64,29 +83,54 @@ def service(target: str) -> str:
     return "\n\n".join([*parts, f"Source: {told.facts}\n"])
 
 
-def python() -> str:
-    """Return the directives from which mkdocstrings draws the Python reference: chain, what is free to all, stages."""
-    steps = sorted(path.stem for path in (SOURCE / "chain").glob("*.py") if path.stem != "__init__")
-    names = [*(f"chain.{name}" for name in steps), "batch.fleets", "batch.studies"]
-    return "\n".join(f"::: heatertune.{name}\n    options:\n      toc_label: {name}\n"
-                     for name in (*names, "settings", "options", "units", "errors", *modules()))
+def python(room: str) -> str:
+    """Return the directives from which mkdocstrings draws a room of the Python reference."""
+    return "\n".join(f"::: heatertune.{name}\n    options:\n      toc_label: {name.rpartition(f'{room}.')[2]}\n"
+                     for name in modules(room))
 
 
-def modules() -> list[str]:
-    """Return every module of the stages that offers something to others."""
+def rooms() -> str:
+    """Return the list of rooms, each with its page and what it is for."""
+    lines = []
+    for room in ROOMS:
+        path = SOURCE / room / "__init__.py"
+        told = "What all rooms may use: settings, options, units, terms, errors."
+        if path.exists():
+            told = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")[0]
+        lines.append((f"[{room}](python_{room}.md)", told))
+    return _table(("room", "what it is for"), lines)
+
+
+def modules(room: str) -> list[str]:
+    """Return every module of a room that offers something to others."""
+    if room == COMMON:
+        return ["settings", "options", "units", "terms", "errors"]
     found = []
-    for stage in STAGES:
-        for path in sorted((SOURCE / stage).rglob("*.py")):
-            if path.name != "__init__.py" and "__all__" in path.read_text(encoding="utf-8"):
-                found.append(".".join(path.relative_to(SOURCE).with_suffix("").parts))
+    for path in sorted((SOURCE / room).rglob("*.py")):
+        if path.name != "__init__.py" and "__all__" in path.read_text(encoding="utf-8"):
+            found.append(".".join(path.relative_to(SOURCE).with_suffix("").parts))
     return found
 
 
 GENERATORS: dict[str, Callable[[], str]] = {
-    "commands": commands, "nomenclature": nomenclature, "controllers": controllers, "python": python,
-} | {f"service_{name.replace('-', '_')}": partial(service, name) for name in TARGETS}
+    "commands": commands, "symbols": symbols, "words": words, "controllers": controllers, "rooms": rooms,
+} | {f"service_{name.replace('-', '_')}": partial(service, name) for name in TARGETS
+} | {f"python_{room}": partial(python, room) for room in ROOMS}
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Fill the markers of a page."""
     return _MARKER.sub(lambda found: GENERATORS[found[1]](), markdown)
+
+
+def on_post_build(config: Any, **_: Any) -> None:
+    """Write the index of the search as a script: a browser that opens the manual from files reads no JSON."""
+    folder = Path(config["site_dir"], "search")
+    index = json.loads((folder / "search_index.json").read_text(encoding="utf-8"))["docs"]
+    page = "reference/nomenclature.html"
+    terms = [{"title": ", ".join(term.names), "text": term.meaning, "location": f"{page}#{term.anchor}"}
+             for term in TERMS]
+    sections = [entry for entry in index if "#" in entry["location"]]  # the others are whole pages: the same once more
+    text = json.dumps([*terms, *sections], ensure_ascii=False, separators=(",", ":"))
+    (folder / "index.js").write_text(f"var searched = {text};\n", encoding="utf-8")
+    (folder / "search_index.json").unlink()

@@ -9,8 +9,8 @@ import pytest
 from heatertune.errors import InputError
 from heatertune.writing import write_files
 
-OLD = {"words.json": "old words", "proof.json": "old proof", "report.html": "old report"}
-NEW = {"words.json": "new words", "proof.json": "new proof", "block.awl": b"new block"}
+OLD = {"data/words.json": "old words", "data/proof.json": "old proof", "report.html": "old report"}
+NEW = {"data/words.json": "new words", "data/proof.json": "new proof", "block.awl": b"new block"}
 
 #: writes NEW into a folder that holds OLD and a note, once for each operation the interpreter reports (its audit
 #: events), which is made to fail or ends the process by SIGKILL; prints what is there then, and what one more write leaves
@@ -38,12 +38,14 @@ def watch(event, _):
 sys.addaudithook(watch)
 
 def held():
-    return {path.name: path.read_text() for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")}
+    return {str(path.relative_to(folder)): path.read_text() for path in folder.rglob("*")
+            if path.is_file() and not path.name.startswith(".")}
 
 def begin():
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     (folder / "note.txt").write_text("mine")
+    (folder / "words.json").write_text("of an earlier release")
     if given["nested"]:
         (folder / "below").mkdir()
     write_files(folder, given["old"])
@@ -55,7 +57,7 @@ for k in range(1, 300):
     if child == 0:
         at = k
         try:
-            write_files(folder, given["new"])
+            write_files(folder, given["new"], gone=["words.json"])
         except InputError:
             at = 0
             os._exit(2)
@@ -64,7 +66,7 @@ for k in range(1, 300):
     states.append((status, held()))
     if status == 0:
         break
-write_files(folder, given["new"])
+write_files(folder, given["new"], gone=["words.json"])
 print(json.dumps([states, sorted(str(path.relative_to(folder.parent)) for path in folder.parent.rglob("*"))]))
 """
 
@@ -77,7 +79,7 @@ def attacked(folder, *, kill, nested=False):
     return json.loads(ended.stdout)
 
 
-BEFORE = {"note.txt": "mine", **OLD}
+BEFORE = {"note.txt": "mine", "words.json": "of an earlier release", **OLD}
 AFTER = {"note.txt": "mine", **OLD, **{name: str(content).removeprefix("b'").rstrip("'") for name, content in NEW.items()}}
 
 
@@ -91,7 +93,7 @@ def test_a_kill_at_any_operation_leaves_the_old_set_or_the_new(tmp_path):
     assert all(held in (BEFORE, AFTER) for held in sets)
     assert sets[0] == BEFORE
     assert sets[-1] == AFTER
-    assert left == ["out", *sorted(f"out/{name}" for name in AFTER)], "what the killed ones left beside is gone"
+    assert left == ["out", *sorted(f"out/{name}" for name in ("data", *AFTER))], "what the killed ones left beside is gone"
 
 
 @pytest.mark.parametrize("nested", [False, True])
@@ -103,7 +105,7 @@ def test_an_operation_that_fails_leaves_the_old_set_and_is_told_or_the_new(tmp_p
         assert held == (BEFORE if status == 2 else AFTER)
     assert not nested or any(status == 2 for status, _ in states), "there is no other way left"
     below = ["out/below"] if nested else []
-    assert left == ["out", *sorted([*below, *(f"out/{name}" for name in AFTER)])]
+    assert left == ["out", *sorted([*below, "out/data", *(f"out/{name}" for name in AFTER)])]
 
 
 def test_what_else_lies_in_the_folder_stays_as_it_is(tmp_path):
@@ -122,10 +124,10 @@ def test_what_else_lies_in_the_folder_stays_as_it_is(tmp_path):
 
 
 def test_a_folder_in_the_place_of_a_file_is_refused_and_nothing_is_written(tmp_path):
-    (tmp_path / "words.json").mkdir()
-    with pytest.raises(InputError, match=r"words\.json: cannot be written"):
+    (tmp_path / "block.awl").mkdir()
+    with pytest.raises(InputError, match=r"block\.awl: cannot be written"):
         write_files(tmp_path, NEW)
-    assert [path.name for path in tmp_path.iterdir()] == ["words.json"]
+    assert [path.name for path in tmp_path.iterdir()] == ["block.awl"]
 
 
 def test_the_folder_one_works_in_stays_the_same_folder(tmp_path, monkeypatch):
@@ -133,4 +135,4 @@ def test_the_folder_one_works_in_stays_the_same_folder(tmp_path, monkeypatch):
     inode = tmp_path.stat().st_ino
     write_files(".", NEW)
     assert tmp_path.stat().st_ino == inode
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(NEW)
+    assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")) == sorted(["data", *NEW])

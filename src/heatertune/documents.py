@@ -4,14 +4,32 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from heatertune.errors import DocumentError
 from heatertune.files import read_text
 
-__all__ = ["peek_schema", "plain", "read_document", "read_toml", "to_json"]
+__all__ = ["DATA", "data_folder", "found", "peek_schema", "plain", "read_document", "read_toml", "to_json"]
+
+
+#: folder in which the documents of a design lie, beside what one reads and types
+DATA: Final = "data"
+
+
+def data_folder(directory: str | Path) -> Path:
+    """Return where the documents of a design lie: in `DATA`, or, of an earlier release, in its very folder."""
+    inner = Path(directory) / DATA
+    return inner if (inner / "words.json").is_file() else Path(directory)
+
+
+def found(path: str | Path) -> Path:
+    """Return a document's file; one that is not there where earlier releases wrote it is looked for in `DATA`."""
+    file = Path(path)
+    inner = file.parent / DATA / file.name
+    return inner if not os.path.lexists(file) and inner.is_file() else file
 
 
 def to_json(document: Mapping[str, Any]) -> str:
@@ -69,7 +87,7 @@ def peek_schema(path: str | Path) -> str | None:
 
 def _load(path: str | Path) -> dict[str, Any]:
     try:
-        content = json.loads(read_text(path), object_pairs_hook=_object, parse_constant=_constant)
+        content = json.loads(read_text(found(path)), object_pairs_hook=_object, parse_constant=_constant)
     except OSError as problem:
         raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from problem
     except (UnicodeDecodeError, json.JSONDecodeError) as problem:

@@ -192,6 +192,7 @@ class WordSettings:
         refined: whether the gains are refined in the loop of the proof, see `heatertune.proof.refine.refine`.
         setpoint_ramp: [°C/min], "auto" or "none", see `heatertune.proof.setpoint_ramp.prove_ramped`; None: as the words
             have it; of a design, where nothing else helps.
+        boost: "auto" or "none", see `heatertune.proof.boosts`.
         as_is: the plain design, even where another one would pass, see `heatertune.proof.closing.closed`.
     """
 
@@ -211,8 +212,13 @@ class WordSettings:
     switch_kind: str | None = option(
         None, str, "what switches the heater", flag="--switch-kind", choices=("ssr", "relay", "contactor"),
         help="what switches the heater: the PWM period is proposed, ripple against wear of contacts")
+    boost: str = option(
+        "auto", str, "whether the program may give full power itself far from the setpoint", flag="--boost",
+        choices=("auto", "none"),
+        help="full power far from the setpoint, the controller not enabled: where that keeps the limits as the design "
+             "is, or none (default: auto; of words, as they have it)")
     as_is: bool = option(
-        False, bool, "keep the plain design where other gains, another PWM or TA, or a ramp would pass",
+        False, bool, "keep the plain design where other gains, another PWM or TA, a boost or a ramp would pass",
         flag="--as-is")
 
     def __post_init__(self) -> None:

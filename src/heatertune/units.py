@@ -11,9 +11,10 @@ from typing import Final
 
 from heatertune.errors import OutOfRange
 
-__all__ = ["LARGEST", "NOMENCLATURE", "SMALLEST", "check", "degF_to_degC", "kelvin_to_degC"]
+__all__ = ["LARGEST", "NOMENCLATURE", "SMALLEST", "check", "degF_to_degC", "kelvin_to_degC", "written"]
 
 LARGEST: Final = 1e100
+_IN_POWERS: Final = 1e9  # from here on powers of ten are easier to read
 SMALLEST: Final = 1e-100
 
 #: field name → (symbol, name, unit)
@@ -87,3 +88,8 @@ def degF_to_degC(value: float) -> float:
 def kelvin_to_degC(value: float) -> float:
     """Return °C for kelvin: K − 273.15."""
     return value - 273.15
+
+
+def written(value: float, digits: int = 4) -> str:
+    """Return a number as people read it, so many digits of it: 1484, never 1.48e+03."""
+    return f"{value:.0f}" if 10.0**digits <= abs(value) < _IN_POWERS else f"{value:.{digits}g}"

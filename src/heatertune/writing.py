@@ -1,10 +1,10 @@
 """Files that are written whole or not at all, and sets of files that change together or not at all.
 
-One file is written beside, then renamed. Of several, their whole folder is made anew beside the old one, with links to
-what else lies in it, and the two are exchanged by one call of the system: a kill at any moment leaves the old set or
-the new. Where that cannot be (a system without the call, folders within the folder, the folder one works in, a disk
-without links) the files are renamed one after the other, and back again where one cannot be: only a kill just then
-mixes them.
+One file is written beside, then renamed. Of several, their whole folder, with the folders in it that they name, is made
+anew beside the old one, with links to what else lies there, and the two are exchanged by one call of the system: a kill
+at any moment leaves the old set or the new. Where that cannot be (a system without the call, other folders within the
+folder, the folder one works in, a disk without links) the files are renamed one after the other, and back again where
+one cannot be: only a kill just then mixes them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import ctypes
 import glob
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -27,8 +27,15 @@ _HERE: Final = -100  # AT_FDCWD
 _EXCHANGE: Final = 2  # RENAME_EXCHANGE
 
 
-def write_files(directory: str | Path, files: Mapping[str, str | bytes]) -> list[Path]:
+def write_files(
+    directory: str | Path, files: Mapping[str, str | bytes], gone: Collection[str] = ()
+) -> list[Path]:
     """Write all files or none; return their paths.
+
+    Args:
+        directory: where to; it is made where there is none.
+        files: name → content; a name may lead into a folder of the directory: "data/words.json".
+        gone: names of files in the directory that are no more once these are there.
 
     Raises:
         InputError: the directory cannot be made or written.
@@ -37,18 +44,21 @@ def write_files(directory: str | Path, files: Mapping[str, str | bytes]) -> list
     data = {name: content if isinstance(content, bytes) else content.encode(errors="backslashreplace")
             for name, content in files.items()}
     try:
-        if len(data) == 1 or not _exchanged(folder.resolve(), data):
-            folder.mkdir(parents=True, exist_ok=True)
-            _one_by_one(folder, data)
+        old = {name for name in gone if (folder / name).is_file()}
+        if (len(data) == 1 and not old) or not _exchanged(folder.resolve(), data, old):
+            _one_by_one(folder, data, old)
     except (OSError, ValueError, RuntimeError) as problem:  # a name that no file can have, links in a circle
         place = getattr(problem, "filename2", None) or getattr(problem, "filename", None) or folder
         raise InputError(f"{place}: cannot be written: {getattr(problem, 'strerror', problem)}") from problem
     return [folder / name for name in data]
 
 
-def _exchanged(folder: Path, data: Mapping[str, bytes]) -> bool:
+def _exchanged(  # noqa: C901 - one transaction, told from its begin to its end
+    folder: Path, data: Mapping[str, bytes], gone: Collection[str]
+) -> bool:
     """Put a folder made anew, with these files, in the place of the old one; return whether that is possible here."""
-    if _renameat2() is None or (folder.exists() and not _may_go(folder)):
+    within = {Path(name).parent for name in data}
+    if _renameat2() is None or not all(_may_go(folder / inner, folder, within) for inner in {Path(), *within}):
         return False
     folder.parent.mkdir(parents=True, exist_ok=True)
     _sweep(folder)
@@ -57,18 +67,20 @@ def _exchanged(folder: Path, data: Mapping[str, bytes]) -> bool:
         new.mkdir()
         if folder.exists():
             shutil.copystat(folder, new)
-            for path in folder.iterdir():
-                if path.name not in data:
-                    os.link(path, new / path.name, follow_symlinks=False)
+        for inner in within:
+            (new / inner).mkdir(parents=True, exist_ok=True)
+        for name in _others(folder, data, gone):
+            os.link(folder / name, new / name, follow_symlinks=False)
         for name, content in data.items():
             _write(new / name, content)
-        _settle(new)
+        for inner in {Path(), *within}:
+            _settle(new / inner)
         if not _swap(new, folder):
             return False
         _settle(folder.parent)
-        for path in new.iterdir() if new.exists() else ():  # saved by others since the links were made
-            if path.name not in data and not (folder / path.name).exists():
-                path.rename(folder / path.name)
+        for name in _others(new, data, gone):  # saved by others since the links were made
+            if not (folder / name).exists():
+                (new / name).rename(folder / name)
     except OSError:
         return False
     finally:
@@ -76,10 +88,23 @@ def _exchanged(folder: Path, data: Mapping[str, bytes]) -> bool:
     return True
 
 
-def _may_go(folder: Path) -> bool:
-    """Return whether a folder can be replaced by another one without anybody's noticing."""
+def _others(folder: Path, data: Mapping[str, bytes], gone: Collection[str]) -> Iterator[str]:
+    """Return the names in a folder, and in those of it that files are written into, of what is to stay as it is."""
+    for inner in {Path(), *(Path(name).parent for name in data)}:
+        for path in list((folder / inner).iterdir()) if (folder / inner).is_dir() else ():
+            name = str(inner / path.name)
+            if name not in data and name not in gone and (path.is_symlink() or not path.is_dir()):
+                yield name
+
+
+def _may_go(folder: Path, whole: Path, within: Collection[Path]) -> bool:
+    """Return whether a folder can be replaced by another one without anybody's noticing; one that is not there can."""
+    if not folder.exists() and not folder.is_symlink():
+        return True
     is_mine = folder.is_dir() and folder.stat().st_uid == os.geteuid() and not folder.samefile(Path.cwd())
-    return is_mine and not any(path.is_dir() and not path.is_symlink() for path in folder.iterdir())
+    linked = folder != whole and folder.is_symlink()
+    return is_mine and not linked and not any(
+        path.is_dir() and not path.is_symlink() and path.relative_to(whole) not in within for path in folder.iterdir())
 
 
 def _swap(new: Path, folder: Path) -> bool:
@@ -109,31 +134,49 @@ def _sweep(folder: Path) -> None:
                 shutil.rmtree(left, ignore_errors=True)
 
 
-def _one_by_one(folder: Path, data: Mapping[str, bytes]) -> None:
+def _one_by_one(folder: Path, data: Mapping[str, bytes], gone: Collection[str]) -> None:
     """Write all files beside, then put each in its place; where one cannot be, all are as they were."""
-    new = {name: folder / f".{name}.{os.getpid()}.part" for name in data}
-    old = {name: folder / f".{name}.{os.getpid()}.old" for name in data if len(data) > 1}
+    new = {name: _beside(folder / name, "part") for name in data}
+    old = {name: _beside(folder / name, "old") for name in (*data, *gone) if len(data) + len(gone) > 1}
     placed: list[str] = []
+    made = [path for path in {(folder / name).parent for name in data} if not path.exists() and path != folder]
     try:
         for name, content in data.items():
+            new[name].parent.mkdir(parents=True, exist_ok=True)
             _write(new[name], content)
-        for name in data:
+        for name in (*data, *(name for name in gone if (folder / name).is_file())):
             if name in old and (folder / name).is_file():
                 shutil.copy2(folder / name, old[name])
-            new[name].replace(folder / name)
+            if name in new:
+                new[name].replace(folder / name)
+            else:
+                (folder / name).unlink()
             placed.append(name)
-        _settle(folder)
+        for path in {path.parent for path in new.values()}:
+            _settle(path)
     except (OSError, ValueError):
         for name in placed:
             if old[name].exists():
                 old[name].replace(folder / name)
             else:
                 (folder / name).unlink()
+        _forget(*new.values(), *old.values())
+        for path in made:
+            with contextlib.suppress(OSError):
+                path.rmdir()
         raise
     finally:
-        for path in (*new.values(), *old.values()):
-            with contextlib.suppress(OSError, ValueError):
-                path.unlink(missing_ok=True)
+        _forget(*new.values(), *old.values())
+
+
+def _forget(*files: Path) -> None:
+    for path in files:
+        with contextlib.suppress(OSError, ValueError):
+            path.unlink(missing_ok=True)
+
+
+def _beside(path: Path, end: str) -> Path:
+    return path.with_name(f".{path.name}.{os.getpid()}.{end}")
 
 
 def _write(path: Path, content: bytes) -> None:

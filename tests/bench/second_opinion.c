@@ -30,6 +30,7 @@ typedef struct {
     double gain, lag, inner, dead, ambient, start, per_lag, per_inner;
     double ramp, hold;                     /* step of the setpoint word, how far from the reading it may be; 0: none */
     int64_t ramp_calls;
+    double within, again;                  /* full power until so near, and again from so far on [degC]; 0: never */
     int phases;
     int64_t *begin;                        /* of each phase, and the end [ticks] */
     double *rest;                          /* from when on each phase has to be at rest [s]; its end: never */
@@ -109,15 +110,34 @@ static Point step(const Case *c, Point p, double to, double h)
     return q;
 }
 
-/* the part of a step after which `which` (0: temperature from a level, 1: its slope) changes its sign */
+static double off(Point p, int which, double level) { return which ? p.x - p.y : p.y - level; }
+
+/* the part of a step after which `which` (0: temperature from a level, 1: its slope) changes its sign; the whole step where it
+ * does not: false position, the value at an end that stays twice being halved (Illinois) */
 static double part(const Case *c, Point p, double to, double h, int which, double level)
 {
-    double low = 0.0, high = h, at = which ? p.x - p.y : p.y - level;
-    for (int i = 0; i < 50; i++) {
-        double mid = 0.5 * (low + high);
-        Point q = step(c, p, to, mid);
-        double there = which ? q.x - q.y : q.y - level;
-        if ((there > 0.0) == (at > 0.0)) low = mid; else high = mid;
+    double low = 0.0, high = h, before = off(p, which, level), after = off(step(c, p, to, h), which, level), last = h;
+    if ((before > 0.0) == (after > 0.0)) return h;
+    for (int i = 0, stayed = 0; i < 60; i++) {
+        double mid = low + (high - low) * before / (before - after);
+        double there = off(step(c, p, to, mid), which, level);
+        if ((there > 0.0) == (before > 0.0)) {
+            low = mid; before = there;
+            if (stayed == 1) after *= 0.5;
+            stayed = 1;
+        } else {
+            high = mid; after = there;
+            if (stayed == -1) before *= 0.5;
+            stayed = -1;
+        }
+        if (fabs(mid - last) <= 1e-15 * h) {        /* there, or a hair beyond it */
+            for (double hair = 1e-15 * h; stayed == 1 && mid < high; hair *= 2.0) {
+                mid = mid + hair < high ? mid + hair : high;
+                if ((off(step(c, p, to, mid), which, level) > 0.0) != (before > 0.0)) break;
+            }
+            return mid;
+        }
+        last = mid;
     }
     return high;
 }
@@ -255,6 +275,7 @@ static double weg(const Case *c, Memory *m, float w, float x)
     float kp = c->words[0], ki = c->words[1], kd = c->words[2], ts = (float)c->words[3] / 1000.0f;
     float high = (float)c->words[4], low = 0.0f, kits = ki * ts, kdts = kd / ts;
     int windup = c->sw[0], by_parts = c->sw[1], at_once = c->sw[2], zero = c->sw[3];
+    if (c->within > 0.0 && w - x > (float)(m->begun ? c->again : c->within)) { m->begun = 0; return high; }
     int starts = !m->begun;
     if (starts) { m->begun = 1; m->f[0] = 0.0f; m->f[1] = 0.0f; m->f[2] = zero ? 0.0f : w; }
     float reference = m->f[2] + (w - m->f[2]), e = reference - x;

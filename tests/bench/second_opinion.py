@@ -56,6 +56,7 @@ class Bench:
         setpoint, tolerance, noise: [°C]; `seed`: of the noise.
         ramp: step of the setpoint word, its calls, and how far from the reading it may be (0: as far as it goes), None:
             there is none.
+        boost: full power until so near to the setpoint, and again from so far on [°C], None: never.
         asked_low: lower end of the setpoints of use [°C], None: a fifth of the step below the upper one.
         heats_in, recovers_in: that heat-up and disturbances may take as specified, where that is more [s].
         profile: segments (end [°C], duration of the ramp [s], of the soak [s]), in whole PWM periods and scans.
@@ -84,6 +85,7 @@ class Bench:
     noise: float
     seed: int
     ramp: tuple | None = None
+    boost: tuple | None = None
     asked_low: float | None = None
     heats_in: float = 0.0
     recovers_in: float = 0.0
@@ -171,6 +173,9 @@ def story(b):
         yield part("load", load, "recovery")
     yield part("mains", 0.0, "off", takes=max(2.0 * tn, b.slow), rest=0.0, power=0.0)
     yield part("mains", 0.0, "reheat", takes=way, power=1.0)
+    if b.boost is not None and b.boost[1] < step and (nearly := _takes(b, b.boost[1] / step) - 2.0 * max(b.interval, b.period)) > 0.0:
+        yield part("mains", 0.0, "off", takes=nearly, rest=0.0, power=0.0)
+        yield part("mains", 0.0, "reheat", takes=way, power=1.0)
     low = b.setpoint - 0.2 * step if b.asked_low is None else b.asked_low
     yield part("setpoint", 0.0, "change", up=False, takes=_takes(b, (b.setpoint - low) / step) + loop + ramp, rest=10.0 * calm, asked=low)
     yield part("setpoint", 0.0, "change", takes=way, asked=b.setpoint)
@@ -245,7 +250,7 @@ class _Case(ctypes.Structure):
         ("resolution", ctypes.c_double), ("least_on", ctypes.c_double), ("least_off", ctypes.c_double),
         ("carries", ctypes.c_int),
         *((name, ctypes.c_double) for name in ("gain", "lag", "inner", "dead", "ambient", "start", "per_lag", "per_inner", "ramp", "hold")),
-        ("ramp_calls", ctypes.c_int64), ("phases", ctypes.c_int),
+        ("ramp_calls", ctypes.c_int64), ("within", ctypes.c_double), ("again", ctypes.c_double), ("phases", ctypes.c_int),
         ("begin", ctypes.c_void_p), ("rest", ctypes.c_void_p), ("kind", ctypes.c_void_p), ("value", ctypes.c_void_p),
         ("asked", ctypes.c_void_p), ("from", ctypes.c_void_p), ("power", ctypes.c_void_p), ("supplied", ctypes.c_void_p),
         ("band", ctypes.c_double), ("noise", ctypes.c_void_p), ("noises", ctypes.c_int64), ("sigma", ctypes.c_double),
@@ -350,7 +355,8 @@ def _prepared(b):
         span=b.high - b.low, counts=counts, scan=denom, period=numer, tick=tick, resolution=b.resolution,
         least_on=b.least_on, least_off=b.least_off, carries=b.carries, gain=b.gain, lag=lag, inner=inner,
         dead=b.dead + delay, ambient=b.ambient, start=b.ambient, per_lag=1.0 / lag,
-        per_inner=1.0 / inner if inner else 0.0, ramp=ramp, hold=hold, ramp_calls=calls, phases=len(parts), band=b.band,
+        per_inner=1.0 / inner if inner else 0.0, ramp=ramp, hold=hold, ramp_calls=calls,
+        within=b.boost[0] if b.boost else 0.0, again=b.boost[1] if b.boost else 0.0, phases=len(parts), band=b.band,
         noises=len(noise), sigma=b.noise,
         **{name: array.ctypes.data if len(array) else None for name, array in held.items()})
     return Opinion(parts, [begin * tick for begin in begins]), case, held

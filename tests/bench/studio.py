@@ -1,12 +1,12 @@
-"""How fast the studio answers: `python tests/bench/studio.py [--moves N] [--drag]`, in Debian's Chromium, on the paper's table 4.
+"""How fast the studio answers: `python tests/bench/studio.py [TARGET…] [--moves N]`, in Debian's Chromium, on the paper's table 4.
 
-From the event of a slider that is moved to the frame in which the loop's picture has changed, as the browser itself
-clocks it; and from asking for the page to its first picture. Beside it, on the same settings and in this process: what
-the first look at the loop takes, so that server and browser can be told apart. It reports and never fails.
+For each controller: from choosing it to its first verdict, and from the event of the slider that is moved to the frame
+in which the loop's picture has changed, as the browser itself clocks both. Beside them, on the same settings and in
+this process: what the first look at the loop and the whole proof take of the processor, so that server, browser and a
+machine that has other things to do can be told apart. It reports and never fails.
 """
 
 import argparse
-import itertools
 import os
 import statistics
 import subprocess
@@ -17,16 +17,17 @@ import time
 from playwright.sync_api import sync_playwright
 
 from heatertune.compiled import decide
-from heatertune.studio.loop import first_look
+from heatertune.plc import TARGETS
+from heatertune.studio.loop import first_look, full_proof
 from heatertune.studio.session import Session
-from heatertune.studio.settings import SLIDERS, sliders_for
 from heatertune.studio.sources import fit_log, read_source
 
 CHROMIUM = "/usr/bin/chromium"
-PROVEN = "document.querySelector('[data-field=verdict]')?.textContent.match(/^(PASS|FAIL)/)"
-#: sets a slider as a hand does and tells after how many milliseconds the loop's chart had changed on the screen
-MOVE = """([field, value]) => new Promise((told, failed) => {
-  const slider = document.querySelector(`input[data-field=${field}]`);
+PROVEN = """() => !document.documentElement.classList.contains('stale')
+  && /^(PASS|FAIL|NOT PROVEN)/.test(document.querySelector('[data-field=verdict]').textContent)"""
+#: sets the slider as a hand does and tells after how many milliseconds the loop's chart had changed on the screen
+MOVE = """(value) => new Promise((told) => {
+  const slider = document.querySelector('input[data-field=ms]');
   const chart = document.querySelector('[aria-label^="Temperature of the proven loop"]');
   const begun = performance.now();
   const seen = new MutationObserver(() => { seen.disconnect();
@@ -36,84 +37,73 @@ MOVE = """([field, value]) => new Promise((told, failed) => {
   slider.value = value;
   slider.dispatchEvent(new Event('input', {bubbles: true}));
 })"""
+#: tells after how many milliseconds from now the banner's verdict is true again
+VERDICT = """() => new Promise((told) => { const begun = performance.now();
+  const look = () => document.documentElement.classList.contains('stale') || document.querySelector('[data-field=verdict]')
+    .textContent.startsWith('Proving') ? setTimeout(look, 5) : told(performance.now() - begun); look(); })"""
 #: milliseconds from the navigation to the first line drawn in a chart
 FIRST = """() => new Promise((told) => { const look = () => document.querySelector('[role=img] svg path[stroke]')
     ? told(performance.now()) : requestAnimationFrame(look); look(); })"""
 
 
-def moves(session, count):
-    """Return slider and value of so many moves, round robin over the sliders and to and fro over each one's middle."""
-    spots = (0.35, 0.6, 0.45, 0.7, 0.5, 0.65, 0.4, 0.55)
-    placed = []
-    for turn in range(count):
-        for slider in sliders_for(session.fitted):
-            low, high = slider.low, slider.high
-            if slider.field in ("sample_time_s", "pwm_period_s"):
-                low, high = 1.0, low + 0.3 * (high - low)
-            if slider.field == "noise_degC":
-                high = 0.5
-            value = low + spots[turn % len(spots)] * (high - low) + 0.001 * (turn // len(spots))
-            placed.append((slider.field, round(low + round((value - low) / slider.step) * slider.step, 6)))
-    return placed
+def spots(count):
+    """Return so many places of the slider, no two of them the same."""
+    return [1.3 + 0.05 * (7 * turn % 13) + 0.001 * (turn // 13) for turn in range(count)]
 
 
-def beside(session, placed):
-    """Return the milliseconds that the first look takes on the settings of each move, by slider."""
-    told = {}
-    for field, value in placed:
-        session.change(**{field: value})
-        begun = time.perf_counter()
-        try:
-            session.look_done(session.ticket, first_look(session.fitted, session.settings, session.gains()))
-        except ValueError:
-            continue
-        told.setdefault(field, []).append(1e3 * (time.perf_counter() - begun))
-    return told
+def beside(session, target, places):
+    """Return the milliseconds of processor that each first look takes, and the whole proof of the last one."""
+    looks = []
+    session.change(target=target)
+    for ms in places:
+        session.change(ms=round(ms, 6))
+        begun = time.process_time()
+        look = first_look(session.fitted, session.settings)
+        looks.append(1e3 * (time.process_time() - begun))
+    begun = time.process_time()
+    full_proof(session.fitted, look)
+    return looks, 1e3 * (time.process_time() - begun)
 
 
-def in_browser(page, placed, *, pause_s):
-    """Return the milliseconds of each move by slider; None where the picture did not change."""
-    told = {}
-    for field, value in placed:
-        told.setdefault(field, []).append(page.evaluate(MOVE, [field, value]))
-        page.wait_for_timeout(1e3 * pause_s)
-    return told
-
-
-def row(name, times, server):
-    """Return a line of the table."""
-    seen = sorted(each for each in times if each is not None)
-    if not seen:
-        return f"{name:20} {0:3} moves drew nothing new"
-    late = sum(each > 100.0 for each in seen)
-    alone = f"{statistics.median(server):6.0f} {max(server):6.0f}" if server else ""
-    return (f"{name:20} {len(seen):3} {statistics.median(seen):7.0f} {seen[int(0.95 * (len(seen) - 1))]:7.0f} {seen[-1]:7.0f} "
-            f"{late:8} {alone}")
+def in_browser(page, target, places):
+    """Return milliseconds to the verdict of a controller that is chosen, and of each move."""
+    page.get_by_role("combobox", name="Controller").click()
+    option = page.get_by_role("option", name=target, exact=True)
+    option.wait_for()
+    page.evaluate("() => { document.addEventListener('click', () => { window.chosen = performance.now(); }, "
+                  "{capture: true, once: true}); }")
+    option.click()
+    page.evaluate(VERDICT)
+    verdict = page.evaluate("() => performance.now() - window.chosen")
+    times = []
+    for ms in places:
+        times.append(page.evaluate(MOVE, round(ms, 6)))
+        page.wait_for_timeout(700)
+    return verdict, [each for each in times if each is not None]
 
 
 def report(page, session, settings):
-    placed = moves(session, settings.moves)
-    page.wait_for_function(PROVEN, timeout=120_000)
-    page.wait_for_timeout(1e3 * settings.warm)  # the compiler works beside the page, once for each version
-    in_browser(page, placed[: len(SLIDERS)], pause_s=1.0)  # first loads, first proof
-    page.wait_for_function(PROVEN, timeout=120_000)
-    told = in_browser(page, placed[len(SLIDERS) :], pause_s=0.05 if settings.drag else 1.0)
-    decide(True)
-    server = beside(session, placed)
-    print("ms from slider to picture                                    first look alone")
-    print(f"{'slider':20} {'n':>3} {'median':>7} {'95 %':>7} {'worst':>7} {'> 100 ms':>8} {'median':>6} {'worst':>6}")
-    for field in told:
-        print(row(field, told[field], server.get(field, [])[1:]))
-    print(row("all", list(itertools.chain(*told.values())), list(itertools.chain(*server.values()))))
+    places = spots(settings.moves + 1)
+    print(f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+    print("                first verdict   slider to picture [ms]               processor alone [ms]")
+    print(f"{'controller':14} {'[ms]':>14} {'n':>4} {'least':>6} {'median':>6} {'95 %':>6} {'worst':>6} {'look':>10} {'proof':>6}")
+    for target in settings.targets or TARGETS:
+        verdict, times = in_browser(page, target, places)
+        looks, proof = beside(session, target, places)
+        seen = sorted(times[1:])  # the first one loads machine code
+        print(f"{target:14} {verdict:14.0f} {len(seen):4} {seen[0]:6.0f} {statistics.median(seen):6.0f} "
+              f"{seen[int(0.95 * (len(seen) - 1))]:6.0f} {seen[-1]:6.0f} {statistics.median(looks[1:]):10.0f} {proof:6.0f}",
+              flush=True)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--moves", type=int, default=8, help="moves of each slider, the first to warm up (default 8)")
-    parser.add_argument("--drag", action="store_true", help="move on at once, while the proof of the last move runs")
+    parser.add_argument("targets", nargs="*", metavar="TARGET", help="controllers (default: all)")
+    parser.add_argument("--moves", type=int, default=20, help="moves of the slider for each (default 20)")
     parser.add_argument("--warm", type=float, default=5.0, metavar="S",
                         help="seconds to wait for the compiler beside the page (default 5; without a cache 60)")
     settings = parser.parse_args()
+    decide(True)
     with tempfile.TemporaryDirectory() as folder:
         environment = {"HEATERTUNE_CACHE": folder} | os.environ
         log, session = read_source("table4").log, Session()
@@ -125,11 +115,11 @@ def main():
                 address = server.stdout.readline().split(": ")[1].strip()
                 browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
                 page = browser.new_page(viewport={"width": 1280, "height": 720})
-                page.goto(address)
-                page.wait_for_function(PROVEN, timeout=120_000)
                 for turn in ("first", "second"):
                     page.goto(address)
+                    page.wait_for_function(PROVEN, timeout=120_000)
                     print(f"page to first picture, {turn} time: {page.evaluate(FIRST):.0f} ms")
+                page.wait_for_timeout(1e3 * settings.warm)  # the compiler works beside the page, once for each version
                 report(page, session, settings)
                 browser.close()
             finally:

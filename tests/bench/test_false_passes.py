@@ -59,6 +59,16 @@ def test_the_second_opinion_knows_a_holdback(library):
     assert free.values["reheat_overshoot"][0] > 40.0
 
 
+def test_the_second_opinion_knows_a_boost(library):
+    # the I part that winds up in an open circuit begins at zero where the program has had the heater meanwhile
+    _, _, bench, _ = drawn(4255, "weg")
+    wound = replace(bench, settings=bench.settings | {"anti_windup": "none"})
+    near = 20.0 / bench.words["Kp"]
+    free, boosted = (opinion(library, replace(wound, boost=boost), LIMITS, longer=0.0) for boost in (None, (near, 1.5 * near)))
+    assert free.values["reheat_overshoot"][0] > 20.0
+    assert boosted.values["reheat_overshoot"][0] < 5.0
+
+
 def test_the_second_opinion_sees_a_profile(library):
     # the firing that its words keep, led twice as fast: the ramps' ends are overshot and the soaks begin too hot or too cold
     _, _, bench, _ = drawn(2000005, "weg")

@@ -4,7 +4,7 @@
     python tests/bench/text_faults.py s7-300 s7_300_pid.awl data    the values of its data blocks alone
 
 A fault is an operation turned, a constant or a start value one more, one less or the next REAL, or a statement left out. It counts as noticed
-where it is in one of a few runs that show much: a ramp with a holdback, both limits, an open circuit, a restart. What no run of
+where it is in one of a few runs that show much: a ramp with a holdback, a boost, both limits, an open circuit, a restart. What no run of
 a proof shows, or what changes nothing, stands in text_faults.txt with its reason, a line each: file | statement: fault # reason,
 numbers being N; a reason holds for all faults of a statement where none is named. Ends with status 1 where another survives.
 """
@@ -20,7 +20,7 @@ import numpy as np
 
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc import Certificate, Ramp, Scaling, controller_for
+from heatertune.plc import Boost, Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.pwm import switched_by
 from heatertune.proof import Scenario, TemperatureStep, simulate
 from heatertune.proof.exported import compared
@@ -32,10 +32,12 @@ STORY = Scenario(setpoint_degC=51.0, duration_s=1000.0, noise_degC=0.05, disturb
     NewSetpoint(time_s=200.0, setpoint_degC=40.0), TemperatureStep(time_s=450.0, temperature_degC=-6.0),
     Mains(time_s=550.0, share=0.0), Mains(time_s=700.0, share=1.0),
     PlcPower(time_s=850.0, on=False), PlcPower(time_s=880.0, on=True)))
-#: (TN, TV) of the design, ramp or not, words that are changed, shortest pulse
+#: full power until so near, and again from so far on: beyond the step, nearer than the open circuit's end
+BOOST = Boost(within_degC=4.5, again_degC=9.5)
+#: (TN, TV) of the design, ramp, boost or neither, words that are changed, shortest pulse
 LOOPS = {
     "weg": [((60.0, 1.5), True, {"TauSetPoint": 2.0, "MaximumOutput": 70.0, "MinimumOutput": 15.0}, 0.06),
-            ((60.0, 0.0), False, {"Type": 1, "Ki": 0.0625, "Kd": 4.0}, 0.06), ((float("inf"), 1.5), False, {}, 0.0)],
+            ((60.0, 0.0), False, {"Type": 1, "Ki": 0.0625, "Kd": 4.0}, 0.06), ((float("inf"), 1.5), BOOST, {"MaximumOutput": 90.0}, 0.0)],
     "s7-300": [((60.0, 1.5), True, {}, 0.06), ((60.0, 3.0), False, {}, 0.06), ((float("inf"), 0.0), False, {}, 0.0)],
     "fb41": [((60.0, 3.0), True, {}, 0.06), ((60.0, 0.0), False, {"LMN_HLM": 70.0, "LMN_LLM": 15.0}, 0.06), ((60.0, 3.0), False, {}, 0.0)],
 }
@@ -61,7 +63,9 @@ def loops(target):
                            structure=structure_of(tn, tv), method="")
         words = controller.encode(design, Scaling(low_degC=0.0, high_degC=150.0))
         words = replace(words, values=dict(words.values) | changed)
-        if ramped:
+        if isinstance(ramped, Boost):
+            words = words.boosted(ramped)
+        elif ramped:
             step = controller.ramp(words, 40.0, 3.0)
             words = replace(words, ramp=Ramp(step=step.step, calls=2, hold=step.hold))
         block = "pulsegen" if target in GENERATED and (tn, tv) == LOOPS[target][-1][0] and not shortest else None

@@ -105,6 +105,27 @@ def _hot(**changed):
 
 @pytest.mark.long
 @pytest.mark.usefixtures("whole_story")
+def test_a_boost_leaves_the_gains_and_what_a_load_costs_and_comes_before_a_ramp():
+    plant = Fopdt(gain_degC_per_pct=1.88, time_constant_s=59.0, dead_time_s=1.41, ambient_degC=20.0)
+    asked = _asked(target="weg", scaling=Scaling(low_degC=0.0, high_degC=150.0),
+                   conditions=Conditions(setpoint_degC=83.0, tolerance_degC=1.5))
+    model = model_by_hand(plant)
+    plain, found, led = plainly(model, asked), closed(model, asked), closed(model, replace(asked, boost="none"))
+    words = found.proof.words
+    assert [each.proof.verdict for each in (plain, found, led)] == ["FAIL", "PASS", "PASS"]
+    assert words.boosted(None) == plain.proof.words
+    assert led.proof.words.ramp is not None
+    # nearer than what the P part alone asks for full power at, and sooner by a tenth than on the ramp
+    assert 0.3 < words.boost.within_degC * words.values["Kp"] / 100.0 < 1.01
+    settled = [next(each.value for each in one.proof.criteria if each.name == "settling_time") for one in (found, led)]
+    assert settled[0] < 0.9 * settled[1]
+    assert f"with a boost ({words.boost})" in found.proof.heard.remarks
+    assert "IAE stays" in found.notes[0]
+    assert _again(found, model).words == words
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("whole_story")
 def test_a_windup_that_gains_mend_dearly_is_kept_small_by_a_limit_of_the_output():
     model, asked = _hot(switches={"anti_windup": "clamp", "sampling": "caller"})
     plain, found = plainly(model, asked), closed(model, asked)
@@ -125,7 +146,7 @@ def test_a_windup_that_gains_mend_dearly_is_kept_small_by_a_limit_of_the_output(
 def test_where_an_open_point_is_the_cause_the_verdict_names_the_setting_that_would_pass():
     plant = Fopdt(gain_degC_per_pct=9.0, time_constant_s=3600.0, dead_time_s=120.0, ambient_degC=20.0)
     asked = _asked(target="weg", scaling=Scaling(low_degC=0.0, high_degC=1300.0), setpoint_ramp="none",
-                   conditions=Conditions(setpoint_degC=600.0))
+                   boost="none", conditions=Conditions(setpoint_degC=600.0))
     found = closed(model_by_hand(plant), asked)
     # DIFFERENCES.md of weg: "none" sums on at a limit, so an open circuit winds up without end
     assert passing_settings(found.proof) == {"anti_windup": ("clamp", "freeze")}
@@ -204,6 +225,28 @@ def test_a_tolerance_that_would_do_is_told_where_the_band_alone_is_broken():
     wider = tolerance_that_passes(plain.proof.words, model, plain.proof, conditions)
     assert wider is not None
     assert prove(plain.proof.words, model, replace(conditions, tolerance_degC=wider)).verdict == "PASS"
+
+
+@pytest.mark.long
+def test_two_levels_scan_more_often_before_anything_else_and_tell_the_swing_that_stays():
+    plant = Fopdt(gain_degC_per_pct=0.5, time_constant_s=400.0, dead_time_s=12.0, ambient_degC=20.0)
+    model = model_by_hand(plant)
+    # off goes on for the dead time below SP − 0.5 °C, however short the interval: a relay's exact limit cycle, at a load that
+    # takes 10 % of power
+    lowest = 0.5 + (44.5 - 20.0 + 0.5 * 10.0) * (1.0 - math.exp(-12.0 / 400.0))
+
+    def found(tolerance, **tuned):
+        return closed(model, _asked(target="on-off", tuned=TuneSettings(**tuned),
+                                    conditions=Conditions(setpoint_degC=45.0, tolerance_degC=tolerance)))
+
+    sooner = found(1.05 * lowest)
+    assert sooner.proof.verdict == "PASS"
+    assert sooner.proof.heard.remarks[-1] == "with TA = 0.19 s"
+    narrow = found(0.98 * lowest)
+    assert narrow.proof.verdict == "FAIL"
+    interval, tolerance = map(float, narrow.passes_with[1::2])
+    assert narrow.passes_with[::2] == ("--sample-time", "--tolerance")
+    assert found(tolerance, sample_time_s=interval).proof.verdict == "PASS"
 
 
 def test_refined_words_without_end_of_one_steps_power_and_a_switch_are_made_again():

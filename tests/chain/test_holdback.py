@@ -69,7 +69,8 @@ def test_the_frames_of_a_design_end_with_the_ramp_where_an_open_circuit_is_what_
     plain = prove(words, HEATER, replace(PROVING, limit=("overshoot=90%", "reheat-overshoot=15%")))
     assert _broken(plain) == {"reheat_overshoot"}
     tried = list(frames(plain, HEATER.plants, TuneSettings(), period_given=True, interval_given=True, ramp_open=True,
-                        least_interval_s=1.0))
+                        boost_open=True, least_interval_s=1.0))
+    assert tried[0] == Frame(boosted=True)  # which costs less than all else
     assert tried[-2].ramped
     assert tried[-1] == Frame()  # gains, which cost more than the 30 % that another change may: they come after it
 
@@ -89,7 +90,7 @@ def test_a_holdback_is_carried_by_documents_certificate_and_words(words, found, 
 
 
 def test_a_design_is_led_rather_than_made_many_times_dearer():
-    asked = Asked(target="weg", conditions=PROVING, tuned=TuneSettings(sample_time_s=6.0))
+    asked = Asked(target="weg", conditions=PROVING, tuned=TuneSettings(sample_time_s=6.0), boost="none")
     design = closed(HEATER, asked)
     assert design.proof.verdict == prove(design.proof.words, HEATER, PROVING).verdict == "PASS"
     assert design.proof.hold_degC is not None

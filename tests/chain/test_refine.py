@@ -47,7 +47,7 @@ def test_gains_that_wind_up_are_mended_and_the_whole_proof_says_so(target):
     assert margins(SLOW, controller_for(target).decode(found.words)).ms <= choice.search.ms_limit
     assert found.search.way == "refined"
     assert "overshoot is kept now" in found.search.notes[-1]
-    assert f"to {_iae(after):.4g} °C·s" in found.search.notes[-1]
+    assert f"to {_iae(after):.0f} °C·s" in found.search.notes[-1]
 
 
 @pytest.mark.long

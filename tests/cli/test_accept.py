@@ -55,7 +55,7 @@ def test_what_is_accepted_is_pass_and_stands_in_the_files(pid, run, tmp_path):
     assert "// verdict of the proof: PASS\n// proven at 40 °C in 6 runs on 1 possible heater\n" in listing
     assert "// accepted: the log does not bound the dead time\n" in listing
     assert "// taken as known: sensor delay of 0.5 s\n" in listing
-    proof = json.loads((tmp_path / "out" / "proof.json").read_text(encoding="utf-8"))
+    proof = json.loads((tmp_path / "out" / "data" / "proof.json").read_text(encoding="utf-8"))
     assert proof["findings"][0] == {"name": "dead-time-open", "effect": "blocks", "accepted": True,
                                     "told": "With one lag, the dead time has no upper end within the log."}
 

@@ -20,7 +20,7 @@ def designed(run, tmp_path):
 @pytest.mark.usefixtures("whatever_pays")
 def test_a_fan_is_fed_forward(designed, run):
     folder = designed
-    seen = json.loads((folder / "model.json").read_text())["disturbance"]
+    seen = json.loads((folder / "data" / "model.json").read_text())["disturbance"]
     low, high = seen["pct_per_unit_ci95"]
     assert low <= -12.0 <= high  # of the simulation
     status, out, _ = run("feed-forward", folder, "--disturbance-range", 0, 1, "--contact")
@@ -30,7 +30,7 @@ def test_a_fan_is_fed_forward(designed, run):
     text = (folder / "feed_forward.awl").read_text()
     assert "A     I      1.0" in text
     assert "// verdict of the proof: PASS" in text
-    document = json.loads((folder / "feed_forward.json").read_text())
+    document = json.loads((folder / "data" / "feed_forward.json").read_text())
     assert document["at_low"] == 0.0
     assert document["at_high"] == pytest.approx(-seen["pct_per_unit"], rel=1e-6)
     plain, fed = document["runs"][0]["deviation_degC"]
@@ -40,8 +40,8 @@ def test_a_fan_is_fed_forward(designed, run):
         (seen | {"delta_bic": 2.0}, "The log does not show that the disturbance 'fan' acts"),
         (seen | {"delta_bic_own_lag": seen["delta_bic"] + 11.0}, "proven only for what acts as power does"),
     ):
-        model = json.loads((folder / "model.json").read_text())
-        (folder / "model.json").write_text(json.dumps(model | {"disturbance": changed}))
+        model = json.loads((folder / "data" / "model.json").read_text())
+        (folder / "data" / "model.json").write_text(json.dumps(model | {"disturbance": changed}))
         status, out, err = run("feed-forward", folder)
         assert (status, out) == (2, "")
         assert match in err

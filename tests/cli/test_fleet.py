@@ -11,7 +11,7 @@ from heatertune.batch.zone import zone_row
 from heatertune.errors import DocumentError, InputError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
-from heatertune.plc import Scaling, Words
+from heatertune.plc import Boost, Scaling, Words
 from heatertune.proof.closing import Asked, closed
 from heatertune.proof.drawn import sample_document
 from heatertune.proof.verdict import verdict_line
@@ -247,7 +247,8 @@ def test_a_zone_is_proven_on_drawn_heaters_too():
     heater = model_by_hand(Fopdt(gain_degC_per_pct=0.5, time_constant_s=120.0, dead_time_s=10.0, ambient_degC=20.0))
     asked = Asked(target="weg", tuned=TuneSettings(method="simc"), setpoint_ramp="none")
     plain, row = zone_row("zone", lambda: heater, asked), zone_row("zone", lambda: heater, asked, samples=20)
-    words = Words(target="weg", values=json.loads(row["words"]), scaling=Scaling(), sample_time_s=row["sample_time_s"])
+    boost = Boost(within_degC=row["boost_within_degC"], again_degC=row["boost_again_degC"])  # of words, its switch's, too
+    words = Words(target="weg", values=json.loads(row["words"]), scaling=Scaling(), sample_time_s=row["sample_time_s"], boost=boost)
     found = sample_document(words, heater, 20)
     assert row["samples"] == 20
     assert row["samples_passing_pct"] == 100.0 * found["passing"]
@@ -279,7 +280,7 @@ def test_drawn_heaters_are_switched_as_the_proof_was():
 @pytest.mark.parametrize(("heater", "target", "conditions", "outcome", "says"), [
     (Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=15.0, ambient_degC=22.0), "weg", Conditions(
         setpoint_degC=46.0, switches={"anti_windup": "none", "manual": "limited", "manual_return": "held"}),
-     "PASS", "with a setpoint ramp and a holdback of 4 °C"),
+     "PASS", "with a boost (full power until 10.3 °C from the setpoint"),
     (Fopdt(gain_degC_per_pct=1.0, time_constant_s=38.0, dead_time_s=11.0, ambient_degC=20.0), "s7-300", Conditions(
         setpoint_degC=60.0, tolerance_degC=0.8, pwm_period_s=2.0), "FAIL", "would pass at --tolerance"),
 ])

@@ -31,7 +31,7 @@ def test_words_with_a_ramp_are_exported_read_again_and_proven_again(run, slow, t
     assert status == 0
     words = json.loads(out)
     assert words["verdict"] == "PASS"
-    assert words["setpoint_ramp"] == json.loads((tmp_path / "proof.json").read_text())["setpoint_ramp"]
+    assert words["setpoint_ramp"] == json.loads((tmp_path / "data" / "proof.json").read_text())["setpoint_ramp"]
     rate = words["setpoint_ramp"]["degC_per_min"]
     assert f"{rate:.3g} degC/min" in (tmp_path / "weg_pid_call.st").read_text().replace("°C", "degC")
     given = (tmp_path / "words.json", *CONDITIONS, *HAND)
@@ -62,7 +62,7 @@ def test_a_ramp_that_is_none_is_refused_in_one_line(run, slow, asked, told):
 ])
 def test_a_ramp_in_a_words_file_is_checked(run, slow, tmp_path, ramp, told):
     run("export-db", slow, *CONDITIONS, "-o", tmp_path, "--force", "--setpoint-ramp", "none")
-    path = tmp_path / "words.json"
+    path = tmp_path / "data" / "words.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"setpoint_ramp": ramp}))
     status, _, err = run("verify", path, *CONDITIONS, *HAND)
     assert (status, told in err) == (2, True), err
@@ -83,7 +83,7 @@ def test_a_whole_design_carries_its_ramp_into_every_document_and_the_report(run,
     asked = ("--setpoint", 45, "--setpoint-ramp", "auto")
     status, said, _ = run("design", log, "--target", "s5-ob251", "--out", tmp_path / "auto", *asked, "--verbose")
     assert (status, "No setpoint ramp is needed" in said) == (0, True)
-    documents = {name: json.loads((out / f"{name}.json").read_text()) for name in ("words", "proof", "pictures")}
+    documents = {name: json.loads((out / "data" / f"{name}.json").read_text()) for name in ("words", "proof", "pictures")}
     ramp = documents["words"]["setpoint_ramp"]
     assert documents["proof"]["setpoint_ramp"] == ramp
     assert ramp["degC_per_min"] == pytest.approx(6.0, rel=0.05)

@@ -68,7 +68,7 @@ def test_the_line_is_printed_by_every_command_that_reads_a_log_also_when_quiet(r
     assert run("validate", model, path, "--quiet")[2] == line + "\n"
     _, _, err = run("design", path, "--target", "s5-ob251", "--setpoint", 40, "--out", tmp_path / "out", "--quiet")
     assert err == line + "\n"
-    assert json.loads((tmp_path / "out" / "log.json").read_text())["taken"]["line"] == line.removeprefix("[log] ")
+    assert json.loads((tmp_path / "out" / "data" / "log.json").read_text())["taken"]["line"] == line.removeprefix("[log] ")
     assert "log.csv: 240 rows every 5 s" in (tmp_path / "out" / "report.html").read_text()
     assert run("fit", path, "--quiet", "--json")[2] == ""
     assert line in run("fit", path, "--json")[2]

@@ -42,7 +42,7 @@ def test_a_design_is_proven_and_exported_as_it_passed_and_an_old_file_is_still_r
     assert status == 0
     assert f"As {led} has it: --setpoint 40, --spec paper, --limit ms=2.2, --limit overshoot=10%, a setpoint ramp" in out
     assert run("export-db", led, "--target", "s7-300", "-o", tmp_path / "out", "--quiet")[0] == 0
-    words, proof = (json.loads((tmp_path / "out" / f"{name}.json").read_text()) for name in ("words", "proof"))
+    words, proof = (json.loads((tmp_path / "out" / "data" / f"{name}.json").read_text()) for name in ("words", "proof"))
     assert words["setpoint_ramp"] == ramp
     assert (proof["verdict"], proof["specification"]["name"]) == ("PASS", "paper")
     status, out, _ = run("verify", _old(led), "--target", "s7-300", *STORY, "--quiet")

@@ -31,7 +31,7 @@ def test_the_best_words_are_exported_unless_rounding_is_asked_for(run, slow, tmp
     told = run("export-db", slow, *CONDITIONS, "-o", tmp_path / "text", "--force")[1]
     assert f"TI = {best['words']['TI']} are the best whole numbers" in told
     assert "one step changes the I part" in told
-    assert json.loads((tmp_path / "text" / "words.json").read_text())["search"] == best["search"]
+    assert json.loads((tmp_path / "text" / "data" / "words.json").read_text())["search"] == best["search"]
 
 
 @pytest.mark.long
@@ -56,7 +56,7 @@ def test_refined_words_pass_where_the_optimum_winds_up(run, tmp_path):
     document = json.loads(out)
     assert (status, document["verdict"], document["search"]["way"]) == (0, "PASS", "refined")
     # what the search tells of the words is what the proof finds of them
-    proof = json.loads((tmp_path / "out" / "proof.json").read_text())
+    proof = json.loads((tmp_path / "out" / "data" / "proof.json").read_text())
     assert 1.0 < proof["criteria"]["ms"]["value"] / document["search"]["ms"] < 1.01  # its input module takes 0.48 s
     assert run("verify", tmp_path / "out" / "words.json", *CONDITIONS, *HAND)[0] == 0
 

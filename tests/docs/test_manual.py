@@ -1,5 +1,6 @@
 """The manual: its blocks run and print what it shows, its figures have a source, and its pages build and stay at home."""
 
+import json
 import re
 import subprocess
 import sys
@@ -8,12 +9,13 @@ from html.parser import HTMLParser
 import pytest
 from tests.conftest import ROOT
 from tests.docs.blocks import DOCS, INSTALL, PAGES, blocks, differences, run
+from tests.docs.pictures import PICTURES, said
 
 from heatertune.cli import COMMANDS
 from heatertune.model.findings import KINDS
 from heatertune.plc import TARGETS
 from heatertune.proof.spec_file import read_spec
-from heatertune.units import NOMENCLATURE
+from heatertune.terms import TERMS
 
 RUNNING = [page for page in PAGES if blocks((DOCS / page).read_text(encoding="utf-8"))]
 #: these need the fit of the paper's log, so they run in one process, which keeps it
@@ -46,6 +48,10 @@ def test_the_blocks_of_a_page_print_what_it_shows(page, folder):
 def test_the_pages_on_the_papers_log_print_what_they_show(folder):
     for page in PAPER:
         _run_page(page)
+    told = said(json.loads(next((folder / "out").rglob("proof.json")).read_text(encoding="utf-8")))
+    for path in sorted(PICTURES.iterdir()):
+        text = path.read_text(encoding="utf-8")
+        assert differences(text.partition("<desc>")[2].partition("</desc>")[0], told) == [], f"{path.name} is out of date"
 
 
 def test_every_page_is_in_the_navigation_and_every_fence_is_one_that_is_looked_at(tmp_path):
@@ -136,19 +142,35 @@ def test_the_reference_is_what_the_program_says_of_itself(site):
         page.feed((site / "reference" / name).read_text(encoding="utf-8"))
         return "".join(page.words)
 
-    commands, python = words("commands.html"), (site / "reference" / "python.html").read_text(encoding="utf-8")
+    commands = words("commands.html")
     for command in COMMANDS:
         assert " ".join(command._EXAMPLE.split()) in " ".join(commands.split())
     for name in ("chain.stages.fit", "log.values.Log", "plc.controller.Controller", "proof.prove.Proof", "units.check"):
-        assert f'id="heatertune.{name}"' in python
-    controllers, nomenclature = words("controllers.html"), words("nomenclature.html")
+        page = site / "reference" / f"python_{'common' if name == 'units.check' else name.partition('.')[0]}.html"
+        assert f'id="heatertune.{name}"' in page.read_text(encoding="utf-8")
+    assert max(path.stat().st_size for path in site.rglob("*.html")) < 1_000_000, "a page that loads at once"
+    controllers = words("controllers.html")
+    nomenclature = (site / "reference" / "nomenclature.html").read_text(encoding="utf-8")
     assert all(f"\n{name}\n" in controllers or name in controllers for name in TARGETS)
     assert "integral_inward" in controllers, "a switch of OB251's DIFFERENCES.md"
-    for field, (symbol, name, _) in NOMENCLATURE.items():
-        assert field in nomenclature
-        assert symbol in nomenclature
-        assert name in nomenclature
+    for term in TERMS:
+        assert f'<a id="{term.anchor}"></a>{term.names[0]}' in nomenclature
+        assert term.field in nomenclature
     assert "<!-- generate" not in "".join(path.read_text(encoding="utf-8") for path in site.rglob("*.html"))
+
+
+@pytest.mark.doc
+@pytest.mark.long
+def test_the_search_finds_short_terms_in_the_manual_opened_from_files(site, browser):
+    page = browser.new_page()
+    for asked, first in (("TA", "TA, "), ("TN", "TN, "), ("Ms", "Ms, "), ("possible heater", "possible heater")):
+        page.goto(f"{(site / 'tutorial.html').as_uri()}?q={asked}")
+        link = page.locator("#mkdocs-search-results a").first
+        link.wait_for()
+        assert link.inner_text().startswith(first)
+        link.click()
+        page.wait_for_url("**/nomenclature.html#*")
+        assert page.locator(":target").evaluate("each => each.closest('tr').innerText").startswith(asked)
 
 
 def test_the_table_of_findings_is_what_the_verdict_hears():

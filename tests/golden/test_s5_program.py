@@ -70,7 +70,7 @@ class Heater:
 
 def heater_of(folder):
     """The nominal heater as the documents have it, with what input module and output add to its dead time."""
-    model, proof = (json.loads((folder / f"{name}.json").read_text()) for name in ("model", "proof"))
+    model, proof = (json.loads((folder / "data" / f"{name}.json").read_text()) for name in ("model", "proof"))
     (late,) = [float(found[1]) for found in (re.match(r"dead time (\S+) s longer", told) for told in proof["remarks"]) if found]
     first = (model["candidates"] or [model])[0]
     lags = [first[name] for name in ("time_constant_s", "second_time_constant_s") if first.get(name)]
@@ -171,7 +171,7 @@ def assert_same(life, trace):
 @pytest.mark.long
 def test_the_files_of_table4_alone_do_what_was_proven(tmp_path):
     proven = design("table4", Asked(target=TARGET), out=tmp_path).closed.proof
-    listing, proof = (tmp_path / "program_listing.txt").read_text(), json.loads((tmp_path / "proof.json").read_text())
+    listing, proof = (tmp_path / "program_listing.txt").read_text(), json.loads((tmp_path / "data" / "proof.json").read_text())
     assert proof["verdict"] == "PASS"
     assert_same(Life(listing, proof, heater_of(tmp_path)), proven.nominal)
     chosen = [SETTINGS[each] for each in (f"{name}={setting}" for name, setting in proven.worst.switches.items()) if each in SETTINGS]

@@ -182,7 +182,7 @@ def assert_same(life, trace):
 @pytest.mark.parametrize("target", FILES)
 def test_the_files_of_table4_alone_do_what_was_proven(target, tmp_path):
     proven = design("table4", Asked(target=target), out=tmp_path).closed.proof
-    text, proof = (tmp_path / FILES[target]).read_text(), json.loads((tmp_path / "proof.json").read_text())
+    text, proof = (tmp_path / FILES[target]).read_text(), json.loads((tmp_path / "data" / "proof.json").read_text())
     assert proof["verdict"] == "PASS"
     assert_same(Life(text, proof["scenario"], proven.nominal.model), proven.nominal)
     next_cycle = proven.worst.switches["width_applies"] == "next_cycle"

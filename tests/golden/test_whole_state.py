@@ -413,5 +413,5 @@ def test_power_is_0_to_100_percent_of_the_output_and_flags_are_bits():
     words = {"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "TauSetPoint": 0.0, "MinimumOutput": 5.0, "MaximumOutput": 60.0, "Type": 0, "Action": 0, "Ts": 1000}
     block = weg.block_of(words, weg.Assumptions())
     for output, power, bits in ((-5.0, 0.0, 2), (5.0, 5.0, 2), (5.5, 5.5, 0), (60.0, 60.0, 1), (100.5, 100.0, 1)):
-        assert [weg._outcome(block, weg.State(output=output, overflow=over))[1:] for over in (False, True)] == [(power, output, bits), (power, output, bits + 4)]
+        assert [weg._outcome(block, weg.State(overflow=over), output)[1:] for over in (False, True)] == [(power, output, bits), (power, output, bits + 4)]
     assert weg.Inputs(1.0, 2.0) == (1.0, 2.0, 0.0, False, True)

@@ -1,4 +1,4 @@
-"""The notebooks run, hold no outputs, and need what a user has: heatertune's face and the usual libraries."""
+"""The notebooks run and hold what they print and draw, light, and need what a user has: heatertune's face, usual libraries."""
 
 import ast
 import subprocess
@@ -7,32 +7,35 @@ import sys
 import nbformat
 import pytest
 from tests.conftest import ROOT
+from tests.docs.blocks import differences
+from tests.docs.notebooks import LARGEST_BYTES, NOTEBOOKS, pictures, texts
 
-NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 FACE = {"heatertune", "numpy", "matplotlib", "matplotlib.pyplot", "pandas", "control"}
 
 
 @pytest.mark.doc
 @pytest.mark.long
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_runs_from_top_to_bottom(path, tmp_path):
+def test_a_notebook_runs_from_top_to_bottom_and_prints_what_is_stored(path, tmp_path):
     # in a process of its own: the notebook machinery brings warnings that are not ours
-    code = (
-        "import sys, nbformat, nbclient; nb = nbformat.read(sys.argv[1], 4);"
-        "nbclient.NotebookClient(nb, timeout=300, kernel_name='python3').execute(cwd=sys.argv[2]);"
-        "print(sum(any(kind.startswith('image/') for kind in o.get('data', {})) for c in nb.cells for o in c.get('outputs', [])))"
-    )
-    command = [sys.executable, "-c", code, str(path), str(tmp_path)]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    code = "import sys; from tests.docs.notebooks import Path, store; store(*map(Path, sys.argv[1:]))"
+    again = tmp_path / path.name
+    again.write_bytes(path.read_bytes())
+    command = [sys.executable, "-c", code, str(again), str(tmp_path)]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr[-3000:]
-    assert int(ended.stdout.split()[-1]) >= 3, "pictures"
+    stored, now = (nbformat.read(each, 4) for each in (path, again))
+    assert differences(texts(stored), texts(now)) == [], "python -m tests.docs.notebooks stores them anew"
+    assert pictures(now) == pictures(stored) >= 3
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_is_committed_without_outputs(path):
+def test_a_notebook_is_committed_with_light_results_and_without_what_differs_from_run_to_run(path):
     cells = nbformat.read(path, 4).cells
-    assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells)
+    assert path.stat().st_size <= LARGEST_BYTES
     assert {cell.cell_type for cell in cells} == {"markdown", "code"}
+    assert not any(cell.get("execution_count") or cell.metadata for cell in cells)
+    assert not any(word in path.read_text(encoding="utf-8") for word in ("<svg", "<style", "stderr"))
 
 
 def _imported(path):

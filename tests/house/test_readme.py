@@ -7,6 +7,7 @@ import sys
 
 import pytest
 from tests.conftest import ROOT, fan_log, heater_log
+from tests.docs.pictures import LARGEST_BYTES
 
 from heatertune.cli import COMMANDS, main, parser
 
@@ -24,6 +25,7 @@ def _write_files(folder):
     (folder / "logs").mkdir()
     (folder / "logs" / "zone.csv").write_text(heater_log(0.5, 1))
     (folder / "other_day.csv").write_text(heater_log(0.5, 2))
+    (folder / "trace.csv").write_text(heater_log(0.5, 2))
     (folder / "oven.csv").write_text(fan_log())
     (folder / "firing.csv").write_text("target [degC],ramp [degC/h],soak [min]\n35,60,20\n45,30,20\n")
     (folder / "study.toml").write_text(
@@ -44,8 +46,16 @@ def test_the_readmes_commands_run_in_the_order_they_stand_and_then_the_other_exa
             parser().parse_args(shlex.split(line)[1:])
             continue
         status = main(shlex.split(line)[1:])
-        # the log of another heater fails, as it should
-        assert status == ("--ambient 19.5" in line), (line, capsys.readouterr())
+        # the log of another heater and the trace of another loop fail, as they should
+        assert status == ("--ambient 19.5" in line or "--as-left" in line), (line, capsys.readouterr())
+
+
+def test_the_readmes_pictures_and_pages_are_there_and_light():
+    places = re.findall(r"\]\(([^)#]+)[^)]*\)", README)
+    assert all((ROOT / place).is_file() for place in places), places
+    shown = [ROOT / place for place in re.findall(r"!\[[^]]+\]\(([^)]+)\)", README)]
+    assert shown
+    assert all(place.stat().st_size <= LARGEST_BYTES for place in shown)
 
 
 def test_every_command_stands_in_the_readme():

@@ -51,9 +51,10 @@ def test_help_loads_none_of_the_slow_libraries(arguments):
 def test_words_that_are_proven_are_exported_again_by_none_of_the_slow_libraries(proven, tmp_path):
     again = ("export-db", proven / "out" / "words.json", "--target", "s5-ob251", "-o", tmp_path)
     assert slow_modules(again) == "0 []"
-    first = {path.name: path for path in (proven / "out").iterdir()}
-    assert {path.name for path in tmp_path.iterdir()} == set(first)
-    for path in tmp_path.iterdir():
+    first = {path.name: path for path in (proven / "out").rglob("*") if path.is_file()}
+    again = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert {path.name for path in again} == set(first)
+    for path in again:
         if path.suffix == ".json":
             assert json.loads(path.read_text()) == json.loads(first[path.name].read_text())
         else:
@@ -74,7 +75,7 @@ def test_a_design_whose_words_are_rounded_is_proven_and_exported_by_none_of_the_
     # does a story of many parts
     asked = ("export-db", proven / "pid.json", *target, "--setpoint", "40", "--spec", "paper", "--force", "-o", tmp_path)
     assert slow_modules(asked).splitlines()[-1] == "0 []"
-    assert "iae_load" in (tmp_path / "words.json").read_text()
+    assert "iae_load" in (tmp_path / "data" / "words.json").read_text()
 
 
 def failing(proof):
@@ -100,11 +101,11 @@ def failing(proof):
 ])
 @pytest.mark.long
 def test_no_words_leave_on_another_proof(change, status, told, proven, tmp_path, capsys):
-    proof = json.loads((proven / "out" / "proof.json").read_text())
+    proof = json.loads((proven / "out" / "data" / "proof.json").read_text())
     change(proof)
     if "other words" in told:  # a whole proof, but not of these
         proof["digest"] = digested(proof)["digest"]
-    (tmp_path / "words.json").write_text((proven / "out" / "words.json").read_text())
+    (tmp_path / "words.json").write_text((proven / "out" / "data" / "words.json").read_text())
     (tmp_path / "proof.json").write_text(json.dumps(proof))
     arguments = ["export-db", str(tmp_path / "words.json"), "--target", "s5-ob251", "-o", str(tmp_path / "new")]
     capsys.readouterr()
@@ -117,4 +118,4 @@ def test_no_words_leave_on_another_proof(change, status, told, proven, tmp_path,
         assert main([*arguments, "--force"]) == 0
         listing = (tmp_path / "new" / "DB30_listing.txt").read_text()
         assert "not kept: ms" in listing
-        assert json.loads((tmp_path / "new" / "words.json").read_text())["forced"] is True
+        assert json.loads((tmp_path / "new" / "data" / "words.json").read_text())["forced"] is True

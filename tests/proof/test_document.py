@@ -138,7 +138,7 @@ def test_samples_that_fail_are_no_pass_of_the_words(folder, tmp_path, capsys):
     assert "45 % of 40 samples keep every limit under sum = unlimited" in told
     assert not out.exists()
     assert main([*export, "--force"]) == 0
-    words = json.loads((out / "words.json").read_text())
+    words = json.loads((out / "data" / "words.json").read_text())
     assert (words["verdict"], words["forced"]) == ("FAIL", True)
     listing = (out / "DB30_listing.txt").read_text()
     assert "45 % of 40 samples keep every limit under sum = unlimited" in listing
@@ -150,7 +150,7 @@ def test_samples_that_pass_let_the_words_pass_and_stand_in_the_certificate(folde
     here, out = tmp_path / "in", tmp_path / "out"
     _with_samples(folder, here, 0.975)
     assert main(["export-db", str(here / "words.json"), "--target", "s5-ob251", "-o", str(out), "--quiet"]) == 0
-    assert json.loads((out / "words.json").read_text())["verdict"] == "PASS"
+    assert json.loads((out / "data" / "words.json").read_text())["verdict"] == "PASS"
     assert "97.5 % of 40 samples keep every limit" in (out / "DB30_listing.txt").read_text()
 
 

@@ -13,7 +13,7 @@ from heatertune.plc import Certificate, Ramp, Scaling, Words, controller_for
 from heatertune.plc.machine import read_machine
 from heatertune.plc.typed import typed_table, typed_words
 from heatertune.proof.words_file import certificate, words_of
-from heatertune.report.record import words as record
+from heatertune.report.record import record
 from heatertune.report.text import words_table
 from heatertune.studio import views
 
@@ -31,8 +31,19 @@ def _typed(cell):
     return cell.removeprefix("KM ") if " " in cell else f"{int(cell):+06d}"
 
 
-def _rows(cells, name=1):
-    return {row[name]: (_typed(row[name + 1]), _typed(row[name + 2] or row[name + 1]), row[-1]) for row in cells}
+def _rows(cells):
+    """Return the studio's rows likewise: address, name, type, first, then, meaning, with a button beside each value."""
+    return {name: (_shown(first), _shown(then) or _shown(first), meaning) for _, name, _, first, then, meaning in cells}
+
+
+def _shown(cell):
+    return re.sub(r"^K[FM] |Copy$", "", cell.strip()).strip()
+
+
+def _in_turn(cell):
+    """Return what is typed first and then of a cell such as "first KF +00200 then KF +00000"."""
+    first, then = re.fullmatch(r"(?:first (.*) then )?(.*)", cell).groups()
+    return tuple(each.removeprefix("KF ").removeprefix("KM ") for each in (first or then, then))
 
 
 @pytest.mark.long
@@ -56,7 +67,7 @@ def test_listing_table_terminal_studio_and_report_show_the_same_words(documents)
     look = SimpleNamespace(gains=SimpleNamespace(words=words), proof=SimpleNamespace(scenario=SimpleNamespace(setpoint_degC=40.0)))
     assert _rows(_Seen(views.words(look)).rows[1:]) == used
     reported = [row for row in _Seen(record(documents)).rows if row[1].startswith("DW")]
-    assert _rows(reported, name=2) == used
+    assert {row[1].split()[1]: (*_in_turn(row[2]), row[3]) for row in reported} == used
 
 
 @pytest.mark.parametrize(("span", "setpoint", "w"), [(100.0, 53.3, 1091), (100.0, 40.0, 818), (200.0, 40.0, 409)])

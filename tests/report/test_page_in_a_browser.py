@@ -1,5 +1,6 @@
 """The report as a commissioning engineer meets it: a file opened from disk in Debian's Chromium, without a network."""
 
+import json
 import re
 
 import numpy as np
@@ -118,13 +119,51 @@ def test_ticks_are_kept_when_the_page_is_opened_again(shown):
     assert [i for i in range(boxes.count()) if boxes.nth(i).is_checked()] == [0]
 
 
+def _no_heading_stands_at_the_foot_of_a_page(printed, headings):
+    """The outline of a PDF tells where each heading stands, from the foot of its page on."""
+    heights = [float(each) for each in re.findall(rb"/XYZ [\d.]+ ([\d.]+)", printed)]
+    assert len(heights) >= headings
+    foot = 15 / 25.4 * 72  # the margin, in points
+    assert min(heights) > foot + 3 * 8.6 * 1.32, "a heading and two lines below it"
+
+
+def test_a_log_named_as_the_begin_of_a_comment_and_a_script_changes_nothing(browser, report, tmp_path, documents):
+    """HTML's parser reads on behind a script's end where "<!--<script" stood in it."""
+    shown = {}
+    for name in ("plain", "<!--<script>"):
+        text = json.dumps(documents).replace(json.dumps(documents["log"]["name"])[1:-1], name)
+        path = tmp_path / f"{len(shown)}.html"
+        path.write_text(render(json.loads(text.replace("by hand", name))), encoding="utf-8")
+        with browser.new_context(offline=True) as context:
+            found = context.new_page()
+            problems = []
+            found.on("pageerror", lambda problem, kept=problems: kept.append(str(problem)))
+            found.goto(path.as_uri())
+            shown[name] = [found.locator(each).count() for each in ("h2", "table", "figure.moves", "canvas", "script")]
+            assert problems == []
+            assert name in found.locator("h1").first.inner_text()
+    assert shown["plain"] == shown["<!--<script>"]
+
+
+def test_the_words_show_their_values_on_a_telephone_without_scrolling_sideways(shown):
+    shown.set_viewport_size({"width": 390, "height": 800})
+    shown.wait_for_function("document.documentElement.scrollWidth <= 390")
+    values = shown.locator(".words td.value").all()
+    assert len(values) == 9
+    for value in values:
+        box = value.bounding_box()
+        assert 0.0 <= box["x"] <= box["x"] + box["width"] <= 390.0
+        assert value.evaluate("(cell) => cell.scrollWidth <= cell.clientWidth")
+
+
 def test_it_prints_on_eight_pages_of_a4_with_nothing_cut(shown):
     for width in (1280, 768, 480):
         shown.set_viewport_size({"width": width, "height": 900})
         # a picture draws itself anew once the page has its width
         shown.wait_for_function("width => document.documentElement.scrollWidth <= width", arg=width)
-    printed = shown.pdf(prefer_css_page_size=True)
-    assert 1 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 8
+    printed = shown.pdf(prefer_css_page_size=True, outline=True, tagged=True)
+    assert 3 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 8
+    _no_heading_stands_at_the_foot_of_a_page(printed, shown.locator("h1, h2, h3").count())
     assert re.findall(rb"/MediaBox \[0 0 (\d+)", printed)[0] in (b"594", b"595"), "A4 is 210 mm, 595 points wide"
 
     shown.emulate_media(media="print")

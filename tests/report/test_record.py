@@ -15,10 +15,11 @@ from heatertune.plc import TARGETS, controller_for
 from heatertune.plc.commissioning import SECTIONS, commissioning
 from heatertune.proof.spec_file import in_force
 from heatertune.report import render
+from heatertune.report.conditions import specification
 from heatertune.report.html import coded, table, text_of, tick
 from heatertune.report.live import panels, panels_json
 from heatertune.report.plots import plot_fit, plot_loop, plot_pwm, plot_robustness, plot_wish
-from heatertune.report.record import specification
+from heatertune.report.record import head, record
 
 VOID = {"meta", "input", "br", "path", "use", "line"}
 
@@ -46,6 +47,8 @@ class _Seen(HTMLParser):
             self.tables += 1
         if tag in ("td", "th"):
             self.rows[-1].append("")
+        if tag == "br" and "tr" in self.open:
+            self.rows[-1][-1] += " "
         if tag == "caption":
             self.captions.append("")
 
@@ -56,7 +59,7 @@ class _Seen(HTMLParser):
     def handle_data(self, data):
         if self.open and self.open[-1] == "caption":
             self.captions[-1] += data
-        elif "tr" in self.open and self.open[-1] in ("td", "th"):
+        elif {"td", "th"} & set(self.open):
             self.rows[-1][-1] += data
 
 
@@ -77,13 +80,13 @@ def test_the_page_is_well_formed_and_fetches_nothing(page, seen):
 
 def test_every_word_stands_in_typing_order_with_its_address_and_format_and_a_box(documents, seen):
     fields = controller_for("s5-ob251").fields
-    rows = [row for row in seen.rows if len(row) == 7 and row[1].startswith("DW")]
-    assert [[row[1], row[2], row[5]] for row in rows] == [[f.address, f.name, f.format] for f in fields]
-    assert {row[2]: row[3] for row in rows}["K"] == str(documents["words"]["words"]["K"])
+    rows = [row for row in seen.rows if len(row) == 4 and row[1].startswith("DW")]
+    assert [row[1] for row in rows] == [f"{f.address} {f.name}" for f in fields]
+    assert {row[1]: row[2] for row in rows}["DW1 K"] == f"KF {documents['words']['words']['K']:+06d}"
     boxes = [each["id"] for each in seen.inputs]
     assert boxes[: len(fields)] == [f"word-{f.name}" for f in fields]
-    steps = sum(len(items) for items in commissioning("s5-ob251").steps.values())
-    assert len(boxes) == len(set(boxes)) == len(fields) + steps
+    assert len(boxes) == len(set(boxes))
+    assert sum(box.startswith("step-") for box in boxes) == sum(map(len, commissioning("s5-ob251").steps.values()))
 
 
 def test_every_criterion_stands_with_value_unit_and_run(documents, seen):
@@ -107,10 +110,38 @@ def test_what_was_logged_assumed_chosen_and_rounded_stands_with_its_unit(documen
         assert row in seen.rows, row
 
 
-def test_every_table_but_the_one_for_the_hand_names_its_source(seen):
-    assert len(seen.captions) == seen.tables - 1
-    assert all(each.startswith("Source: ") and len(each) > 12 for each in seen.captions)
-    assert "Source: a file & its line" in seen.captions
+def test_every_table_of_the_appendix_names_its_source(page):
+    appendix = _Seen(page[page.index('<div class="appendix">'):page.index("</main>")])
+    assert len(appendix.captions) == appendix.tables
+    assert all(each.startswith("Source: ") and len(each) > 12 for each in appendix.captions)
+    assert "Source: a file & its line" in appendix.captions
+
+
+def test_the_record_has_limit_and_proven_worst_and_room_for_what_is_measured_by_hand(documents, page):
+    rows = {row[1]: row for row in _Seen(page[:page.index('<div class="appendix">')]).rows if len(row) == 6}
+    overshoot = documents["proof"]["criteria"]["overshoot"]
+    assert rows["overshoot"][2:] == ["at most 20 %", f"{overshoot['value']:.4g} %", "", ""]
+    assert "Ms" not in rows, "no plant shows it"
+    assert documents["proof"]["digest"] in page
+    for name in ("prepared", "checked", "accepted"):
+        assert f"<td>{name}</td>" in page
+
+
+def test_words_that_are_not_proven_are_not_to_be_typed_in(documents):
+    words = documents["words"] | {"verdict": "FAIL", "files": []}
+    assert "Not to be typed in: these words are not proven." in record(documents | {"words": words})
+    assert "Not to be typed in" not in record(documents)
+
+
+def test_what_the_plant_is_called_stands_at_the_foot_of_each_page_and_breaks_out_of_nothing(documents):
+    named = documents | {"record": {"plant_tag": '</style>"; x', "document": "HT-0815", "revision": None}}
+    assert head(named).startswith('HT-0815 · </style>"; x · s5-ob251 · proof ')
+    styles = re.findall(r"<style>(.*?)</style>", render(named), re.DOTALL)
+    assert len(styles) == 1
+    said = re.search(r'@bottom-left \{ content: "([^"]*)"', styles[0])[1]
+    read = re.sub(r"\\([0-9a-f]+) ", lambda each: chr(int(each[1], 16)), said)
+    assert read == head(named)
+    assert 'counter(page) " of " counter(pages)' in styles[0]
 
 
 def test_a_head_stands_over_its_numbers():
@@ -121,8 +152,8 @@ def test_a_head_stands_over_its_numbers():
 
 def test_verdict_steps_and_what_was_not_proven_stand_in_the_page(page):
     heads = re.findall(r"<h2>(.*?)</h2>", page)
-    assert heads == ["Words for s5-ob251", "Into service", "Commissioned", "Asked", "Proof", "What was not proven",
-                     "Chosen and rounded", "Identified", "Logged", "Assumed", "What other designs would have done"]
+    assert heads == ["Words for s5-ob251", "Into service", "Safety", "Acceptance test", "As found, as left", "Signed",
+                     "Asked", "Proof", "What was not proven", "If something is wrong", "Chosen and rounded", "Identified", "Logged", "Assumed", "What other designs would have done", "Terms"]
     assert 'class="verdict pass"' in page
     assert "a jittering timer (<code>heatertune verify --samples</code>" in page
 
@@ -196,7 +227,8 @@ def test_data_cannot_end_their_script_and_text_cannot_be_markup():
 
     ax = matplotlib.figure.Figure().subplots()
     ax.plot([0.0, 1.0], [1.0, 2.0], label="</script><b>")
-    assert "</" not in panels_json(ax.figure)
+    assert "<" not in panels_json(ax.figure)
+    assert json.loads(panels_json(ax.figure))[0]["lines"][0]["label"] == "</script><b>"
     assert "&lt;/script&gt;" in table(["a"], [["</script>"]], source="x & y")
     assert text_of(tick("a", "b")).startswith("<input")
     assert coded("`<a>` & b") == "<code>&lt;a&gt;</code> &amp; b"

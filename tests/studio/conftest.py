@@ -5,6 +5,10 @@ import pytest
 
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
+from heatertune.studio import work as work_module
+from heatertune.studio.session import Session
+from heatertune.studio.sources import read_dropped
+from heatertune.studio.work import Work
 
 
 @pytest.fixture(scope="session")
@@ -20,6 +24,15 @@ def step_log():
     rise = 30.0 * 0.6 * (1.0 - np.exp(-np.maximum(time - 80.0, 0.0) / 200.0))
     rows = [f"{t:g},{20.0 + r:.1f},{p:g}" for t, r, p in zip(time, rise, power, strict=True)]
     return ("\n".join(["time_s,temperature_degC,power_pct", *rows]) + "\n").encode()
+
+
+@pytest.fixture
+def work(heater, step_log, monkeypatch):
+    monkeypatch.setattr(work_module, "_REST_S", 0.0)
+    monkeypatch.setattr(work_module, "_TICK_S", 0.01)
+    session = Session()
+    session.fit_done(session.begin(read_dropped("step.csv", step_log)), heater)
+    return Work(session)
 
 
 MALFORMED = b"time_s,temperature_degC\n0,20\n5,warm\n" + b"".join(b"%d,21\n" % t for t in range(10, 200, 5))

@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import os
 import re
 import subprocess
@@ -9,19 +10,37 @@ import sys
 import urllib.error
 import urllib.request
 import zipfile
+from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
 import pytest
 from tests.studio.conftest import MALFORMED
 
-SLIDERS = ("ms", "sample_time_s", "pwm_period_s", "setpoint_degC", "low_degC", "high_degC", "noise_degC")
-PROVEN = "document.querySelector('[data-field=verdict]')?.textContent.match(/^(PASS|FAIL)/)"
+from heatertune.plc import TARGETS
+from heatertune.report.html import text_of
+from heatertune.studio import views
+from heatertune.studio.loop import _quick, first_look
+from heatertune.studio.settings import Settings
+
+FACTS = {"sample_time_s": "21", "pwm_period_s": "7", "setpoint_degC": "51,5", "low_degC": "-50", "high_degC": "150",
+         "noise_degC": "0,1"}
+PROVEN = "document.querySelector('[data-field=verdict]')?.textContent.match(/^(PASS|FAIL|NOT PROVEN)/)"
+WIDTHS = (1280, 768, 390)
+#: values that are cut off, wrapped or out of the window: [text, what is wrong]
+CUT = """() => [...document.querySelectorAll('td, th, code, .typed, .sentence, select, .read-column b')].filter(
+  e => e.offsetParent && (e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).display !== 'inline'
+    || e.getBoundingClientRect().right > innerWidth + 1
+    || (e.matches('code') && e.getClientRects().length > 1))).map(e => e.textContent)"""
+SMALL = """() => [...document.querySelectorAll('button, select, summary, .card input, [role=checkbox], [role=combobox]')].filter(
+  e => { const box = (e.closest('label') || e).getBoundingClientRect();
+    return e.offsetParent && (box.height < 24 || box.width < 24); }).map(e => e.outerHTML.slice(0, 90))"""
 
 pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory):
+def address():
     """The address a started studio prints."""
     environment = dict(os.environ)
     environment.pop("PYTEST_CURRENT_TEST", None)  # NiceGUI would start its own test server where it sees this
@@ -36,8 +55,9 @@ def address(tmp_path_factory):
 
 
 def status(url, **headers):
+    browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())  # the token becomes a cookie
     try:
-        with urllib.request.urlopen(urllib.request.Request(url, headers=headers)) as answer:
+        with browser.open(urllib.request.Request(url, headers=headers)) as answer:
             return answer.status
     except urllib.error.HTTPError as refused:
         refused.close()
@@ -59,7 +79,7 @@ def test_the_real_server_answers_403_without_the_token(address):
 def page(browser, address):
     """A page that fails the test for a complaint of the console or a request that leaves this machine."""
     complaints, here = [], address.split("?")[0]
-    with browser.new_context(viewport={"width": 1280, "height": 720}) as context:
+    with browser.new_context(viewport={"width": 1280, "height": 720}, permissions=["clipboard-read", "clipboard-write"]) as context:
         found = context.new_page()
         found.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
         found.on("pageerror", lambda problem: complaints.append(str(problem)))
@@ -70,28 +90,60 @@ def page(browser, address):
 
 
 def drop(page, name, content):
-    page.set_input_files(".q-uploader input[type=file]", {"name": name, "mimeType": "text/csv", "buffer": content})
+    """Let a file fall onto the page."""
+    held = page.evaluate_handle("""([name, content]) => { const data = new DataTransfer();
+        data.items.add(new File([content], name, {type: 'text/csv'})); return data; }""", [name, content.decode()])
+    page.dispatch_event("body", "drop", {"dataTransfer": held})
+    page.get_by_role("heading", name=f"The file as read: {name}").wait_for()
 
 
 def words_of(page):
     return page.locator("[data-field=words]").inner_text()
 
 
+def demand_accessible(page):
+    """axe-core's rules find nothing (WCAG 2.1 A and AA, and its best practices)."""
+    page.evaluate((resources.files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8"))
+    found = page.evaluate("() => axe.run(document, {resultTypes: ['violations']})")["violations"]
+    assert [(one["id"], [node["html"][:120] for node in one["nodes"]]) for one in found] == []
+
+
+def demand_whole(page):
+    """Nothing is wider than the window, no value cut off, no target too small, and no option of the command line."""
+    for width in WIDTHS:
+        page.set_viewport_size({"width": width, "height": 900})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate(CUT) == [], width
+        assert page.evaluate(SMALL) == [], width
+    page.set_viewport_size({"width": 1280, "height": 720})
+    assert not re.search(r"--[a-z]", page.locator("body").inner_text())
+
+
+@pytest.mark.long(seconds=60)
 def test_a_user_gets_from_a_dropped_file_to_downloaded_words(page, step_log):
-    drop(page, "oven.csv", step_log)
+    demand_accessible(page)
+    _the_keyboard_opens_the_upload_and_the_radios_are_one_stop(page)
+    _sheet_is_read_changed_and_used(page, step_log)
     page.wait_for_function(PROVEN, timeout=120_000)
     assert "oven: 300 readings" in page.locator("header").inner_text()
-    assert words_of(page).splitlines()[1].startswith("address")
-    for field in SLIDERS:
-        _move_by_keyboard(page, field)
+    for field, typed in FACTS.items():
+        _typed(page, field, typed)
+    _slide(page)
     page.get_by_role("radio", name="PID").click()  # too much gain for OB251, whose K goes to 1500 beside a D part
     page.get_by_role("alert").filter(has_text=re.compile(r"error: word K would be \d+, allowed 1…1500")).wait_for()
-    assert page.locator("[data-field=verdict]").inner_text() == "No design for these settings; what is seen is the last one."
     page.get_by_role("radio", name="PI", exact=True).click()
     page.wait_for_function(PROVEN, timeout=60_000)
     _malformed_file_is_told_in_place(page)
     page.get_by_role("button", name="Keep this design").click()
-    page.get_by_text("design A", exact=True).wait_for()
+    page.get_by_text("design A", exact=True).first.wait_for()
+    _picture_has_all_runs_a_crosshair_and_a_zoom(page)
+    _words_are_copied(page)
+    _trace_is_held_against_the_design(page)
+    demand_whole(page)
+    demand_accessible(page)
+    page.emulate_media(color_scheme="dark")
+    page.locator("body.body--dark").wait_for()
+    demand_accessible(page)
     force = page.get_by_role("checkbox", name="export whatever the verdict")
     if force.is_visible():
         force.click()
@@ -99,56 +151,156 @@ def test_a_user_gets_from_a_dropped_file_to_downloaded_words(page, step_log):
         page.get_by_role("button", name="Download words (zip)").click()
     assert told.value.suggested_filename == "oven-s5-ob251.zip"
     _zip_holds_the_words_on_the_page(page, Path(told.value.path()).read_bytes())
-    page.set_viewport_size({"width": 768, "height": 1024})
-    assert page.evaluate("document.documentElement.scrollWidth") <= 768
 
 
-def _move_by_keyboard(page, field):
-    slider = page.locator(f"input[data-field={field}]")
-    assert slider.get_attribute("aria-label")
-    before, told = float(slider.input_value()), slider.get_attribute("aria-valuetext")
+def _the_keyboard_opens_the_upload_and_the_radios_are_one_stop(page):
+    reached, unseen = [], []
+    page.get_by_role("button", name="Use the paper's table 4").focus()
+    page.keyboard.press("Shift+Tab")
+    for _ in range(30):
+        page.keyboard.press("Tab")
+        name, outline = page.evaluate("""() => { const e = document.activeElement;
+            const label = e.getAttribute('aria-label') || (e.labels && e.labels[0] && e.labels[0].textContent)
+              || e.textContent.trim();
+            const seen = [e, e.closest('.q-field__control')].some(x => { const s = x && getComputedStyle(x);
+              return s && (s.outlineStyle !== 'none' && parseFloat(s.outlineWidth) >= 2 || / 5px/.test(s.boxShadow)); });
+            return [e === document.body ? null : label, seen]; }""")
+        if name is not None:
+            reached.append(name)
+            unseen += [] if outline else [name]
+    assert "" not in reached
+    assert unseen == []
+    assert len([name for name in dict.fromkeys(reached) if name in ("P", "PI", "PID")]) == 1
+    assert len(set(reached)) >= 12
+    page.get_by_role("button", name="choose a file").focus()
+    with page.expect_file_chooser():
+        page.keyboard.press("Enter")
+
+
+def _sheet_is_read_changed_and_used(page, step_log):
+    drop(page, "oven.csv", step_log.replace(b"time_s,temperature_degC,power_pct", b"a title\nZeit;Ist;Stellgrad")
+         .replace(b",", b";").replace(b".", b","))
+    card = page.locator(".sheet")
+    roles = card.get_by_label(re.compile("^role of column"))
+    assert [roles.nth(k).input_value() for k in range(3)] == ["time", "temperature", "power"]
+    assert "300 readings every 5 s, 20 to 38 °C" in card.inner_text()
+    assert "Decimal commas were read as points." in card.inner_text()
+    roles.nth(2).focus()
+    roles.nth(2).select_option("ignored")
+    card.get_by_label("constant power in percent, if known").wait_for()
+    assert roles.nth(2).evaluate("e => e === document.activeElement"), "the keyboard keeps its place"
+    roles.nth(2).select_option("power")
+    full = card.get_by_label("reading at full power")
+    full.fill("20")
+    full.press("Enter")
+    card.get_by_role("alert").filter(has_text="power out of range").wait_for()
+    assert card.get_by_role("button", name="Use this log").is_disabled()
+    demand_accessible(page)
+    demand_whole(page)
+    full.fill("100")
+    full.press("Enter")
+    card.get_by_text("300 readings every 5 s").wait_for()
+    card.get_by_role("button", name="Use this log").click()
+
+
+def _typed(page, field, text):
+    fact = page.locator(f"input[data-field={field}]")
+    fact.fill(text)
+    fact.press("Enter")
+    page.wait_for_function("([field, text]) => document.querySelector(`input[data-field=${field}]`).value == text",
+                           arg=[field, text.replace(",", ".")])
+
+
+def _slide(page):
+    slider = page.get_by_role("slider", name="Calm to brisk: largest sensitivity Ms")
     slider.focus()
-    page.keyboard.press("ArrowRight" if before < float(slider.get_attribute("max")) else "ArrowLeft")
-    page.wait_for_function("([field, told]) => document.querySelector(`input[data-field=${field}]`).getAttribute('aria-valuetext') != told",
-                           arg=[field, told])
-    assert abs(float(slider.input_value()) - before) == pytest.approx(float(slider.get_attribute("step")))
+    page.keyboard.press("ArrowLeft")
+    page.wait_for_function("document.querySelector('input[data-field=ms]').getAttribute('aria-valuetext') == 'Ms 1.55'")
     page.wait_for_function(PROVEN, timeout=60_000)
 
 
 def _malformed_file_is_told_in_place(page):
     before, verdict = words_of(page), page.locator("[data-field=verdict]").inner_text()
     drop(page, "bad.csv", MALFORMED)
-    error = page.get_by_role("alert").filter(has_text="error: bad.csv, line 3, column temperature_degC: no number: 'warm'")
-    error.wait_for()
+    page.get_by_role("alert").filter(has_text="error: bad.csv, line 3, column temperature_degC: no number: 'warm'").wait_for()
     assert words_of(page) == before
     assert page.locator("[data-field=verdict]").inner_text() == verdict
+    page.get_by_role("button", name="Put it away").click()
+
+
+def _picture_has_all_runs_a_crosshair_and_a_zoom(page):
+    page.locator(".key").get_by_text(re.compile(r"all \d+ runs")).wait_for(timeout=60_000)
+    assert re.match(r"(Settles in|Never settles)", page.locator("[data-field=sentence]").inner_text())
+    chart = page.get_by_role("img", name="Temperature of the proven loop")
+    chart.scroll_into_view_if_needed()
+    labels = chart.inner_text()
+    assert "load" in labels, "the load step is named"
+    page.get_by_role("button", name="heat-up").click()
+    page.wait_for_function("before => document.querySelector('[aria-label^=\"Temperature of the proven loop\"]').innerText != before",
+                           arg=labels)
+    chart.hover(position={"x": 300, "y": 120})
+    chart.get_by_text(re.compile(r"nominal run: \d+\.\d °C.*power asked for: \d+\.\d %")).wait_for()
+    page.get_by_text("The picture in numbers").click()
+    assert page.locator("#loop-numbers table").is_visible()
+
+
+def _words_are_copied(page):
+    page.get_by_role("button", name=re.compile("^Copy K: KF")).first.click()
+    page.get_by_role("button", name=re.compile("^Copy K: KF")).first.filter(has_text="Copied").wait_for()
+    assert re.fullmatch(r"KF \+\d{5}", page.evaluate("navigator.clipboard.readText()"))
+
+
+def _trace_is_held_against_the_design(page):
+    """20 °C for a minute, then a lag of 200 s to 51.5 °C: slower than any proven run, which has all of the power."""
+    rise = [20.0 + 31.5 * (1.0 - math.exp(-max(5 * k - 60, 0) / 200.0)) for k in range(300)]
+    rows = [f"{5 * k};{reading:.1f};{51.5 if k >= 12 else 0}" for k, reading in enumerate(rise)]
+    trace = "\n".join(["time [s];T [°C];setpoint", *rows, ""]).encode()
+    drop(page, "after.csv", trace)
+    load = page.locator(".sheet").get_by_label("load came, in s")
+    load.fill("5000")
+    load.press("Enter")  # the button comes after the change, however fast the hand is
+    page.get_by_role("button", name="Hold against the proven design").click()
+    page.get_by_role("alert").filter(has_text="‘load came’ = 5000 s: after goes from 0 to 1495 s").wait_for()
+    drop(page, "after.csv", trace)
+    page.get_by_role("button", name="Hold against the proven design").click()
+    page.locator("[data-field=left-sentence]").filter(has_text=re.compile("^NOT AS PROVEN: .*below what the proven runs do")).wait_for(
+        timeout=60_000)
+    heads = page.locator("[data-field=as-left] th").all_inner_texts()
+    assert heads[:4] == ["criterion", "limit", "proven worst", "measured"]
+    assert page.locator("[data-field=as-left] .chart").inner_text() != "", "the chart has its axes"
 
 
 def _zip_holds_the_words_on_the_page(page, content):
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        assert {"words.json", "proof.json"} < set(archive.namelist())
-        text = archive.read("words.json").decode()
-        proof = json.loads(archive.read("proof.json"))
-    lines = re.findall(r"^DW\d+\t(\w+)\t([^\t]*)\t([^\t]*)\t", words_of(page), flags=re.MULTILINE)
-    shown = {name: int(bits.replace(" ", ""), 2) if (bits := then.removeprefix("KM ")) != then else then or first
-             for name, first, then in lines}
+        assert {"data/words.json", "data/proof.json"} < set(archive.namelist())
+        words = json.loads(archive.read("data/words.json"))["words"]
+        proof = json.loads(archive.read("data/proof.json"))
+    lines = page.locator("[data-field=words] tbody tr").all()
+    shown = {}
+    for line in lines:
+        name, *values = [line.locator("td").nth(1).inner_text(), *(each.inner_text() for each in line.locator("code").all())]
+        value = [text for text in values if text][-1]
+        shown[name] = int(value[3:].replace(" ", ""), 2) if value.startswith("KM") else int(value.removeprefix("KF "))
     assert len(shown) == 9
     span = proof["scaling"]["high_degC"] - proof["scaling"]["low_degC"]  # W is the program's; shown is that of the proof
-    assert int(shown.pop("W")) == int(2047 * (proof["scenario"]["setpoint_degC"] - proof["scaling"]["low_degC"]) / span)
+    assert shown.pop("W") == int(2047 * (proof["scenario"]["setpoint_degC"] - proof["scaling"]["low_degC"]) / span)
     for name, value in shown.items():
-        assert re.search(rf'"{name}": {value}\b', text), name
+        assert words[name] == value, name
 
 
-def test_everything_that_can_be_reached_by_the_keyboard_has_a_name(page):
-    page.get_by_role("button", name="Use the paper's table 4").wait_for()
-    reached = []
-    for _ in range(40):
-        page.keyboard.press("Tab")
-        found = page.evaluate("""() => { const e = document.activeElement;
-            return e === document.body ? null : [e.tagName, e.getAttribute('aria-label') || e.textContent.trim()
-            || (e.labels && e.labels[0] && e.labels[0].textContent) || '']; }""")
-        if found is not None:
-            reached.append(found)
-    nameless = [tag for tag, name in reached if not name]
-    assert nameless == []
-    assert len({name for _, name in reached}) >= 12
+def test_every_word_of_every_controller_stands_whole_in_its_cell(browser, heater):
+    """The panels as the page has them, without a server."""
+    style = Path(views.__file__).with_name("look.css").read_text(encoding="utf-8")
+    look = first_look(heater, Settings())
+    panels = []
+    for target in TARGETS:
+        held = replace(look, gains=_quick(heater, Settings(target=target)))
+        panels.append(f'<section class="card wide"><h2>{text_of(target)}</h2>{views.words(held)}</section>')
+    with browser.new_context() as context:
+        page = context.new_page()
+        page.set_content(f"<style>*{{box-sizing: border-box}} body{{margin:0}} {style}</style>"
+                         f'<div class="studio"><div class="controls"></div><div class="results">{"".join(panels)}</div></div>')
+        for width in WIDTHS:
+            page.set_viewport_size({"width": width, "height": 900})
+            assert page.evaluate(CUT) == [], width
+            assert page.evaluate("document.documentElement.scrollWidth") <= width

@@ -9,7 +9,7 @@ from heatertune import chain
 from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOfRange
 from heatertune.model.values import Candidate
 from heatertune.plc import controller_for
-from heatertune.studio.loop import first_look, full_proof, optimum
+from heatertune.studio.loop import designed, first_look, full_proof
 from heatertune.studio.session import MOST_PINNED, Session
 from heatertune.studio.settings import Settings
 from heatertune.studio.sources import read_dropped, read_source
@@ -89,7 +89,7 @@ def test_what_comes_late_is_kept_but_not_shown(session):
     session.change(ms=1.4)
     late = first_look(session.fitted, session.settings)
     session.change(ms=1.8)
-    assert not session.look_done((ticket[0], Settings(ms=1.4), False), late)
+    assert not session.look_done((ticket[0], replace(session.settings, ms=1.4), "quick"), late)
     assert session.look is first
     assert session.verdict == "proving…"
     assert not session.proof_done(ticket, full_proof(session.fitted, first))
@@ -97,6 +97,19 @@ def test_what_comes_late_is_kept_but_not_shown(session):
     session.change(ms=1.6)
     assert session.known_look()
     assert session.verdict == "PASS"
+
+
+def test_settings_that_were_seen_before_are_never_beside_the_words_of_others(session):
+    first = look(session)
+    prove(session)
+    session.change(ms=1.4)
+    look(session)
+    prove(session)
+    assert session.verdict == "PASS"
+    session.change(ms=1.6)  # proven already: its verdict is known at once, so its words are
+    assert session.verdict == "PASS"
+    assert session.look is session.front is first
+    assert session.standing(session.number).look is first
 
 
 def test_nothing_is_done_with_a_loop_that_no_longer_belongs_to_the_settings(session):
@@ -221,15 +234,15 @@ def test_the_newest_design_is_proven_before_those_set_aside(session):
 @pytest.mark.long
 def test_a_searched_optimum_is_what_the_command_line_takes_and_serves_all_settings_of_the_proof(session):
     look(session)
-    ticket = session.ticket
-    gains = optimum(session.fitted, session.settings)
-    assert session.optimum_done(ticket, gains)
+    session.take()
+    session.found(session.key, designed(session.fitted, session.settings))
     found = look(session)
+    assert session.proof is found.gains.proof, "as it was found"
     wished = chain.tune(session.fitted, target="s5-ob251", structure="pi", ms=1.6, sample_time_s=None)
     assert (found.gains.design.gain_pct_per_degC, found.gains.design.integral_time_s) == (
         wished.gain_pct_per_degC, wished.integral_time_s)
     session.change(noise_degC=0.1)
-    assert session.gains() is gains
+    assert session.gains().words == found.gains.words
     session.change(ms=1.5)
     assert session.gains() is None
 

@@ -7,6 +7,7 @@ import re
 import zipfile
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,11 +16,13 @@ from heatertune import chain
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.intervals import Interval
 from heatertune.model.values import Fopdt, TwoLag
+from heatertune.plc.typed import typed_words
 from heatertune.report.style import LOOK
 from heatertune.studio import charts, views
 from heatertune.studio.downloads import export_zip, report_page
 from heatertune.studio.loop import first_look, full_proof
-from heatertune.studio.session import Pinned
+from heatertune.studio.picture import picture_of
+from heatertune.studio.session import Pinned, Standing
 from heatertune.studio.settings import Settings
 from heatertune.studio.sources import read_dropped
 
@@ -58,9 +61,21 @@ class Cells(HTMLParser):
 
 def test_the_words_stand_in_the_order_in_which_they_are_typed_in(look):
     cells = Cells(views.words(look)).cells
-    assert cells[:5] == ["address", "word", "first (manual)", "then (automatic)", "meaning"]
-    assert cells[6::5] == ["K", "R", "TI", "TD", "W", "STEU", "YH", "BGOG", "BGUG"]  # OB251's controller DB, DW1 … DW16
-    assert cells[7] == str(look.gains.words.values["K"])
+    assert cells[:6] == ["address", "name", "type", "first (manual)", "then (automatic)", "meaning"]
+    assert cells[7::6] == ["K", "R", "TI", "TD", "W", "STEU", "YH", "BGOG", "BGUG"]  # OB251's controller DB, DW1 … DW16
+    assert cells[8::6] == ["KF"] * 5 + ["KM"] + ["KF"] * 3
+    assert cells[9] == f"KF {look.gains.words.values['K']:+06d}Copy"  # fixed point, as STEP 5 writes it: KF +02846
+
+
+def test_every_word_can_be_copied_as_its_tool_takes_it_and_all_at_once(look):
+    held = chain.encode(look.gains.design, "fb41")
+    found = views.words(replace(look, gains=replace(look.gains, words=held)))
+    copied = dict(re.findall(r'data-copy="([^"]*)" aria-label="Copy (\w+):', found))
+    assert {"TRUE", "FALSE"} <= copied.keys()  # BOOL, as a data block of STEP 7 has it
+    assert any(re.fullmatch(r"T#\d+MS", text) for text in copied)  # TIME
+    whole = re.search(r'data-copy="([^"]*)" aria-label="Copy all words"', found)[1]
+    assert [line.split("\t")[1] for line in whole.splitlines()] == [
+        row.name for row in typed_words(held)]
 
 
 @pytest.mark.long
@@ -79,7 +94,8 @@ def test_a_controller_that_is_no_pid_has_no_gains_to_compare(heater):
     found = first_look(heater, Settings(target="on-off"))
     assert "no PID" in views.rounding(found)
     assert (found.margins, found.wish) == (None, None)
-    assert [line["name"] for line in charts.loop_chart(found, ())["series"]] == ["words"]
+    lines = charts.loop_chart(found, picture_of(found.proof))["series"]
+    assert [line["name"] for line in lines] == ["nominal run", "power asked for"]
 
 
 def test_a_first_look_bears_no_verdict(look, proof):
@@ -101,7 +117,6 @@ def test_a_fail_names_what_was_not_kept(heater):
 
 def test_what_a_file_calls_itself_is_text_and_never_a_tag(heater, step_log):
     log = read_dropped("x.csv", step_log.replace(b"power_pct", b"power_pct", 1))
-    from dataclasses import replace  # noqa: PLC0415
     evil = replace(log, repairs=("<script>alert(1)</script>",), doubts=("<b>",), name="<i>/..")
     text = views.diagnosis(evil, heater)
     assert "<script>" not in text
@@ -120,31 +135,37 @@ def test_designs_stand_side_by_side_column_by_column(heater, look):
 
 
 def every_chart(heater, look, log):
-    return [charts.log_chart(log, heater), charts.heater_chart(heater), charts.loop_chart(look, ()), charts.power_chart(look)]
+    return [charts.log_chart(log, heater), charts.heater_chart(heater), charts.loop_chart(look, picture_of(look.proof))]
 
 
-def test_every_axis_has_its_unit_and_every_line_its_name_beside_it(heater, look, step_log):
-    for options in every_chart(heater, look, read_dropped("x.csv", step_log)):
+def test_every_axis_has_its_unit_and_every_line_its_name(heater, look, step_log):
+    *plain, loop = every_chart(heater, look, read_dropped("x.csv", step_log))
+    for options in plain:
         assert options["xAxis"]["name"] == "time [s]"
         assert re.search(r"\[(°C|%)\]$", options["yAxis"]["name"])
         for line in options["series"]:
             shown = line.get("endLabel", {}).get("formatter")
             assert shown == line["name"] or line["name"].startswith("band")
+    assert [axis["name"] for axis in loop["xAxis"]] == ["", "time [s]"]  # one below the other
+    assert [axis["name"] for axis in loop["yAxis"]] == ["temperature [°C]", "power asked for [%]"]
+    named = [name for name, _, _ in charts.key_of(look, picture_of(look.proof))]
+    assert named == [line["name"] for line in loop["series"]][:-1] == ["nominal run", "unrounded wish"]
+    for options in (*plain, loop):
         json.dumps(options, allow_nan=False)  # a browser knows no NaN
 
 
 def test_the_lines_show_the_numbers_of_the_loop(look):
-    words, wish = charts.loop_chart(look, ())["series"]
-    nominal = look.proof.nominal
-    drawn = np.array(words["data"])  # some of the scans of a long story
+    picture, nominal = picture_of(look.proof), look.proof.nominal
+    words, wish, power = charts.loop_chart(look, picture)["series"]
+    drawn = np.array(words["data"])
     assert len(drawn) > 400
-    assert drawn[:, 1] == pytest.approx(np.interp(drawn[:, 0], nominal.time_s, nominal.temperature_degC), abs=6e-4 + 0.02)
-    assert words["markLine"]["data"] == [{"yAxis": nominal.setpoint_degC}]
+    instants = np.linspace(0.0, picture.parts[1].begin_s / 20.0, 500)  # before anything is torn out
+    assert np.interp(instants, *drawn.T) == pytest.approx(nominal.temperature_at(instants), abs=0.1)
     assert words["lineStyle"]["color"] == LOOK["realised"]["color"]
     assert wish["lineStyle"]["type"] != "solid"
-    asked = np.array(charts.power_chart(look)["series"][0]["data"])
-    places = np.searchsorted(nominal.time_s, asked[:, 0] - 6e-3)
-    assert asked[:, 1] == pytest.approx(nominal.power_asked_pct[places], abs=6e-4)
+    asked = np.array(power["data"])
+    assert np.isin(np.round(nominal.power_asked_pct[:20], 3), asked[:, 1]).all()
+    assert asked[:, 1].max() == pytest.approx(nominal.power_asked_pct.max(), abs=6e-4)
 
 
 def test_the_step_of_a_heater_is_that_of_the_textbook():
@@ -170,7 +191,6 @@ def test_the_step_of_two_lags_solves_their_equation(second):
 
 
 def test_the_band_reaches_from_the_lowest_to_the_highest_of_what_the_log_leaves_open():
-    from dataclasses import replace  # noqa: PLC0415
     fitted = model_by_hand(Fopdt(gain_degC_per_pct=0.6, time_constant_s=200.0, dead_time_s=0.0))
     wide = replace(fitted, ci95={"gain_degC_per_pct": Interval(low=0.5, high=0.9), "time_constant_s": Interval(low=None, high=None),
                                  "dead_time_s": Interval(low=0.0, high=10.0)})
@@ -196,53 +216,74 @@ def contrast(one, other):
 def test_every_letter_has_the_contrast_of_wcag_aa(heater, look, step_log):
     assert contrast("#777777", "#ffffff") == pytest.approx(4.48, abs=0.01)  # WebAIM's well-known near miss
     pins = [Pinned(name=name, look=look, verdict="PASS") for name in "ABCD"]
-    drawn = [*every_chart(heater, look, read_dropped("x.csv", step_log)), charts.loop_chart(look, pins)]
-    for options in drawn:
+    loop = charts.loop_chart(look, picture_of(look.proof), pins)
+    for options in every_chart(heater, look, read_dropped("x.csv", step_log))[:2]:
         colors = [line["endLabel"]["color"] for line in options["series"] if "endLabel" in line]
         colors += [options[axis]["axisLabel"]["color"] for axis in ("xAxis", "yAxis")]
-        colors += [line["markLine"]["label"]["color"] for line in options["series"] if "markLine" in line]
         assert min(contrast(color, "#ffffff") for color in colors) >= 4.5
-    css = (charts.__file__.rsplit("charts", 1)[0] + "look.css")
-    with open(css, encoding="utf-8") as file:  # noqa: PTH123 - one line
-        inks = re.findall(r"[; {]color: (#[0-9a-f]{6})", file.read())
-    assert len(inks) > 5
-    assert all(contrast(ink, "#f6f7f8") >= 4.5 for ink in inks)
+    assert {axis["axisLabel"].get("color", "#1a1a1a") for axis in (*loop["xAxis"], *loop["yAxis"])} == {"#1a1a1a"}
+    names = [mark["label"]["color"] for mark in loop["series"][0]["markLine"]["data"] if "label" in mark]
+    assert names
+    assert min(contrast(color, "#ffffff") for color in names) >= 4.5
+    assert min(contrast(color, "#ffffff") for _, color, _ in charts.key_of(look, picture_of(look.proof), pins)
+               if color != LOOK["wish"]["color"]) >= 3.0  # lines, WCAG 2.1, 1.4.11; the wish is dashed beside the words
+    for light in (True, False):
+        tones = page_colors(light=light)
+        for ground in (tones["card"], tones["ground"]):
+            assert min(contrast(tones[ink], ground) for ink in ("ink", "soft", "pass", "fail", "blue")) >= 4.5
+            assert min(contrast(tones[line], ground) for line in ("line", "focus")) >= 3.0
+        assert contrast(tones["ink"], tones["mark"]) >= 4.5
     assert contrast("#ffffff", "#12324a") >= 4.5  # the bar
-    assert contrast("#ffffff", "#23587f") >= 4.5  # the uploader on it
+    assert contrast("#ffffff", "#23587f") >= 4.5  # buttons on it
+
+
+def page_colors(*, light):
+    """Colours of the page, as its style has them."""
+    style = Path(charts.__file__).with_name("look.css").read_text(encoding="utf-8")
+    block = re.search((":root" if light else "body.body--dark") + r" \{([^}]*)\}", style)[1]
+    return dict(re.findall(r"--(\w+): (#[0-9a-f]{6})", block))
 
 
 def test_the_zip_holds_what_export_db_writes_and_is_always_the_same(heater, look, proof):
     files = chain.export(look.gains.words, proof)
-    packed = export_zip(files, look, proof)
-    assert packed == export_zip(files, look, proof)
+    standing = Standing(log=None, fitted=heater, look=look, proof=proof)
+    packed = export_zip(standing, force=False)
+    assert packed == export_zip(standing, force=False)
     with zipfile.ZipFile(io.BytesIO(packed)) as archive:
-        assert set(archive.namelist()) == {*files, "words.json", "proof.json"}
+        assert set(archive.namelist()) == {*files, "data/words.json", "data/proof.json"}
         for name, content in files.items():
             assert archive.read(name) == (content if isinstance(content, bytes) else content.encode())
-        assert json.loads(archive.read("words.json"))["words"] == dict(look.gains.words.values)
-        assert json.loads(archive.read("proof.json"))["verdict"] == "PASS"
+        assert json.loads(archive.read("data/words.json"))["words"] == dict(look.gains.words.values)
+        assert json.loads(archive.read("data/proof.json"))["verdict"] == "PASS"
 
 
 @pytest.mark.long
 def test_the_report_names_the_words_and_the_files_that_were_downloaded(heater, look, proof, step_log):
     files = chain.export(look.gains.words, proof)
-    page = report_page(read_dropped("step.csv", step_log), heater, look, proof, files)
+    log = read_dropped("step.csv", step_log)
+    page = report_page(Standing(log=log, fitted=heater, look=look, proof=proof), files)
     assert '<p class="verdict pass">PASS at 50 °C</p>' in page
-    assert f"<td class=\"n\">{look.gains.words.values['K']}</td>" in page
+    assert f"<td class=\"value\">KF {look.gains.words.values['K']:+06d}</td>" in page
     assert all(f"<code>{name}</code>" in page for name in files)
     assert "step.csv" in page
 
 
-def settled_at(look, end_degC):
-    """A look whose nominal run ends at a temperature."""
-    nominal = look.proof.nominal
-    late = np.where(nominal.time_s > 0.5 * nominal.time_s[-1], end_degC, nominal.temperature_degC)
-    settled = replace(nominal, temperature_degC=late)
-    return replace(look, proof=replace(look.proof, traced=lambda _run: settled))
+@pytest.mark.parametrize(("seconds", "said"), [(95.0, "95 s"), (1380.0, "23 min"), (8280.0, "2.3 h")])
+def test_a_time_is_told_as_people_say_it(seconds, said):
+    assert views.lasting(seconds) == said
 
 
-def test_the_setpoints_name_keeps_to_the_side_of_the_line_that_the_settled_run_leaves_free(look):
-    setpoint = look.proof.nominal.setpoint_degC
-    for end_degC, side in ((setpoint + 0.5, "insideEndBottom"), (setpoint - 0.5, "insideEndTop")):
-        words = charts.loop_chart(settled_at(look, end_degC), [])["series"][0]
-        assert words["markLine"]["label"]["position"] == side
+def test_one_sentence_says_what_the_loop_does(look, proof):
+    worst = {criterion.name: criterion.value for criterion in proof.criteria}
+    told = views.sentence(proof, "ssr")
+    assert told.startswith(f"Settles in {worst['settling_time'] / 60.0:.0f} min, overshoots {worst['overshoot']:.2g} % at worst")
+    assert told.endswith(f"{worst['switchings']:.0f} clicks an hour (SSR).")
+    assert "(contactor, which lasts " in views.sentence(proof, "contactor")
+    assert "nominal run" in views.sentence(look.proof, "ssr")
+
+
+def test_what_differs_from_the_first_design_is_marked(heater, look):
+    other = first_look(heater, Settings(ms=1.3))
+    text = views.compared([Pinned(name="A", look=look, verdict="PASS"), Pinned(name="B", look=other, verdict="PASS")])
+    assert "<td>1.6</td><td><mark>1.3</mark></td>" in text
+    assert "<td>PI</td><td>PI</td>" in text

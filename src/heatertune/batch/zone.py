@@ -66,6 +66,8 @@ RESULT: Final = (
     Column(name="ramp_degC_per_min", kind="float", what="setpoint ramp [°C/min]; empty: none"),
     Column(name="hold_degC", kind="float", what="its holdback: how far from the reading it lets the setpoint be [°C]; "
                                                 "empty: as far as it goes"),
+    Column(name="boost_within_degC", kind="float", what="full power until so near to the setpoint [°C]; empty: none"),
+    Column(name="boost_again_degC", kind="float", what="and again where it is farther off than this [°C]"),
     Column(name="setpoint_degC", kind="float", what="setpoint of the proof [°C]"),
     Column(name="pwm_period_s", kind="float", what="PWM period of the proof [s]: the one to set where none was given"),
     Column(name="runs", kind="int", what="closed-loop runs of the proof"),
@@ -150,7 +152,7 @@ def _words(words: Words) -> Row:
 
 
 def _proof(proof: Proof) -> Row:
-    worst = {criterion.name: criterion for criterion in proof.criteria}
+    worst, boost = {criterion.name: criterion for criterion in proof.criteria}, proof.words.boost
     broken = [criterion.name for criterion in proof.criteria if not criterion.ok]
     reasons = [f"not kept: {', '.join(broken)}"] if broken else []
     reasons += [f"not proven: {criterion['name']}" for criterion in blocking(proof.heard.to_document())]
@@ -159,6 +161,8 @@ def _proof(proof: Proof) -> Row:
         "remarks": "; ".join(proof.heard.remarks) or None,
         "ramp_degC_per_min": None if proof.words.ramp is None else proof.ramp_degC_per_min,
         "hold_degC": proof.hold_degC,
+        "boost_within_degC": None if boost is None else boost.within_degC,
+        "boost_again_degC": None if boost is None else boost.again_degC,
         "setpoint_degC": proof.scenario.setpoint_degC, "pwm_period_s": proof.actuator.pwm_period_s,
         "runs": len(proof.runs),
         **{column: None if name not in worst or math.isnan(worst[name].value) else float(worst[name].value)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune.codec import built, decode, encode, schema_of
-from heatertune.documents import plain, read_document
+from heatertune.documents import data_folder, plain, read_document
 from heatertune.errors import DocumentError
 from heatertune.log.values import Log
 from heatertune.model.document import ModelView
@@ -66,15 +66,15 @@ def without_curves(documents: Mapping[str, Mapping[str, Any]], nearest: Sequence
             "encoded": words, "proof": proof, **rest}
 
 
-def read_documents(directory: Path) -> dict[str, dict[str, Any]]:
-    """Return the documents that `design` wrote into a directory.
+def read_documents(folder: str | Path) -> dict[str, dict[str, Any]]:
+    """Return the documents that `design` wrote into a folder.
 
     Raises:
         DocumentError: one is missing or is none, the proof does not follow from its values, or the words do not say
             its verdict.
         ExportRefused: the proof is of other words.
     """
-    documents = {}
+    documents, directory = {}, data_folder(folder)
     for name, view in _VIEWS.items():
         path = directory / f"{name}.json"
         document = read_document(path, str(schema_of(view)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from heatertune.codec import decode
-from heatertune.documents import read_document, to_json
+from heatertune.documents import DATA, data_folder, read_document, to_json
 from heatertune.errors import ExportRefused, InputError
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.document import read_model
@@ -54,7 +54,7 @@ def feed_forward(
         ExportRefused: the words themselves are not proven, and nothing is forced.
         NotRepresentable, OutOfRange: the input cannot hold the line.
     """
-    asked, folder = merged(FeedForwardSettings, settings, {}), Path(directory)
+    asked, folder = merged(FeedForwardSettings, settings, {}), data_folder(directory)
     effect = _effect(folder)
     document = checked(read_document(folder / "proof.json", PROOF_SCHEMA), folder / "proof.json")
     demand_same_words(read_document(folder / "words.json", WORDS_SCHEMA), document, folder / "proof.json")
@@ -71,7 +71,7 @@ def feed_forward(
                      noise_degC=plain.scenario.noise_degC, known=plain.known)
     models = holding(read_model(folder / "model.json"), loop.setpoint_degC)
     proof = prove_feed_forward(words, line, effect, models, loop)
-    files = {"feed_forward.json": to_json(proof.to_document())}
+    files = {f"{DATA}/feed_forward.json": to_json(proof.to_document())}
     if force or not proof.refusal:
         files |= feed.listing(line, replace(proven, lines=(*proven.lines, *proof.told), forced=proven.forced or force))
     return FedForward(proof=proof, files=files)

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune import cache
+from heatertune.chain.as_left import as_left_in, beside, files_of
 from heatertune.chain.documents import log_document, read_documents, words_document
 from heatertune.chain.stages import export, fit
 from heatertune.codec import decode, encode
-from heatertune.documents import to_json
+from heatertune.commissioned import AsLeftSettings, RecordSettings
+from heatertune.documents import DATA, plain, to_json
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
@@ -144,21 +146,39 @@ def dossier(
     return documents
 
 
-def redraw(directory: str | Path) -> dict[str, dict[str, Any]]:
+def redraw(
+    directory: str | Path, trace: Log | None = None, about: AsLeftSettings | None = None,
+    record: RecordSettings | None = None, progress: Told = str,
+) -> dict[str, dict[str, Any]]:
     """Draw `report.html` anew from the documents in a directory; return them.
+
+    Args:
+        directory: that `design` wrote.
+        trace: of the commissioned loop: it is held against the proof; None: as before.
+        about: what is known beside the trace.
+        record: what the record calls the plant and itself; what it does not say is as before.
+        progress: told how far the runs for the trace are.
 
     Raises:
         DocumentError: a document is missing or is none.
-        InputError: the directory cannot be written.
+        InputError: the directory cannot be written; as `heatertune.proof.as_left.as_left`.
     """
-    documents = read_documents(Path(directory))
-    write_files(directory, {"report.html": _page(documents)})
+    documents = read_documents(directory)
+    documents |= beside(directory, documents["proof"])
+    if record is not None and record != RecordSettings():
+        own = {name: text for name, text in encode(record).items() if text is not None}
+        documents["record"] = encode(RecordSettings()) | documents.get("record", {}) | own
+    if trace is not None:
+        documents["as_left"] = plain(encode(as_left_in(directory, documents, trace, about, progress)))
+    given = files_of(directory, documents) if trace is not None or record is not None else {}
+    write_files(directory, {"report.html": _page(documents), **given})
     return documents
 
 
 def _write(documents: Mapping[str, Mapping[str, Any]], files: Mapping[str, str | bytes], out: str | Path) -> list[Path]:
     written = {f"{name}.json": to_json(document) for name, document in documents.items()}
-    return write_files(out, {**written, **files, "report.html": _page(documents)})
+    moved = {f"{DATA}/{name}": content for name, content in written.items()}
+    return write_files(out, {**files, "report.html": _page(documents), **moved}, gone=written)
 
 
 def _page(documents: Mapping[str, Mapping[str, Any]]) -> str:

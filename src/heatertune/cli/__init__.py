@@ -33,6 +33,7 @@ from heatertune.cli import (
     studio,
     study,
     targets,
+    terms,
     tune,
     validate,
     verify,
@@ -46,7 +47,7 @@ __all__ = ["main"]
 
 COMMANDS = (
     design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, feed_forward, compare, advise, study,
-    fleet, report, decode, diff, replay, targets, studio, doctor, bench, completion,
+    fleet, report, decode, diff, replay, targets, terms, studio, doctor, bench, completion,
 )
 
 #: those that most people need, in the order in which they do, and what they are for
@@ -67,6 +68,7 @@ _BEFORE: Final = ("-h", "--help", "--version")
 _EPILOG = """\
 the chain: log → model → pid → plc → proof → report
 example:   heatertune design table4 --target s5-ob251 --out out/
+terms:     heatertune terms TA TN Ms
 
 exit status: 0 success, 1 a verdict of FAIL or NOT PROVEN, 2 bad input (one line `error: …`), 70 a fault of heatertune
              itself (one line; HEATERTUNE_DEBUG=1 shows where)

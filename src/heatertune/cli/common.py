@@ -132,7 +132,8 @@ def asked(settings: argparse.Namespace) -> Asked:
     return Asked(
         target=target(settings), scaling=scaling(settings), tuned=options.of(TuneSettings, settings),
         conditions=conditions(settings), interval_by_words=interval_by_words(settings), words_by=by.words_by,
-        refined=by.refined, setpoint_ramp=by.setpoint_ramp, switch_kind=by.switch_kind, as_is=by.as_is)
+        refined=by.refined, setpoint_ramp=by.setpoint_ramp, boost=by.boost, switch_kind=by.switch_kind,
+        as_is=by.as_is)
 
 
 def scaling(settings: argparse.Namespace) -> Scaling:
@@ -181,11 +182,11 @@ def words_of_machine(settings: argparse.Namespace, path: str) -> Machine:
 
 
 def proof_asked(settings: argparse.Namespace) -> bool:
-    """Return whether an option asks for a proof of its own: a heater by hand, another condition, a ramp."""
+    """Return whether an option asks for a proof of its own: a heater by hand, another condition, a ramp, no boost."""
     heard = {"accept"}  # an export hears these without another proof
     other = options.given(Conditions, settings).keys() - heard
     by = options.of(WordSettings, settings)
-    return bool(other) or by.setpoint_ramp is not None or by.refined or by_hand(settings)
+    return bool(other) or by.setpoint_ramp is not None or by.boost == "none" or by.refined or by_hand(settings)
 
 
 def by_hand(settings: argparse.Namespace) -> bool:

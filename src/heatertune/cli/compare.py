@@ -26,7 +26,7 @@ def add_to(commands: Any) -> None:
         description="Round a design to the words of every controller, prove each, and put them side by side.",
     )
     command.add_argument("pid", metavar="PID", help="pid.json as written by tune")
-    command.add_argument("-o", "--out", metavar="DIR", help="directory for compare.json and compare.html")
+    command.add_argument("-o", "--out", metavar="DIR", help="directory for compare.html, and data/compare.json")
     common.add_condition_options(command, "range_degC")
     common.add_model_options(command)
     printing.add_output_options(command, brief=True)
@@ -35,7 +35,7 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.documents import plain, to_json  # noqa: PLC0415
+    from heatertune.documents import DATA, plain, to_json  # noqa: PLC0415
     from heatertune.proof.recipes import scaling_of  # noqa: PLC0415
     from heatertune.report.targets import render_targets, targets_brief, targets_table  # noqa: PLC0415
     from heatertune.writing import write_files  # noqa: PLC0415
@@ -52,7 +52,7 @@ def _run(settings: argparse.Namespace) -> int:
     document = plain(chain.compare(
         design, fitted, recipe.conditions, scaling=scaling_of(recipe), recipe=recipe, progress=progress))
     if settings.out is not None:
-        write_files(settings.out, {"compare.json": to_json(document), "compare.html": render_targets(document)})
+        write_files(settings.out, {f"{DATA}/compare.json": to_json(document), "compare.html": render_targets(document)})
     printing.output(settings, document, lambda: targets_table(document), brief=lambda: targets_brief(document),
                     short=lambda: {**document, "rows": [_without_curves(row) for row in document["rows"]]})
     return 0

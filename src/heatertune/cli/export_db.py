@@ -32,7 +32,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.documents import to_json  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.documents import DATA, to_json  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
     from heatertune.proof.words_file import export_again, export_first  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import words_table  # noqa: PLC0415
@@ -44,7 +44,8 @@ def _run(settings: argparse.Namespace) -> int:
     proven = again or _proven(settings)
     document = proven["words"]
     documents = {"words.json": to_json(document), "proof.json": to_json(proven["proof"])}
-    written = write_files(settings.out, {**proven["files"], **documents})
+    moved = {f"{DATA}/{name}": content for name, content in documents.items()}
+    written = write_files(settings.out, {**proven["files"], **moved}, gone=documents)
     names = "\n".join(str(path) for path in written)
     line = verdict_line(proven["proof"])
     printing.output(settings, document, lambda: f"{line}\n{words_table(document)}\nVERDICT {line}\n{names}",

@@ -24,6 +24,7 @@ __all__ = ["Progress", "add_output_options", "output", "save", "tell_taken", "ti
 WIDTH: Final = 80
 #: how much faster or slower than as a rule what is left may be taken for: what was kept says nothing of the rest
 _PACES: Final = (0.5, 4.0)
+_TERMS: Final = "what these terms mean: heatertune terms TA TN Ms …"
 _COUNT: Final = re.compile(r"\((\d+) of (\d+)\)$")
 
 
@@ -148,6 +149,8 @@ def output(
         return
     _print_lines(getattr(settings, "taken", ()))
     print(painted((summary if brief is None or settings.verbose else brief)(), sys.stdout))
+    if brief is not None and settings.verbose and not settings.quiet:
+        print(_TERMS, file=sys.stderr)
 
 
 def save(path: str | None, document: Mapping[str, Any]) -> None:

@@ -53,8 +53,10 @@ def proving(settings: argparse.Namespace) -> Proving:
     from heatertune.proof.recipes import made_again  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.words_file import read_words  # noqa: PLC0415
 
-    words, ramp = read_words(settings.pid, common.target(settings)), options.of(WordSettings, settings).setpoint_ramp
+    words, by = read_words(settings.pid, common.target(settings)), options.of(WordSettings, settings)
+    ramp = by.setpoint_ramp
     if words is not None:
+        words = replace(words, boost=None) if by.boost == "none" else words
         return Proving(words=words, choice=None, fitted=common.model_from(settings, None),
                        conditions=common.conditions(settings), ramp=ramp, notes=())
     design, fitted, kept = common.design_and_model(settings)
@@ -89,6 +91,8 @@ def in_force(settings: argparse.Namespace, kept: Recipe | None, where: str) -> t
     recipe = replace(kept, conditions=_merged(kept.conditions, own), **sensor, **by)
     if "setpoint_ramp" in options.given(WordSettings, settings):
         recipe = replace(recipe, setpoint_ramp=None)
+    if options.of(WordSettings, settings).boost == "none":
+        recipe = replace(recipe, boost=None)
     return recipe, [*foreign, *_told(kept, recipe, where)]
 
 
@@ -107,7 +111,7 @@ def _of(kept: Recipe, target: str, where: str, sensor: Mapping[str, Any]) -> tup
         raise InputError(f"{where} is for --input {kept.input} of {kept.target}, which {target} has not: say a --range")
     theirs = replace(
         kept, target=target, input=kept.input if has else None,
-        words_by="auto", refined=False, power_most_pct=None, setpoint_ramp=None,
+        words_by="auto", refined=False, power_most_pct=None, setpoint_ramp=None, boost=None,
         conditions=replace(kept.conditions, switches={}))
     left = [part for part in _parts(kept) if part not in _parts(theirs)]
     return theirs, [f"Of {where} not taken, as it is of {kept.target}: {', '.join(left)}."] if left else []
@@ -143,7 +147,7 @@ def _parts(recipe: Recipe) -> Iterator[str]:
     for kind, holder in ((SensorSettings, recipe), (WordSettings, recipe), (Conditions, recipe.conditions)):
         for name, one in options_of(kind).items():
             value = getattr(holder, name, one.default)
-            if name != "setpoint_ramp" and value != one.default:
+            if name not in ("setpoint_ramp", "boost") and value != one.default:
                 yield from _flags(one, value)
     if recipe.power_most_pct is not None:
         yield f"an output of at most {recipe.power_most_pct:.3g} %"
@@ -151,6 +155,8 @@ def _parts(recipe: Recipe) -> Iterator[str]:
         ramp = recipe.setpoint_ramp
         held = "" if ramp.hold_degC is None else f" held within {ramp.hold_degC:.3g} °C of the reading"
         yield f"a setpoint ramp of {ramp.degC_per_min:.3g} °C/min{held}"
+    if recipe.boost is not None:
+        yield f"a boost to {recipe.boost.within_degC:.3g} °C from the setpoint"
 
 
 def _flags(one: Option, value: Any) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""`heatertune report`: the documents of a design → report.html, once more."""
+"""`heatertune report`: the documents of a design → report.html, once more, and with what the plant really does."""
 
 from __future__ import annotations
 
@@ -6,20 +6,32 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from heatertune.cli import printing
+from heatertune import options
+from heatertune.cli import common, printing
+from heatertune.commissioned import AsLeftSettings, RecordSettings
+from heatertune.errors import InputError
+from heatertune.settings import ReadSettings
 
 __all__ = ["add_to"]
 
-_EXAMPLE = "example: heatertune report out/"
+_EXAMPLE = "example: heatertune report out/ --as-left trace.csv --plant-tag TIC-101"
 
 
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "report", help="draw report.html anew from the documents in a directory", epilog=_EXAMPLE,
-        description="Make report.html from the JSON documents that `heatertune design` wrote; nothing is computed.",
+        "report", help="draw report.html anew, with what the commissioned loop does", epilog=_EXAMPLE,
+        description="Make report.html from the JSON documents that `heatertune design` wrote. With --as-left a trace "
+                    "of the commissioned loop is held against the proof, which is run anew from where the trace "
+                    "begins: exit status 1 where the loop is not as proven.",
     )
     command.add_argument("directory", metavar="DIR", help="directory that `heatertune design` wrote")
+    options.add(command.add_argument_group("the record"), RecordSettings)
+    group = command.add_argument_group("as left")
+    group.add_argument("--as-left", metavar="TRACE", help="an export of the commissioned loop: time and temperature, "
+                       "setpoint and power where it has them")
+    options.add(group, AsLeftSettings)
+    options.add(command.add_argument_group("reading the trace"), ReadSettings)
     printing.add_output_options(command, brief=True)
     command.set_defaults(run=_run)
 
@@ -27,11 +39,24 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.chain.documents import without_curves  # noqa: PLC0415 - the help must not wait for it
     from heatertune.chain.whole import redraw  # noqa: PLC0415
+    from heatertune.log import read_log  # noqa: PLC0415
+    from heatertune.report.as_left import CURVES, as_left_brief  # noqa: PLC0415
     from heatertune.report.brief import design_brief  # noqa: PLC0415
     from heatertune.report.text import summary  # noqa: PLC0415
 
-    documents = redraw(settings.directory)
-    printing.output(
-        settings, documents, lambda: f"{summary(documents)}\n{Path(settings.directory) / 'report.html'}",
-        brief=lambda: design_brief(documents, settings.directory), short=lambda: without_curves(documents))
+    about, progress = options.of(AsLeftSettings, settings), printing.Progress(settings)
+    if settings.as_left is None and about != AsLeftSettings():
+        raise InputError("--setpoint, --ambient, --begins-at and --load-at are of a trace: say --as-left TRACE, too")
+    trace = None if settings.as_left is None else read_log(settings.as_left, common.reading(settings), errata=True)
+    printing.tell_taken(settings, [] if trace is None else [trace], progress)
+    documents = redraw(settings.directory, trace, about, options.of(RecordSettings, settings), progress)
+    page = Path(settings.directory) / "report.html"
+    if trace is not None:
+        left, target = documents["as_left"], documents["words"]["target"]
+        printing.output(settings, left, lambda: as_left_brief(left, target, str(page), whole=True),
+                        brief=lambda: as_left_brief(left, target, str(page)),
+                        short=lambda: {name: part for name, part in left.items() if name not in CURVES})
+        return 0 if left["verdict"] == "AS PROVEN" else 1
+    printing.output(settings, documents, lambda: f"{summary(documents)}\n{page}",
+                    brief=lambda: design_brief(documents, settings.directory), short=lambda: without_curves(documents))
     return 0 if documents["proof"]["verdict"] == "PASS" else 1

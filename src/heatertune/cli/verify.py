@@ -23,7 +23,7 @@ def add_to(commands: Any) -> None:
         description="Run the closed loop in the PLC's own arithmetic on every possible heater and judge it.",
     )
     command.add_argument("pid", metavar="PID|WORDS", help="pid.json as written by tune, or words.json by export-db")
-    common.add_word_options(command, "words_by", "setpoint_ramp")
+    common.add_word_options(command, "words_by", "setpoint_ramp", "boost")
     common.add_proof_options(command)
     common.add_model_options(command)
     options.add(command.add_argument_group("many heaters"), SampleSettings)

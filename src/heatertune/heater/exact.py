@@ -17,14 +17,15 @@ Numbers run as plain Python or compiled (`heatertune.compiled`); arrays have fun
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 __all__ = [
-    "Factors", "advance", "advanced", "apart", "area", "factors", "since_step", "slopes_by_lag", "turning_time",
-    "turning_times",
+    "Factors", "advance", "advanced", "apart", "area", "factors", "since_step", "slopes_by_lag", "time_to",
+    "turning_time", "turning_times",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -182,3 +183,20 @@ def _passed(t: Array, outer: Numbers, inner: Numbers) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         stretch = np.where(rate == 0.0, t, np.expm1(rate * t) / rate)
     return np.asarray(np.exp(-t / slow) * stretch)
+
+
+def time_to(share: float, first_s: float, second_s: float | None = None) -> float:
+    """Return the time after which the answer to a step has done a share of its way, without the dead time [s]."""
+    return -first_s * math.log1p(-share) if second_s is None else _two_lags_to(share, first_s, second_s)
+
+
+@lru_cache(maxsize=4096)  # a story asks for the same few times, and the next story for most of them again
+def _two_lags_to(share: float, first_s: float, second_s: float) -> float:
+    low, high = 0.0, (first_s + second_s) * (1.0 - math.log1p(-share))  # no two lags take longer
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if since_step(np.array(middle), first_s, second_s)[0] < share:
+            low = middle
+        else:
+            high = middle
+    return high

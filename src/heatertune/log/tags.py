@@ -21,7 +21,7 @@ from heatertune.log.numbers import Array
 from heatertune.log.quality import good_rows, is_quality
 from heatertune.log.quantities import says_nothing
 
-__all__ = ["Tagged", "Tags", "by_tags"]
+__all__ = ["Tagged", "Tags", "by_tags", "places"]
 
 _TAG: Final = re.compile(
     r"(tag( ?(name|index|id))?|name|var(iable)? ?(name)?|point( ?(name|id))?|signal( ?name)?|entity ?id|sensor|channel"
@@ -91,7 +91,7 @@ def by_tags(sheet: Sheet, asked: Tags, time_unit: str | None) -> Tagged:
         options["quality_column"] = _name(sheet, quality)
     elif asked.quality is not None:
         options["quality_column"] = NO_COLUMN
-    tag, value = _places(sheet, asked)
+    tag, value = places(sheet, asked)
     if tag is not None and value is not None:
         return _pivoted(sheet, asked, tag, value, good, time_unit, options)
     _demand_long(sheet, asked)
@@ -121,7 +121,7 @@ def _quality_place(sheet: Sheet, asked: Tags) -> int | None:
     return next((i for i, name in enumerate(sheet.header) if is_quality(name)), None)
 
 
-def _places(sheet: Sheet, asked: Tags) -> tuple[int | None, int | None]:
+def places(sheet: Sheet, asked: Tags) -> tuple[int | None, int | None]:
     """Return the columns of the tags and, in a long table, of their values."""
     named = [i for i, name in enumerate(sheet.header) if _TAG.fullmatch(plain_name(name))]
     tag = next((i for i in named if _repeats(sheet, i)), None) if asked.column is None else (

@@ -9,7 +9,7 @@ from heatertune.codec import LEFT_OUT
 from heatertune.settings import Conditions, SensorSettings, WordSettings
 from heatertune.units import check
 
-__all__ = ["RampView", "Recipe"]
+__all__ = ["BoostView", "RampView", "Recipe"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +24,14 @@ class RampView:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BoostView:
+    """Full power until so near to the setpoint, and again from so far on."""
+
+    within_degC: float
+    again_degC: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
     """How a design became words, and what these were proven under.
 
@@ -34,6 +42,7 @@ class Recipe:
         words_by, refined: see `heatertune.settings.WordSettings`.
         power_most_pct: the controller never asks for more [%]; None: as it would.
         setpoint_ramp: None: the setpoint goes to its end at once.
+        boost: None: the controller always has the heater.
         conditions: of the proof.
         files: "spec" and "profile" → digest of what that file asked for, where there is one.
 
@@ -48,6 +57,7 @@ class Recipe:
     refined: bool = False
     power_most_pct: float | None = None
     setpoint_ramp: RampView | None = None
+    boost: BoostView | None = field(default=None, metadata=LEFT_OUT)
     conditions: Conditions
     files: Mapping[str, str] = field(default_factory=dict)
 

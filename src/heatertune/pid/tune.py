@@ -25,7 +25,7 @@ from heatertune.pid.specs import ROOM, Specs, refuse_boundless
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign, Promise
 from heatertune.settings import STEP_POWER_PCT, TuneSettings
-from heatertune.units import check
+from heatertune.units import check, written
 
 __all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "tune"]
 
@@ -248,7 +248,7 @@ def _told_about_ta(
     trdom = _trdom(plants, design)
     if math.isinf(trdom):
         return f"TA = {design.sample_time_s:g} s; TRdom is unknown: the loop does not settle in the time looked at."
-    share = f"TA = {design.sample_time_s:g} s, TRdom = {trdom:.3g} s of the fastest closed loop"
+    share = f"TA = {design.sample_time_s:g} s, TRdom = {written(trdom, 3)} s of the fastest closed loop"
     if given_s is not None:
         return f"{share}; TA was given."
     if rounds == _UNSETTLED:
@@ -280,7 +280,7 @@ def _told_about_stop(design: PidDesign, timer: Timer, trdom: float) -> list[str]
     for stop, beyond, which in ((timer.longest_s, wanted > ta, "longest"), (timer.shortest_s, wanted < ta, "shortest")):
         if ta == stop and beyond and abs(wanted - ta) > _SETTLED * ta:
             return [f"TA = {ta:g} s is the {which} that the timer makes; TRdom/{_SAMPLES_PER_TRDOM:g} would be "
-                    f"{wanted:.3g} s."]
+                    f"{written(wanted, 3)} s."]
     return []
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from heatertune.plc.targets import TARGETS
 
 if TYPE_CHECKING:
+    from heatertune.plc.boost import Boost
     from heatertune.plc.controller import Controller, controller_for
     from heatertune.plc.core import Core, Running, Scan, Timing, count
     from heatertune.plc.open_points import Switch
@@ -18,11 +19,12 @@ if TYPE_CHECKING:
     from heatertune.plc.words import Certificate, Scaling, WordField, Words
 
 __all__ = [
-    "TARGETS", "Certificate", "Controller", "Core", "Number", "Ramp", "Running", "Scaling", "Scan", "Switch", "Timing",
-    "WordField", "Words", "controller_for", "count",
+    "TARGETS", "Boost", "Certificate", "Controller", "Core", "Number", "Ramp", "Running", "Scaling", "Scan", "Switch",
+    "Timing", "WordField", "Words", "controller_for", "count",
 ]
 
 _FROM: Final = {
+    "boost": ("Boost",),
     "controller": ("Controller", "controller_for"),
     "core": ("Core", "Running", "Scan", "Timing", "count"),
     "open_points": ("Switch",),

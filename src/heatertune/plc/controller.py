@@ -58,7 +58,7 @@ class Controller(Inputs, ABC):
         derivative_filter: weight of its own past in the derivative part, see `PidDesign`; ½ where there is none.
         scans_per_period: scans in one period of the PWM that the controller makes itself, which is its sampling
             interval; None: one scan per sampling interval, and the PWM is an actuator behind the output.
-        ramped: whether the export brings the program of a setpoint ramp along.
+        ramped, boosted: whether the export brings the program of a setpoint ramp along, of a boost.
         integers: the whole numbers that make its control law and that a search may move: the word of the gain first,
             the one of the I part second, the one of the D part third; None: there is nothing to gain over rounding.
         most_gain: (scaling, design) → the largest K in size that the words hold beside its times [%/°C]; None: any of
@@ -106,6 +106,7 @@ class Controller(Inputs, ABC):
     derivative_filter: ClassVar[float] = 0.5
     scans_per_period: ClassVar[int | None] = None
     ramped: ClassVar[bool] = False
+    boosted: ClassVar[bool] = False
     integers: ClassVar[tuple[str, str, str] | None] = None
     most_gain: ClassVar[staticmethod[[Scaling, PidDesign], float] | None] = None
     most_power: ClassVar[tuple[str, Number] | None] = None
@@ -287,12 +288,14 @@ class Controller(Inputs, ABC):
 
     @final
     def check_ramp(self, words: Words) -> None:
-        """Refuse words whose ramp the controller cannot follow.
+        """Refuse words whose ramp or boost the controller cannot follow.
 
         Raises:
-            InputError: this controller has no ramp.
+            InputError: this controller has none.
             OutOfRange: a step or holdback that the setpoint word cannot take.
         """
+        if words.boost is not None and not self.boosted:
+            raise InputError(f"{self.name} has no boost (see: heatertune targets)")
         if words.ramp is None:
             return
         if not self.ramped:

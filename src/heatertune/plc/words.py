@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, cast
 
 from heatertune.codec import LEFT_OUT
-from heatertune.errors import NotRepresentable, OutOfRange
+from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.handed import runner
 from heatertune.pid.timer import Timer
+from heatertune.plc.boost import Boost
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.ramp import Number, Ramp
 from heatertune.plc.single import is_single, single
@@ -108,6 +109,10 @@ class Words(Shown):
         scaling: the sensor range the words were made for.
         sample_time_s: interval at which the controller is called [s].
         ramp: how the program around the controller moves its setpoint; None: at once.
+        boost: where that program gives full power itself; None: nowhere.
+
+    Raises:
+        InputError: a ramp and a boost: on a ramp the reading is never far from the setpoint.
     """
 
     target: str
@@ -115,11 +120,20 @@ class Words(Shown):
     scaling: Scaling
     sample_time_s: float
     ramp: Ramp | None = None
+    boost: Boost | None = None
+
+    def __post_init__(self) -> None:
+        if self.ramp is not None and self.boost is not None:
+            raise InputError("a setpoint ramp and a boost: words have one of them")
 
     @property
     def whole(self) -> Mapping[str, int]:
         """The values, for a controller that holds whole numbers only."""
         return cast("Mapping[str, int]", self.values)
+
+    def boosted(self, boost: Boost | None) -> Words:
+        """Return these words with a boost, or None, in place of theirs and of their ramp."""
+        return replace(self, boost=boost, ramp=None)
 
     def controller(self, **switches: str) -> RunningController:
         """Return the controller that runs these words, in the cold state, to be called scan by scan.

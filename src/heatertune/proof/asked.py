@@ -102,7 +102,8 @@ def _recipe(asked: Asked, proof: Proof, conditions: Conditions) -> Recipe:
     return Recipe(
         target=asked.target, range_degC=scaling.sensor_degC, input=scaling.input,
         words_by=asked.words_by,
-        refined=asked.refined, setpoint_ramp=proof.setpoint_ramp, conditions=conditions,
+        refined=asked.refined, setpoint_ramp=proof.setpoint_ramp,
+        boost=proof.boost, conditions=conditions,
         files=files_of(conditions))
 
 

@@ -11,26 +11,20 @@ from typing import Final
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.model.values import FittedModel
 from heatertune.pid.tune import assessed_sampled
-from heatertune.plc import Scaling, controller_for
+from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.plc.choose import choose_words
 from heatertune.plc.design import encode
 from heatertune.progress import Told
 from heatertune.proof import Proof, price
 from heatertune.proof.asked import Asked, Closed, Made, made_for, plainly
+from heatertune.proof.boosts import boosts
 from heatertune.proof.fitted import aimed
-from heatertune.proof.frames import COARSE, OF_WINDUP, WAVE_S, Frame, calmest_pwm, frames, unwinds
+from heatertune.proof.frames import OF_WINDUP, WAVE_S, Frame, frames, unwinds
 from heatertune.proof.gains import Family, Place
-from heatertune.proof.nearest import (
-    broken_names,
-    broken_told,
-    limits_that_pass,
-    passing_settings,
-    settings_told,
-    suspects,
-    tolerance_that_passes,
-)
+from heatertune.proof.nearest import broken_names, settings_told
 from heatertune.proof.screen import NOTICEABLE, Look, Screen
 from heatertune.proof.setpoint_ramp import BY_RAMP
+from heatertune.proof.way_on import WayOn
 
 __all__ = ["Asked", "Closed", "closed", "plainly"]
 
@@ -40,16 +34,16 @@ _CHEAPER: Final = 0.8  # of the price of the first that passes: what saves less 
 _STEPS: Final = (0.24, 0.12, 0.06, 0.03)  # around the best place of a frame
 _MOST_PROOFS: Final = 3  # whole proofs in a frame
 _HALVINGS: Final = 3  # of the way from the optimum to gains that pass
-_HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
+_SOONER: Final = 1 / 16  # of TA: what two levels swing by hangs on the dead time alone then
 
 
 def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: Told = str) -> Closed:
     """Return the first design that keeps every limit: as asked for, or changed by as little as will do.
 
-    Other gains on the bound of Ms or a tighter one first, then another PWM period, another TA, at last a setpoint
-    ramp; what swings gets another PWM first. The limits are never moved, Ms is only lowered, and what the user gave
-    stays. Where nothing helps it is the plain design, and its proof says what would pass; where the plain one is asked
-    for, it is that. Arguments as `plainly`.
+    A boost first, then other gains on the bound of Ms or a tighter one, another PWM period, another TA, at last a
+    setpoint ramp; what swings gets another PWM first. The limits are never moved, Ms is only lowered, and what the user
+    gave stays. Where nothing helps, or it is asked for, it is the plain design, its proof saying what would pass.
+    Arguments as `plainly`.
 
     Raises:
         HeatertuneError: as the stages on the plain design.
@@ -61,9 +55,9 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
     if first.proof.verdict != "FAIL":
         return first
     search = _Search(fitted=fitted, asked=asked, first=first, progress=progress)
-    mended = None if first.proof.design is None else search.cheapest()  # without gains there are none to change
+    mended = search.sooner() if first.proof.design is None else search.cheapest()
     if mended is None:
-        return search.nearest()
+        return search.way_on.told()
     return replace(mended, notes=(*mended.notes, *search.hints(mended)))
 
 
@@ -77,6 +71,7 @@ class _Search:
         place: of that least.
         least: it, in the runs that are known to be failed by now.
         calmer: the first frame that helped.
+        way_on: what else would pass.
     """
 
     fitted: FittedModel
@@ -88,8 +83,11 @@ class _Search:
     place: Place | None = None
     least: float = field(init=False)
     calmer: Frame = field(default_factory=Frame)
+    way_on: WayOn = field(init=False)
 
     def __post_init__(self) -> None:
+        self.way_on = WayOn(
+            fitted=self.fitted, asked=self.asked, first=self.first, progress=self.progress, close=closed)
         self.screen = Screen(fitted=self.fitted).with_failed(self.first.proof)
         self.least = self.screen.badness(self.first.choice.words, self.first.conditions)
 
@@ -109,12 +107,12 @@ class _Search:
         asked, words, dear = self.asked, self.first.proof.words, list[Closed]()
         for frame in frames(
             self.first.proof, self.fitted.plants, asked.tuned, ramp_open=asked.setpoint_ramp is None,
+            boost_open=asked.boost == "auto" and asked.setpoint_ramp in (None, "none"),
             period_given=asked.switch_kind is not None or asked.conditions.pwm_period_s is not None,
             interval_given=asked.tuned.sample_time_s is not None or asked.interval_by_words,
             least_interval_s=min(self.fitted.log_interval_s, words.sample_time_s),
         ):
-            tried = map(self._changed, self._wholes(frame))
-            mended = next((one for one in tried if one is not None), None)
+            mended = next(filter(None, map(self._changed, self._wholes(frame))), None)
             if mended is not None:
                 dear.append(mended)
                 if price.more_iae(self.first, mended) <= _DEAR:
@@ -122,6 +120,15 @@ class _Search:
         more = partial(price.more_iae, self.first)
         best = min(dear, key=more, default=None)
         return dear[0] if best and more(best) > _CHEAPER * more(dear[0]) else best
+
+    def sooner(self) -> Closed | None:
+        """Return a control without gains that passes as it scans more often; None where it does not, or must not."""
+        if self.asked.tuned.sample_time_s is not None:
+            return None
+        timer = controller_for(self.asked.target).timer
+        frame = Frame(sample_time_s=timer.round(_SOONER * self.first.wished.sample_time_s))
+        self.way_on.sooner = scanned = closed(self.fitted, self.framed(frame), progress=self.progress)
+        return None if scanned.proof.verdict == "FAIL" else self.proven(frame, (scanned.wished, scanned.choice))
 
     def _wholes(self, frame: Frame) -> Iterator[Frame]:
         """Return a change with what has helped so far.
@@ -131,7 +138,7 @@ class _Search:
         helped = Frame() if self.best is None else self.best.frame
         if frame.bursts_s or (frame == Frame() and broken_names(self.first.proof) <= OF_WINDUP):
             yield frame
-        elif frame.ramped:
+        elif frame.ramped or frame.boosted:
             yield from dict.fromkeys(before.with_(frame) for before in (Frame(), self.calmer, helped))
         else:
             yield helped.with_(frame)
@@ -148,81 +155,20 @@ class _Search:
         """Return what is to be said beside a design that passes: which open point it is the price of."""
         hanging = settings_told(self.first.proof, "the optimum")
         yield from hanging
-        if not hanging and price.more_iae(self.first, mended) > _DEAR and (told := self._with_settings()[0]):
+        if not hanging and price.more_iae(self.first, mended) > _DEAR and (told := self.way_on.by_settings()[0]):
             yield f"It {told}."
-
-    def nearest(self) -> Closed:
-        """Return the design as asked for; its proof says which other question would be answered with PASS."""
-        first, proof = self.first, self.first.proof
-        share, coarse = self._coarse()
-        why = coarse if share >= COARSE else None
-        told, options = self._with_settings()
-        if not told:
-            options = self._with_tolerance() or self._with_limits()
-            would = f"would pass at {' '.join(options)}" if options else ""
-            told = "; ".join(filter(None, (why, would))) or "nothing tried mends it"
-        heard = replace(proof.heard, remarks=(*proof.heard.remarks, told))
-        note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
-        return replace(first, proof=replace(proof, heard=heard), notes=(*first.notes, note), passes_with=options)
-
-    def _with_settings(self) -> tuple[str, tuple[str, ...]]:
-        """Return what is told where one setting of an open point would do, and its options; nothing where none does."""
-        proof = self.first.proof
-        settings = {name: kept[0] for name, kept in passing_settings(proof).items()}
-        settings = dict(list(settings.items())[:1]) or (suspects(proof) if self._coarse()[0] < _HOPELESS else {})
-        if not settings:
-            return "", ()
-        known = {**self.asked.conditions.switches, **settings}
-        asked = replace(self.asked, conditions=replace(self.asked.conditions, switches=known))
-        options = tuple(word for name, setting in settings.items() for word in ("--switch", f"{name}={setting}"))
-        self.progress(f"{price.broken(self.first)} fails: trying {' '.join(options)}")
-        other = closed(self.fitted, asked, progress=self.progress)
-        if other.proof.verdict == "FAIL":
-            return "", ()
-        changes = f", {other.proof.heard.remarks[-1]}" if other.notes else ""
-        return f"would pass with {' '.join(options)}{changes}: find out what this controller does", options
-
-    def _coarse(self) -> tuple[float, str]:
-        """Return how much of the band the calmest PWM of whole half-waves takes, and what is told of it."""
-        proof, tolerance = self.first.proof, self.first.proof.limits.tolerance_degC
-        calm = None if self.asked.conditions.pwm_period_s else calmest_pwm(proof, self.fitted.plants)
-        if calm is None or "limit_cycle" not in broken_names(proof):
-            return 0.0, ""
-        told = (f"at the calmest PWM of a solid-state relay, {calm.period_s:.3g} s, the ripple is "
-                f"{calm.ripple_degC:.2g} °C and one half-wave is {calm.half_wave_degC:.2g} °C, asked ±{tolerance:.3g} "
-                "°C: bursts of a power controller (--pwm-rule burst) would be calmer")
-        return calm.share(tolerance), told
-
-    def _with_limits(self) -> tuple[str, ...]:
-        """Return the options that loosen each broken limit by as little as will do, none where they would not."""
-        conditions = self.asked.conditions
-        looser = limits_that_pass(self.first.proof)
-        if not looser:
-            return ()
-        self.progress(f"{price.broken(self.first)} fails: trying what it would keep")
-        own = [limit for limit in conditions.limit if limit.partition("=")[0].strip() not in looser]
-        asked = replace(self.asked, setpoint_ramp=self.asked.setpoint_ramp or "none", conditions=replace(
-            conditions, limit=(*own, *(f"{name}={value}" for name, value in looser.items()))))
-        if plainly(self.fitted, asked, progress=self.progress).proof.verdict == "FAIL":
-            return ()
-        return tuple(word for name, value in looser.items() for word in ("--limit", f"{name}={value}"))
-
-    def _with_tolerance(self) -> tuple[str, ...]:
-        first = self.first
-        wider = tolerance_that_passes(first.proof.words, self.fitted, first.proof, first.conditions)
-        return () if wider is None else ("--tolerance", f"{wider:g}")
 
     def within(self, frame: Frame) -> Closed | None:
         """Return the cheapest gains that pass within a frame; None where none do."""
         if not self.by_optimum:
-            return self.proven(frame, (self.first.wished, self.first.choice)) if frame.only_outside else None
+            return self.tried(frame, (self.first.wished, self.first.choice)) if frame.only_outside else None
         try:
             inside = _Within(search=self, frame=frame)
         except HeatertuneError:
             return None
-        if not frame.ramped:
+        if not (frame.ramped or frame.boosted):
             return inside.cheapest()
-        tried = (self.proven(frame, inside.made(place)) for place in inside.beside_a_ramp())
+        tried = (self.tried(frame, inside.made(place)) for place in inside.beside_a_ramp())
         return next((mended for mended in tried if mended is not None), None)
 
     def unwound_by_others(self, look: Look, frame: Frame) -> bool:
@@ -238,8 +184,7 @@ class _Search:
     @property
     def by_optimum(self) -> bool:
         """Whether the design is an optimum with an I part: other gains are not looked for otherwise."""
-        wished = self.first.wished
-        return wished.method.startswith("optimum") and math.isfinite(wished.integral_time_s)
+        return self.first.wished.method.startswith("optimum") and math.isfinite(self.first.wished.integral_time_s)
 
     def framed(self, frame: Frame) -> Asked:
         """Return what is asked for within a frame."""
@@ -257,9 +202,16 @@ class _Search:
             self.asked, tuned=tuned, conditions=conditions, refined=False,
             setpoint_ramp="auto" if frame.ramped else self.asked.setpoint_ramp or "none")
 
-    def proven(self, frame: Frame, made: Made) -> Closed | None:
+    def tried(self, frame: Frame, made: Made) -> Closed | None:
+        """Return a design with its price where it passes, with the first boost that does where the frame has one."""
+        found = boosts(made[1].words, self.screen, self.framed(frame).conditions) if frame.boosted else [None]
+        tried = (self.proven(frame, made, boost) for boost in found)
+        return next((mended for mended in tried if mended is not None), None)
+
+    def proven(self, frame: Frame, made: Made, boost: Boost | None = None) -> Closed | None:
         """Return a design with its price where it passes; else the runs that it fails are watched."""
-        asked = self.framed(frame)
+        asked, by = self.framed(frame), made[1]
+        made = made[0], replace(by, words=by.words.boosted(boost))
         plain = self.first.proof if asked.conditions == self.first.conditions else None
         try:
             tried = plainly(self.fitted, asked, made=made, plain=plain, progress=self.progress)
@@ -268,12 +220,13 @@ class _Search:
         if tried.proof.verdict == "FAIL":
             self.failed(tried.proof)
             return None
-        hold = tried.proof.hold_degC
-        held = "" if hold is None else f"a holdback of {hold:.3g} °C"
-        what = " and ".join(filter(None, (price.gains_told(self.first.wished, made[0]), self.told(frame), held)))
+        held = "" if (hold := tried.proof.hold_degC) is None else f"a holdback of {hold:.3g} °C"
+        gains = price.gains_told(self.first.wished, made[0]) if tried.proof.design else ""
+        what = " and ".join(filter(None, (gains, self.told(frame), held)))
+        what += "" if boost is None else f" ({boost})"
         heard = tried.proof.heard
         proof = replace(tried.proof, heard=replace(heard, remarks=(*heard.remarks, f"with {what}")))
-        refined = self.asked.refined and made[1] is self.first.choice
+        refined = self.asked.refined and by is self.first.choice
         recipe = replace(tried.recipe, power_most_pct=frame.power_most_pct, refined=refined)
         return replace(tried, proof=proof, recipe=recipe, notes=(price.told(self.first, tried, what), *tried.notes))
 

@@ -21,6 +21,7 @@ from heatertune.proof.heaters import holding, labelled
 from heatertune.proof.series import trace_series
 from heatertune.proof.views import PaperRunView, PaperView, RivalView, SeriesView
 from heatertune.settings import Conditions
+from heatertune.units import written
 
 __all__ = ["best_single_lag", "paper_runs", "price_of_doubt", "rivals"]
 
@@ -41,7 +42,7 @@ PAPER_RUNS: dict[str, dict[str, Any]] = {
 def rivals(fitted: FittedModel, wished: PidDesign, proof: Proof) -> tuple[RivalView, ...]:
     """Return how other designs fare in the same proof: rules on the best single-lag model alone, two-level control."""
     alone, target = best_single_lag(fitted), proof.words.target
-    heater = f"{alone.gain_degC_per_pct:.3g} °C/%, {alone.lags_s[0]:.3g} s, {alone.dead_time_s:.3g} s"
+    heater = f"{alone.gain_degC_per_pct:.3g} °C/%, {written(alone.lags_s[0], 3)} s, {written(alone.dead_time_s, 3)} s"
     ruled = [(f"{rule} on {heater}", tune(model_by_hand(alone), target=target, method=rule)) for rule in RIVAL_RULES]
     compared = [replace(_rival(label, design, target, fitted, proof), gain_pct_per_degC=design.gain_pct_per_degC,
                         integral_time_s=design.integral_time_s) for label, design in ruled]
@@ -52,7 +53,7 @@ def rivals(fitted: FittedModel, wished: PidDesign, proof: Proof) -> tuple[RivalV
 
 
 def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proof: Proof) -> RivalView:
-    """Return how a design fares on a target in another one's proof, with its ramp, open points at their defaults."""
+    """Return how a design fares on a target in another one's proof, with its ramp or boost, open points at default."""
     try:
         words = encode(design, target, scaling=proof.words.scaling)
     except NotRepresentable as problem:
@@ -60,6 +61,8 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
     if proof.words.ramp is not None and controller_for(target).ramped:
         ramp = controller_for(target).ramp(words, proof.ramp_degC_per_min, proof.hold_degC)
         words = replace(words, ramp=ramp)
+    if controller_for(target).boosted:
+        words = replace(words, boost=proof.words.boost)
     coverage = Coverage(open_points=False, known=proof.known if target == proof.words.target else {})
     proven = prove_models(
         controller_for(target), words, holding(fitted, proof.scenario.setpoint_degC), proof.scenario,
@@ -83,8 +86,8 @@ def price_of_doubt(fitted: FittedModel, wished: PidDesign) -> str | None:
     optimum, own = search(alone), replace(wished, gain_pct_per_degC=abs(wished.gain_pct_per_degC))
     return (
         f"On {label} alone the same Ms would allow K = {sign * optimum.gain_pct_per_degC:.3g} %/°C and TN = "
-        f"{optimum.integral_time_s:.3g} s instead of {wished.gain_pct_per_degC:.3g} %/°C and "
-        f"{wished.integral_time_s:.3g} s, and a load disturbance would cost "
+        f"{written(optimum.integral_time_s, 3)} s instead of {wished.gain_pct_per_degC:.3g} %/°C and "
+        f"{written(wished.integral_time_s, 3)} s, and a load disturbance would cost "
         f"{alone.cost(optimum) / alone.cost(own):.2f} times the IAE: that is the price of what the log does not tell."
     )
 
@@ -118,8 +121,8 @@ def paper_runs(fitted: FittedModel) -> PaperView:
             offset_after_degC=scenario.setpoint_degC - float(rests[1].mean()),
             series=SeriesView(**trace_series(trace, label))))
     assumed = (
-        f"The program as printed on {model.gain_degC_per_pct:.3g} °C/%, {model.time_constant_s:.3g} s, "
-        f"{model.dead_time_s:.3g} s, setpoint {scenario.setpoint_degC:g} °C. Assumed, because the paper does not print "
-        "them: PWM cycle 2 s, sensor 0…140 °C, Ki = 1 with T = 40."
+        f"The program as printed on {model.gain_degC_per_pct:.3g} °C/%, {written(model.time_constant_s, 3)} s, "
+        f"{written(model.dead_time_s, 3)} s, setpoint {scenario.setpoint_degC:g} °C. Assumed, because the paper "
+        "does not print them: PWM cycle 2 s, sensor 0…140 °C, Ki = 1 with T = 40."
     )
     return PaperView(told=assumed, runs=tuple(runs))

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from heatertune.plc.open_points import Switch, settings_to_prove
+from heatertune.progress import Told
 
 __all__ = ["Coverage"]
 
@@ -20,12 +21,14 @@ class Coverage:
         only: label of a model and settings of each run, by the controller's direct form alone; None: every model under
             every setting.
         draws: False: no more than one draw of the noise; see `heatertune.proof.noise`.
+        progress: told how many runs are done, as "18 of 54 runs".
     """
 
     known: Mapping[str, str] = field(default_factory=dict)
     open_points: bool = True
     only: Sequence[tuple[str, Mapping[str, str]]] | None = None
     draws: bool = True
+    progress: Told = str
 
     @property
     def whole(self) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from heatertune.documents import peek_schema, read_document
+from heatertune.documents import data_folder, found, peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused, InputError
 from heatertune.pid.document import SCHEMA as DESIGN_SCHEMA
 from heatertune.pid.document import read_design
@@ -111,7 +111,7 @@ def read_sides(first: str | Path, second: str | Path, given: Given) -> tuple[Sid
 
 def _document(path: Path, target: str | None) -> Side | None:
     """Return the words of a folder or of words.json, None of another file."""
-    file = path / "words.json" if path.is_dir() else path
+    file = data_folder(path) / "words.json" if path.is_dir() else found(path)
     if path.is_dir() and not file.exists():
         raise DocumentError(f"{path}: no words.json in this folder, as export-db writes it")
     if not path.is_dir() and not (_is_json(file) and peek_schema(file) == WORDS_SCHEMA):
@@ -124,7 +124,7 @@ def _document(path: Path, target: str | None) -> Side | None:
 
 
 def _is_json(file: Path) -> bool:
-    return content_of(file).lstrip().startswith(b"{")
+    return content_of(found(file)).lstrip().startswith(b"{")
 
 
 def _proof_beside(file: Path, document: Mapping[str, Any]) -> tuple[Mapping[str, Any] | None, tuple[str, ...]]:
@@ -169,12 +169,13 @@ def _dumped(path: str, given: Given, other: Side | None) -> Side:
         taken_over += (f"call interval {interval:g} s",)
     read = read_machine(controller, content_of(path), sample_time_s=interval, scaling=scaling, source=path)
     words = read.words
-    if other is not None and other.words.target == controller.name and other.words.ramp is not None:
-        words = replace(words, ramp=other.words.ramp)
+    if other is not None and other.words.target == controller.name:
+        words = replace(words, ramp=other.words.ramp, boost=other.words.boost)
     unlike = () if read.unlike is None else read.unlike(words)
     if read.unlike is None:
-        ramp = () if words.ramp is None else (f"setpoint ramp, {words.ramp}",)
-        taken_over += (*ramp, "the program around the words")
+        ways = {"setpoint ramp": words.ramp, "boost": words.boost}
+        told = (f"{name}, {way}" for name, way in ways.items() if way is not None)
+        taken_over += (*told, "the program around the words")
     notes = [*unlike, *(f"not looked at: {rest}" for rest in read.passed_over)]
     return Side(source=path, kind="machine", words=words, taken_over=taken_over, notes=tuple(notes),
                 is_changed=bool(unlike))
@@ -243,6 +244,7 @@ def _terms(side: Side) -> Iterator[tuple[str, str, float | None]]:
     rate = controller.ramp_degC_per_min(words)
     yield "setpoint ramp", "°C/min", None if math.isinf(rate) else rate
     yield "holdback", "°C", controller.hold_degC(words)
+    yield "boost until", "°C", None if words.boost is None else words.boost.within_degC
 
 
 def _largest_power(controller: Controller, words: Words) -> float | None:
@@ -277,6 +279,7 @@ def _around(a: Side, b: Side) -> Iterator[tuple[str, object, object]]:
     yield "analog input", one.input, two.input
     yield "sensor range", (one.low_degC, one.high_degC, one.from_degC), (two.low_degC, two.high_degC, two.from_degC)
     yield "setpoint ramp", a.words.ramp, b.words.ramp
+    yield "boost", a.words.boost, b.words.boost
 
 
 def _covers(proven: Side, other: Side) -> dict[str, Any]:

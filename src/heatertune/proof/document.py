@@ -16,7 +16,7 @@ from typing import Any, Final, Literal
 from heatertune.codec import LEFT_OUT, OrInfinite, decode, encode, registered
 from heatertune.documents import plain
 from heatertune.errors import DocumentError
-from heatertune.pid.recipe import RampView
+from heatertune.pid.recipe import BoostView, RampView
 from heatertune.plc import Scaling
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.criteria import CriterionView, Limits
@@ -134,6 +134,7 @@ class ProofView:
     sample_time_s: float
     scaling: Scaling
     setpoint_ramp: RampView | None
+    boost: BoostView | None = field(default=None, metadata=LEFT_OUT)
     criteria: Mapping[str, CriterionView]
     runs: tuple[RunView, ...]
     scenario: Scenario

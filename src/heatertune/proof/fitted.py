@@ -15,6 +15,7 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.plc import Words, controller_for
 from heatertune.plc.inputs import has_ends
 from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
+from heatertune.progress import Told
 from heatertune.proof.acceptance import Acceptance
 from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Limits
@@ -38,7 +39,7 @@ _OF_BAND: Final = 0.5
 
 def prove(
     words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool = False,
-    only: Sequence[tuple[str, Mapping[str, str]]] | None = None, **changed: Any,
+    only: Sequence[tuple[str, Mapping[str, str]]] | None = None, progress: Told = str, **changed: Any,
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
 
@@ -51,6 +52,7 @@ def prove(
         conditions: what is assumed; None: the defaults.
         first_look: only the nominal model under the default settings, in the same scenario; `export` refuses it.
         only: only these runs, label of a model and settings, in the same scenario; `export` refuses it too.
+        progress: told how many runs are done.
         changed: fields of `Conditions` that are other than in `conditions`.
 
     Raises:
@@ -71,7 +73,8 @@ def prove(
     acceptance = Acceptance(
         limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
         reading_step_degC=fitted.reading_step_degC, heard=heard)
-    coverage = Coverage(known=asked.switches, open_points=not first_look, only=only, draws=not first_look)
+    coverage = Coverage(
+        known=asked.switches, open_points=not first_look, only=only, draws=not first_look, progress=progress)
     return prove_models(
         controller_for(words.target), words, models[:1] if first_look else models, course.scenario,
         actuator_for(asked, words), acceptance, coverage, interlock=_interlock(asked, words))
@@ -109,7 +112,8 @@ def course_for(
         integral_time_s=None if design is None else design.integral_time_s,
         ramp_degC_per_min=controller.ramp_degC_per_min(words), settling_s=limits.settling_s or 0.0,
         recovery_s=limits.recovery_s or 0.0, soak_settles_s=limits.soak_settles_s,
-        cold_degC=_OF_BAND * (limits.tolerance_degC if limits.soak_band_degC is None else limits.soak_band_degC))
+        cold_degC=_OF_BAND * (limits.tolerance_degC if limits.soak_band_degC is None else limits.soak_band_degC),
+        again_degC=None if words.boost is None else words.boost.again_degC)
     story = specification.story_at(conditions.lowest_degC)
     return story_for(models, loop, story, noise_degC=conditions.noise_degC, setpoint_degC=setpoint_degC)
 

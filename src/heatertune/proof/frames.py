@@ -69,6 +69,7 @@ class Frame:
         structure: of the design.
         ms: a looser limit of the optimum than asked for, within the specification.
         power_most_pct: the controller never asks for more [%].
+        boosted: whether the program gives full power far from the setpoint.
         ramped: whether the setpoint is led by a ramp.
     """
 
@@ -79,6 +80,7 @@ class Frame:
     structure: str | None = None
     ms: float | None = None
     power_most_pct: float | None = None
+    boosted: bool = False
     ramped: bool = False
 
     def with_(self, other: Frame) -> Frame:
@@ -129,13 +131,14 @@ class Frame:
                         "usually takes 1 s or more)" if self.bursts_s else
                         f"a PWM period of {period:.3g} s{' (a solid-state relay)' if about else ''}"),
             self.power_most_pct and f"an output of at most {self.power_most_pct:.3g} %",
+            self.boosted and "a boost",
             self.ramped and "a setpoint ramp")
         return " and ".join(part for part in parts if part)
 
 
 def frames(
     proof: Proof, models: Sequence[HeaterModel], tuned: TuneSettings, *, period_given: bool, interval_given: bool,
-    ramp_open: bool, least_interval_s: float,
+    ramp_open: bool, boost_open: bool, least_interval_s: float,
 ) -> Iterator[Frame]:
     """Return what may help where a proof fails, the least change first.
 
@@ -146,6 +149,7 @@ def frames(
         period_given: whether the user chose the PWM period: it stays.
         interval_given: likewise TA.
         ramp_open: whether nobody said anything about a setpoint ramp.
+        boost_open: whether there may be a boost.
         least_interval_s: TA is not taken below [s].
     """
     words, broken = proof.words, {criterion.name for criterion in proof.criteria if not criterion.ok}
@@ -156,18 +160,23 @@ def frames(
     slow = [] if given or "switchings" not in broken else switch.slower()
     swings = bool(broken & {"limit_cycle", "pwm_ripple"}) and switch.share(proof.actuator.pwm_period_s) > 1.0
     limited = list(switch.limited()) if broken & OF_WINDUP else []
-    ramped = [Frame(ramped=True)] if (
-        ramp_open and controller_for(words.target).ramped and broken & (OVERSHOOTS | REHEATS)) else []
+    controller, beyond = controller_for(words.target), bool(broken & (OVERSHOOTS | REHEATS))
+    boosted = [Frame(boosted=True)] if boost_open and controller.boosted and beyond else []
+    ramped = [Frame(ramped=True)] if ramp_open and controller.ramped and beyond else []
     coarse = switch.pwm(proof.actuator.pwm_period_s).share(proof.limits.tolerance_degC) > _RIPPLE
     bursts = [] if given or broken <= OF_WINDUP or not coarse else [
-        Frame(bursts_s=switch.bursts_s).with_(change) for change in (Frame(), *limited, *ramped)]
+        Frame(bursts_s=switch.bursts_s).with_(change) for change in (Frame(), *boosted, *limited, *ramped)]
     hopeless = swings and switch.calmest.share(proof.limits.tolerance_degC) >= _HOPELESS
     if hopeless and bursts:
         yield from bursts
         quick = []
+    if not swings:
+        yield from boosted  # costs nothing but the program
     windup = broken <= OF_WINDUP and bool(limited)
     gains = [] if windup else [Frame()]
     yield from (*quick, *gains, *slow) if swings else (*gains, *quick, *slow)
+    if broken - OF_WINDUP:
+        yield from boosted
     yield from limited
     if not (ramped and broken <= OF_WINDUP):
         if not interval_given:
@@ -181,7 +190,7 @@ def frames(
 
 
 def unwinds(target: str, frame: Frame, *, ramp_open: bool) -> bool:
-    """Return whether there is a change beside a frame's that mends a windup: a limit of the output, or a ramp."""
+    """Return whether there is a change to come after a frame that mends a windup: a limit of the output, or a ramp."""
     controller = controller_for(target)
     limited = controller.most_power is not None and frame.power_most_pct is None
     return limited or (ramp_open and controller.ramped and not frame.ramped)

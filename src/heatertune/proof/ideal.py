@@ -6,6 +6,7 @@ import math
 from typing import Final, NamedTuple
 
 from heatertune.model.values import HeaterModel
+from heatertune.pid.recipe import BoostView
 from heatertune.pid.values import PidDesign
 from heatertune.plc.core import Core
 from heatertune.plc.pwm import Actuator
@@ -21,17 +22,20 @@ class _Law(NamedTuple):
     integral: float  # TA/TI
     past: float
     derivative: float
+    within: float  # of the boost, see `heatertune.plc.boost.Boost`
+    again: float
 
 
 class _State(NamedTuple):
     summed: float
     filtered: float
     error: float
+    enabled: bool = True
 
 
 def simulate_wish(
     design: PidDesign, model: HeaterModel, scenario: Scenario, actuator: Actuator, *,
-    ramp_degC_per_min: float = math.inf, hold_degC: float | None = None,
+    ramp_degC_per_min: float = math.inf, hold_degC: float | None = None, boost: BoostView | None = None,
 ) -> Trace:
     """Return what the heater would do if the controller knew no words.
 
@@ -47,36 +51,40 @@ def simulate_wish(
         actuator: the switch.
         ramp_degC_per_min: of the setpoint [°C/min].
         hold_degC: how far from the reading it may be on its way [°C]; None: as far as it goes.
+        boost: where it is full power that is asked for, and the sums are none; None: nowhere.
 
     Raises:
         InputError, OutOfRange: as `simulate`.
     """
     ramped = math.isfinite(ramp_degC_per_min)
     controller = InLoop(
-        core=_CORE, parameters=_law_of(design), state=_State(0.0, 0.0, 0.0), sensor=0.0,
+        core=_CORE, parameters=_law_of(design, boost), state=_State(0.0, 0.0, 0.0, boost is None), sensor=0.0,
         asked=scenario.setpoints_degC, scan_s=design.sample_time_s, ramp_calls=int(ramped),
         ramp_step=ramp_degC_per_min / 60.0 * design.sample_time_s if ramped else 0.0, ramp_hold=hold_degC or 0.0,
     )
     return run_loop(controller, model, scenario, actuator)
 
 
-def _law_of(design: PidDesign) -> _Law:
-    past = design.derivative_filter
+def _law_of(design: PidDesign, boost: BoostView | None = None) -> _Law:
+    past, never = design.derivative_filter, (math.inf, math.inf)
     return _Law(
         design.gain_pct_per_degC, design.sample_time_s / design.integral_time_s, past,
         (1.0 - past) * design.derivative_time_s / design.sample_time_s,
+        *(never if boost is None else (boost.within_degC, boost.again_degC)),
     )
 
 
 def _step(p: _Law, s: _State, setpoint: float, reading: float, _begins: bool) -> tuple[_State, float, float, int]:
     error = setpoint - reading
+    if (error if p.gain > 0.0 else -error) > (p.again if s.enabled else p.within):
+        return _State(0.0, 0.0, error, False), 100.0, 100.0, 0
     filtered = p.past * s.filtered + p.derivative * (error - s.error)
     wanted = p.gain * (error + s.summed + p.integral * error + filtered)
     power = min(100.0, max(0.0, wanted))
     summed = s.summed
     if power == wanted or (wanted - power) * p.gain * error < 0.0:
         summed += p.integral * error
-    return _State(summed, filtered, error), power, wanted, 0
+    return _State(summed, filtered, error, True), power, wanted, 0
 
 
 def _as_it_is(_sensor: float, temperature_degC: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -16,9 +16,10 @@ from heatertune.proof.prove import Proof
 from heatertune.proof.screen import Screen
 from heatertune.proof.specification import LIMITS
 from heatertune.settings import Conditions
+from heatertune.units import written
 
-__all__ = ["broken_names", "broken_told", "limits_that_pass", "passing_settings", "settings_told", "suspects",
-           "tolerance_that_passes"]
+__all__ = ["both_that_pass", "broken_names", "broken_told", "limits_that_pass", "loosened", "options_of",
+           "passing_settings", "settings_told", "suspects", "tolerance_that_passes"]
 
 #: times the tolerance asked for
 _WIDER: Final = (1.5, 2.0, 3.0, 5.0)
@@ -64,14 +65,42 @@ def tolerance_that_passes(words: Words, fitted: FittedModel, proof: Proof, condi
     broken = [each.name for each in proof.criteria if not each.ok]
     if not all(name.endswith("_time") or name in _IN_BAND for name in broken):
         return None
-    screen, asked = Screen(fitted=fitted).with_failed(proof), specified(conditions).tolerance_degC
+    screen = Screen(fitted=fitted).with_failed(proof)
+    for wider in _wider(proof, conditions):
+        if screen.keeps(words, wider) and prove(words, fitted, wider).verdict != "FAIL":
+            return wider.tolerance_degC
+    return None
+
+
+def _wider(proof: Proof, conditions: Conditions) -> Iterator[Conditions]:
+    """Yield conditions with wider tolerances that hold the swing and the offset which a proof has found."""
+    asked, least = specified(conditions).tolerance_degC, max(
+        (each.value for each in proof.criteria if each.name in _IN_BAND), default=0.0)
+    others = tuple(limit for limit in conditions.limit if not limit.lstrip().startswith("tolerance"))
     for factor in _WIDER:
         tolerance = float(f"{factor * asked:.3g}")
-        others = tuple(limit for limit in conditions.limit if not limit.lstrip().startswith("tolerance"))
-        wider = replace(conditions, tolerance_degC=tolerance, limit=others)
-        if screen.keeps(words, wider) and prove(words, fitted, wider).verdict != "FAIL":
-            return tolerance
-    return None
+        if tolerance >= least:
+            yield replace(conditions, tolerance_degC=tolerance, limit=others)
+
+
+def both_that_pass(words: Words, fitted: FittedModel, proof: Proof, conditions: Conditions) -> tuple[str, ...]:
+    """Return options of a wider tolerance and of the limits that are still broken then, under which words pass."""
+    for wider in _wider(proof, conditions):
+        looser = limits_that_pass(prove(words, fitted, wider))
+        if looser and prove(words, fitted, loosened(wider, looser)).verdict != "FAIL":
+            return "--tolerance", f"{wider.tolerance_degC:g}", *options_of(looser)
+    return ()
+
+
+def loosened(conditions: Conditions, looser: Mapping[str, str]) -> Conditions:
+    """Return conditions with limits in the place of what they say of these."""
+    kept = [limit for limit in conditions.limit if limit.partition("=")[0].strip() not in looser]
+    return replace(conditions, limit=(*kept, *(f"{name}={value}" for name, value in looser.items())))
+
+
+def options_of(limits: Mapping[str, str]) -> tuple[str, ...]:
+    """Return limits as a user types them."""
+    return tuple(word for name, value in limits.items() for word in ("--limit", f"{name}={value}"))
 
 
 def limits_that_pass(proof: Proof) -> dict[str, str]:
@@ -104,5 +133,5 @@ def broken_names(proof: Proof) -> set[str]:
 
 def broken_told(criteria: Iterable[Criterion]) -> str:
     """Return what is broken and by how much: "overshoot 24 (limit 20 %)"."""
-    return ", ".join(f"{each.name.replace('_', ' ')} {each.value:.3g} (limit {each.limit:.3g} {each.unit})"
-                     for each in criteria if not each.ok and each.limit is not None)
+    return ", ".join(f"{each.name.replace('_', ' ')} {written(each.value, 3)} (limit {written(each.limit, 3)} "
+                     f"{each.unit})" for each in criteria if not each.ok and each.limit is not None)

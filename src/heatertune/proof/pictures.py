@@ -27,7 +27,7 @@ def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, 
     models = [(label, delayed(model, delay_s)) for label, model in labelled(fitted) if label in first_of]
     others = [trace_series(proof.traced(first_of[label]), label) for label, _ in models[1:]]
     wish = simulate_wish(wished, models[0][1], nominal.scenario, nominal.actuator,
-                         ramp_degC_per_min=proof.ramp_degC_per_min, hold_degC=proof.hold_degC)
+                         ramp_degC_per_min=proof.ramp_degC_per_min, hold_degC=proof.hold_degC, boost=proof.boost)
     document: dict[str, Any] = encode(PicturesView(
         phases=tuple(_phases(nominal)), ms_limit=proof.limits.ms,
         nominal=SeriesView(**trace_series(nominal, proof.runs[0].label)),

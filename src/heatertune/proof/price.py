@@ -7,6 +7,7 @@ from typing import Final
 
 from heatertune.pid.values import PidDesign
 from heatertune.proof.asked import Closed
+from heatertune.units import written
 
 __all__ = ["broken", "gains_told", "more_iae", "told"]
 
@@ -43,7 +44,7 @@ def _price(first: Closed, found: Closed) -> Iterator[str]:
         old, new = (next(each.value for each in closed_.proof.criteria if each.name == name)
                     for closed_ in (first, found))
         if abs(new - old) > _NOTICED * old:
-            yield f"the worst {name.replace('_', ' ')} goes from {old:.3g} to {new:.3g} {unit}"
+            yield f"the worst {name.replace('_', ' ')} goes from {written(old, 3)} to {written(new, 3)} {unit}"
 
 
 def broken(found: Closed) -> str:

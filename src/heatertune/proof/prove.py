@@ -6,13 +6,14 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache as remember
+from functools import partial
 from typing import Any
 
 from heatertune.codec import built, encode
 from heatertune.errors import InputError
 from heatertune.model.findings import Finding
 from heatertune.model.values import HeaterModel
-from heatertune.pid.recipe import RampView
+from heatertune.pid.recipe import BoostView, RampView
 from heatertune.pid.values import PidDesign
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import Switch
@@ -146,6 +147,11 @@ class Proof(Shown):
         view = {"degC_per_min": self.ramp_degC_per_min, "hold_degC": self.hold_degC}
         return None if ramp is None else built(RampView, ramp, **view)
 
+    @property
+    def boost(self) -> BoostView | None:
+        """The words' boost as documents hold it, None without one."""
+        return None if self.words.boost is None else built(BoostView, self.words.boost)
+
     def to_document(self) -> dict[str, Any]:
         """Return the JSON document; traces are not part of it, numbers that are not finite are null."""
         runs = (
@@ -184,7 +190,8 @@ def prove_models(
     acceptance, coverage, design = acceptance or Acceptance(), coverage or Coverage(), controller.decode(words)
     limits = acceptance.limits
     runs = Runs.of(controller, words, models, scenario, actuator, limits, coverage, interlock=interlock)
-    traced, judged = remember(runs.traced), runs.judged()
+    traced = remember(partial(runs.traced, direct=not coverage.open_points))  # a quick look waits for no listing
+    judged = runs.judged()
     step = acceptance.step_power_pct(design, max(runs.resolution_degC, scenario.noise_degC))
     margins = acceptance.margins(design, (model for _, model, _ in runs.cases))
     results = [
@@ -194,7 +201,7 @@ def prove_models(
     ]
     heard = _with_unshown(_with_band(acceptance.heard, limits, runs.resolution_degC),
                           coverage.in_question(controller.switches), results)
-    if controller.direct is not None and coverage.only is None:  # measured on traces, whose last digits differ
+    if controller.direct is not None and coverage.whole:  # measured on traces, whose last digits differ
         for run in {0, _worst(results)}:
             results[run] = _ran(results[run], judge(traced(run), limits, where=results[run].label))
     seeds, remarks = _with_draws(runs, results, judged) if coverage.draws else ({}, [])

@@ -7,11 +7,12 @@ import math
 from collections.abc import Collection
 from dataclasses import replace
 
+from heatertune.codec import built
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
 from heatertune.pid.recipe import RampView, Recipe
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Ramp, Scaling, Words, controller_for
+from heatertune.plc import Boost, Ramp, Scaling, Words, controller_for
 from heatertune.plc.choice import WordChoice
 from heatertune.plc.choose import choose_words
 from heatertune.proof.profile_file import read_profile
@@ -90,6 +91,8 @@ def finished(words: Words, recipe: Recipe | None) -> Words:
         return words
     if recipe.power_most_pct is not None:
         words = controller_for(words.target).limited(words, recipe.power_most_pct)
+    if recipe.boost is not None:
+        words = replace(words, boost=built(Boost, recipe.boost))
     return words if recipe.setpoint_ramp is None else replace(words, ramp=_ramp(words, recipe.setpoint_ramp))
 
 

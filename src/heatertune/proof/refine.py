@@ -24,6 +24,7 @@ from heatertune.plc.promise import broken_by
 from heatertune.progress import Told
 from heatertune.proof import Proof, prove
 from heatertune.settings import Conditions
+from heatertune.units import written
 
 __all__ = ["WORTH", "refine"]
 
@@ -98,8 +99,8 @@ def refine(
     kept = f"; {' and '.join(mended)} is kept now" if mended else ""
     changes = (
         f"Refined in the loop of the proof, limits, anti-windup and PWM included: K by {_factor(best, first, 'gain')}, "
-        f"TN by {_factor(best, first, 'time')}; the worst IAE of the scenario goes from {first.cost:.4g} "
-        f"to {best.cost:.4g} °C·s{kept}."
+        f"TN by {_factor(best, first, 'time')}; the worst IAE of the scenario goes from {written(first.cost)} "
+        f"to {written(best.cost)} °C·s{kept}."
     )
     real = realised_as(best.words, fitted, choice.search.iae_load_wished)
     return replace(choice, words=best.words, search=replace(choice.search, way="refined", realised=real)).noted(changes)

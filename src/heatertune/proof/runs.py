@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -13,6 +13,7 @@ from heatertune.model.values import HeaterModel
 from heatertune.plc.controller import Controller
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
+from heatertune.progress import Told
 from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Criterion, Limits
 from heatertune.proof.interlock import Interlock
@@ -39,6 +40,7 @@ class Runs:
         actuator: the switch.
         limits: that are to be kept.
         interlock: what watches the heater in every run; None: nothing.
+        progress: told how many runs are judged.
     """
 
     controller: Controller
@@ -49,6 +51,7 @@ class Runs:
     actuator: Actuator
     limits: Limits
     interlock: Interlock | None
+    progress: Told
 
     @classmethod
     def of(
@@ -83,7 +86,8 @@ class Runs:
         loops = [in_loop(controller, words, scenario.setpoints_degC, setting, direct=True) for setting in settings
                  if any(setting is ran for *_, ran in cases)]
         return cls(controller=controller, words=words, cases=cases, loops=loops, scenario=scenario,
-                   actuator=actuator_of(loops[0], actuator), limits=limits, interlock=interlock)
+                   actuator=actuator_of(loops[0], actuator), limits=limits, interlock=interlock,
+                   progress=coverage.progress)
 
     def label(self, run: int) -> str:
         """Return the model of a run, and the settings that are not the default."""
@@ -112,8 +116,12 @@ class Runs:
     def judged(self) -> list[tuple[Criterion, ...]]:
         """Return the criteria of each run."""
         if self.interlock is None:
-            return self._metered(range(len(self.cases)))
-        return [criteria for run in range(len(self.cases)) for criteria in self.judged_with([self.scenario.seed], run)]
+            return self._metered(range(len(self.cases)), tell=self._tell)
+        judged = []
+        for run in range(len(self.cases)):
+            judged += self.judged_with([self.scenario.seed], run)
+            self._tell(len(judged))
+        return judged
 
     def judged_with(self, seeds: Sequence[int], run: int) -> list[tuple[Criterion, ...]]:
         """Return the criteria of one run with noise of other seeds."""
@@ -122,21 +130,32 @@ class Runs:
         # what it sees is the temperature at any instant, which only a trace tells
         return [judge(self.traced(run, seed, direct=True), self.limits, where=self.label(run)) for seed in seeds]
 
-    def _metered(self, runs: Sequence[int], seeds: Sequence[int] = ()) -> list[tuple[Criterion, ...]]:
+    def _tell(self, done: int) -> None:
+        self.progress(f"{done} of {len(self.cases)} runs")
+
+    def _metered(
+        self, runs: Sequence[int], seeds: Sequence[int] = (), tell: Callable[[int], object] = int,
+    ) -> list[tuple[Criterion, ...]]:
         """Return the criteria of some runs, and no trace: many times as fast.
 
         Args:
             runs: their numbers.
             seeds: of each one's noise, all being under one setting; none: the scenario's for all.
+            tell: told how many are done.
         """
         rows = np.array([plant_row(self.cases[run][1], self.scenario) for run in runs])
         noise = np.array([noise_of(replace(self.scenario, seed=seed), self.scans)
                           for seed in seeds or [self.scenario.seed]])
         placed = [(loop, [place for place, run in enumerate(runs) if self.cases[run][2] == loop.switches])
                   for loop in self.loops]
-        parts = [metered(loop, rows[own], self.scenario, self.actuator, self.limits, noise, np.zeros((1, 1)))
-                 for loop, own in placed if own]
-        back = np.argsort(np.concatenate([own for _, own in placed if own]))
+        parts, done = [], list[int]()
+        for loop, own in placed:
+            if own:
+                parts.append(metered(
+                    loop, rows[own], self.scenario, self.actuator, self.limits, noise, np.zeros((1, 1))))
+                done += own
+                tell(len(done))
+        back = np.argsort(done)
         columns = columns_of(ordered(joined(parts), back), self.limits)
         labels = [self.label(run) for run in runs]
         return list(zip(*(column.criteria(labels) for column in columns), strict=True))

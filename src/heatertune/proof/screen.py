@@ -87,6 +87,16 @@ class Screen:
         """Return whether words keep the limits in these runs; errors as `look`."""
         return self.look(words, conditions, bound=NOTICEABLE).badness == 0.0
 
+    def settles(self, words: Words, conditions: Conditions) -> float | None:
+        """Return when the worst of these runs has settled [s], None where one breaks a limit; errors as `look`."""
+        last = 0.0
+        for some in filter(None, (self.runs[:1], self.runs[1:])):
+            runs = prove(words, self.fitted, conditions, only=some).runs
+            if any(map(self._broken, runs)):
+                return None
+            last = max(last, *(each.value for run in runs for each in run.criteria if each.name == "settling_time"))
+        return last
+
     def _broken(self, proof: Proof | RunResult) -> list[Criterion]:
         return [criterion for criterion in proof.criteria
                 if not criterion.ok and (self.names is None or criterion.name in self.names)]

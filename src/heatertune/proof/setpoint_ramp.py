@@ -22,6 +22,7 @@ from heatertune.proof.measured import band_of
 from heatertune.proof.scenario import conditions as conditions_of
 from heatertune.proof.screen import Screen
 from heatertune.settings import Conditions
+from heatertune.units import written
 
 __all__ = ["BY_RAMP", "OVERSHOOTS", "REHEATS", "prove_ramped"]
 
@@ -56,7 +57,7 @@ def prove_ramped(
         fitted: the heater and its candidates.
         ramp: [°C/min]; "none": at once; "auto": the fastest that keeps the limits on overshoot in every run, where
             they are broken without one, and with a holdback where that takes one; None: as the words have it, and,
-            where nothing but these limits is broken, told what "auto" would find.
+            where nothing but these limits is broken, told what "auto" would find. It takes the place of a boost.
         conditions: of the proof.
         plain: the proof of these words under these conditions without a ramp, where there is one already.
         progress: told what begins.
@@ -77,9 +78,9 @@ def _ramped(
 ) -> tuple[Proof, list[str]]:
     controller = controller_for(words.target)
     if isinstance(ramp, float | int):
-        words = replace(words, ramp=controller.ramp(words, ramp))
+        words = replace(words, ramp=controller.ramp(words, ramp), boost=None)
     elif ramp is not None:
-        words = replace(words, ramp=None)
+        words = replace(words, ramp=None, boost=words.boost if ramp == "none" else None)
     if plain is None or plain.words != words:
         plain = prove(words, fitted, conditions)
     if words.ramp is not None or ramp == "none":
@@ -158,7 +159,7 @@ def _why_none(plain: Proof, broken: list[str], *, ramped: bool) -> str:
 
 def _told(plain: Proof, ramped: Proof) -> str:
     def change(name: str, unit: str) -> str:
-        return f"from {_value(plain, name):.4g} to {_value(ramped, name):.4g} {unit}"
+        return f"from {written(_value(plain, name))} to {written(_value(ramped, name))} {unit}"
 
     others = [criterion.name for criterion in ramped.criteria if not criterion.ok]
     fails = f" {' and '.join(others)} fails with it." if others else ""
@@ -189,11 +190,7 @@ class _Search:
         words = next(filter(None, map(self._with, self._durations())), None)
         if words is None:
             return None
-        runs = prove(words, self.fitted, self.conditions, only=self._watched.runs).runs
-        criteria = [each for run in runs for each in run.criteria]
-        if not all(each.ok for each in criteria if each.name in self.kept):
-            return None
-        return max(each.value for each in criteria if each.name == "settling_time")
+        return self._watched.settles(words, self.conditions)
 
     def fastest(self, within_s: float | None = None) -> Proof | None:
         """Return the proof with the fastest ramp found.
@@ -274,7 +271,7 @@ class _Search:
             ramp: Ramp = controller_for(words.target).ramp(words, 60.0 * way / duration_s, self.hold_degC)
         except OutOfRange:
             return None
-        return replace(words, ramp=ramp)
+        return replace(words, ramp=ramp, boost=None)
 
     def _keeps(self, words: Words, watched: Screen) -> bool:
         return watched.keeps(words, self.conditions)

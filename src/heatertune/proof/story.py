@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from heatertune.errors import InputError
-from heatertune.heater.exact import since_step
+from heatertune.heater.exact import time_to
 from heatertune.model.values import HeaterModel
 from heatertune.proof.criteria import Limits
 from heatertune.proof.profile import Leg, Profile
@@ -104,6 +104,7 @@ class Loop:
         settling_s, recovery_s: that heat-up and recovery may take as specified; a part lasts so long or longer [s].
         soak_settles_s: time of a soak [s] → when in it the temperature has to be right [s].
         cold_degC: how near to the ambient a heater has to be before a profile [°C].
+        again_degC: so far from the setpoint the program takes the heater back from the controller; None: nowhere [°C].
     """
 
     scan_s: float
@@ -115,6 +116,7 @@ class Loop:
     recovery_s: float = 0.0
     soak_settles_s: Callable[[float], float] = Limits().soak_settles_s
     cold_degC: float = 1.0
+    again_degC: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -208,6 +210,9 @@ class _Teller:
         if self.story.opens:
             yield self._off(Mains(time_s=1.0, share=0.0), max(2.0 * self.integral_time_s, self.heater_s))
             yield self._part(Mains(time_s=1.0, share=1.0), self.way_s)
+            if self._nearly_again_s > 0.0:
+                yield self._off(Mains(time_s=1.0, share=0.0), self._nearly_again_s)
+                yield self._part(Mains(time_s=1.0, share=1.0), self.way_s)
         if self.low_degC is not None:
             yield _Part(event=NewSetpoint(time_s=1.0, setpoint_degC=self.low_degC),
                         limit_s=self._cooling_s + self.loop_s + self._ramp_s, rest_s=self.long_rest_s)
@@ -343,6 +348,15 @@ class _Teller:
         return _Part(event=event, limit_s=seconds, rest_s=0.0)
 
     @property
+    def _nearly_again_s(self) -> float:
+        """How long an open circuit winds the controller up most: a boost is about to take the slowest heater back."""
+        if self.loop.again_degC is None or self.loop.again_degC >= abs(self.step_degC):
+            return 0.0
+        step_s = max(self.loop.scan_s, self.loop.pwm_period_s, self.loop.sample_time_s)
+        shares = (self.loop.again_degC / abs(self.setpoint_degC - ambient) for ambient in self.ambients_degC)
+        return self._longest_s(share if share < 1.0 else _COLD for share in shares) - 2.0 * step_s
+
+    @property
     def _mains_tested(self) -> bool:
         return self.story.mains and self._reserve_pct(_LOW_MAINS) >= _RESERVE_PCT
 
@@ -370,19 +384,5 @@ class _Teller:
 
     def _longest_s(self, shares: Iterator[float]) -> float:
         """Return the longest time in which a heater does a share of its way, each its own."""
-        return max(model.dead_time_s + _time_to(share, model) for model, share in zip(self.models, shares, strict=True))
-
-
-def _time_to(share: float, model: HeaterModel) -> float:
-    """Return the time after which the answer to a step has done a share of its way, without the dead time [s]."""
-    first, *second = model.lags_s
-    if not second:
-        return -first * math.log1p(-share)
-    low, high = 0.0, sum(model.lags_s) * (1.0 - math.log1p(-share))  # no two lags take longer
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if since_step(np.array(middle), first, second[0])[0] < share:
-            low = middle
-        else:
-            high = middle
-    return high
+        return max(model.dead_time_s + time_to(share, *model.lags_s)
+                   for model, share in zip(self.models, shares, strict=True))

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.codec import decode, registered
+from heatertune.codec import LEFT_OUT, built, decode, registered
 from heatertune.documents import peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused
-from heatertune.plc import Certificate, Ramp, Scaling, Words, controller_for
+from heatertune.pid.recipe import BoostView
+from heatertune.plc import Boost, Certificate, Ramp, Scaling, Words, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.document import checked, digested
@@ -51,6 +52,7 @@ class WordsView:
     scaling: Scaling
     sample_time_s: float
     setpoint_ramp: WordsRampView | None
+    boost: BoostView | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +99,7 @@ class WholeWordsView:
     setpoint_degC: float
     setpoint_units: float
     setpoint_ramp: WordsRampView | None
+    boost: BoostView | None = field(default=None, metadata=LEFT_OUT)
     scaling: Scaling
     realised: Mapping[str, Any] | None
     files: tuple[str, ...]
@@ -116,8 +119,8 @@ def read_words(path: str | Path, target: str) -> Words | None:
 
     Raises:
         DocumentError: the file cannot be read, or holds words of another target.
-        OutOfRange: a word the target does not allow, a ramp that makes no sense (the proof asks whether the target
-            can follow it).
+        OutOfRange: a word the target does not allow, a ramp or boost that makes no sense (the proof asks whether the
+            target can follow it).
     """
     if peek_schema(path) != WORDS_SCHEMA:
         return None
@@ -138,12 +141,14 @@ def words_of(document: Mapping[str, Any], target: str, path: str | Path) -> Word
     """
     if document.get("target") != target or not isinstance(document.get("words"), dict):
         raise DocumentError(f"{path}: words of target {document.get('target')!r}; expected {target!r}")
-    view = decode(WordsView, {name: document.get(name) for name in ("scaling", "sample_time_s", "setpoint_ramp")}, path)
+    around = ("scaling", "sample_time_s", "setpoint_ramp", "boost")
+    view = decode(WordsView, {name: document.get(name) for name in around}, path)
     ramp = view.setpoint_ramp
     words = Words(
         target=target, values=document["words"], sample_time_s=view.sample_time_s,
         scaling=view.scaling,
         ramp=None if ramp is None else Ramp(step=ramp.step, calls=ramp.calls, hold=ramp.hold),
+        boost=None if view.boost is None else built(Boost, view.boost),
     )
     controller_for(target).check(words)
     return words
@@ -165,6 +170,8 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
         led = Ramp(**{name: ramp[name] for name in ("step", "calls", "hold")})
         rate = f"{led}, {ramp['degC_per_min']:.3g} °C/min"
         lines.append(f"proven with the setpoint ramp {rate}; nothing is proven without it")
+    if "boost" in proof:
+        lines.append(f"proven with a boost: {Boost(**proof['boost'])}; nothing is proven without it")
     watch = proof["interlock"]
     lines += [] if watch is None else [f"behind the interlock {watch['name']}, limit {watch['limit_degC']:g} °C"]
     lines += [f"taken as known: {name} = {setting}" for name, setting in proof["known"].items()]
@@ -202,7 +209,7 @@ def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where:
             was not run on each heater.
         UnknownName: the target has no such switch or setting.
     """
-    names = ("target", "words", "sample_time_s", "scaling", "setpoint_ramp")
+    names = ("target", "words", "sample_time_s", "scaling", "setpoint_ramp", "boost")
     other = [name for name in names if proof.get(name) != words.get(name)]
     if other:
         raise ExportRefused(f"{where}: the proof of other words ({', '.join(other)}); prove these first")

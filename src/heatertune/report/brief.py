@@ -17,7 +17,18 @@ from heatertune.plc.typed import TypedWord, as_typed
 from heatertune.proof.period import life
 from heatertune.proof.verdict import blocking, sampled, told_by_kind
 from heatertune.report.layout import LINES, WIDTH, beside, command, cut, labelled, notes_within, screen, table, wrapped
-from heatertune.report.text import NOT_IDENTIFIED, criterion_value, figure, model_rows, ramp_note, search_notes, typed
+from heatertune.report.text import (
+    NOT_IDENTIFIED,
+    criterion_value,
+    figure,
+    limit_text,
+    model_rows,
+    quantity,
+    ramp_note,
+    search_notes,
+    typed,
+    unit_text,
+)
 
 __all__ = ["design_brief", "model_brief", "tune_brief", "verify_brief"]
 
@@ -141,10 +152,9 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
 def _breaks(proof: Document, name: str) -> str:
     """Return a broken criterion with its limit: "overshoot 24 % (limit 20 %)"."""
     criterion = proof["criteria"][name]
-    unit = _unit(criterion)
     if name == "stability":
         return "the loop is not stable"
-    return f"{_called(name)} {_value(criterion)} (limit {figure(criterion['limit'])}{unit})"
+    return f"{_called(name)} {_value(criterion)} (limit {quantity(criterion['limit'], criterion['unit'])})"
 
 
 def _worst(proof: Document) -> list[str]:
@@ -154,15 +164,13 @@ def _worst(proof: Document) -> list[str]:
     hardest = sorted(judged, key=lambda name: (limited[name]["ok"], -_used(limited[name])))[:_WORST]
     rows = [(f"of {count(len(proof['runs']), 'run')}", "the worst", "limit", "used")]
     for name in hardest:
-        criterion, unit = limited[name], _unit(limited[name])
-        limit = f"{'at least' if criterion['bound'] == '>=' else 'at most'} {figure(criterion['limit'])}{unit}"
-        used = _used(criterion)
-        rows.append((_called(name), _value(criterion), limit,
+        criterion, used = limited[name], _used(limited[name])
+        rows.append((_called(name), _value(criterion), limit_text(criterion),
                      f"{math.floor(100.0 * used)} %" if criterion["ok"] else "FAIL"))
     often = proof["criteria"].get("switchings")
     if often is not None and often["limit"] is None:
         per_hour = math.inf if often["value"] is None else often["value"]
-        rows.append(("switchings", f"{per_hour:.0f}{_unit(often)}", "none",
+        rows.append(("switchings", f"{per_hour:.0f}{unit_text(often['unit'])}", "none",
                      f"a contactor lasts {life('contactor', per_hour)}"))
     return table(rows, right=(1,)).splitlines()
 
@@ -179,11 +187,7 @@ def _used(criterion: Document) -> float:
 
 
 def _value(criterion: Document) -> str:
-    return f"{criterion_value(criterion)}{'' if criterion['value'] is None else _unit(criterion)}"
-
-
-def _unit(criterion: Document) -> str:
-    return {"1": "", "°": "°", "1/h": " an hour"}.get(criterion["unit"], f" {criterion['unit']}")
+    return criterion_value(criterion) if criterion["value"] is None else quantity(criterion["value"], criterion["unit"])
 
 
 def _called(name: str) -> str:
@@ -235,7 +239,9 @@ def _facts(words: Document, proof: Document) -> str:
              f"sensor{sensor} {figure(scale['low_degC'])} to {figure(scale['high_degC'])} °C"]
     if switch is not None:
         facts.append(f"PWM of {figure(switch['pwm_period_s'])} s")
-    if ramp_note(words):
+    if boost := words.get("boost"):
+        facts.append(f"boost until {figure(boost['within_degC'], 3)} °C from the setpoint")
+    elif ramp_note(words):
         facts.append(f"setpoint ramp {figure(words['setpoint_ramp']['degC_per_min'], 3)} °C/min")
     return ", ".join(facts)
 

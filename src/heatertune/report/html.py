@@ -6,6 +6,7 @@ import hashlib
 import html
 import re
 from collections.abc import Sequence
+from importlib.resources import files
 from typing import Any, Final
 
 from heatertune.report import live
@@ -15,41 +16,8 @@ __all__ = ["Markup", "bullets", "coded", "page", "picture", "steps", "table", "t
 
 _CODE: Final = re.compile(r"`([^`]+)`")
 
-_STYLE = """
-:root { --ink: #1a1a1a; --soft: #595959; --line: #d5d5d5; --pass: #00634a; --fail: #a33c00; }
-body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: #fff; max-width: 62rem; margin: 2rem auto;
-       padding: 0 1rem; }
-h1 { font-size: 1.6rem; margin-bottom: .2rem; } h2 { font-size: 1.2rem; margin-top: 2.2rem; }
-p, li { max-width: 46rem; } .soft { color: var(--soft); }
-table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums;
-        max-width: 100%; min-width: 24rem; }
-caption { caption-side: bottom; text-align: left; color: var(--soft); font-size: .85em; padding-top: .2rem; }
-th, td { border-bottom: 1px solid var(--line); padding: .25rem .7rem; text-align: left; vertical-align: top; }
-td.n, th.n { text-align: right; } td.n { white-space: nowrap; } .pass { color: var(--pass); font-weight: 600; }
-.fail, .not-proven { color: var(--fail); font-weight: 700; }
-.verdict { font-size: 1.3rem; border: 2px solid currentColor; padding: .3rem .8rem; display: inline-block; }
-figure { margin: 1rem 0; } figure svg { max-width: 100%; height: auto; } figcaption { color: var(--soft); }
-figure.moves > svg { display: none; } code { font-family: ui-monospace, monospace; }
-.u-legend { font-size: .85em; text-align: left; min-width: 0; } .hint { font-size: .85em; }
-.u-legend th, .u-legend td { border: 0; padding: 0 .3rem 0 0; } .u-inline.u-live th { font-weight: 400; }
-ol.steps { padding-left: 0; } ol.steps li { list-style: none; } label { display: block; padding-left: 1.6rem; }
-label input { margin-left: -1.6rem; } input[type=checkbox] { width: 1rem; height: 1rem; margin-right: .6rem; }
-.sign td { min-width: 13rem; height: 1.9rem; }
-@media screen and (max-width: 60rem) { table:not(.u-legend) { display: block; overflow-x: auto; min-width: 0; } }
-@page { size: A4; margin: 13mm 12mm; }
-@media print {
-  body { margin: 0; padding: 0; max-width: none; font-size: 8.6pt; line-height: 1.32; }
-  h1 { font-size: 14pt; } h2 { font-size: 11pt; margin: .8rem 0 .2rem; } h3 { margin: .5rem 0 .1rem; }
-  h2, h3, summary { break-after: avoid; } figure, tr, li { break-inside: avoid; }
-  p, li { max-width: none; margin: .15rem 0; } ul, ol { margin: .2rem 0; } th, td { padding: .08rem .4rem; }
-  table { margin: .25rem 0; } figure { margin: .3rem 0; } .live, .hint { display: none; }
-  figure > svg, figure.moves > svg { display: block; max-height: 72mm; margin: 0 auto; }
-  input[type=checkbox] { width: .7rem; height: .7rem; margin-right: .4rem; } label { padding-left: 1.1rem; }
-  label input { margin-left: -1.1rem; } .sign td { height: 1.5rem; }
-  details::details-content { content-visibility: visible; display: block; }
-}
-"""
-
+_FOOT: Final = "font: 7.5pt system-ui, sans-serif; color: #595959"
+_NUMBER: Final = f'@bottom-right {{ content: "page " counter(page) " of " counter(pages); {_FOOT} }}'
 
 class Markup(str):
     """Text that is HTML already."""
@@ -57,16 +25,19 @@ class Markup(str):
     __slots__ = ()
 
 
-def page(title: str, body: str, *, mark: str = "") -> str:
+def page(title: str, body: str, *, mark: str = "", foot: str = "") -> str:
     """Return a whole page with its style; with pictures, also the program that moves them.
 
     Args:
         title: heading.
         body: HTML.
         mark: what the browser keeps the ticks of this page under.
+        foot: what stands at the foot of each printed page, beside its number.
     """
     moves = "data-live" in body
-    style = f"{live.style()}\n{_STYLE}" if moves else _STYLE
+    own = files("heatertune.report").joinpath("page.css").read_text(encoding="utf-8")
+    style = f"{live.style()}\n{own}" if moves else own
+    style += f'@page {{ @bottom-left {{ content: "{_in_style(foot)}"; {_FOOT} }} {_NUMBER} }}\n' if foot else ""
     program = f"<script>{live.program()}</script>" if moves else ""
     return (
         f'<!DOCTYPE html>\n<html lang="en" data-words="{text_of(mark)}"><head><meta charset="utf-8">'
@@ -74,6 +45,11 @@ def page(title: str, body: str, *, mark: str = "") -> str:
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{style}</style></head>\n'
         f"<body><main>\n<h1>{text_of(title)}</h1>\n{body}\n</main>{program}</body></html>\n"
     )
+
+
+def _in_style(text: str) -> str:
+    """Return text as it may stand in quotation marks of a style sheet: all but letters and digits by their numbers."""
+    return "".join(each if each.isascii() and each.isalnum() else f"\\{ord(each):x} " for each in text)
 
 
 def picture(drawn: Any, caption: str, *, moves: bool = True) -> str:

@@ -38,7 +38,8 @@ def style() -> str:
 
 def panels_json(figure: Figure) -> str:
     """Return the figure's panels as JSON that may stand in a script element; "[]" where none can be moved."""
-    return json.dumps(panels(figure), ensure_ascii=False, separators=(",", ":")).replace("</", "<\\/")
+    # "<!--<script" would keep the parser from seeing the end of the element, "</script" would be one
+    return json.dumps(panels(figure), ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def panels(figure: Figure) -> list[dict[str, Any]]:

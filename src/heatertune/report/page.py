@@ -7,11 +7,12 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from heatertune.model.findings import KINDS
 from heatertune.plc import controller_for
-from heatertune.proof.verdict import blocking, told_of
-from heatertune.report import plots, record
+from heatertune.report import plots
+from heatertune.report.conditions import assumed, limits, specification
+from heatertune.report.glossary import glossary
 from heatertune.report.html import bullets, page, picture, table, text_of
+from heatertune.report.record import head, record, remedies
 from heatertune.report.text import (
     NOT_IDENTIFIED,
     criterion_value,
@@ -33,25 +34,15 @@ def render(documents: Documents) -> str:
         documents: "log", "model", "pid", "words", "proof", "pictures" and "comparison".
     """
     words = documents["words"]
-    title = f"{documents['log']['name']} → {words['target']}"
+    title = f"Commissioning record: {documents['log']['name']} → {words['target']}"
     proven = [words["target"], words["words"], words["sample_time_s"]]
     mark = hashlib.sha256(json.dumps(proven, sort_keys=True).encode()).hexdigest()[:16]
-    return page(title, "\n".join(section(documents) for section in _SECTIONS), mark=mark)
-
-
-def _verdict(documents: Documents) -> str:
-    proof = documents["proof"]
-    models = len({run["model"] for run in proof["runs"]})
-    points = [f"Not proven: {finding['told']} What closes it: {KINDS[finding['name']].remedy}."
-              for finding in blocking(proof)]
-    points += told_of(proof)
-    forced = " The words were exported in spite of it (--force)." if documents["words"].get("forced") else ""
-    return (
-        f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{proof["verdict"]} at '
-        f"{figure(documents['pictures']['nominal']['setpoint_degC'])} °C</p>"
-        f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {models} possible heaters, each under "
-        f"every setting of what the manual leaves open.{forced}</p>{bullets(points)}"
-    )
+    signed = record(documents)
+    found = "\n".join(f"<section>{part}</section>" for section in _APPENDIX if (part := section(documents)))
+    terms = f"<section>{glossary(signed + found)}</section>"
+    appendix = f'<div class="appendix"><h1>Appendix: how it was found</h1>\n{found}\n{terms}</div>'
+    body = f'<div class="record">{signed}</div>\n{appendix}'
+    return page(title, body, mark=mark, foot=head(documents))
 
 
 def _log(documents: Documents) -> str:
@@ -179,7 +170,7 @@ def _proof(documents: Documents) -> str:
     proof, pictures = documents["proof"], documents["pictures"]
     rows = []
     for name, c in proof["criteria"].items():
-        limit = "told only" if c["limit"] is None else f"{'≥' if c['bound'] == '>=' else '≤'} {figure(c['limit'])}"
+        limit = "none" if c["limit"] is None else f"{'≥' if c['bound'] == '>=' else '≤'} {figure(c['limit'])}"
         mark = "" if c["limit"] is None else "ok" if c["ok"] else "FAIL"
         rows.append([name.replace("_", " "), criterion_value(c), limit, c["unit"], mark, c["where"], c["what"]])
     heads = ["criterion", "worst", "limit", "unit", "", "in the run", "meaning"]
@@ -188,7 +179,7 @@ def _proof(documents: Documents) -> str:
     parts = ", ".join(f"{part['label']} at {part['begin_s']:.0f} s" for part in phases)
     return (
         "<h2>Proof</h2>"
-        + table(heads, rows, numeric=(1,), source="closed loop of the PLC's own arithmetic; each line names its run")
+        + table(heads, rows, numeric=(1, 2), source="closed loop of the PLC's own arithmetic; each line names its run")
         + (f"<h3>Known faults of this controller</h3>{bullets(proof['faults'])}" if proof["faults"] else "")
         + picture(plots.plot_loop(nominal, pictures["worst"], pictures["others"], phases),
                    f"One run, {parts}; nominal: {pictures['nominal']['label']}, worst: {pictures['worst']['label']}.")
@@ -222,8 +213,6 @@ def _comparison(documents: Documents) -> str:
     return text
 
 
-_SECTIONS: Sequence[Callable[[Documents], str]] = (
-    _verdict, record.words, record.site, record.signature, record.specification, _proof, record.limits, _design,
-    _model, _log, record.assumed,
-    _comparison,
+_APPENDIX: Sequence[Callable[[Documents], str]] = (
+    specification, _proof, limits, remedies, _design, _model, _log, assumed, _comparison,
 )

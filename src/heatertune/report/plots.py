@@ -18,6 +18,7 @@ __all__ = ["plot_fit", "plot_loop", "plot_paper", "plot_pareto", "plot_pwm", "pl
 Part = Mapping[str, Any]
 
 _MANY_PARTS: Final = 4  # a run of fewer is drawn on an even axis
+_NAMES_IN: Final = 1.1  # of the names of the parts below a picture [inch]
 _RESTS_DRAWN: Final = 0.05  # of a time at rest
 _NAMED: Final = 0.015  # a part that is narrower, of the whole picture, stands in the words below alone
 _SEEN: Final = 0.02  # |S| that can be told from 0 in the picture
@@ -44,7 +45,7 @@ def plot_fit(log: Part, residuals: Part) -> Figure:
 
 def plot_loop(nominal: Part, worst: Part, others: Sequence[Part], phases: Sequence[Part] = ()) -> Figure:
     """Draw the proven loop: temperature on all models, power asked for on the nominal and the worst."""
-    figure, (top, low) = new_figure(2, 4.2, sharex=True, height_ratios=(2, 1))
+    figure, (top, low) = new_figure(2, 4.2 + _named_height(phases), sharex=True, height_ratios=(2, 1.2))
     for run in others:
         top.plot(run["time_s"], run["temperature_degC"], label=run["label"], **LOOK["other"])
     _temperature(top, worst, "worst", "worst")
@@ -76,7 +77,7 @@ def plot_pwm(nominal: Part, start_s: float, end_s: float) -> Figure:
 
 def plot_wish(nominal: Part, wish: Part, phases: Sequence[Part] = ()) -> Figure:
     """Draw what the design meant against what the words do."""
-    figure, (top, low) = new_figure(2, 3.8, sharex=True, height_ratios=(2, 1))
+    figure, (top, low) = new_figure(2, 3.8 + _named_height(phases), sharex=True, height_ratios=(2, 1.2))
     _temperature(top, nominal, "realised", "realised")
     _temperature(top, wish, "wished", "wish")  # dashed, on top: where they agree both can be seen
     _setpoint(top, nominal)
@@ -154,6 +155,11 @@ def _circle(ax: Axes, ms: float, text: str, look: str, *, inner: bool) -> None:
     ax.add_patch(Circle((-1.0, 0.0), 1.0 / ms, fill=False, **LOOK[look]))
     ax.annotate(f"Ms, {text}", (-1.0, 0.0 if inner else 1.0 / ms), xytext=(0, -6 if inner else 3), ha="center",
                 textcoords="offset points", va="top" if inner else "bottom", fontsize=8)
+
+
+def _named_height(phases: Sequence[Part]) -> float:
+    """Return what the names of the parts of a run take below its picture [inch]."""
+    return _NAMES_IN if len(phases) >= _MANY_PARTS else 0.0
 
 
 def _parts(phases: Sequence[Part], top: Axes, low: Axes) -> None:

@@ -1,140 +1,200 @@
-"""The commissioning record: the words with their ticks, the steps on site, what was assumed, who signs."""
+"""The record that one signs: verdict, words to tick, into service, safety, acceptance test, as left, who signs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
-from heatertune.codec import decode
-from heatertune.options import options_of
-from heatertune.plc import Scaling, Switch, controller_for
+from heatertune import __version__
+from heatertune.model.findings import KINDS
+from heatertune.plc import Scaling, controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.plc.inputs import described
-from heatertune.plc.typed import typed_table
-from heatertune.proof.profile import Profile
-from heatertune.proof.specification import LIMITS
-from heatertune.report.html import bullets, steps, table, text_of, tick
-from heatertune.report.text import figure, ramp_note, search_notes, typed
-from heatertune.settings import Conditions, SensorSettings
+from heatertune.plc.typed import TypedWord, as_typed, word_text
+from heatertune.proof.verdict import blocking, told_of
+from heatertune.report.as_left import judged_text, measured_text, plot_as_left, worst_text
+from heatertune.report.html import Markup, bullets, coded, picture, steps, table, text_of, tick
+from heatertune.report.text import figure, limit_text, ramp_note, search_notes, spaced, typed
 
-__all__ = ["assumed", "limits", "signature", "site", "specification", "words"]
+__all__ = ["head", "record", "remedies"]
 
-Documents = Mapping[str, Mapping[str, Any]]
+Document = Mapping[str, Any]
+Documents = Mapping[str, Document]
 
-def signature(_: Documents) -> str:
-    """Return the lines for who put it into service; empty, for a report has no date of its own."""
-    lines = [["plant and heater", ""], ["commissioned by (name)", ""], ["date", ""], ["signature", ""],
-             ["remarks", ""]]
-    return f'<div class="sign"><h2>Commissioned</h2>{table(["", "filled in by hand"], lines)}</div>'
+#: steps of COMMISSIONING.md that are done once; the others stand in the appendix, for when they are needed
+_INTO_SERVICE: Final = ("Where the words go", "The first minutes")
+#: criteria that no plant shows: they are of the words, or of flags in the PLC
+_OF_WORDS: Final = ("stability", "ms", "gain_margin", "phase_margin", "step_power", "overflow", "interlock_trips")
+_BLANK: Final = Markup('<span class="blank"></span>')
+_SHORT: Final = 160  # characters of all words in one cell
+_SIDE_BY_SIDE: Final = 5  # words from which on they stand in two columns
 
 
-def words(documents: Documents) -> str:
+def head(documents: Documents) -> str:
+    """Return what the foot of each printed page says: document, plant, words."""
+    about = documents.get("record", {})
+    names = [about.get("document"), about.get("revision"), about.get("plant_tag"), documents["words"]["target"]]
+    digest = documents["proof"]["digest"].removeprefix("sha256:")[:16]
+    return " · ".join([*filter(None, names), f"proof {digest}"])
+
+
+def record(documents: Documents) -> str:
+    """Return all that is read, typed, ticked and signed."""
+    parts = (_identity, _verdict, _words, _site, _safety, _acceptance, _as_left, _signatures)
+    return "\n".join(f"<section>{part(documents)}</section>" for part in parts)
+
+
+def _identity(documents: Documents) -> str:
+    about, proof = documents.get("record", {}), documents["proof"]
+    rows = [("plant and heater", about.get("plant_tag")), ("document", about.get("document")),
+            ("version", about.get("revision")), ("controller", controller_for(proof["target"]).title),
+            ("log", documents["log"]["name"]), ("proof", Markup(f"<code>{text_of(proof['digest'])}</code>")),
+            ("made by", f"heatertune {__version__}")]
+    cells = "".join(f"<dt>{name}</dt><dd>{_BLANK if value is None else text_of(value)}</dd>" for name, value in rows)
+    return f'<dl class="identity">{cells}</dl>'
+
+
+def _verdict(documents: Documents) -> str:
+    proof = documents["proof"]
+    models = len({run["model"] for run in proof["runs"]})
+    broken = [f"Not kept: {spaced(name)}, {worst_text(_line(name, one))} (limit {limit_text(one)})."
+              for name, one in proof["criteria"].items() if not one["ok"]]
+    points = [f"Not proven: {finding['told']} What closes it: {KINDS[finding['name']].remedy}."
+              for finding in blocking(proof)]
+    points += told_of(proof)
+    forced = " The words were exported in spite of it (--force)." if documents["words"].get("forced") else ""
+    return (
+        f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{proof["verdict"]} at '
+        f"{figure(proof['scenario']['setpoint_degC'])} °C</p>"
+        f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {models} possible heaters, each under "
+        f"every setting of what the manual leaves open.{forced}</p>{bullets([*broken, *points])}"
+    )
+
+
+def _words(documents: Documents) -> str:
     """Return the words, in the order in which they are typed in, each with a box to tick."""
     document = documents["words"]
-    typed_in = typed(document)
-    heads, values, cells = typed_table(typed_in)
-    rows = [[tick(f"word-{row.name}", f"{row.name} typed in"), *line[:-1], row.format, row.meaning]
-            for row, line in zip(typed_in, cells, strict=True)]
-    files = "".join(f"<li><code>{text_of(name)}</code></li>" for name in document["files"])
-    scale = document["scaling"]
-    listed = table(["typed", *heads[:-1], "format", "meaning, unit"], rows, numeric=[1 + i for i in values],
-                   source=controller_for(document["target"]).title)
+    rows, scale = typed(document), document["scaling"]
+    refused = '<p class="fail">Not to be typed in: these words are not proven.</p>' if _refused(document) else ""
+    half = (len(rows) + 1) // 2 if len(rows) > _SIDE_BY_SIDE else len(rows)
+    source = controller_for(document["target"]).title
+    columns = [_column(part) for part in (rows[:half], rows[half:]) if part]
+    files = " ".join(f"<code>{text_of(name)}</code>" for name in document["files"])
+    listed = f"<p>Files for the PLC: {files}</p>" if files else ""
     return (
-        f"<h2>Words for {text_of(document['target'])}</h2><p>In the order in which they are typed in. Sensor "
-        f"{described(Scaling(**scale))}; call every "
+        f"<h2>Words for {text_of(document['target'])}</h2>{refused}<p>In the order in which they are typed in, down "
+        f"the first column, then the second. Sensor {described(Scaling(**scale))}; call every "
         f"{figure(document['sample_time_s'])} s. The setpoint of the proof, {figure(document['setpoint_degC'])} °C, is "
-        f"{document['setpoint_units']} units.</p>"
-        f"{listed}{bullets([*ramp_note(document), *search_notes(document)])}<ul>{files}</ul>"
+        f"{word_text(document['setpoint_units'])} units.</p>"
+        f'<div class="two">{"".join(columns)}</div><p class="soft">Source: {text_of(source)}</p>'
+        f"{bullets(ramp_note(document))}{listed}"
     )
 
 
-def site(documents: Documents) -> str:
-    """Return the steps on site: where the words go, what to watch, what to do, how to go back."""
-    target = documents["words"]["target"]
-    manual = commissioning(target)
-    parts = "".join(
-        f"<h3>{text_of(title)}</h3>{steps(f'step-{i}', items)}" for i, (title, items) in enumerate(manual.steps.items())
-    )
-    return f'<h2>Into service</h2>{parts}<p class="soft">Source: {text_of(manual.facts)}</p>'
+def _refused(words: Document) -> bool:
+    return words["verdict"] != "PASS" and not words.get("forced")
 
 
-def assumed(documents: Documents) -> str:
-    """Return what the proof was told about the plant, each with its unit and where it came from."""
-    proof, scale = documents["proof"], documents["words"]["scaling"]
-    story, switch, limit = proof["scenario"], proof["actuator"], proof["limits"]
-    sensor = options_of(SensorSettings)["range_degC"]
+def _column(rows: Sequence[TypedWord]) -> str:
+    lines = "".join(_word(row) for row in rows)
+    heads = "".join(f'<th scope="col">{name}</th>' for name in ("typed", "word", "value", "meaning"))
+    return f'<table class="words"><thead><tr>{heads}</tr></thead><tbody>{lines}</tbody></table>'
+
+
+def _word(row: TypedWord) -> str:
+    value = text_of(as_typed(row.then, row.format))
+    if row.changes:
+        value = f"first {text_of(as_typed(row.first, row.format))}<br>then {value}"
+    kind = "" if value.partition(" ")[0] == row.format or row.changes else f' <span class="soft">{row.format}</span>'
+    place = "" if row.address == row.name else f"{text_of(row.address)} "
+    return (f"<tr><td>{tick(f'word-{row.name}', f'{row.name} typed in')}</td>"
+            f'<td class="word">{place}<b>{text_of(row.name)}</b></td><td class="value">{value}{kind}</td>'
+            f'<td class="meaning">{text_of(row.meaning)}</td></tr>')
+
+
+def _site(documents: Documents) -> str:
+    """Return the steps on site: where the words go, and what to watch at first."""
+    manual = commissioning(documents["words"]["target"])
+    source = f'<p class="soft">Source: {text_of(manual.facts)}</p>'
+    return f"<h2>Into service</h2>{_steps(manual.steps, _INTO_SERVICE)}{source}"
+
+
+def remedies(documents: Documents) -> str:
+    """Return what to do where something goes wrong, and how to go back."""
+    found = commissioning(documents["words"]["target"]).steps
+    others = [title for title in found if title not in _INTO_SERVICE]
+    search = bullets(search_notes(documents["words"]))
+    how = f"<h2>How the words were found</h2>{search}" if search else ""
+    return f"<h2>If something is wrong</h2>{_steps(found, others)}{how}"
+
+
+def _steps(found: Mapping[str, Sequence[str]], titles: Sequence[str]) -> str:
+    number = {title: each for each, title in enumerate(found)}
+    return "".join(f"<h3>{text_of(title)}</h3>{steps(f'step-{number[title]}', found[title])}" for title in titles)
+
+
+def _safety(documents: Documents) -> str:
+    watch, scale = documents["proof"]["interlock"], documents["words"]["scaling"]
+    limit = _BLANK if watch is None else Markup(text_of(f"{figure(watch['limit_degC'])} °C ({watch['name']})"))
     rows = [
-        ["sensor at the lowest reading", figure(scale["low_degC"]), "°C", sensor.flag],
-        ["sensor at the highest reading", figure(scale["high_degC"]), "°C", sensor.flag],
-        *([["range of the analog module", scale["input"], "", "--input"]] if scale.get("input") else []),
-        _row("setpoint_degC", story["setpoint_degC"]),
-        _row("noise_degC", story["noise_degC"]),
-        _row("tolerance_degC", limit["tolerance_degC"]),
-        ["duration of the proof", f"{story['duration_s']:.0f}", "s", "from the slowest possible heater"],
+        [tick("safety-limit", "limit temperature checked"), "Limit temperature of plant and goods", limit],
+        [tick("safety-cut-out", "independent cut-out checked"),
+         "Independent cut-out, with its own sensor and its own contact: switches off at", _BLANK],
+        [tick("safety-tried", "cut-out tried"), "Cut-out tried on the plant: heater off, and off until it is reset",
+         _BLANK],
+        [tick("safety-sensor", "broken sensor tried"), "Sensor unplugged: heater off", _BLANK],
     ]
-    rows += [[part["label"], f"{part['begin_s']:.0f}", "s", "the story of the specification, in times that suit the "
-              "slowest possible heater"] for part in documents["pictures"]["phases"][1:]]
-    if switch is not None:
-        rows += [_row(name, switch[key]) for name, key in (
-            ("pwm_period_s", "pwm_period_s"), ("pwm_resolution_s", "resolution_s"), ("minimum_on_s", "minimum_on_s"),
-            ("minimum_off_s", "minimum_off_s"))]
-        if switch["minimum_rule"] == "carry":
-            rows.append(["what a pulse leaves", "made up in the next one", "", options_of(Conditions)["pwm_rule"].flag])
-    points = controller_for(documents["words"]["target"]).switches
-    known = documents["proof"]["known"]
-    settings = [[point.name, point.default, ", ".join(proven), point.why]
-                for point in points if not point.in_manual and (proven := _proven(point, known))]
-    by_hand = ", ".join(point.name for point in points if point.in_manual)
-    open_points = (
-        "<h3>What the manual leaves open</h3><p>The proof ran under every setting"
-        + (f", but for what shows in manual alone: {by_hand}.</p>" if by_hand else ".</p>")
-        + table(["point", "default", "settings proven", "what is open"], settings,
-                source="DIFFERENCES.md of the controller")
-        if settings else ""
-    )
     return (
-        "<h2>Assumed</h2>"
-        + table(["", "value", "unit", "given by"], rows, numeric=(1,), source="options of the command, else defaults")
-        + open_points
+        "<h2>Safety</h2><p>Nothing in this record stands in for a cut-out that is independent of the PLC. Readings go "
+        f"from {figure(scale['low_degC'])} to {figure(scale['high_degC'])} °C: what is hotter the controller does not "
+        f"see.</p>{table(['checked', '', 'value'], rows)}")
+
+
+def _acceptance(documents: Documents) -> str:
+    proof, left = documents["proof"], documents.get("as_left")
+    seen = {line["name"]: line for line in left["measurements"]} if left else {}
+    rows = []
+    for name, one in proof["criteria"].items():
+        line = seen.get(name)
+        measured = line is not None and line["measured"] is not None
+        if name in _OF_WORDS or (one["limit"] is None and not measured):
+            continue
+        rows.append([tick(f"test-{name}", f"{spaced(name)} accepted"), spaced(name), limit_text(one),
+                     worst_text(_line(name, one)), measured_text(line) if measured and line is not None else _BLANK,
+                     "" if line is None else judged_text(line)])
+    ends = proof["criteria"].get("settling_time", {}).get("limit")
+    long_enough = "" if ends is None else f" for at least {2.0 * ends:.0f} s"
+    heads = ["", "criterion", "limit", "proven worst", "measured", ""]
+    return (
+        "<h2>Acceptance test</h2><p>From cold and with the heater off, log time and temperature, setpoint and power "
+        f"where they can be had; ask for {figure(proof['scenario']['setpoint_degC'])} °C and log{long_enough}. Then "
+        + coded("`heatertune report DIR --as-left trace.csv` measures and fills in what the trace shows.")
+        + f"</p>{table(heads, rows, numeric=(2, 3, 4), source='the proof; measured: the trace, or by hand')}"
     )
 
 
-def _proven(point: Switch, known: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the settings that ran: of a choice the one that was made, and the default; none where that is chosen."""
-    chosen = known.get(point.name, point.default)
-    if point.chosen:
-        return () if chosen == point.default else (chosen, point.default)
-    return point.settings
+def _as_left(documents: Documents) -> str:
+    left, words = documents.get("as_left"), documents["words"]
+    values = ", ".join(f"{row.name} {as_typed(row.then, row.format)}" for row in typed(words))
+    if _refused(words):
+        values = "not to be typed in"
+    rows = [["words", _BLANK, values if len(values) <= _SHORT else "as above, each ticked"],
+            ["setpoint", _BLANK, f"{figure(words['setpoint_degC'])} °C"],
+            ["trace", _BLANK, _BLANK if left is None else left["trace"]],
+            ["what it shows", _BLANK, _BLANK if left is None else left["verdict"]]]
+    told = ""
+    if left is not None:
+        told = f"{bullets([*left['told'], *left['notes']])}" + picture(
+            plot_as_left(left), "The trace over what the proven runs do from where it begins; shaded: outside of it.")
+    return f"<h2>As found, as left</h2>{table(['', 'as found', 'as left'], rows)}{told}"
 
 
-def _row(name: str, value: float) -> list[str]:
-    """Return what one of the `Conditions` was, with its unit and where it came from."""
-    its = options_of(Conditions)[name]
-    return [its.label or its.what, figure(value), its.unit, its.given_by]
+def _signatures(_: Documents) -> str:
+    rows = [[who, _BLANK, _BLANK, _BLANK] for who in ("prepared", "checked", "accepted")]
+    return (f'<div class="sign"><h2>Signed</h2>{table(["", "name", "date", "signature"], rows)}'
+            '<p>Remarks</p><p class="remarks"></p></div>')
 
 
-def specification(documents: Documents) -> str:
-    """Return what was asked for, in the user's words, with its reasons; empty where limits were given as they are."""
-    asked = documents["proof"]["specification"]
-    if asked is None:
-        return ""
-    rows = [[name, " and ".join(values), LIMITS[name].what, asked["reasons"].get(name, "")]
-            for name, values in asked["limits"].items() if values]
-    if (profile := asked.get("profile")) is not None:
-        rows.append(["profile", decode(Profile, profile, "proof.json").told,
-                     "ramps and soaks along which your own program leads the setpoint", ""])
-    return (f"<h2>Asked</h2><p>The specification {text_of(asked['name'])}.</p>"
-            + table(["limit", "value", "meaning", "why"], rows, source="heatertune spec"))
-
-
-def limits(documents: Documents) -> str:
-    """Return what the proof does not say."""
-    proof = documents["proof"]
-    ends = f"Setpoints above {figure(proof['scenario']['setpoint_degC'])} °C, and below those of the story."
-    unproven = [
-        "Heaters outside the listed models: nothing is claimed for them.",
-        "A sensor that is wrong, a relay that sticks, a jittering timer (`heatertune verify --samples` draws this).",
-        ends,
-        *(f"Not tested: {part}." for part in proof["not_tested"]),
-    ]
-    return f"<h2>What was not proven</h2>{bullets(unproven)}"
+def _line(name: str, criterion: Document) -> Document:
+    """Return a criterion of a proof as `worst_text` takes it."""
+    return {"name": name, "worst": criterion["value"], "bound": criterion["bound"], "unit": criterion["unit"]}

@@ -73,6 +73,7 @@ def to_png(figure: Figure) -> bytes:
     import io  # noqa: PLC0415
 
     content = io.BytesIO()
+    _lay_out(figure)
     figure.savefig(content, format="png", dpi=150, metadata={"Software": None})
     return content.getvalue()
 
@@ -84,7 +85,16 @@ def to_svg(figure: Figure) -> str:
     import matplotlib as mpl  # noqa: PLC0415
 
     text = io.StringIO()
+    _lay_out(figure)
     with mpl.rc_context({"svg.hashsalt": "heatertune", "svg.fonttype": "none", "font.family": "sans-serif"}):
         figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
     content = text.getvalue()
     return content[content.index("<svg") :]
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place what is in a figure once: a figure with an engine is drawn twice when it is saved, first for its layout."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")

@@ -10,13 +10,13 @@ from heatertune.plc.typed import TypedWord, typed_table, typed_words, word_text
 from heatertune.proof.verdict import verdict_line
 from heatertune.proof.words_file import words_of
 from heatertune.report.layout import table
-from heatertune.units import NOMENCLATURE
+from heatertune.units import NOMENCLATURE, written
 
 __all__ = [
     "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
-    "feed_forward_lines", "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "model_lines", "model_rows",
-    "outcome_lines", "pareto_table", "ramp_note", "samples_table", "search_notes", "summary", "typed",
-    "validation_lines", "words_table",
+    "feed_forward_lines", "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "limit_text", "model_lines",
+    "model_rows", "outcome_lines", "pareto_table", "quantity", "ramp_note", "samples_table", "search_notes", "spaced",
+    "summary", "typed", "unit_text", "validation_lines", "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -25,12 +25,30 @@ NOT_IDENTIFIED = "not identified"
 
 
 def figure(value: Any, digits: int = 4) -> str:
-    """Return a number as text; what is unknown is "—"."""
+    """Return a number as text, large ones in whole units and not as powers of ten; what is unknown is "—"."""
     if value is None:
         return "—"
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return f"{value:.{digits}g}"
+        return written(value, digits)
     return str(value)
+
+
+def quantity(value: float | None, unit: str, digits: int = 4) -> str:
+    """Return a criterion's number with its unit; one that is not finite never happened."""
+    return "never" if value is None or math.isinf(value) else f"{figure(value, digits)}{unit_text(unit)}"
+
+
+def unit_text(unit: str) -> str:
+    """Return a unit as it follows a number."""
+    return {"1": "", "°": "°", "1/h": " an hour"}.get(unit, f" {unit}")
+
+
+def limit_text(criterion: Document) -> str:
+    """Return a criterion's limit in words."""
+    if criterion["limit"] is None:
+        return "none"
+    way = "at least" if criterion["bound"] == ">=" else "at most"
+    return f"{way} {quantity(criterion['limit'], criterion['unit'])}"
 
 
 def criterion_value(criterion: Document) -> str:
@@ -164,7 +182,12 @@ def typed(words: Document) -> tuple[TypedWord, ...]:
 
 
 def ramp_note(words: Document) -> list[str]:
-    """Return how the setpoint is led to what is asked for, in a sentence; nothing where it is not."""
+    """Return how the setpoint is led to what is asked for, or a boost, in a sentence; nothing where there is none."""
+    if boost := words.get("boost"):
+        near, far = (figure(boost[name]) for name in ("within_degC", "again_degC"))
+        return [f"The program gives full power until {near} °C from the setpoint and enables the controller only then; "
+                f"more than {far} °C off, it does so again: the exported files hold the program of this boost, and the "
+                "words are proven with it only."]
     ramp = words.get("setpoint_ramp")
     if ramp is None:
         return []
@@ -191,7 +214,7 @@ def criteria_table(proof: Document) -> str:
     for name, criterion in proof["criteria"].items():
         limit = "" if criterion["limit"] is None else f"{criterion['bound']} {figure(criterion['limit'])}"
         verdict = "" if criterion["limit"] is None else "ok" if criterion["ok"] else "FAIL"
-        rows.append((_spaced(name), criterion_value(criterion), limit, criterion["unit"], verdict, criterion["where"]))
+        rows.append((spaced(name), criterion_value(criterion), limit, criterion["unit"], verdict, criterion["where"]))
     return "\n".join([table(rows, right=(1,)), *[f"fault: {fault}" for fault in proof["faults"]]])
 
 
@@ -205,7 +228,7 @@ def samples_table(proof: Document) -> list[str]:
         numbers = ["never" if spot[key] is None else figure(spot[key]) for key in ("median", "p95", "p99", "worst")]
         limit = "" if spot["limit"] is None else f"<= {figure(spot['limit'])}"
         kept = "" if spot["limit"] is None else f"{100.0 * spot['passing']:.4g} %"
-        rows.append((_spaced(name), *numbers, limit, spot["unit"], kept))
+        rows.append((spaced(name), *numbers, limit, spot["unit"], kept))
     settings = len(samples["settings"])
     worst = f" under the worst of {settings} settings that the manual leaves open" if settings > 1 else ""
     return [
@@ -228,7 +251,7 @@ def advice_table(advice: Document) -> str:
         f"- at the end {figure(seen['distance_degC'], 2)} °C short of the setpoint, swinging by "
         f"±{figure(seen['swing_degC'], 2)} °C; {seen['swings']} wide swings{decay}",
     ]
-    aim = f"effect on {_spaced(advice['aim'])}"
+    aim = f"effect on {spaced(advice['aim'])}"
     rows = [("", "Kp", "Ki", "Kd", "verdict", "overshoot %", "settling s", "IAE °C·s", aim, "fails by")]
     for case in advice["cases"]:
         numbers = [_reached(case.get(name)) for name in ("overshoot", "settling_time", "iae")]
@@ -260,7 +283,8 @@ def feed_forward_lines(fed: Document) -> str:
     ])
 
 
-def _spaced(name: str) -> str:
+def spaced(name: str) -> str:
+    """Return a name as people read it."""
     return name.replace("_", " ")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -12,37 +14,54 @@ from heatertune.heater.exact import since_step
 from heatertune.log.values import Log
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.search.uncertain import interval_ends
-from heatertune.proof import Trace
 from heatertune.report.style import LOOK
 from heatertune.studio.loop import Look
+from heatertune.studio.picture import Line, Picture, course_of
 from heatertune.studio.session import Pinned
+from heatertune.studio.thinned import stepped, straight, thinned
 
-__all__ = ["Options", "heater_chart", "log_chart", "loop_chart", "power_chart"]
+__all__ = ["Options", "heater_chart", "key_of", "log_chart", "loop_chart", "zooms"]
 
 Array = npt.NDArray[np.float64]
 Options = dict[str, Any]
 
-_POINTS: Final = 800
-_NAME: Final = 0.12  # of the chart's width that the name of a level takes
+_POINTED: Final = 500  # instants of the nominal run at which a crosshair stands
+_PIECES: Final = 100  # that the other lines are made of, at least
+_MOST_NAMED: Final = 100  # instants of the axis; a tenth of them finds room
+_PIXELS: Final = 3000  # of the whole story, which is zoomed to a tenth
+_WITHIN: Final = 0.001  # of the temperature's span: a quarter of a pixel
+_POWER_WITHIN: Final = 0.3  # of percent
 _STEP_PCT: Final = 10.0
 _LAGS: Final = 4.0  # times the slowest lag: 98 % of a step
 _PIN_LINES: Final = ("dashed", "dotted", [8, 2, 2, 2], [2, 6])
 _INK: Final = "#1a1a1a"
 _PIN: Final = "#595959"
-#: look → darker tone of the same colour for its name: letters need more contrast than lines (WCAG 2.1, 1.4.3: 4.5:1)
-_LETTERS: Final = {"realised": "#00634a", "wish": "#8a5a00"}
+_CROWD: Final = "#8c8c8c"
+_WALL: Final = "rgba(163, 60, 0, 0.13)"
+_DASHES: Final = {"wish": "6 3", "worst": "7 2 2 2"}
+#: text of a crosshair: each line's own value there, not that of its nearest point; %s: place → instant
+_POINTED_AT: Final = """found => { const x = found[0].axisValue, instant = %s;
+  const at = (points) => { const i = points.findIndex(p => p[0] >= x); if (i < 1) return points[Math.max(i, 0)][1];
+    const [[a, y], [b, z]] = [points[i - 1], points[i]]; return b > a ? y + (z - y) * (x - a) / (b - a) : z; };
+  const chart = getElement(Number(document.querySelector(".loop-chart").id.slice(1)));
+  const rows = chart.options.series.filter(s => s.data.length && !(s.tooltip && s.tooltip.show === false)).map(
+    s => `${s.name}: <b>${at(s.data).toFixed(1)} ${s.yAxisIndex ? "%%" : "°C"}</b>`);
+  return [`${instant(x)} s`, ...rows].join("<br>"); }"""
 _BAND: Final = 1.96  # of a normal distribution, 95 %
 
 
 def log_chart(log: Log, fitted: FittedModel) -> Options:
     """Return log, model and the band in which 95 % of the model's errors lie."""
-    lines = [_line("log", log.time_s, log.temperature_degC, "log", lower=-1)]  # both end at one point
+    kept = thinned(log.time_s, log.temperature_degC, _PIXELS)
+    measured = _line("log", log.time_s[kept], log.temperature_degC[kept], "log")
+    lines = [_named(measured, "log", lower=-1)]  # both end at one point
     residuals = fitted.residuals
     if residuals is not None:
         wide = _BAND * float(np.sqrt(np.mean((residuals.measured_degC - residuals.simulated_degC) ** 2)))
-        low, high = residuals.simulated_degC - wide, residuals.simulated_degC + wide
-        model = _line("model", residuals.time_s, residuals.simulated_degC, "model")
-        lines += [*_band(residuals.time_s, low, high), model]
+        kept = thinned(residuals.time_s, residuals.simulated_degC, _PIXELS)
+        time, simulated = residuals.time_s[kept], residuals.simulated_degC[kept]
+        model = _line("model", time, simulated, "model")
+        lines += [*_band(time, simulated - wide, simulated + wide), _named(model, "model")]
     return _chart("time [s]", "temperature [°C]", lines)
 
 
@@ -51,7 +70,8 @@ def heater_chart(fitted: FittedModel) -> Options:
     models = (fitted.model, *fitted.plants, *interval_ends(fitted))
     time = np.linspace(0.0, _LAGS * sum(fitted.model.lags_s) + fitted.model.dead_time_s, 120)
     rises = np.array([_rise(model, time) for model in models])
-    lines = [*_band(time, rises.min(axis=0), rises.max(axis=0)), _line("model", time, rises[0], "model")]
+    model = _named(_line("model", time, rises[0], "model"), "model")
+    lines = [*_band(time, rises.min(axis=0), rises.max(axis=0)), model]
     return _chart("time [s]", f"rise after {_STEP_PCT:g} % more power [°C]", lines)
 
 
@@ -60,53 +80,163 @@ def _rise(model: HeaterModel, time: Array) -> Array:
     return np.asarray(_STEP_PCT * model.gain_degC_per_pct * covered)
 
 
-def loop_chart(look: Look, pinned: Sequence[Pinned]) -> Options:
-    """Return the temperature of the nominal loop: as the words make it, as it was wished, and of the designs kept."""
-    nominal = look.proof.nominal
-    lines = [_temperature("words", nominal, "realised")]
+def loop_chart(look: Look, picture: Picture, pinned: Sequence[Pinned] = ()) -> Options:
+    """Return temperature and power of the loop over one time axis: nominal run, wish, designs kept, and the proof's.
+
+    Args:
+        look: the loop.
+        picture: of its proof, or of its first look; it tells which times at rest are left out.
+        pinned: designs kept.
+    """
+    proof = look.proof
+    nominal = proof.nominal
+    words = _over(picture, "nominal run", course_of(nominal, proof), "realised", pieces=_POINTED)
+    lines = [words]
+    if picture.worst is not None:
+        lines.append(_over(picture, "worst run", picture.worst[1], "worst"))
     if look.wish is not None:
-        lines.append(_temperature("wish", look.wish, "wish", lower=1))
-    for i, (pin, kind) in enumerate(zip(pinned, _PIN_LINES, strict=False)):
-        lines.append(_temperature(pin.name, pin.look.proof.nominal, "other", kind=kind, color=_PIN, lower=-1 - i))
-    # the name stands where the run has settled, on the side of the line that it has left
-    late = nominal.temperature_degC[nominal.time_s > (1.0 - _NAME) * nominal.time_s[-1]]
-    side = "Bottom" if late.mean() >= nominal.setpoint_degC else "Top"
-    lines[0]["markLine"] = {
-        "silent": True, "symbol": "none", "lineStyle": {"color": LOOK["limit"]["color"], "type": "dotted"},
-        "label": {"formatter": "setpoint", "position": f"insideEnd{side}", "color": LOOK["limit"]["color"]},
-        "data": [{"yAxis": nominal.setpoint_degC}],
-    }
-    return _chart("time [s]", "temperature [°C]", lines)
-
-
-def power_chart(look: Look) -> Options:
-    """Return the power that the words ask for."""
-    nominal = look.proof.nominal
-    line = _line("words", nominal.time_s, nominal.power_asked_pct, "realised")
-    options = _chart("time [s]", "power asked for [%]", [line | {"step": "end"}])
-    options["yAxis"] |= {"min": 0, "max": 100}
+        lines.append(_over(picture, "unrounded wish", course_of(look.wish, proof), "wish"))
+    for pin, kind in zip(pinned, _PIN_LINES, strict=False):
+        held = course_of(pin.look.proof.nominal, pin.look.proof)
+        lines.append(_over(picture, f"design {pin.name}", held, "other", kind=kind, color=_PIN))
+    values = np.concatenate([[point[1] for point in line["data"]] for line in lines] + [y for _, y in picture.crowd])
+    low, high = float(values.min()), float(values.max())
+    room = 0.06 * (high - low)
+    words["z"] = 4  # over the worst run
+    words["markArea"] = _walls(picture, low - room, high + room)
+    words["markLine"] = _setpoint_and_parts(picture)
+    asked = stepped(nominal.time_s, nominal.power_asked_pct)
+    kept = thinned(picture.place(asked[0]), asked[1], _PIXELS)
+    power = _over(picture, "power asked for", (asked[0][kept], asked[1][kept]), "realised", within=_POWER_WITHIN)
+    crowd = [_crowd(picture)] if picture.crowd else []
+    second = {"xAxisIndex": 1, "yAxisIndex": 1}
+    options = _two_grids([*crowd, *lines, power | second], picture, end_s=float(nominal.time_s[-1]))
+    options["yAxis"][0] |= {"min": round(low - room, 1), "max": round(high + room, 1)}
     return options
 
 
-def _temperature(name: str, trace: Trace, look: str, **other: Any) -> dict[str, Any]:
-    """Return the temperature at the scans: any other even spacing would beat with the PWM's ripple."""
-    every = -(-len(trace.time_s) // _POINTS)
-    return _line(name, trace.time_s[::every], trace.temperature_degC[::every], look, **other)
+def zooms(picture: Picture) -> list[tuple[str, float, float]]:
+    """Return the parts of the story that the picture can be zoomed to: name, begin and end on its axis."""
+    begins = picture.place([part.begin_s for part in picture.parts]).tolist()
+    ends = [*begins[1:], float(picture.place(picture.parts[-1].end_s))]
+    found = zip((part.name for part in picture.parts), begins, ends, strict=True)
+    return [("whole story", 0.0, ends[-1]), *((name, begin, end - 1e-3 * (end - begin)) for name, begin, end in found)]
+
+
+def key_of(look: Look, picture: Picture, pinned: Sequence[Pinned] = ()) -> list[tuple[str, str, str]]:
+    """Return what the lines of the loop's picture are: name, colour and SVG dashes."""
+    names = [("nominal run", "realised")]
+    names += [] if picture.worst is None else [(f"worst run: {picture.worst[0]}", "worst")]
+    names += [] if look.wish is None else [("unrounded wish", "wish")]
+    names += [(f"all {picture.runs} runs", "other")] if picture.runs > 1 else []
+    pins = [(f"design {pin.name}", _PIN, "6 4") for pin in pinned]
+    return [*((name, _CROWD if kind == "other" else LOOK[kind]["color"], _DASHES.get(kind, ""))
+              for name, kind in names), *pins]
+
+
+def _over(
+    picture: Picture, name: str, line: Line, look: str, *, within: float = 0.0, pieces: int = _PIECES, **other: Any
+) -> dict[str, Any]:
+    """Return a line over the picture's axis, without the points that nobody would miss."""
+    across, values = picture.place(line[0]), line[1]
+    kept = straight(across, values, within or _WITHIN * float(np.ptp(values)), pieces)
+    return _line(name, across[kept], values[kept], look, **other)
+
+
+def _crowd(picture: Picture) -> dict[str, Any]:
+    """Return all runs as one series, a gap between two of them."""
+    data: list[list[float | None]] = []
+    for time, values in picture.crowd:
+        across = np.round(picture.place(time)).astype(np.intp).tolist()
+        data += [*map(list, zip(across, values.tolist(), strict=True)), [None, None]]
+    return {
+        "type": "line", "name": f"all {picture.runs} runs", "showSymbol": False, "silent": True, "z": 2, "data": data,
+        "lineStyle": {"color": _CROWD, "width": 0.7}, "tooltip": {"show": False}, "connectNulls": False}
+
+
+def _walls(picture: Picture, low: float, high: float) -> dict[str, Any]:
+    data = []
+    ends = picture.place([(wall.begin_s, wall.end_s) for wall in picture.walls]).round(1).tolist()
+    for wall, (begin, end) in zip(picture.walls, ends, strict=True):
+        bottom, top = max(wall.low_degC, low), min(wall.high_degC, high)
+        if bottom < top:
+            data.append([{"coord": [begin, round(bottom, 2)]}, {"coord": [end, round(top, 2)]}])
+    return {"silent": True, "itemStyle": {"color": _WALL}, "data": data}
+
+
+def _setpoint_and_parts(picture: Picture) -> dict[str, Any]:
+    """Return the setpoint of each part, and where each part begins, by name."""
+    ink, data = LOOK["limit"]["color"], list[Any]()
+    for part in picture.parts:
+        begin, end = (round(float(picture.place(instant)), 1) for instant in (part.begin_s, part.end_s))
+        data.append([{"coord": [begin, part.setpoint_degC], "lineStyle": {"type": "dotted"}},
+                     {"coord": [end, part.setpoint_degC]}])
+        if part.begin_s > 0.0:
+            data.append({"xAxis": begin, "lineStyle": {"type": "solid", "width": 1, "opacity": 0.5}, "label": {
+                "show": True, "formatter": part.name, "position": "insideEndTop", "color": _INK, "fontSize": 11}})
+    return {"silent": True, "symbol": "none", "lineStyle": {"color": ink}, "label": {"show": False}, "data": data}
+
+
+def _instants(picture: Picture, end_s: float) -> list[float]:
+    """Return round instants that the axis may name; those that find no room are not."""
+    least = float(picture.place(end_s)) / _MOST_NAMED
+    decade = 10.0 ** math.floor(math.log10(least))
+    step = next(times * decade for times in (1.0, 2.0, 5.0, 10.0) if times * decade >= least)
+    instants = np.arange(0.0, end_s, step)
+    seen = np.all([(instants <= begin) | (instants >= end) for begin, end in picture.torn], axis=0)
+    return [float(instant) for instant in instants[seen]]
+
+
+def _two_grids(lines: Sequence[dict[str, Any]], picture: Picture, *, end_s: float) -> Options:
+    """Return temperature above power, with one crosshair and one zoom over both."""
+    upper = _chart("time [s]", "temperature [°C]", lines)
+    named = {"customValues": np.round(picture.place(_instants(picture, end_s)), 1).tolist()}
+    axis_x = upper["xAxis"] | {"min": 0, "max": round(float(picture.place(end_s)), 1), "splitLine": {"show": False},
+                               "axisTick": named}
+    axis_x["axisLabel"] = axis_x["axisLabel"] | named | {"hideOverlap": True, ":formatter": _instant_of(picture)}
+    axis_y, pointed = upper["yAxis"], f"p => ({_instant_of(picture)})(p.value) + ' s'"
+    left, right = 52, 14
+    return upper | {
+        "grid": [{"left": left, "right": right, "top": 26, "height": 250, "outerBoundsMode": "none"},
+                 {"left": left, "right": right, "top": 316, "height": 80, "outerBoundsMode": "none"}],
+        "xAxis": [axis_x | {"name": "", "axisLabel": {"show": False}, "axisTick": {"show": False},
+                            "axisPointer": {"label": {"show": False}}},
+                  axis_x | {"gridIndex": 1, "axisPointer": {"label": {":formatter": pointed}}}],
+        "yAxis": [axis_y, axis_y | {"gridIndex": 1, "name": "power asked for [%]", "min": 0, "max": 100,
+                                    "interval": 50, "scale": False, "axisLabel": {"color": _INK, "fontSize": 12}}],
+        "axisPointer": {"link": [{"xAxisIndex": "all"}], "snap": False},
+        "tooltip": {"trigger": "axis", "confine": True, "axisPointer": {"type": "cross"},
+                    ":formatter": _POINTED_AT % _instant_of(picture)},
+        "dataZoom": [{"type": "inside", "xAxisIndex": [0, 1], "zoomOnMouseWheel": "ctrl", "filterMode": "none"},
+                     {"type": "slider", "xAxisIndex": [0, 1], "bottom": 2, "height": 24, "filterMode": "none",
+                      "showDataShadow": False, "showDetail": False}],
+    }
+
+
+def _instant_of(picture: Picture) -> str:
+    """Return the browser's function: place on the axis → instant [s], as text."""
+    gone = [[round(float(picture.place(begin)), 1), round(end - begin, 1)] for begin, end in picture.torn]
+    return f"v => String(Math.round({json.dumps(gone)}.reduce((t, [at, lost]) => v > at ? t + lost : t, v)))"
+
+
+def _named(line: dict[str, Any], look: str, lower: int = 0) -> dict[str, Any]:
+    """Return a line with its name at its end, so many lines of text lower."""
+    letters = {"show": True, "formatter": line["name"], "color": LOOK[look]["color"], "distance": 4,
+               "offset": [0, 13 * lower]}
+    return line | {"endLabel": letters}
 
 
 def _line(
-    name: str, time: Array, values: Array, look: str, *, kind: Any = None, color: str = "", lower: int = 0
+    name: str, time: Array, values: Array, look: str, *, kind: Any = None, color: str = ""
 ) -> dict[str, Any]:
-    """Return a line with its name at its end, so many lines of text lower."""
+    """Return a line."""
     style = LOOK[look]
-    color = color or style["color"]
+    color, dashes = color or style["color"], [int(length) for length in _DASHES.get(look, "").split()]
     return {
         "type": "line", "name": name, "showSymbol": False, "silent": True, "z": 3,
         "data": np.column_stack([np.round(time, 2), np.round(values, 3)]).tolist(),
-        "lineStyle": {"color": color, "width": style["linewidth"],
-                      "type": kind or ([6, 3] if "linestyle" in style else "solid")},
-        "endLabel": {"show": True, "formatter": name, "color": _LETTERS.get(look, color), "distance": 4,
-                     "offset": [0, 13 * lower]},
+        "itemStyle": {"color": color},
+        "lineStyle": {"color": color, "width": style["linewidth"], "type": kind or dashes or "solid"},
     }
 
 
@@ -122,7 +252,8 @@ def _band(time: Array, low: Array, high: Array) -> list[dict[str, Any]]:
 
 def _chart(x: str, y: str, lines: Sequence[dict[str, Any]]) -> Options:
     text = {"color": _INK, "fontSize": 12}
-    axis = {"type": "value", "nameTextStyle": text, "axisLabel": text, "splitLine": {"lineStyle": {"color": "#dddddd"}}}
+    axis = {"type": "value", "nameTextStyle": text, "splitLine": {"lineStyle": {"color": "#dddddd"}},
+            "axisLabel": text | {"showMinLabel": False, "showMaxLabel": False}}
     return {
         "animation": False,
         "grid": {"left": 52, "right": 58, "top": 30, "bottom": 42},

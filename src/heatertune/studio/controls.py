@@ -10,7 +10,11 @@ from nicegui import ui
 from heatertune.pid.tune import STRUCTURES
 from heatertune.plc import TARGETS, controller_for
 from heatertune.plc.inputs import INPUTS
+from heatertune.proof.period import SWITCHES
+from heatertune.proof.presets import PRESETS
 from heatertune.report.text import figure
+from heatertune.studio.grey import MOVE, MOVED
+from heatertune.studio.parts import explained
 from heatertune.studio.settings import SLIDERS, Settings, Slider
 
 __all__ = ["Controls"]
@@ -18,65 +22,100 @@ __all__ = ["Controls"]
 Moved = Callable[..., object]
 
 _PLAIN: Final = "a plain range"
+_KINDS: Final = {"ssr": "SSR", "contactor": "contactor", "relay": "relay"}
+assert set(_KINDS) == set(SWITCHES)
+#: the one that is a slider: the others are facts, typed as numbers
+_LARGE: Final = next(slider for slider in SLIDERS if slider.field == "ms")
+_FACTS: Final = tuple(slider for slider in SLIDERS if slider is not _LARGE)
 
 
 class Controls:
     """The column of controls; `moved` is called with the fields that the user changed."""
 
-    def __init__(self, moved: Moved) -> None:
-        self._moved = moved
+    def __init__(self, moved: Moved, seen: Callable[[int], object]) -> None:
+        self._moved, self._seen = moved, seen
         self._silent = False
-        self._values: dict[str, ui.label] = {}
-        self._sliders: dict[str, ui.element] = {}
-        self._placed: dict[str, float] = {}
-        self._autos: dict[str, ui.checkbox] = {}
-        self._target = ui.select(
-            list(TARGETS), label="Controller", on_change=lambda e: self._say(target=e.value, input=None)
-        ).props("outlined dense options-dense").classes("w-full")
-        self._input = ui.select(
-            {"": _PLAIN}, label="Analog input", value="", on_change=lambda e: self._say(input=e.value or None)
-        ).props("outlined dense options-dense").classes("w-full")
-        with ui.element("div").classes("control"):
-            ui.label("Structure").classes("field-name").props("aria-hidden=true")
-            self._structure = ui.radio(
-                {name: name.upper() for name in STRUCTURES}, on_change=lambda e: self._say(structure=e.value)
-            ).props('inline dense aria-label="Structure of the controller"')
-        for slider in SLIDERS:
-            with ui.element("div").classes("control"):
-                self._add(slider)
+        self._placed: dict[str, str] = {}
+        self._elements: dict[str, ui.element] = {}
+        self._radios: dict[str, ui.element] = {}
+        self._add_large()
+        self._target = self._select("Controller", list(TARGETS), lambda value: {"target": value, "input": None})
+        self._add_structure()
+        with ui.element("details").classes("drawer").props("open"):
+            ui.html("Facts of the plant", sanitize=False, tag="summary")
+            with ui.element("div").classes("facts"):
+                for fact in _FACTS:
+                    self._add_fact(fact)
+            self._input = self._select("Analog input", {"": _PLAIN}, lambda value: {"input": value or None})
+            self._kind = self._select("Switched by", _KINDS, lambda value: {"switch_kind": value})
+            self._spec = self._select("Specification", list(PRESETS), lambda value: {"spec": value})
 
-    def _add(self, slider: Slider) -> None:
-        with ui.element("div").classes("slider-head"):
-            ui.label(slider.label).classes("field-name").props("aria-hidden=true")
-            self._values[slider.field] = ui.label().classes("field-value").props("aria-hidden=true")
-        with ui.element("div").classes("slider-row"):
+    def _select(self, label: str, options: Any, fields: Callable[[str], dict[str, Any]]) -> ui.select:
+        made = ui.select(options, label=label, on_change=lambda e: self._say(**fields(e.value)))
+        # after what it says itself: the page is grey until that is heard
+        made.on("update:model-value", lambda e: self._seen(e.args), js_handler=MOVE)
+        return made.props("outlined dense options-dense").classes("w-full")
+
+    def _add_large(self) -> None:
+        meaning = explained(_LARGE.label)
+        with ui.element("div").classes("large").props(f'title="{meaning}"'):
+            with ui.element("div").classes("ends").props("aria-hidden=true"):
+                ui.label("calm")
+                self._ms = ui.label().classes("field-value")
+                ui.label("brisk")
             # the browser's own slider: Quasar's takes the focus in a part that has no role and no name
-            element = ui.element("input").props("type=range").props(
-                f'min={slider.low} max={slider.high} step={slider.step} aria-label="{slider.label}" '
-                f"data-field={slider.field}")
-            element.on("input", lambda e, field=slider.field: self._slid(field, float(e.args)), throttle=0.05,
-                       js_handler="(e) => emit(e.target.value)")
-            self._sliders[slider.field] = element
-            if slider.auto:
-                self._autos[slider.field] = ui.checkbox(
-                    "auto", on_change=lambda e, field=slider.field: self._auto(field, on=bool(e.value))
-                ).props(f'dense aria-label="{slider.label}: automatic"')
+            element = ui.element("input").props(
+                f'type=range min={_LARGE.low} max={_LARGE.high} step={_LARGE.step} data-field={_LARGE.field} '
+                f'aria-label="Calm to brisk: largest sensitivity Ms" aria-description="{meaning}"')
+            element.on("input", lambda e: self._slid(*e.args), throttle=0.05, js_handler=MOVED)
+            self._elements[_LARGE.field] = element
 
-    def _slid(self, field: str, value: float) -> None:
-        self._placed[field] = value
-        self._say(**{field: round(value, 6)})
+    def _add_structure(self) -> None:
+        with ui.element("fieldset").classes("radios") as group:
+            ui.html("Structure", sanitize=False, tag="legend")
+            for name in STRUCTURES:
+                with ui.element("label"):
+                    self._radios[name] = ui.element("input").props(f"type=radio name=structure value={name}")
+                    ui.html(name.upper(), sanitize=False, tag="span")
+        group.on("change", lambda e: self._chose(*e.args), js_handler=MOVED)
+
+    def _add_fact(self, fact: Slider) -> None:
+        meaning = explained(fact.label)
+        with ui.element("label").classes("fact").props(f'title="{meaning}"' if meaning else ""):
+            ui.html(fact.label, sanitize=False, tag="span")
+            with ui.element("span").classes("typed"):
+                element = ui.element("input").props(
+                    f"type=text inputmode=decimal size=7 autocomplete=off data-field={fact.field}"
+                    + (f' aria-description="{meaning}"' if meaning else ""))
+                ui.html(fact.unit, sanitize=False, tag="span")
+        element.on("change", lambda e, fact=fact: self._typed(fact, *e.args), js_handler=MOVED)
+        self._elements[fact.field] = element
+
+    def _slid(self, text: str, move: int) -> None:
+        self._placed[_LARGE.field] = text
+        self._say(ms=round(float(text), 6))
+        self._seen(move)
+
+    def _chose(self, structure: str, move: int) -> None:
+        self._say(structure=structure)
+        self._seen(move)
+
+    def _typed(self, fact: Slider, text: str, move: int) -> None:
+        """Move what was typed; nothing is automatic where that can be, and else, like no number, put back."""
+        self._placed[fact.field] = text
+        try:
+            value = float(text.replace(",", ".")) if text.strip() else None
+        except ValueError:
+            value = None
+        if value is not None or fact.auto:
+            self._say(**{fact.field: value})
+        else:
+            self._say()
+        self._seen(move)
 
     def _say(self, **fields: Any) -> None:
         if not self._silent:
             self._moved(**fields)
-
-    def _auto(self, field: str, *, on: bool) -> None:
-        self._say(**{field: None if on else self._placed.get(field)})
-
-    def suit(self, sliders: tuple[Slider, ...]) -> None:
-        """Give the sliders the ends that suit a heater."""
-        for slider in sliders:
-            self._sliders[slider.field].props(f"min={slider.low} max={slider.high}")
 
     def show(self, settings: Settings, chosen: dict[str, float]) -> None:
         """Show settings; `chosen` holds what the program took where it may choose."""
@@ -85,23 +124,30 @@ class Controls:
             self._target.set_value(settings.target)
             known = {name: INPUTS[name] for name in controller_for(settings.target).ranges}
             self._input.set_options({"": _PLAIN, **known}, value=settings.input or "")
-            self._structure.set_value(settings.structure)
+            self._kind.set_value(settings.switch_kind)
+            self._spec.set_value(settings.spec)
+            for name, element in self._radios.items():
+                self._set(f"structure {name}", element, "checked", "true" if name == settings.structure else "false")
             for slider in SLIDERS:
-                given = getattr(settings, slider.field)
-                value = chosen.get(slider.field) if given is None else given
-                if slider.auto:
-                    self._autos[slider.field].set_value(given is None)
-                if value is not None:
-                    self._place(slider, value, given=given is not None)
+                self._place(slider, getattr(settings, slider.field), chosen.get(slider.field))
         finally:
             self._silent = False
 
-    def _place(self, slider: Slider, value: float, *, given: bool) -> None:
-        text = f"{figure(value)} {slider.unit}".strip()
-        self._values[slider.field].set_text(text)
-        element = self._sliders[slider.field]
-        element.props(f'aria-valuetext="{text}{"" if given else ", automatic"}"')
-        if self._placed.get(slider.field) != value:
-            self._placed[slider.field] = value
-            # not as a property: Vue would put the slider back to it with every answer, under the user's hand
-            element.client.run_javascript(f"getHtmlElement({element.id}).value = {value}")
+    def _place(self, slider: Slider, given: float | None, chosen: float | None) -> None:
+        element = self._elements[slider.field]
+        if slider is _LARGE:
+            assert given is not None
+            self._ms.set_text(f"Ms {figure(given)}")
+            element.props(f'aria-valuetext="Ms {figure(given)}"')
+            self._set(slider.field, element, "value", f"{given:g}")
+            return
+        auto = "" if chosen is None else f"{figure(chosen)} auto"
+        element.props(f'placeholder="{auto}"')
+        self._set(slider.field, element, "value", "" if given is None else f"{given:g}")
+
+    def _set(self, name: str, element: ui.element, attribute: str, value: str) -> None:
+        """Set what the browser holds; not as a property: Vue would put it back under the user's hand."""
+        if self._placed.get(name) != value:
+            self._placed[name] = value
+            told = value if attribute == "checked" else f'"{value}"'
+            element.client.run_javascript(f"getHtmlElement({element.id}).{attribute} = {told}")

@@ -9,28 +9,25 @@ from typing import Final
 
 from heatertune.chain.documents import words_document
 from heatertune.chain.whole import dossier
-from heatertune.documents import to_json
-from heatertune.log.values import Log
-from heatertune.model.values import FittedModel
-from heatertune.proof import Proof
-from heatertune.studio.loop import Look
+from heatertune.codec import encode
+from heatertune.documents import DATA, plain, to_json
+from heatertune.studio.session import Standing
 
 __all__ = ["export_zip", "report_page"]
 
 _EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # the earliest a zip can hold: no date
 
 
-def export_zip(files: Mapping[str, str | bytes], look: Look, proof: Proof) -> bytes:
-    """Return the export files with `words.json` and `proof.json` beside them, as `heatertune export-db` writes them.
+def export_zip(standing: Standing, *, force: bool) -> bytes:
+    """Return the export files with `data/words.json` and `data/proof.json`, as `heatertune export-db` writes them.
 
-    Args:
-        files: of `Session.export`, which has refused what must not leave.
-        look: the design.
-        proof: its full proof.
+    Raises:
+        ExportRefused: the verdict is not PASS and it is not forced.
     """
+    files, gains, proof = standing.export(force=force), standing.look.gains, standing.proof
     documents = {
-        "words.json": to_json(words_document(look.gains.words, proof, files, look.gains.search)),
-        "proof.json": to_json(proof.to_document()),
+        f"{DATA}/words.json": to_json(words_document(gains.words, proof, files, gains.search)),
+        f"{DATA}/proof.json": to_json(proof.to_document()),
     }
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
@@ -42,18 +39,16 @@ def export_zip(files: Mapping[str, str | bytes], look: Look, proof: Proof) -> by
     return packed.getvalue()
 
 
-def report_page(
-    log: Log, fitted: FittedModel, look: Look, proof: Proof, files: Mapping[str, str | bytes]
-) -> str:
-    """Return `report.html`.
+def report_page(standing: Standing, files: Mapping[str, str | bytes]) -> str:
+    """Return `report.html` of a proven design, as left where a trace was held against it.
 
     Args:
-        log: as it was read.
-        fitted: the heater behind it.
-        look: the design.
-        proof: its full proof.
+        standing: the design.
         files: that were exported; none for words that failed and were not forced.
     """
     from heatertune.report import render  # noqa: PLC0415 - matplotlib only where pictures are drawn
 
-    return render(dossier(log, fitted, look.gains.design, proof, files, look.gains.search))
+    gains = standing.look.gains
+    documents = dossier(standing.log, standing.fitted, gains.design, standing.proof, files, gains.search, gains.recipe)
+    left = {} if standing.left is None else {"as_left": plain(encode(standing.left))}
+    return render(documents | left)

@@ -1,24 +1,26 @@
-"""Settings → a first look at the loop in milliseconds, and the full proof; pure functions, for any thread."""
+"""Settings → a first look at the loop in milliseconds, the full proof, the design; pure functions, for any thread."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 from typing import Any
 
 from heatertune import chain
 from heatertune.model.values import FittedModel
 from heatertune.pid.loop.robustness import margins, worst
+from heatertune.pid.recipe import Recipe
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
-from heatertune.plc.choose import choose_words, search_document
+from heatertune.plc.choose import search_document
 from heatertune.progress import Told
 from heatertune.proof import Proof, Trace, simulate_wish
-from heatertune.proof.fitted import actuator_for
+from heatertune.proof.closing import Asked, Closed, closed
 from heatertune.settings import Conditions
 from heatertune.studio.settings import Settings
 
-__all__ = ["Gains", "Look", "first_look", "full_proof", "optimum"]
+__all__ = ["Found", "Gains", "Look", "designed", "first_look", "full_proof"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,11 +31,17 @@ class Gains:
         design: as wished.
         words: what the controller will hold.
         search: how the words were found, see `heatertune.plc.choose.search_document`; None: each rounded on its own.
+        recipe: how the design became the words; None: not told.
+        conditions: of the proof, where the design came with some; None: those of the settings.
+        proof: of the words, where it is made already.
     """
 
     design: PidDesign
     words: Words
     search: Any = None
+    recipe: Recipe | None = None
+    conditions: Conditions | None = None
+    proof: Proof | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,6 +64,24 @@ class Look:
     proof: Proof
     wish: Trace | None
 
+    @property
+    def conditions(self) -> Conditions:
+        """What the proof assumes."""
+        return self.gains.conditions or self.settings.assumed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """What `heatertune design` finds.
+
+    Attributes:
+        closed: as it came.
+        gains: as the page shows them, the proof with them.
+    """
+
+    closed: Closed
+    gains: Gains
+
 
 def first_look(fitted: FittedModel, settings: Settings, gains: Gains | None = None) -> Look:
     """Return the loop on the nominal heater; quick gains where none are given.
@@ -65,31 +91,35 @@ def first_look(fitted: FittedModel, settings: Settings, gains: Gains | None = No
         OutOfRange, InputError: the heater cannot hold the setpoint, the sensor does not see it, …
     """
     gains = gains or _quick(fitted, settings)
-    proof = chain.prove(gains.words, fitted, _conditions(settings, gains.words), first_look=True)
+    proof = chain.prove(gains.words, fitted, gains.conditions or settings.assumed, first_look=True)
     real, nominal = proof.design, proof.nominal
     return Look(
         settings=settings, gains=gains, realised=real, proof=proof,
         margins=None if real is None else worst([margins(plant, real) for plant in fitted.plants]),
         wish=None if real is None else simulate_wish(
-            gains.design, nominal.model, nominal.scenario, nominal.actuator),
+            gains.design, nominal.model, nominal.scenario, nominal.actuator,
+            ramp_degC_per_min=proof.ramp_degC_per_min if proof.words.ramp else math.inf, hold_degC=proof.hold_degC),
     )
 
 
-def full_proof(fitted: FittedModel, look: Look) -> Proof:
+def full_proof(fitted: FittedModel, look: Look, progress: Told = str) -> Proof:
     """Return the proof of the same words on every heater under every open point; errors as in `first_look`."""
-    return chain.prove(look.gains.words, fitted, _conditions(look.settings, look.gains.words))
+    return chain.prove(look.gains.words, fitted, look.conditions, progress=progress)
 
 
-def optimum(fitted: FittedModel, settings: Settings, progress: Told = str) -> Gains:
-    """Return what `heatertune design` would take for the same settings: IPOPT's optimum and the best words.
+def designed(fitted: FittedModel, settings: Settings, progress: Told = str) -> Found:
+    """Return what `heatertune design` finds for the same settings: the optimum, changed by as little as makes it pass.
 
     Raises:
         InputError: no design keeps the limits.
         NotRepresentable: as in `first_look`.
     """
-    design = chain.tune(fitted, settings.tuned, target=settings.target, progress=progress)
-    choice = choose_words(design, settings.target, fitted, scaling=settings.scaling, progress=progress)
-    return Gains(design=design, words=choice.words, search=search_document(choice, fitted))
+    asked = Asked(
+        target=settings.target, scaling=settings.scaling, tuned=settings.tuned, conditions=settings.assumed)
+    found = closed(fitted, asked, progress=progress)
+    return Found(closed=found, gains=Gains(
+        design=found.wished, words=found.proof.words, search=search_document(found.choice, fitted, found.notes),
+        recipe=found.recipe, conditions=found.conditions, proof=found.proof))
 
 
 def _quick(fitted: FittedModel, settings: Settings) -> Gains:
@@ -99,8 +129,3 @@ def _quick(fitted: FittedModel, settings: Settings) -> Gains:
         timer=controller.timer, derivative_filter=controller.derivative_filter,
     )
     return Gains(design=design, words=chain.encode(design, settings.target, scaling=settings.scaling))
-
-
-def _conditions(settings: Settings, words: Words) -> Conditions:
-    switch = actuator_for(replace(settings.assumed, pwm_period_s=settings.pwm_period_s or None), words)
-    return replace(settings.assumed, pwm_period_s=switch.pwm_period_s, pwm_resolution_s=switch.resolution_s)

@@ -13,6 +13,7 @@ from heatertune.studio.page import Page
 from heatertune.studio.session import Session
 from heatertune.studio.sources import read_source
 from heatertune.studio.warm import warm
+from heatertune.studio.work import Work
 
 __all__ = ["serve"]
 
@@ -36,8 +37,11 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
     app.on_startup(lambda: background_tasks.create(_tell(port, token)))
     app.on_startup(lambda: background_tasks.create(warm()))
 
+    work = Work(session)
+    app.on_exception(work.fault)
+
     def page() -> None:
-        Page(session)
+        Page(work)
 
     ui.page("/")(page)
 

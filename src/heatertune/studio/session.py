@@ -1,11 +1,13 @@
 """What one user has in front of them: log, heater, settings, the loop, and up to four designs side by side.
 
 Nothing here knows a browser or a thread. What takes long is a pure function of `heatertune.studio.loop`; its result
-comes back with the ticket under which it was begun, and a stale one is kept for later but not shown.
+comes back with the ticket under which it was begun, and a stale one is kept for later but not shown. There is one
+session: every window shows it, and what is moved in one is moved in all.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -14,16 +16,21 @@ from heatertune.errors import ExportRefused, HeatertuneError, InputError
 from heatertune.log.values import Log
 from heatertune.model.values import FittedModel
 from heatertune.proof import Proof
-from heatertune.studio.loop import Gains, Look
+from heatertune.proof.as_left import AsLeft
+from heatertune.settings import FitSettings
+from heatertune.studio.loop import Found, Gains, Look
+from heatertune.studio.mend import Mend, mend_for
 from heatertune.studio.settings import Settings, settings_for
 from heatertune.studio.sources import Source
 
-__all__ = ["MOST_PINNED", "Pinned", "Session", "Ticket"]
+__all__ = ["MOST_PINNED", "Pinned", "Session", "Standing", "Ticket"]
 
 MOST_PINNED: Final = 4
-#: what a design depends on: number of the heater, settings, whether their optimum is known
+#: what a design depends on: number of the heater, settings, and how the gains were found
 Ticket = tuple[Any, ...]
 
+#: what is allowed beside the defaults: none of it
+_ALLOWED: Final[Mapping[str, Any]] = {"tolerance_degC": None, "limits": (), "assumptions": ()}
 _KEPT: Final = 200  # looks and proofs remembered, the oldest forgotten first
 
 
@@ -42,16 +49,42 @@ class Pinned:
     verdict: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """A proven design as it stands on the page, all of one piece: what is downloaded is made of nothing else.
+
+    Attributes:
+        log, fitted, look, proof: as they are seen.
+        left: a trace of the commissioned loop beside the proof; None: none was held against it.
+    """
+
+    log: Log
+    fitted: FittedModel
+    look: Look
+    proof: Proof
+    left: AsLeft | None = None
+
+    def export(self, *, force: bool) -> dict[str, str | bytes]:
+        """Return the export files, name → content.
+
+        Raises:
+            ExportRefused: the verdict is not PASS and it is not forced.
+        """
+        return chain.export(self.look.gains.words, self.proof, force=force)
+
+
 class Session:
     """State of one user.
 
     Attributes:
         log, fitted: None until there is one.
         coming: the log that is being fitted, or waits for it.
+        known: beside it, as the user says.
         settings: as moved.
         look: the loop of the settings that were last looked at; None before the first.
         error: why there is no design for the settings, one line; "" where there is one.
         file_error: why the last file was not taken, one line; "" where it was.
+        fault: what went wrong inside, one line; "" where nothing did.
     """
 
     def __init__(self) -> None:
@@ -59,15 +92,21 @@ class Session:
         self.fitted: FittedModel | None = None
         self.settings = Settings()
         self.look: Look | None = None
-        self.error = self.file_error = ""
+        self.error = self.file_error = self.fault = ""
         self._heater = 0
         self._begun = 0
         self.coming: Log | None = None
+        self.known = FitSettings()
         self._gains: dict[Ticket, Gains] = {}
+        self._found: dict[Ticket, Found | None] = {}
+        self._taken: set[Ticket] = set()
+        self._numbers: dict[Ticket, int] = {}
         self._looks: dict[Ticket, Look] = {}
         self._proofs: dict[Ticket, Proof] = {}
         self._refused: dict[Ticket, str] = {}
+        self._left: dict[Ticket, tuple[Proof, AsLeft]] = {}
         self._pins: list[tuple[str, Look, Ticket]] = []
+        self._before: dict[str, Any] = {}
 
     def load(self, source: Source) -> None:
         """Begin with what a path holds; a log without its heater waits for the fit."""
@@ -76,11 +115,11 @@ class Session:
         if source.fitted is not None:
             self.fit_done(ticket, source.fitted)
 
-    def begin(self, log: Log) -> int:
+    def begin(self, log: Log, known: FitSettings | None = None) -> int:
         """Take a new log; return the ticket of its fit. Heater and loop of the log before stay until it is done."""
         self._begun += 1
-        self.coming = log
-        self.file_error = ""
+        self.coming, self.known = log, known or FitSettings()
+        self.file_error = self.fault = ""
         return self._begun
 
     def fit_done(self, ticket: int, fitted: FittedModel) -> bool:
@@ -88,37 +127,60 @@ class Session:
         if ticket != self._begun:
             return False
         self._heater = ticket
-        self.log, self.fitted = self.coming, fitted
+        self.log, self.fitted, self.coming = self.coming, fitted, None
         self.settings = settings_for(fitted, self.settings)
         self.look, self.error, self._pins = None, "", []
         return True
 
-    def fail(self, problem: HeatertuneError) -> None:
+    def fail(self, problem: Exception) -> None:
         """Show why there is no design for the settings."""
         self.error = str(problem)
 
-    def refuse_file(self, problem: HeatertuneError) -> None:
+    def is_coming(self, ticket: int) -> bool:
+        """Return whether the log of a fit is still the newest."""
+        return ticket == self._begun
+
+    def fit_refused(self, ticket: int, problem: Exception) -> None:
+        """Show why a log has no heater; it waits no longer, and what was there before stays."""
+        if ticket == self._begun:
+            self.coming = None
+            self.refuse_file(problem)
+
+    def refuse_file(self, problem: Exception) -> None:
         """Show why a file was not taken; log, heater and designs stay as they are."""
         self.file_error = str(problem)
 
     def change(self, **moved: Any) -> None:
         """Move settings; one that is refused changes nothing and shows its error."""
+        self.fault = ""
+        if "target" in moved:  # what its manual leaves open is its own
+            moved = {"assumptions": ()} | moved
         try:
             self.settings = replace(self.settings, **moved)
         except HeatertuneError as problem:
             self.fail(problem)
+        else:
+            self.known_look()
 
     @property
     def ticket(self) -> Ticket:
-        """What the design depends on: the heater, all settings, and whether its optimum is known."""
-        return self._heater, self.settings, self._words_key() in self._gains
+        """What the design depends on: the heater, all settings, and whether it is designed, an optimum, or quick."""
+        return *self.key, "designed" if self.taken else "optimum" if self._words_key() in self._gains else "quick"
+
+    @property
+    def key(self) -> Ticket:
+        """What a search for a design depends on: the heater and all settings."""
+        return self._heater, self.settings
 
     def gains(self) -> Gains | None:
-        """Return the optimum of the settings where it was searched, else None: quick gains will do."""
-        return self._gains.get(self._words_key())
+        """Return the design that was found for the settings, or an optimum that serves them; None: quick will do."""
+        found = self._found.get(self.key) if self.taken else None
+        return self._gains.get(self._words_key()) if found is None else found.gains
 
     def _words_key(self) -> Ticket:
-        return self._heater, self.settings.target, self.settings.tuned, self.settings.scaling
+        now = self.settings
+        asked = now.target, now.tuned, now.scaling, now.spec, now.limits, now.tolerance_degC, now.assumptions
+        return self._heater, *asked
 
     def known_look(self) -> bool:
         """Show the loop of the settings where it is remembered; return whether it is."""
@@ -131,19 +193,82 @@ class Session:
     def look_done(self, ticket: Ticket, look: Look) -> bool:
         """Take a loop; return whether it is shown: not where the settings moved on."""
         _keep(self._looks, ticket, look)
+        if look.gains.proof is not None:
+            _keep(self._proofs, ticket, look.gains.proof)
         return ticket == self.ticket and self.known_look()
 
-    def optimum_done(self, ticket: Ticket, gains: Gains) -> bool:
-        """Take an optimum for the settings of a ticket; return whether these are still the ones in front."""
-        _keep(self._gains, (ticket[0], ticket[1].target, ticket[1].tuned, ticket[1].scaling), gains)
-        return ticket[:2] == self.ticket[:2]
+    def look_refused(self, ticket: Ticket, problem: Exception) -> bool:
+        """Show why there is no loop where the settings are still in front; return whether they are."""
+        if ticket == self.ticket:
+            self.fail(problem)
+        return ticket == self.ticket
+
+    def found(self, key: Ticket, design: Found | None) -> None:
+        """Take what was found for settings; None: nothing."""
+        _keep(self._found, key, design)
+        if design is None:
+            self._taken.discard(key)
+        elif key == self.key and key in self._taken:
+            self._serve(design)
+
+    def take(self) -> None:
+        """Put the design that was found, or will be, in front of the settings."""
+        self.fault = ""
+        if self._found.get(self.key) is None:
+            self._found.pop(self.key, None)  # nothing was found: it is tried again
+        self._taken.add(self.key)
+        found = self._found.get(self.key)
+        if found is not None:
+            self._serve(found)
+        self.known_look()
+
+    def _serve(self, found: Found) -> None:
+        """Let a plain optimum that was taken serve other settings of the proof, too."""
+        if not found.closed.notes:
+            _keep(self._gains, self._words_key(), replace(found.gains, recipe=None, conditions=None, proof=None))
+
+    def allow(self, moved: Mapping[str, Any]) -> None:
+        """Move settings as a mend offers; `take_back` knows what they were."""
+        self._before = {name: getattr(self.settings, name) for name in moved if name not in _ALLOWED}
+        self.change(**moved)
+
+    def take_back(self) -> None:
+        """Put the gains from before in front again, and what the settings allowed beside the defaults away."""
+        self._taken.discard(self.key)
+        self.change(**_ALLOWED, **self._before)
+        self._before = {}
+
+    @property
+    def taken(self) -> bool:
+        """Whether a design was found for the settings and is in front."""
+        return self.key in self._taken and self._found.get(self.key) is not None
+
+    @property
+    def sought(self) -> bool:
+        """Whether a design is to be found for the settings: the user asked for it, or their words fail."""
+        wanted = self.key in self._taken or (self.verdict == "FAIL" and not self.error)
+        return self.fitted is not None and wanted and self.key not in self._found
+
+    @property
+    def awaited(self) -> bool:
+        """Whether the user waits for it."""
+        return self.sought and self.key in self._taken
+
+    @property
+    def mend(self) -> Mend | None:
+        """What would pass where the words in front fail, or what it cost; None where neither is known."""
+        found = self._found.get(self.key)
+        if found is None or not (self.taken or self.verdict == "FAIL"):
+            return None
+        mend = mend_for(found.closed, self.settings)
+        return replace(mend, button="") if self.taken and not mend.moved else mend
 
     def proof_done(self, ticket: Ticket, proof: Proof) -> bool:
         """Take a full proof; return whether it is that of the design in front."""
         _keep(self._proofs, ticket, proof)
         return ticket == self.ticket
 
-    def proof_refused(self, ticket: Ticket, problem: HeatertuneError) -> None:
+    def proof_refused(self, ticket: Ticket, problem: Exception) -> None:
         """Remember why a design cannot be proven, and show it where it is the one in front."""
         self._refused[ticket] = str(problem)
         if ticket == self.ticket:
@@ -151,20 +276,34 @@ class Session:
 
     @property
     def front(self) -> Look | None:
-        """The loop of the very settings in front; None while it is computed or where there is none."""
-        return None if self.error else self._looks.get(self.ticket)
+        """The loop that is seen, where it is that of the very settings in front; else None."""
+        return self.look if not self.error and self.look is self._looks.get(self.ticket) else None
 
     @property
     def proof(self) -> Proof | None:
         """The full proof of the design in front; None until it is done."""
-        return self._proofs.get(self.ticket)
+        return None if self.front is None else self._proofs.get(self.ticket)
+
+    def left_done(self, ticket: Ticket, proof: Proof, left: AsLeft) -> None:
+        """Take a trace beside the proof of a design; it is seen whenever that very design is in front."""
+        _keep(self._left, ticket, (proof, left))
+
+    def put_trace_away(self) -> None:
+        """Forget the trace beside the proof of the design in front."""
+        self._left.pop(self.ticket, None)
+
+    @property
+    def left(self) -> AsLeft | None:
+        """The trace beside the proof of the design in front; None where none was held against that very proof."""
+        proof, left = self._left.get(self.ticket, (None, None))
+        return left if proof is self.proof else None
 
     @property
     def verdict(self) -> str:
         """"PASS" or "FAIL" of the full proof, "proving…" until it is done, "no design" where there is none."""
         if self.error or self.look is None:
             return "no design"
-        return self._verdict_of(self.ticket)
+        return "proving…" if self.front is None else self._verdict_of(self.ticket)
 
     def _verdict_of(self, ticket: Ticket) -> str:
         proof = self._proofs.get(ticket)
@@ -203,16 +342,33 @@ class Session:
         done = self._proofs.keys() | self._refused.keys()
         return [(ticket, look) for ticket, look in waiting.items() if ticket not in done]
 
-    def export(self, *, force: bool) -> dict[str, str | bytes]:
-        """Return the export files of the design in front, name → content.
+    @property
+    def computing(self) -> bool:
+        """Whether what is seen is on its way to something else: a fit, a loop, a proof or a search."""
+        on_its_way = self.fitted is not None and not self.error and (self.front is None or self.verdict == "proving…")
+        return self.coming is not None or self.awaited or on_its_way
+
+    @property
+    def number(self) -> int:
+        """Number of the design in front, another one for every other: a download tells which it means."""
+        return self._numbers.setdefault(self.ticket, len(self._numbers) + 1)
+
+    def standing(self, number: int | None = None) -> Standing:
+        """Return the proven design in front; with a number, only where it is that one.
 
         Raises:
-            ExportRefused: it is not proven, or FAIL and not forced.
+            ExportRefused: it is another one, or it is not proven.
         """
+        if number is not None and (number != self.number or self.computing):
+            raise ExportRefused("the design changed meanwhile: look at it and try again")
         look, proof = self.front, self.proof
-        if look is None or proof is None:
+        if look is None or proof is None or self.log is None or self.fitted is None:
             raise ExportRefused("the words are not proven yet")
-        return chain.export(look.gains.words, proof, force=force)
+        return Standing(log=self.log, fitted=self.fitted, look=look, proof=proof, left=self.left)
+
+    def export(self, *, force: bool) -> dict[str, str | bytes]:
+        """Return the export files of the design in front, name → content; errors as in `standing` and its `export`."""
+        return self.standing().export(force=force)
 
 
 def _keep(memory: dict[Ticket, Any], key: Ticket, value: Any) -> None:

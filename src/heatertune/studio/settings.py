@@ -11,6 +11,9 @@ from heatertune.model.values import FittedModel
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.plc.inputs import has_ends
 from heatertune.proof.heaters import default_setpoint, labelled
+from heatertune.proof.period import SWITCHES
+from heatertune.proof.presets import PRESETS
+from heatertune.proof.specification import GENERAL
 from heatertune.settings import Conditions, TuneSettings
 from heatertune.units import check
 
@@ -68,6 +71,11 @@ class Settings:
         low_degC, high_degC: sensor range; not looked at where the module has its own [°C].
         input: range of the analog module, one of `heatertune.plc.inputs.INPUTS`; None: a plain one.
         noise_degC: standard deviation of the sensor's noise [°C].
+        tolerance_degC: how far from the setpoint is still right [°C]; None: as the proof takes it.
+        limits: of the proof that are other than its own, as "overshoot=24%".
+        assumptions: open point of the controller's manual and the setting that is taken as known.
+        switch_kind: one of `heatertune.proof.period.SWITCHES`; it tells how long contacts last.
+        spec: what words must keep, one of `heatertune.proof.presets.PRESETS`.
 
     Raises:
         OutOfRange, UnknownName: a value without meaning.
@@ -83,10 +91,18 @@ class Settings:
     high_degC: float = 100.0
     noise_degC: float = 0.0
     input: str | None = None
+    tolerance_degC: float | None = None
+    limits: tuple[str, ...] = ()
+    assumptions: tuple[tuple[str, str], ...] = ()
+    switch_kind: str = "ssr"
+    spec: str = GENERAL
 
     def __post_init__(self) -> None:
         if self.target not in TARGETS:
             raise OutOfRange("target", self.target, f"one of {', '.join(TARGETS)}")
+        for name, known in (("switch_kind", SWITCHES), ("spec", PRESETS)):
+            if getattr(self, name) not in known:
+                raise OutOfRange(name, getattr(self, name), f"one of {', '.join(known)}")
         if self.sample_time_s is not None:  # 0 means a continuous design elsewhere
             check("sample_time_s", self.sample_time_s, above=0.0)
         _ = self.scaling, self.tuned, self.assumed
@@ -108,7 +124,9 @@ class Settings:
     def assumed(self) -> Conditions:
         """What the proof assumes."""
         return Conditions(
-            setpoint_degC=self.setpoint_degC, noise_degC=self.noise_degC, pwm_period_s=self.pwm_period_s)
+            setpoint_degC=self.setpoint_degC, noise_degC=self.noise_degC, pwm_period_s=self.pwm_period_s,
+            tolerance_degC=self.tolerance_degC, limit=self.limits, switches=dict(self.assumptions),
+            spec=None if self.spec == GENERAL else self.spec)
 
     @property
     def tuned(self) -> TuneSettings:

@@ -14,6 +14,7 @@ from heatertune.log.values import Log
 from heatertune.model.document import from_document
 from heatertune.model.values import FittedModel
 from heatertune.progress import Told
+from heatertune.settings import FitSettings
 from heatertune.studio.settings import Settings
 
 __all__ = ["Source", "fit_log", "read_dropped", "read_source"]
@@ -64,6 +65,6 @@ def read_source(source: str) -> Source:
     return Source(log=log, settings=settings, fitted=from_document(documents["model"]))
 
 
-def fit_log(log: Log, progress: Told = str) -> FittedModel:
-    """Return the heater behind a log, as `heatertune design` finds it; errors as `heatertune.chain.fit`."""
-    return chain.fit(log, companions=True, progress=progress)
+def fit_log(log: Log, progress: Told = str, known: FitSettings | None = None) -> FittedModel:
+    """Return the heater behind a log, as `heatertune design` finds it; arguments and errors as there."""
+    return chain.fit(log, known, companions=True, progress=progress)

@@ -3,25 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Final
 
 from heatertune.log.values import Log
 from heatertune.model.document import to_document
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
-from heatertune.plc.typed import typed_table, typed_words, word_text
+from heatertune.plc.typed import FIRST, THEN, TypedWord, as_typed, typed_words
 from heatertune.proof import Proof
+from heatertune.proof.period import life
 from heatertune.proof.verdict import verdict_line
-from heatertune.report.html import bullets, table, text_of
+from heatertune.report.html import Markup, bullets, table, text_of
 from heatertune.report.text import criterion_value, figure, model_rows
 from heatertune.studio.loop import Look
+from heatertune.studio.picture import Picture
 from heatertune.studio.session import Pinned
+from heatertune.studio.wording import for_page
+from heatertune.terms import the_term
 
-__all__ = ["compared", "criteria", "diagnosis", "export_name", "notes", "rounding", "verdict_text", "words"]
+__all__ = [
+    "compared", "criteria", "diagnosis", "export_name", "in_words", "key", "lasting", "notes", "proving_text",
+    "rounding", "sentence", "verdict_text", "words",
+]
 
 _PARTS = (("K", "gain_pct_per_degC", "%/°C"), ("TN", "integral_time_s", "s"), ("TV", "derivative_time_s", "s"),
           ("TA", "sample_time_s", "s"))
+_SEEN_PCT: Final = 0.05  # a smaller overshoot is none
+_MINUTE_S: Final = 60.0
+_HOUR_S: Final = 3600.0
 
 
 def diagnosis(log: Log, fitted: FittedModel) -> str:
@@ -34,8 +45,8 @@ def diagnosis(log: Log, fitted: FittedModel) -> str:
     fit = "" if fitted.fit_pct is None else f" It follows {figure(fitted.fit_pct, 3)} % of the log's movement."
     return (
         f"<p><strong>{text_of(fitted.outcome.value)}</strong>{fit} {several}</p>"
-        + table(["", "value", "95 % interval", "unit"], rows, numeric=(1,))
-        + "".join(f"<p>{text_of(line)}</p>" for line in fitted.log_told)
+        + table(["parameter", "value", "95 % interval", "unit"], rows, numeric=(1,))
+        + "".join(f"<p>{text_of(for_page(line))}</p>" for line in fitted.log_told)
         + _folded("What the fit has to say", fitted.notes)
         + _folded("Changed or assumed by the reader", log.repairs) + _folded("Odd, but left as it is", log.doubts)
     )
@@ -44,13 +55,40 @@ def diagnosis(log: Log, fitted: FittedModel) -> str:
 def _folded(title: str, items: Sequence[str]) -> str:
     if not items:
         return ""
-    return f"<details><summary>{title} ({len(items)})</summary>{bullets(items)}</details>"
+    return f"<details><summary>{title} ({len(items)})</summary>{bullets([for_page(item) for item in items])}</details>"
 
 
 def words(look: Look) -> str:
-    """Return the words in the order in which they are typed in, as HTML."""
-    heads, values, rows = typed_table(typed_words(look.gains.words, look.proof.scenario.setpoint_degC))
-    return table(heads, rows, numeric=values)
+    """Return the words as the programming tool shows them, in the order of typing, each to be copied."""
+    rows = typed_words(look.gains.words, look.proof.scenario.setpoint_degC)
+    twice = any(row.changes for row in rows)
+    values = (FIRST, THEN) if twice else ("value",)
+    heads = "".join(f'<th scope="col">{head}</th>' for head in ("address", "name", "type", *values, "meaning"))
+    body = "".join(_word_row(row, twice=twice) for row in rows)
+    whole = "\n".join("\t".join((row.address, row.name, row.format, *_typed(row, twice=twice))) for row in rows)
+    return (f'<table class="words"><thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>'
+            + _copy(whole, "Copy all", "Copy all words"))
+
+
+def _word_row(row: TypedWord, *, twice: bool) -> str:
+    cells = "".join(f'<td data-label="{head}">{text_of(text)}</td>' for head, text in
+                    (("address", row.address), ("name", row.name), ("type", row.format)))
+    typed = _typed(row, twice=twice)
+    for head, text in zip((FIRST, THEN) if twice else ("value",), typed, strict=True):
+        copy = _copy(text, "Copy", f"Copy {row.name}: {text}") if text else ""
+        cells += f'<td class="value" data-label="{head}"><code>{text_of(text)}</code>{copy}</td>'
+    return f'<tr>{cells}<td class="meaning">{text_of(row.meaning)}</td></tr>'
+
+
+def _typed(row: TypedWord, *, twice: bool) -> tuple[str, ...]:
+    """Return the values in the controller's own format: first and then, or the one."""
+    then = as_typed(row.then, row.format)
+    return (as_typed(row.first, row.format), then if row.changes else "") if twice else (then,)
+
+
+def _copy(text: str, label: str, said: str) -> str:
+    return (f'<button type="button" class="copy" data-copy="{text_of(text)}" aria-label="{text_of(said)}">'
+            f"{label}</button>")
 
 
 def rounding(look: Look) -> str:
@@ -58,9 +96,14 @@ def rounding(look: Look) -> str:
     wish, real = look.gains.design, look.realised
     if real is None:
         return "<p>This controller is no PID: its words hold no gains.</p>"
-    rows = [[name, _part(wish, field), _part(real, field), _change(wish, real, field), unit]
+    rows = [[_term(name), _part(wish, field), _part(real, field), _change(wish, real, field), unit]
             for name, field, unit in _PARTS]
-    return table(["", "wished", "realised", "change", "unit"], rows, numeric=(1, 2, 3))
+    return table(["part", "wished", "realised", "change", "unit"], rows, numeric=(1, 2, 3))
+
+
+def _term(name: str) -> Markup:
+    """Return a symbol that tells what it means."""
+    return Markup(f'<abbr title="{text_of(the_term(name).meaning)}">{name}</abbr>')
 
 
 def _part(design: PidDesign, field: str) -> str:
@@ -85,16 +128,68 @@ def criteria(proof: Proof) -> str:
         limit = "" if criterion.limit is None else f"{'≥' if criterion.at_least else '≤'} {figure(criterion.limit)}"
         mark = "" if criterion.limit is None or not proof.open_points else "ok" if criterion.ok else "FAIL"
         rows.append([criterion.name.replace("_", " "), criterion_value(document), limit, criterion.unit, mark])
-    return table(["criterion", "worst" if proof.open_points else "nominal", "limit", "unit", ""], rows, numeric=(1,))
+    found = "worst" if proof.open_points else "nominal"
+    return table(["criterion", found, "limit", "unit", "kept"], rows, numeric=(1,))
 
 
 def verdict_text(verdict: str, proof: Proof | None, *, last: bool = False) -> str:
     """Return the verdict as one sentence that can be read out; `last`: an earlier design is still seen."""
     if proof is None:
         if verdict == "proving…":
-            return "Proving the words on every model under every open point of the manual…"
+            return proving_text("")
         return "No design for these settings; what is seen is the last one." if last else "No design yet: drop a log."
-    return f"{verdict_line(proof.to_document())}."
+    return f"{for_page(verdict_line(proof.to_document()))}."
+
+
+def sentence(proof: Proof, switch_kind: str) -> str:
+    """Return what the loop does in one sentence; of a first look it is the nominal run's."""
+    found = {criterion.name: criterion.value for criterion in proof.criteria}
+    settling, overshoot, clicks = (found.get(name) for name in ("settling_time", "overshoot", "switchings"))
+    worst = " at worst" if proof.open_points else ", nominal run"
+    parts = []
+    if settling is not None:
+        parts.append("never settles" if math.isinf(settling) else f"settles in {lasting(settling)}")
+    if overshoot is not None:
+        parts.append(f"overshoots {figure(overshoot, 2)} %{worst}" if overshoot > _SEEN_PCT else f"no overshoot{worst}")
+    if clicks is not None and math.isfinite(clicks):
+        kind = "SSR" if switch_kind == "ssr" else switch_kind
+        lasts = "" if switch_kind == "ssr" else f", which lasts {life(switch_kind, clicks)}"
+        parts.append(f"{clicks:.0f} clicks an hour ({kind}{lasts})")
+    text = ", ".join(parts)
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def lasting(seconds: float) -> str:
+    """Return a time as people say it."""
+    if seconds < 2.0 * _MINUTE_S:
+        return f"{seconds:.0f} s"
+    return f"{seconds / _MINUTE_S:.0f} min" if seconds < 2.0 * _HOUR_S else f"{seconds / _HOUR_S:.1f} h"
+
+
+def key(names: Sequence[tuple[str, str, str]]) -> str:
+    """Return what each line of a picture is: name, colour and dashes of it."""
+    shown = "".join(
+        f'<li><svg width="34" height="10" aria-hidden="true"><line x1="0" y1="5" x2="34" y2="5" stroke="{color}" '
+        f'stroke-width="2" stroke-dasharray="{dashes}"/></svg>{text_of(name)}</li>' for name, color, dashes in names)
+    wall = ('<li><svg width="34" height="12" aria-hidden="true"><rect width="34" height="12" class="wall"/></svg>'
+            "no run may be here</li>")
+    return f'<ul class="key">{shown}{wall}</ul>'
+
+
+def in_words(picture: Picture, runs: int) -> str:
+    """Return the picture's numbers as a table: what the nominal run does in each part of the story."""
+    rows = [[part.name, lasting(part.begin_s), figure(part.setpoint_degC), figure(part.highest_degC),
+             figure(part.lowest_degC),
+             "never" if part.within_s is None else f"in {lasting(part.within_s - part.begin_s)}"]
+            for part in picture.parts]
+    told = f"The nominal run of {runs}" if runs > 1 else "The nominal run"
+    heads = ("part", "from", "asked", "most", "least", "settled")
+    return f"<p>{told}, part by part; temperatures in °C:</p>" + table(heads, rows, numeric=(2, 3, 4))
+
+
+def proving_text(done: str) -> str:
+    """Return what the banner says while a proof runs, which is so far."""
+    return f"Proving the words on every possible heater{', ' if done else ''}{done}…"
 
 
 def notes(look: Look) -> str:
@@ -113,31 +208,49 @@ def notes(look: Look) -> str:
         margins = look.margins
         sentences.append(f"Margins of the words, worst over the models: Ms {figure(margins.ms, 3)}, gain margin "
                          f"{figure(margins.gain_margin, 3)}, phase margin {figure(margins.phase_margin_deg, 3)}°.")
-    return bullets(sentences)
+    return bullets([for_page(sentence) for sentence in sentences])
 
 
 def compared(pinned: Sequence[Pinned]) -> str:
-    """Return the designs set aside side by side, as HTML."""
+    """Return the designs set aside side by side, as HTML; what is not as in the first is marked."""
     if not pinned:
         return "<p>Keep a design to compare it with the next one; four can stand side by side.</p>"
-    rows = [["controller", *(pin.look.settings.target for pin in pinned)],
-            ["structure", *(pin.look.settings.structure.upper() for pin in pinned)],
-            ["Ms wished", *(figure(pin.look.settings.ms) for pin in pinned)]]
+    heads = "".join(f'<th scope="col">design {text_of(pin.name)}</th>' for pin in pinned)
+    body = "".join(f'<tr><th scope="row">{text_of(name)}</th>{"".join(_differing(values))}</tr>'
+                   for name, values in _side_by_side(pinned))
+    return (f'<table class="compared"><thead><tr><td></td>{heads}</tr></thead><tbody>{body}</tbody></table>'
+            "<p>Marked: other than in the first.</p>")
+
+
+def _differing(values: Sequence[str]) -> Iterator[str]:
+    for value in values:
+        text = text_of(value)
+        yield f"<td>{text}</td>" if value == values[0] else f"<td><mark>{text}</mark></td>"
+
+
+def _side_by_side(pinned: Sequence[Pinned]) -> Iterator[tuple[str, list[str]]]:
+    """Return the rows of the comparison: what it is, and its text for each design."""
+    settings = [pin.look.settings for pin in pinned]
+    yield "controller", [one.target for one in settings]
+    yield "structure", [one.structure.upper() for one in settings]
+    yield "Ms wished", [figure(one.ms) for one in settings]
     for name, field, unit in _PARTS:
-        rows.append([f"{name} [{unit}]", *(
-            "—" if pin.look.realised is None else _part(pin.look.realised, field) for pin in pinned)])
-    rows.append(["words", *(
-        ", ".join(f"{row.name} {word_text(row.then, row.format)}" for row in typed_words(
-            pin.look.gains.words, pin.look.proof.scenario.setpoint_degC)) for pin in pinned)])
-    rows.append(["Ms of the words", *(
-        "—" if pin.look.margins is None else figure(pin.look.margins.ms, 3) for pin in pinned)])
+        yield f"{name} [{unit}]", [
+            "—" if pin.look.realised is None else _part(pin.look.realised, field) for pin in pinned]
+    for name in dict.fromkeys(name for pin in pinned for name in _words_of(pin)):
+        yield f"word {name}", [_words_of(pin).get(name, "—") for pin in pinned]
+    yield "Ms of the words", ["—" if pin.look.margins is None else figure(pin.look.margins.ms, 3) for pin in pinned]
     for name in ("overshoot", "settling_time", "iae"):
-        worst = [next((c for c in pin.look.proof.criteria if c.name == name), None) for pin in pinned]
-        unit = next((c.unit for c in worst if c is not None), "")
-        rows.append([f"{name.replace('_', ' ')}, nominal [{unit}]", *(
-            "—" if c is None else criterion_value(c.to_document()) for c in worst)])
-    rows.append(["verdict", *(pin.verdict for pin in pinned)])
-    return table(["", *(f"design {pin.name}" for pin in pinned)], rows)
+        found = [next((c for c in pin.look.proof.criteria if c.name == name), None) for pin in pinned]
+        unit = next((c.unit for c in found if c is not None), "")
+        yield f"{name.replace('_', ' ')}, nominal [{unit}]", [
+            "—" if c is None else criterion_value(c.to_document()) for c in found]
+    yield "verdict", [pin.verdict for pin in pinned]
+
+
+def _words_of(pin: Pinned) -> dict[str, str]:
+    rows = typed_words(pin.look.gains.words, pin.look.proof.scenario.setpoint_degC)
+    return {row.name: as_typed(row.then, row.format) for row in rows}
 
 
 def export_name(log: Log, look: Look) -> str:

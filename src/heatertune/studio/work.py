@@ -1,84 +1,147 @@
-"""What takes long, beside the page: fits, loops and proofs in threads, the newest wish first, stale results unseen."""
+"""What takes long, beside the pages: fits, loops, proofs and searches in threads, the newest wish first.
+
+There is one for the session, whatever windows are open: it goes on while a page is loaded again, and tells every page
+what changed.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
-from heatertune.errors import ExportRefused, HeatertuneError
+from heatertune.commissioned import AsLeftSettings
+from heatertune.errors import HeatertuneError
 from heatertune.log.values import Log
+from heatertune.progress import Told
+from heatertune.settings import FitSettings
 from heatertune.studio.downloads import export_zip, report_page
-from heatertune.studio.loop import first_look, full_proof, optimum
+from heatertune.studio.left import held_against
+from heatertune.studio.loop import designed, first_look, full_proof
 from heatertune.studio.session import Session
-from heatertune.studio.sources import fit_log, read_dropped, read_source
+from heatertune.studio.sources import fit_log, read_source
+from heatertune.studio.views import export_name
+from heatertune.studio.wording import for_page
 
-__all__ = ["Work"]
+__all__ = ["Follower", "Work"]
 
-_REST_S: Final = 0.3  # a slider that moves on within this time wants no proof yet
-_TICK_S: Final = 0.5
+_REST_S: Final = 0.15  # a slider that moves on within this time wants no proof yet
+_SEEK_S: Final = 1.0  # who looks at a FAIL for so long may want to know what would pass
+_TICK_S: Final = 0.1
+
+_log: Final = logging.getLogger(__name__)
+
+
+class Follower(Protocol):
+    """A page."""
+
+    def show(self) -> object:
+        """Show the session as it is now."""
+
+    def show_progress(self) -> object:
+        """Show how far the work is."""
+
+
+class _Abandoned(Exception):
+    """Nobody wants the result any more."""
 
 
 class Work:
-    """The work of one page.
+    """The work of a session.
 
     Args:
         session: what is worked on; touched in the event loop's thread only.
-        shown: called when something new can be seen.
-        busy: told what takes long, "" when it is done.
+
+    Attributes:
+        busy: what takes long and how far it is, a few words; "" where nothing does.
+        proving: how far the proof of the design in front is, as "18 of 54 runs"; "" before it begins.
     """
 
-    def __init__(self, session: Session, *, shown: Callable[[], object], busy: Callable[[str], object]) -> None:
-        self.session, self._shown, self._busy = session, shown, busy
-        self._looking = self._proving = False
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.busy = self.proving = ""
+        self._pages: list[Follower] = []
+        self._fitting = self._looking = self._proving = self._seeking = False
         self._moved_at = 0.0
+        self._held = 0
+
+    def follow(self, page: Follower) -> None:
+        """Tell a page from now on what changes."""
+        self._pages.append(page)
+
+    def forget(self, page: Follower) -> None:
+        """Tell a page no more: it is closed."""
+        self._pages = [other for other in self._pages if other is not page]
+
+    def tell(self) -> None:
+        """Let every page show the session as it is now."""
+        self._each(lambda page: page.show())
+
+    def _each(self, show: Callable[[Follower], object]) -> None:
+        for page in self._pages:
+            try:
+                show(page)
+            except Exception:  # one page that cannot be drawn keeps no other from the truth
+                _log.exception("a page could not be drawn")
+
+    def fault(self, problem: Exception) -> str:
+        """Tell on every page that something went wrong inside, its traceback on stderr; return the sentence."""
+        _log.error("unexpected fault", exc_info=problem)
+        self.session.fault = fault_told(problem)
+        self.tell()
+        return self.session.fault
 
     async def go_on(self) -> None:
-        """Fit a log that waits, else show the loop of the settings."""
-        if self.session.fitted is None and self.session.coming is not None:
-            await self._fit(self.session.coming)
+        """Fit a log that waits and is not being fitted, else show the loop of the settings."""
+        session = self.session
+        if session.fitted is None and session.coming is not None:
+            if not self._fitting:
+                await self._fit(session.coming, session.known)
         else:
             await self.look()
 
     async def open(self, source: str) -> None:
         """Read a path or built-in table and fit it."""
-        await self._take(lambda: read_source(source).log)
-
-    async def drop(self, name: str, content: bytes) -> None:
-        """Read a dropped file and fit it."""
-        await self._take(lambda: read_dropped(name, content))
-
-    async def _take(self, read: Callable[[], Log]) -> None:
         try:
-            log = await asyncio.to_thread(read)
+            log = (await asyncio.to_thread(read_source, source)).log
         except HeatertuneError as problem:
             self.session.refuse_file(problem)
-            self._shown()
+            self.tell()
             return
         await self._fit(log)
 
-    async def _fit(self, log: Log) -> None:
-        ticket = self.session.begin(log)
-        self._shown()
-        try:
-            fitted = await self._told(f"fitting {log.name}", lambda tell: fit_log(log, tell))
-        except HeatertuneError as problem:
-            self.session.refuse_file(problem)
-            self._shown()
-            return
-        if self.session.fit_done(ticket, fitted):
-            await self.look()
+    async def take(self, log: Log, known: FitSettings) -> None:
+        """Fit a log with what is known beside it."""
+        await self._fit(log, known)
 
-    async def _told(self, what: str, run: Callable[[Callable[[str], None]], Any]) -> Any:
-        """Return what `run` gives, its progress and the time it takes shown meanwhile."""
-        stages, begun = [what], time.monotonic()
-        task = asyncio.create_task(asyncio.to_thread(run, stages.append))
-        while not task.done():
-            self._busy(f"{stages[-1]}… {time.monotonic() - begun:.0f} s")
-            await asyncio.wait([task], timeout=_TICK_S)
-        self._busy("")
-        return task.result()
+    async def _fit(self, log: Log, known: FitSettings | None = None) -> None:
+        session = self.session
+        ticket, self._fitting = session.begin(log, known), True
+        self.tell()
+
+        def run(tell: Told) -> Any:
+            return fit_log(log, tell, known)
+
+        try:
+            fitted = await self._told(run, f"fitting {log.name}", lambda: session.is_coming(ticket))
+        except _Abandoned:
+            return
+        except Exception as problem:
+            session.fit_refused(ticket, self._kind(problem))
+        else:
+            session.fit_done(ticket, fitted)
+        finally:
+            self._fitting = session.coming is not None  # another one came meanwhile, and is being fitted
+        self.tell()
+        await self.look()
+
+    def move(self, **fields: Any) -> None:
+        """Move settings, on every page at once; `look` shows their loop."""
+        self.session.change(**fields)
+        self.proving = ""
+        self.tell()
 
     async def look(self) -> None:
         """Show the loop of the settings; while one is computed, only the newest settings wait."""
@@ -92,63 +155,180 @@ class Work:
                 ticket, fitted, settings, gains = session.ticket, session.fitted, session.settings, session.gains()
                 try:
                     session.look_done(ticket, await asyncio.to_thread(first_look, fitted, settings, gains))
-                except HeatertuneError as problem:
-                    if ticket == session.ticket:
-                        session.fail(problem)
+                except Exception as problem:
+                    if session.look_refused(ticket, self._kind(problem)):
                         break
         finally:
             self._looking = False
-        self._shown()
+        self.tell()
         await self._prove()
+        await self._seek()
 
     async def _prove(self) -> None:
-        """Prove what waits, one at a time, once the sliders rest."""
+        """Prove what waits, one at a time, once the sliders rest; what nobody waits for any more is left."""
         if self._proving:
             return
-        self._proving = True
+        self._proving, session = True, self.session
         try:
-            while self.session.unproven():
+            while session.unproven():
                 await asyncio.sleep(max(0.0, self._moved_at + _REST_S - time.monotonic()))
-                if time.monotonic() < self._moved_at + _REST_S or not (waiting := self.session.unproven()):
+                if time.monotonic() < self._moved_at + _REST_S or not (waiting := session.unproven()):
                     continue
                 ticket, look = waiting[0]
-                assert self.session.fitted is not None
+                fitted, self.proving = session.fitted, ""
+
+                def run(tell: Told) -> Any:
+                    return full_proof(fitted, look, tell)  # type: ignore[arg-type]  # noqa: B023 - runs before the next
+
                 try:
-                    self.session.proof_done(ticket, await asyncio.to_thread(full_proof, self.session.fitted, look))
-                except HeatertuneError as problem:
-                    self.session.proof_refused(ticket, problem)
-                self._shown()
+                    proof = await self._told(run, "", lambda: ticket in dict(session.unproven()))  # noqa: B023 - as run
+                    session.proof_done(ticket, proof)
+                except _Abandoned:
+                    continue
+                except Exception as problem:
+                    session.proof_refused(ticket, self._kind(problem))
+                self.tell()
         finally:
             self._proving = False
 
-    async def optimum(self) -> None:
-        """Search the optimum for the settings, and show it where they are still the same."""
-        session = self.session
-        ticket, fitted, settings = session.ticket, session.fitted, session.settings
-        if fitted is None:
+    async def design(self) -> None:
+        """Show what `heatertune design` finds for the settings, as soon as it is found."""
+        self.session.take()
+        self.tell()
+        await self.look()
+
+    async def mend(self) -> None:
+        """Show what would pass in place of the design in front."""
+        mend = self.session.mend
+        if mend is not None:
+            self.session.allow(mend.moved)
+            await self.design()
+
+    async def take_back(self) -> None:
+        """Show what was there before a design was taken."""
+        self.session.take_back()
+        self.tell()
+        await self.look()
+
+    async def _seek(self) -> None:
+        """Look for a design that passes where the one in front fails, or where the user asked for it."""
+        if self._seeking:
             return
+        self._seeking, session = True, self.session
         try:
-            gains = await self._told("searching the optimum", lambda tell: optimum(fitted, settings, tell))
-        except HeatertuneError as problem:
-            session.fail(problem)
-            self._shown()
-            return
-        if session.optimum_done(ticket, gains):
-            await self.look()
+            while session.sought:
+                key, fitted, settings, awaited = session.key, session.fitted, session.settings, session.awaited
+                if not awaited and time.monotonic() < self._moved_at + _SEEK_S:
+                    await asyncio.sleep(_TICK_S)
+                    continue
 
-    async def zip(self, *, force: bool) -> bytes:
-        """Return the export files of the proven design as a zip; raise ExportRefused where they must not leave."""
-        look, proof, files = self.session.front, self.session.proof, self.session.export(force=force)
-        assert look is not None
-        assert proof is not None
-        return export_zip(files, look, proof)
+                def run(tell: Told) -> Any:
+                    return designed(fitted, settings, tell)  # type: ignore[arg-type]  # noqa: B023 - runs before the next
 
-    async def report(self, *, force: bool) -> bytes:
-        """Return the report of the proven design; raise ExportRefused where there is no proof."""
+                try:
+                    what = "searching the design" if awaited else "looking for what would pass"
+                    session.found(key, await self._told(run, what, lambda: key == session.key))  # noqa: B023 - as run
+                except _Abandoned:
+                    continue
+                except Exception as problem:
+                    session.found(key, None)
+                    kind = self._kind(problem)
+                    if key == session.key and awaited:
+                        session.fault = str(kind)
+                if session.taken:
+                    await self.look()
+                self.tell()
+        finally:
+            self._seeking = False
+
+    async def hold(self, log: Log, about: AsLeftSettings, number: int) -> None:
+        """Hold a trace of the commissioned loop against the design that bears a number, or tell why that cannot be.
+
+        Args:
+            log: the trace; where another one comes meanwhile, that counts.
+            about: what is known beside it.
+            number: of the design as the page showed it.
+        """
         session = self.session
-        log, fitted, look, proof = session.log, session.fitted, session.front, session.proof
-        if log is None or fitted is None or look is None or proof is None:
-            raise ExportRefused("the words are not proven yet")
-        files = session.export(force=force) if force or proof.verdict == "PASS" else {}
-        page: str = await self._told("drawing the report", lambda _: report_page(log, fitted, look, proof, files))
-        return page.encode()
+        session.file_error = session.fault = ""
+        self._held += 1
+        newest = self._held
+        try:
+            standing, ticket = session.standing(number), session.ticket
+            left = await self._told(lambda tell: held_against(standing, log, about, tell),
+                                    f"holding {log.name} against the proof", lambda: newest == self._held)
+        except _Abandoned:
+            return
+        except Exception as problem:
+            session.refuse_file(self._kind(problem))
+        else:
+            session.left_done(ticket, standing.proof, left)
+        self.tell()
+
+    def put_trace_away(self) -> None:
+        """Forget the trace beside the design in front, on every page."""
+        self.session.put_trace_away()
+        self.tell()
+
+    async def _told(self, run: Callable[[Told], Any], what: str, wanted: Callable[[], bool]) -> Any:
+        """Return what a thread gives, how far it is shown meanwhile.
+
+        Args:
+            run: in the thread, given whom to tell.
+            what: it is called; "": the proof of the design in front.
+            wanted: whether anybody still waits for it.
+
+        Raises:
+            _Abandoned: nobody does.
+        """
+        said, begun, unwanted = [""], time.monotonic(), False
+
+        def tell(message: str) -> None:
+            if unwanted:
+                raise _Abandoned
+            said.append(message)
+
+        task = asyncio.create_task(asyncio.to_thread(run, tell))
+        while not task.done():
+            unwanted = unwanted or not wanted()
+            if what:
+                self.busy = f"{what}{': ' if said[-1] else ''}{for_page(said[-1])}… {time.monotonic() - begun:.0f} s"
+            else:
+                self.proving = said[-1]
+            self._each(lambda page: page.show_progress())
+            await asyncio.wait([task], timeout=_TICK_S)
+        if what:
+            self.busy = ""
+        elif not unwanted:  # a proof may be done within one tick
+            self.proving = said[-1]
+        self._each(lambda page: page.show_progress())
+        return task.result()
+
+    def _kind(self, problem: Exception) -> Exception:
+        """Return an error as it is told: heatertune's as they are, any other as a fault, its traceback on stderr."""
+        if isinstance(problem, HeatertuneError):
+            return problem
+        _log.error("unexpected fault", exc_info=problem)
+        return RuntimeError(fault_told(problem))
+
+    async def zip(self, number: int, *, force: bool) -> tuple[str, bytes]:
+        """Return name and content of the export files of the design that bears a number.
+
+        Raises:
+            ExportRefused: another one is in front by now, or it must not leave.
+        """
+        standing = self.session.standing(number)
+        return export_name(standing.log, standing.look), export_zip(standing, force=force)
+
+    async def report(self, number: int, *, force: bool) -> tuple[str, bytes]:
+        """Return name and content of the report; errors as in `zip`."""
+        standing = self.session.standing(number)
+        files = standing.export(force=force) if force or standing.proof.verdict == "PASS" else {}
+        page: str = await self._told(lambda _: report_page(standing, files), "drawing the report", lambda: True)
+        return export_name(standing.log, standing.look), page.encode()
+
+
+def fault_told(problem: Exception) -> str:
+    """Return what a user is told of a fault of heatertune itself, and what to do."""
+    return (f"Something went wrong inside heatertune ({type(problem).__name__}). Log and settings are kept: move a "
+            "control to go on; if it comes again, start the studio anew and report what its terminal says.")

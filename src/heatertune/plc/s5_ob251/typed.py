@@ -9,6 +9,7 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.s5_ob251.blocks import WORK
 from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE
 from heatertune.plc.words import Words
+from heatertune.units import written
 
 __all__ = ["typed"]
 
@@ -37,14 +38,14 @@ def typed(words: Words, setpoint_degC: float | None, units: Number | None) -> Ma
 
 def _integral_time(words: Words) -> str:
     v = words.whole
-    return f"TN = {words.sample_time_s * v['R'] / v['TI']:.4g} s" if v["TI"] else "no integral action"
+    return f"TN = {written(words.sample_time_s * v['R'] / v['TI'])} s" if v["TI"] else "no integral action"
 
 
 def _derivative_time(words: Words) -> str:
     v = words.whole
     if not v["TD"]:
         return "no derivative action"
-    return f"TV = {words.sample_time_s * v['TD'] * 1024 / v['R']:.4g} s" if v["R"] else f"TV = {v['TD']} TA/R"
+    return f"TV = {written(words.sample_time_s * v['TD'] * 1024 / v['R'])} s" if v["R"] else f"TV = {v['TD']} TA/R"
 
 
 def _setpoint(words: Words, setpoint_degC: float | None, units: Number | None) -> dict[str, Any]:

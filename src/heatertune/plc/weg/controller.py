@@ -30,7 +30,7 @@ class Weg(Controller, name="weg"):
     can = (
         "P, PI, PD and PID in single precision, academic or parallel form, direct or reverse action",
         "setpoint filter of first order, limits of the output, manual output, enabling; Ts of 1 to 65535 ms",
-        "exported as a whole program in structured text: calls each Ts, heater off with EN FALSE, PWM, setpoint ramp",
+        "exported as a whole program in structured text: calls each Ts, EN FALSE is off, PWM, setpoint ramp, boost",
     )
     cannot = (
         "no derivative filter: noise and steps of the reading reach the output times K*TV/TA",
@@ -46,7 +46,7 @@ class Weg(Controller, name="weg"):
     counts = COUNTS
     tick_s = HALF_WAVE_S
     derivative_filter = 0.0
-    ramped = True
+    ramped = boosted = True
     most_power = ("MaximumOutput", 100.0)
     core = Core(step=step, measure=_measure, flags=("upper limit", "lower limit", "overflow"), singles=True)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
@@ -55,4 +55,7 @@ class Weg(Controller, name="weg"):
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before EN has ever been TRUE."""
-        return Running((block_of(words.values, assume), assume), COLD)
+        block = block_of(words.values, assume)
+        if words.boost is not None:
+            block = block._replace(within=words.boost.within_degC, again=words.boost.again_degC)
+        return Running((block, assume), COLD)

@@ -11,7 +11,7 @@ from typing import Final
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.single import single
 from heatertune.plc.weg.plcopen import project
-from heatertune.plc.weg.program import PROBE, Clock, clock_for, literal, statements, variables
+from heatertune.plc.weg.program import PROBE, Clock, clock_for, enabling, literal, statements, variables
 from heatertune.plc.weg.source import BLOCK_NAME, function_block
 from heatertune.plc.weg.words import COUNTS, FIELDS
 from heatertune.plc.words import Certificate, Words
@@ -110,12 +110,12 @@ def _called(instance: str, wires: list[tuple[str, str]]) -> str:
 def _weg_call(words: Words) -> str:
     """Return the statements in the form of the manual's example: EN and Output as members."""
     call = _called("HeaterPid", [*_wires(words), *_values(words)])
-    return f"HeaterPid.EN := HeaterOn;\n{call}HeaterPower := HeaterPid.Output;\n"
+    return f"HeaterPid.EN := {enabling(words)};\n{call}HeaterPower := HeaterPid.Output;\n"
 
 
 def _block_call(words: Words) -> str:
     values = [(RENAMED.get(name, name), value) for name, value in _values(words)]
-    call = _called("HeaterPid", [("Enable", "HeaterOn"), *_wires(words), *values])
+    call = _called("HeaterPid", [("Enable", enabling(words)), *_wires(words), *values])
     return f"{call}HeaterPower := HeaterPid.Output;\n"
 
 

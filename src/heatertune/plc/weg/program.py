@@ -1,8 +1,8 @@
-"""The program around WEG's block in structured text: calls each Ts, enabling, setpoint ramp, PWM.
+"""The program around WEG's block in structured text: calls each Ts, enabling, boost, setpoint ramp, PWM.
 
 It is called each scan and adds up the time of the scans. Whether the block keeps Ts itself, the help does not tell: the
 program finds out, by a second instance that it calls three times in its first scan. While EN is FALSE the block leaves
-Output as it was (WPS help), so the program puts the power to 0 itself.
+Output as it was (WPS help), so the program itself puts the power to 0, or to MaximumOutput while it boosts.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from typing import Final, NamedTuple
 from heatertune.plc.pwm import Actuator, pulse_ends
 from heatertune.plc.ramp import Number, Ramp, for_coolers
 from heatertune.plc.single import real_of, single, word_of
+from heatertune.plc.weg.source import LARGEST
 from heatertune.plc.words import Words
 
-__all__ = ["PROBE", "Clock", "clock_for", "literal", "statements", "variables"]
+__all__ = ["PROBE", "Clock", "clock_for", "enabling", "literal", "statements", "variables"]
 
 Variable = tuple[str, str, str, str]
 
@@ -74,6 +75,10 @@ _RAMP_VARIABLES: Final = (
     ("HeaterRamp", "REAL", "0.0", "degC, the setpoint on its ramp"),
     ("HeaterRampCalls", "INT", "0", "calls since its last step"),
 )
+_BOOST_VARIABLES: Final = (
+    ("HeaterBoost", "BOOL", "FALSE", "full power, the controller not enabled"),
+    ("HeaterAway", "REAL", "0.0", "degC, from the temperature to the setpoint"),
+)
 _HOLD_VARIABLES: Final = (("HeaterLimit", "REAL", "0.0", "degC, how far from the temperature the ramp may be"),)
 
 
@@ -125,7 +130,8 @@ def variables(
     """
     ramp = () if words.ramp is None else _RAMP_VARIABLES + (() if words.ramp.hold is None else _HOLD_VARIABLES)
     keeps = _KEEPS_TS + (_PROBE_VARIABLES if keeps_ts is None else ()) if calls_wegs else ()
-    listed = _VARIABLES + keeps + (_PWM_VARIABLES if clock.steps else ()) + ramp
+    boost = () if words.boost is None else _BOOST_VARIABLES
+    listed = _VARIABLES + keeps + (_PWM_VARIABLES if clock.steps else ()) + boost + ramp
     given = {"setpoint": literal(single(setpoint_degC)), "tick": clock.tick_ms, "kept": str(bool(keeps_ts)).upper()}
     return tuple((name, type_, initial.format(**given), meaning) for name, type_, initial, meaning in listed)
 
@@ -144,6 +150,7 @@ def statements(
     """
     ts = words.whole["Ts"]
     ramp = "" if words.ramp is None else f"IF HeaterDue THEN\n{_indented(_ramp(words.ramp))}END_IF;\n"
+    boost, boosts = _boost(words)
     return (
         f"{_PROBED if calls_wegs and keeps_ts is None else ''}"
         "(* a call each Ts, the first one at once; a scan that is too long is not made up *)\n"
@@ -151,8 +158,9 @@ def statements(
         f"ELSE\n  HeaterSince := {ts};\nEND_IF;\n"
         f"HeaterDue := HeaterOn AND HeaterSince >= {ts};\n"
         f"IF HeaterDue THEN\n  HeaterSince := HeaterSince MOD {ts};\nEND_IF;\n"
-        f"{ramp}"
-        f"IF HeaterDue OR {'BlockKeepsTs OR ' if calls_wegs else ''}NOT HeaterOn THEN\n{_indented(call)}END_IF;\n"
+        f"{ramp}{boost}"
+        f"IF HeaterDue OR {'BlockKeepsTs OR ' if calls_wegs else ''}NOT HeaterOn THEN\n"
+        f"{_indented(call + boosts)}END_IF;\n"
         "IF NOT HeaterOn THEN (* the block leaves its output as it was *)\n  HeaterPower := 0.0;\nEND_IF;\n"
         f"{_pwm(clock)}HeaterWasOn := HeaterOn;\n"
     )
@@ -193,6 +201,28 @@ def _pwm(clock: Clock) -> str:
         f"    HeaterOnMs := (HeaterHigh / {_FULL // _LOW} + HeaterRest / {_FULL}) * {clock.tick_ms};\n"
         "  END_IF;\nEND_IF;\n"
         "HeaterOutput := HeaterOn AND HeaterPhase < HeaterOnMs;\n"
+    )
+
+
+def enabling(words: Words) -> str:
+    """Return when the controller is enabled."""
+    return "HeaterOn" if words.boost is None else "HeaterOn AND NOT HeaterBoost"
+
+
+def _boost(words: Words) -> tuple[str, str]:
+    """Return the statements that find out whether to boost, and those that do; what is no number is not far."""
+    boost = words.boost
+    if boost is None:
+        return "", ""
+    reverse = words.values["Action"] != 0
+    away = "HeaterTemperature - HeaterSetPoint" if reverse else "HeaterSetPoint - HeaterTemperature"
+    return (
+        "(* far from the setpoint: full power, and the controller not enabled *)\n"
+        f"IF HeaterDue THEN\n  HeaterAway := {away};\n"
+        f"  HeaterBoost := (HeaterAway > {literal(boost.again_degC)}\n"
+        f"      OR (HeaterBoost OR NOT HeaterWasOn) AND HeaterAway > {literal(boost.within_degC)})\n"
+        f"    AND HeaterAway <= {LARGEST} AND NOT ByHand;\nEND_IF;\n",
+        f"IF HeaterBoost THEN\n  HeaterPower := {literal(words.values['MaximumOutput'])};\nEND_IF;\n",
     )
 
 

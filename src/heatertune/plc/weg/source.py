@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["BLOCK_NAME", "BODY", "DECLARATIONS", "function_block"]
+__all__ = ["BLOCK_NAME", "BODY", "DECLARATIONS", "LARGEST", "function_block"]
 
 BLOCK_NAME: Final = "HT_WEG_PID"
+
+#: the largest REAL
+LARGEST: Final = "3.4028235E38"
 
 #: section → (name, type, initial value, meaning)
 DECLARATIONS: Final[dict[str, tuple[tuple[str, str, str, str], ...]]] = {
@@ -53,7 +56,7 @@ DECLARATIONS: Final[dict[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("Proportional", "REAL", "", "Kp*e(k)"),
     ),
     "VAR CONSTANT": (
-        ("Largest", "REAL", "3.4028235E38", "the largest REAL"),
+        ("Largest", "REAL", LARGEST, "the largest REAL"),
     ),
 }
 

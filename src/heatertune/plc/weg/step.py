@@ -73,7 +73,7 @@ class Assumptions(NamedTuple):
 
 
 class Block(NamedTuple):
-    """The words as the block uses them, and what follows from them alone."""
+    """The words as the block uses them, what follows from them alone, and the boost of the program around it."""
 
     kp: float
     minimum: float
@@ -85,6 +85,8 @@ class Block(NamedTuple):
     kd_by_ts: float
     now: float  # factor of e(k) in the bracket
     growth: float  # of the integral part per unit of e(k)
+    within: float = math.inf  # see `heatertune.plc.boost.Boost`; infinite: there is none
+    again: float = math.inf
 
 
 class Inputs(NamedTuple):
@@ -110,6 +112,7 @@ class State(NamedTuple):
 
 
 COLD: Final = State()
+_LARGEST: Final = 3.4028234663852886e38
 
 
 def step(
@@ -125,7 +128,7 @@ def step(
         _begins: not looked at: the PWM is behind the output.
     """
     automatic = Inputs(setpoint, feedback, setpoint, False, True)  # by hand: nothing, but a REAL like the others
-    return _outcome(parameters[0], call(parameters[0], parameters[1], state, automatic))
+    return _scanned(parameters[0], parameters[1], state, automatic)
 
 
 def scan(
@@ -137,13 +140,27 @@ def scan(
         inputs["SetPoint"], inputs["Feedback"], inputs.get("ManualSetPoint", 0.0),
         bool(inputs.get("SelectSetPoint", 0)), bool(inputs.get("EN", 1)),
     )
-    return _outcome(block, call(block, assume, state, given))
+    return _scanned(block, assume, state, given)
 
 
-def _outcome(block: Block, after: State) -> tuple[State, float, float, int]:
-    """Return the state, Output as power, Output, and the flags as bits."""
-    bits = int(after.output >= block.maximum) + 2 * int(after.output <= block.minimum) + 4 * int(after.overflow)
-    return after, min(max(after.output, 0.0), 100.0), after.output, bits
+def _scanned(b: Block, assume: Assumptions, state: State, x: Inputs) -> tuple[State, float, float, int]:
+    """Return the state, the output as power, the output, and the flags as bits."""
+    boosts = _boosts(b, state, x)
+    after = call(b, assume, state, Inputs(x.setpoint, x.feedback, x.manual, x.select_manual, x.enable and not boosts))
+    return _outcome(b, after, b.maximum if boosts else after.output)
+
+
+def _outcome(b: Block, after: State, output: float) -> tuple[State, float, float, int]:
+    """Return the state, an output as power, the output, and the flags as bits."""
+    bits = int(output >= b.maximum) + 2 * int(output <= b.minimum) + 4 * int(after.overflow)
+    return after, min(max(output, 0.0), 100.0), output, bits
+
+
+def _boosts(b: Block, s: State, x: Inputs) -> bool:
+    """Return whether the program leaves EN FALSE and gives full power itself; an error without end is no reason to."""
+    away = single(x.feedback - x.setpoint) if b.reverse else single(x.setpoint - x.feedback)
+    far = away > (b.again if s.enabled or s.overflow else b.within)  # overflow: EN was TRUE, at no number
+    return far and away <= _LARGEST and x.enable and not x.select_manual
 
 
 def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:

@@ -1,0 +1,283 @@
+"""The criteria of a proof, measured on readings: what a trace shows of them, and what it cannot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.log.values import Log
+from heatertune.proof.as_left_parts import Part, TraceParts
+from heatertune.proof.document import ProofView
+from heatertune.proof.measured import IN_DEGC, phases_measured
+from heatertune.proof.scenario import WAYS
+
+__all__ = ["Seen", "seen_in"]
+
+Array = npt.NDArray[np.float64]
+
+_PERIODS_AT_REST: Final = 3  # PWM periods that a time at rest spans at least
+_AT_REST: Final = 10  # readings in it
+_SEEN_ON: Final = 1.5  # times as long as it took to get there: before, it may leave the band again
+_CALM: Final = 0.1  # of a part: so long within the band, and left again, is more than a swing
+_OF_PERIOD: Final = 8  # readings in a PWM period that show its pulses and its ripple
+_HOUR_S: Final = 3600.0
+
+_NOT_IN_TRACE: Final = {
+    "stability": "of the words, no run shows it", "ms": "of the words, no run shows it",
+    "gain_margin": "of the words, no run shows it", "phase_margin": "of the words, no run shows it",
+    "step_power": "of the words, no run shows it", "overflow": "a flag in the PLC: look there",
+    "iae": "of the whole story that was proven", "saturation": "of the whole story that was proven",
+    "interlock_trips": "the trace does not show the interlock",
+}
+_NO_EVENT: Final = {
+    "heat-up": "no heat-up from cold in the trace", "change": "no change of the setpoint in the trace",
+    "recovery": "no load in the trace, or nobody says when (--load-at)",
+    "reheat": "the heater's circuit was not open in the trace", "restart": "no start-up of the PLC in the trace",
+}
+
+
+class Seen(NamedTuple):
+    """What a trace shows of a criterion: its value, infinite for what never happened, or None and why not."""
+
+    value: float | None
+    told: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Course:
+    """The readings of one part, which begins at an instant of the log [s].
+
+    Instants since its begin [s] and distances from its setpoint [°C], shape (n,).
+    """
+
+    part: Part
+    begins_s: float
+    time_s: Array
+    error_degC: Array
+    power_pct: Array | None
+
+    @property
+    def length_s(self) -> float:
+        return self.part.end_s - self.part.begin_s
+
+
+def seen_in(
+    log: Log, parts: TraceParts, proof: ProofView, step_degC: float, *, forgiven_degC: float = 0.0
+) -> dict[str, Seen]:
+    """Return what a trace shows of each criterion of a proof.
+
+    Times are those of readings: the first one from which on the temperature stays in the band. Extremes are those of
+    readings, their noise included; what the temperature does between two of them is not seen.
+
+    Args:
+        log: the trace.
+        parts: what it shows.
+        proof: that it is held against.
+        step_degC: of which overshoot is told in percent [°C].
+        forgiven_degC: by which each reading is taken nearer to its setpoint [°C].
+    """
+    courses = [_course(log, parts, part, forgiven_degC) for part in parts.parts]
+    of = {kind: [course for course in courses if course.part.kind == kind] for kind in _NO_EVENT}
+    ruler = _Ruler.of(proof, step_degC, float(np.median(np.diff(log.time_s))))
+    seen: dict[str, Seen] = {}
+    for kind, (overshoot, time, *_) in WAYS.items():
+        seen |= _each(kind, of[kind], {
+            time: ruler.settled_by(time), overshoot: ruler.beyond_by(overshoot, time, ruler.pct),
+            f"{overshoot}{IN_DEGC}": ruler.beyond_by(f"{overshoot}{IN_DEGC}", time, 1.0)})
+    seen |= _each("recovery", of["recovery"], {
+        "recovery_time": ruler.settled_by("recovery_time"), "deviation": ruler.after_load("deviation", 0, 1.0),
+        "recovery_overshoot": ruler.after_load("recovery_overshoot", 1, ruler.pct),
+        f"recovery_overshoot{IN_DEGC}": ruler.after_load(f"recovery_overshoot{IN_DEGC}", 1, 1.0)})
+    rests = [rest for course in courses if (rest := ruler.rest_of(course)) is not None]
+    seen |= _at_rest(rests, ruler)
+    seen["switchings"] = _switchings(log, ruler)
+    return {name: seen.get(name) or Seen(None, _NOT_IN_TRACE.get(name, "no such part in the trace"))
+            for name in proof.criteria}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Ruler:
+    """What the readings are held against.
+
+    Attributes:
+        band_degC: how far from the setpoint is right [°C].
+        pct: percent of the step in a degree [%/°C].
+        limits: of the proof's criteria, None where a number informs.
+        rests_after_s: how long after its begin a part is at rest [s].
+        period_s: of the PWM [s].
+        slowest_s: that a proven run took to be back in the band after a disturbance [s].
+        interval_s: between two readings [s].
+        highest_degC: highest setpoint of the proof [°C].
+    """
+
+    band_degC: float
+    pct: float
+    limits: Mapping[str, float | None]
+    rests_after_s: float
+    period_s: float
+    slowest_s: float
+    interval_s: float
+    highest_degC: float
+
+    @classmethod
+    def of(cls, proof: ProofView, step_degC: float, interval_s: float) -> _Ruler:
+        period = proof.actuator.pwm_period_s
+        first = phases_measured(proof.scenario, proof.limits, proof.scenario.duration_s, period)[0]
+        times = [proof.criteria[name].value for name in ("recovery_time", "change_time") if name in proof.criteria]
+        limits = {name: criterion.limit for name, criterion in proof.criteria.items()}
+        return cls(band_degC=limits["limit_cycle"] or proof.limits.tolerance_degC, pct=100.0 / step_degC, limits=limits,
+                   rests_after_s=first.rest_s - first.begin_s, period_s=period, interval_s=interval_s,
+                   slowest_s=max(times, default=first.end_s), highest_degC=max(proof.scenario.setpoints_degC))
+
+    @property
+    def shows_pulses(self) -> bool:
+        """Whether the readings are near enough to one another to show what the PWM does."""
+        return _OF_PERIOD * self.interval_s <= self.period_s
+
+    def settled_by(self, name: str) -> Callable[[_Course], Seen]:
+        return lambda course: self._settled(course, self.limits.get(name))
+
+    def _settled(self, course: _Course, limit_s: float | None) -> Seen:
+        outside = np.flatnonzero(np.abs(course.error_degC) > self.band_degC)
+        if not len(outside):
+            long_enough = course.length_s >= min(self.slowest_s, math.inf if limit_s is None else limit_s)
+            return Seen(0.0) if long_enough else Seen(
+                None, f"within the band, but seen for {course.length_s:.0f} s only")
+        if outside[-1] < len(course.time_s) - 1:
+            settled = float(course.time_s[outside[-1] + 1])
+            if course.length_s < min(_SEEN_ON * settled, math.inf if limit_s is None else limit_s):
+                return Seen(None, f"within the band from {settled:.0f} s on, but seen for "
+                            f"{course.length_s - settled:.0f} s more only")
+            calm_s = self._calm_before(course, outside)
+            return Seen(settled, f"stays there for the {course.length_s - settled:.0f} s that follow" if calm_s is None
+                        else f"within the band before that, and left it at {course.begins_s + calm_s:.0f} s: where a "
+                        f"load came then, say --load-at {course.begins_s + calm_s:.0f}")
+        if limit_s is not None and course.length_s >= limit_s:
+            return Seen(math.inf)
+        return Seen(None, f"not yet within ±{self.band_degC:.3g} °C after {course.length_s:.0f} s, where it ends")
+
+    def _calm_before(self, course: _Course, outside: npt.NDArray[np.intp]) -> float | None:
+        """Return when the temperature left the band after a long time within it [s], None where it did not."""
+        apart = np.diff(course.time_s[outside])
+        calm = np.flatnonzero(apart > max(_CALM * course.length_s, _AT_REST * self.interval_s))
+        return float(course.time_s[outside[calm[0] + 1]]) if len(calm) else None
+
+    def beyond_by(self, name: str, time: str, factor: float) -> Callable[[_Course], Seen]:
+        return lambda course: self._beyond(course, self.limits.get(name), self.limits.get(time), factor)
+
+    def _beyond(self, course: _Course, limit: float | None, limit_s: float | None, factor: float) -> Seen:
+        sign = math.copysign(1.0, course.part.setpoint_degC - course.part.from_degC)
+        return self._at_most(course, factor * max(0.0, float((sign * course.error_degC).max())), limit, limit_s)
+
+    def after_load(self, name: str, side: int, factor: float) -> Callable[[_Course], Seen]:
+        """Return what measures how far a load takes the temperature, on its side (0) or beyond the setpoint (1)."""
+        limit, limit_s = self.limits.get(name), self.limits.get("recovery_time")
+        return lambda course: self._at_most(course, factor * _on_its_side(course, self)[side], limit, limit_s)
+
+    def _at_most(self, course: _Course, largest: float, limit: float | None, limit_s: float | None) -> Seen:
+        """Return the largest distance of a part, unless a larger one may come: it is not seen to settle yet."""
+        if self._settled(course, limit_s).value is None and (limit is None or largest <= limit):
+            return Seen(None, f"the trace ends after {course.length_s:.0f} s, before it is seen to settle")
+        return Seen(largest)
+
+    def rest_of(self, course: _Course) -> _Course | None:
+        """Return the readings of a part at rest, None where there are too few."""
+        at_rest = course.time_s >= self.rests_after_s
+        long_enough = course.length_s - self.rests_after_s >= _PERIODS_AT_REST * self.period_s
+        if not long_enough or np.count_nonzero(at_rest) < _AT_REST:
+            return None
+        return replace(course, time_s=course.time_s[at_rest], error_degC=course.error_degC[at_rest],
+                       power_pct=None if course.power_pct is None else course.power_pct[at_rest])
+
+
+def _course(log: Log, parts: TraceParts, part: Part, forgiven_degC: float) -> _Course:
+    since = log.time_s - parts.begins_s
+    inside = (since >= part.begin_s) & (since <= part.end_s)
+    if part is not parts.parts[-1]:
+        inside &= since < part.end_s
+    error = log.temperature_degC[inside] - part.setpoint_degC
+    return _Course(part=part, begins_s=parts.begins_s + part.begin_s, time_s=since[inside] - part.begin_s,
+                   error_degC=np.sign(error) * np.maximum(np.abs(error) - forgiven_degC, 0.0),
+                   power_pct=None if log.power_pct is None else log.power_pct[inside])
+
+
+def _each(
+    kind: str, courses: Sequence[_Course], measures: Mapping[str, Callable[[_Course], Seen]]
+) -> dict[str, Seen]:
+    """Return what the worst part of a kind shows; one that cannot be measured leaves the criterion so."""
+    if not courses:
+        return {name: Seen(None, _NO_EVENT[kind]) for name in measures}
+    return {name: _worst(map(measure, courses)) for name, measure in measures.items()}
+
+
+def _worst(found: Iterable[Seen]) -> Seen:
+    """Return the largest value; where one is not known, the next says so."""
+    seen = list(found)
+    known = [one for one in seen if one.value is not None]
+    unknown = [one for one in seen if one.value is None]
+    if not known:
+        return unknown[0]
+    return max(known, key=lambda one: one.value if one.value is not None else 0.0)
+
+
+def _on_its_side(course: _Course, ruler: _Ruler) -> tuple[float, float]:
+    """Return the largest distances after a load [°C]: on the side to which the temperature leaves first, and beyond."""
+    outside = np.flatnonzero(np.abs(course.error_degC) > ruler.band_degC)
+    first = outside[0] if len(outside) else int(np.abs(course.error_degC).argmax())
+    along = math.copysign(1.0, float(course.error_degC[first])) * course.error_degC
+    return max(0.0, float(along.max())), max(0.0, float(-along.min()))
+
+
+def _at_rest(rests: Sequence[_Course], ruler: _Ruler) -> dict[str, Seen]:
+    if not rests:
+        why = Seen(None, f"no rest in the trace: it begins {ruler.rests_after_s:.0f} s after the setpoint is asked for")
+        return dict.fromkeys(("steady_offset", "limit_cycle", "pwm_ripple", "power_reserve"), why)
+    seen = {
+        "steady_offset": Seen(max(abs(_mean(rest.time_s, rest.error_degC)) for rest in rests)),
+        "limit_cycle": Seen(max(float(np.ptp(rest.error_degC)) / 2.0 for rest in rests)),
+        "pwm_ripple": _too_slow(ruler),
+    }
+    if ruler.shows_pulses:
+        seen["pwm_ripple"] = Seen(max(_ripple(rest, ruler.period_s) for rest in rests))
+    held = [rest for rest in rests if abs(rest.part.setpoint_degC - ruler.highest_degC) <= ruler.band_degC
+            and rest.part.kind != "recovery" and rest.power_pct is not None]
+    if held:
+        seen["power_reserve"] = Seen(min(100.0 - _mean_power(rest) for rest in held))
+    else:
+        seen["power_reserve"] = Seen(None, "no power at the highest setpoint's rest in the trace")
+    return seen
+
+
+def _mean(time_s: Array, values: Array) -> float:
+    return float(0.5 * np.diff(time_s) @ (values[1:] + values[:-1]) / (time_s[-1] - time_s[0]))
+
+
+def _mean_power(rest: _Course) -> float:
+    """Return the mean of a power that is held from one reading to the next [%]."""
+    assert rest.power_pct is not None
+    return float(np.sum(rest.power_pct[:-1] * np.diff(rest.time_s)) / (rest.time_s[-1] - rest.time_s[0]))
+
+
+def _ripple(rest: _Course, period_s: float) -> float:
+    number = ((rest.time_s - rest.time_s[0]) / period_s).astype(int)
+    _, firsts = np.unique(number, return_index=True)
+    return float(np.median(np.maximum.reduceat(rest.error_degC, firsts)[:-1]
+                           - np.minimum.reduceat(rest.error_degC, firsts)[:-1]))
+
+
+def _too_slow(ruler: _Ruler) -> Seen:
+    return Seen(None, f"a reading every {ruler.interval_s:.3g} s does not show a PWM period of {ruler.period_s:.3g} s")
+
+
+def _switchings(log: Log, ruler: _Ruler) -> Seen:
+    power = log.power_pct
+    if power is None or not np.all((power == 0.0) | (power == 100.0)):
+        return Seen(None, "the heater's switch is not in the trace")
+    if not ruler.shows_pulses:
+        return _too_slow(ruler)
+    return Seen(float(np.count_nonzero(np.diff(power) > 0.0)) / (float(np.ptp(log.time_s)) / _HOUR_S))

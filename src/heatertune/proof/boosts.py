@@ -1,0 +1,57 @@
+"""Boosts to try: full power far from the setpoint, so that nothing is wound up on the way, nor in an open circuit.
+
+The gains stay, and with them what a disturbance costs; the way to the setpoint takes no longer than at full power. So
+where a boost keeps every limit, no other change is cheaper.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from heatertune.plc import Boost, Words, controller_for
+from heatertune.plc.single import single
+from heatertune.proof.screen import Screen
+from heatertune.settings import Conditions
+
+__all__ = ["boosts"]
+
+#: of the distance at which the P part alone asks for full power: nearer, the I part has less time to wind up, but more
+#: is left to it
+_SHARES: Final = (1.0, 0.7, 0.5, 0.35)
+#: between the two distances: of the nearer one; steps of the sensor and standard deviations of its noise, together
+_BETWEEN: Final = 0.5
+_STEPS: Final = 4.0
+_SIGMAS: Final = 6.0
+
+
+def boosts(words: Words, screen: Screen, conditions: Conditions) -> list[Boost]:
+    """Return the boosts with which words keep the limits in runs that were failed, that which settles first first.
+
+    Args:
+        words: without one.
+        screen: the runs.
+        conditions: of the proof.
+    """
+    settled = [(settles, boost.within_degC, boost) for boost in _tried(words, conditions)
+               if (settles := screen.settles(words.boosted(boost), conditions)) is not None]
+    return [boost for *_, boost in sorted(settled, key=lambda each: each[:2])]
+
+
+def _tried(words: Words, conditions: Conditions) -> Iterator[Boost]:
+    controller, span = controller_for(words.target), words.scaling.span_degC
+    design = controller.decode(words)
+    if design is None:
+        return
+    most = 100.0 if controller.most_power is None else words.values[controller.most_power[0]]
+    least = _STEPS * span / controller.counts + _SIGMAS * abs(conditions.noise_degC)
+    for share in _SHARES:
+        within = _short(share * most / abs(design.gain_pct_per_degC))
+        again = _short(within + max(_BETWEEN * within, least))
+        if within < again < span:
+            yield Boost(within_degC=within, again_degC=again)
+
+
+def _short(distance_degC: float) -> float:
+    """Return a distance in three digits, as a single."""
+    return single(float(f"{distance_degC:.3g}"))

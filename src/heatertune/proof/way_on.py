@@ -1,0 +1,117 @@
+"""Where nothing mends a design as it was asked for: the nearest question that would be answered with PASS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+from heatertune.model.values import FittedModel
+from heatertune.progress import Told
+from heatertune.proof import price
+from heatertune.proof.asked import Asked, Closed, plainly
+from heatertune.proof.frames import COARSE, calmest_pwm
+from heatertune.proof.nearest import (
+    both_that_pass,
+    broken_names,
+    broken_told,
+    limits_that_pass,
+    loosened,
+    options_of,
+    passing_settings,
+    suspects,
+    tolerance_that_passes,
+)
+
+__all__ = ["WayOn"]
+
+_HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
+
+
+@dataclass(slots=True, kw_only=True)
+class WayOn:
+    """What else could be asked for, the nearest first: a setting to find out, more scans, a wider band, looser limits.
+
+    Attributes:
+        fitted: the heater and its candidates.
+        asked: what for.
+        first: the plain design, which fails.
+        progress: told what is tried.
+        close: `heatertune.proof.closing.closed`.
+        sooner: a control without gains that scans more often, where it was tried.
+    """
+
+    fitted: FittedModel
+    asked: Asked
+    first: Closed
+    progress: Told
+    close: Callable[..., Closed]
+    sooner: Closed | None = None
+
+    def told(self) -> Closed:
+        """Return the design as asked for; its proof says which other question would be answered with PASS."""
+        first, proof = self.first, self.first.proof
+        share, coarse = self._coarse()
+        why = coarse if share >= COARSE else None
+        told, options = self.by_settings()
+        if not told:
+            options = self._by_more_scans() or self._by_tolerance() or self._by_limits() or self._by_both()
+            would = f"would pass at {' '.join(options)}" if options else ""
+            told = "; ".join(filter(None, (why, would))) or "nothing tried mends it"
+        heard = replace(proof.heard, remarks=(*proof.heard.remarks, told))
+        note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
+        return replace(first, proof=replace(proof, heard=heard), notes=(*first.notes, note), passes_with=options)
+
+    def by_settings(self) -> tuple[str, tuple[str, ...]]:
+        """Return what is told where one setting of an open point would do, and its options; nothing where none does."""
+        proof = self.first.proof
+        settings = {name: kept[0] for name, kept in passing_settings(proof).items()}
+        settings = dict(list(settings.items())[:1]) or (suspects(proof) if self._coarse()[0] < _HOPELESS else {})
+        if not settings:
+            return "", ()
+        known = {**self.asked.conditions.switches, **settings}
+        asked = replace(self.asked, conditions=replace(self.asked.conditions, switches=known))
+        options = tuple(word for name, setting in settings.items() for word in ("--switch", f"{name}={setting}"))
+        self.progress(f"{price.broken(self.first)} fails: trying {' '.join(options)}")
+        other = self.close(self.fitted, asked, progress=self.progress)
+        if other.proof.verdict == "FAIL":
+            return "", ()
+        changes = f", {other.proof.heard.remarks[-1]}" if other.notes else ""
+        return f"would pass with {' '.join(options)}{changes}: find out what this controller does", options
+
+    def _coarse(self) -> tuple[float, str]:
+        """Return how much of the band the calmest PWM of whole half-waves takes, and what is told of it."""
+        proof, tolerance = self.first.proof, self.first.proof.limits.tolerance_degC
+        calm = None if self.asked.conditions.pwm_period_s else calmest_pwm(proof, self.fitted.plants)
+        if calm is None or "limit_cycle" not in broken_names(proof):
+            return 0.0, ""
+        told = (f"at the calmest PWM of a solid-state relay, {calm.period_s:.3g} s, the ripple is "
+                f"{calm.ripple_degC:.2g} °C and one half-wave is {calm.half_wave_degC:.2g} °C, asked ±{tolerance:.3g} "
+                "°C: bursts of a power controller (--pwm-rule burst) would be calmer")
+        return calm.share(tolerance), told
+
+    def _by_limits(self) -> tuple[str, ...]:
+        """Return the options that loosen each broken limit by as little as will do, none where they would not."""
+        looser = limits_that_pass(self.first.proof)
+        if not looser:
+            return ()
+        self.progress(f"{price.broken(self.first)} fails: trying what it would keep")
+        asked = replace(self.asked, setpoint_ramp=self.asked.setpoint_ramp or "none",
+                        conditions=loosened(self.asked.conditions, looser))
+        failed = plainly(self.fitted, asked, progress=self.progress).proof.verdict == "FAIL"
+        return () if failed else options_of(looser)
+
+    def _by_more_scans(self) -> tuple[str, ...]:
+        sooner = self.sooner
+        if sooner is None or not sooner.passes_with:
+            return ()
+        return "--sample-time", f"{sooner.wished.sample_time_s:g}", *sooner.passes_with
+
+    def _by_both(self) -> tuple[str, ...]:
+        proof = self.first.proof
+        return () if proof.design else both_that_pass(proof.words, self.fitted, proof, self.first.conditions)
+
+    def _by_tolerance(self) -> tuple[str, ...]:
+        proof = self.first.proof
+        wider = tolerance_that_passes(proof.words, self.fitted, proof, self.first.conditions)
+        return () if wider is None else ("--tolerance", f"{wider:g}")

@@ -1,0 +1,85 @@
+"""A design that fails → what would pass, in the page's own words, and what pressing the button changes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from heatertune.proof.closing import Closed
+from heatertune.studio.settings import Settings
+from heatertune.studio.wording import for_page
+
+__all__ = ["Mend", "assumed_told", "mend_for"]
+
+_SWITCH: Final = re.compile(r",? and say --switch \w+=\S+?(?=[.;]|$)|--switch (\w+)=(\S+)")
+_LIMIT: Final = re.compile(r"--limit ([\w-]+)=(\S+)")
+_TOLERANCE: Final = re.compile(r"--tolerance ([\d.]*\d)")
+_INTERVAL: Final = re.compile(r"--sample-time ([\d.]*\d)(?= --)")
+_BURST: Final = re.compile(r" \(--pwm-rule burst\)")
+
+#: options that are one setting each
+_FIELDS: Final = {"--tolerance": "tolerance_degC", "--sample-time": "sample_time_s"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mend:
+    """What is offered beside FAIL.
+
+    Attributes:
+        told: what would pass and its price, in a sentence or two.
+        button: what is pressed; "" where nothing is known that helps.
+        moved: settings that pressing it moves; none: it shows the design that was found.
+    """
+
+    told: str
+    button: str = ""
+    moved: Mapping[str, Any] = field(default_factory=dict)
+
+
+def mend_for(found: Closed, settings: Settings) -> Mend:
+    """Return the offer of a design that was found for settings whose words fail."""
+    if found.proof.verdict != "FAIL":
+        notes = [note for note in found.notes if not note.startswith("Under ")]
+        told = notes[0] if notes else "The optimum keeps every limit; the gains in front were found in haste."
+        return Mend(told=_plain(told), button="Show the nearest design that passes")
+    told = _plain(found.notes[-1]) if found.notes else "Nothing tried mends it."
+    moved = dict(_moved(found.passes_with, settings))
+    if not moved:
+        return Mend(told=told)
+    return Mend(told=told, moved=moved, button="Take that as known" if "assumptions" in moved else "Allow that much")
+
+
+def assumed_told(settings: Settings) -> str:
+    """Return what was allowed or taken as known beside the defaults, "" where nothing was."""
+    parts = [f"{name} = {setting}" for name, setting in settings.assumptions]
+    parts += [f"{name.replace('-', ' ')} up to {value}" for name, _, value in
+              (limit.partition("=") for limit in settings.limits)]
+    if settings.tolerance_degC is not None:
+        parts.append(f"±{settings.tolerance_degC:g} °C counts as settled")
+    return f"Proven under what you allowed: {', '.join(parts)}." if parts else ""
+
+
+def _moved(options: tuple[str, ...], settings: Settings) -> Iterator[tuple[str, Any]]:
+    """Return the settings that options mean: flags and values, in turn."""
+    pairs = list(zip(options[::2], options[1::2], strict=True))
+    switches = tuple(value.partition("=")[::2] for flag, value in pairs if flag == "--switch")
+    limits = tuple(value for flag, value in pairs if flag == "--limit")
+    if switches:
+        yield "assumptions", (*settings.assumptions, *switches)
+    if limits:
+        named = {limit.partition("=")[0] for limit in limits}
+        yield "limits", (*(own for own in settings.limits if own.partition("=")[0].strip() not in named), *limits)
+    for flag, value in pairs:
+        if flag in _FIELDS:
+            yield _FIELDS[flag], float(value)
+
+
+def _plain(told: str) -> str:
+    """Return a sentence without options of the command line."""
+    told = _SWITCH.sub(lambda found: f"{found[1]} = {found[2]}" if found[1] else "", told)
+    told = _LIMIT.sub(lambda found: f"{found[1].replace('-', ' ')} up to {found[2]}", told)
+    told = _INTERVAL.sub(r"TA = \1 s and", told)
+    told = for_page(_BURST.sub("", _TOLERANCE.sub(r"a tolerance of \1 °C", told)))
+    return told if told.endswith(".") else f"{told}."

@@ -1,0 +1,193 @@
+"""A proof → what its picture shows: runs as thin lines, the walls that limits are, the parts of the story."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.proof import Proof, Trace
+from heatertune.proof.loop import plant_row
+from heatertune.proof.measured import band_of, phases_measured
+from heatertune.proof.scenario import WAYS, Phase, named
+from heatertune.studio.thinned import straight, thinned
+
+__all__ = ["Line", "Part", "Picture", "Wall", "course_of", "parts_of", "picture_of", "torn", "walls_of"]
+
+Array = npt.NDArray[np.float64]
+#: instants [s] and temperatures [°C], both of shape (n,)
+Line = tuple[npt.NDArray[Any], Array]
+
+_PIXELS: Final = 3000  # of the whole story, which is zoomed to a tenth
+_PIXELS_BEHIND: Final = 700  # of a run that is seen in a crowd
+_WITHIN: Final = 0.008  # of the temperature's span: two pixels of a picture 250 high
+_REST_SEEN: Final = 0.05  # of a time at rest, before the picture is torn
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wall:
+    """Where no line may be: a rectangle [s, °C], open ends infinite, and what it means."""
+
+    begin_s: float
+    end_s: float
+    low_degC: float
+    high_degC: float
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """A part of the story.
+
+    Attributes:
+        name: what begins it.
+        begin_s, rest_s, end_s: see `heatertune.proof.scenario.Phase`.
+        setpoint_degC: what is asked for.
+        highest_degC, lowest_degC: of one run.
+        within_s: from when on that run stays in the band, None: it does not.
+    """
+
+    name: str
+    begin_s: float
+    rest_s: float
+    end_s: float
+    setpoint_degC: float
+    highest_degC: float
+    lowest_degC: float
+    within_s: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Picture:
+    """What is drawn behind the nominal run.
+
+    Attributes:
+        crowd: every run once, the same line not twice.
+        runs: how many runs these are.
+        worst: the run that uses most of its limits, and its name; None where it is the nominal one.
+        walls: its limits.
+        parts: of the story, as the nominal run lives through them.
+        torn: times at rest that are left out, from and to [s].
+    """
+
+    crowd: tuple[Line, ...]
+    runs: int
+    worst: tuple[str, Line] | None
+    walls: tuple[Wall, ...]
+    parts: tuple[Part, ...]
+    torn: tuple[tuple[float, float], ...]
+
+    def place(self, time: npt.ArrayLike) -> Array:
+        """Return where instants [s], of any shape, stand in the picture: what is torn out has no width."""
+        return _place(np.asarray(time, dtype=np.float64), self.torn)
+
+
+def picture_of(proof: Proof, before_run: Callable[[], object] = bool) -> Picture:
+    """Return what a full proof's picture shows; it runs every loop of the proof once more.
+
+    Args:
+        proof: or a first look.
+        before_run: called before each run is drawn; what it raises gives the picture up.
+    """
+    lines: dict[bytes, Line] = {}
+    gone = tuple(torn(proof))
+    for run in range(len(proof.runs) if len(proof.runs) > 1 else 0):
+        before_run()
+        time, temperature = course_of(proof.traced(run), proof, _PIXELS_BEHIND)
+        kept = straight(_place(time, gone), temperature, _WITHIN * float(np.ptp(temperature)))
+        line = np.round(time[kept]).astype(np.intp), np.round(temperature[kept], 1)
+        lines[line[0].tobytes() + line[1].tobytes()] = line
+    run = proof.worst_run
+    worst = None if run == 0 else (proof.runs[run].label, course_of(proof.worst, proof))
+    return Picture(crowd=tuple(lines.values()), runs=len(proof.runs), worst=worst, walls=tuple(walls_of(proof, run)),
+                   parts=tuple(parts_of(proof.nominal, proof)), torn=gone)
+
+
+def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS) -> Line:
+    """Return a run's temperature as a picture of so many pixels shows it, of shape (n,), its extremes exactly."""
+    time, temperature = trace.course(0.0, float(trace.time_s[-1]))
+    jumps = np.array([event.time_s for event in trace.scenario.disturbances])
+    places = np.searchsorted(time, jumps)
+    time = np.insert(time, places, jumps)
+    temperature = np.insert(temperature, places, trace.temperature_at(jumps, before=True))
+    gone = torn(proof)
+    seen = np.all([(time <= begin) | (time >= end) for begin, end in gone], axis=0)
+    time, temperature = time[seen], temperature[seen]
+    kept = thinned(_place(time, gone), temperature, pixels)
+    return time[kept], temperature[kept]
+
+
+def parts_of(trace: Trace, proof: Proof) -> list[Part]:
+    """Return what a run does in each part of the story."""
+    band = band_of(proof.limits, trace.resolution_degC)
+    found = []
+    for event, phase in zip((None, *trace.scenario.disturbances), _phases(trace, proof), strict=True):
+        time, temperature = trace.course(phase.begin_s, phase.end_s)
+        outside = np.flatnonzero(np.abs(temperature - phase.setpoint_degC) > band)
+        last = int(outside[-1]) + 1 if len(outside) else 0
+        found.append(Part(
+            name=named(event), begin_s=phase.begin_s, rest_s=phase.rest_s, end_s=phase.end_s,
+            setpoint_degC=phase.setpoint_degC, highest_degC=float(temperature.max()),
+            lowest_degC=float(temperature.min()), within_s=None if last == len(time) else float(time[last])))
+    return found
+
+
+def walls_of(proof: Proof, run: int) -> Iterator[Wall]:
+    """Return where the line of a run may not be: beyond its overshoot, and out of the band once it has to be there."""
+    trace, limits = proof.traced(run), proof.limits
+    band, row = band_of(limits, trace.resolution_degC), plant_row(trace.model, trace.scenario)
+    step = abs(trace.scenario.setpoint_degC - float(row[5]))
+    for phase in _phases(trace, proof):
+        if phase.kind not in (*WAYS, "recovery"):
+            continue
+        rises = (float(row[0]) > 0.0) == phase.up if phase.by_power else phase.up
+        settles = limits.settling_s if phase.kind == "heat-up" else (
+            limits.recovery_s if phase.kind == "recovery" else None)
+        in_s = min(phase.begin_s + (phase.limit_s if settles is None else settles), phase.end_s)
+        name = "recovery_overshoot" if phase.kind == "recovery" else WAYS[phase.kind][0]
+        up = rises != (phase.kind == "recovery")
+        asked = phase.setpoint_degC
+        beyond = [*_beyond(proof, name, step)]
+        if beyond:
+            yield _side(phase.begin_s, phase.end_s, asked, min(beyond), up=up, name="overshoot")
+        if phase.kind == "recovery" and limits.deviation_degC is not None:
+            yield _side(phase.begin_s, phase.end_s, asked, limits.deviation_degC, up=not up, name="deviation")
+        if in_s < phase.end_s:
+            for side in (True, False):
+                yield _side(in_s, phase.end_s, asked, band, up=side, name="settled")
+
+
+def _beyond(proof: Proof, name: str, step: float) -> Iterator[float]:
+    """Return how far beyond the setpoint a limit lets a run go [°C]."""
+    own = name if hasattr(proof.limits, f"{name}_pct") else "overshoot"
+    pct, degC = getattr(proof.limits, f"{own}_pct"), getattr(proof.limits, f"{own}_degC")
+    if pct is not None:
+        yield pct / 100.0 * step
+    if degC is not None:
+        yield degC
+
+
+def _side(begin_s: float, end_s: float, asked: float, far: float, *, up: bool, name: str) -> Wall:
+    low, high = (asked + far, np.inf) if up else (-np.inf, asked - far)
+    return Wall(begin_s=begin_s, end_s=end_s, low_degC=low, high_degC=high, name=name)
+
+
+def _phases(trace: Trace, proof: Proof) -> tuple[Phase, ...]:
+    return phases_measured(trace.scenario, proof.limits, float(trace.time_s[-1]), trace.actuator.pwm_period_s)
+
+
+def torn(proof: Proof) -> list[tuple[float, float]]:
+    """Return the times at rest that the picture leaves out, from and to [s]."""
+    phases = _phases(proof.nominal, proof)
+    return [(phase.rest_s + _REST_SEEN * (phase.end_s - phase.rest_s), phase.end_s)
+            for phase in phases if phase.end_s > phase.rest_s]
+
+
+def _place(time: Array, gone: Sequence[tuple[float, float]]) -> Array:
+    placed = time
+    for begin, end in gone:
+        placed = placed - (np.minimum(np.maximum(time, begin), end) - begin)
+    return np.asarray(placed)

@@ -1,0 +1,164 @@
+"""As left: traces of loops that a few plain lines here simulate are held against a proof, and by numbers counted here."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from heatertune import chain
+from heatertune.codec import decode, encode
+from heatertune.documents import plain
+from heatertune.errors import InputError
+from heatertune.log.values import Log
+from heatertune.model.by_hand import model_by_hand
+from heatertune.model.values import Fopdt
+from heatertune.pid.values import PidDesign
+from heatertune.proof.as_left import AsLeft, as_left
+from heatertune.proof.document import ProofView
+
+GAIN, LAG, DEAD, ROOM = 0.37, 167.0, 12.0, 22.0
+K, TN, TA = 9.5, 66.0, 4.0
+SETPOINT = 40.0
+STEP = 0.05  # of the simulation [s]
+
+
+@pytest.fixture(scope="module")
+def proven():
+    """The words of a PI on the FB41 and their proof, on one heater given by hand."""
+    fitted = model_by_hand(Fopdt(gain_degC_per_pct=GAIN, time_constant_s=LAG, dead_time_s=DEAD, ambient_degC=ROOM))
+    design = PidDesign(gain_pct_per_degC=K, integral_time_s=TN, derivative_time_s=0.0, sample_time_s=TA, structure="pi",
+                       method="by hand")
+    proof = chain.prove(chain.encode(design, "fb41"), fitted, setpoint_degC=SETPOINT)
+    return proof.words, fitted, decode(ProofView, plain(proof.to_document()), "proof.json")
+
+
+def loop(seconds, *, gain=GAIN, load_at=math.inf, asked=((0.0, SETPOINT),)):
+    """Return instants, temperature and power of a plain loop: trapezoidal PI with a held integral, PWM, Euler's steps.
+
+    Textbook equations in floats; nothing of heatertune is used. `asked`: (instant, setpoint); a load of −10 % of full
+    power comes at `load_at`.
+    """
+    n, per_call = round(seconds / STEP), round(TA / STEP)
+    temperature, power = np.empty(n), np.zeros(n)
+    late = [0.0] * round(DEAD / STEP)
+    reading, integral, error, on = ROOM, 0.0, 0.0, 0.0
+    for k in range(n):
+        if k % per_call == 0:
+            setpoint = [value for at, value in asked if at <= k * STEP]
+            if setpoint:
+                before, error = error, setpoint[-1] - reading
+                moved = integral + K * TA / TN * (error + before) / 2.0
+                integral = moved if 0.0 < K * error + moved < 100.0 else min(max(integral, 0.0), 100.0)
+                on = min(max(K * error + integral, 0.0), 100.0)
+        power[k] = 100.0 if k % per_call < on / 100.0 * per_call else 0.0
+        late.append(power[k] - 10.0 * (k * STEP >= load_at))
+        temperature[k] = reading
+        reading += STEP / LAG * (ROOM + gain * late.pop(0) - reading)
+    return np.arange(n) * STEP, temperature, power
+
+
+def trace(seconds=900.0, *, every=2.0, rest=60.0, columns="setpoint", **of):
+    """Return the log of such a loop after a rest, in steps of 0.1 °C, and what was simulated."""
+    time, temperature, power = loop(seconds, **of)
+    nth, before = round(every / STEP), np.arange(0.0, rest, every)
+    asked = [[value for at, value in of.get("asked", ((0.0, SETPOINT),)) if at <= now][-1] for now in time[::nth]]
+
+    def column(name, calm, values):
+        return np.concatenate([np.full(len(before), calm), values]) if name in (columns, "temperature") else None
+
+    log = Log(name="after.csv", source="a plain loop", time_s=np.concatenate([before, rest + time[::nth]]),
+              temperature_degC=np.round(column("temperature", ROOM, temperature[::nth]), 1),
+              setpoint_degC=column("setpoint", 0.0, asked), power_pct=column("power", 0.0, power[::nth]))
+    return log, time, temperature
+
+
+def by_name(found):
+    return {line.name: line for line in found.measurements}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("columns", ["setpoint", "power", "none"])
+def test_the_same_heater_is_as_proven_and_its_figures_are_those_of_the_curve(proven, columns):
+    log, time, temperature = trace(columns=columns)
+    found = as_left(log, *proven)
+    assert (found.verdict, found.outside) == ("AS PROVEN", ())
+    assert found.begins_by == {"none": "temperature"}.get(columns, columns)
+    assert found.begins_s == pytest.approx(60.0, abs=4.0 if columns == "none" else 0.0)
+    lines = by_name(found)
+    peak = (temperature.max() - SETPOINT) / (SETPOINT - ROOM) * 100.0
+    assert lines["overshoot"].measured == pytest.approx(peak, abs=0.06 / 18.0 * 100.0)
+    settled = time[np.flatnonzero(np.abs(temperature - SETPOINT) > 1.0)[-1]]
+    assert lines["settling_time"].measured == pytest.approx(settled, abs=6.0)
+    assert all(lines[name].as_proven for name in ("overshoot", "settling_time"))
+    assert decode(AsLeft, json.loads(json.dumps(encode(found))), "as_left.json") == found
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("gain", [0.6 * GAIN, 1.6 * GAIN])
+def test_another_heater_is_told_outside_and_where(proven, gain):
+    found = as_left(trace(gain=gain)[0], *proven)
+    assert found.verdict == "NOT AS PROVEN"
+    worst = max(found.outside, key=lambda stretch: abs(stretch.most_degC))
+    _, same, _ = loop(900.0)
+    time, other, _ = loop(900.0, gain=gain)
+    farthest = np.abs(other - same).argmax()
+    assert worst.begin_s < time[farthest] < worst.end_s
+    # the heat-up may have begun a reading earlier, or a call later: 6 s at 0.2 °C/s
+    assert worst.most_degC == pytest.approx((other - same)[farthest], abs=1.2)
+
+
+@pytest.mark.long
+def test_a_load_and_a_change_of_the_setpoint_are_measured_where_the_trace_shows_them(proven):
+    log, time, temperature = trace(1800.0, load_at=700.0, asked=((0.0, SETPOINT), (1300.0, 36.0)))
+    lines = by_name(as_left(log, *proven, load_at_s=760.0))
+    fallen = (SETPOINT - temperature)[(time > 700.0) & (time < 1300.0)].max()
+    assert lines["deviation"].measured == pytest.approx(fallen, abs=0.1)
+    assert lines["change_time"].measured == pytest.approx(
+        time[np.flatnonzero(np.abs(temperature - 36.0) > 1.0)[-1]] - 1300.0, abs=6.0)
+    untold = by_name(as_left(log, *proven))
+    assert untold["deviation"].measured is None
+    assert "--load-at" in untold["deviation"].told
+
+
+def test_what_a_short_trace_does_not_show_is_told_as_not_measured(proven):
+    found = by_name(as_left(trace(60.0)[0], *proven))
+    for name in ("overshoot", "settling_time", "steady_offset", "recovery_time", "ms", "iae"):
+        assert found[name].measured is None, name
+        assert found[name].told, name
+        assert found[name].keeps is None, name
+    assert "the trace ends after" in found["overshoot"].told
+
+
+@pytest.mark.long
+def test_pulses_are_counted_where_the_readings_show_them(proven):
+    every = proven[2].actuator.pwm_period_s / 8.0
+    log, _, _ = trace(300.0, every=every, columns="power")
+    rises = np.count_nonzero(np.diff(log.power_pct) > 0.0)
+    found = by_name(as_left(log, *proven))["switchings"]
+    assert found.measured == pytest.approx(rises / ((log.time_s[-1] - log.time_s[0]) / 3600.0))
+    slow = by_name(as_left(trace(300.0, every=2.0, columns="power")[0], *proven))["switchings"]
+    assert (slow.measured, "does not show" in slow.told) == (None, True)
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ({"setpoint_degC": ROOM}, "after.csv: begins at 22 °C, at its setpoint of 22 °C"),
+    ({"setpoint_degC": 10.0}, "after.csv: begins at 22 °C, beyond its setpoint of 10 °C"),
+    ({"begins_s": 5000.0}, "--begins-at = 5000 s: after.csv goes from 0 to"),
+    ({"load_at_s": 5000.0}, "--load-at = 5000 s: after.csv goes from 0 to"),
+    ({"load_at_s": 20.0}, "--load-at = 20 s: the heat-up of after.csv begins at 60 s"),
+])
+def test_a_trace_in_which_nothing_can_be_judged_is_refused(proven, given, message):
+    with pytest.raises(InputError, match=message):
+        as_left(trace(60.0)[0], *proven, **given)
+
+
+@pytest.mark.parametrize("seconds", [150.0, 190.0])
+def test_what_may_still_leave_the_band_is_not_measured(proven, seconds):
+    """A trace that ends where the temperature first comes to its setpoint shows no overshoot, and has not settled."""
+    log, time, temperature = trace(seconds)
+    into = time[np.flatnonzero(temperature > SETPOINT - 1.0)[0]]
+    assert into < seconds < 1.5 * into
+    found = by_name(as_left(log, *proven))
+    assert found["overshoot"].measured is None
+    assert found["settling_time"].measured is None

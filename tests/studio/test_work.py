@@ -1,0 +1,191 @@
+"""One session, its work and the pages that follow it, without a browser."""
+
+import asyncio
+import threading
+
+import pytest
+
+from heatertune.errors import ExportRefused, InputError
+from heatertune.studio import work as module
+from heatertune.studio.sources import read_dropped
+
+
+class Window:
+    """A page that writes down what it was shown."""
+
+    def __init__(self, work):
+        self.work, self.seen, self.progress = work, [], []
+        work.follow(self)
+
+    def show(self):
+        session = self.work.session
+        self.seen.append((session.settings.ms, session.verdict, session.computing, session.number))
+
+    def show_progress(self):
+        self.progress.append(self.work.proving)
+
+
+def test_what_one_window_moves_every_window_shows_at_once_and_a_closed_one_is_forgotten(work):
+    async def story():
+        await work.look()
+        one, other, closed = Window(work), Window(work), Window(work)
+        work.forget(closed)
+        work.move(ms=1.4)
+        moved = one.seen[-1], other.seen[-1]
+        await work.look()
+        return moved, one, other, closed
+
+    moved, one, other, closed = asyncio.run(story())
+    assert {state[:3] for state in moved} == {(1.4, "proving…", True)}, "before anything was computed"
+    assert one.seen == other.seen
+    assert one.seen[-1][:3] == (1.4, "PASS", False)
+    assert closed.seen == []
+    assert any(said.endswith("of 6 runs") for said in one.progress), "so many settings does the S5's manual leave open"
+
+
+def test_no_verdict_is_shown_beside_settings_it_was_not_found_for(work):
+    async def story():
+        await work.look()
+        window = Window(work)
+        for ms in (1.6, 1.3, 1.8, 1.5):
+            work.move(ms=ms)
+            await asyncio.sleep(0)
+            background = asyncio.ensure_future(work.look())
+        await background
+        while work.session.computing:
+            await asyncio.sleep(0.01)
+        return window
+
+    window = asyncio.run(story())
+    for _, verdict, computing, _ in window.seen:
+        assert computing == (verdict == "proving…")
+    assert window.seen[-1][:2] == (1.5, "PASS")
+
+
+def test_a_download_is_of_the_design_that_stands_beside_its_button_or_refused(work):
+    async def story():
+        await work.look()
+        number = work.session.number
+        name, content = await work.zip(number, force=False)
+        work.move(ms=1.4)
+        with pytest.raises(ExportRefused, match="changed meanwhile"):
+            await work.zip(number, force=True)
+        with pytest.raises(ExportRefused, match="changed meanwhile"):  # this one is not proven yet
+            await work.report(work.session.number, force=True)
+        work.move(ms=1.6)
+        assert work.session.number == number
+        assert await work.zip(number, force=False) == (name, content)
+
+    asyncio.run(story())
+
+
+def test_a_window_that_is_opened_in_the_middle_of_a_fit_sees_how_far_it_is_and_begins_none(work, heater, step_log, monkeypatch):
+    begun, go = [], threading.Event()
+
+    def fit(log, tell, known):
+        begun.append(log.name)
+        tell("tried one model")
+        go.wait(10.0)
+        return heater
+
+    monkeypatch.setattr(module, "fit_log", fit)
+    work.session.fitted = None
+
+    async def story():
+        fitting = asyncio.ensure_future(work.take(read_dropped("new.csv", step_log), None))
+        while not work.busy:
+            await asyncio.sleep(0.01)
+        window = Window(work)  # the page is loaded again
+        await work.go_on()
+        window.show()
+        assert window.seen[-1][2], "computing"
+        assert work.busy.startswith("fitting new")
+        go.set()
+        await fitting
+        return window
+
+    window = asyncio.run(story())
+    assert begun == ["new"]
+    assert window.seen[-1][:3] == (1.6, "PASS", False)
+    assert work.session.log.name == "new"
+
+
+@pytest.mark.parametrize("broken", ["first_look", "full_proof", "fit_log"])
+def test_a_fault_inside_is_told_in_one_sentence_and_logged_and_ends_no_window(work, step_log, monkeypatch, caplog, broken):
+    def fail(*_):
+        raise ZeroDivisionError("of all things")
+
+    monkeypatch.setattr(module, broken, fail)
+
+    async def story():
+        window = Window(work)
+        await work.take(read_dropped("new.csv", step_log), None) if broken == "fit_log" else await work.look()
+        return window
+
+    window = asyncio.run(story())
+    told = work.session.error or work.session.file_error
+    assert told.startswith("Something went wrong inside heatertune (ZeroDivisionError)")
+    assert "start the studio anew" in told
+    assert "of all things" in caplog.text, "the traceback is on the terminal"
+    assert not window.seen[-1][2], "nothing hangs"
+
+
+def test_a_window_that_cannot_be_drawn_keeps_no_other_from_the_truth(work, caplog):
+    class Broken(Window):
+        def show(self):
+            raise RuntimeError("no such element")
+
+    async def story():
+        Broken(work)
+        window = Window(work)
+        await work.look()
+        return window
+
+    assert asyncio.run(story()).seen[-1][1] == "PASS"
+    assert "no such element" in caplog.text
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("target", "button", "price"), [
+    ("weg", "Show the nearest design that passes", "with a boost (full power until 11.6 °C from the setpoint"),
+    ("on-off", "Allow that much", "s and a tolerance of 5 °C."),
+])
+def test_a_design_that_fails_offers_the_nearest_that_passes_and_goes_back(work, monkeypatch, target, button, price):
+    monkeypatch.setattr(module, "_SEEK_S", 0.0)
+    session = work.session
+
+    async def story():
+        work.move(target=target)
+        await work.look()
+        assert session.verdict == "FAIL"
+        mend, failed = session.mend, session.number
+        assert mend.button == button
+        assert price in mend.told
+        assert "--" not in mend.told
+        await work.mend()
+        assert session.verdict == "PASS"
+        assert session.number != failed
+        await work.take_back()
+        assert (session.verdict, session.number) == ("FAIL", failed)
+
+    asyncio.run(story())
+
+
+def test_what_cannot_be_designed_is_told_and_can_be_tried_again(work, monkeypatch):
+    tried = []
+
+    def designed(*_):
+        tried.append(1)
+        raise InputError("no gain keeps the limits")
+
+    monkeypatch.setattr(module, "designed", designed)
+
+    async def story():
+        await work.look()
+        await work.design()
+        assert work.session.fault == "no gain keeps the limits"
+        assert not work.session.computing
+        await work.design()
+
+    asyncio.run(story())
+    assert len(tried) == 2
