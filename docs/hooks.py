@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from heatertune.cli import parser
-from heatertune.plc import TARGETS, controller_for
+from heatertune.plc import GROUPS, TARGETS, controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.terms import TERMS, Term
 
@@ -59,8 +59,10 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def controllers() -> str:
-    """Return what every controller says of itself, and its DIFFERENCES.md."""
-    return "\n".join(_controller(name, package) for name, package in TARGETS.items())
+    """Return which controllers there are, then what every one says of itself, and its DIFFERENCES.md."""
+    listed = _table(("held by", "controller", "what it is"), [
+        (group, f"[{name}](#{name})", controller_for(name).title) for group, names in GROUPS.items() for name in names])
+    return "\n".join([listed, *(_controller(name, package) for name, package in TARGETS.items())])
 
 
 def _controller(name: str, package: str) -> str:

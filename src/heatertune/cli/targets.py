@@ -19,20 +19,21 @@ def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "targets", help="the controllers, what each can hold, and what its manual leaves open", epilog=_EXAMPLE,
-        description="List the controllers.",
+        description="List the controllers, by what holds them.",
     )
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.plc import TARGETS, controller_for  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc import GROUPS, controller_for  # noqa: PLC0415 - the help must not wait for it
 
     document = {
         "schema": "heatertune/targets/1",
         "targets": [
             {
                 "name": controller.name,
+                "group": group,
                 "title": controller.title,
                 "can": controller.can,
                 "cannot": controller.cannot,
@@ -43,10 +44,11 @@ def _run(settings: argparse.Namespace) -> int:
                 "switches": [{"name": s.name, "settings": s.settings, "why": s.why, "chosen": s.chosen}
                              for s in controller.switches],
             }
-            for controller in map(controller_for, TARGETS)
+            for group, names in GROUPS.items() for controller in map(controller_for, names)
         ],
     }
-    printing.output(settings, document, lambda: "\n\n".join(_told(target) for target in document["targets"]))
+    overview = "\n".join(f"{group}: {', '.join(names)}" for group, names in GROUPS.items())
+    printing.output(settings, document, lambda: "\n\n".join([overview, *map(_told, document["targets"])]))
     return 0
 
 
