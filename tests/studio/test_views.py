@@ -24,7 +24,7 @@ from heatertune.studio.loop import first_look, full_proof
 from heatertune.studio.picture import picture_of
 from heatertune.studio.session import Pinned, Standing
 from heatertune.studio.settings import Settings
-from heatertune.studio.sources import read_dropped
+from heatertune.studio.sheet import Dropped
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +116,7 @@ def test_a_fail_names_what_was_not_kept(heater):
 
 
 def test_what_a_file_calls_itself_is_text_and_never_a_tag(heater, step_log):
-    log = read_dropped("x.csv", step_log.replace(b"power_pct", b"power_pct", 1))
+    log = Dropped.of("x.csv", step_log.replace(b"power_pct", b"power_pct", 1)).log
     evil = replace(log, repairs=("<script>alert(1)</script>",), doubts=("<b>",), name="<i>/..")
     text = views.diagnosis(evil, heater)
     assert "<script>" not in text
@@ -139,7 +139,7 @@ def every_chart(heater, look, log):
 
 
 def test_every_axis_has_its_unit_and_every_line_its_name(heater, look, step_log):
-    *plain, loop = every_chart(heater, look, read_dropped("x.csv", step_log))
+    *plain, loop = every_chart(heater, look, Dropped.of("x.csv", step_log).log)
     for options in plain:
         assert options["xAxis"]["name"] == "time [s]"
         assert re.search(r"\[(°C|%)\]$", options["yAxis"]["name"])
@@ -217,7 +217,7 @@ def test_every_letter_has_the_contrast_of_wcag_aa(heater, look, step_log):
     assert contrast("#777777", "#ffffff") == pytest.approx(4.48, abs=0.01)  # WebAIM's well-known near miss
     pins = [Pinned(name=name, look=look, verdict="PASS") for name in "ABCD"]
     loop = charts.loop_chart(look, picture_of(look.proof), pins)
-    for options in every_chart(heater, look, read_dropped("x.csv", step_log))[:2]:
+    for options in every_chart(heater, look, Dropped.of("x.csv", step_log).log)[:2]:
         colors = [line["endLabel"]["color"] for line in options["series"] if "endLabel" in line]
         colors += [options[axis]["axisLabel"]["color"] for axis in ("xAxis", "yAxis")]
         assert min(contrast(color, "#ffffff") for color in colors) >= 4.5
@@ -260,7 +260,7 @@ def test_the_zip_holds_what_export_db_writes_and_is_always_the_same(heater, look
 @pytest.mark.long
 def test_the_report_names_the_words_and_the_files_that_were_downloaded(heater, look, proof, step_log):
     files = chain.export(look.gains.words, proof)
-    log = read_dropped("step.csv", step_log)
+    log = Dropped.of("step.csv", step_log).log
     page = report_page(Standing(log=log, fitted=heater, look=look, proof=proof), files)
     assert '<p class="verdict pass">PASS at 50 °C</p>' in page
     assert f"<td class=\"value\">KF {look.gains.words.values['K']:+06d}</td>" in page

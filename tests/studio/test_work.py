@@ -7,7 +7,7 @@ import pytest
 
 from heatertune.errors import ExportRefused, InputError
 from heatertune.studio import work as module
-from heatertune.studio.sources import read_dropped
+from heatertune.studio.sheet import Dropped
 
 
 class Window:
@@ -92,7 +92,7 @@ def test_a_window_that_is_opened_in_the_middle_of_a_fit_sees_how_far_it_is_and_b
     work.session.fitted = None
 
     async def story():
-        fitting = asyncio.ensure_future(work.take(read_dropped("new.csv", step_log), None))
+        fitting = asyncio.ensure_future(work.take(Dropped.of("new.csv", step_log).log, None))
         while not work.busy:
             await asyncio.sleep(0.01)
         window = Window(work)  # the page is loaded again
@@ -119,7 +119,7 @@ def test_a_fault_inside_is_told_in_one_sentence_and_logged_and_ends_no_window(wo
 
     async def story():
         window = Window(work)
-        await work.take(read_dropped("new.csv", step_log), None) if broken == "fit_log" else await work.look()
+        await work.take(Dropped.of("new.csv", step_log).log, None) if broken == "fit_log" else await work.look()
         return window
 
     window = asyncio.run(story())

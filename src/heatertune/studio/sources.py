@@ -1,14 +1,12 @@
-"""Where a log comes from: a dropped file, a path, a built-in table, or a folder that `heatertune design` wrote."""
+"""Where a log comes from: a path, a built-in table, or a folder that `heatertune design` wrote."""
 
 from __future__ import annotations
 
-import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from heatertune import chain
 from heatertune.chain.documents import read_documents
-from heatertune.errors import HeatertuneError, InputError
 from heatertune.log.tables import BUILT_IN
 from heatertune.log.values import Log
 from heatertune.model.document import from_document
@@ -17,7 +15,7 @@ from heatertune.progress import Told
 from heatertune.settings import FitSettings
 from heatertune.studio.settings import Settings
 
-__all__ = ["Source", "fit_log", "read_dropped", "read_source"]
+__all__ = ["Source", "fit_log", "read_source"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,24 +25,6 @@ class Source:
     log: Log
     settings: Settings
     fitted: FittedModel | None = None
-
-
-def read_dropped(name: str, content: bytes) -> Log:
-    """Return the log in a dropped file; its errors and its source name the file as the user knows it.
-
-    Raises:
-        InputError: it is no log.
-    """
-    plain = Path(name.replace("\\", "/").replace("\0", "")).name or "log.csv"
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / plain
-        try:
-            path.write_bytes(content)
-            return replace(chain.read_log(path), source=plain)
-        except HeatertuneError as problem:
-            raise InputError(str(problem).replace(f"{folder}/", "")) from problem
-        except OSError as problem:
-            raise InputError(f"{plain!r} cannot be kept: {problem.strerror}") from problem
 
 
 def read_source(source: str) -> Source:
