@@ -36,9 +36,9 @@ __all__ = ["TYPICAL_S", "ChainResult", "design", "dossier", "redraw", "write_rep
 
 #: stage → what is told where it begins, and how long it takes as a rule, its machine code being kept [s]
 _STAGES: Final = {
-    "fit": "finding the heater (1 of 5)", "design": "tuning (2 of 5)", "words": "finding the words (3 of 5)",
-    "proof": "proving them (4 of 5)", "report": "comparing with other designs, drawing the report (5 of 5)"}
-TYPICAL_S: Final = (8.0, 1.5, 2.0, 4.0, 5.0)
+    "fit": ("finding the heater", 8.0), "design": ("tuning", 1.5), "words": ("finding the words", 2.0),
+    "proof": ("proving them", 4.0), "report": ("comparing with other designs, drawing the report", 5.0)}
+TYPICAL_S: Final = tuple(seconds for _, seconds in _STAGES.values())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,6 +58,10 @@ class ChainResult:
     closed: Closed
     files: Mapping[str, str | bytes]
     documents: Mapping[str, Mapping[str, Any]]
+
+
+def _told(stage: str) -> str:
+    return f"{_STAGES[stage][0]} ({list(_STAGES).index(stage) + 1} of {len(_STAGES)})"
 
 
 def design(
@@ -82,12 +86,12 @@ def design(
     """
     controller_for(asked.target)  # an unknown target is refused before the long part
     log = source if isinstance(source, Log) else read_log(source, read, errata=True)
-    progress(_STAGES["fit"])
+    progress(_told("fit"))
     fitted = fit(log, fitted_with, companions=True, progress=progress)
-    result = closed(fitted, asked, progress=progress, stage=lambda name: progress(_STAGES[name]))
+    result = closed(fitted, asked, progress=progress, stage=lambda name: progress(_told(name)))
     proof = result.proof
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
-    progress(_STAGES["report"])
+    progress(_told("report"))
     documents = dossier(log, fitted, result.wished, proof, files,
                         search=search_document(result.choice, fitted, result.notes), recipe=result.recipe)
     _write(documents, files, out)
