@@ -32,6 +32,7 @@ from heatertune.proof.as_left_parts import LEAVES, TraceParts, leaves_s, parts_o
 from heatertune.proof.criteria import CriterionView
 from heatertune.proof.document import ProofView
 from heatertune.proof.heaters import labelled
+from heatertune.proof.scenario import WAYS
 
 __all__ = ["AS_LEFT_SCHEMA", "AsLeft", "Measurement", "Outside", "as_left"]
 
@@ -43,6 +44,9 @@ Numbers = tuple[float, ...]
 _NEIGHBOURS: Final = 2  # readings outside the band one after the other that are more than a disturbed one
 _SIGMAS: Final = 3.0  # of a reading's step or noise, which the band is widened by
 _DRAWN: Final = 1500  # instants of a picture
+#: kind of a part → the criterion that tells when it is over
+_END_OF: Final = {kind: time for kind, (_, time, *_) in WAYS.items()} | {"recovery": "recovery_time"}
+_ENDS: Final = frozenset(_END_OF.values())
 _LEAST_STEP_DEGC: Final = 0.01  # of a reading, for when a temperature has left its rest
 
 
@@ -95,8 +99,8 @@ class AsLeft:
     Attributes:
         trace: name of the log.
         digest: of the proof that it is held against.
-        verdict: "AS PROVEN", or "NOT AS PROVEN": a limit is broken, a figure is worse than the worst proven, or the
-            curve is outside of what the proven runs do.
+        verdict: "AS PROVEN"; "NOT AS PROVEN": a limit is broken, a figure is worse than the worst proven, or the curve
+            is outside of what the proven runs do; "NOT SHOWN": none of these, but the loop is not seen to settle.
         told: why, one sentence each.
         notes: what to know of the trace, one sentence each.
         setpoint_degC, start_degC: of its first part [°C].
@@ -111,7 +115,7 @@ class AsLeft:
 
     trace: str
     digest: str
-    verdict: Literal["AS PROVEN", "NOT AS PROVEN"]
+    verdict: Literal["AS PROVEN", "NOT AS PROVEN", "NOT SHOWN"]
     told: tuple[str, ...]
     notes: tuple[str, ...]
     setpoint_degC: float
@@ -167,10 +171,11 @@ def as_left(
     slack_s = parts.unsure_s + float(np.median(np.diff(log.time_s)))
     lines = tuple(_measurement(name, criterion, seen[name], at_best[name], slack_s)
                   for name, criterion in proof.criteria.items())
-    told = tuple(_against(lines, outside))
+    against, unseen = tuple(_against(lines, outside)), tuple(_unseen(parts, lines))
     drawn, banded = _drawn(since, own), _drawn(shown, low, high)
     return AsLeft(
-        trace=log.name, digest=proof.digest, verdict="NOT AS PROVEN" if told else "AS PROVEN", told=told,
+        trace=log.name, digest=proof.digest, told=against or unseen,
+        verdict="NOT AS PROVEN" if against else "NOT SHOWN" if unseen else "AS PROVEN",
         notes=(*parts.notes, *_notes(log, parts, proof, margin), *_alone(beyond, outside)),
         setpoint_degC=parts.parts[0].setpoint_degC, start_degC=parts.start_degC, begins_s=parts.begins_s,
         begins_by=parts.begins_by, unsure_s=parts.unsure_s, interval_s=float(np.median(np.diff(log.time_s))),
@@ -265,6 +270,15 @@ def _against(lines: Sequence[Measurement], outside: Sequence[Outside]) -> Iterat
         others = f", and elsewhere {count(len(outside) - 1, 'time')}" if len(outside) > 1 else ""
         yield (f"From {worst.begin_s:.0f} to {worst.end_s:.0f} s the curve is up to {abs(worst.most_degC):.3g} °C "
                f"{side} what the proven runs do{others}: it is another heater, or not these words.")
+
+
+def _unseen(parts: TraceParts, lines: Sequence[Measurement]) -> Iterator[str]:
+    """Tell where no way to a setpoint and none back from a load is seen to its end."""
+    ways = {line.name: line for line in lines if line.name in _ENDS}
+    if all(way.measured is None for way in ways.values()):
+        first = ways.get(_END_OF[parts.parts[0].kind])
+        why = "" if first is None else f" ({first.told})"
+        yield f"The loop is not seen to settle{why}: log on until it is at rest. So far nothing speaks against it."
 
 
 def _notes(log: Log, parts: TraceParts, proof: ProofView, margin_degC: float) -> Iterator[str]:

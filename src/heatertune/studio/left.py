@@ -36,9 +36,8 @@ def held_against(standing: Standing, log: Log, about: AsLeftSettings, progress: 
 def left_sentence(left: AsLeft, verdict: str) -> str:
     """Return what the trace shows as one sentence that can be read out; `verdict`: of the proof."""
     seen = sum(line.measured is not None for line in left.measurements)
-    kept = "the curve is inside of what the proven runs do" + (
-        f", and each of the {seen} figures that the trace shows is no worse than proven." if seen else
-        "; the trace shows no figure of the acceptance test.")
+    kept = ("the curve is inside of what the proven runs do, and each of the "
+            f"{seen} figures that the trace shows is no worse than proven.")
     proof = "" if verdict == "PASS" else f" The proof of these words is itself {verdict}."
     return for_page(f"{left.verdict}: {' '.join(left.told) or kept}{proof}")
 
