@@ -21,7 +21,7 @@ from functools import cache as remember
 from pathlib import Path
 from threading import Lock
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar, cast
 
 from heatertune.cache import folder
 
@@ -44,8 +44,11 @@ _scans_asked: Final[Counter[str]] = Counter()
 #: works whose machine code was looked for on disk: once, for a look takes longer than a short run
 _looked_for: Final[set[str]] = set()
 
-#: what a process decided for all its work; None: whatever pays
-_decided: Final[list[bool | None]] = [None]
+#: what a process decided for all its work, see `decide`
+_decided: Final[list[bool | Literal["kept"] | None]] = [None]
+
+#: functions whose machine code was found on disk
+_found: Final[set[Callable[..., Any]]] = set()
 
 #: functions that no compiler takes → what is compiled in their place
 _TWINS: Final[dict[Any, Any]] = {}
@@ -68,8 +71,11 @@ def runs_compiled_as(twin: Callable[..., Any]) -> Callable[[_Plain], _Plain]:
     return register
 
 
-def decide(compile_all: bool | None) -> None:
-    """Let this process run all its work compiled (True) or plainly (False); None, as at the start: whatever pays."""
+def decide(compile_all: bool | Literal["kept"] | None) -> None:
+    """Let this process run all its work compiled (True), plainly (False), or compiled where machine code is "kept".
+
+    None, as at the start: whatever pays.
+    """
     _decided[0] = compile_all
 
 
@@ -85,8 +91,11 @@ def worth_compiling(
     So the short runs of one command never load the compiler, and long work takes at most twice as long as if it had
     been known from the start. Both ways give the same, bit for bit.
     """
-    if _decided[0] is not None:
-        return _decided[0]
+    decided = _decided[0]
+    if decided == "kept":
+        return function is not None and _is_kept(function)
+    if decided is not None:
+        return decided
     _scans_asked[work] += scans
     most = _PLAIN_SCANS if most_plain is None else most_plain
     kept = _PLAIN_SCANS_READY if "numba" in sys.modules else _PLAIN_SCANS_KEPT
@@ -155,8 +164,12 @@ def _place(function: Callable[..., Any]) -> Path | None:
 
 def _is_kept(function: Callable[..., Any]) -> bool:
     """Return whether machine code of a function is on disk, of arguments of whatever types."""
-    place, name = _place(function), f".{function.__qualname__}-"
-    return place is not None and any(name in path.name for path in machine_code(place.parent, place.name))
+    if function not in _found:
+        place, name = _place(function), f".{function.__qualname__}-"
+        if place is None or not any(name in path.name for path in machine_code(place.parent, place.name)):
+            return False
+        _found.add(function)
+    return True
 
 
 @remember
@@ -168,6 +181,7 @@ def _remove_stale(base: Path) -> None:
                 shutil.rmtree(kept.rename(kept.with_name(f"removed-{kept.name}-{os.getpid()}")))
 
 
+@remember
 def _digest(function: Callable[..., Any]) -> str | None:
     """Return a digest of all on which the function's machine code can depend, None where the source is no file.
 

@@ -319,6 +319,18 @@ def test_a_process_may_decide_for_all_its_loops(monkeypatch):
     assert not worth_compiling(1)
 
 
+def test_a_process_may_run_compiled_what_is_kept_and_nothing_else(monkeypatch, tmp_path):
+    monkeypatch.setattr(machine, "_decided", ["kept"])
+    monkeypatch.setattr(machine, "_found", set())
+    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path))
+    loops = [bound(run, step=_plus), bound(run, step=_minus)]
+    assert [worth_compiling(10**15, function=loop) for loop in (*loops, None)] == [False, False, False]
+    place = machine._place(loops[0])
+    place.mkdir()
+    place.joinpath(f"kernel.{loops[0].__qualname__}-133.py311.nbi").touch()  # as Numba names what it keeps
+    assert [worth_compiling(0, function=loop) for loop in (*loops, None)] == [True, False, False]
+
+
 def test_what_is_bound_differs_by_name_and_no_name_grows_with_it():
     # Numba names its file for the function; Linux takes 255 bytes, and uuid and suffix take 60 of them.
     loops = [bound(run, step=_plus), bound(run, step=_minus), bound(run, measure=_plus)]

@@ -8,6 +8,7 @@ import socket
 from nicegui import app, background_tasks, ui
 
 from heatertune.errors import InputError
+from heatertune.plc import TARGETS
 from heatertune.studio.gate import HOST, Gate, address, new_token
 from heatertune.studio.page import Page
 from heatertune.studio.session import Session
@@ -35,7 +36,8 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
     port, token = _free(port), new_token()
     app.add_middleware(Gate, token=token, port=port)
     app.on_startup(lambda: background_tasks.create(_tell(port, token)))
-    app.on_startup(lambda: background_tasks.create(warm()))
+    targets = list(dict.fromkeys([session.settings.target, *TARGETS]))
+    app.on_startup(lambda: background_tasks.create(warm(targets)))
 
     work = Work(session)
     app.on_exception(work.fault)

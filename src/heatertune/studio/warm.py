@@ -1,8 +1,9 @@
 """Machine code before it is asked for: no move of a slider waits for a compiler.
 
 A compiler needs seconds for each controller, and Python's lock while it works. So it works in a process of its own,
-behind everything else, and leaves the machine code on disk, once for each version of heatertune. Until it is done the
-page's loops run plainly; from then on compiled, which gives the same, bit for bit.
+for the controller in front at once, for the others behind everything else, and leaves the machine code on disk, once
+for each version of heatertune. Until that of a loop is there the page runs it plainly; from then on compiled, which
+gives the same, bit for bit.
 """
 
 from __future__ import annotations
@@ -26,16 +27,16 @@ __all__ = ["compile_all", "warm"]
 
 
 async def warm(targets: Sequence[str] = tuple(TARGETS)) -> None:
-    """Compile the loops of controllers beside the page, then let the page run them compiled.
+    """Compile the loops of controllers beside the page, and let the page run compiled what is there.
 
     Where nothing can be kept on disk, or the compiler fails, each loop is compiled where it pays, as anywhere else.
 
     Args:
-        targets: the controllers.
+        targets: the controllers, that in front first.
     """
     if folder() is None:
         return
-    decide(False)
+    decide("kept")
     try:
         quiet = asyncio.subprocess.DEVNULL  # Ctrl-C reaches it too, and its traceback would be no news
         beside = await asyncio.create_subprocess_exec(
@@ -64,6 +65,7 @@ def compile_all(targets: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
+    compile_all(sys.argv[1:2])
     if hasattr(os, "nice"):
         os.nice(19)
-    compile_all(sys.argv[1:])
+    compile_all(sys.argv[2:])
