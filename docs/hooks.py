@@ -15,6 +15,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from markdown.extensions.toc import slugify
+
 from heatertune.cli import parser
 from heatertune.plc import GROUPS, TARGETS, controller_for
 from heatertune.plc.commissioning import commissioning
@@ -23,6 +25,8 @@ from heatertune.terms import TERMS, Term
 SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
 COMMON = "common"
 ROOMS = ("chain", "log", "heater", "model", "pid", "plc", "proof", "report", "batch", COMMON)
+#: of your_plc.md: controller and the rest of its heading
+_SECTION = re.compile(r"^## ([\w-]+): (.+)$", re.MULTILINE)
 _MARKER = re.compile(r"^<!-- generate: (\w+) -->$", re.MULTILINE)
 
 
@@ -60,8 +64,12 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def controllers() -> str:
     """Return which controllers there are, then what every one says of itself, and its DIFFERENCES.md."""
-    listed = _table(("held by", "controller", "what it is"), [
-        (group, f"[{name}](#{name})", controller_for(name).title) for group, names in GROUPS.items() for name in names])
+    page = Path(__file__).with_name("howto") / "your_plc.md"
+    sections = dict(_SECTION.findall(page.read_text(encoding="utf-8")))
+    listed = _table(("held by", "controller", "what it is", "example and commissioning"), [
+        (group, f"[{name}](#{name})", controller_for(name).title,
+         f"[how to](../howto/your_plc.md#{slugify(f'{name}: {sections[name]}', '-')})")
+        for group, names in GROUPS.items() for name in names])
     return "\n".join([listed, *(_controller(name, package) for name, package in TARGETS.items())])
 
 
