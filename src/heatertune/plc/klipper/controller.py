@@ -22,7 +22,7 @@ class Klipper(Controller, name="klipper"):
     title = "Klipper and Kalico, control: pid of a heater (klippy/extras/heaters.py)"
     can = (
         "P, PI and PID in double precision, a smoothed derivative of the reading; gains with three decimals",
-        "a report each 0.3 s; changes of the power below 5 % that are not sent; the switch a report later, PWM of 0.1 s",
+        "a report each 0.3 s; power changes below 5 % that are not sent; the switch a report later, PWM of 0.1 s",
         "exported as lines of the heater's section, and as G-code to try them",
     )
     cannot = (

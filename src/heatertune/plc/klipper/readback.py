@@ -77,7 +77,8 @@ def _lines(text: str, source: str) -> Iterator[_Line]:
 def _section(lines: list[_Line], source: str) -> str:
     """Return the section of the heater that is read."""
     sections = list(dict.fromkeys(line.section for line in lines if line.name in _FIELDS))
-    having = [one for one in sections if any(line.name == "pid_kp" for line in lines if line.section == one)] or sections
+    with_gain = {line.section for line in lines if line.name == "pid_kp"}
+    having = [one for one in sections if one in with_gain] or sections
     if not having:
         raise InputError(f"{source}: no gains are there; expected pid_Kp, pid_Ki and pid_Kd of a heater's section, or "
                          "what PID_CALIBRATE prints")

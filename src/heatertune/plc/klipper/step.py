@@ -108,7 +108,7 @@ def step(
     integral = _held(state.integral + error * REPORT_S, loop.most_integral)
     wanted = loop.kp * error + loop.ki * integral - loop.kd * slope
     asked = _held(wanted, loop.most)
-    if not wanted == asked:
+    if wanted != asked:
         integral = state.integral
     flags = (1 if wanted > asked else 0) + (2 if asked == 0.0 else 0)
     if setpoint <= 0.0:
