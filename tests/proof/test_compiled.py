@@ -1,5 +1,6 @@
 """The loop compiled against the same loop as plain Python, bit for bit, and what is measured against `judge`."""
 
+import math
 import struct
 import warnings
 from collections import Counter
