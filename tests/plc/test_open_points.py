@@ -3,7 +3,7 @@
 The numbers are such that nothing rounds but where rounding is the point; the sums stand beside them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Annotated, NamedTuple
 
@@ -37,7 +37,8 @@ class Case:
 
 
 def _words(case):
-    return Words(target=case.target, values=case.words, scaling=Scaling(), sample_time_s=1.0)
+    ta = controller_for(case.target).timer.round(1.0)  # a printer's is 0.3 s
+    return Words(target=case.target, values=case.words, scaling=Scaling(), sample_time_s=ta)
 
 
 def _columns(**inputs):
@@ -181,6 +182,13 @@ CASES = [
     # u = 10 + the sum of 10·Ts/TN: at each call, or at every second one; a program that is told calls a block that keeps Ts rightly
     _weg("sampling", {"Ki": 0.125}, _columns(SetPoint=[10.0] * 5, Feedback=[0.0] * 5),
          {"caller": [0, 11.25, 12.5, 13.75, 15], "skipped": [0, 0, 11.25, 11.25, 12.5], "block": [0, 11.25, 12.5, 13.75, 15]}),
+
+    # Kp/255 = 1/10: 3 °C ask for 0.3, then 3.3 °C for 0.33. With max_power 0.5 that is more than 5 % of it, not of full power, and
+    # is sent at once; or with the ninth report, 2.4 s after the first; or with the fifteenth
+    Case(target="klipper", switch="firmware",
+         words={"pid_Kp": 25.5, "pid_Ki": 0.0, "pid_Kd": 0.0, "max_power": 0.5, "smooth_time": 1.0},
+         rows=_columns(target=[200.0] * 10, temperature=[197.0] + [196.7] * 9),
+         outputs={"klipper": [0.3] + [0.33] * 9, "kalico": [0.3] * 8 + [0.33] * 2, "older": [0.3] * 10}),
 ]
 
 
@@ -204,7 +212,7 @@ def test_every_setting_does_what_the_source_says_of_it(case):
 @pytest.mark.parametrize("target", TARGETS)
 def test_no_room_starts_under_a_switch_or_setting_that_it_does_not_have(target):
     which = controller_for(target)
-    words = which.encode(DESIGN, Scaling())
+    words = which.encode(replace(DESIGN, sample_time_s=which.timer.round(DESIGN.sample_time_s)), Scaling())
     assert type(which).start is Controller.start
     unknown = [({"colour": "red"}, "colour")] + [({switch.name: "red"}, switch.name) for switch in which.switches]
     for given, named in unknown:
