@@ -41,7 +41,7 @@ def _sign(b: Block) -> str:
     pairs = [(sp, pv) for sp in _TRIED for pv in _TRIED if sp != pv]
     wrong = sum((_first(b, single(pv - sp)) > 0.0) != (sp > pv) for sp, pv in pairs)
     return (f"ERROR is PV - SP: the block heats where it is too warm and stops where it is too cold, in {wrong} of "
-            f"{len(pairs)} pairs of setpoint and reading; a heater needs KP below 0") if wrong else ""
+            f"{len(pairs)} pairs of setpoint and reading; a heater needs KP below 0") if wrong and b.kp != 0.0 else ""
 
 
 def _by_hand(b: Block) -> str:
@@ -61,7 +61,7 @@ def _limits(b: Block) -> str:
 
 def _windup(b: Block) -> str:
     """Return for how long the output stays beyond full power once the reading is above the setpoint."""
-    sign = -1.0 if b.kp < 0.0 else 1.0
+    sign, b = -1.0 if b.kp < 0.0 else 1.0, b._replace(td=single(0.0))
     if not (b.tr > 0.0 and b.t > 0.0 and b.kp != 0.0):
         return ""
     error, state, calls = single(50.0 * sign), COLD, min(_MOST_CALLS, math.ceil(_WINDS * b.tr / b.t))
@@ -74,8 +74,9 @@ def _windup(b: Block) -> str:
     if not wound > _FULL:
         return ""
     longer = "" if back < _MOST_CALLS else "more than "
-    return (f"no anti-windup: after {calls} calls 50 degC below the setpoint XOUT is {wound:.4g} %, and then 5 degC "
-            f"above it XOUT comes below 100 % after {longer}{back} calls")
+    sides = ("below", "above") if b.kp < 0.0 else ("above", "below")
+    return (f"no anti-windup: after {calls} calls 50 degC {sides[0]} the setpoint XOUT is {wound:.4g} %, and then 5 "
+            f"degC {sides[1]} it XOUT comes below 100 % after {longer}{back} calls (without the D part)")
 
 
 def _no_reset(b: Block) -> str:
@@ -89,10 +90,10 @@ def _first_call(b: Block) -> str:
     """Return what the first call after a start-up gives, when it is in automatic."""
     if b.td == 0.0:
         return ""
-    error = single(-10.0 if b.kp < 0.0 else 10.0)
+    error, side = (single(-10.0), "below") if b.kp < 0.0 else (single(10.0), "above")
     cold = call(b, COLD, error, 0.0, True)[1]
-    return (f"the first call after a start-up takes three errors of 0 for the history: 10 degC below the setpoint XOUT "
-            f"is {cold:.4g}, with the history of a temperature at rest {_first(b, error):.4g}")
+    return (f"the first call after a start-up takes three errors of 0 for the history: 10 degC {side} the setpoint "
+            f"XOUT is {cold:.4g}, with the history of a temperature at rest {_first(b, error):.4g}")
 
 
 def _retuned(b: Block) -> str:
