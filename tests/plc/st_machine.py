@@ -11,7 +11,7 @@ import tree_sitter
 import tree_sitter_iec61131_3_st
 
 LANGUAGE = tree_sitter.Language(tree_sitter_iec61131_3_st.language())
-ZERO = {"REAL": np.float32(0.0), "BOOL": False, "BYTE": 0, "INT": 0, "UINT": 0, "DINT": 0}
+ZERO = {"REAL": np.float32(0.0), "BOOL": False, "BYTE": 0, "INT": 0, "UINT": 0, "DINT": 0, "TIME": 0}
 WORDS = {"AND": "and", "OR": "or", "NOT": "not ", "=": "==", "<>": "!=", "MOD": "%"}
 
 
@@ -21,7 +21,7 @@ def _divided(one, two):
 
 
 FUNCTIONS = {"ABS": abs, "UINT_TO_REAL": np.float32, "DINT_TO_REAL": np.float32, "TRUNC": int, "real": np.float32,
-             "divided": _divided}
+             "divided": _divided, "TIME_TO_REAL": lambda ms: np.float32(ms / 1000)}  # seconds, where no test says otherwise
 
 
 def parse(text):
@@ -42,16 +42,17 @@ class FunctionBlock:
 
     blocks: type → what makes an instance, for those that the text declares and others' own; an instance is called with its
     inputs, and has its outputs as attributes.
+    time_to_real: what that function gives of a time in ms; None: seconds.
     """
 
     kind = "function_block_declaration"
 
-    def __init__(self, text, blocks=None):
+    def __init__(self, text, blocks=None, time_to_real=None):
         (block,) = found(parse(text), self.kind)
         self.variables = SimpleNamespace(**dict(_declared(block, blocks or {})))
         statements = block.children_by_field_name("body")
         source = "\n".join(["def run(v):", *_statements(statements, 1)])
-        names = dict(FUNCTIONS)
+        names = FUNCTIONS | ({"TIME_TO_REAL": time_to_real} if time_to_real else {})
         exec(compile(source, "structured text", "exec"), names)
         self._run = names["run"]
 
@@ -99,6 +100,12 @@ def _declared(block, blocks):
         value = ZERO[type_] if initial is None else _initial(type_, _text(initial))
         for name in declaration.children_by_field_name("names"):
             yield _text(name), value
+
+
+def _ms(text):
+    """Return a duration literal in ms, of one unit."""
+    number = text.lower().removeprefix("t#")
+    return int(number[:-2]) if number.endswith("ms") else 1000 * int(number.removesuffix("s"))
 
 
 def _initial(type_, text):
@@ -160,6 +167,7 @@ def _expression(node):
         "identifier": lambda: f"v.{_text(node)}",
         "real_literal": lambda: f"real({_text(node)})",
         "integer_literal": lambda: _text(node),
+        "time_literal": lambda: str(_ms(_text(node))),
         "boolean_literal": lambda: _text(node).title(),
         "parenthesized_expression": lambda: f"({_expression(node.named_children[0])})",
         "unary_expression": lambda: f"({sign(0)}{of('operand')})",

@@ -20,7 +20,7 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.replay import replay
-from heatertune.plc.weg.export import literal
+from heatertune.plc.st.program import literal
 from heatertune.proof import Actuator, Scenario, TemperatureStep, simulate
 
 ROOM = controller_for("weg")

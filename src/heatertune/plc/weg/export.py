@@ -5,18 +5,28 @@ None of the files was tried in WPS or in another vendor's tool; parsers of the l
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Final
 
-from heatertune.plc.core import Sensor, count
-from heatertune.plc.single import single
-from heatertune.plc.weg.plcopen import project
-from heatertune.plc.weg.program import PROBE, Clock, clock_for, enabling, literal, statements, variables
-from heatertune.plc.weg.source import BLOCK_NAME, function_block
-from heatertune.plc.weg.words import COUNTS, FIELDS
+from heatertune.plc.st.plcopen import project
+from heatertune.plc.st.program import (
+    Clock,
+    Limits,
+    called,
+    clock_for,
+    enabling,
+    literal,
+    program,
+    proven_setpoint,
+    statements,
+    variables,
+)
+from heatertune.plc.st.source import function_block
+from heatertune.plc.weg.program import KEEPS, PROBE, PROBED, keeping
+from heatertune.plc.weg.source import SOURCE
+from heatertune.plc.weg.words import COUNTS, FIELDS, REVERSE
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["RENAMED", "export_words", "literal"]
+__all__ = ["RENAMED", "export_words"]
 
 _WIRES = (
     ("ManualSetPoint", "HandPower"), ("SelectSetPoint", "ByHand"),
@@ -29,29 +39,23 @@ RENAMED: Final = {"Type": "Form", "Action": "Acting"}
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     """Return the three files; the same words and certificate give the same bytes."""
-    clock, setpoint = clock_for(words, certificate.actuator), _setpoint(words, certificate)
+    clock, setpoint = clock_for(words, certificate.actuator), proven_setpoint(words, certificate, COUNTS)
     known = certificate.switches.get("sampling")
     kept = None if known is None else known == "block"
     head = (*_head(words, certificate, clock), *_by_hand(clock, certificate))
     comment = "\n".join(f"(* {line} *)" for line in head) + "\n"
+    limits = Limits(words.values["MaximumOutput"], words.values["Action"] == REVERSE)
     own = variables(words, clock, setpoint)
-    body = statements(words, clock, _block_call(words))
-    wegs = variables(words, clock, setpoint, calls_wegs=True, keeps_ts=kept)
-    called = statements(words, clock, _weg_call(words), calls_wegs=True, keeps_ts=kept)
+    body = statements(words, clock, _block_call(words), limits)
+    wegs = variables(words, clock, setpoint, keeping(kept))
+    calls = statements(words, clock, _weg_call(words), limits, before=PROBED if kept is None else "", or_when=KEEPS)
     instances = {"HeaterPid": "FB_PID"} | ({PROBE: "FB_PID"} if kept is None else {})
     return {
-        "weg_pid_call.st": comment + _program("WegHeater", instances, wegs, called),
+        "weg_pid_call.st": comment + program("WegHeater", instances, wegs, calls),
         "weg_pid_block.st":
-            comment + function_block() + "\n" + _program("Heater", {"HeaterPid": BLOCK_NAME}, own, body),
-        "weg_pid_plcopen.xml": project(own, body, head, clock.tick_ms),
+            comment + function_block(SOURCE) + "\n" + program("Heater", {"HeaterPid": SOURCE.name}, own, body),
+        "weg_pid_plcopen.xml": project(SOURCE, own, body, head, clock.tick_ms),
     }
-
-
-def _setpoint(words: Words, certificate: Certificate) -> float:
-    """Return the setpoint as the proof had it: a count of the input module, in °C."""
-    s = words.scaling
-    proven = s.low_degC if certificate.setpoint_degC is None else certificate.setpoint_degC
-    return single(s.low_degC + s.span_degC * count(Sensor(s.low_degC, s.span_degC, COUNTS), proven) / COUNTS)
 
 
 def _head(words: Words, certificate: Certificate, clock: Clock) -> tuple[str, ...]:
@@ -103,25 +107,13 @@ def _wires(words: Words) -> list[tuple[str, str]]:
     return [("SetPoint", "HeaterSetPoint" if words.ramp is None else "HeaterRamp"), *_WIRES]
 
 
-def _called(instance: str, wires: list[tuple[str, str]]) -> str:
-    return f"{instance}(\n" + ",\n".join(f"  {name} := {value}" for name, value in wires) + ");\n"
-
-
 def _weg_call(words: Words) -> str:
     """Return the statements in the form of the manual's example: EN and Output as members."""
-    call = _called("HeaterPid", [*_wires(words), *_values(words)])
+    call = called("HeaterPid", [*_wires(words), *_values(words)])
     return f"HeaterPid.EN := {enabling(words)};\n{call}HeaterPower := HeaterPid.Output;\n"
 
 
 def _block_call(words: Words) -> str:
     values = [(RENAMED.get(name, name), value) for name, value in _values(words)]
-    call = _called("HeaterPid", [("Enable", enabling(words)), *_wires(words), *values])
+    call = called("HeaterPid", [("Enable", enabling(words)), *_wires(words), *values])
     return f"{call}HeaterPower := HeaterPid.Output;\n"
-
-
-def _program(
-    name: str, instances: Mapping[str, str], listed: tuple[tuple[str, str, str, str], ...], body: str
-) -> str:
-    declared = "".join(f"  {n} : {t} := {v}; (* {meaning} *)\n" for n, t, v, meaning in listed)
-    declared += "".join(f"  {instance} : {block};\n" for instance, block in instances.items())
-    return f"PROGRAM {name}\nVAR\n{declared}END_VAR\n\n{body}\nEND_PROGRAM\n"

@@ -1,50 +1,18 @@
-"""The program around WEG's block in structured text: calls each Ts, enabling, boost, setpoint ramp, PWM.
+"""What the program around WEG's own block has beside that around any: it finds out who keeps Ts.
 
-It is called each scan and adds up the time of the scans. Whether the block keeps Ts itself, the help does not tell: the
-program finds out, by a second instance that it calls three times in its first scan. While EN is FALSE the block leaves
-Output as it was (WPS help), so the program itself puts the power to 0, or to MaximumOutput while it boosts.
+The help does not tell it: a second instance is called three times in the first scan.
 """
 
 from __future__ import annotations
 
-from decimal import Decimal
-from typing import Final, NamedTuple
+from typing import Final
 
-from heatertune.plc.pwm import Actuator, pulse_ends
-from heatertune.plc.ramp import Number, Ramp, for_coolers
-from heatertune.plc.single import real_of, single, word_of
-from heatertune.plc.weg.source import LARGEST
-from heatertune.plc.words import Words
+from heatertune.plc.st.program import Variable
 
-__all__ = ["PROBE", "Clock", "clock_for", "enabling", "literal", "statements", "variables"]
+__all__ = ["KEEPS", "PROBE", "PROBED", "keeping"]
 
-Variable = tuple[str, str, str, str]
-
-#: numbers in this range are written without an exponent
-_LOWEST_PLAIN: Final = 1e-4
-_PLAIN: Final = 1e6
-
-#: ticks of a period whose product with a power fits into 32 bits
-_MOST_TICKS: Final = 77000
-#: parts of a percent, these times 100, and the same in parts of 12 bits: so all products fit into 32 bits
-_PARTS: Final = 65536
-_FULL: Final = 100 * _PARTS
-_LOW: Final = 4096
-
-#: variables of the program; the names are free
-_VARIABLES: Final = (
-    ("HeaterOn", "BOOL", "FALSE", "enables the controller; FALSE: heater off"),
-    ("ByHand", "BOOL", "FALSE", "TRUE: HandPower is the output"),
-    ("HandPower", "REAL", "0.0", "output by hand, %"),
-    ("HeaterSetPoint", "REAL", "{setpoint}", "degC"),
-    ("HeaterTemperature", "REAL", "0.0", "degC, from the input module"),
-    ("HeaterPower", "REAL", "0.0", "%"),
-    ("ScanMs", "DINT", "{tick}", "time of one scan, ms"),
-    ("HeaterSince", "DINT", "0", "ms since the last call of the controller"),
-    ("HeaterDue", "BOOL", "FALSE", "a call is due"),
-    ("HeaterWasOn", "BOOL", "FALSE", "HeaterOn of the scan before"),
-)
-_KEEPS_TS: Final = (("BlockKeepsTs", "BOOL", "{kept}", "TRUE: the block itself keeps Ts and is called each scan"),)
+#: the block is called each scan where it is TRUE
+KEEPS: Final = "BlockKeepsTs"
 #: instance that tells who keeps Ts
 PROBE: Final = "HeaterProbe"
 _PROBE_VARIABLES: Final = (
@@ -56,207 +24,13 @@ _PROBES: Final = (
     f"  {PROBE}(SetPoint := 1.0, ManualSetPoint := 0.0, SelectSetPoint := FALSE, Feedback := 0.0, Kp := 1.0,\n"
     "    Ki := 0.1, Kd := 0.0, TauSetPoint := 0.0, MinimumOutput := 0.0, MaximumOutput := 100.0, Type := 0,\n"
     "    Action := 0, Ts := 60000);\n")
-_PROBED: Final = (
+PROBED: Final = (
     "(* who keeps Ts? a block that does computes once at most in the last two of three calls in one scan *)\n"
     f"IF NOT HeaterProbed THEN\n  {PROBE}.EN := TRUE;\n{_PROBES}{_PROBES}  HeaterBefore := {PROBE}.Output;\n{_PROBES}"
-    f"  BlockKeepsTs := {PROBE}.Output = HeaterBefore;\n  HeaterProbed := TRUE;\nEND_IF;\n")
-#: scans in Ts at least, where there is no PWM: a block that keeps Ts itself has to be called more often
-_SCANS: Final = 4
-_PWM_VARIABLES: Final = (
-    ("HeaterOutput", "BOOL", "FALSE", "the heater's switch"),
-    ("HeaterPhase", "DINT", "0", "ms since the period began"),
-    ("HeaterOnMs", "DINT", "0", "of this period"),
-    ("HeaterShare", "REAL", "0.0", "HeaterPower in parts"),
-    ("HeaterWhole", "DINT", "0", "the same, cut"),
-    ("HeaterRest", "DINT", "0", "what was cut off, times the steps of a period"),
-    ("HeaterHigh", "DINT", "0", "of the product with the steps of a period"),
-)
-_RAMP_VARIABLES: Final = (
-    ("HeaterRamp", "REAL", "0.0", "degC, the setpoint on its ramp"),
-    ("HeaterRampCalls", "INT", "0", "calls since its last step"),
-)
-_BOOST_VARIABLES: Final = (
-    ("HeaterBoost", "BOOL", "FALSE", "full power, the controller not enabled"),
-    ("HeaterAway", "REAL", "0.0", "degC, from the temperature to the setpoint"),
-)
-_HOLD_VARIABLES: Final = (("HeaterLimit", "REAL", "0.0", "degC, how far from the temperature the ramp may be"),)
+    f"  {KEEPS} := {PROBE}.Output = HeaterBefore;\n  HeaterProbed := TRUE;\nEND_IF;\n")
 
 
-class Clock(NamedTuple):
-    """The scans of the program, and the PWM that it makes of them.
-
-    Attributes:
-        tick_ms: time of a scan, or the longest that makes the pulses as they were proven [ms].
-        steps: of the PWM's period, a tick each; 0: there is no PWM in the program.
-        least, most: smallest power with a pulse, and largest one with a pause [%].
-        why: why there is no PWM; empty where there is one.
-    """
-
-    tick_ms: int
-    steps: int = 0
-    least: float = 0.0
-    most: float = 0.0
-    why: str = ""
-
-
-def clock_for(words: Words, actuator: Actuator | None) -> Clock:
-    """Return the clock of a program that switches as was proven; None: no switch is known."""
-    def none(why: str) -> Clock:
-        ts = words.whole["Ts"]
-        return Clock(next((ts // scans for scans in range(_SCANS, ts + 1) if ts % scans == 0), ts), why=why)
-
-    if actuator is None:
-        return none("no switch is known of the proof")
-    ticks, tick = actuator.ticks(words.sample_time_s), 1000.0 * actuator.resolution_s
-    if ticks is None or min(ticks) < 1 or ticks.per_period > _MOST_TICKS or abs(tick - round(tick)) > 1e-6:
-        return none("its times are no whole steps of milliseconds")
-    if actuator.minimum_rule != "drop":
-        return none("its rule makes up what is left out")
-    least, most = pulse_ends(actuator, real_of, word_of(100.0))
-    return Clock(round(tick), ticks.per_period, real_of(least), real_of(most))
-
-
-def variables(
-    words: Words, clock: Clock, setpoint_degC: float, *, calls_wegs: bool = False, keeps_ts: bool | None = None
-) -> tuple[Variable, ...]:
-    """Return name, type, initial value and meaning of the program's variables.
-
-    Args:
-        words: that are exported.
-        clock: of the program.
-        setpoint_degC: as it was proven, on the counts of the input module [°C].
-        calls_wegs: whether it calls WEG's own block.
-        keeps_ts: whether that keeps Ts itself; None: the program finds out.
-    """
-    ramp = () if words.ramp is None else _RAMP_VARIABLES + (() if words.ramp.hold is None else _HOLD_VARIABLES)
-    keeps = _KEEPS_TS + (_PROBE_VARIABLES if keeps_ts is None else ()) if calls_wegs else ()
-    boost = () if words.boost is None else _BOOST_VARIABLES
-    listed = _VARIABLES + keeps + (_PWM_VARIABLES if clock.steps else ()) + boost + ramp
-    given = {"setpoint": literal(single(setpoint_degC)), "tick": clock.tick_ms, "kept": str(bool(keeps_ts)).upper()}
-    return tuple((name, type_, initial.format(**given), meaning) for name, type_, initial, meaning in listed)
-
-
-def statements(
-    words: Words, clock: Clock, call: str, *, calls_wegs: bool = False, keeps_ts: bool | None = None
-) -> str:
-    """Return the program's statements.
-
-    Args:
-        words: that are exported.
-        clock: of the program.
-        call: statements that call the block and take its output to HeaterPower.
-        calls_wegs: whether that is WEG's own block.
-        keeps_ts: as for `variables`.
-    """
-    ts = words.whole["Ts"]
-    ramp = "" if words.ramp is None else f"IF HeaterDue THEN\n{_indented(_ramp(words.ramp))}END_IF;\n"
-    boost, boosts = _boost(words)
-    return (
-        f"{_PROBED if calls_wegs and keeps_ts is None else ''}"
-        "(* a call each Ts, the first one at once; a scan that is too long is not made up *)\n"
-        "IF HeaterOn AND HeaterWasOn THEN\n  HeaterSince := HeaterSince + ScanMs;\n"
-        f"ELSE\n  HeaterSince := {ts};\nEND_IF;\n"
-        f"HeaterDue := HeaterOn AND HeaterSince >= {ts};\n"
-        f"IF HeaterDue THEN\n  HeaterSince := HeaterSince MOD {ts};\nEND_IF;\n"
-        f"{ramp}{boost}"
-        f"IF HeaterDue OR {'BlockKeepsTs OR ' if calls_wegs else ''}NOT HeaterOn THEN\n"
-        f"{_indented(call + boosts)}END_IF;\n"
-        "IF NOT HeaterOn THEN (* the block leaves its output as it was *)\n  HeaterPower := 0.0;\nEND_IF;\n"
-        f"{_pwm(clock)}HeaterWasOn := HeaterOn;\n"
-    )
-
-
-def literal(value: float) -> str:
-    """Return the shortest decimal that is this single, as the language writes a REAL."""
-    digits = next(n for n in range(1, 10) if single(float(f"{value:.{n}g}")) == value)
-    shortest = f"{value:.{digits}g}"
-    if _LOWEST_PLAIN <= abs(value) < _PLAIN or value == 0.0:
-        plain = f"{Decimal(shortest):f}"
-        return plain if "." in plain else f"{plain}.0"
-    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
-    return f"{mantissa}{'' if '.' in mantissa else '.0'}E{int(exponent)}"
-
-
-def _indented(lines: str) -> str:
-    return "".join(f"  {line}\n" for line in lines.splitlines())
-
-
-def _pwm(clock: Clock) -> str:
-    """Return the statements of the PWM: whole ticks, the nearest number of them, halves up, nothing carried over."""
-    if not clock.steps:
-        return ""
-    period = clock.steps * clock.tick_ms
-    return (
-        "IF HeaterOn AND HeaterWasOn THEN\n  HeaterPhase := HeaterPhase + ScanMs;\n"
-        f"ELSE\n  HeaterPhase := {period};\nEND_IF;\n"
-        f"IF HeaterPhase >= {period} THEN (* a period begins *)\n  HeaterPhase := HeaterPhase MOD {period};\n"
-        f"  IF NOT (HeaterPower >= {literal(clock.least)}) THEN\n    HeaterOnMs := 0;\n"
-        f"  ELSIF HeaterPower > {literal(clock.most)} THEN\n    HeaterOnMs := {period};\n"
-        "  ELSE\n"
-        f"    HeaterShare := HeaterPower * {_PARTS}.0;\n    HeaterWhole := TRUNC(HeaterShare);\n"
-        f"    HeaterRest := TRUNC((HeaterShare - DINT_TO_REAL(HeaterWhole)) * {clock.steps}.0);\n"
-        f"    HeaterHigh := (HeaterWhole / {_LOW}) * {clock.steps};\n"
-        f"    HeaterRest := HeaterRest + (HeaterHigh MOD {_FULL // _LOW}) * {_LOW}\n"
-        f"      + (HeaterWhole MOD {_LOW}) * {clock.steps} + {_FULL // 2};\n"
-        f"    HeaterOnMs := (HeaterHigh / {_FULL // _LOW} + HeaterRest / {_FULL}) * {clock.tick_ms};\n"
-        "  END_IF;\nEND_IF;\n"
-        "HeaterOutput := HeaterOn AND HeaterPhase < HeaterOnMs;\n"
-    )
-
-
-def enabling(words: Words) -> str:
-    """Return when the controller is enabled."""
-    return "HeaterOn" if words.boost is None else "HeaterOn AND NOT HeaterBoost"
-
-
-def _boost(words: Words) -> tuple[str, str]:
-    """Return the statements that find out whether to boost, and those that do; what is no number is not far."""
-    boost = words.boost
-    if boost is None:
-        return "", ""
-    reverse = words.values["Action"] != 0
-    away = "HeaterTemperature - HeaterSetPoint" if reverse else "HeaterSetPoint - HeaterTemperature"
-    return (
-        "(* far from the setpoint: full power, and the controller not enabled *)\n"
-        f"IF HeaterDue THEN\n  HeaterAway := {away};\n"
-        f"  HeaterBoost := (HeaterAway > {literal(boost.again_degC)}\n"
-        f"      OR (HeaterBoost OR NOT HeaterWasOn) AND HeaterAway > {literal(boost.within_degC)})\n"
-        f"    AND HeaterAway <= {LARGEST} AND NOT ByHand;\nEND_IF;\n",
-        f"IF HeaterBoost THEN\n  HeaterPower := {literal(words.values['MaximumOutput'])};\nEND_IF;\n",
-    )
-
-
-def _ramp(ramp: Ramp) -> str:
-    """Return the statements that lead the setpoint; it begins at the reading of the call that enables the block."""
-    step = literal(ramp.step)
-    below, lowest, above = ("", "HeaterSetPoint", "") if ramp.hold is None else _held(ramp.hold)
-    arrived = "  ELSE\n" if not below else "  ELSIF NOT (HeaterRamp > HeaterSetPoint) THEN\n"
-    moves = (
-        f"{below}"
-        "  IF HeaterRamp < HeaterSetPoint THEN\n"
-        f"    HeaterRamp := HeaterRamp + {step};\n"
-        "    IF HeaterRamp > HeaterSetPoint THEN\n      HeaterRamp := HeaterSetPoint;\n    END_IF;\n"
-        f"  ELSIF HeaterRamp > {lowest} THEN\n"
-        f"    HeaterRamp := HeaterRamp - {step};\n"
-        f"    IF HeaterRamp < {lowest} THEN\n      HeaterRamp := {lowest};\n    END_IF;\n"
-        f"{arrived}    HeaterRamp := HeaterSetPoint;\n  END_IF;\nEND_IF;\n{above}"
-    )
-    if ramp.cools:
-        moves = for_coolers(moves, {"<": ">", "+": "-"})
-    return (
-        "IF NOT HeaterWasOn THEN\n  HeaterRamp := HeaterTemperature;\n  HeaterRampCalls := 0;\nEND_IF;\n"
-        "HeaterRampCalls := HeaterRampCalls + 1;\n"
-        f"IF HeaterRampCalls >= {ramp.calls} THEN\n  HeaterRampCalls := 0;\n{moves}"
-    )
-
-
-def _held(size: Number) -> tuple[str, str, str]:
-    """Return the statements that find the lowest setpoint, its name, and those that keep the setpoint from above."""
-    hold = literal(abs(size))
-    return (
-        f"  HeaterLimit := HeaterTemperature - {hold};\n"
-        "  IF NOT (HeaterLimit > HeaterSetPoint) THEN\n    HeaterLimit := HeaterSetPoint;\n  END_IF;\n",
-        "HeaterLimit",
-        f"HeaterLimit := HeaterTemperature + {hold};\n"
-        "IF HeaterRamp > HeaterLimit THEN\n  HeaterRamp := HeaterLimit;\nEND_IF;\n",
-    )
+def keeping(keeps_ts: bool | None) -> tuple[Variable, ...]:
+    """Return the variables for a block that keeps Ts itself or not; None: the program finds out."""
+    kept = (KEEPS, "BOOL", str(bool(keeps_ts)).upper(), "TRUE: the block itself keeps Ts and is called each scan")
+    return (kept, *(_PROBE_VARIABLES if keeps_ts is None else ()))

@@ -8,15 +8,12 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["BLOCK_NAME", "BODY", "DECLARATIONS", "LARGEST", "function_block"]
+from heatertune.plc.st.source import LARGEST, Source
 
-BLOCK_NAME: Final = "HT_WEG_PID"
-
-#: the largest REAL
-LARGEST: Final = "3.4028235E38"
+__all__ = ["SOURCE"]
 
 #: section → (name, type, initial value, meaning)
-DECLARATIONS: Final[dict[str, tuple[tuple[str, str, str, str], ...]]] = {
+_DECLARATIONS: Final[dict[str, tuple[tuple[str, str, str, str], ...]]] = {
     "VAR_INPUT": (
         ("Enable", "BOOL", "", "EN of WEG's block"),
         ("SetPoint", "REAL", "", "degC"),
@@ -60,7 +57,7 @@ DECLARATIONS: Final[dict[str, tuple[tuple[str, str, str, str], ...]]] = {
     ),
 }
 
-BODY: Final = """\
+_BODY: Final = """\
 Enabled := Enable;
 IF NOT Enable THEN
   WasEnabled := FALSE;
@@ -125,15 +122,4 @@ ELSE
 END_IF;
 """
 
-
-def function_block() -> str:
-    """Return the whole declaration, one line per variable."""
-    lines = [f"FUNCTION_BLOCK {BLOCK_NAME}"]
-    for section, variables in DECLARATIONS.items():
-        lines += [section, *[_declared(*variable) for variable in variables], "END_VAR"]
-    return "\n".join(lines) + f"\n\n{BODY}\nEND_FUNCTION_BLOCK\n"
-
-
-def _declared(name: str, type_: str, initial: str, meaning: str) -> str:
-    value = f" := {initial}" if initial else ""
-    return f"  {name} : {type_}{value}; (* {meaning} *)"
+SOURCE: Final = Source("HT_WEG_PID", _DECLARATIONS, _BODY)

@@ -31,8 +31,8 @@ _Run = Callable[[_Memory], None]
 
 #: whole type → bits, and whether it has a sign
 _WHOLE: Final = {"BYTE": (8, False), "UINT": (16, False), "INT": (16, True), "DINT": (32, True)}
-_KIND: Final = {"REAL": "REAL", "BOOL": "BOOL", **dict.fromkeys(_WHOLE, "WHOLE")}
-_NOTHING: Final[Mapping[str, Value]] = {"REAL": 0.0, "BOOL": False, "WHOLE": 0}
+_KIND: Final = {"REAL": "REAL", "BOOL": "BOOL", "TIME": "TIME", **dict.fromkeys(_WHOLE, "WHOLE")}
+_NOTHING: Final[Mapping[str, Value]] = {"REAL": 0.0, "BOOL": False, "WHOLE": 0, "TIME": 0}
 _COMPARED: Final = {"=": "==", "<>": "!=", "<": "<", ">": ">", "<=": "<=", ">=": ">="}
 
 
@@ -59,19 +59,22 @@ class _Block(NamedTuple):
 class Program:
     """The program of a text, with its memory."""
 
-    def __init__(self, units: Sequence[Unit], firmware: Mapping[str, Firmware]) -> None:
-        """Take a text's units, and the blocks that the target brings along.
+    def __init__(
+        self, units: Sequence[Unit], firmware: Mapping[str, Firmware],
+        time_to_real: Callable[[int], float] | None = None,
+    ) -> None:
+        """Take a text's units, and what the target brings along: blocks, and what TIME_TO_REAL gives of a time [ms].
 
         Raises:
             InputError: there is not exactly one program; what is not known here.
         """
         known = {name.upper(): _of_firmware(block) for name, block in firmware.items()}
         for unit in (unit for unit in units if unit.kind == "FUNCTION_BLOCK"):
-            known[unit.name] = _Compiler(unit, known).block()
+            known[unit.name] = _Compiler(unit, known, time_to_real).block()
         programs = [unit for unit in units if unit.kind == "PROGRAM"]
         if len(programs) != 1:
             raise InputError(f"{len(programs)} programs; expected one")
-        self._block = _Compiler(programs[0], known).block()
+        self._block = _Compiler(programs[0], known, time_to_real).block()
         self._named: dict[str, int] = {}  # name as it was asked for → place
         self.start()
 
@@ -119,8 +122,10 @@ def _of_firmware(block: Firmware) -> _Block:
 class _Compiler:
     """Translates one unit: its statements become a Python function of the instance's memory `m`."""
 
-    def __init__(self, unit: Unit, known: Mapping[str, _Block]) -> None:
-        self._unit, self._known = unit, known
+    def __init__(
+        self, unit: Unit, known: Mapping[str, _Block], time_to_real: Callable[[int], float] | None
+    ) -> None:
+        self._unit, self._known, self._time_to_real = unit, known, time_to_real
         self._places: dict[str, tuple[str, int]] = {}
         self._constant = {each.name for each in unit.variables if each.section.endswith("CONSTANT")}
         self._line = 0  # of the statement that is translated
@@ -157,7 +162,8 @@ class _Compiler:
     def _body(self) -> _Run:
         """Return what runs the unit's statements; where a controller would stop, InputError tells the line."""
         source = ["def body(m):", *self._all(self._unit.body, " ")]
-        names = {**_FUNCTIONS, **{f"run_{type_}": block.run for type_, block in self._known.items()}}
+        blocks = {f"run_{type_}": block.run for type_, block in self._known.items()}
+        names = {**_FUNCTIONS, "time_to_real": self._time_to_real, **blocks}
         exec(compile("\n".join(source), self._unit.name, "exec"), names)
         body, unit, lines = names["body"], self._unit, self._lines
 
@@ -250,6 +256,8 @@ class _Compiler:
             return _KIND[type_], place
         operands = [self._value(operand) for operand in expression.operands]
         kinds = [kind for kind, _ in operands]
+        if expression.sign == "TIME_TO_REAL" and self._time_to_real is None:
+            raise self._wrong("the unit of TIME_TO_REAL is not told")
         if (expression.sign, *kinds) not in _MADE:
             raise self._wrong(f"{expression.sign} does not go with {' and '.join(kinds)}")
         kind, made = _MADE[(expression.sign, *kinds)]
@@ -300,6 +308,7 @@ _MADE: Final[Mapping[tuple[str, ...], tuple[str, str]]] = {
     ("ABS", "REAL"): ("REAL", "abs({0})"),
     ("UINT_TO_REAL", "WHOLE"): ("REAL", "single({0})"),
     ("DINT_TO_REAL", "WHOLE"): ("REAL", "single({0})"),
+    ("TIME_TO_REAL", "TIME"): ("REAL", "time_to_real({0})"),
     ("TRUNC", "REAL"): ("WHOLE", "truncated({0})"),
     ("/", "REAL", "REAL"): ("REAL", "divided({0}, {1})"),
     ("/", "WHOLE", "WHOLE"): ("WHOLE", _fitted("quotient({0}, {1})", "DINT")),

@@ -21,14 +21,14 @@ __all__ = [
 #: weakest first; all of them go from left to right
 _INFIX: Final = (
     ("OR",), ("AND",), ("=", "<>"), ("<", ">", "<=", ">="), ("+", "-"), ("*", "/", "MOD"))
-_FUNCTIONS: Final = ("ABS", "TRUNC", "DINT_TO_REAL", "UINT_TO_REAL")
+_FUNCTIONS: Final = ("ABS", "TRUNC", "DINT_TO_REAL", "UINT_TO_REAL", "TIME_TO_REAL")
 _SECTIONS: Final = ("VAR_INPUT", "VAR_OUTPUT", "VAR")
 _KINDS: Final = ("FUNCTION_BLOCK", "PROGRAM")
 _WORDS: Final = frozenset(
     {"IF", "THEN", "ELSIF", "ELSE", "END_IF", "NOT", "TRUE", "FALSE", "CONSTANT", "END_VAR", *_FUNCTIONS, *_SECTIONS,
      *_KINDS, *(f"END_{kind}" for kind in _KINDS), *(sign for signs in _INFIX for sign in signs)})
 _TOKEN: Final = re.compile(
-    r"(?P<blank>\s+|\(\*.*?\*\))|(?P<real>\d+\.\d+(E[+-]?\d+)?)|(?P<whole>\d+)|(?P<word>[A-Z_]\w*)"
+    r"(?P<blank>\s+|\(\*.*?\*\))|(?P<time>T#\d+m?s\b)|(?P<real>\d+\.\d+(E[+-]?\d+)?)|(?P<whole>\d+)|(?P<word>[A-Z_]\w*)"
     r"|(?P<sign>:=|<>|<=|>=|[-+*/=<>().,;:])", re.DOTALL | re.IGNORECASE)
 
 Value = bool | int | float
@@ -36,7 +36,7 @@ Value = bool | int | float
 
 @dataclass(frozen=True, slots=True)
 class Literal:
-    """A number or truth value; kind is REAL, BOOL or WHOLE."""
+    """A number or truth value; kind is REAL, BOOL, WHOLE or TIME, whose value is in ms."""
 
     kind: str
     value: Value
@@ -187,7 +187,7 @@ class _Reader:
 
     @property
     def kind(self) -> str:
-        """Kind of the token that comes: word, sign (words of the language among them), real, whole or end."""
+        """Kind of the token that comes: word, sign (words of the language among them), real, whole, time or end."""
         return self._now.kind
 
     def _expected(self, what: str) -> InputError:
@@ -243,9 +243,12 @@ class _Reader:
             return Literal("REAL", sign * float(self._next("real", "")))
         if self.kind == "whole":
             return Literal("WHOLE", sign * int(self._next("whole", "")))
+        if sign > 0 and self.kind == "time":
+            text = self._next("time", "").removeprefix("T#").removesuffix("S")
+            return Literal("TIME", int(text[:-1]) if text.endswith("M") else 1000 * int(text))
         if sign > 0 and self._comes("TRUE", "FALSE"):
             return Literal("BOOL", self._next("sign", "") == "TRUE")
-        raise self._expected("a number, TRUE or FALSE")
+        raise self._expected("a number, TRUE, FALSE or a time in s or ms")
 
     def statements(self) -> Iterator[Statement]:
         """Yield the statements that come."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 from xml.etree import ElementTree as Xml
 
-from heatertune.plc.weg.source import BLOCK_NAME, BODY, DECLARATIONS
+from heatertune.plc.st.source import Source
 
 __all__ = ["project"]
 
@@ -24,10 +24,13 @@ _SECTIONS: Final = {
 _KEPT: Final = {"VAR": {"nonretain": "true"}, "VAR CONSTANT": {"constant": "true"}}
 
 
-def project(variables: Sequence[Variable], statements: str, head: Iterable[str], interval_ms: int) -> str:
+def project(
+    block: Source, variables: Sequence[Variable], statements: str, head: Iterable[str], interval_ms: int
+) -> str:
     """Return the project's XML.
 
     Args:
+        block: that the program calls.
         variables: name, type, initial value and meaning of the program's variables.
         statements: of the program.
         head: lines for the description of the project.
@@ -41,8 +44,8 @@ def project(variables: Sequence[Variable], statements: str, head: Iterable[str],
     types = Xml.SubElement(root, "types")
     Xml.SubElement(types, "dataTypes")
     pous = Xml.SubElement(types, "pous")
-    _pou(pous, BLOCK_NAME, "functionBlock", DECLARATIONS, "", BODY)
-    _pou(pous, "Heater", "program", {"VAR": variables}, BLOCK_NAME, statements)
+    _pou(pous, block.name, "functionBlock", block.declarations, "", block.body)
+    _pou(pous, "Heater", "program", {"VAR": variables}, block.name, statements)
     _instances(root, interval_ms)
     Xml.indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + Xml.tostring(root, encoding="unicode") + "\n"
@@ -57,7 +60,7 @@ def _content_header(root: Xml.Element, head: Iterable[str]) -> None:
 
 
 def _pou(
-    pous: Xml.Element, name: str, kind: str, sections: dict[str, tuple[Variable, ...]] | dict[str, Sequence[Variable]],
+    pous: Xml.Element, name: str, kind: str, sections: Mapping[str, Sequence[Variable]],
     instance_of: str, statements: str,
 ) -> None:
     pou = Xml.SubElement(pous, "pou", {"name": name, "pouType": kind})

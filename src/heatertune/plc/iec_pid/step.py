@@ -1,0 +1,169 @@
+"""One call of the repaired block, in single precision, one rounding per operation, in the order of the lines.
+
+    e = SP − PV        D = (3·(e − e₃) + e₁ − e₂)/(10·T)
+    I = I + KP·T/TR·e, held so that KP·e + I is within the limits
+    XOUT = KP·e + I + KP·(TD·D), held within the limits
+
+T is CYCLE in seconds, e₁…e₃ are the errors of the three calls before. The four points of D are the standard's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Final, NamedTuple
+
+from heatertune.plc.single import divided, single
+from heatertune.plc.st.duration import SECONDS, TIME_UNIT, time_to_real
+
+__all__ = ["COLD", "Assumptions", "Block", "Inputs", "State", "block_of", "call", "scan", "step"]
+
+
+class Assumptions(NamedTuple):
+    """What the standard leaves open, see DIFFERENCES.md."""
+
+    time_unit: Annotated[int, TIME_UNIT] = SECONDS
+
+
+class Block(NamedTuple):
+    """The words as the block uses them, what follows from them alone, and the boost of the program around it."""
+
+    kp: float
+    tr: float
+    td: float
+    minimum: float
+    maximum: float
+    growth: float  # of the I part per °C, KP·T/TR
+    ten_t: float  # 10·T
+    within: float = math.inf  # see `heatertune.plc.boost.Boost`; infinite: there is none
+    again: float = math.inf
+
+
+class Inputs(NamedTuple):
+    """What one call reads."""
+
+    sp: float
+    pv: float
+    x0: float = 0.0
+    auto: bool = True
+    run: bool = True
+
+
+class State(NamedTuple):
+    """What the instance keeps from call to call; all finite."""
+
+    begun: bool = False
+    e1: float = 0.0
+    e2: float = 0.0
+    e3: float = 0.0
+    integral: float = 0.0  # I part, %
+    output: float = 0.0
+    overflow: bool = False  # a number of the last call was not finite
+
+
+COLD: Final = State()
+_LARGEST: Final = 3.4028234663852886e38
+
+
+def step(
+    parameters: tuple[Block, Assumptions], state: State, setpoint: float, feedback: float, _begins: bool
+) -> tuple[State, float, float, int]:
+    """Compute one scan, see `heatertune.plc.core.Core`.
+
+    Args:
+        parameters: the block's, and the assumptions.
+        state: before the call.
+        setpoint: SP, a REAL, °C.
+        feedback: PV, a REAL, °C.
+        _begins: not looked at: the PWM is behind the output.
+    """
+    automatic = Inputs(setpoint, feedback, setpoint, True, True)  # X0: nothing, but a REAL like the others
+    return _scanned(parameters[0], state, automatic)
+
+
+def scan(
+    parameters: tuple[Block, Assumptions], state: State, inputs: Mapping[str, float]
+) -> tuple[State, float, float, int]:
+    """Compute one scan with SP, PV and, where named, X0, AUTO and RUN."""
+    given = Inputs(
+        inputs["SP"], inputs["PV"], inputs.get("X0", 0.0), bool(inputs.get("AUTO", 1)), bool(inputs.get("RUN", 1)),
+    )
+    return _scanned(parameters[0], state, given)
+
+
+def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
+    """Return the block for its words; total for any of them."""
+    kp, tr = float(values["KP"]), float(values["TR"])
+    cycle, second = (time_to_real(int(ms), assume.time_unit) for ms in (values["CYCLE"], 1000))
+    t = divided(cycle, second)
+    return Block(
+        kp=kp, tr=tr, td=float(values["TD"]), minimum=float(values["XMIN"]), maximum=float(values["XMAX"]),
+        growth=divided(single(kp * t), tr) if tr != 0.0 else 0.0, ten_t=single(10.0 * t),
+    )
+
+
+def call(b: Block, s: State, x: Inputs) -> State:
+    """Return the state after one call; total for all inputs.
+
+    An error that is not finite (a broken sensor, an overflow) leaves the memory as it was and, but by hand, asks for
+    the lower limit.
+    """
+    if not x.run:
+        return State(False, s.e1, s.e2, s.e3, s.integral, single(0.0), False)
+    error = single(x.sp - x.pv)
+    if not abs(error) <= _LARGEST:
+        asked = b.minimum if x.auto else _limited(b, x.x0)
+        return State(s.begun, s.e1, s.e2, s.e3, s.integral, asked, True)
+    if not s.begun:
+        s = State(True, error, error, error, single(0.0), s.output, False)
+    proportional = single(b.kp * error)
+    if x.auto:
+        return _automatic(b, s, error, proportional)
+    output = _limited(b, x.x0)
+    integral = _kept(s.integral, single(output - proportional)) if b.tr != 0.0 else single(0.0)
+    return State(True, error, error, error, integral, output, False)
+
+
+def _automatic(b: Block, s: State, error: float, proportional: float) -> State:
+    integral = single(0.0)
+    if b.tr != 0.0:
+        total = single(s.integral + single(b.growth * error))
+        lowest, highest = single(b.minimum - proportional), single(b.maximum - proportional)
+        if total < lowest:  # noqa: PLR1730 - what is no number stays none, compiled or not
+            total = lowest
+        if total > highest:  # noqa: PLR1730
+            total = highest
+        integral = _kept(s.integral, total)
+    wanted = single(proportional + integral)
+    if b.td != 0.0:
+        slope = divided(single(single(single(3.0 * single(error - s.e3)) + s.e1) - s.e2), b.ten_t)
+        wanted = single(wanted + single(b.kp * single(b.td * slope)))
+    finite = abs(wanted) <= _LARGEST
+    return State(True, error, s.e1, s.e2, integral, _limited(b, wanted), not finite)
+
+
+def _scanned(b: Block, state: State, x: Inputs) -> tuple[State, float, float, int]:
+    """Return the state, the output as power, the output, and the flags as bits."""
+    boosts = _boosts(b, state, x)
+    after = call(b, state, Inputs(x.sp, x.pv, x.x0, x.auto, x.run and not boosts))
+    output = b.maximum if boosts else after.output
+    bits = int(output >= b.maximum) + 2 * int(output <= b.minimum) + 4 * int(after.overflow)
+    return after, min(max(output, 0.0), 100.0), output, bits
+
+
+def _boosts(b: Block, s: State, x: Inputs) -> bool:
+    """Return whether the program leaves RUN FALSE and gives full power itself; an error without end is no reason to."""
+    away = single(x.pv - x.sp) if b.kp < 0.0 else single(x.sp - x.pv)
+    far = away > (b.again if s.begun or s.overflow else b.within)  # overflow: RUN was TRUE, at no number
+    return far and away <= _LARGEST and x.run and x.auto
+
+
+def _limited(b: Block, value: float) -> float:
+    """Return the value within the limits; what is not a number is the lower one: the heater goes off."""
+    if not value >= b.minimum:
+        return b.minimum
+    return b.maximum if value > b.maximum else value
+
+
+def _kept(old: float, new: float) -> float:
+    return new if abs(new) <= _LARGEST else old

@@ -1,0 +1,31 @@
+"""A program that calls the PID of the target's own library, with the faults of that in its head."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from heatertune.plc.iec_pid.export import constants, head_of
+from heatertune.plc.iec_pid.words import COUNTS
+from heatertune.plc.iec_pid_standard.faults import faults
+from heatertune.plc.iec_pid_standard.words import FIELDS
+from heatertune.plc.st.program import Limits, called, clock_for, program, proven_setpoint, statements, variables
+from heatertune.plc.words import Certificate, Words
+
+__all__ = ["TEXT", "export_words"]
+
+TEXT: Final = "iec_pid_standard.st"
+
+
+def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
+    """Return the program; the same words and certificate give the same bytes."""
+    clock = clock_for(words, certificate.actuator)
+    head = head_of("heater controller: calls the library's PID of IEC 61131-3; for comparison, not into service",
+                   words, certificate, clock)
+    lines = [*head, *(f"fault: {fault}" for fault in faults(words))]
+    listed = variables(words, clock, proven_setpoint(words, certificate, COUNTS))
+    limits = Limits(most=100.0, cools=words.values["KP"] > 0.0)
+    wires = [("AUTO", "HeaterOn AND NOT ByHand"), ("PV", "HeaterTemperature"), ("SP", "HeaterSetPoint"),
+             ("X0", "HandPower"), *constants(words, FIELDS)]
+    call = f"{called('HeaterPid', wires)}HeaterPower := HeaterPid.XOUT;\n"
+    text = program("Heater", {"HeaterPid": "PID"}, listed, statements(words, clock, call, limits))
+    return {TEXT: "".join(f"(* {line} *)\n" for line in lines) + text}
