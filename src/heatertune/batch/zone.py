@@ -14,6 +14,7 @@ from heatertune.errors import HeatertuneError, LogError
 from heatertune.model.values import FittedModel, Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
+from heatertune.plc.words import FLOATS
 from heatertune.proof import Proof
 from heatertune.proof.closing import Asked, closed
 from heatertune.proof.drawn import sample_document
@@ -89,7 +90,7 @@ def word_columns(targets: Iterable[str]) -> tuple[Column, ...]:
     for target in targets:
         for field in controller_for(target).fields:
             before = columns.get(field.name)
-            whole = field.format != "REAL" and (before is None or before.kind == "int")
+            whole = field.format not in FLOATS and (before is None or before.kind == "int")
             what = f"word {field.name} of {target}" if before is None else f"{before.what}, {target}"
             columns[field.name] = Column(name=f"word_{field.name}", kind="int" if whole else "float", what=what)
     return tuple(columns.values())

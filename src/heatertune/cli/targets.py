@@ -74,4 +74,5 @@ def _told(target: Any) -> str:
 
 
 def _word(word: Any) -> str:
-    return f"{word['name']} (REAL)" if word["format"] == "REAL" else f"{word['name']} {word['low']}…{word['high']}"
+    real = word["format"] in ("REAL", "LREAL")
+    return f"{word['name']} ({word['format']})" if real else f"{word['name']} {word['low']}…{word['high']}"

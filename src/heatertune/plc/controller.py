@@ -80,6 +80,7 @@ class Controller(Inputs, ABC):
         oddities: what is odd about a running controller's words, one sentence each; None: nothing is known to be.
         faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
         tick_s: of the clock behind calls and PWM, the coarsest [s]; None: the export's program makes no PWM.
+        pwm_period_s: of the switch behind the output where the user says none [s]; None: TA in parts up to 10 s.
         delay_s: longest time from a temperature to its reading and from the controller's output to the heater's switch,
             as input module and exported program make it; part of the dead time in a proof [s].
         direct: for a core that runs a listing, which no compiler takes: words and assumptions → a core that gives the
@@ -121,6 +122,7 @@ class Controller(Inputs, ABC):
     oddities: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     faults: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     tick_s: ClassVar[float | None] = None
+    pwm_period_s: ClassVar[float | None] = None
     direct: ClassVar[staticmethod[[Words, Any], tuple[Core, Running]] | None] = None
     feed: ClassVar[Feed | None] = None
     typed: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, Mapping[str, Any]]] | None] = None
@@ -203,7 +205,9 @@ class Controller(Inputs, ABC):
         if self.most_power is None:
             raise OutOfRange("largest power", most_pct, f"100 %: {self.name} has no word that limits its output")
         name, full = self.most_power
-        value = full * most_pct / 100.0
+        value, places = full * most_pct / 100.0, next(field.places for field in self.fields if field.name == name)
+        if places is not None:  # never more than was asked for
+            value = math.floor(value * 10.0**places) / 10.0**places
         limited = replace(words, values={**words.values, name: round(value) if isinstance(full, int) else value})
         self.check(limited)
         return limited

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 from heatertune.errors import InputError
 from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
-from heatertune.plc.words import WordField, Words, holds
+from heatertune.plc.words import WordField, Words
 
 __all__ = ["Collected", "ReadBack", "first_unlike", "lines_of", "real_of", "text_of", "whole_of", "wrong"]
 
@@ -117,7 +117,7 @@ class Collected:
             InputError: it is None or not of its field, or stands there twice with different values.
         """
         field = self._fields[name]
-        if value is None or not holds(field.format, value) or not field.low <= value <= field.high:
+        if value is None or not field.takes(value):
             raise wrong(self._source, line, name, shown, f"{field.format}, {field.rule}")
         if self._values.setdefault(name, value) != value:
             raise wrong(self._source, line, name, shown, self._before[name])

@@ -13,7 +13,7 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.core import Scan
 from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
-from heatertune.plc.words import FORMATS, Words, holds
+from heatertune.plc.words import FLOATS, FORMATS, Words, holds
 
 __all__ = ["powers", "read_inputs", "replay"]
 
@@ -90,10 +90,10 @@ def _number(path: str | Path, line: int, name: str, cell: str, controller: Contr
     format_ = controller.inputs[name]
     low, high = controller.input_ranges.get(name, FORMATS[format_])
     try:
-        value = single(float(cell)) if format_ == "REAL" else int(cell)
+        value = single(float(cell)) if format_ == "REAL" else float(cell) if format_ in FLOATS else int(cell)
     except ValueError:
         value = None
     if value is None or not holds(format_, value) or not low <= value <= high:
-        expected = f"{format_}, a {'' if format_ == 'REAL' else 'whole '}number {low:.9g}…{high:.9g}"
+        expected = f"{format_}, a {'' if format_ in FLOATS else 'whole '}number {low:.9g}…{high:.9g}"
         raise LogError("no input:", file=path, line=line, column=name, value=cell, expected=expected)
     return value

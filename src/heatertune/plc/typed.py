@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 
 from heatertune.plc.controller import controller_for
 from heatertune.plc.ramp import Number
-from heatertune.plc.words import Words
+from heatertune.plc.words import FLOATS, Words
 
 __all__ = ["FIRST", "THEN", "TypedTable", "TypedWord", "as_typed", "bits", "typed_table", "typed_words", "word_text"]
 
@@ -69,9 +69,14 @@ def typed_table(rows: Sequence[TypedWord]) -> TypedTable:
 
 
 def word_text(value: Number, format_: str = "") -> str:
-    """Return a word as people read it: a pattern of bits as bits, a REAL with nine digits, so none is another's."""
+    """Return a word as people read it: a pattern of bits as bits, a REAL with nine digits, so none is another's.
+
+    An LREAL has the fewest digits that no other has.
+    """
     if format_ == "KM":
         return f"KM {bits(int(value))}"
+    if format_ == "LREAL":
+        return repr(float(value)).removesuffix(".0")
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
@@ -84,7 +89,7 @@ def as_typed(value: Number, format_: str) -> str:
     if format_ == "TIME":
         return f"T#{int(value)}MS"
     text = word_text(value, format_)
-    return f"{text}.0" if format_ == "REAL" and text.lstrip("-").isdigit() else text
+    return f"{text}.0" if format_ in FLOATS and text.lstrip("-").isdigit() else text
 
 
 def bits(value: int) -> str:

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from heatertune.plc.running import RunningController
 
 __all__ = [
-    "FORMATS", "Certificate", "Scaling", "WordField", "Words", "check_fields", "holds", "kept_by", "no_pid",
+    "FLOATS", "FORMATS", "Certificate", "Scaling", "WordField", "Words", "check_fields", "holds", "kept_by", "no_pid",
     "rounded", "stored",
 ]
 
-#: format of a number in a controller → smallest and largest value; what is not REAL is whole
+#: format of a number in a controller → smallest and largest value; what is not one of `FLOATS` is whole
 FORMATS: Final[Mapping[str, tuple[float, float]]] = {
     "BOOL": (0, 1),
     "BYTE": (0, 255),
@@ -37,7 +37,11 @@ FORMATS: Final[Mapping[str, tuple[float, float]]] = {
     "KM": (0, 65535),
     "TIME": (-2147483648, 2147483647),
     "REAL": (-3.4028234663852886e38, 3.4028234663852886e38),
+    "LREAL": (-1.7976931348623157e308, 1.7976931348623157e308),
 }
+
+#: formats with a fraction → what a number in them is, as told to people
+FLOATS: Final[Mapping[str, str]] = {"REAL": "a number in single precision", "LREAL": "a number in double precision"}
 
 
 #: of a sensor range [°C]: below, a reading is noise alone; no furnace is hotter than the upper one
@@ -83,7 +87,11 @@ class Scaling:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WordField:
-    """One word of a controller: its place, format (see `FORMATS`), range and meaning."""
+    """One word of a controller: its place, format (see `FORMATS`), range and meaning.
+
+    Attributes:
+        places: decimals that the machine keeps of a number in double precision; None: all of it.
+    """
 
     name: str
     address: str
@@ -91,12 +99,25 @@ class WordField:
     low: float
     high: float
     comment: str
+    places: int | None = None
+
+    @property
+    def kind(self) -> str:
+        """What a number in it is, as told to people."""
+        return FLOATS.get(self.format, "a whole number") if self.places is None else (
+            f"a number with {self.places} decimals")
 
     @property
     def rule(self) -> str:
         """What a value must be, as told to people."""
-        kind = "a number in single precision" if self.format == "REAL" else "a whole number"
-        return f"{kind} {self.low:.9g}…{self.high:.9g}"
+        return f"{self.kind} {self.low:.9g}…{self.high:.9g}"
+
+    def takes(self, value: object) -> bool:
+        """Return whether the word can have a value: in its format, its range and its decimals."""
+        if not holds(self.format, value):
+            return False
+        number = cast("Number", value)
+        return self.low <= number <= self.high and (self.places is None or round(number, self.places) == number)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -189,11 +210,12 @@ class Certificate:
 
 
 def holds(format_: str, value: object) -> bool:
-    """Return whether a number can be stored in a format: whole or in single precision, and in its range."""
+    """Return whether a number can be stored in a format: whole, or in its precision, and in its range."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     low, high = FORMATS[format_]
-    return low <= value <= high and (is_single(value) if format_ == "REAL" else isinstance(value, int))
+    fits = is_single(value) if format_ == "REAL" else isinstance(value, int) or format_ in FLOATS
+    return low <= value <= high and fits
 
 
 def check_fields(fields: tuple[WordField, ...], words: Words) -> None:
@@ -208,7 +230,7 @@ def check_fields(fields: tuple[WordField, ...], words: Words) -> None:
         raise OutOfRange(f"word {unknown[0]}", words.values[unknown[0]], f"one of {', '.join(names)}")
     for one in fields:
         value = words.values.get(one.name)
-        if value is None or not holds(one.format, value) or not one.low <= value <= one.high:
+        if not one.takes(value):
             raise OutOfRange(f"word {one.name}", value, one.rule)
 
 
@@ -233,15 +255,16 @@ def kept_by(timer: Timer, sample_time_s: float) -> float:
 def stored(
     field: WordField, exact: Number, remedy: str = "a size between 1.4e-45 and 3.4e+38 would fit"
 ) -> Number:
-    """Return a number as its word holds it, rounded once: to single precision, or whole with halves away from zero.
+    """Return a number as its word holds it, rounded once: to its precision, or whole with halves away from zero.
 
     Raises:
-        NotRepresentable: it leaves the word's range, or is a REAL that would be rounded to zero.
+        NotRepresentable: it leaves the word's range, or has a fraction and would be rounded to zero.
     """
-    if field.format == "REAL":
-        word: Number = single(exact)
+    if field.format in FLOATS:
+        word: Number = single(exact) if field.format == "REAL" else float(exact)
+        word = word if field.places is None else round(word, field.places)
         if math.isinf(word) or (word == 0.0 and exact != 0.0):
-            raise NotRepresentable(f"word {field.name}", exact, "a number in single precision", remedy)
+            raise NotRepresentable(f"word {field.name}", exact, field.kind, remedy)
     else:
         word = rounded(exact) if math.isfinite(exact) else exact
     if not field.low <= word <= field.high:

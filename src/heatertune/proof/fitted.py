@@ -119,17 +119,17 @@ def course_for(
 
 
 def actuator_for(conditions: Conditions, words: Words) -> Actuator:
-    """Return the switch behind the controller; without a PWM period, TA in parts up to 10 s.
+    """Return the switch behind the controller; without a PWM period, its own, or else TA in parts up to 10 s.
 
     Without a resolution its pulses are ticks of the target's clock, see `heatertune.plc.pwm.tick_for`.
 
     Raises:
         OutOfRange, UnknownName: as `switched_by`.
     """
-    tick, interval = controller_for(words.target).tick_s, words.sample_time_s
-    period, resolution = conditions.pwm_period_s, conditions.pwm_resolution_s
+    controller, interval = controller_for(words.target), words.sample_time_s
+    tick, period, resolution = controller.tick_s, conditions.pwm_period_s, conditions.pwm_resolution_s
     if period is None:
-        period = default_pwm_period_s(interval, tick_s=tick)
+        period = controller.pwm_period_s or default_pwm_period_s(interval, tick_s=tick)
         return Actuator(
             pwm_period_s=period, resolution_s=tick_for(tick, sample_time_s=interval, pwm_period_s=period))
     if resolution is None:
