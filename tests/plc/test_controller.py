@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 from tests.conftest import ROOT
@@ -108,7 +109,8 @@ def test_what_the_words_hold_beside_the_values_is_checked():
 @pytest.mark.parametrize("interval", [0.0, -1.0, float("nan"), float("inf")])
 @pytest.mark.parametrize("target", TARGETS)
 def test_no_controller_is_called_at_an_interval_that_is_none(target, interval):
-    legal = controller_for(target).encode(DESIGN, Scaling())
+    which = controller_for(target)
+    legal = which.encode(replace(DESIGN, sample_time_s=which.timer.round(DESIGN.sample_time_s)), Scaling())
     with pytest.raises(OutOfRange, match="sample_time_s"):
         controller_for(target).check(Words(target=target, values=legal.values, scaling=Scaling(), sample_time_s=interval))
 
@@ -139,7 +141,7 @@ def test_an_interval_that_a_timer_cannot_keep_is_refused_in_one_wording(target, 
     timer = controller_for(target).timer
     design = PidDesign(gain_pct_per_degC=1.5, integral_time_s=100.0, derivative_time_s=0.0, sample_time_s=ta, structure="pi",
                        method="")
-    nearest = 1.0 if fits is None else getattr(timer, fits)
+    nearest = timer.round(1.0) if fits is None else getattr(timer, fits)
     allowed = f"{timer.shortest_s:g}…{timer.longest_s:g} s in steps of {timer.step_s:g} s"
     with pytest.raises(NotRepresentable) as refused:
         controller_for(target).encode(design, Scaling())
@@ -182,7 +184,8 @@ def test_a_whole_word_beyond_its_range_is_refused(exact):
 @pytest.mark.parametrize("target", [target for target in TARGETS if controller_for(target).most_power])
 def test_a_limited_output_ends_at_that_share_of_full_power(target):
     which = controller_for(target)
-    design = PidDesign(gain_pct_per_degC=1.0, integral_time_s=60.0, derivative_time_s=0.0, sample_time_s=1.0, structure="pi", method="")
+    design = PidDesign(gain_pct_per_degC=1.0, integral_time_s=60.0, derivative_time_s=0.0, sample_time_s=which.timer.round(1.0),
+                       structure="pi", method="")
     words = which.limited(which.encode(design, Scaling()), 40.0)
     running, (low, high) = which.start(words, {}), which.ends(words)
     for _ in range(200):

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,8 +19,9 @@ HEATER = Fopdt(gain_degC_per_pct=0.4, time_constant_s=150.0, dead_time_s=10.0, a
 def test_a_closed_loop_replayed_from_its_readings_gives_the_same_power(target):
     # the loop is the second implementation here: it calls the room through another door
     which = controller_for(target)
-    words = which.encode(DESIGN, Scaling())
-    trace = simulate(which, words, HEATER, Scenario(setpoint_degC=45.0, duration_s=600.0), Actuator(pwm_period_s=5.0))
+    words = which.encode(replace(DESIGN, sample_time_s=which.timer.round(DESIGN.sample_time_s)), Scaling())
+    switch = Actuator(pwm_period_s=words.sample_time_s)
+    trace = simulate(which, words, HEATER, Scenario(setpoint_degC=45.0, duration_s=600.0), switch)
     setpoint, reading = list(which.inputs)[:2]
     timing = which.timing(words)
     scans = round((timing.pwm_period_s or timing.scan_s) / timing.scan_s)

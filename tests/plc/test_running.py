@@ -18,7 +18,8 @@ SCENARIO = ht.Scenario(setpoint_degC=45.0, duration_s=400.0, noise_degC=0.05, se
 
 
 def words_of(target):
-    design = ht.tune(ht.model_by_hand(HEATER), target=target, method="simc", sample_time_s=2.0)
+    ta = controller_for(target).timer.round(2.0)  # a printer's has one interval
+    design = ht.tune(ht.model_by_hand(HEATER), target=target, method="simc", sample_time_s=ta)
     return ht.encode(design, target)
 
 

@@ -205,10 +205,9 @@ class Controller(Inputs, ABC):
         if self.most_power is None:
             raise OutOfRange("largest power", most_pct, f"100 %: {self.name} has no word that limits its output")
         name, full = self.most_power
-        value, places = full * most_pct / 100.0, next(field.places for field in self.fields if field.name == name)
-        if places is not None:  # never more than was asked for
-            value = math.floor(value * 10.0**places) / 10.0**places
-        limited = replace(words, values={**words.values, name: round(value) if isinstance(full, int) else value})
+        value, field = full * most_pct / 100.0, next(field for field in self.fields if field.name == name)
+        value = round(value) if isinstance(full, int) else field.cut(value)
+        limited = replace(words, values={**words.values, name: value})
         self.check(limited)
         return limited
 

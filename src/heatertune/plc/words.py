@@ -112,6 +112,11 @@ class WordField:
         """What a value must be, as told to people."""
         return f"{self.kind} {self.low:.9g}…{self.high:.9g}"
 
+    def cut(self, value: float) -> float:
+        """Return the largest number of its decimals that is no more than a positive one."""
+        return value if self.places is None else (
+            math.floor(round(value * 10.0**self.places, 6)) / 10.0**self.places)
+
     def takes(self, value: object) -> bool:
         """Return whether the word can have a value: in its format, its range and its decimals."""
         if not holds(self.format, value):

@@ -7,7 +7,7 @@ from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.arduino_pid.words import ON_MEASUREMENT
 from heatertune.plc.open_points import Switch
-from heatertune.plc.parallel.step import SUM, Parameters, State, again, called, limited, narrowed_to, scanned
+from heatertune.plc.parallel.step import SUM, Parameters, State, again, called, limited, narrowed_to, scanned, step
 
 __all__ = ["Assumptions", "parameters_of", "scan"]
 
@@ -24,7 +24,7 @@ class Assumptions(NamedTuple):
     )] = False
     late: Annotated[bool, Switch(
         name="calls", means={"on_time": False, "late": True},
-        why="Compute() waits for at least SampleTime: it comes on time, or each time after twice SampleTime",
+        why="Compute() waits for at least SampleTime: it comes on time, or each tenth time after twice SampleTime",
     )] = False
 
 
@@ -50,9 +50,11 @@ def scan(p: Parameters, s: State, inputs: Mapping[str, float]) -> tuple[State, f
     if s.begins:  # SetMode(AUTOMATIC), at once
         total = limited(s.output, p.low, p.high)
         before = narrowed_to(p.narrow, float(inputs["Input"]))
-        s = State(False, False, total, 0.0, 0.0, before, 0.0, 0.0, s.output, s.waited)
-    waited = s.waited + inputs.get("Elapsed", p.interval)
+        s = State(False, s.calls, total, 0.0, 0.0, before, 0.0, 0.0, s.output, s.waited)
+    setpoint, reading = (narrowed_to(p.narrow, float(inputs[name])) for name in ("Setpoint", "Input"))
+    if "Elapsed" not in inputs:
+        return step(p, s, setpoint, reading, True)
+    waited = s.waited + inputs["Elapsed"]
     if waited < p.interval:
         return scanned(p, again(s, False, s.output, waited))
-    setpoint, reading = (narrowed_to(p.narrow, float(inputs[name])) for name in ("Setpoint", "Input"))
     return scanned(p, called(p, s, setpoint, reading, p.interval))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Annotated, NamedTuple
 
 from heatertune.plc.open_points import Switch
-from heatertune.plc.parallel.step import SUM_BY_TIME, Parameters, State, again, called, narrowed_to, scanned
+from heatertune.plc.parallel.step import SUM_BY_TIME, Parameters, State, again, called, narrowed_to, scanned, step
 from heatertune.plc.single import single
 
 __all__ = ["Assumptions", "parameters_of", "scan"]
@@ -17,7 +17,7 @@ class Assumptions(NamedTuple):
 
     late: Annotated[bool, Switch(
         name="calls", means={"on_time": False, "late": True},
-        why="each reading of the sensor calls the PID: one each update_interval, or every second one is lost",
+        why="each reading of the sensor calls the PID: one each update_interval, or each tenth one is lost",
     )] = False
 
 
@@ -32,10 +32,12 @@ def parameters_of(values: Mapping[str, float], assume: Assumptions) -> Parameter
 
 def scan(p: Parameters, s: State, inputs: Mapping[str, float]) -> tuple[State, float, float, int]:
     """Compute one reading; where named, mode 0 puts the heater off and ms since the reading before are as told."""
-    elapsed = inputs.get("elapsed_ms", -1.0)
-    waited = s.waited + (1000.0 * p.interval if elapsed < 0.0 else elapsed)
     setpoint, reading = (float(inputs[name]) for name in ("target_temperature", "current_temperature"))
-    broken = setpoint != setpoint or reading != reading  # noqa: PLR0124 - only what is no number is not itself
-    interval = p.interval if elapsed < 0.0 and s.waited == 0.0 else narrowed_to(True, single(waited) / 1000.0)
-    after = again(s, s.begins, 0.0, waited) if broken else called(p, s, setpoint, reading, interval)
-    return scanned(p, after if inputs.get("mode", 1) else again(after, after.begins, 0.0, after.waited))
+    if "elapsed_ms" in inputs:
+        waited = s.waited + inputs["elapsed_ms"]
+        broken = setpoint != setpoint or reading != reading  # noqa: PLR0124 - only what is no number is not itself
+        interval = narrowed_to(True, single(waited) / 1000.0)
+        after = again(s, s.begins, 0.0, waited) if broken else called(p, s, setpoint, reading, interval)
+    else:
+        after = step(p, s, setpoint, reading, True)[0]
+    return scanned(p, after if inputs.get("mode", 1) else after._replace(output=0.0))

@@ -27,8 +27,8 @@ SUM: Final = 1
 SUM_BY_TIME: Final = 2
 TERMS: Final = 3
 
-#: steps of Marlin's output
-_STEPS: Final = 127.0
+#: calls of which one is missed, where they come late
+_TEN: Final = 10
 #: the largest number of °C that Marlin's setpoint holds
 _MOST_WHOLE: Final = 32767.0
 #: readings whose mean a derivative can be
@@ -51,7 +51,7 @@ class Parameters(NamedTuple):
     most: float
     full: float  # output that is 100 %
     interval: float  # what one call measures as its interval
-    late: bool = False  # every second call is missed
+    late: bool = False  # each tenth call is missed
     on_measurement: bool = False  # P
     on_error: bool = False  # D
     window: float = 0.0
@@ -63,7 +63,7 @@ class State(NamedTuple):
     """What the program keeps from call to call."""
 
     begins: bool = True  # nothing computed since the start or since manual
-    skips: bool = False  # the next call is missed
+    calls: int = 0  # of ten
     integral: float = 0.0
     proportional: float = 0.0
     derivative: float = 0.0
@@ -89,16 +89,16 @@ def step(p: Parameters, s: State, setpoint: float, reading: float, _begins: bool
         reading: [°C].
         _begins: not looked at: the PWM is behind the output.
     """
-    if p.late and s.skips:
+    if p.late and s.calls == _TEN - 1:
         return scanned(p, again(s, s.begins, s.output, 0.0))
-    interval = p.interval + p.interval if p.late and not s.begins else p.interval
+    interval = p.interval + p.interval if p.late and s.calls == _TEN else p.interval
     return scanned(p, called(p, s, setpoint, reading, interval))
 
 
 def again(s: State, begins: bool, output: float, waited: float) -> State:
     """Return a state whose memory is as it was."""
-    return State(begins, False, s.integral, s.proportional, s.derivative, s.reading, s.error, s.setpoint, output,
-                 waited, s.kept, s.slopes)
+    return State(begins, s.calls % _TEN + 1, s.integral, s.proportional, s.derivative, s.reading, s.error, s.setpoint,
+                 output, waited, s.kept, s.slopes)
 
 
 def scanned(p: Parameters, s: State) -> tuple[State, float, float, int]:
@@ -143,7 +143,7 @@ def _windowed(p: Parameters, s: State, setpoint: float, reading: float) -> State
     both = narrowed_to(p.narrow, narrowed_to(p.narrow, p.kp * error) + narrowed_to(p.narrow, p.ki * total))
     output = limited(narrowed_to(p.narrow, both + lagged), p.low, p.high)
     steps = float(math.floor(output / 2.0)) if output >= 0.0 else 0.0  # a whole number, halved: both cut
-    return State(False, True, total, 0.0, lagged, reading, error, target, steps, 0.0, 0, s.slopes)
+    return State(False, s.calls % _TEN + 1, total, 0.0, lagged, reading, error, target, steps, 0.0, 0, s.slopes)
 
 
 def _summed(p: Parameters, s: State, setpoint: float, reading: float) -> State:
@@ -157,7 +157,7 @@ def _summed(p: Parameters, s: State, setpoint: float, reading: float) -> State:
     output = 0.0 if p.on_measurement else narrowed_to(p.narrow, p.kp * error)
     output = narrowed_to(p.narrow, output + narrowed_to(p.narrow, total - narrowed_to(p.narrow, p.kd * change)))
     output = limited(output, p.low, p.high)
-    return State(False, True, total, 0.0, 0.0, reading, error, setpoint, output, 0.0, 0, s.slopes)
+    return State(False, s.calls % _TEN + 1, total, 0.0, 0.0, reading, error, setpoint, output, 0.0, 0, s.slopes)
 
 
 def _summed_by_time(p: Parameters, s: State, setpoint: float, reading: float, interval: float) -> State:
@@ -180,7 +180,7 @@ def _summed_by_time(p: Parameters, s: State, setpoint: float, reading: float, in
     both = narrowed_to(p.narrow, narrowed_to(p.narrow, p.kp * error) + 0.0 + total)
     output = narrowed_to(p.narrow, both + narrowed_to(p.narrow, p.kd * slope))
     level = limited(output, 0.0, 1.0) if output == output else s.output  # noqa: PLR0124 - neither output is set
-    return State(False, True, total, 0.0, slope, reading, error, setpoint, level, 0.0, kept, slopes)
+    return State(False, s.calls % _TEN + 1, total, 0.0, slope, reading, error, setpoint, level, 0.0, kept, slopes)
 
 
 def _mean(p: Parameters, slopes: tuple[float, ...], kept: int) -> float:
@@ -198,7 +198,8 @@ def _of_terms(p: Parameters, s: State, setpoint: float, reading: float, interval
     total = limited(s.integral + p.ki * error * interval, p.least, p.most)
     derivative = p.kd * turned / interval if p.on_error else -p.kd * change / interval
     output = limited(proportional + total + derivative, p.low, p.high)
-    return State(False, True, total, proportional, derivative, reading, error, setpoint, output, 0.0, 0, s.slopes)
+    return State(False, s.calls % _TEN + 1, total, proportional, derivative, reading, error, setpoint, output, 0.0, 0,
+                 s.slopes)
 
 
 def limited(value: float, low: float, high: float) -> float:

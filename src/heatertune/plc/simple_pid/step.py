@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Annotated, NamedTuple
 
 from heatertune.plc.open_points import Switch
-from heatertune.plc.parallel.step import TERMS, Parameters, State, again, called, limited, scanned
+from heatertune.plc.parallel.step import TERMS, Parameters, State, again, called, limited, scanned, step
 
 __all__ = ["Assumptions", "parameters_of", "scan"]
 
@@ -16,7 +16,7 @@ class Assumptions(NamedTuple):
 
     late: Annotated[bool, Switch(
         name="calls", means={"on_time": False, "late": True},
-        why="the loop calls on time, or each time after twice the interval, which it measures",
+        why="the loop calls on time, or each tenth time after twice the interval, which it measures",
     )] = False
 
 
@@ -38,8 +38,9 @@ def scan(p: Parameters, s: State, inputs: Mapping[str, float]) -> tuple[State, f
         return scanned(p, again(s, True, s.output, 1.0))
     if s.begins and s.waited:  # back from manual: the I part begins where it is told
         begun = limited(float(inputs.get("last_output", 0.0)), p.least, p.most)
-        s = State(True, False, begun, 0.0, 0.0, 0.0, 0.0, 0.0, s.output, 0.0)
-    interval = float(inputs.get("dt", p.interval))
-    if not interval > 0.0:
-        return scanned(p, s)
-    return scanned(p, called(p, s, float(inputs["setpoint"]), float(inputs["input_"]), interval))
+        s = State(True, s.calls, begun, 0.0, 0.0, 0.0, 0.0, 0.0, s.output, 0.0)
+    setpoint, reading = float(inputs["setpoint"]), float(inputs["input_"])
+    if "dt" not in inputs:
+        return step(p, s, setpoint, reading, True)
+    interval = float(inputs["dt"])
+    return scanned(p, called(p, s, setpoint, reading, interval) if interval > 0.0 else s)
