@@ -208,6 +208,10 @@ CASES = [
     # e = 1 °C, I = 31.25 per s: each update adds 31.25·0.16 = 5 of 255, or 31.25·0.16384 = 5.12; the whole number is halved
     Case(target="marlin", switch="timer", words=MARLIN, rows=_columns(target=[200.0] * 20, celsius=[199.0] * 20),
          outputs={"1000hz": [5 * k // 2 for k in range(1, 21)], "977hz": [int(5.12 * k) // 2 for k in range(1, 21)]}),
+    # Kd/0.16 = 100 per °C, half of it new: at 195 °C after 180 °C outside the window, D = -1500/2, or -19500/2 from the 0 of power-on;
+    # P = 160·5 and no I: 50, or off. Then the change is 0, and half of D is left: 800 - 375, or 800 - 4875
+    Case(target="marlin", switch="history", words=MARLIN | {"Kp": 160.0, "Ki": 0.0, "Kd": 16.0},
+         rows=_columns(target=[200.0] * 3, celsius=[180.0, 195.0, 195.0]), outputs={"all": [127, 25, 127], "inside": [127, 0, 0]}),
     # 2^24 + 1 is 2^24 in single precision. Errors 2 and 1, so D = -2^24: P + D = 1, or 0
     _arduino("double", {"Kp": 2.0**24 + 1.0, "Kd": 2.0**24}, [2.0, 1.0], {"64bit": [255, 1], "32bit": [255, 0]}),
     # each of ten calls adds 1/2·e = 1, or the tenth is missed

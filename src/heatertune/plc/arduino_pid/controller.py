@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.arduino_pid.export import export_words
 from heatertune.plc.arduino_pid.readback import from_text
-from heatertune.plc.arduino_pid.step import Assumptions, parameters_of, scan
+from heatertune.plc.arduino_pid.step import FIRST_MS, Assumptions, parameters_of, scan
 from heatertune.plc.arduino_pid.words import (
     COUNTS,
     FIELDS,
@@ -52,4 +52,4 @@ class ArduinoPid(Controller, name="arduino-pid"):
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before SetMode(AUTOMATIC), the output being 0."""
-        return Running(parameters_of(words.values, assume), COLD)
+        return Running(parameters_of(words.values, assume), COLD._replace(waited=FIRST_MS))

@@ -9,10 +9,10 @@ from heatertune.plc.arduino_pid.words import ON_MEASUREMENT
 from heatertune.plc.open_points import Switch
 from heatertune.plc.parallel.step import SUM, Parameters, State, again, called, limited, narrowed_to, scanned, step
 
-__all__ = ["Assumptions", "parameters_of", "scan"]
+__all__ = ["FIRST_MS", "Assumptions", "parameters_of", "scan"]
 
-#: SampleTime before SetSampleTime is called [ms]
-_FIRST_MS: Final = 100.0
+#: SampleTime before SetSampleTime is called, and how long the last call is taken to be ago when the object is made [ms]
+FIRST_MS: Final = 100.0
 
 
 class Assumptions(NamedTuple):
@@ -32,8 +32,8 @@ def parameters_of(values: Mapping[str, float], assume: Assumptions) -> Parameter
     """Return the gains as the library keeps them: for 100 ms by the constructor, then by SetSampleTime's ratio."""
     narrow = assume.narrow
     kp, ki, kd = (narrowed_to(narrow, float(values[name])) for name in ("Kp", "Ki", "Kd"))
-    first = narrowed_to(narrow, _FIRST_MS / 1000.0)
-    ratio = narrowed_to(narrow, values["SampleTime"] / _FIRST_MS)
+    first = narrowed_to(narrow, FIRST_MS / 1000.0)
+    ratio = narrowed_to(narrow, values["SampleTime"] / FIRST_MS)
     high = narrowed_to(narrow, float(values["OutMax"]))
     return Parameters(
         law=SUM, narrow=narrow, kp=kp, ki=narrowed_to(narrow, narrowed_to(narrow, ki * first) * ratio),

@@ -25,6 +25,11 @@ class Assumptions(NamedTuple):
         why="frequency of the temperature timer, by which I and D are scaled: 1000 Hz, or 976.5625 Hz of an AVR of "
             "16 MHz",
     )] = False
+    inside: Annotated[bool, Switch(
+        name="history", means={"all": False, "inside": True},
+        why="the reading before, of which D takes the change: that of every update (2.0, and again since March 2024), "
+            "or of the last one within the window, 0 at power-on (2.1.0 to 2.1.2)",
+    )] = False
 
 
 def parameters_of(values: Mapping[str, float], assume: Assumptions) -> Parameters:
@@ -34,7 +39,8 @@ def parameters_of(values: Mapping[str, float], assume: Assumptions) -> Parameter
     return Parameters(
         law=WINDOW, narrow=True, kp=float(values["Kp"]), ki=ki, kd=narrowed_to(True, values["Kd"] / interval),
         low=0.0, high=high, least=0.0, most=quotient(True, high, ki), full=_STEPS, interval=interval,
-        window=float(values["PID_FUNCTIONAL_RANGE"]), weight=single(1.0 - values["PID_K1"]))
+        window=float(values["PID_FUNCTIONAL_RANGE"]), weight=single(1.0 - values["PID_K1"]),
+        inside=assume.inside)
 
 
 def scan(p: Parameters, state: State, inputs: Mapping[str, float]) -> tuple[State, float, float, int]:

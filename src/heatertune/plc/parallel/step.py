@@ -57,6 +57,7 @@ class Parameters(NamedTuple):
     window: float = 0.0
     weight: float = 0.0  # of the new value in the filtered derivative
     samples: int = 1
+    inside: bool = False  # the reading before is that of the last call within the window
 
 
 class State(NamedTuple):
@@ -133,9 +134,9 @@ def _windowed(p: Parameters, s: State, setpoint: float, reading: float) -> State
     target = float(math.floor(setpoint + 0.5)) if abs(setpoint) < _MOST_WHOLE else 0.0
     error = narrowed_to(p.narrow, target - reading)
     if target == 0.0 or error < -p.window:
-        return again(s, True, 0.0, 0.0)
+        return _outside(p, s, reading, 0.0)
     if error > p.window:
-        return again(s, True, float(math.floor(p.high / 2.0)), 0.0)
+        return _outside(p, s, reading, float(math.floor(p.high / 2.0)))
     total, lagged = (0.0, 0.0) if s.begins else (s.integral, s.derivative)
     total = limited(narrowed_to(p.narrow, total + error), 0.0, p.most)
     slope = narrowed_to(p.narrow, p.kd * narrowed_to(p.narrow, s.reading - reading))
@@ -144,6 +145,12 @@ def _windowed(p: Parameters, s: State, setpoint: float, reading: float) -> State
     output = limited(narrowed_to(p.narrow, both + lagged), p.low, p.high)
     steps = float(math.floor(output / 2.0)) if output >= 0.0 else 0.0  # a whole number, halved: both cut
     return State(False, s.calls % _TEN + 1, total, 0.0, lagged, reading, error, target, steps, 0.0, 0, s.slopes)
+
+
+def _outside(p: Parameters, s: State, reading: float, output: float) -> State:
+    last = s.reading if p.inside else reading
+    return State(True, s.calls % _TEN + 1, s.integral, 0.0, s.derivative, last, s.error, s.setpoint, output, 0.0, 0,
+                 s.slopes)
 
 
 def _summed(p: Parameters, s: State, setpoint: float, reading: float) -> State:
