@@ -148,14 +148,15 @@ def test_two_proofs_are_compared_in_their_conditions(run, proven, tmp_path):
 @pytest.mark.parametrize("target", TARGETS)
 def test_every_word_counts(target):
     controller = controller_for(target)
-    words = controller.encode(DESIGN, Scaling())
+    words = controller.encode(replace(DESIGN, sample_time_s=controller.timer.round(DESIGN.sample_time_s)), Scaling())
     a = Side(source="a", kind="words", words=words, proof=PROVEN)
     assert difference(a, replace(a, source="b", proof=None))["same"]
     for field in controller.fields:
         if field.low == field.high or (field.name in ("TICK", "TICKS", "CYCLE", "Ts") and controller.interval_s is not None):
             continue  # the latter tell the interval: alone they are no words
         value = words.values[field.name]
-        near = (value + 1, value - 1) if field.format != "REAL" else np.nextafter(np.float32(value), np.float32([1e9, -1e9])).tolist()
+        step = 1 if field.places is None else 10.0**-field.places
+        near = (round(value + step, 6), round(value - step, 6)) if field.format != "REAL" else np.nextafter(np.float32(value), np.float32([1e9, -1e9])).tolist()
         other = next(number for number in near if field.low <= number <= field.high)
         b = Side(source="b", kind="words", words=replace(words, values=dict(words.values) | {field.name: other}))
         document = difference(a, b)

@@ -73,7 +73,7 @@ def words_of(target, chance):
     while True:
         design = PidDesign(
             gain_pct_per_degC=chance.uniform(0.5, 9.0), integral_time_s=chance.uniform(20.0, 200.0),
-            derivative_time_s=0.0, sample_time_s=2.0, structure="pi", method="")
+            derivative_time_s=0.0, sample_time_s=which.timer.round(2.0), structure="pi", method="")
         try:
             words = which.encode(design, Scaling())
         except NotRepresentable:

@@ -265,7 +265,7 @@ SCENARIO = story_for([HEATER], replace(LOOP, scan_s=2.0, pwm_period_s=2.0), Stor
 def _words(target):
     which = controller_for(target)
     return which, which.encode(PidDesign(gain_pct_per_degC=3.0, integral_time_s=60.0, derivative_time_s=0.0,
-                                         sample_time_s=2.0, structure="pi", method=""), Scaling())
+                                         sample_time_s=which.timer.round(2.0), structure="pi", method=""), Scaling())
 
 
 @pytest.mark.long

@@ -231,8 +231,8 @@ def test_a_ramp_leads_to_each_setpoint_and_begins_anew_after_a_restart(tenths, w
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_run_is_judged_by_the_meter_as_by_its_trace_through_all_of_it(target):
     which = controller_for(target)
-    words = which.encode(PidDesign(gain_pct_per_degC=3.0, integral_time_s=60.0, derivative_time_s=0.0, sample_time_s=2.0,
-                                   structure="pi", method=""), Scaling())
+    words = which.encode(PidDesign(gain_pct_per_degC=3.0, integral_time_s=60.0, derivative_time_s=0.0,
+                                   sample_time_s=which.timer.round(2.0), structure="pi", method=""), Scaling())
     words = replace(words, ramp=which.ramp(words, 20.0)) if which.ramped else words
     models = [("one", HEATER), ("two", TwoLag(gain_degC_per_pct=0.5, time_constant_s=40.0, second_time_constant_s=20.0,
                                               dead_time_s=3.0, ambient_degC=20.0))]

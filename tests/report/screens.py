@@ -3,6 +3,7 @@
     python -m tests.report.screens        write them anew
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 from tests.report.conftest import DESIGN, HEATER
@@ -53,7 +54,7 @@ def proof_of(target, verdict):
 def documents_of(target, verdict):
     """The documents of a design that ended so."""
     fitted, controller = model_by_hand(HEATER), controller_for(target)
-    words = encode(DESIGN, target, scaling=Scaling())
+    words = encode(replace(DESIGN, sample_time_s=controller.timer.round(DESIGN.sample_time_s)), target, scaling=Scaling())
     files = controller.export(words, Certificate(verdict="PASS", setpoint_degC=53.3)) if verdict == "PASS" else ()
     written = {"target": target, "words": dict(words.values), "sample_time_s": words.sample_time_s, "verdict": verdict,
                "scaling": {"low_degC": 0.0, "high_degC": 100.0}, "setpoint_ramp": None, "setpoint_degC": 53.3,

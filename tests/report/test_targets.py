@@ -27,7 +27,12 @@ def document():
 @pytest.mark.long
 def test_every_target_has_a_row_with_the_figures_of_its_own_proof(document):
     assert [row["target"] for row in document["rows"]] == list(TARGETS)
+    # a printer's interval is its own: a design of another is none for it
+    assert {row["target"] for row in document["rows"] if row["verdict"] == "not representable"} == {"klipper"}
     for row in document["rows"]:
+        if row["verdict"] == "not representable":
+            assert "0.3 s would fit" in row["why"]
+            continue
         proof = prove(encode(_design(), row["target"]), HEATER, setpoint_degC=40.0)
         nominal = {criterion.name: criterion.value for criterion in proof.runs[0].criteria}
         assert (row["verdict"], row["realised"]["iae"]) == (proof.verdict, pytest.approx(nominal["iae"]))
@@ -49,8 +54,9 @@ def test_what_rounding_costs_is_told_apart_from_what_the_arithmetic_costs(docume
 def test_the_table_and_the_picture_show_every_controller(document):
     table = targets_table(document)
     assert all(target in table for target in TARGETS)
-    drawn = plot_targets(document["rows"])
-    for row, left, right in zip(document["rows"], drawn.axes[::2], drawn.axes[1::2], strict=True):
+    shown = [row for row in document["rows"] if "series" in row]
+    drawn = plot_targets(shown)
+    for row, left, right in zip(shown, drawn.axes[::2], drawn.axes[1::2], strict=True):
         assert left.get_title(loc="left") == row["target"]
         realised = left.get_lines()[1].get_ydata()
         assert list(realised) == row["series"]["temperature_degC"]

@@ -13,6 +13,7 @@ from pathlib import Path
 from heatertune.errors import LogError
 from heatertune.files import read_bytes
 from heatertune.log.header import count, take_header
+from heatertune.log.klippy import Printed, printed
 from heatertune.log.quantities import is_number, restored
 
 __all__ = ["Sheet", "count", "is_number", "plain_cells", "read_sheet"]
@@ -52,14 +53,21 @@ class Sheet:
         return replace(self, rows=[self.rows[k] for k in places], lines=[self.lines[k] for k in places])
 
 
-def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0) -> Sheet:
-    """Return the cells of a CSV file; with `content`, the path only names it.
+def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag: str | None = None) -> Sheet:
+    """Return the cells of a CSV file, or of a printer's log; with `content`, the path only names it.
+
+    `tag` is the heater of a printer's log, see `heatertune.log.klippy.printed`.
 
     Raises:
         LogError: the file cannot be read, is empty, is no text, or a row has another number of cells than the others.
     """
     text, repairs = _text(path, content)
     numbered = [(i, line.rstrip("\n")) for i, line in enumerate(io.StringIO(text, newline=None), start=1)][skip_rows:]
+    log = printed(path, numbered, tag)
+    if log is not None:
+        _demand_cells(path, log)
+        return Sheet(file=str(path), header=log.header, comment=(), rows=log.rows, lines=log.lines,
+                     repairs=(*repairs, *log.repairs))
     kept = [(i, line) for i, line in numbered if line.strip(" \t,;") and not line.lstrip().startswith("#")]
     if kept and kept[0][1].strip('" ').lower() in ("sep=;", "sep=,", "sep=\t", "sep=|"):  # written by spreadsheets
         del kept[0]
@@ -77,6 +85,13 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0) -> 
         comment = _comment_above([pair for pair in numbered if pair[0] < begin], separator, len(rows[0]))
     return Sheet(file=str(path), header=header, comment=comment, rows=rows, lines=lines, repairs=tuple(repairs),
                  above=above)
+
+
+def _demand_cells(path: Path, log: Printed) -> None:
+    for line, row in zip(log.lines, log.rows, strict=True):
+        if len(row) != len(log.header):
+            raise LogError(f"{count(len(row), 'cell')} in this row", file=path, line=line,
+                           expected=f"{len(log.header)}: {', '.join(log.header)}")
 
 
 def _text(path: Path, content: bytes | None) -> tuple[str, list[str]]:

@@ -77,7 +77,7 @@ def read_log(
         source, content = _handed(source)
     named = isinstance(source, str) and source.lower() in BUILT_IN and content is None
     table = built_in(str(source).lower()) if named else None
-    sheet, doubts = _opened(Path(source), table, content, asked.skip_rows, asked.errata)
+    sheet, doubts = _opened(Path(source), table, content, asked)
     given = (asked.time_column, asked.temperature_column, asked.power_column, asked.setpoint_column)
     wanted = {role: column for role, column in zip(ROLES, given, strict=True) if column is not None}
     if asked.disturbance_column is not None:
@@ -131,15 +131,15 @@ def _handed(source: Any) -> tuple[str, bytes]:
 
 
 def _opened(
-    source: Path, table: BuiltIn | None, content: bytes | None, skip_rows: int, errata: bool
+    source: Path, table: BuiltIn | None, content: bytes | None, asked: ReadSettings
 ) -> tuple[Sheet, list[str]]:
     """Return the cells of a file, numbers plain, and what is doubtful of a built-in table."""
-    sheet = with_names(read_sheet(table.path if table else source, content, skip_rows))
+    sheet = with_names(read_sheet(table.path if table else source, content, asked.skip_rows, asked.tag))
     if not sheet.rows:
         raise LogError("the file holds a header and no readings", file=sheet.file, expected="at least 20 rows")
     doubts = list(table.doubts if table else ())
     if table:
-        sheet = _errata(table, sheet, errata, doubts)
+        sheet = _errata(table, sheet, asked.errata, doubts)
     return plain_cells(sheet), doubts
 
 

@@ -144,7 +144,7 @@ class Dropped:
             problem = _spreadsheet(content) or str(refused)
         given: dict[str, Any] = {"settings": settings, "assumed": assumed, "log": log, "problem": problem}
         try:
-            sheet = plain_cells(with_names(read_sheet(Path(plain), content, settings.skip_rows)))
+            sheet = plain_cells(with_names(read_sheet(Path(plain), content, settings.skip_rows, settings.tag)))
         except (LogError, IndexError):
             text = "" if _spreadsheet(content) else content[:_LINES * _LONGEST].decode("utf-8", "replace")
             lines = tuple(line[:_LONGEST] for line in text.splitlines()[:_LINES])
