@@ -37,7 +37,8 @@ class Case:
 
 
 def _words(case):
-    ta = controller_for(case.target).timer.round(1.0)  # a printer's is 0.3 s
+    its = controller_for(case.target)  # a printer's is 0.3 s
+    ta = its.timer.round(1.0) if its.interval_s is None else its.interval_s(case.words)
     return Words(target=case.target, values=case.words, scaling=Scaling(), sample_time_s=ta)
 
 
@@ -95,6 +96,20 @@ WEG = {"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "TauSetPoint": 0.0, "MinimumOutput": 0.0
 
 def _weg(switch, words, rows, outputs):
     return Case(target="weg", switch=switch, words=WEG | words, rows=rows, outputs=outputs)
+
+
+# Marlin as I, the window of 10 °C not left; PID_v1, ESPHome and simple-pid as I each second
+MARLIN = {"Kp": 0.0, "Ki": 31.25, "Kd": 0.0, "PID_MAX": 255, "PID_FUNCTIONAL_RANGE": 10, "PID_K1": 0.5, "ADC_LOOPS": 10}
+ARDUINO = {"Kp": 0.0, "Ki": 0.0, "Kd": 0.0, "POn": 1, "OutMax": 255.0, "Full": 255.0, "SampleTime": 1000}
+ESPHOME = {"kp": 0.0, "ki": 1 / 64, "kd": 0.0, "min_integral": 0.0, "max_integral": 1.0, "derivative_averaging_samples": 1,
+           "update_interval": 1000}
+SIMPLE = {"Kp": 0.0, "Ki": 0.5, "Kd": 0.0, "output_max": 100.0, "proportional_on_measurement": 0, "differential_on_measurement": 1,
+          "PERIOD_MS": 1000}
+
+
+def _arduino(switch, words, errors, outputs):
+    rows = _columns(Setpoint=[50.0] * len(errors), Input=[50.0 - error for error in errors])
+    return Case(target="arduino-pid", switch=switch, words=ARDUINO | words, rows=rows, outputs=outputs)
 
 
 CASES = [
@@ -189,6 +204,24 @@ CASES = [
          words={"pid_Kp": 25.5, "pid_Ki": 0.0, "pid_Kd": 0.0, "max_power": 0.5, "smooth_time": 1.0},
          rows=_columns(target=[200.0] * 10, temperature=[197.0] + [196.7] * 9),
          outputs={"klipper": [0.3] + [0.33] * 9, "kalico": [0.3] * 8 + [0.33] * 2, "older": [0.3] * 10}),
+
+    # e = 1 °C, I = 31.25 per s: each update adds 31.25·0.16 = 5 of 255, or 31.25·0.16384 = 5.12; the whole number is halved
+    Case(target="marlin", switch="timer", words=MARLIN, rows=_columns(target=[200.0] * 20, celsius=[199.0] * 20),
+         outputs={"1000hz": [5 * k // 2 for k in range(1, 21)], "977hz": [int(5.12 * k) // 2 for k in range(1, 21)]}),
+    # Kd/0.16 = 100 per °C, half of it new: at 195 °C after 180 °C outside the window, D = -1500/2, or -19500/2 from the 0 of power-on;
+    # P = 160·5 and no I: 50, or off. Then the change is 0, and half of D is left: 800 - 375, or 800 - 4875
+    Case(target="marlin", switch="history", words=MARLIN | {"Kp": 160.0, "Ki": 0.0, "Kd": 16.0},
+         rows=_columns(target=[200.0] * 3, celsius=[180.0, 195.0, 195.0]), outputs={"all": [127, 25, 127], "inside": [127, 0, 0]}),
+    # 2^24 + 1 is 2^24 in single precision. Errors 2 and 1, so D = -2^24: P + D = 1, or 0
+    _arduino("double", {"Kp": 2.0**24 + 1.0, "Kd": 2.0**24}, [2.0, 1.0], {"64bit": [255, 1], "32bit": [255, 0]}),
+    # each of ten calls adds 1/2·e = 1, or the tenth is missed
+    _arduino("calls", {"Ki": 0.5}, [2.0] * 11, {"on_time": [*range(1, 12)], "late": [*range(1, 10), 9, 10]}),
+    # dt is measured: the first is 0, then each adds 1/64·1·1 s; the tenth reading is lost, and the eleventh adds 2 s
+    Case(target="esphome", switch="calls", words=ESPHOME, rows=_columns(target_temperature=[51.0] * 11, current_temperature=[50.0] * 11),
+         outputs={"on_time": [k / 64 for k in range(11)], "late": [*(k / 64 for k in range(9)), 8 / 64, 10 / 64]}),
+    # likewise, but the first call counts as a whole interval: 1 % each second
+    Case(target="simple-pid", switch="calls", words=SIMPLE, rows=_columns(setpoint=[52.0] * 11, input_=[50.0] * 11),
+         outputs={"on_time": [*range(1, 12)], "late": [*range(1, 10), 9, 11]}),
 ]
 
 

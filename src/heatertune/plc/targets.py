@@ -12,7 +12,8 @@ GROUPS: Final[dict[str, tuple[str, ...]]] = {
         "s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "iec-pid", "iec-pid-standard",
         "on-off",
     ),
-    "printer": ("klipper",),
+    "printer": ("klipper", "marlin"),
+    "maker": ("arduino-pid", "esphome", "simple-pid"),
 }
 
 #: name on the command line → its package: the folder named as the target, whose controller.py has the class

@@ -1,0 +1,1 @@
+"""ESPHome's PID climate; what its documents leave open stands in DIFFERENCES.md."""

@@ -1,0 +1,43 @@
+"""One update of ESPHome's PID: the law `SUM_BY_TIME` of `heatertune.plc.parallel.step` (2026.6.5)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, NamedTuple
+
+from heatertune.plc.open_points import Switch
+from heatertune.plc.parallel.step import SUM_BY_TIME, Parameters, State, again, called, narrowed_to, scanned, step
+from heatertune.plc.single import single
+
+__all__ = ["Assumptions", "parameters_of", "scan"]
+
+
+class Assumptions(NamedTuple):
+    """What depends on the sensor, see DIFFERENCES.md."""
+
+    late: Annotated[bool, Switch(
+        name="calls", means={"on_time": False, "late": True},
+        why="each reading of the sensor calls the PID: one each update_interval, or each tenth one is lost",
+    )] = False
+
+
+def parameters_of(values: Mapping[str, float], assume: Assumptions) -> Parameters:
+    """Return the words as the component keeps them."""
+    return Parameters(
+        law=SUM_BY_TIME, narrow=True, kp=float(values["kp"]), ki=float(values["ki"]), kd=float(values["kd"]), low=0.0,
+        high=1.0, least=float(values["min_integral"]), most=float(values["max_integral"]), full=1.0,
+        interval=single(values["update_interval"] / 1000.0), late=assume.late,
+        samples=int(values["derivative_averaging_samples"]))
+
+
+def scan(p: Parameters, s: State, inputs: Mapping[str, float]) -> tuple[State, float, float, int]:
+    """Compute one reading; where named, mode 0 puts the heater off and ms since the reading before are as told."""
+    setpoint, reading = (float(inputs[name]) for name in ("target_temperature", "current_temperature"))
+    if "elapsed_ms" in inputs:
+        waited = s.waited + inputs["elapsed_ms"]
+        broken = setpoint != setpoint or reading != reading  # noqa: PLR0124 - only what is no number is not itself
+        interval = narrowed_to(True, single(waited) / 1000.0)
+        after = again(s, s.begins, 0.0, waited) if broken else called(p, s, setpoint, reading, interval)
+    else:
+        after = step(p, s, setpoint, reading, True)[0]
+    return scanned(p, after if inputs.get("mode", 1) else after._replace(output=0.0))

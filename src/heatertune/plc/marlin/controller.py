@@ -1,0 +1,47 @@
+"""The controller in Marlin's PID."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from heatertune.plc.controller import Controller
+from heatertune.plc.core import Running
+from heatertune.plc.marlin.export import export_words
+from heatertune.plc.marlin.readback import from_text
+from heatertune.plc.marlin.step import Assumptions, parameters_of, scan
+from heatertune.plc.marlin.words import COUNTS, FIELDS, TIMER, design_of, interval_s, oddities, values_of
+from heatertune.plc.parallel.step import COLD, PARALLEL
+from heatertune.plc.words import Words
+
+__all__ = ["Marlin"]
+
+
+class Marlin(Controller, name="marlin"):
+    """Marlin's PID in single precision; the firmware makes the PWM behind its 127 steps."""
+
+    title = "Marlin 2.1, PID of a hot end (Marlin/src/module/temperature.h; M301)"
+    can = (
+        "P, PI, PD and PID in single precision, D on the reading and filtered (PID_K1)",
+        "full power below the window PID_FUNCTIONAL_RANGE around the setpoint, none above",
+        "exported as lines of Configuration.h and as M301",
+    )
+    cannot = (
+        "127 steps of power; the setpoint is whole degrees",
+        "TA is PID_dT, 0.160…0.256 s: the build makes it, no word does",
+        "no setpoint ramp, no boost of heatertune's: outside the window the firmware gives full power itself",
+        "no coolers; no terms for extrusion and fan (PID_EXTRUSION_SCALING, PID_FAN_SCALING)",
+        "the firmware's own supervision (MINTEMP, MAXTEMP, thermal runaway) is not simulated",
+    )
+    fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, Assumptions
+    inputs: ClassVar = {"target": "REAL", "celsius": "REAL"}
+    derivative_filter = 0.95
+    tick_s = 0.001
+    pwm_period_s = 0.127
+    core = PARALLEL
+    values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
+    interval_s, oddities, text = staticmethod(interval_s), staticmethod(oddities), staticmethod(from_text)
+    scan_all = staticmethod(scan)
+
+    def begin(self, words: Words, assume: Assumptions) -> Running:
+        """Return the state after power-on."""
+        return Running(parameters_of(words.values, assume), COLD)
