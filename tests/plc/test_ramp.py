@@ -177,9 +177,9 @@ def test_the_fastest_rate_named_in_the_refusal_is_the_sensors_range_in_one_call(
     assert controller_for("s5-ob251").ramp(_words("s5-ob251"), 1490.0).step == 2033
 
 
-def test_only_two_controllers_have_no_ramp_and_say_so():
-    assert sorted(set(TARGETS) - set(RAMPED)) == ["on-off", "s7-200-paper"]
-    for name in ("on-off", "s7-200-paper"):
+def test_only_three_controllers_have_no_ramp_and_say_so():
+    assert sorted(set(TARGETS) - set(RAMPED)) == ["on-off", "pband", "s7-200-paper"]
+    for name in ("on-off", "pband", "s7-200-paper"):
         assert any("no setpoint ramp" in line for line in controller_for(name).cannot)
         with pytest.raises(InputError, match=f"{name} has no setpoint ramp"):
             controller_for(name).ramp(_words(name), 3.0)

@@ -49,7 +49,8 @@ class Make(NamedTuple):
 
     Attributes:
         title: make, type and manual.
-        sample_s: at which it samples [s], shortest and longest: of the generic one the user tells it.
+        sample_s: at which the proof samples [s], shortest and longest: of the generic one the user tells it; longer
+            than the instrument's own, it is later than that.
         sampling: where that was read.
         menu: how its display is gone through, in the order of `entries`.
         entries: in the order of that menu.
@@ -96,7 +97,7 @@ _GENERIC: Final = Make(
 
 _OMRON: Final = Make(
     title="Omron E5CC (communications manuals H175, H186)",
-    sample_s=(0.05, 0.05), sampling="50 ms, not read in the pages that were at hand",
+    sample_s=(0.05, 0.25), sampling="the instrument samples every 50 ms, not read in the pages that were at hand",
     menu="initial setting level: CP; advanced function setting level: unit of the times, α, band; adjustment level: "
          "P, I, D, limits of MV",
     entries=(

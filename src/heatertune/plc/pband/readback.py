@@ -18,7 +18,7 @@ HEADS: Final = ("address", "hex", "name", "value", "decimals", "unit", "format",
 
 _HEX: Final = re.compile(r"(?:0x([0-9a-f]{1,4})|([0-9][0-9a-f]{0,4})h)", re.IGNORECASE)
 _WHOLE: Final = re.compile(r"[+-]?\d{1,10}")
-_DECIMAL: Final = re.compile(r"([+-]?)(\d{1,9})(?:[.,](\d{1,9}))?")
+_DECIMAL: Final = re.compile(r"([+-]?)(\d{1,9})(?:[.](\d{1,9}))?")
 _PAIR: Final = re.compile(r"([^\s,;=:]+)(?:\s*[,;=:]\s*|\s+)([^\s,;]+)\s*(.*)")
 _WORDS: Final = 1 << 16
 _HALF: Final = 1 << 15
@@ -141,7 +141,7 @@ def _register(entry: Entry, text: str) -> Number | None:
 def _typed(entry: Entry, decimals: int, text: str, where: tuple[str, int]) -> Number | None:
     """Return the number behind a value as the display shows it; raise InputError where it has too many places."""
     if entry.real:
-        return real_of(text.replace(",", "."))
+        return real_of(text)
     match = _DECIMAL.fullmatch(text)
     if match is None or not text.isascii():
         return None
