@@ -129,7 +129,7 @@ def test_a_cycle_time_is_written_as_the_make_does(name, word, periods):
         words = which.switched(_words(name), period)
         which.check(words)
         assert (words.values[word], which.timing(words).pwm_period_s) == (number, period)
-    with pytest.raises(OutOfRange, match="pwm_period_s = 1.23.*a cycle time of the instrument; the nearest is 1"):
+    with pytest.raises(OutOfRange, match=r"pwm_period_s = 1\.23.*a cycle time of the instrument; the nearest is 1"):
         which.switched(_words(name), 1.23)
     assert which.switched(_words(name), None) == _words(name)
 

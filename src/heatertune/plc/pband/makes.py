@@ -133,10 +133,10 @@ _EUROTHERM: Final = Make(
     period_s=2.0, decimal=True,
     notes=(
         "ranges and decimals of the 16-bit registers are as configured (one place is taken here): they were not read",
-        "the proportional band is in % of the span, as section 11.3.10 of HA028651 reckons; an instrument that shows it "
-        "in display units takes the °C of the sheet instead",
+        "the proportional band is in % of the span, as section 11.3.10 of HA028651 reckons; an instrument that shows "
+        "it in display units takes the °C of the sheet instead",
         "a cutback of one proportional band leaves the band where it is; the rule beyond that is not published",
-        "pulses follow a minimum pulse time, whose law is not published: what is proven is a period of 2 s; not a relay",
+        "pulses follow a minimum pulse time, whose law is not published: a period of 2 s is proven; not for a relay",
         "the memory takes 100,000 writes: never write these registers again and again",
     ),
 )
@@ -169,7 +169,7 @@ _ABB: Final = Make(
         Entry("AB", "approach", "AB", 1, 30, 1, "bands", "approach band: the derivative acts within it", 30),
     ),
     notes=(
-        "no Modbus: the addresses are mnemonics of its ANSI X3.28 messages, the values are sent with their decimal point",
+        "no Modbus: the addresses are mnemonics of its ANSI X3.28 messages, values are sent with their decimal point",
         "P.I.D. offset (OF) must be 0",
     ),
 )

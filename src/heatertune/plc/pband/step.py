@@ -2,8 +2,8 @@
 
     u = K·(e + D) + I        I(k) = I(k−1) + K·TA/TN·e(k)        D(k) = D(k−1) + TA/(TF + TA)·(TV/TA·Δ − D(k−1))
 
-e is the setpoint minus the reading, Δ the change of −reading or of e since the last sample, TF a part of TV. The setpoint
-of a 2-PID goes through (1 + α·TN·s)/(1 + TN·s).
+e is the setpoint minus the reading, Δ the change of −reading or of e since the last sample, TF a part of TV. The
+setpoint of a 2-PID goes through (1 + α·TN·s)/(1 + TN·s).
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ class Assumptions(NamedTuple):
 
     anti_windup: Annotated[int, Switch(
         name="anti_windup", means={"held": HELD, "tracking": WITHIN, "outside_band": OUTSIDE},
-        why="what becomes of I at a limit: it does not go on in that direction; it is held so that K·e + I is within the "
-            "limits; it is zero while the reading is outside the proportional band",
+        why="what becomes of I at a limit: it does not go on in that direction; it is held so that K·e + I is within "
+            "the limits; it is zero while the reading is outside the proportional band",
     )] = HELD
     on_error: Annotated[bool, Switch(
         name="derivative", means={"reading": False, "error": True},
@@ -42,8 +42,8 @@ class Assumptions(NamedTuple):
     )] = False
     filtered: Annotated[bool, Switch(
         name="setpoint", means={"as_it_is": False, "filtered": True},
-        why="whether the setpoint goes through the filter of a 2-PID, which begins at the first reading; α as the words "
-            "have it, 0.65 where they have none",
+        why="whether the setpoint goes through the filter of a 2-PID, which begins at the first reading; α as the "
+            "words have it, 0.65 where they have none",
     )] = False
     whole: Annotated[bool, Switch(
         name="arithmetic", means={"float": False, "integer": True},

@@ -2,8 +2,8 @@
 
     K [%/°C] = 100/PB[°C], or 100/(PB% · span/100)        TN = Ti        TV = Td
 
-Roles in the table: band and band% the proportional band [°C] or [% of the span], ti and td the times, ti7201 a Ti that is
-off at 7201, cycle the PWM period, high the upper limit of the output, least a band of power without pulses, alpha the
+Roles in the table: band and band% the proportional band [°C] or [% of the span], ti and td the times, ti7201 a Ti that
+is off at 7201, cycle the PWM period, high the upper limit of the output, least a band of power without pulses, alpha the
 setpoint filter's, approach how far the derivative acts, cutback one proportional band, unit that of the times, fixed
 whatever always stands there.
 """
@@ -122,7 +122,7 @@ def _set(make: Make, entry: Entry, design: PidDesign, unit: int) -> Number:
         return unit
     if entry.role == "high":
         return _written(entry, 100.0)
-    assert entry.fixed is not None  # noqa: S101 - of all other roles
+    assert entry.fixed is not None
     return single(float(entry.fixed)) if entry.real else entry.fixed
 
 
@@ -182,7 +182,7 @@ def period_of(make: Make, values: Mapping[str, Number]) -> float:
     """Return the PWM period that words hold [s]."""
     entry = by_role(make, "cycle")
     if entry is None:
-        assert make.period_s is not None  # noqa: S101 - one of both
+        assert make.period_s is not None
         return make.period_s
     number = values[entry.name]
     if int(number) in make.codes and not entry.real:
