@@ -22,6 +22,7 @@ OUTSIDE: Final = 2
 
 #: of the I part in 32 bits: 100 % are below 2³¹ of them
 _PARTS: Final = float(1 << 24)
+_MOST: Final = 127.0  # [%]
 
 
 class Assumptions(NamedTuple):
@@ -133,7 +134,7 @@ def _integral(
         return 0.0
     grown = before + proportional * b.growth
     if assume.whole:
-        grown = float(int(grown * _PARTS)) / _PARTS
+        grown = float(int(min(max(grown, -_MOST), _MOST) * _PARTS)) / _PARTS
     if assume.anti_windup == OUTSIDE:
         if abs(error) >= b.band:
             return 0.0
@@ -143,4 +144,4 @@ def _integral(
     wanted = proportional + derivative + grown
     if (wanted > b.high and grown > before) or (wanted < 0.0 and grown < before):
         return before
-    return min(max(grown, -b.high), b.high)
+    return grown

@@ -3,9 +3,9 @@
     K [%/°C] = 100/PB[°C], or 100/(PB% · span/100)        TN = Ti        TV = Td
 
 Roles in the table: band and band% the proportional band [°C] or [% of the span], ti and td the times, ti7201 a Ti that
-is off at 7201, cycle the PWM period, high the upper limit of the output, least a band of power without pulses, alpha the
-setpoint filter's, approach how far the derivative acts, cutback one proportional band, unit that of the times, fixed
-whatever always stands there.
+is off at 7201, cycle the PWM period, high the upper limit of the output, least a band of power without pulses, alpha
+the setpoint filter's, approach how far the derivative acts, cutback one proportional band, unit that of the times,
+fixed whatever always stands there.
 """
 
 from __future__ import annotations
