@@ -110,6 +110,12 @@ SIMPLE = {"Kp": 0.0, "Ki": 0.5, "Kd": 0.0, "output_max": 100.0, "proportional_on
 def _arduino(switch, words, errors, outputs):
     rows = _columns(Setpoint=[50.0] * len(errors), Input=[50.0 - error for error in errors])
     return Case(target="arduino-pid", switch=switch, words=ARDUINO | words, rows=rows, outputs=outputs)
+# panel instruments: 0.01 °C a count, PB 100.0 °C: K = 1 %/°C; one sample a second
+PBAND = {"Pb": 1000, "ti": 0, "td": 0, "CYC": 20, "OPH": 1000}
+
+
+def _pband(switch, words, setpoint, reading, outputs):
+    return Case(target="pband", switch=switch, words=PBAND | words, rows=_columns(SP=setpoint, PV=reading), outputs=outputs)
 
 
 CASES = [
@@ -222,6 +228,17 @@ CASES = [
     # likewise, but the first call counts as a whole interval: 1 % each second
     Case(target="simple-pid", switch="calls", words=SIMPLE, rows=_columns(setpoint=[52.0] * 11, input_=[50.0] * 11),
          outputs={"on_time": [*range(1, 12)], "late": [*range(1, 10), 9, 11]}),
+    # K·e = 80, and half of it would be 120: I stays 0; or is 100 − 80; or 40, which is within the limits by itself. Then 10 + 5 + I
+    _pband("anti_windup", {"ti": 2}, [8000, 1000], [0, 0], {"held": [80, 15], "tracking": [100, 35], "outside_band": [100, 55]}),
+    # TV/8 = TA, so half of TV/TA·10 °C = 80; of the error alone, as the reading stays
+    _pband("derivative", {"td": 8}, [1000, 2000], [0, 0], {"reading": [10, 20], "error": [10, 60]}),
+    # half of 80, or with a lag of 2 s a third
+    _pband("derivative_lag", {"td": 8}, [5000, 5000], [4000, 3000], {"eighth": [10, 60], "quarter": [10, 20 + 80 / 3]}),
+    # TN = TA: K·e + I = 2·10; or of 0.65·10, the filter being at the reading
+    _pband("setpoint", {"ti": 1}, [1000], [0], {"as_it_is": [20], "filtered": [13]}),
+    _pband("arithmetic", {}, [1006], [1000], {"float": [0.06], "integer": [0.1]}),
+    # 10.06 less 10.03, or 10.1 less 10.0
+    _pband("reading", {}, [1006], [1003], {"fine": [0.03], "display": [0.1]}),
 ]
 
 

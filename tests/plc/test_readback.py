@@ -23,6 +23,7 @@ TEXTS = {
     "weg": ("weg_pid_call.st", "weg_pid_block.st", "weg_pid_plcopen.xml"), "on-off": ("on_off_rom.hex",),
     "klipper": ("klipper_heater.cfg",), "marlin": ("marlin_pid.h", "marlin_pid.gcode"), "arduino-pid": ("arduino_pid.ino",),
     "esphome": ("esphome_pid.yaml",), "simple-pid": ("simple_pid_heater.py",),
+    "pband": ("pband_sheet.txt", "pband_registers.csv"),
 }
 SAID = Certificate(verdict="PASS", lines=("proven at 40 °C; K := 3 (not this one)",))
 DESIGN = PidDesign(gain_pct_per_degC=2.0, integral_time_s=200.0, derivative_time_s=0.0, sample_time_s=5.0, structure="pi", method="")

@@ -24,7 +24,7 @@ def test_a_closed_loop_replayed_from_its_readings_gives_the_same_power(target):
     trace = simulate(which, words, HEATER, Scenario(setpoint_degC=45.0, duration_s=600.0), switch)
     setpoint, reading = list(which.inputs)[:2]
     timing = which.timing(words)
-    scans = round((timing.pwm_period_s or timing.scan_s) / timing.scan_s)
+    scans = max(1, round((timing.pwm_period_s or timing.scan_s) / timing.scan_s))
     rows = [
         {setpoint: which.measure(words, 45.0), reading: which.measure(words, float(t) + 1e-5), "CYCLE_START": k % scans == 0}
         for k, t in enumerate(trace.reading_degC)

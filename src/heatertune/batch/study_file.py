@@ -14,7 +14,7 @@ from heatertune.documents import read_toml
 from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.options import Option, options_of
 from heatertune.pid.tune import METHODS
-from heatertune.plc import TARGETS, Scaling, controller_for
+from heatertune.plc import NAMES, Scaling, controller_for
 from heatertune.plc.open_points import settings_of
 from heatertune.settings import Conditions, FitSettings, SensorSettings, TuneSettings, WordSettings
 
@@ -42,7 +42,7 @@ KEYS: Final[Mapping[str, Option]] = {
     "second_time_constant_s": _key(float, "its second time constant", unit="s"),
     "dead_time_s": _key(float, "its dead time", unit="s"),
     **_keys(FitSettings),
-    "target": _key(str, "the controller", choices=tuple(TARGETS)),
+    "target": _key(str, "the controller", choices=tuple(NAMES)),
     **_keys(TuneSettings) | {"method": replace(_keys(TuneSettings)["method"], choices=METHODS)},
     "words": options_of(WordSettings)["words_by"],
     "as_is": options_of(WordSettings)["as_is"],
@@ -199,7 +199,7 @@ def _check(where: str, case: Mapping[str, Any]) -> None:
         named = " and ".join(sources) or "no heater"
         raise DocumentError(f"{where}: {named}; expected one of {', '.join(_SOURCES)}")
     if "target" not in case:
-        raise DocumentError(f"{where}: no target; expected one of {', '.join(TARGETS)}")
+        raise DocumentError(f"{where}: no target; expected one of {', '.join(NAMES)}")
     for key, needed in _NEEDS.items():
         if key in case and needed not in case:
             raise DocumentError(f"{where}: {key} without {needed}, which it belongs to")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune.cli import printing
 from heatertune.options import one_of
-from heatertune.plc import TARGETS
+from heatertune.plc import NAMES
 
 if TYPE_CHECKING:
     from heatertune.bench import Speed
@@ -24,8 +24,8 @@ def add_to(commands: Any) -> None:
         description="Time the closed loop of a controller, plain and compiled, a proof on samples and a fit. It takes "
         "some ten seconds; the first time a loop is compiled, some more.",
     )
-    command.add_argument("--target", default="s5-ob251", metavar="NAME", type=one_of(TARGETS),
-                         help=f"one of {', '.join(TARGETS)}")
+    command.add_argument("--target", default="s5-ob251", metavar="NAME", type=one_of(NAMES),
+                         help=f"one of {', '.join(NAMES)}")
     command.add_argument("--samples", type=int, default=1000, metavar="N",
                          help="how many samples of 3,000 s are run on one processor and on all (default 1000)")
     printing.add_output_options(command)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.errors import InputError
-from heatertune.plc.targets import TARGETS
+from heatertune.plc.targets import NAMES, TARGETS
 from heatertune.settings import Conditions, FitSettings, ReadSettings, SensorSettings, TuneSettings, WordSettings
 
 if TYPE_CHECKING:
@@ -60,8 +60,8 @@ def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = 
     group = command.add_argument_group("target")
     default = "" if target is None else f" (default: {target})"
     group.add_argument("--target", required=needed and target is None, default=target, metavar="NAME",
-                       type=options.one_of(TARGETS),
-                       help=f"the controller: {', '.join(TARGETS)}{default}")
+                       type=options.one_of(NAMES),
+                       help=f"the controller: {', '.join(NAMES)}{default}")
     group.add_argument("--faithful", action="store_true",
                        help="the program as its source prints it, faults included (s7-200)")
     options.add(group, Conditions, "switches", default=argparse.SUPPRESS)

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator
 from typing import Any, Final
 
-from heatertune.plc import TARGETS
+from heatertune.plc import NAMES
 
 __all__ = ["add_to"]
 
@@ -44,7 +44,7 @@ def _run(settings: argparse.Namespace) -> int:
     whole = parser()
     for action in _actions(whole):
         if action.dest == "target":
-            action.choices = tuple(TARGETS)
+            action.choices = tuple(NAMES)
         elif action.metavar in _FILES:
             action.complete = shtab.FILE  # type: ignore[attr-defined]  # where shtab looks for it
         elif action.metavar in _DIRECTORIES:

@@ -7,7 +7,7 @@ from typing import Any
 
 from heatertune import options
 from heatertune.cli import printing
-from heatertune.plc.targets import TARGETS
+from heatertune.plc.targets import NAMES
 from heatertune.settings import SensorSettings
 
 __all__ = ["add_to"]
@@ -25,8 +25,8 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("before", metavar="A", help="the words before")
     command.add_argument("after", metavar="B", help="the words after")
-    command.add_argument("--target", metavar="NAME", type=options.one_of(TARGETS),
-                         help=f"the controller, where neither file tells it: {', '.join(TARGETS)}")
+    command.add_argument("--target", metavar="NAME", type=options.one_of(NAMES),
+                         help=f"the controller, where neither file tells it: {', '.join(NAMES)}")
     command.add_argument("--called-every", type=float, metavar="S",
                          help="sampling interval TA of a dump or text [s] (default: as in the other)")
     options.add(command, SensorSettings, "range_degC", default=argparse.SUPPRESS,

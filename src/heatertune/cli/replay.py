@@ -8,7 +8,7 @@ from typing import Any
 from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.errors import InputError
-from heatertune.plc import TARGETS
+from heatertune.plc import NAMES
 from heatertune.settings import Conditions
 
 __all__ = ["add_to"]
@@ -24,8 +24,8 @@ def add_to(commands: Any) -> None:
         "controller's own units, setpoint and process variable first (their names: heatertune targets).",
     )
     command.add_argument("inputs", metavar="INPUTS", help="CSV file with a header, one row per scan")
-    command.add_argument("--target", required=True, metavar="NAME", type=options.one_of(TARGETS),
-                         help=f"the controller: {', '.join(TARGETS)}")
+    command.add_argument("--target", required=True, metavar="NAME", type=options.one_of(NAMES),
+                         help=f"the controller: {', '.join(NAMES)}")
     command.add_argument("--words", required=True, metavar="FILE", help="words.json as written by export-db")
     options.add(
         command, Conditions, "switches", help="setting of an open point (see: heatertune targets); may be repeated")

@@ -8,7 +8,7 @@ from importlib.resources import files
 from typing import Final
 
 from heatertune.errors import UnknownName
-from heatertune.plc.targets import TARGETS
+from heatertune.plc.targets import NAMES
 
 __all__ = ["SECTIONS", "Commissioning", "commissioning"]
 
@@ -38,9 +38,9 @@ def commissioning(target: str) -> Commissioning:
     Raises:
         UnknownName: no such target.
     """
-    if target not in TARGETS:
-        raise UnknownName("target", target, TARGETS)
-    head, *parts = files(TARGETS[target]).joinpath("COMMISSIONING.md").read_text(encoding="utf-8").split("\n## ")
+    if target not in NAMES:
+        raise UnknownName("target", target, NAMES)
+    head, *parts = files(NAMES[target]).joinpath("COMMISSIONING.md").read_text(encoding="utf-8").split("\n## ")
     steps = {}
     for part in parts:
         title, _, body = part.partition("\n")

@@ -19,6 +19,7 @@ from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
 from heatertune.plc.core import Core, Running, Scan, Timing
+from heatertune.plc.cycle import Cycle
 from heatertune.plc.exported import Loads
 from heatertune.plc.feed_forward import Feed
 from heatertune.plc.inputs import Inputs
@@ -27,7 +28,7 @@ from heatertune.plc.ramp import Number, Ramp, nearest
 from heatertune.plc.readback import ReadBack
 from heatertune.plc.running import RunningController
 from heatertune.plc.single import single
-from heatertune.plc.targets import TARGETS
+from heatertune.plc.targets import NAMES
 from heatertune.plc.words import Certificate, Scaling, WordField, Words, check_fields, kept_by, stored
 from heatertune.units import check
 
@@ -58,6 +59,7 @@ class Controller(Inputs, ABC):
         derivative_filter: weight of its own past in the derivative part, see `PidDesign`; ½ where there is none.
         scans_per_period: scans in one period of the PWM that the controller makes itself, which is its sampling
             interval; None: one scan per sampling interval, and the PWM is an actuator behind the output.
+        cycle: how the words hold the period of the PWM that the controller makes itself; None: they don't.
         ramped, boosted: whether the export brings the program of a setpoint ramp along, of a boost.
         integers: the whole numbers that make its control law and that a search may move: the word of the gain first,
             the one of the I part second, the one of the D part third; None: there is nothing to gain over rounding.
@@ -106,6 +108,7 @@ class Controller(Inputs, ABC):
     assumptions: ClassVar[type[NamedTuple]] = NothingOpen
     derivative_filter: ClassVar[float] = 0.5
     scans_per_period: ClassVar[int | None] = None
+    cycle: ClassVar[Cycle | None] = None
     ramped: ClassVar[bool] = False
     boosted: ClassVar[bool] = False
     integers: ClassVar[tuple[str, str, str] | None] = None
@@ -135,7 +138,7 @@ class Controller(Inputs, ABC):
         unsaid = [attribute for attribute in Controller.__annotations__ if not hasattr(cls, attribute)]
         if unsaid:
             raise TypeError(f"{cls.__name__} does not say its {', '.join(unsaid)}")
-        if name in TARGETS and cls.__module__ != f"{TARGETS[name]}.controller":
+        if name in NAMES and cls.__module__ != f"{NAMES[name]}.controller":
             raise TypeError(f"{cls.__name__}: {name} is a controller of heatertune; take another name")
         declared(cls.assumptions)
         _CLASSES[name] = cls
@@ -212,6 +215,17 @@ class Controller(Inputs, ABC):
         return limited
 
     @final
+    def switched(self, words: Words, pwm_period_s: float | None) -> Words:
+        """Return words with a PWM period [s]; as they are where none is given, or none is in them.
+
+        Raises:
+            OutOfRange: one that they can't hold.
+        """
+        if self.cycle is None or pwm_period_s is None:
+            return words
+        return replace(words, values=self.cycle.put(words.values, pwm_period_s))
+
+    @final
     def check(self, words: Words) -> None:
         """Refuse words that the controller cannot hold.
 
@@ -252,6 +266,8 @@ class Controller(Inputs, ABC):
     def timing(self, words: Words) -> Timing:
         """Return when the controller wants to be called."""
         ta, scans = words.sample_time_s, self.scans_per_period
+        if self.cycle is not None:
+            return Timing(scan_s=ta, pwm_period_s=self.cycle.of(words.values))
         return Timing(scan_s=ta) if scans is None else Timing(scan_s=ta / scans, pwm_period_s=ta)
 
     @final
@@ -388,10 +404,10 @@ def controller_for(target: str) -> Controller:
     Raises:
         UnknownName: no such target.
     """
-    if target in TARGETS:
-        import_module(f"{TARGETS[target]}.controller")
+    if target in NAMES:
+        import_module(f"{NAMES[target]}.controller")
     if target not in _CLASSES:
-        raise UnknownName("target", target, TARGETS | _CLASSES)
+        raise UnknownName("target", target, NAMES | _CLASSES)
     return _made(_CLASSES[target])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["GROUPS", "TARGETS"]
+__all__ = ["ALIKE", "GROUPS", "NAMES", "TARGETS"]
 
 #: what holds the controller → its controllers, by their names on the command line
 GROUPS: Final[dict[str, tuple[str, ...]]] = {
@@ -12,6 +12,7 @@ GROUPS: Final[dict[str, tuple[str, ...]]] = {
         "s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "iec-pid", "iec-pid-standard",
         "on-off",
     ),
+    "instrument": ("pband",),
     "printer": ("klipper", "marlin"),
     "maker": ("arduino-pid", "esphome", "simple-pid"),
 }
@@ -20,3 +21,11 @@ GROUPS: Final[dict[str, tuple[str, ...]]] = {
 TARGETS: Final[dict[str, str]] = {
     name: f"heatertune.plc.{name.replace('-', '_')}" for names in GROUPS.values() for name in names
 }
+
+#: target → the makes of instrument that its package has beside it: the same law, with places and digits of their own
+ALIKE: Final[dict[str, tuple[str, ...]]] = {
+    "pband": ("omron-e5cc", "eurotherm-3200", "jumo-dicon", "abb-commander-300", "omega-cn7800"),
+}
+
+#: every name on the command line → its package
+NAMES: Final[dict[str, str]] = TARGETS | {make: TARGETS[name] for name, makes in ALIKE.items() for make in makes}

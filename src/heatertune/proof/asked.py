@@ -8,7 +8,7 @@ from heatertune.log.cells import count
 from heatertune.model.values import FittedModel
 from heatertune.pid.recipe import Recipe
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling
+from heatertune.plc import Scaling, controller_for
 from heatertune.plc.choice import WordChoice
 from heatertune.plc.choose import choose_words, tune_for_words
 from heatertune.plc.design import tune
@@ -87,6 +87,7 @@ def plainly(
     conditions = asked.conditions
     if asked.switch_kind is not None:
         wished, conditions = with_pwm(wished, fitted, asked.switch_kind, conditions, words=choice.words)
+    choice = replace(choice, words=controller_for(asked.target).switched(choice.words, conditions.pwm_period_s))
     if asked.refined:
         choice = refine(choice, fitted, conditions, progress=progress)
     stage("proof")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from heatertune.model.values import FittedModel
@@ -10,7 +11,7 @@ from heatertune.plc import Words, controller_for
 from heatertune.plc.pwm import tick_for
 from heatertune.proof.fitted import setpoints_for, specified
 from heatertune.proof.heaters import ROOM_DEGC
-from heatertune.proof.period import propose_period
+from heatertune.proof.period import SWITCHES, propose_period
 from heatertune.settings import Conditions
 
 __all__ = ["with_pwm"]
@@ -43,6 +44,14 @@ def with_pwm(
         fitted.plants, kind=kind, sample_time_s=design.sample_time_s, ambient_degC=ROOM_DEGC, setpoint_degC=setpoint,
         ripple_degC_most=_OF_TOLERANCE * specified(assumed).tolerance_degC, tick_s=tick,
     )
+    if words is not None and (cycle := controller_for(words.target).cycle) is not None:
+        if assumed.pwm_period_s is not None or len(cycle.periods_s) == 1:
+            return design, assumed
+        least = SWITCHES[kind].shortest_s
+        longer = [each for each in cycle.periods_s if each >= least] or [cycle.periods_s[-1]]
+        calm = [each for each in longer if each <= wanted.period_s]
+        period = calm[-1] if calm and math.isfinite(SWITCHES[kind].life) else longer[0]
+        return design, replace(assumed, pwm_period_s=period)
     if words is not None and (own := controller_for(words.target).timing(words).pwm_period_s) is not None:
         note = f"{words.target} makes the PWM itself, period {own:g} s; a switch behind it would get: {wanted.told}"
         return replace(design, notes=(*design.notes, note)), assumed

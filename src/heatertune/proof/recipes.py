@@ -89,6 +89,7 @@ def finished(words: Words, recipe: Recipe | None) -> Words:
     """
     if recipe is None or recipe.target != words.target:
         return words
+    words = controller_for(words.target).switched(words, recipe.conditions.pwm_period_s)
     if recipe.power_most_pct is not None:
         words = controller_for(words.target).limited(words, recipe.power_most_pct)
     if recipe.boost is not None:

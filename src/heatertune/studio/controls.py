@@ -8,7 +8,7 @@ from typing import Any, Final
 from nicegui import ui
 
 from heatertune.pid.tune import STRUCTURES
-from heatertune.plc import TARGETS, controller_for
+from heatertune.plc import NAMES, controller_for
 from heatertune.plc.inputs import INPUTS
 from heatertune.proof.period import SWITCHES
 from heatertune.proof.presets import PRESETS
@@ -39,7 +39,7 @@ class Controls:
         self._elements: dict[str, ui.element] = {}
         self._radios: dict[str, ui.element] = {}
         self._add_large()
-        self._target = self._select("Controller", list(TARGETS), lambda value: {"target": value, "input": None})
+        self._target = self._select("Controller", list(NAMES), lambda value: {"target": value, "input": None})
         self._add_structure()
         with ui.element("details").classes("drawer").props("open"):
             ui.html("Facts of the plant", sanitize=False, tag="summary")

@@ -8,7 +8,7 @@ from typing import Final
 
 from heatertune.errors import OutOfRange
 from heatertune.model.values import FittedModel
-from heatertune.plc import TARGETS, Scaling, controller_for
+from heatertune.plc import NAMES, Scaling, controller_for
 from heatertune.plc.inputs import has_ends
 from heatertune.proof.heaters import default_setpoint, labelled
 from heatertune.proof.period import SWITCHES
@@ -98,8 +98,8 @@ class Settings:
     spec: str = GENERAL
 
     def __post_init__(self) -> None:
-        if self.target not in TARGETS:
-            raise OutOfRange("target", self.target, f"one of {', '.join(TARGETS)}")
+        if self.target not in NAMES:
+            raise OutOfRange("target", self.target, f"one of {', '.join(NAMES)}")
         for name, known in (("switch_kind", SWITCHES), ("spec", PRESETS)):
             if getattr(self, name) not in known:
                 raise OutOfRange(name, getattr(self, name), f"one of {', '.join(known)}")

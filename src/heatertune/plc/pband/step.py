@@ -1,0 +1,147 @@
+"""One sample of an instrument, as its parameters are commonly explained; what no manual prints is a switch.
+
+    u = K·(e + D) + I        I(k) = I(k−1) + K·TA/TN·e(k)        D(k) = D(k−1) + TA/(TF + TA)·(TV/TA·Δ − D(k−1))
+
+e is the setpoint minus the reading, Δ the change of −reading or of e since the last sample, TF a part of TV. The
+setpoint of a 2-PID goes through (1 + α·TN·s)/(1 + TN·s).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Final, NamedTuple
+
+from heatertune.plc.open_points import Switch
+
+__all__ = ["COLD", "Assumptions", "Block", "State", "step"]
+
+#: what becomes of the I part while the output is limited
+HELD: Final = 0
+WITHIN: Final = 1
+OUTSIDE: Final = 2
+
+#: of the I part in 32 bits: 100 % are below 2³¹ of them
+_PARTS: Final = float(1 << 24)
+_MOST: Final = 127.0  # [%]
+
+
+class Assumptions(NamedTuple):
+    """What the manuals leave open, see DIFFERENCES.md."""
+
+    anti_windup: Annotated[int, Switch(
+        name="anti_windup", means={"held": HELD, "tracking": WITHIN, "outside_band": OUTSIDE},
+        why="what becomes of I at a limit: it does not go on in that direction; it is held so that K·e + I is within "
+            "the limits; it is zero while the reading is outside the proportional band",
+    )] = HELD
+    on_error: Annotated[bool, Switch(
+        name="derivative", means={"reading": False, "error": True},
+        why="whether D follows the reading alone, or the error, steps of the setpoint included",
+    )] = False
+    slow: Annotated[bool, Switch(
+        name="derivative_lag", means={"eighth": False, "quarter": True},
+        why="time constant of the derivative's filter: TV/8 or TV/4",
+    )] = False
+    filtered: Annotated[bool, Switch(
+        name="setpoint", means={"as_it_is": False, "filtered": True},
+        why="whether the setpoint goes through the filter of a 2-PID, which begins at the first reading; α as the "
+            "words have it, 0.65 where they have none",
+    )] = False
+    whole: Annotated[bool, Switch(
+        name="arithmetic", means={"float": False, "integer": True},
+        why="floating point; or I in 32 bits, in steps of 100 %/(100·2^24) that cut, and the output in steps of 0.1 %",
+    )] = False
+    displayed: Annotated[bool, Switch(
+        name="reading", means={"fine": False, "display": True},
+        why="whether the law sees the input's own steps, or setpoint and reading rounded to 0.1 °C as the display does",
+    )] = False
+
+
+class Block(NamedTuple):
+    """The words as a sample uses them; temperatures in counts of the reading."""
+
+    gain: float  # [% per count]
+    growth: float  # TA/TN, 0: no I part
+    slope: float  # TV/TA
+    share: float  # of the way that D goes in one sample
+    high: float  # [%]
+    least: float  # without pulses below it [%]
+    band: float
+    approach: float  # D acts within it
+    alpha: float
+    follows: float  # share of the way that the setpoint's filter goes in one sample
+    tenth: float  # 0.1 °C
+
+
+class State(NamedTuple):
+    """What the instrument keeps from sample to sample."""
+
+    runs: bool = False
+    last: float = 0.0  # −reading or error
+    led: float = 0.0  # the setpoint's filter
+    derivative: float = 0.0
+    integral: float = 0.0  # [%]
+
+
+COLD: Final = State()
+
+
+def step(
+    parameters: tuple[Block, Assumptions], state: State, setpoint: int, reading: int, _begins: bool
+) -> tuple[State, float, float, int]:
+    """Compute one sample, see `heatertune.plc.core.Core`.
+
+    Args:
+        parameters: the block's, and the assumptions.
+        state: before the sample.
+        setpoint: in counts.
+        reading: in counts.
+        _begins: not looked at: the sample that comes last before a pulse decides on it.
+    """
+    b, assume = parameters
+    w, x = _seen(b, assume, setpoint), _seen(b, assume, reading)
+    led = state.led + b.follows * (w - state.led) if state.runs else x
+    if assume.filtered and b.follows > 0.0:
+        w = b.alpha * w + (1.0 - b.alpha) * led
+    error = w - x
+    now = error if assume.on_error else -x
+    raw = b.slope * (now - state.last) if state.runs else 0.0
+    derivative = state.derivative + b.share * (raw - state.derivative)
+    acting = derivative if abs(error) <= b.approach else 0.0
+    proportional = b.gain * error
+    integral = _integral(b, assume, state.integral, proportional, b.gain * acting, error)
+    power = proportional + b.gain * acting + integral
+    if assume.whole:
+        power = math.floor(10.0 * power + 0.5) / 10.0
+    power = min(max(power, 0.0), b.high)
+    bits = int(power >= b.high) + 2 * int(power <= 0.0)
+    if b.least > 0.0:
+        power = 0.0 if power < b.least else 100.0 if power > 100.0 - b.least else power
+    return State(True, now, led, derivative, integral), power, power, bits
+
+
+def _seen(b: Block, assume: Assumptions, counts: int) -> float:
+    """Return a number of counts as the law sees it."""
+    if assume.displayed and b.tenth > 1.0:
+        return b.tenth * math.floor(counts / b.tenth + 0.5)
+    return float(counts)
+
+
+def _integral(
+    b: Block, assume: Assumptions, before: float, proportional: float, derivative: float, error: float
+) -> float:
+    """Return the I part after a sample [%]."""
+    if b.growth == 0.0:
+        return 0.0
+    grown = before + proportional * b.growth
+    if assume.whole:
+        grown = float(int(min(max(grown, -_MOST), _MOST) * _PARTS)) / _PARTS
+    if assume.anti_windup == OUTSIDE:
+        if abs(error) >= b.band:
+            return 0.0
+        return min(max(grown, -b.high), b.high)
+    if assume.anti_windup == WITHIN:
+        return min(max(grown, -proportional), b.high - proportional)
+    wanted = proportional + derivative + grown
+    if (wanted > b.high and grown > before) or (wanted < 0.0 and grown < before):
+        return before
+    return grown
