@@ -8,7 +8,8 @@ __all__ = ["GROUPS", "TARGETS"]
 
 #: what holds the controller → its controllers, by their names on the command line
 GROUPS: Final[dict[str, tuple[str, ...]]] = {
-    "PLC": ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "on-off"),
+    "PLC": ("s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "pid-compact", "pid-temp", "weg",
+            "on-off"),
 }
 
 #: name on the command line → its package: the folder named as the target, whose controller.py has the class
