@@ -32,6 +32,8 @@ def _interval(values):
     """Return the sampling interval that a room's own words tell, where they do."""
     if "TICK" in values:
         return values["TICK"] * values["TICKS"] / 1000.0
+    if "Cycle" in values:  # s
+        return float(f"{values['Cycle']:.7g}")
     own = next((values[name] for name in ("CYCLE", "Ts", "SAMPLE") if name in values), None)
     return None if own is None else own / 1000.0
 

@@ -80,9 +80,7 @@ class Controller(Inputs, ABC):
         oddities: what is odd about a running controller's words, one sentence each; None: nothing is known to be.
         faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
         tick_s: of the clock behind calls and PWM, the coarsest [s]; None: the export's program makes no PWM.
-        pwm_rule: block of `heatertune.plc.pwm.RULES` whose pulses an output of the controller makes, taken where the user
-            tells no rule; None: a plain switch behind it.
-        longest_pwm_s: longest period of the PWM that is taken where the user tells none; infinite: TA [s].
+        own_pwm: where the user tells no switch: its rule (None: plain) and longest period (infinite: TA) [s].
         delay_s: longest time from a temperature to its reading and from the controller's output to the heater's switch,
             as input module and exported program make it; part of the dead time in a proof [s].
         direct: for a core that runs a listing, which no compiler takes: words and assumptions → a core that gives the
@@ -124,8 +122,7 @@ class Controller(Inputs, ABC):
     oddities: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     faults: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     tick_s: ClassVar[float | None] = None
-    pwm_rule: ClassVar[str | None] = None
-    longest_pwm_s: ClassVar[float] = 10.0
+    own_pwm: ClassVar[tuple[str | None, float]] = (None, 10.0)
     direct: ClassVar[staticmethod[[Words, Any], tuple[Core, Running]] | None] = None
     feed: ClassVar[Feed | None] = None
     typed: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, Mapping[str, Any]]] | None] = None

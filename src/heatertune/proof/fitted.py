@@ -127,10 +127,11 @@ def actuator_for(conditions: Conditions, words: Words) -> Actuator:
         OutOfRange, UnknownName: as `switched_by`.
     """
     controller, interval = controller_for(words.target), words.sample_time_s
-    tick, rule = controller.tick_s, conditions.pwm_rule or controller.pwm_rule
+    tick, (own, longest) = controller.tick_s, controller.own_pwm
+    rule = conditions.pwm_rule or own
     period, resolution = conditions.pwm_period_s, conditions.pwm_resolution_s
     if period is None:
-        period = default_pwm_period_s(interval, tick_s=tick, most_s=controller.longest_pwm_s)
+        period = default_pwm_period_s(interval, tick_s=tick, most_s=longest)
         return switched_by(rule, pwm_period_s=period, resolution_s=tick_for(
             tick, sample_time_s=interval, pwm_period_s=period))
     if resolution is None:

@@ -29,7 +29,7 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
 from heatertune.plc.words import Scaling, Words
 
-__all__ = ["CORE", "INPUTS", "TIMER", "PidCompact", "begin"]
+__all__ = ["CORE", "DELAY_S", "INPUTS", "TIMER", "PidCompact", "begin"]
 
 
 def _measure(sensor: Sensor, temperature_degC: float) -> float:
@@ -41,6 +41,9 @@ def _measure(sensor: Sensor, temperature_degC: float) -> float:
 CORE = Core(step=step, measure=_measure, flags=("upper limit", "lower limit", "invalid"), singles=True)
 #: whole calls of a cyclic interrupt OB
 TIMER = Timer(shortest_s=0.01, longest_s=600.0, step_s=0.01)
+#: an analog input's own time, as of a module with eight channels, and the time of the process image with
+#: which the outputs go out, whose cycle a CPU watches (150 ms by default) [s]
+DELAY_S = 0.256 + 0.15
 INPUTS: Mapping[str, str] = {"Setpoint": "REAL", "Input": "REAL", "Reset": "BOOL"}
 
 
@@ -54,7 +57,7 @@ class PidCompact(Controller, name="pid-compact"):
 
     title = "SIMATIC S7-1200/1500, PID_Compact V2 and V3 (function manual PID control, A5E35300227)"
     can = (
-        "P, PI, PD and PID in single precision with weights of the setpoint and a lag of the derivative; inverted control",
+        "P, PI, PD and PID in single precision with setpoint weights and a lag of the derivative; inverted control",
         "its own PWM with shortest pulse and pause, what is left out being made up; broken sensor: inactive, 0 %",
         "exported as SCL: words at start-up, call, rollback by LoadBackUp; and as rows of a watch table",
     )
@@ -65,8 +68,8 @@ class PidCompact(Controller, name="pid-compact"):
     )
     fields = fields_of(COMPACT)
     assumptions, timer, counts, inputs, core = Assumptions, TIMER, COUNTS, INPUTS, CORE
-    tick_s = 0.1
-    pwm_rule, longest_pwm_s = "pid-compact", math.inf
+    tick_s, delay_s = 0.1, DELAY_S
+    own_pwm = ("pid-compact", math.inf)
     most_power = ("OutputUpperLimit", 100.0)
     design, consistent, interval_s = staticmethod(design_of), staticmethod(consistent), staticmethod(interval_s)
     oddities, scan_all = staticmethod(oddities), staticmethod(scan)

@@ -19,8 +19,8 @@ COLUMNS: Final = ("Name", "Address", "Display format", "Monitor value", "Modify 
 
 def export_words(tags: Tags, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
     """Return the three files; the same words and certificate give the same bytes."""
-    head = "".join(f"(* {line} *)\n" for line in (*_head(tags, words, certificate), *_by_hand(tags, words, certificate)))
-    short = "".join(f"(* {line} *)\n" for line in _rollback(tags, certificate))
+    head = _comment(*_head(tags, words, certificate), *_by_hand(tags, words, certificate))
+    short = _comment(*_rollback(certificate))
     return {f"{tags.files}_words.scl": f"{head}{load(tags, words, certificate.actuator)}\n{call(tags)}",
             f"{tags.files}_rollback.scl": short + rollback(tags),
             f"{tags.files}_watch.csv": _watch(tags, words, certificate)}
@@ -61,12 +61,16 @@ def _by_hand(tags: Tags, words: Words, certificate: Certificate) -> list[str]:
     return ["remains to be done by hand:", *(f"  {number}. {step}" for number, step in enumerate(steps, start=1))]
 
 
-def _rollback(tags: Tags, certificate: Certificate) -> tuple[str, ...]:
+def _comment(*lines: str) -> str:
+    return "".join(f"(* {line} *)\n" for line in lines)
+
+
+def _rollback(certificate: Certificate) -> tuple[str, ...]:
     return (
         f"back to the parameters of before: call {ROLLBACK} once, and take {LOAD} out of the start-up OB, which would "
         "load the new ones again",
-        f"LoadBackUp copies CtrlParamsBackUp to Retain.CtrlParams and falls back to FALSE by itself; {LOAD} or the last "
-        "tuning filled it",
+        "LoadBackUp copies CtrlParamsBackUp to Retain.CtrlParams and falls back to FALSE by itself; "
+        f"{LOAD} or the last tuning filled it",
         "limits and other configuration stay as they are",
         *certificate.head[:1],
         "not tried in TIA Portal",

@@ -22,6 +22,8 @@ _BODY: Final = r'FUNCTION "{}" : Void\b.*?\nBEGIN\n(.*?)END_FUNCTION'
 _TAG: Final = re.compile(r'"(\w+)"((?:\.\w+)*)')
 _INSTANCE: Final = "PID"
 _SCALING: Final = ("LowerPointIn", "UpperPointIn", "LowerPointOut", "UpperPointOut")
+#: words of an instance that has none yet
+_NOTHING: Final = dict.fromkeys((*PARAMETERS, "OutputUpperLimit", "OutputLowerLimit", "IntegralResetMode"), 0)
 #: of the configuration, what the proof takes to be so
 _SURE: Final = {"Config_InputPerOn": True, "Config_ActivateCooling": False}
 
@@ -97,13 +99,15 @@ class _Instruction:
 
     def __init__(self, tags: Tags, assume: Assumptions) -> None:
         self._tags, self._assume, self._fields = tags, assume, fields_of(tags)
-        self._inverts = _SURE if not tags.inverts else {"Config_InputPerOn": True}
+        self._sure = _SURE if not tags.inverts else {"Config_InputPerOn": True}
         self.due = True
         self.start()
 
     def start(self) -> None:
         """Forget all but the instance DB."""
-        self._state, self._power, self._held, self._block = COLD, 0.0, {}, None
+        self._state, self._power = COLD, 0.0
+        self._held: dict[str, Value] = {}
+        self._block = block_of(_NOTHING, self._assume)
 
     @property
     def made(self) -> Firmware:
@@ -128,12 +132,12 @@ class _Instruction:
         return Firmware(kinds, lambda: self._run)
 
     def _run(self, given: Mapping[str, Any]) -> dict[str, Value]:
-        if wrong := [name for name, value in self._inverts.items() if given[name] != value]:
+        if wrong := [name for name, value in self._sure.items() if given[name] != value]:
             raise InputError(f"{wrong[0]} is not what was proven")
         if not (self.due or given["Reset"]):
             return {"Power": self._power}
         values = {field.name: given[_flat(field.address)] for field in self._fields}
-        if self._block is None or values != self._held:
+        if values != self._held:
             self._held, self._block = values, block_of(values, self._assume)
         low, high = (given[f"Config_InputScaling_{end}PointOut"] for end in ("Lower", "Upper"))
         reading = scaled(given["Input_PER"], int(given["Config_InputScaling_UpperPointIn"]), low, high)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
 from heatertune.plc.pid_compact.source import CALL, LOAD, ROLLBACK, call, load, rollback
-from heatertune.plc.pid_compact.words import PARAMETERS, Tags, fields_of
-from heatertune.plc.readback import Collected, ReadBack, first_unlike, lines_of, real_of, whole_of, wrong
+from heatertune.plc.pid_compact.words import Tags, fields_of
 from heatertune.plc.ramp import Number
+from heatertune.plc.readback import Collected, ReadBack, first_unlike, lines_of, real_of, whole_of, wrong
 from heatertune.plc.words import WordField, Words
 
 __all__ = ["from_text"]
@@ -49,7 +49,7 @@ def from_text(tags: Tags, text: str, _sample_time_s: float | None, source: str) 
     collected, over = Collected(source, fields_of(tags)), []
     by_tag = {field.address.upper(): field for field in fields_of(tags)}
     off = _switched_off(tags)
-    for line, tag, value in _all(tags, plain, source):
+    for line, tag, value in _all(plain, source):
         field = by_tag.get(tag.upper())
         if field is not None:
             collected.put(field.name, _number(field, value), line, value)
@@ -90,17 +90,17 @@ def _number(field: WordField, value: str) -> Number | None:
     return real_of(value) if field.format == "REAL" else whole_of(value)
 
 
-def _all(tags: Tags, text: str, source: str) -> Iterator[_Assigned]:
+def _all(text: str, source: str) -> Iterator[_Assigned]:
     """Yield what a text assigns to the instance."""
     if _FUNCTION.search(text):
-        yield from _of_source(tags, text, source)
+        yield from _of_source(text, source)
     elif any(_is_header(content) for _, content in lines_of(text)):
         yield from _of_table(text, source)
     else:
         yield from _of_list(text, source)
 
 
-def _of_source(tags: Tags, text: str, source: str) -> Iterator[_Assigned]:
+def _of_source(text: str, source: str) -> Iterator[_Assigned]:
     """Yield the assignments of the functions in a source, but for what saves the parameters of before."""
     plain = _blanked(text)
     outside = _FUNCTION.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), plain)
@@ -173,7 +173,7 @@ def _blanked(text: str) -> str:
     return _COMMENT.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
 
 
-def _compared(tags: Tags, text: str):
+def _compared(tags: Tags, text: str) -> Callable[[Words], tuple[str, ...]] | None:
     """Return what compares the source around the words with the exported one; None: there is none."""
     functions = {found[1]: found for found in _FUNCTION.finditer(_blanked(text))}
     if not functions:

@@ -48,17 +48,17 @@ def made_by(tags: Tags, words: Words, actuator: Actuator | None) -> str | None:
     if actuator is None:
         return "no switch is known of the proof"
     period, cycle, tick = actuator.pwm_period_s, words.sample_time_s, 1000.0 * actuator.resolution_s
-    if actuator.block != "pid-compact":
-        return "another rule was proven"
-    if actuator.ticks(cycle) is None or tick < _LEAST_MS or abs(tick - round(tick)) > 1e-6:
-        return "no organization block has its clock"
-    if abs(period - cycle) > 1e-9 and (tags.inverts or period > cycle):
-        return f"its period is not Cycle, {cycle:g} s" if tags.inverts else f"its period is above Cycle, {cycle:g} s"
-    if min(words.values["OutputLowerLimit"], words.values["OutputUpperLimit"]) < 0.0:
-        return "it knows no output below 0 %"
-    if max(actuator.minimum_on_s, actuator.minimum_off_s) >= period:
-        return "its shortest times fill the period"
-    return None
+    clock = actuator.ticks(cycle) is not None and tick >= _LEAST_MS and abs(tick - round(tick)) <= 1e-6
+    other = abs(period - cycle) > 1e-9
+    problems = (
+        (actuator.block != "pid-compact", "another rule was proven"),
+        (not clock, "no organization block has its clock"),
+        (other and tags.inverts, f"its period is not Cycle, {cycle:g} s"),
+        (other and period > cycle, f"its period is above Cycle, {cycle:g} s"),
+        (words.values["OutputLowerLimit"] < 0.0, "it knows no output below 0 %"),
+        (max(actuator.minimum_on_s, actuator.minimum_off_s) >= period, "its shortest times fill the period"),
+    )
+    return next((why for holds, why in problems if holds), None)
 
 
 def assignments(tags: Tags, words: Words, actuator: Actuator | None) -> Iterator[Assigned]:

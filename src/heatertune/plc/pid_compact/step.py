@@ -149,7 +149,7 @@ def step(
         reading: a REAL [°C].
         _begins: not looked at: a period of the PWM begins with each cycle.
     """
-    return _outcome(parameters[0], _cycle(parameters[0], parameters[1], state, setpoint, reading))
+    return _outcome(_cycle(parameters[0], parameters[1], state, setpoint, reading))
 
 
 def scan(
@@ -161,7 +161,7 @@ def scan(
     return step(parameters, state, inputs["Setpoint"], inputs["Input"], False)
 
 
-def _outcome(b: Block, made: tuple[State, float]) -> tuple[State, float, float, int]:
+def _outcome(made: tuple[State, float]) -> tuple[State, float, float, int]:
     """Return the state, the output as power, the output, and the flags as bits."""
     after, output = made
     bits = int(after.above) + 2 * int(after.below) + 4 * int(after.invalid)

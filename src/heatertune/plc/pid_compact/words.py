@@ -10,7 +10,7 @@ from typing import Final
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.ramp import Number
-from heatertune.plc.words import FORMATS, Scaling, WordField, Words, stored
+from heatertune.plc.words import FORMATS, WordField, Words, stored
 
 __all__ = ["COMPACT", "COUNTS", "PARAMETERS", "TEMP", "Tags", "consistent", "design_of", "fields_of", "interval_s",
            "oddities", "values_of"]
@@ -174,9 +174,9 @@ def oddities(words: Words) -> tuple[str, ...]:
     checks = [
         (v["Gain"] == 0.0, "Gain is 0: nothing acts."),
         (v["Ti"] == 0.0, "Ti is 0: there is no integral part."),
-        (v["PWeighting"] != 1.0, f"PWeighting is {v['PWeighting']:g}: a setpoint step acts less on P than the reading."),
+        (v["PWeighting"] != 1.0, f"PWeighting is {v['PWeighting']:g}: a setpoint step moves P less than the reading."),
         (v["PWeighting"] != 1.0 and v["IntegralResetMode"] == 1,
-         "IntegralResetMode is 1 with PWeighting below 1: near the setpoint automatic begins with a step the wrong way."),
+         "IntegralResetMode is 1 with PWeighting below 1: near the setpoint automatic begins the wrong way."),
         (v["IntegralResetMode"] in (0, 3), f"IntegralResetMode is {v['IntegralResetMode']}: automatic begins with 0 %, "
          "and only the I part leads on from there."),
         (v.get("InvertControl", 0) != 0, "InvertControl is 1: the output falls where the temperature is low, as for a "

@@ -9,7 +9,7 @@ from typing import ClassVar
 from heatertune.pid.values import PidDesign
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
-from heatertune.plc.pid_compact.controller import CORE, INPUTS, TIMER, begin
+from heatertune.plc.pid_compact.controller import CORE, DELAY_S, INPUTS, TIMER, begin
 from heatertune.plc.pid_compact.export import export_words
 from heatertune.plc.pid_compact.exported import exported
 from heatertune.plc.pid_compact.readback import from_text
@@ -35,9 +35,8 @@ class PidTemp(Controller, name="pid-temp"):
 
     title = "SIMATIC S7-1200/1500, PID_Temp V1 and V2, heating (function manual PID control, A5E35300227)"
     can = (
-        "P, PI, PD and PID in single precision with weights of the setpoint and a lag of the derivative",
-        "its own PWM of Cycle or a shorter period with shortest pulse and pause, what is left out being made up; broken "
-        "sensor: inactive, 0 %",
+        "P, PI, PD and PID in single precision with setpoint weights and a lag of the derivative",
+        "its own PWM of Cycle or a shorter period, shortest times, what is left out made up; broken sensor: 0 %",
         "exported as SCL: words at start-up, call, rollback by LoadBackUp; and as rows of a watch table",
     )
     cannot = (
@@ -47,8 +46,8 @@ class PidTemp(Controller, name="pid-temp"):
     )
     fields = fields_of(TEMP)
     assumptions, timer, counts, inputs, core = Assumptions, TIMER, COUNTS, INPUTS, CORE
-    tick_s = 0.1
-    pwm_rule = "pid-compact"
+    tick_s, delay_s = 0.1, DELAY_S
+    own_pwm = ("pid-compact", 10.0)
     most_power = ("OutputUpperLimit", 100.0)
     design, consistent, interval_s = staticmethod(design_of), staticmethod(consistent), staticmethod(interval_s)
     oddities, scan_all = staticmethod(oddities), staticmethod(scan)
