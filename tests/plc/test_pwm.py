@@ -175,9 +175,10 @@ def test_a_target_with_a_clock_gets_its_ticks(interval, period, resolution):
 
 
 def test_the_clock_of_each_target_is_that_of_its_cpu():
-    # OB13 is called every 100 ms unless SD97 says otherwise (S5-115U); OB35 and WEG's cycle are set: a half-wave of 50 Hz
+    # OB13 is called every 100 ms unless SD97 says otherwise (S5-115U); OB35 and WEG's cycle are set: a half-wave of 50 Hz.
+    # A new cyclic interrupt of an S7-1200/1500 is one of 100 ms
     assert {name: controller_for(name).tick_s for name in TARGETS if controller_for(name).tick_s is not None} == {
-        "s5-ob251": 0.1, "s7-300": 0.01, "fb41": 0.01, "weg": 0.01}
+        "s5-ob251": 0.1, "s7-300": 0.01, "fb41": 0.01, "weg": 0.01, "pid-compact": 0.1, "pid-temp": 0.1}
 
 
 @pytest.mark.parametrize(("times", "full", "ends"), [

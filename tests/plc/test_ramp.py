@@ -177,8 +177,8 @@ def test_the_fastest_rate_named_in_the_refusal_is_the_sensors_range_in_one_call(
     assert controller_for("s5-ob251").ramp(_words("s5-ob251"), 1490.0).step == 2033
 
 
-def test_only_two_controllers_have_no_ramp_and_say_so():
-    assert sorted(set(TARGETS) - set(RAMPED)) == ["on-off", "s7-200-paper"]
+def test_these_controllers_have_no_ramp_and_say_so():
+    assert sorted(set(TARGETS) - set(RAMPED)) == ["on-off", "pid-compact", "pid-temp", "s7-200-paper"]
     for name in ("on-off", "s7-200-paper"):
         assert any("no setpoint ramp" in line for line in controller_for(name).cannot)
         with pytest.raises(InputError, match=f"{name} has no setpoint ramp"):

@@ -29,7 +29,7 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
 from heatertune.plc.words import Scaling, Words
 
-__all__ = ["CORE", "DELAY_S", "INPUTS", "TIMER", "PidCompact", "begin"]
+__all__ = ["CORE", "COUNTS", "DELAY_S", "INPUTS", "TIMER", "PidCompact"]
 
 
 def _measure(sensor: Sensor, temperature_degC: float) -> float:
@@ -45,11 +45,6 @@ TIMER = Timer(shortest_s=0.01, longest_s=600.0, step_s=0.01)
 #: which the outputs go out, whose cycle a CPU watches (150 ms by default) [s]
 DELAY_S = 0.256 + 0.15
 INPUTS: Mapping[str, str] = {"Setpoint": "REAL", "Input": "REAL", "Reset": "BOOL"}
-
-
-def begin(words: Words, assume: Assumptions) -> Running:
-    """Return the state before automatic has ever been on."""
-    return Running((block_of(words.values, assume), assume), COLD)
 
 
 class PidCompact(Controller, name="pid-compact"):
@@ -84,4 +79,4 @@ class PidCompact(Controller, name="pid-compact"):
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before automatic has ever been on."""
-        return begin(words, assume)
+        return Running((block_of(words.values, assume), assume), COLD)

@@ -2,30 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
 from typing import ClassVar
 
-from heatertune.pid.values import PidDesign
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
-from heatertune.plc.pid_compact.controller import CORE, DELAY_S, INPUTS, TIMER, begin
-from heatertune.plc.pid_compact.export import export_words
-from heatertune.plc.pid_compact.exported import exported
-from heatertune.plc.pid_compact.readback import from_text
-from heatertune.plc.pid_compact.step import Assumptions, scan
-from heatertune.plc.pid_compact.words import (
-    COUNTS,
-    TEMP,
-    consistent,
-    design_of,
-    fields_of,
-    interval_s,
-    oddities,
-    values_of,
-)
-from heatertune.plc.ramp import Number
-from heatertune.plc.words import Scaling, Words
+from heatertune.plc.pid_compact.controller import CORE, COUNTS, DELAY_S, INPUTS, TIMER
+from heatertune.plc.pid_temp.export import export_words, exported, from_text
+from heatertune.plc.pid_temp.step import COLD, Assumptions, block_of, scan
+from heatertune.plc.pid_temp.words import FIELDS, consistent, design_of, interval_s, oddities, values_of
+from heatertune.plc.words import Words
 
 __all__ = ["PidTemp"]
 
@@ -44,22 +29,14 @@ class PidTemp(Controller, name="pid-temp"):
         "no inverted control (a cooler alone: pid-compact), no dead zone, no control zone, no cascade",
         "no setpoint ramp, no feed-forward (Disturbance), no manual in the proof",
     )
-    fields = fields_of(TEMP)
-    assumptions, timer, counts, inputs, core = Assumptions, TIMER, COUNTS, INPUTS, CORE
+    fields, assumptions, timer, counts, inputs, core = FIELDS, Assumptions, TIMER, COUNTS, INPUTS, CORE
     tick_s, delay_s = 0.1, DELAY_S
     own_pwm = ("pid-compact", 10.0)
-    most_power = ("OutputUpperLimit", 100.0)
-    design, consistent, interval_s = staticmethod(design_of), staticmethod(consistent), staticmethod(interval_s)
-    oddities, scan_all = staticmethod(oddities), staticmethod(scan)
-    export: ClassVar = staticmethod(partial(export_words, TEMP))
-    exported: ClassVar = staticmethod(partial(exported, TEMP))
-    text: ClassVar = staticmethod(partial(from_text, TEMP))
-
-    @staticmethod
-    def values(design: PidDesign, scaling: Scaling) -> Mapping[str, Number]:  # noqa: ARG004 - in °C
-        """Return the words of a design; raise NotRepresentable for a cooler's."""
-        return values_of(TEMP, design)
+    most_power: ClassVar = ("OutputUpperLimit", 100.0)
+    values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
+    interval_s, export, scan_all = staticmethod(interval_s), staticmethod(export_words), staticmethod(scan)
+    text, oddities, exported = staticmethod(from_text), staticmethod(oddities), staticmethod(exported)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before automatic has ever been on."""
-        return begin(words, assume)
+        return Running((block_of(words.values, assume), assume), COLD)
