@@ -109,19 +109,19 @@ def _compact(switch, words, setpoints, readings, outputs):
 
 
 CASES = [
-    # b = 0: P = −60 all the time; T/TI = 1. e = 80: I = 80. e = 100: the sum is 120, so I stays 80; or it grows to 180, as nothing
-    # was beyond before; or to 100 + 60. e = 20 twice: I = 120 with sums of 40 and 60, or it is held at 100; the others stay
-    # beyond. e = 0: −60 + I. e = −50: −60 + I − 50
+    # b = 0: P = −60 all the time; T/TI = 1. e = 80: I = 80. e = 100: the sum would be 120, so I stays 80; or it grows
+    # to 180, as nothing was beyond before; or to 100 + 60. e = 20 twice: I = 120 with sums of 40 and 60, or it is held at 100; the
+    # others stay beyond. e = 0: −60 + I. e = −50: −60 + I − 50, or with 100 that would be −10, so I stays
     *_compact("anti_windup", {"Ti": 1.0, "PWeighting": 0.0}, [140.0, 160.0, 80.0, 80.0, 60.0, 10.0], [60.0] * 6,
-              {"stopped": [20.0, 100.0, 40.0, 60.0, 60.0, 10.0], "late": [20.0, 100.0, 100.0, 100.0, 100.0, 70.0],
-               "limited": [20.0, 100.0, 40.0, 60.0, 40.0, 0.0], "clamped": [20.0, 100.0, 100.0, 100.0, 100.0, 50.0]}),
+              {"stopped": [20.0, 20.0, 40.0, 60.0, 60.0, 10.0], "late": [20.0, 100.0, 100.0, 100.0, 100.0, 70.0],
+               "limited": [20.0, 20.0, 40.0, 40.0, 40.0, 40.0], "clamped": [20.0, 100.0, 100.0, 100.0, 100.0, 50.0]}),
     # T/TI = 1/4, e = 8 from the first cycle on: I = 2; then e = 16: I = 2 + 4, 2 + 2 or 2 + 3
     *_compact("integral", {"Ti": 4.0}, [8.0, 16.0], [0.0, 0.0],
               {"backward": [10.0, 22.0], "forward": [10.0, 20.0], "trapezoid": [10.0, 21.0]}),
     # P = 40 and v falls from −10 to −20 (c = 0) against the reading's step: TD = 2, a·TD = 2 s. Shares of the past 2/3, 3/5 and
-    # exp(−1/2), the rest of TD/T·10: D = −20/3, −8, −7.869
+    # exp(−1/2), the rest of TD/T·10: D = −20/3, −8, −7.869; or TD/(a·TD)·10
     *_compact("derivative_lag", {"Td": 2.0}, [50.0, 60.0], [10.0, 20.0],
-              {"backward": [40.0, 33.3333321], "tustin": [40.0, 32.0], "exact": [40.0, 32.1306152]}),
+              {"backward": [40.0, 33.3333321], "tustin": [40.0, 32.0], "ramp": [40.0, 32.1306152], "step": [40.0, 30.0]}),
     # Td = 2, no lag: v = −10 from 0: D = −20; then it stays
     *_compact("history", {"Td": 2.0, "TdFiltRatio": 0.0}, [50.0, 50.0], [10.0, 10.0],
               {"present": [40.0, 40.0], "zero": [20.0, 40.0]}),

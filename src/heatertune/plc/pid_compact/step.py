@@ -38,7 +38,8 @@ MEAN: Final = 2
 #: how the lag of D is sampled
 BACKWARD: Final = 0
 TUSTIN: Final = 1
-EXACT: Final = 2
+RAMP: Final = 2
+STEP: Final = 3
 
 #: IntegralResetMode: what I is when automatic begins
 SMOOTH: Final = 0
@@ -61,9 +62,9 @@ class Assumptions(NamedTuple):
         why="whether I takes the error of this cycle, of the one before, or the mean of both",
     )] = NEW
     lag: Annotated[int, Switch(
-        name="derivative_lag", means={"backward": BACKWARD, "tustin": TUSTIN, "exact": EXACT},
+        name="derivative_lag", means={"backward": BACKWARD, "tustin": TUSTIN, "ramp": RAMP, "step": STEP},
         why="how the lag a·TD is sampled: its share of the past is a·TD/(a·TD + T), (a·TD − T/2)/(a·TD + T/2), or "
-            "exp(−T/(a·TD))",
+            "exp(−T/(a·TD)), so that D is exact for a reading that runs in straight lines (ramp) or in steps (step)",
     )] = BACKWARD
     zero_history: Annotated[bool, Switch(
         name="history", means={"present": False, "zero": True},
@@ -119,8 +120,10 @@ def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
 
 def _lag(assume: Assumptions, lag: float, gain_td: float, cycle: float) -> tuple[float, float]:
     """Return α and β for a lag, Kp·TD and a cycle; without a lag D lasts for one cycle, however it is sampled."""
-    if assume.lag == EXACT:
+    if assume.lag in (RAMP, STEP):
         past = single(math.exp(-divided(cycle, lag)))
+        if assume.lag == STEP and lag > 0.0:
+            return past, divided(gain_td, lag)
         return past, single(divided(gain_td, cycle) * single(1.0 - past))
     if assume.lag == TUSTIN:
         half = single(0.5 * cycle)
@@ -190,6 +193,7 @@ def _cycle(b: Block, assume: Assumptions, s: State, setpoint: float, reading: fl
         total = single(single(proportional + grown) + derivative)
     elif b.growth != 0.0:
         grown = _held(b, assume, s, integral, change, total, proportional)
+        total = single(single(proportional + grown) + derivative)
     after = State(
         True, grown, error, weighted, derivative, total >= b.upper, total <= b.lower, False)
     return after, _limited(b, total)
