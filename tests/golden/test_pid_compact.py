@@ -94,9 +94,10 @@ def test_random_words_under_every_sampling_are_the_witness_within_the_rounding_o
     assert _held_against(1, runs=48, scans=60) < 1.0
 
 
-@pytest.mark.long(seconds=60)
-def test_a_million_scans_are_the_witness_within_the_rounding_of_reals():
-    assert _held_against(2, runs=10_000, scans=100) < 1.0
+@pytest.mark.long(seconds=20)
+def test_a_hundred_thousand_scans_are_the_witness_within_the_rounding_of_reals():
+    # runs=10_000 is a million: three minutes, the worst the same part of the bound
+    assert _held_against(2, runs=1_000, scans=100) < 1.0
 
 
 @pytest.mark.parametrize("integral", INTEGRALS)

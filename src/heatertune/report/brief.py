@@ -237,8 +237,9 @@ def _facts(words: Document, proof: Document) -> str:
     """Return what has to be so around the words: interval, sensor, PWM, ramp."""
     scale, switch = words["scaling"], proof["actuator"]
     sensor = f" of {scale['input']}" if scale.get("input") else ""
-    own = controller_for(words["target"]).own_pwm[0] is not None and switch is not None
-    called = switch["resolution_s"] if own else words["sample_time_s"]  # a block that keeps TA itself
+    called = words["sample_time_s"]
+    if switch is not None and controller_for(words["target"]).own_pwm[0] is not None:  # a block that keeps TA itself
+        called = switch.get("resolution_s", called)
     facts = [f"call every {figure(called)} s",
              f"sensor{sensor} {figure(scale['low_degC'])} to {figure(scale['high_degC'])} °C"]
     if switch is not None:
