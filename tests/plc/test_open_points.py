@@ -116,9 +116,36 @@ PBAND = {"Pb": 1000, "ti": 0, "td": 0, "CYC": 20, "OPH": 1000}
 
 def _pband(switch, words, setpoint, reading, outputs):
     return Case(target="pband", switch=switch, words=PBAND | words, rows=_columns(SP=setpoint, PV=reading), outputs=outputs)
+# both blocks: y = P + I + D with Gain = 1, T = 1 s, b = 1, c = 0 and I empty at first
+COMPACT = {"Gain": 1.0, "Ti": 0.0, "Td": 0.0, "TdFiltRatio": 1.0, "PWeighting": 1.0, "DWeighting": 0.0, "Cycle": 1.0,
+           "OutputUpperLimit": 100.0, "OutputLowerLimit": 0.0, "InvertControl": 0, "IntegralResetMode": 1}
+
+
+def _compact(switch, words, setpoints, readings, outputs):
+    rows = _columns(Setpoint=setpoints, Input=readings)
+    heating = {name: value for name, value in (COMPACT | words).items() if name != "InvertControl"}
+    return [Case(target="pid-compact", switch=switch, words=COMPACT | words, rows=rows, outputs=outputs),
+            Case(target="pid-temp", switch=switch, words=heating, rows=rows, outputs=outputs)]
 
 
 CASES = [
+    # b = 0: P = −60 all the time; T/TI = 1. e = 80: I = 80. e = 100: the sum would be 120, so I stays 80; or it grows
+    # to 180, as nothing was beyond before; or to 100 + 60. e = 20 twice: I = 120 with sums of 40 and 60, or it is held at 100; the
+    # others stay beyond. e = 0: −60 + I. e = −50: −60 + I − 50, or with 100 that would be −10, so I stays
+    *_compact("anti_windup", {"Ti": 1.0, "PWeighting": 0.0}, [140.0, 160.0, 80.0, 80.0, 60.0, 10.0], [60.0] * 6,
+              {"stopped": [20.0, 20.0, 40.0, 60.0, 60.0, 10.0], "late": [20.0, 100.0, 100.0, 100.0, 100.0, 70.0],
+               "limited": [20.0, 20.0, 40.0, 40.0, 40.0, 40.0], "clamped": [20.0, 100.0, 100.0, 100.0, 100.0, 50.0]}),
+    # T/TI = 1/4, e = 8 from the first cycle on: I = 2; then e = 16: I = 2 + 4, 2 + 2 or 2 + 3
+    *_compact("integral", {"Ti": 4.0}, [8.0, 16.0], [0.0, 0.0],
+              {"backward": [10.0, 22.0], "forward": [10.0, 20.0], "trapezoid": [10.0, 21.0]}),
+    # P = 40 and v falls from −10 to −20 (c = 0) against the reading's step: TD = 2, a·TD = 2 s. Shares of the past 2/3, 3/5 and
+    # exp(−1/2), the rest of TD/T·10: D = −20/3, −8, −7.869; or TD/(a·TD)·10
+    *_compact("derivative_lag", {"Td": 2.0}, [50.0, 60.0], [10.0, 20.0],
+              {"backward": [40.0, 33.3333321], "tustin": [40.0, 32.0], "ramp": [40.0, 32.1306152], "step": [40.0, 30.0]}),
+    # Td = 2, no lag: v = −10 from 0: D = −20; then it stays
+    *_compact("history", {"Td": 2.0, "TdFiltRatio": 0.0}, [50.0, 50.0], [10.0, 10.0],
+              {"present": [40.0, 40.0], "zero": [20.0, 40.0]}),
+
     # Y = 150, limited: YA = 100. Then dY = 50 − 150 = −100, from 150 or from 100
     _ob251("sum", {}, [150, 50], {"unlimited": [100, 50], "limited": [100, 0]}),
     # TI = 1/2: Y = 80 + 40 = 120 beyond 100. Before this call no limit was reached; at this one it is, so only the 80 count

@@ -71,7 +71,8 @@ GEN = pulsegen(pwm_period_s=2.0, call_interval_s=0.1, minimum_s=0.2)
 
 
 @pytest.mark.parametrize(("target", "how"), [
-    *product(("s7-300", "fb41"), ({"actuator": GEN},)), *product(FILES, ({}, {"ramped": True})), *((target, {"input_": "4-20mA"}) for target in FILES if target != "weg")])
+    *product(("s7-300", "fb41"), ({"actuator": GEN},)), *product(FILES, ({}, {"ramped": True})), *((target, {"input_": "4-20mA"}) for target in FILES if target != "weg"),
+    ("pid-compact", {}), ("pid-temp", {}), ("pid-compact", {"anti_windup": "late", "integral": "trapezoid", "history": "zero"})])
 def test_a_text_follows_a_short_run(target, how):
     trace = short_run(target, **how)
     assert len(set(trace.power_asked_pct)) > 12
@@ -99,7 +100,8 @@ def departs(proof):
     ("s7-300", {"tv": 6.0, "pwm_period_s": 1.5, "pwm_resolution_s": 0.05}), ("fb41", {"ramp": (9.0,), "noise_degC": 0.3}),
     ("fb41", {"tv": 6.0, "pwm_period_s": 3.0, "pwm_rule": "pulsegen"}), ("weg", {"tv": 6.0, "noise_degC": 0.3}),
     ("weg", {"ramp": (5.0, 4.0), "pwm_period_s": 12.0, "minimum_on_s": 0.7, "minimum_off_s": 0.9}),
-    ("weg", {"ramp": (9.0,), "pwm_period_s": 3.0, "pwm_rule": "pid-compact"})])
+    ("weg", {"ramp": (9.0,), "pwm_period_s": 3.0, "pwm_rule": "pid-compact"}), ("pid-compact", {"tv": 6.0, "noise_degC": 0.3}),
+    ("pid-temp", {"tv": 6.0, "pwm_period_s": 1.5, "pwm_resolution_s": 0.05, "minimum_on_s": 0.2})])
 def test_the_text_does_what_was_proven(target, asked):
     proof = proven(target, **asked)
     assert len(set(proof.nominal.power_asked_pct)) > 20

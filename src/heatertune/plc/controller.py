@@ -83,6 +83,7 @@ class Controller(Inputs, ABC):
         faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
         tick_s: of the clock behind calls and PWM, the coarsest [s]; None: the export's program makes no PWM.
         pwm_period_s: of the switch behind the output where the user says none [s]; None: TA in parts up to 10 s.
+        own_pwm: where the user tells no switch: its rule (None: plain) and longest period (infinite: TA) [s].
         delay_s: longest time from a temperature to its reading and from the controller's output to the heater's switch,
             as input module and exported program make it; part of the dead time in a proof [s].
         direct: for a core that runs a listing, which no compiler takes: words and assumptions → a core that gives the
@@ -126,6 +127,7 @@ class Controller(Inputs, ABC):
     faults: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     tick_s: ClassVar[float | None] = None
     pwm_period_s: ClassVar[float | None] = None
+    own_pwm: ClassVar[tuple[str | None, float]] = (None, 10.0)
     direct: ClassVar[staticmethod[[Words, Any], tuple[Core, Running]] | None] = None
     feed: ClassVar[Feed | None] = None
     typed: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, Mapping[str, Any]]] | None] = None

@@ -9,8 +9,8 @@ __all__ = ["ALIKE", "GROUPS", "NAMES", "TARGETS"]
 #: what holds the controller → its controllers, by their names on the command line
 GROUPS: Final[dict[str, tuple[str, ...]]] = {
     "PLC": (
-        "s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "iec-pid", "iec-pid-standard",
-        "on-off",
+        "s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "pid-compact", "pid-temp", "weg",
+        "iec-pid", "iec-pid-standard", "on-off",
     ),
     "instrument": ("pband",),
     "printer": ("klipper", "marlin"),

@@ -127,15 +127,17 @@ def actuator_for(conditions: Conditions, words: Words) -> Actuator:
         OutOfRange, UnknownName: as `switched_by`.
     """
     controller, interval = controller_for(words.target), words.sample_time_s
-    tick, period, resolution = controller.tick_s, conditions.pwm_period_s, conditions.pwm_resolution_s
+    tick, (own, longest) = controller.tick_s, controller.own_pwm
+    rule = conditions.pwm_rule or own
+    period, resolution = conditions.pwm_period_s, conditions.pwm_resolution_s
     if period is None:
-        period = controller.pwm_period_s or default_pwm_period_s(interval, tick_s=tick)
-        return Actuator(
-            pwm_period_s=period, resolution_s=tick_for(tick, sample_time_s=interval, pwm_period_s=period))
+        period = controller.pwm_period_s or default_pwm_period_s(interval, tick_s=tick, most_s=longest)
+        return switched_by(rule, pwm_period_s=period, resolution_s=tick_for(
+            tick, sample_time_s=interval, pwm_period_s=period))
     if resolution is None:
         resolution = tick_for(tick, sample_time_s=interval, pwm_period_s=period)
     return switched_by(
-        conditions.pwm_rule, pwm_period_s=period, minimum_on_s=conditions.minimum_on_s,
+        rule, pwm_period_s=period, minimum_on_s=conditions.minimum_on_s,
         minimum_off_s=conditions.minimum_off_s, resolution_s=resolution)
 
 

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from heatertune.log.cells import count
 from heatertune.model.findings import KINDS
+from heatertune.plc.controller import controller_for
 from heatertune.plc.typed import TypedWord, as_typed
 from heatertune.proof.period import life
 from heatertune.proof.verdict import blocking, sampled, told_by_kind
@@ -223,7 +224,8 @@ def _values(words: Document, proof: Document) -> list[str]:
 
 def _typed_lines(rows: Sequence[TypedWord]) -> list[str]:
     """Return the words in the order in which they are typed in, each once or, where it changes, twice."""
-    cells = [[*dict.fromkeys((row.address, row.name)), as_typed(row.first, row.format)] for row in rows]
+    named = any(row.address != row.name for row in rows)
+    cells = [[row.address, *([row.name] if named else []), as_typed(row.first, row.format)] for row in rows]
     if len(rows) > _WITH_MEANING:
         return [f"  {line}" for line in beside(cells)]
     later = [f"then {as_typed(row.then, row.format)}: " if row.changes else "" for row in rows]
@@ -235,7 +237,10 @@ def _facts(words: Document, proof: Document) -> str:
     """Return what has to be so around the words: interval, sensor, PWM, ramp."""
     scale, switch = words["scaling"], proof["actuator"]
     sensor = f" of {scale['input']}" if scale.get("input") else ""
-    facts = [f"call every {figure(words['sample_time_s'])} s",
+    called = words["sample_time_s"]
+    if switch is not None and controller_for(words["target"]).own_pwm[0] is not None:  # a block that keeps TA itself
+        called = switch.get("resolution_s", called)
+    facts = [f"call every {figure(called)} s",
              f"sensor{sensor} {figure(scale['low_degC'])} to {figure(scale['high_degC'])} °C"]
     if switch is not None:
         facts.append(f"PWM of {figure(switch['pwm_period_s'])} s")

@@ -1,0 +1,82 @@
+"""The controller in PID_Compact, and what it shares with the one in PID_Temp."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+from typing import ClassVar
+
+from heatertune.pid.timer import Timer
+from heatertune.pid.values import PidDesign
+from heatertune.plc.controller import Controller
+from heatertune.plc.core import Core, Running, Sensor, count
+from heatertune.plc.pid_compact.export import export_words
+from heatertune.plc.pid_compact.exported import exported
+from heatertune.plc.pid_compact.readback import from_text
+from heatertune.plc.pid_compact.step import COLD, Assumptions, block_of, scaled, scan, step
+from heatertune.plc.pid_compact.words import (
+    COMPACT,
+    COUNTS,
+    consistent,
+    design_of,
+    fields_of,
+    interval_s,
+    oddities,
+    values_of,
+)
+from heatertune.plc.ramp import Number
+from heatertune.plc.single import single
+from heatertune.plc.words import Scaling, Words
+
+__all__ = ["CORE", "COUNTS", "DELAY_S", "INPUTS", "TIMER", "PidCompact"]
+
+
+def _measure(sensor: Sensor, temperature_degC: float) -> float:
+    high = sensor.low + sensor.span
+    return scaled(count(sensor, temperature_degC), sensor.counts, single(sensor.low), single(high))
+
+
+#: one step for both blocks, so one compiled loop
+CORE = Core(step=step, measure=_measure, flags=("upper limit", "lower limit", "invalid"), singles=True)
+#: whole calls of a cyclic interrupt OB
+TIMER = Timer(shortest_s=0.01, longest_s=600.0, step_s=0.01)
+#: an analog input's own time, as of a module with eight channels, and the time of the process image with
+#: which the outputs go out, whose cycle a CPU watches (150 ms by default) [s]
+DELAY_S = 0.256 + 0.15
+INPUTS: Mapping[str, str] = {"Setpoint": "REAL", "Input": "REAL", "Reset": "BOOL"}
+
+
+class PidCompact(Controller, name="pid-compact"):
+    """PID_Compact, called from a cyclic interrupt OB; it makes the PWM itself, its period being Cycle."""
+
+    title = "SIMATIC S7-1200/1500, PID_Compact V2 and V3 (function manual PID control, A5E35300227)"
+    can = (
+        "P, PI, PD and PID in single precision with setpoint weights and a lag of the derivative; inverted control",
+        "its own PWM with shortest pulse and pause, what is left out being made up; broken sensor: inactive, 0 %",
+        "exported as SCL: words at start-up, call, rollback by LoadBackUp; and as rows of a watch table",
+    )
+    cannot = (
+        "no setpoint ramp, no feed-forward (Disturbance), no dead zone of V3, no manual in the proof",
+        "a PWM whose period is not Cycle is left to a switch behind Output",
+        "V1 of the block has other names (sRet…) and another start: not this one",
+    )
+    fields = fields_of(COMPACT)
+    assumptions, timer, counts, inputs, core = Assumptions, TIMER, COUNTS, INPUTS, CORE
+    tick_s, delay_s = 0.1, DELAY_S
+    own_pwm = ("pid-compact", math.inf)
+    most_power = ("OutputUpperLimit", 100.0)
+    design, consistent, interval_s = staticmethod(design_of), staticmethod(consistent), staticmethod(interval_s)
+    oddities, scan_all = staticmethod(oddities), staticmethod(scan)
+    export: ClassVar = staticmethod(partial(export_words, COMPACT))
+    exported: ClassVar = staticmethod(partial(exported, COMPACT))
+    text: ClassVar = staticmethod(partial(from_text, COMPACT))
+
+    @staticmethod
+    def values(design: PidDesign, scaling: Scaling) -> Mapping[str, Number]:  # noqa: ARG004 - in °C
+        """Return the words of a design."""
+        return values_of(COMPACT, design)
+
+    def begin(self, words: Words, assume: Assumptions) -> Running:
+        """Return the state before automatic has ever been on."""
+        return Running((block_of(words.values, assume), assume), COLD)

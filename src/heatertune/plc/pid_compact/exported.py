@@ -1,0 +1,190 @@
+"""The exported source in a machine for structured text; the instruction, which is firmware, is the proof's."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from heatertune.errors import InputError
+from heatertune.plc.cpu.iec.machine import Firmware, Program, Value
+from heatertune.plc.cpu.iec.text import units
+from heatertune.plc.exported import Called
+from heatertune.plc.pid_compact.source import BROKEN_HIGH, CALL, LOAD
+from heatertune.plc.pid_compact.step import COLD, Assumptions, block_of, scaled, scan
+from heatertune.plc.pid_compact.words import PARAMETERS, Tags, fields_of
+from heatertune.plc.ramp import Number
+
+__all__ = ["exported", "loaded"]
+
+_BODY: Final = r'FUNCTION "{}" : Void\b.*?\nBEGIN\n(.*?)END_FUNCTION'
+#: the instance's names: quotation marks and dots, which the machine's names do not have
+_TAG: Final = re.compile(r'"(\w+)"((?:\.\w+)*)')
+_INSTANCE: Final = "PID"
+_SCALING: Final = ("LowerPointIn", "UpperPointIn", "LowerPointOut", "UpperPointOut")
+#: words of an instance that has none yet
+_NOTHING: Final = dict.fromkeys((*PARAMETERS, "OutputUpperLimit", "OutputLowerLimit", "IntegralResetMode"), 0)
+#: of the configuration, what the proof takes to be so
+_SURE: Final = {"Config_InputPerOn": True, "Config_ActivateCooling": False}
+
+
+def _flat(tag: str) -> str:
+    return tag.replace(".", "_")
+
+
+class ExportedPid:
+    """See `heatertune.plc.exported.Exported`."""
+
+    def __init__(self, text: str, tags: Tags, assume: Assumptions, cycle_s: float) -> None:
+        """Take a source; raise InputError where it is not of the exported form."""
+        self._firmware, self._per_call = _Instruction(tags, assume), 1
+        self._program = loaded(text, tags, self._firmware.made)
+        self.start()
+        self._scan(0.0, BROKEN_HIGH)
+        tick = float(self._program["PID_TICK"])
+        self._tick_s = tick if tick > 0.0 else cycle_s
+        self._per_call = max(1, round(cycle_s / self._tick_s))
+        self.start()
+
+    @property
+    def tick_s(self) -> float:
+        """CycleTime.Value, as a person writes it [s]."""
+        return float(f"{self._tick_s:.7g}")
+
+    def start(self) -> None:
+        """Run the start-up OB on an instance that retained nothing."""
+        self._program.start()
+        self._firmware.start()
+        self._program["Starts"] = True
+        self._since = 0
+
+    def call(self, asked: Number, counts: int, reading_degC: float) -> Called:  # noqa: ARG002 - of Input_PER
+        """Run the tick in which the algorithm is due."""
+        self._since = 0
+        return self._scan(asked, counts)
+
+    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[Called, bool | None]:  # noqa: ARG002
+        """Run a tick of the cyclic interrupt OB; the pulses are the instruction's own."""
+        return self._scan(asked, counts), None
+
+    def interrupt(self) -> tuple[float, bool | None]:
+        """Run a tick with a broken wire."""
+        made, self._since = self._scan(0.0, 32767), 0
+        return made.power_pct, None
+
+    def begin(self, output: Number, ticks: int) -> bool | None:  # noqa: ARG002
+        """Return None: the pulses are the instruction's own."""
+        return None
+
+    def go_on(self) -> bool:
+        """Not reached, see `begin`."""
+        raise NotImplementedError
+
+    def counted(self) -> float | None:
+        """Return None: nothing is counted."""
+        return None
+
+    def _scan(self, asked: Number, counts: int) -> Called:
+        program, self._firmware.due = self._program, self._since % self._per_call == 0
+        program["Setpoint"], program["Reading"] = asked, counts
+        program.scan()
+        program["Starts"] = False
+        self._since += 1
+        power = program["PID_POWER"]
+        return Called(program["PID_ASKED"], power, min(max(power, 0.0), 100.0))
+
+
+class _Instruction:
+    """The firmware: its instance DB by flattened names, and the law of `step`."""
+
+    def __init__(self, tags: Tags, assume: Assumptions) -> None:
+        self._tags, self._assume, self._fields = tags, assume, fields_of(tags)
+        self._sure = _SURE if not tags.inverts else {"Config_InputPerOn": True}
+        self.due = True
+        self.start()
+
+    def start(self) -> None:
+        """Forget all but the instance DB."""
+        self._state, self._power = COLD, 0.0
+        self._held: dict[str, Value] = {}
+        self._block = block_of(_NOTHING, self._assume)
+
+    @property
+    def made(self) -> Firmware:
+        """The block as the machine takes it."""
+        tags = self._tags
+        kinds = {"Setpoint": "REAL", "Input_PER": "INT", "Reset": "BOOL", "LoadBackUp": "BOOL", "Power": "REAL"}
+        kinds |= {_flat(field.address): field.format for field in self._fields}
+        kinds |= {_flat(tags.saved(name)): "REAL" for name in PARAMETERS}
+        kinds |= {_flat(f"Config.InputScaling.{name}"): "REAL" for name in _SCALING}
+        kinds |= {_flat(tag): "REAL" for tag in (
+            "OverwriteInitialOutputValue", "SubstituteOutput", "CycleTime.Value", "Config.InputLowerLimit",
+            "Config.InputUpperLimit", "Config.SetpointLowerLimit", "Config.SetpointUpperLimit",
+            tags.config("MinimumOnTime"), tags.config("MinimumOffTime"))}
+        kinds |= {_flat(tag): "BOOL" for tag in (
+            "ActivateRecoverMode", "SetSubstituteOutput", "Config.InputPerOn", "CycleTime.StartEstimation",
+            "CycleTime.EnEstimation", "CycleTime.EnMonitoring")}
+        if not tags.inverts:
+            kinds |= {"Config_ActivateCooling": "BOOL", _flat(tags.config("Select")): "INT"}
+            kinds |= {_flat(tag): "REAL" for tag in (
+                tags.active("DeadZone"), tags.active("ControlZone"), tags.config("PwmPeriode"),
+                *(tags.config(f"{kind}{end}Scaling") for kind in ("", "Pwm") for end in ("Upper", "Lower")))}
+        return Firmware(kinds, lambda: self._run)
+
+    def _run(self, given: Mapping[str, Any]) -> dict[str, Value]:
+        if wrong := [name for name, value in self._sure.items() if given[name] != value]:
+            raise InputError(f"{wrong[0]} is not what was proven")
+        if not (self.due or given["Reset"]):
+            return {"Power": self._power}
+        values = {field.name: given[_flat(field.address)] for field in self._fields}
+        if values != self._held:
+            self._held, self._block = values, block_of(values, self._assume)
+        low, high = (given[f"Config_InputScaling_{end}PointOut"] for end in ("Lower", "Upper"))
+        reading = scaled(given["Input_PER"], int(given["Config_InputScaling_UpperPointIn"]), low, high)
+        inputs = {"Setpoint": min(max(given["Setpoint"], given["Config_SetpointLowerLimit"]),
+                                  given["Config_SetpointUpperLimit"]), "Input": reading, "Reset": given["Reset"]}
+        self._state, _, self._power, _ = scan((self._block, self._assume), self._state, inputs)
+        return {"Power": self._power}
+
+
+def loaded(text: str, tags: Tags, instruction: Firmware) -> Program:
+    """Return a source's two functions as one program: the first where `Starts` is TRUE, the second always.
+
+    Raises:
+        InputError: one of them is not there, or holds what the machine does not know.
+    """
+    bodies = []
+    for name in (LOAD, CALL):
+        body = re.search(_BODY.format(name), text, re.DOTALL)
+        if body is None:
+            raise InputError(f'no FUNCTION "{name}"')
+        bodies.append(_TAG.sub(lambda tag: _renamed(tag, tags), body[1]).replace("#", ""))
+    load, call = bodies
+    return Program(units(
+        f"PROGRAM Heater\nVAR\n  Starts : BOOL;\n  Setpoint : REAL;\n  Reading : INT;\n  PID_POWER : REAL;\n"
+        f"  PID_ASKED : REAL;\n  PID_TICK : REAL;\n  {_INSTANCE} : INSTRUCTION;\nEND_VAR\n"
+        f"IF Starts THEN\n{load}END_IF;\n{call}"
+        f"PID_POWER := {_INSTANCE}.Power;\nPID_ASKED := {_INSTANCE}.Setpoint;\n"
+        f"PID_TICK := {_INSTANCE}.CycleTime_Value;\nEND_PROGRAM\n"), {"INSTRUCTION": instruction})
+
+
+def _renamed(tag: re.Match[str], tags: Tags) -> str:
+    if tag[1] != tags.instance:
+        raise InputError(f"{tag[0]} is not of {tags.instance}")
+    return _INSTANCE + ("." + _flat(tag[2][1:]) if tag[2] else "")
+
+
+def exported(
+    tags: Tags, files: Mapping[str, str | bytes], assume: Assumptions
+) -> dict[str, Callable[[], ExportedPid | None]]:
+    """Return what loads the source; the interval of the algorithm is Cycle of its words."""
+    file = f"{tags.files}_words.scl"
+
+    def load() -> ExportedPid:
+        text = str(files[file])
+        cycle = re.search(rf"{re.escape(tags.active('Cycle'))} := ([0-9.E+-]+);", text)
+        if cycle is None:
+            raise InputError(f"{tags.active('Cycle')} is not assigned")
+        return ExportedPid(text, tags, assume, float(f"{float(cycle[1]):.7g}"))
+
+    return {file: load}

@@ -1,0 +1,200 @@
+"""The words in SCL source, a list of tags, or a table for a watch table."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Iterator
+from typing import Final, NamedTuple
+
+from heatertune.plc.pid_compact.source import CALL, LOAD, ROLLBACK, call, load, rollback
+from heatertune.plc.pid_compact.words import Tags, fields_of
+from heatertune.plc.ramp import Number
+from heatertune.plc.readback import Collected, ReadBack, first_unlike, lines_of, real_of, whole_of, wrong
+from heatertune.plc.words import WordField, Words
+
+__all__ = ["from_text"]
+
+_COMMENT: Final = re.compile(r"\(\*.*?(?:\*\)|\Z)|//[^\r\n]*", re.DOTALL)
+_TAG: Final = re.compile(r'(?:"[^"]*"\s*\.|#)?\s*([A-Za-z_]\w*(?:\s*\.\s*\w+)*)')
+#: tag := value, tag = value, with its type or not
+_ASSIGNED: Final = re.compile(
+    r'((?:"[^"]*"\s*\.\s*|#)?[A-Za-z_]\w*(?:\s*\.\s*\w+)*)\s*(?::\s*(?:REAL|BOOL|INT)\s*)?(?::=|=)\s*([^;]*?)\s*;?',
+    re.IGNORECASE)
+_FUNCTION: Final = re.compile(r'\bFUNCTION\s+"(\w+)"(.*?)\bEND_FUNCTION\b', re.DOTALL | re.IGNORECASE)
+_BEGIN: Final = re.compile(r"\bBEGIN\b", re.IGNORECASE)
+_STATEMENT: Final = re.compile(r'IF\b.*?\bTHEN\b|END_IF\s*;|"[^"]*"\s*\([^;]*;|[^;]+;', re.DOTALL | re.IGNORECASE)
+#: V1's names of the parameters
+_OLD: Final = re.compile(r"s(?:Ret|BackUp|Pid_Cmpt|Pid_Calc)\.", re.IGNORECASE)
+_HEADER: Final = ("NAME", "ADDRESS", "DISPLAY FORMAT")
+_MODIFY: Final = "MODIFY VALUE"
+#: a zone as wide as this is none
+_OFF: Final = 3.4028e38
+
+
+class _Assigned(NamedTuple):
+    line: int
+    tag: str
+    value: str
+
+
+def from_text(tags: Tags, text: str, _sample_time_s: float | None, source: str) -> ReadBack:
+    """Return the words in a text, and what it assigns besides.
+
+    Raises:
+        InputError: a line or cell that is none of a source, list or table; a parameter that is missing, there with two
+            values, or out of its range; a zone or cooling that no proof here knows; names of V1 of the block.
+    """
+    plain = text.replace("\r\n", "\n").replace("\r", "\n")
+    collected, over = Collected(source, fields_of(tags)), []
+    by_tag = {field.address.upper(): field for field in fields_of(tags)}
+    off = _switched_off(tags)
+    for line, tag, value in _all(plain, source):
+        field = by_tag.get(tag.upper())
+        if field is not None:
+            collected.put(field.name, _number(field, value), line, value)
+        elif _OLD.match(tag):
+            raise wrong(source, line, tag, value, "Retain.CtrlParams…: this is a name of V1 of the block, another one")
+        elif tag.upper() in off:
+            least, told = off[tag.upper()]
+            if not _is(value, least):
+                raise wrong(source, line, tag, value, told)
+        else:
+            over.append(f"{tag} := {value} (line {line})")
+    return ReadBack(collected.values(), tuple(over), _compared(tags, plain))
+
+
+def _switched_off(tags: Tags) -> dict[str, tuple[str, str]]:
+    """Return what has to be off, tag → its value, and what is told of another."""
+    listed = {
+        tags.active("DeadZone"): ("0.0", "0.0: no proof here knows a dead zone"),
+        tags.active("ControlZone"): ("off", "3.402822E38: no proof here knows a control zone"),
+        "Config.ActivateCooling": ("FALSE", "FALSE: no proof here knows cooling beside heating"),
+        "Config.InputPerOn": ("TRUE", "TRUE: the reading is Input_PER"),
+    }
+    if not tags.inverts:
+        listed["Config.InvertControl"] = ("FALSE", "FALSE: PID_Temp is not inverted")
+    return {tag.upper(): rule for tag, rule in listed.items()}
+
+
+def _is(value: str, wanted: str) -> bool:
+    if wanted in ("TRUE", "FALSE"):
+        return value.upper() in (wanted, {"TRUE": "1", "FALSE": "0"}[wanted])
+    number = real_of(value)
+    return number is not None and (number >= _OFF if wanted == "off" else number == float(wanted))
+
+
+def _number(field: WordField, value: str) -> Number | None:
+    if field.format == "BOOL":
+        return {"TRUE": 1, "FALSE": 0, "1": 1, "0": 0}.get(value.upper())
+    return real_of(value) if field.format == "REAL" else whole_of(value)
+
+
+def _all(text: str, source: str) -> Iterator[_Assigned]:
+    """Yield what a text assigns to the instance."""
+    if _FUNCTION.search(text):
+        yield from _of_source(text, source)
+    elif any(_is_header(content) for _, content in lines_of(text)):
+        yield from _of_table(text, source)
+    else:
+        yield from _of_list(text, source)
+
+
+def _of_source(text: str, source: str) -> Iterator[_Assigned]:
+    """Yield the assignments of the functions in a source, but for what saves the parameters of before."""
+    plain = _blanked(text)
+    outside = _FUNCTION.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), plain)
+    for line, content in lines_of(outside):
+        if content:
+            raise wrong(source, line, "statement", content, 'FUNCTION "…" to END_FUNCTION')
+    for function in _FUNCTION.finditer(plain):
+        begins = _BEGIN.search(function[2])
+        if begins is None:
+            raise wrong(source, plain.count("\n", 0, function.start()) + 1, function[1], "no BEGIN", "BEGIN")
+        start = function.start(2) + begins.end()
+        for found in _STATEMENT.finditer(plain, start, function.end(2)):
+            statement, at = found[0].strip(), found.end() - len(found[0].lstrip())
+            line = plain.count("\n", 0, at) + 1
+            assigned = _ASSIGNED.fullmatch(statement)
+            if assigned is None:
+                continue  # compared with what is exported, see `_compared`
+            tag, value = _tag(assigned[1]), assigned[2]
+            saves = tag.upper().startswith("CTRLPARAMSBACKUP.") or tag.upper() == "LOADBACKUP"
+            if not saves:
+                yield _Assigned(line, tag, value)
+        rest = _STATEMENT.sub("", plain[start:function.end(2)]).strip()
+        if rest:
+            raise wrong(source, plain.count("\n", 0, function.end(2)) + 1, function[1], rest[:40], "a statement and ;")
+
+
+def _of_table(text: str, source: str) -> Iterator[_Assigned]:
+    """Yield the rows of a table that have a value to write."""
+    delimiter = max(",;\t", key=text.count)
+    columns: dict[str, int] = {}
+    for line, content in lines_of(text):
+        if not content or content.lstrip('"').startswith(("//", "#")):
+            continue
+        cells = [cell.strip() for cell in next(csv.reader([content], delimiter=delimiter))]
+        if _is_header(content):
+            columns = {cell.upper(): place for place, cell in enumerate(cells)}
+            continue
+        if not columns or len(cells) < len(columns) or _MODIFY not in columns:
+            raise wrong(source, line, "row", content, "a row of the watch table below its heads")
+        name, value = cells[columns["NAME"]], cells[columns[_MODIFY]]
+        found = _TAG.fullmatch(name)
+        if found is None:
+            raise wrong(source, line, "name", name, '"instance".tag')
+        if value and not _tag(name).upper().startswith("CTRLPARAMSBACKUP.") and _tag(name).upper() != "LOADBACKUP":
+            yield _Assigned(line, _tag(name), value)
+
+
+def _of_list(text: str, source: str) -> Iterator[_Assigned]:
+    for line, content in lines_of(_blanked(text)):
+        if not content:
+            continue
+        assigned = _ASSIGNED.fullmatch(content)
+        if assigned is None:
+            raise wrong(source, line, "parameter", content, "a line such as Retain.CtrlParams.Gain := 2.5;")
+        yield _Assigned(line, _tag(assigned[1]), assigned[2])
+
+
+def _is_header(content: str) -> bool:
+    upper = content.upper().replace('"', "")
+    return upper.startswith(_HEADER[0]) and _HEADER[2] in upper
+
+
+def _tag(name: str) -> str:
+    """Return a tag without its instance and blanks."""
+    found = _TAG.fullmatch(name)
+    return re.sub(r"\s", "", found[1] if found else name)
+
+
+def _blanked(text: str) -> str:
+    return _COMMENT.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
+
+
+def _compared(tags: Tags, text: str) -> Callable[[Words], tuple[str, ...]] | None:
+    """Return what compares the source around the words with the exported one; None: there is none."""
+    functions = {found[1]: found for found in _FUNCTION.finditer(_blanked(text))}
+    if not functions:
+        return None
+
+    def unlike(words: Words) -> tuple[str, ...]:
+        own = {LOAD: load(tags, words, None), CALL: call(tags), ROLLBACK: rollback(tags)}
+        read = [(text.count("\n", 0, found.start()) + 1, _shape(found[0])) for found in functions.values()]
+        ours = [(0, _shape(_blanked(own[name]))) for name in functions if name in own]
+        return first_unlike(read, ours)
+
+    return unlike
+
+
+def _shape(function: str) -> str:
+    """Return a function's text without its plain assignments and blanks, its instance by one name."""
+    def kept(found: re.Match[str]) -> str:
+        assigned = _ASSIGNED.fullmatch(found[0].strip())
+        plain = assigned is not None and '"' not in assigned[2] and _tag(assigned[1]).upper() != "LOADBACKUP"
+        return "" if plain else found[0]
+
+    head, begin, body = re.split(r"(\bBEGIN\b)", function, maxsplit=1, flags=re.IGNORECASE)
+    joined = head + begin + _STATEMENT.sub(kept, body)
+    return re.sub(r"\s+", "", re.sub(r'"[^"]*"(?=[.(])', '"PID"', joined)).upper()

@@ -1,0 +1,154 @@
+"""The export as SCL: a function that gives an instance DB its words, and one that calls the instruction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from heatertune.plc.pid_compact.words import COUNTS, PARAMETERS, Tags
+from heatertune.plc.pwm import Actuator
+from heatertune.plc.single import single
+from heatertune.plc.words import Scaling, Words
+
+__all__ = ["BROKEN_HIGH", "BROKEN_LOW", "CALL", "LOAD", "ROLLBACK", "assignments", "call", "literal", "load", "made_by",
+           "rollback"]
+
+LOAD: Final = "HeaterWords"
+CALL: Final = "HeaterCall"
+ROLLBACK: Final = "HeaterRollback"
+
+#: analog values of the S7-1200/1500 from which on a reading is none: overflow, and underflow of 4 to 20 mA
+BROKEN_HIGH: Final = 32512
+BROKEN_LOW: Final = -4865
+#: numbers in this range are written without an exponent
+_LOWEST_PLAIN: Final = 1e-4
+_PLAIN: Final = 1e6
+#: how far beyond the sensor's range a reading is no error, as a part of it: more than an input's over-range of 18 %
+_BEYOND: Final = 0.2
+#: control zone that is switched off
+_OFF: Final = "3.402822E38"
+#: a finer clock than an organization block has
+_LEAST_MS: Final = 1.0
+
+Assigned = tuple[str, str, str]
+
+
+def literal(value: float) -> str:
+    """Return a REAL with nine digits, so that none is another's."""
+    text = f"{value:.9g}"
+    if value == 0.0 or _LOWEST_PLAIN <= abs(value) < _PLAIN:
+        return text if "." in text else f"{text}.0"
+    digits, _, exponent = f"{value:.8e}".partition("e")
+    digits = digits.rstrip("0")
+    return f"{digits}0E{int(exponent)}" if digits.endswith(".") else f"{digits}E{int(exponent)}"
+
+
+def made_by(tags: Tags, words: Words, actuator: Actuator | None) -> str | None:
+    """Return why the block's own output of pulses is not the switch of the proof; None: it is."""
+    if actuator is None:
+        return "no switch is known of the proof"
+    period, cycle, tick = actuator.pwm_period_s, words.sample_time_s, 1000.0 * actuator.resolution_s
+    clock = actuator.ticks(cycle) is not None and tick >= _LEAST_MS and abs(tick - round(tick)) <= 1e-6
+    other = abs(period - cycle) > 1e-9
+    problems = (
+        (actuator.block != "pid-compact", "another rule was proven"),
+        (not clock, "no organization block has its clock"),
+        (other and tags.inverts, f"its period is not Cycle, {cycle:g} s"),
+        (other and period > cycle, f"its period is above Cycle, {cycle:g} s"),
+        (words.values["OutputLowerLimit"] < 0.0, "it knows no output below 0 %"),
+        (max(actuator.minimum_on_s, actuator.minimum_off_s) >= period, "its shortest times fill the period"),
+    )
+    return next((why for holds, why in problems if holds), None)
+
+
+def assignments(tags: Tags, words: Words, actuator: Actuator | None) -> Iterator[Assigned]:
+    """Yield tag, value and meaning of all that is configured beside the parameters."""
+    v = words.values
+    lower, upper = literal(v["OutputLowerLimit"]), literal(v["OutputUpperLimit"])
+    yield tags.config(tags.upper), upper, "%"
+    yield tags.config(tags.lower), lower, "%"
+    if tags.inverts:
+        yield "Config.InvertControl", "TRUE" if v["InvertControl"] else "FALSE", "TRUE: a cooler"
+    else:
+        yield "Config.ActivateCooling", "FALSE", "OutputCool stays 0"
+        yield tags.active("DeadZone"), "0.0", "off"
+        yield tags.active("ControlZone"), _OFF, "off"
+        yield from ((tags.config(f"{kind}{end}Scaling"), at, "%") for kind in ("", "Pwm")
+                    for end, at in (("Upper", upper), ("Lower", lower)))
+    yield "IntegralResetMode", str(v["IntegralResetMode"]), "I part when automatic begins"
+    yield "OverwriteInitialOutputValue", "0.0", "%, of IntegralResetMode 3"
+    yield from _safe(v["OutputLowerLimit"], v["OutputUpperLimit"])
+    yield from _input(words.scaling)
+    yield from _clock(tags, words, actuator)
+
+
+def _safe(lower: float, upper: float) -> Iterator[Assigned]:
+    yield "ActivateRecoverMode", "TRUE", "an error that passes does not end automatic"
+    yield "SetSubstituteOutput", "TRUE", "while there is an error the output is SubstituteOutput"
+    yield "SubstituteOutput", literal(min(max(0.0, lower), upper)), "%"
+
+
+def _input(scaling: Scaling) -> Iterator[Assigned]:
+    low, high = single(scaling.low_degC), single(scaling.high_degC)
+    beyond = _BEYOND * scaling.span_degC
+    yield "Config.InputPerOn", "TRUE", "the reading is Input_PER"
+    yield "Config.InputScaling.LowerPointIn", "0.0", "analog value"
+    yield "Config.InputScaling.UpperPointIn", literal(COUNTS), "analog value"
+    yield "Config.InputScaling.LowerPointOut", literal(low), "degC"
+    yield "Config.InputScaling.UpperPointOut", literal(high), "degC"
+    yield "Config.InputLowerLimit", literal(single(low - beyond)), "degC"
+    yield "Config.InputUpperLimit", literal(single(high + beyond)), "degC"
+    yield "Config.SetpointLowerLimit", literal(low), "degC"
+    yield "Config.SetpointUpperLimit", literal(high), "degC"
+
+
+def _clock(tags: Tags, words: Words, actuator: Actuator | None) -> Iterator[Assigned]:
+    """Yield the interval of the calls, and the PWM that was proven where the block makes it."""
+    if actuator is not None:
+        yield "CycleTime.StartEstimation", "FALSE", "the interval of the calls is told, not measured"
+        yield "CycleTime.EnEstimation", "FALSE", "the interval of the calls is told, not measured"
+        yield "CycleTime.EnMonitoring", "TRUE", "error 0800h where it is another"
+        yield "CycleTime.Value", literal(single(tick_s(tags, words, actuator))), "s, of the cyclic interrupt OB"
+    if actuator is None or made_by(tags, words, actuator) is not None:
+        return
+    if not tags.inverts:
+        own = abs(actuator.pwm_period_s - words.sample_time_s) > 1e-9
+        yield tags.config("Select"), "1", "OutputHeat and OutputHeat_PWM"
+        yield tags.config("PwmPeriode"), literal(single(actuator.pwm_period_s)) if own else "0.0", "s; 0: Cycle"
+    yield tags.config("MinimumOnTime"), literal(single(actuator.minimum_on_s)), "s"
+    yield tags.config("MinimumOffTime"), literal(single(actuator.minimum_off_s)), "s"
+
+
+def tick_s(tags: Tags, words: Words, actuator: Actuator) -> float:
+    """Return the interval of the cyclic interrupt OB [s]: a step of the PWM, or Cycle where the block makes none."""
+    return actuator.resolution_s if made_by(tags, words, actuator) is None else words.sample_time_s
+
+
+def load(tags: Tags, words: Words, actuator: Actuator | None) -> str:
+    """Return the function that gives the instance DB its words; it saves those of before, where they are others."""
+    at = f'"{tags.instance}".'
+    values = {name: literal(words.values[name]) for name in PARAMETERS}
+    same = " AND\n    ".join(f"{at}{tags.active(name)} = {value}" for name, value in values.items())
+    saved = "".join(f"  {at}{tags.saved(name)} := {at}{tags.active(name)};\n" for name in PARAMETERS)
+    new = "".join(f"{at}{tags.active(name)} := {value};\n" for name, value in values.items())
+    rest = "".join(f"{at}{tag} := {value}; (* {meaning} *)\n" for tag, value, meaning in assignments(
+        tags, words, actuator))
+    return _function(LOAD, "", f"IF NOT ({same}) THEN\n{saved}END_IF;\n{new}{rest}")
+
+
+def call(tags: Tags) -> str:
+    """Return the function that the cyclic interrupt OB calls; a broken sensor resets the instruction."""
+    inputs = "VAR_INPUT\n  Setpoint : REAL; (* degC *)\n  Reading : INT; (* analog input *)\nEND_VAR\n"
+    return _function(CALL, inputs, (
+        f'"{tags.instance}"(Setpoint := #Setpoint, Input_PER := #Reading,\n'
+        f"  Reset := (#Reading >= {BROKEN_HIGH}) OR (#Reading <= {BROKEN_LOW}));\n"))
+
+
+def rollback(tags: Tags) -> str:
+    """Return the function that loads the parameters of before."""
+    return _function(ROLLBACK, "", f'"{tags.instance}".LoadBackUp := TRUE;\n')
+
+
+def _function(name: str, declared: str, body: str) -> str:
+    optimized = "{ S7_Optimized_Access := 'TRUE' }"
+    return f'FUNCTION "{name}" : Void\n{optimized}\nVERSION : 0.1\n{declared}BEGIN\n{body}END_FUNCTION\n'
