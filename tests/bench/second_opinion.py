@@ -127,10 +127,8 @@ class Bench:
             return 1.0 / w["Ki"] if w["Ki"] else math.inf
         if self.target == "fb41":  # its trapezoids are rectangles half an interval shorter
             return w["TI"] / 1000.0 - ta / 2.0 if w["I_SEL"] else math.inf
-        if self.target == "pid-compact":
-            return w["Ti"] or math.inf
-        if self.target == "s7-300":
-            return w["RESET"] / 1000.0 if w["RESET"] else math.inf
+        if self.target in ("s7-300", "pid-compact"):
+            return (w["RESET"] / 1000.0 if self.target == "s7-300" else w["Ti"]) or math.inf
         if self.target == "s7-200":  # KI acts on the sum of two errors
             return ta * (w["KP"] - w["KI"]) / (2.0 * w["KI"]) if w["KI"] else math.inf
         return 60.0 * w["TI"] * ta / w["TS"] if w["TI"] < 1e38 else math.inf
