@@ -10,8 +10,8 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.single import single
 from heatertune.plc.words import Scaling, Words
 
-__all__ = ["BROKEN_HIGH", "BROKEN_LOW", "CALL", "LOAD", "LOOKED_AT", "ROLLBACK", "assignments", "call", "literal", "load",
-           "made_by", "rollback"]
+__all__ = ["BROKEN_HIGH", "BROKEN_LOW", "CALL", "LOAD", "LOOKED_AT", "ROLLBACK", "assignments", "call", "literal",
+           "load", "made_by", "rollback", "tick_s"]
 
 LOAD: Final = "HeaterWords"
 CALL: Final = "HeaterCall"
