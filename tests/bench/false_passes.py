@@ -146,7 +146,7 @@ def _switch(rng, ta, target):
     least_on = least_off = 0.0
     if rng.random() < 0.5:
         least_on, least_off = (period * _log(rng, 0.01, 0.2) for _ in range(2))
-    carries = bool(least_on and rng.random() < 0.5)
+    carries = bool(least_on and rng.random() < 0.5) or target == "pid-compact"
     if carries:  # PID_Compact makes both times whole calls
         least_on, least_off = (resolution * math.floor(each / resolution + 0.5) for each in (least_on, least_off))
     return {"ratio": ratio, "resolution": resolution, "least_on": least_on, "least_off": least_off, "carries": carries}

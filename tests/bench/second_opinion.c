@@ -16,7 +16,7 @@
 #define RING 524288                        /* six hours of dead time with bursts every tenth of a second */
 #define MEMORY 16
 
-enum { S5, WEG, FB41, S7300, S7200, S7200PID };
+enum { S5, WEG, FB41, S7300, S7200, S7200PID, COMPACT };
 enum { START, STEP, LOAD, SETPOINT, MAINS, PLC, LED };
 
 typedef struct {
@@ -232,6 +232,11 @@ static double reading_of(const Case *c, double degrees)
 {
     double n = whole_count(c, degrees);
     if (c->target == WEG) return (float)(c->low + c->span * n / c->counts);
+    if (c->target == COMPACT) {
+        float low = (float)c->low, high = (float)(c->low + c->span), share = (float)n / 27648.0f, span = high - low;
+        share = share * span;
+        return share + low;
+    }
     return c->target == S7200PID ? 8.0 * n : n;
 }
 
@@ -422,6 +427,51 @@ static double s7200pid(const Case *c, Memory *m, float w, float x)
     return 100.0 * (double)(c->sw[0] ? last : m->n[0]) / c->words[4];
 }
 
+/* PID_Compact: Gain, Ti, Td, TdFiltRatio, Cycle [s], OutputUpperLimit [%]; b = 1, c = 0; f: e, v, I, D, the sum */
+static double compact(const Case *c, Memory *m, float w, float x)
+{
+    float kp = (float)c->words[0], ti = (float)c->words[1], td = (float)c->words[2], t = (float)c->words[4];
+    float high = (float)c->words[5], low = 0.0f, e = w - x, v = -x, p = kp * e, d = 0.0f, i = m->f[2], change = 0.0f;
+    float before_e = m->begun ? m->f[0] : c->sw[3] ? 0.0f : e, before_v = m->begun ? m->f[1] : c->sw[3] ? 0.0f : v;
+    if (ti > 0.0f) {
+        float k = kp * t, mean = e + before_e;
+        k = k / ti;
+        change = k * (c->sw[1] == 0 ? e : c->sw[1] == 1 ? before_e : mean * 0.5f);
+    }
+    if (td > 0.0f) {
+        float lag = (float)c->words[3] * td, keep, move, kt = kp * td;
+        if (c->sw[2] == 0) { float all = lag + t; keep = lag / all; move = kt / all; }
+        else if (c->sw[2] == 1) {
+            float half = 0.5f * t, l = lag > half ? lag : half, all = l + half, less = l - half;
+            keep = less / all; move = kt / all;
+        } else {
+            float ratio = t / lag, rate = kt / t;
+            keep = (float)exp(-(double)ratio);
+            float rest = 1.0f - keep;
+            move = c->sw[2] == 3 && lag > 0.0f ? kt / lag : rate * rest;
+        }
+        float moved = v - before_v, one = keep * m->f[3];
+        moved = move * moved;
+        d = one + moved;
+    }
+    float next = i + change, sum = p + next;
+    sum = sum + d;
+    if (ti > 0.0f) {
+        int over = c->sw[0] == 1 ? m->begun && m->f[4] >= high : sum > high;
+        int under = c->sw[0] == 1 ? m->begun && m->f[4] <= low : sum < low;
+        if (c->sw[0] == 3) {
+            float least = low - p, most = high - p;
+            next = next < least ? least : next > most ? most : next;
+        } else if ((over && change > 0.0f) || (under && change < 0.0f))
+            next = i;
+        if (c->sw[0] == 2) next = next < low ? low : next > high ? high : next;
+        sum = p + next;
+        sum = sum + d;
+    }
+    m->begun = 1; m->f[0] = e; m->f[1] = v; m->f[2] = next; m->f[3] = d; m->f[4] = sum;
+    return sum < low ? low : sum > high ? high : sum;
+}
+
 static double controlled(const Case *c, Memory *m, double w, double x)
 {
     switch (c->target) {
@@ -430,6 +480,7 @@ static double controlled(const Case *c, Memory *m, double w, double x)
     case FB41: return fb41(c, m, (float)w, (float)x);
     case S7300: return s7300(c, m, (float)w, (float)x);
     case S7200: return s7200(c, m, w, x);
+    case COMPACT: return compact(c, m, (float)w, (float)x);
     default: return s7200pid(c, m, (float)w, (float)x);
     }
 }

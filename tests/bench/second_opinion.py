@@ -25,6 +25,7 @@ SOURCE = Path(__file__).parent / "second_opinion.c"
 TARGETS = {
     "s5-ob251": (0, 2047, 0.48), "weg": (1, 4095, 0.0), "fb41": (2, 27648, 0.256), "s7-300": (3, 27648, 0.256),
     "s7-200": (4, 255, 0.0), "s7-200-pid": (5, 4000, 0.0),
+    "pid-compact": (6, 27648, 0.406),
 }
 #: open point → its settings in the order of their numbers, of those that a heater in automatic can meet
 SWITCHES = {
@@ -38,6 +39,8 @@ SWITCHES = {
     "s7-300": {"conversion": ("rnd", "trunc"), "bias_clamp": ("adjusted", "always"), "first_reading": ("taken", "zero")},
     "s7-200": {"width_applies": ("this_cycle", "next_cycle")},
     "s7-200-pid": {"width_applies": ("this_cycle", "next_cycle")},
+    "pid-compact": {"anti_windup": ("stopped", "late", "limited", "clamped"), "integral": ("backward", "forward", "trapezoid"),
+                    "derivative_lag": ("backward", "tustin", "ramp", "step"), "history": ("present", "zero")},
 }
 KINDS = {"heat-up": 0, "temperature-step": 1, "load": 2, "setpoint": 3, "mains": 4, "plc": 5, "led": 6}
 _TOO_SLOW = 20.0  # sums of lags and dead time
@@ -124,8 +127,8 @@ class Bench:
             return 1.0 / w["Ki"] if w["Ki"] else math.inf
         if self.target == "fb41":  # its trapezoids are rectangles half an interval shorter
             return w["TI"] / 1000.0 - ta / 2.0 if w["I_SEL"] else math.inf
-        if self.target == "s7-300":
-            return w["RESET"] / 1000.0 if w["RESET"] else math.inf
+        if self.target in ("s7-300", "pid-compact"):
+            return (w["RESET"] / 1000.0 if self.target == "s7-300" else w["Ti"]) or math.inf
         if self.target == "s7-200":  # KI acts on the sum of two errors
             return ta * (w["KP"] - w["KI"]) / (2.0 * w["KI"]) if w["KI"] else math.inf
         return 60.0 * w["TI"] * ta / w["TS"] if w["TI"] < 1e38 else math.inf
@@ -221,7 +224,7 @@ def _beat(b):
 
 def _degrees_per_second(b):
     step, calls, _ = b.ramp
-    unit = 1.0 if b.target == "weg" else (b.high - b.low) / TARGETS[b.target][1]
+    unit = 1.0 if b.target in ("weg", "pid-compact") else (b.high - b.low) / TARGETS[b.target][1]
     return step * unit / (8.0 if b.target == "s7-200-pid" else 1.0) / calls / b.interval
 
 
@@ -295,7 +298,8 @@ class Opinion:
 def _numbers(b):
     order = {"s5-ob251": ("K", "R", "TI", "TD", "BGOG", "BGUG"), "weg": ("Kp", "Ki", "Kd", "Ts", "MaximumOutput"),
              "fb41": ("GAIN", "TI", "TD", "TM_LAG", "CYCLE", "PV_FAC", "PV_OFF", "I_SEL", "D_SEL", "LMN_HLM"),
-             "s7-300": ("GAIN", "RATE", "RESET", "SAMPLE"), "s7-200": ("KP", "KI", "KD", "SCALE"),
+             "s7-300": ("GAIN", "RATE", "RESET", "SAMPLE"),
+             "pid-compact": ("Gain", "Ti", "Td", "TdFiltRatio", "Cycle", "OutputUpperLimit"), "s7-200": ("KP", "KI", "KD", "SCALE"),
              "s7-200-pid": ("KC", "TS", "TI", "TD")}[b.target]
     numbers = [float(b.words[name]) for name in order]
     return [*numbers, float(b.words["TICK"] * b.words["TICKS"])] if b.target.startswith("s7-200") else numbers

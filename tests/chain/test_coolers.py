@@ -29,7 +29,7 @@ HEATER = Fopdt(gain_degC_per_pct=0.4, time_constant_s=160.0, dead_time_s=12.0, a
 MIDDLE = 40.0  # of the sensor's range: in this mirror a whole number of units is one again
 COOLER = replace(HEATER, gain_degC_per_pct=-0.4, ambient_degC=2.0 * MIDDLE - 20.0)
 RANGE = Scaling(low_degC=MIDDLE - 60.0, high_degC=MIDDLE + 60.0)
-TARGETS = ["s5-ob251", "s7-200", "s7-200-pid", "s7-300", "fb41", "weg"]
+TARGETS = ["s5-ob251", "s7-200", "s7-200-pid", "s7-300", "fb41", "weg", "pid-compact"]
 #: the word that turns the action round
 SIGNS = {"s5-ob251": "K", "s7-200": "KP", "s7-200-pid": "KC", "s7-300": "GAIN", "fb41": "GAIN"}
 
@@ -51,6 +51,8 @@ def test_the_words_of_a_cooler_are_those_of_its_mirror_image_turned_round(target
     heating, cooling = (dict(_made(model, target, sample_time_s=4.0).values) for model in (HEATER, COOLER))
     if target == "weg":
         assert cooling == heating | {"Action": 1}  # the manual: 0 direct, 1 reverse
+    elif target == "pid-compact":
+        assert cooling == heating | {"InvertControl": 1}  # Gain is not negative
     else:
         turned = {name for name, value in heating.items() if cooling[name] == -value != 0}
         assert SIGNS[target] in turned

@@ -195,6 +195,21 @@ def test_source_and_table_come_back_and_a_changed_program_is_told(target):
         assert _read(target, source.replace(find, put, 1)).unlike(words) != ()
 
 
+@BOTH
+def test_configuration_that_is_not_the_proven_one_is_told_from_source_and_table(target):
+    words = _words(target)
+    for text in list(_files(target, words).values())[::2]:
+        assert _read(target, text).unlike(words) == ()
+        assert all("CycleTime" in each or "Minimum" in each or "Select" in each or "Pwm" in each for each in _read(target, text).passed_over)
+        for find, put, told in (("240.0", "300.0", "Config.InputScaling.UpperPointOut is 300.0, not 240.0"),
+                                ("SubstituteOutput := 0.0", "SubstituteOutput := 50.0", "SubstituteOutput is 50.0, not 0.0"),
+                                ('SubstituteOutput",,Floating-point number,,0.0', 'SubstituteOutput",,x,,50.0', "SubstituteOutput is 50.0")):
+            if find in text:
+                assert told in _read(target, text.replace(find, put, 1)).unlike(words)[0]
+    other = replace(words, scaling=Scaling(low_degC=-10.0, high_degC=100.0))
+    assert "UpperPointOut is 240.0, not 100.0" in _read(target, _source(target)).unlike(other)[0]
+
+
 def test_a_list_of_tags_is_read_with_and_without_the_instance():
     text = "\n".join(f"{prefix}{field.address} {sign} {value}{end}" for (prefix, sign, end), (field, value) in zip(
         5 * [('"PID 1".', ":=", ";"), ("#pid.", ":=", ""), ("", "=", ";")],

@@ -227,7 +227,9 @@ def _typed_lines(rows: Sequence[TypedWord]) -> list[str]:
     named = any(row.address != row.name for row in rows)
     cells = [[row.address, *([row.name] if named else []), as_typed(row.first, row.format)] for row in rows]
     if len(rows) > _WITH_MEANING:
-        return [f"  {line}" for line in beside(cells)]
+        lines = beside(cells)
+        short = lines if len(lines) < len(rows) else beside([[line[-2], line[-1]] for line in cells])
+        return [f"  {line}" for line in min(lines, short, key=len)]
     later = [f"then {as_typed(row.then, row.format)}: " if row.changes else "" for row in rows]
     meant = [[*line, f"{then}{row.meaning}"] for line, then, row in zip(cells, later, rows, strict=True)]
     return [cut(f"  {line}") for line in table(meant).splitlines()]

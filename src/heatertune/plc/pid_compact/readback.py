@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
 
-from heatertune.plc.pid_compact.source import CALL, LOAD, ROLLBACK, call, load, rollback
+from heatertune.plc.pid_compact.source import CALL, LOAD, LOOKED_AT, ROLLBACK, assignments, call, load, rollback
 from heatertune.plc.pid_compact.words import Tags, fields_of
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import Collected, ReadBack, first_unlike, lines_of, real_of, whole_of, wrong
@@ -46,7 +46,7 @@ def from_text(tags: Tags, text: str, _sample_time_s: float | None, source: str) 
             values, or out of its range; a zone or cooling that no proof here knows; names of V1 of the block.
     """
     plain = text.replace("\r\n", "\n").replace("\r", "\n")
-    collected, over = Collected(source, fields_of(tags)), []
+    collected, others = Collected(source, fields_of(tags)), list[_Assigned]()
     by_tag = {field.address.upper(): field for field in fields_of(tags)}
     off = _switched_off(tags)
     for line, tag, value in _all(plain, source):
@@ -60,8 +60,9 @@ def from_text(tags: Tags, text: str, _sample_time_s: float | None, source: str) 
             if not _is(value, least):
                 raise wrong(source, line, tag, value, told)
         else:
-            over.append(f"{tag} := {value} (line {line})")
-    return ReadBack(collected.values(), tuple(over), _compared(tags, plain))
+            others.append(_Assigned(line, tag, value))
+    over = tuple(f"{tag} := {value} (line {line})" for line, tag, value in others if tag.upper() not in LOOKED_AT)
+    return ReadBack(collected.values(), over, _compared(tags, plain, others))
 
 
 def _switched_off(tags: Tags) -> dict[str, tuple[str, str]]:
@@ -173,13 +174,18 @@ def _blanked(text: str) -> str:
     return _COMMENT.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
 
 
-def _compared(tags: Tags, text: str) -> Callable[[Words], tuple[str, ...]] | None:
-    """Return what compares the source around the words with the exported one; None: there is none."""
+def _compared(
+    tags: Tags, text: str, others: Sequence[_Assigned]
+) -> Callable[[Words], tuple[str, ...]]:
+    """Return what compares the configuration and the source around the words with the exported ones."""
     functions = {found[1]: found for found in _FUNCTION.finditer(_blanked(text))}
-    if not functions:
-        return None
 
     def unlike(words: Words) -> tuple[str, ...]:
+        wanted = {tag.upper(): value for tag, value, _ in assignments(tags, words, None)}
+        for line, tag, value in others:
+            own_value = wanted.get(tag.upper(), value)
+            if value.upper() != own_value and (real_of(value) is None or real_of(value) != real_of(own_value)):
+                return (f"{tag} is {value}, not {own_value} (line {line})",)
         own = {LOAD: load(tags, words, None), CALL: call(tags), ROLLBACK: rollback(tags)}
         read = [(text.count("\n", 0, found.start()) + 1, _shape(found[0])) for found in functions.values()]
         ours = [(0, _shape(_blanked(own[name]))) for name in functions if name in own]

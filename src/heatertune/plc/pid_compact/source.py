@@ -10,8 +10,8 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.single import single
 from heatertune.plc.words import Scaling, Words
 
-__all__ = ["BROKEN_HIGH", "BROKEN_LOW", "CALL", "LOAD", "ROLLBACK", "assignments", "call", "literal", "load", "made_by",
-           "rollback"]
+__all__ = ["BROKEN_HIGH", "BROKEN_LOW", "CALL", "LOAD", "LOOKED_AT", "ROLLBACK", "assignments", "call", "literal",
+           "load", "made_by", "rollback", "tick_s"]
 
 LOAD: Final = "HeaterWords"
 CALL: Final = "HeaterCall"
@@ -31,6 +31,13 @@ _OFF: Final = "3.402822E38"
 _LEAST_MS: Final = 1.0
 
 Assigned = tuple[str, str, str]
+
+#: tags beside the words that a text read back is held against, in capitals
+LOOKED_AT: Final = frozenset(tag.upper() for tag in (
+    "OverwriteInitialOutputValue", "ActivateRecoverMode", "SetSubstituteOutput", "SubstituteOutput",
+    *(f"Config.InputScaling.{end}Point{side}" for end in ("Lower", "Upper") for side in ("In", "Out")),
+    *(f"Config.{what}{end}Limit" for what in ("Input", "Setpoint") for end in ("Lower", "Upper")),
+    *(f"Config.Output.Heat.{kind}{end}Scaling" for kind in ("", "Pwm") for end in ("Lower", "Upper"))))
 
 
 def literal(value: float) -> str:
