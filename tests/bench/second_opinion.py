@@ -24,7 +24,7 @@ SOURCE = Path(__file__).parent / "second_opinion.c"
 #: to switch
 TARGETS = {
     "s5-ob251": (0, 2047, 0.48), "weg": (1, 4095, 0.0), "fb41": (2, 27648, 0.256), "s7-300": (3, 27648, 0.256),
-    "s7-200": (4, 255, 0.0), "s7-200-pid": (5, 4000, 0.0),
+    "s7-200": (4, 255, 0.0), "s7-200-pid": (5, 4000, 0.0), "klipper": (6, 3000, 0.308),
 }
 #: open point → its settings in the order of their numbers, of those that a heater in automatic can meet
 SWITCHES = {
@@ -38,6 +38,7 @@ SWITCHES = {
     "s7-300": {"conversion": ("rnd", "trunc"), "bias_clamp": ("adjusted", "always"), "first_reading": ("taken", "zero")},
     "s7-200": {"width_applies": ("this_cycle", "next_cycle")},
     "s7-200-pid": {"width_applies": ("this_cycle", "next_cycle")},
+    "klipper": {"firmware": ("klipper", "kalico", "older")},
 }
 KINDS = {"heat-up": 0, "temperature-step": 1, "load": 2, "setpoint": 3, "mains": 4, "plc": 5, "led": 6}
 _TOO_SLOW = 20.0  # sums of lags and dead time
@@ -120,6 +121,8 @@ class Bench:
         w, ta = self.words, self.interval
         if self.target == "s5-ob251":
             return ta * w["R"] / w["TI"] if w["TI"] else math.inf
+        if self.target == "klipper":
+            return w["pid_Kp"] / w["pid_Ki"] if w["pid_Ki"] else math.inf
         if self.target == "weg":
             return 1.0 / w["Ki"] if w["Ki"] else math.inf
         if self.target == "fb41":  # its trapezoids are rectangles half an interval shorter
@@ -221,7 +224,7 @@ def _beat(b):
 
 def _degrees_per_second(b):
     step, calls, _ = b.ramp
-    unit = 1.0 if b.target == "weg" else (b.high - b.low) / TARGETS[b.target][1]
+    unit = 1.0 if b.target in ("weg", "klipper") else (b.high - b.low) / TARGETS[b.target][1]
     return step * unit / (8.0 if b.target == "s7-200-pid" else 1.0) / calls / b.interval
 
 
@@ -296,7 +299,8 @@ def _numbers(b):
     order = {"s5-ob251": ("K", "R", "TI", "TD", "BGOG", "BGUG"), "weg": ("Kp", "Ki", "Kd", "Ts", "MaximumOutput"),
              "fb41": ("GAIN", "TI", "TD", "TM_LAG", "CYCLE", "PV_FAC", "PV_OFF", "I_SEL", "D_SEL", "LMN_HLM"),
              "s7-300": ("GAIN", "RATE", "RESET", "SAMPLE"), "s7-200": ("KP", "KI", "KD", "SCALE"),
-             "s7-200-pid": ("KC", "TS", "TI", "TD")}[b.target]
+             "s7-200-pid": ("KC", "TS", "TI", "TD"),
+             "klipper": ("pid_Kp", "pid_Ki", "pid_Kd", "max_power", "smooth_time")}[b.target]
     numbers = [float(b.words[name]) for name in order]
     return [*numbers, float(b.words["TICK"] * b.words["TICKS"])] if b.target.startswith("s7-200") else numbers
 
