@@ -121,10 +121,9 @@ class Bench:
         w, ta = self.words, self.interval
         if self.target == "s5-ob251":
             return ta * w["R"] / w["TI"] if w["TI"] else math.inf
-        if self.target == "klipper":
-            return w["pid_Kp"] / w["pid_Ki"] if w["pid_Ki"] else math.inf
-        if self.target == "weg":
-            return 1.0 / w["Ki"] if w["Ki"] else math.inf
+        if self.target in ("weg", "klipper"):
+            gain, integral = (1.0, w["Ki"]) if self.target == "weg" else (w["pid_Kp"], w["pid_Ki"])
+            return gain / integral if integral else math.inf
         if self.target == "fb41":  # its trapezoids are rectangles half an interval shorter
             return w["TI"] / 1000.0 - ta / 2.0 if w["I_SEL"] else math.inf
         if self.target == "s7-300":
