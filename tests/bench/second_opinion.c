@@ -16,7 +16,7 @@
 #define RING 524288                        /* six hours of dead time with bursts every tenth of a second */
 #define MEMORY 16
 
-enum { S5, WEG, FB41, S7300, S7200, S7200PID, COMPACT };
+enum { S5, WEG, FB41, S7300, S7200, S7200PID, COMPACT, KLIPPER };
 enum { START, STEP, LOAD, SETPOINT, MAINS, PLC, LED };
 
 typedef struct {
@@ -56,6 +56,7 @@ typedef struct {
     long double e, pw, d, y;               /* OB251 */
     float f[8];                            /* blocks in REAL */
     int64_t n[6];                          /* program in whole numbers */
+    double g[4];                           /* printer */
     int side, begun;
 } Memory;
 
@@ -237,6 +238,7 @@ static double reading_of(const Case *c, double degrees)
         share = share * span;
         return share + low;
     }
+    if (c->target == KLIPPER) return c->low + c->span * n / c->counts;
     return c->target == S7200PID ? 8.0 * n : n;
 }
 
@@ -472,6 +474,29 @@ static double compact(const Case *c, Memory *m, float w, float x)
     return sum < low ? low : sum > high ? high : sum;
 }
 
+/* Klipper: pid_Kp, pid_Ki, pid_Kd of 255, max_power, smooth_time; g: reading before, slope, integral, duty; n: reports since it was sent */
+static double klipper(const Case *c, Memory *m, double w, double x)
+{
+    double p = c->words[0] / 255.0, i = c->words[1] / 255.0, d = c->words[2] / 255.0, most = c->words[3], smooth = c->words[4];
+    double t = 0.3, rise = m->begun ? x - m->g[0] : 0.0, sum = m->g[2] + (w - x) * t, room = i > 0.0 ? most / i : 0.0;
+    m->begun = 1;
+    m->g[0] = x;
+    m->g[1] = t < smooth ? (m->g[1] * (smooth - t) + rise) / smooth : rise / t;
+    sum = within(sum, 0.0, room);
+    double free_ = p * (w - x) + i * sum - d * m->g[1], duty = within(free_, 0.0, most);
+    if (free_ == duty) m->g[2] = sum;
+    if (w <= 0.0) duty = 0.0;
+    double least = c->sw[0] == 0 ? 0.05 * most : 0.05;
+    int64_t holds = c->sw[0] == 2 ? 14 : 8;
+    m->n[0]++;
+    if (fabs(duty - m->g[3]) >= least || (m->g[3] > 0.0 && m->n[0] >= holds)) {
+        m->g[3] = duty;
+        m->n[0] = 0;
+    }
+    if (m->n[0] > holds) m->n[0] = holds;      /* for `same`: a heater that is off counts no further */
+    return 100.0 * m->g[3];
+}
+
 static double controlled(const Case *c, Memory *m, double w, double x)
 {
     switch (c->target) {
@@ -481,6 +506,7 @@ static double controlled(const Case *c, Memory *m, double w, double x)
     case S7300: return s7300(c, m, (float)w, (float)x);
     case S7200: return s7200(c, m, w, x);
     case COMPACT: return compact(c, m, (float)w, (float)x);
+    case KLIPPER: return klipper(c, m, w, x);
     default: return s7200pid(c, m, (float)w, (float)x);
     }
 }

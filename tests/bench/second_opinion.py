@@ -26,6 +26,7 @@ TARGETS = {
     "s5-ob251": (0, 2047, 0.48), "weg": (1, 4095, 0.0), "fb41": (2, 27648, 0.256), "s7-300": (3, 27648, 0.256),
     "s7-200": (4, 255, 0.0), "s7-200-pid": (5, 4000, 0.0),
     "pid-compact": (6, 27648, 0.406),
+    "klipper": (7, 3000, 0.308),
 }
 #: open point → its settings in the order of their numbers, of those that a heater in automatic can meet
 SWITCHES = {
@@ -41,6 +42,7 @@ SWITCHES = {
     "s7-200-pid": {"width_applies": ("this_cycle", "next_cycle")},
     "pid-compact": {"anti_windup": ("stopped", "late", "limited", "clamped"), "integral": ("backward", "forward", "trapezoid"),
                     "derivative_lag": ("backward", "tustin", "ramp", "step"), "history": ("present", "zero")},
+    "klipper": {"firmware": ("klipper", "kalico", "older")},
 }
 KINDS = {"heat-up": 0, "temperature-step": 1, "load": 2, "setpoint": 3, "mains": 4, "plc": 5, "led": 6}
 _TOO_SLOW = 20.0  # sums of lags and dead time
@@ -123,8 +125,9 @@ class Bench:
         w, ta = self.words, self.interval
         if self.target == "s5-ob251":
             return ta * w["R"] / w["TI"] if w["TI"] else math.inf
-        if self.target == "weg":
-            return 1.0 / w["Ki"] if w["Ki"] else math.inf
+        if self.target in ("weg", "klipper"):
+            gain, integral = (1.0, w["Ki"]) if self.target == "weg" else (w["pid_Kp"], w["pid_Ki"])
+            return gain / integral if integral else math.inf
         if self.target == "fb41":  # its trapezoids are rectangles half an interval shorter
             return w["TI"] / 1000.0 - ta / 2.0 if w["I_SEL"] else math.inf
         if self.target in ("s7-300", "pid-compact"):
@@ -224,7 +227,7 @@ def _beat(b):
 
 def _degrees_per_second(b):
     step, calls, _ = b.ramp
-    unit = 1.0 if b.target in ("weg", "pid-compact") else (b.high - b.low) / TARGETS[b.target][1]
+    unit = 1.0 if b.target in ("weg", "pid-compact", "klipper") else (b.high - b.low) / TARGETS[b.target][1]
     return step * unit / (8.0 if b.target == "s7-200-pid" else 1.0) / calls / b.interval
 
 
@@ -300,7 +303,8 @@ def _numbers(b):
              "fb41": ("GAIN", "TI", "TD", "TM_LAG", "CYCLE", "PV_FAC", "PV_OFF", "I_SEL", "D_SEL", "LMN_HLM"),
              "s7-300": ("GAIN", "RATE", "RESET", "SAMPLE"),
              "pid-compact": ("Gain", "Ti", "Td", "TdFiltRatio", "Cycle", "OutputUpperLimit"), "s7-200": ("KP", "KI", "KD", "SCALE"),
-             "s7-200-pid": ("KC", "TS", "TI", "TD")}[b.target]
+             "s7-200-pid": ("KC", "TS", "TI", "TD"),
+             "klipper": ("pid_Kp", "pid_Ki", "pid_Kd", "max_power", "smooth_time")}[b.target]
     numbers = [float(b.words[name]) for name in order]
     return [*numbers, float(b.words["TICK"] * b.words["TICKS"])] if b.target.startswith("s7-200") else numbers
 

@@ -28,7 +28,7 @@ class Klipper(Controller, name="klipper"):
     cannot = (
         "control: pid_v, mpc and dual_loop_pid of Kalico are not run", "no sensor that reports at another interval",
         "no setpoint ramp: the firmware has none",
-        "the power of a heater at rest moves in steps of 5 %: the temperature swings with it",
+        "a change below 5 % waits for the next refresh, up to 2.4 s; a heater that is off never gets less than 5 %",
     )
     fields, assumptions = FIELDS, Assumptions
     timer = Timer(shortest_s=REPORT_S, longest_s=REPORT_S, step_s=REPORT_S)
