@@ -95,6 +95,14 @@ def test_the_same_heater_is_as_proven_and_its_figures_are_those_of_the_curve(pro
 
 
 @pytest.mark.long
+def test_pulses_read_in_step_with_their_period_tell_nothing_against_the_power_reserve(proven):
+    found = as_left(trace(2400.0, columns="power", every=TA)[0], *proven)  # every reading sees the heater just switched on
+    assert by_name(found)["power_reserve"].measured < 1.0 < by_name(found)["power_reserve"].worst
+    assert by_name(found)["power_reserve"].as_proven
+    assert not any("reserve" in sentence for sentence in found.told)
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("gain", [0.6 * GAIN, 1.6 * GAIN])
 def test_another_heater_is_told_outside_and_where(proven, gain):
     found = as_left(trace(gain=gain)[0], *proven)

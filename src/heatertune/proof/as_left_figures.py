@@ -94,7 +94,7 @@ def seen_in(
         "recovery_overshoot": ruler.after_load("recovery_overshoot", 1, ruler.pct),
         f"recovery_overshoot{IN_DEGC}": ruler.after_load(f"recovery_overshoot{IN_DEGC}", 1, 1.0)})
     rests = [rest for course in courses if (rest := ruler.rest_of(course)) is not None]
-    seen |= _at_rest(rests, ruler)
+    seen |= _at_rest(rests, ruler, at_best=forgiven_degC > 0.0)
     seen["switchings"] = _switchings(log, ruler)
     return {name: seen.get(name) or Seen(None, _NOT_IN_TRACE.get(name, "no such part in the trace"))
             for name in proof.criteria}
@@ -233,7 +233,7 @@ def _on_its_side(course: _Course, ruler: _Ruler) -> tuple[float, float]:
     return max(0.0, float(along.max())), max(0.0, float(-along.min()))
 
 
-def _at_rest(rests: Sequence[_Course], ruler: _Ruler) -> dict[str, Seen]:
+def _at_rest(rests: Sequence[_Course], ruler: _Ruler, *, at_best: bool) -> dict[str, Seen]:
     if not rests:
         why = Seen(None, f"no rest in the trace: it begins {ruler.rests_after_s:.0f} s after the setpoint is asked for")
         return dict.fromkeys(("steady_offset", "limit_cycle", "pwm_ripple", "power_reserve"), why)
@@ -247,7 +247,9 @@ def _at_rest(rests: Sequence[_Course], ruler: _Ruler) -> dict[str, Seen]:
     held = [rest for rest in rests if abs(rest.part.setpoint_degC - ruler.highest_degC) <= ruler.band_degC
             and rest.part.kind != "recovery" and rest.power_pct is not None]
     if held:
-        seen["power_reserve"] = Seen(min(100.0 - _mean_power(rest) for rest in held))
+        unsure = [_unsure_pct(rest, ruler) if at_best else 0.0 for rest in held]
+        reserves = [100.0 - _mean_power(rest) + off for rest, off in zip(held, unsure, strict=True)]
+        seen["power_reserve"] = Seen(min(reserves))
     else:
         seen["power_reserve"] = Seen(None, "no power at the highest setpoint's rest in the trace")
     return seen
@@ -261,6 +263,13 @@ def _mean_power(rest: _Course) -> float:
     """Return the mean of a power that is held from one reading to the next [%]."""
     assert rest.power_pct is not None
     return float(np.sum(rest.power_pct[:-1] * np.diff(rest.time_s)) / (rest.time_s[-1] - rest.time_s[0]))
+
+
+def _unsure_pct(rest: _Course, ruler: _Ruler) -> float:
+    """Return by how much a mean of pulses read in step with their period may be off [%]: one reading in each period."""
+    assert rest.power_pct is not None
+    pulses = bool(np.isin(rest.power_pct, (0.0, 100.0)).all())
+    return 100.0 * min(1.0, ruler.interval_s / ruler.period_s) if pulses else 0.0
 
 
 def _ripple(rest: _Course, period_s: float) -> float:
