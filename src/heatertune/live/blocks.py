@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Final, Protocol
 
-from heatertune.errors import InputError
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import assumed
@@ -51,7 +50,7 @@ class Block(Protocol):
     def restarted(self, state: Any) -> Any:
         """Return the state after a start-up."""
 
-    def in_manual(self, cells: bytes) -> bool:
+    def in_manual(self, cells: bytes | bytearray) -> bool:
         """Return whether the controller is in manual."""
 
     def into_automatic(self, cells: bytearray) -> None:
@@ -87,9 +86,7 @@ def block_for(controller: Controller, words: Words, switches: Mapping[str, str])
     """Return what a virtual PLC serves of a controller that runs words.
 
     Raises:
-        InputError: it is none of those that can be served.
+        KeyError: it is none of those that can be served.
         UnknownName: no such switch or setting.
     """
-    if controller.name not in SERVED:
-        raise InputError(f"simulate serves {', '.join(SERVED)}; {controller.name} is not among them yet")
     return SERVED[controller.name](controller, words, assumed(controller.assumptions, switches))

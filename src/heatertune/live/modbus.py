@@ -1,4 +1,4 @@
-"""A virtual PLC over Modbus TCP: word w of the controller's block is holding register w, the simulator's begin at 1000."""
+"""A virtual PLC over Modbus TCP: word w of the block is holding register w, the simulator's begin at 1000."""
 
 from __future__ import annotations
 

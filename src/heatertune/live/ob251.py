@@ -88,7 +88,7 @@ class Ob251Block:
         self._asked = None
         return restarted((self._parameters, self._assume), COLD, state)
 
-    def in_manual(self, cells: bytes) -> bool:
+    def in_manual(self, cells: bytes | bytearray) -> bool:
         """Return whether bit 0 of STEU is clear."""
         return not cells[_STEU] & AUTO
 

@@ -127,7 +127,7 @@ def _demand_served(scenario: Scenario, faults: Sequence[Fault]) -> None:
     if any(isinstance(event, Led) for event in scenario.disturbances):
         raise InputError("simulate leads no setpoint along a profile: leave out --profile, or --story")
     if touch_mains(faults) and any(isinstance(event, Mains | PlcPower) for event in scenario.disturbances):
-        raise InputError("the proof's story switches the mains itself: leave out --story, or faults of heater and mains")
+        raise InputError("the proof's story switches the mains itself: leave out --story, or such faults")
 
 
 def _events(

@@ -150,7 +150,7 @@ class VirtualPlc:
         plan = self._plan
         times, kinds, values = ([column] for column in plan.events)
         intervals = sys.maxsize - 1 if self._pace.intervals is None else self._pace.intervals
-        batch: Any = Batch(intervals, [plan.noise], [[0.0]], [plan.row], times, kinds, values)  # type: ignore[arg-type]
+        batch: Any = Batch(intervals, [plan.noise], [[0.0]], [plan.row], times, kinds, values)
         ring: Any = [0.0] * ring_size(pulses_of(
             plan.row[3] + 3.0 * self._scan_s + plan.actuator.pwm_period_s, plan.actuator))
         nothing: Any = [0.0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
+from contextlib import suppress
 from threading import Thread
 from typing import Any, Final
 
@@ -67,7 +68,6 @@ class S7Server(Server):  # type: ignore[misc]
             thread.join()
         if self.server_socket is not None:
             self.server_socket.close()
-            self.server_socket = None
         return 0
 
     def _handle_client(self, client_socket: socket.socket, address: tuple[str, int]) -> None:
@@ -105,8 +105,6 @@ class S7Server(Server):  # type: ignore[misc]
 
 
 def _shut(one: socket.socket) -> None:
-    try:
+    with suppress(OSError):  # it has gone already
         one.shutdown(socket.SHUT_RDWR)
-    except OSError:
-        pass  # it has gone already
 

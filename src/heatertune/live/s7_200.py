@@ -71,9 +71,9 @@ class VMemory:
     def restarted(self, state: State) -> State:
         """Return the state after a start-up that finds V memory as it was."""
         self._asked = None
-        return restarted(None, None, state)
+        return restarted(None, self._cold, state)
 
-    def in_manual(self, _cells: bytes) -> bool:
+    def in_manual(self, _cells: bytes | bytearray) -> bool:
         """Return False: this program has no manual mode."""
         return False
 

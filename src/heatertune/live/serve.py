@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,20 +14,19 @@ from typing import Any, Final, Self
 
 from heatertune.documents import data_folder, read_document
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.live.blocks import Block, block_for
+from heatertune.live.blocks import SERVED, Block, block_for
 from heatertune.live.faults import LINK, Fault, fault_of
 from heatertune.live.memory import OWN, Told
 from heatertune.live.plan import Plan, plan_for
 from heatertune.live.plc import Pace, VirtualPlc
 from heatertune.model.values import FittedModel
-from heatertune.options import merged
 from heatertune.pid.document import read_design
 from heatertune.plc import Words, controller_for
 from heatertune.proof.words_file import WORDS_SCHEMA, words_of
 from heatertune.settings import Conditions
 from heatertune.units import check
 
-__all__ = ["PROTOCOLS", "Simulation", "VirtualPlcServed", "virtual_plc"]
+__all__ = ["PROTOCOLS", "Simulation", "VirtualPlcServed", "read_folder", "virtual_plc"]
 
 #: protocol → the module that it needs, of the extra of the same name
 PROTOCOLS: Final[Mapping[str, str]] = {"s7": "snap7", "modbus": "pymodbus"}
@@ -99,6 +98,8 @@ class VirtualPlcServed:
         addresses: protocol → host and port.
         block: of the controller, a few words.
         number, length: of that block, and its bytes.
+        target: the controller's name.
+        scan_s: time of the plant between two scans [s].
     """
 
     def __init__(self, plan: Plan, block: Block, measure: Callable[[Any, float], Any], settings: Simulation) -> None:
@@ -106,6 +107,8 @@ class VirtualPlcServed:
         pace = Pace(rate=settings.rate, by_client=settings.step, intervals=settings.intervals)
         self.plc = VirtualPlc(plan, block, measure, pace, dead_man_scans=settings.dead_man)
         self.block, self.number, self.length = block.told, block.number, self.plc.memory.size(block.number)
+        assert plan.loop.words is not None
+        self.target, self.scan_s = plan.loop.words.target, plan.loop.scan_s
         self.addresses: dict[str, tuple[str, int]] = {}
         self._ends: list[Callable[[], Any]] = []
         linked = any(fault.name in LINK or f"{fault.name}=" in LINK for fault in plan.faults)
@@ -195,25 +198,35 @@ def virtual_plc(
         DocumentError: the folder has not what `design` writes.
         OutOfRange, UnknownName: likewise.
     """
-    plan, block, settings = prepared(source, model, conditions, merged(Simulation, settings, changed))
-    return VirtualPlcServed(plan, block, controller_for(_target(plan)).core.measure, settings)
-
-
-def prepared(
-    source: str | Path | Words, model: FittedModel | None, conditions: Conditions | None, settings: Simulation
-) -> tuple[Plan, Block, Simulation]:
-    """Return what a virtual PLC is made of; arguments and errors as in `virtual_plc`."""
-    for protocol in settings.serve:
+    given = replace(settings or Simulation(), **_tuples(changed))
+    for protocol in given.serve:
         _demand_library(protocol)
-    if isinstance(source, Words):
-        if model is None:
-            raise InputError("virtual_plc of words needs a model: virtual_plc(words, model)")
-        words = source
-    else:
-        words, model, made_for = _read(source)
+    if not isinstance(source, Words):
+        words, model, made_for = read_folder(source)
         conditions = made_for if conditions is None else conditions
+    elif model is None:
+        raise InputError("virtual_plc of words needs a model: virtual_plc(words, model)")
+    else:
+        words = source
+    plan, block = _prepared(words, model, conditions or Conditions(), given)
+    return VirtualPlcServed(plan, block, controller_for(words.target).core.measure, given)
+
+
+def _tuples(changed: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a caller says, one protocol, port or fault as well as several."""
+    several = ("serve", "ports", "faults")
+    return {name: (value,) if name in several and isinstance(value, str | int) else
+            tuple(value) if name in several else value for name, value in changed.items()}
+
+
+def _prepared(
+    words: Words, model: FittedModel, conditions: Conditions, settings: Simulation
+) -> tuple[Plan, Block]:
+    """Return what a virtual PLC is made of; errors as in `virtual_plc`."""
     timetable = settings.timetable
-    plan = plan_for(words, model, conditions or Conditions(), sample=settings.sample, story=settings.story,
+    if words.target not in SERVED:
+        raise InputError(f"simulate serves {', '.join(SERVED)}; {words.target} is not among them yet")
+    plan = plan_for(words, model, conditions, sample=settings.sample, story=settings.story,
                     faults=timetable)
     controller = controller_for(words.target)
     block = block_for(controller, words, plan.loop.switches)
@@ -222,11 +235,17 @@ def prepared(
             block.put_word(bytearray(block.image()), fault.word, fault.value)
     if settings.dead_man and not block.manual:
         raise InputError(f"--dead-man is for a controller with a manual mode; {words.target} has none here")
-    return plan, block, settings
+    return plan, block
 
 
-def _read(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
-    """Return words, heater and conditions of a folder that `design` wrote."""
+def read_folder(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
+    """Return words, heater and conditions of a folder that `design` wrote.
+
+    Raises:
+        DocumentError: it has not what `design` writes.
+        InputError: its design holds no model.
+        OutOfRange: a word that the controller cannot hold.
+    """
     place = data_folder(folder)
     path = place / "words.json"
     document = read_document(path, WORDS_SCHEMA)
@@ -236,11 +255,6 @@ def _read(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
         raise InputError(f"{place / 'pid.json'}: no model in it; simulate needs a folder that heatertune design wrote")
     own = recipe.conditions if recipe is not None and recipe.target == words.target else Conditions()
     return words, fitted, own
-
-
-def _target(plan: Plan) -> str:
-    assert plan.loop.words is not None
-    return plan.loop.words.target
 
 
 def _demand_library(protocol: str) -> None:
