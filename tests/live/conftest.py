@@ -11,9 +11,11 @@ from heatertune.cli import main
 from heatertune.live.memory import OWN, OWN_LENGTH, Told
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
+from heatertune.proof.words_file import WORDS_SCHEMA
 from heatertune.settings import Conditions
 
 snap7 = pytest.importorskip("snap7.client", reason="python-snap7 is not installed")
+S7Error = pytest.importorskip("snap7.error").S7Error
 pymodbus = pytest.importorskip("pymodbus.client", reason="pymodbus is not installed")
 
 #: of OB251's block
@@ -57,7 +59,11 @@ class S7:
     def __init__(self, host, port):
         self.client = snap7.Client()
         self.client.connect(host, 0, 2, port)
-        self.client.connection.timeout = 5.0
+        self.timeout(5.0)
+
+    def timeout(self, seconds):
+        self.client.connection.timeout = seconds
+        self.client.connection.socket.settimeout(seconds)
 
     def read(self, number, start, count):
         return bytes(self.client.db_read(number, start, count))
@@ -93,6 +99,9 @@ class Modbus:
         self.client.close()
 
 
+#: what a client meets where the PLC or the link refuses
+FAILED = (AssertionError, OSError, S7Error)
+
 CLIENTS = {"s7": S7, "modbus": Modbus}
 
 
@@ -118,11 +127,14 @@ def stepped(asking, scans, upto=0):
 
 @pytest.fixture(scope="session")
 def design_folder(tmp_path_factory):
-    """A folder with words and design, as the commands write them."""
+    """A folder with a design as `tune` writes it, and words."""
     folder = tmp_path_factory.mktemp("design")
-    heater = ("--gain", "0.37", "--time-constant", "167", "--dead-time", "12", "--ambient", "22")
+    heater = ("--gain", "0.9", "--time-constant", "167", "--dead-time", "12", "--ambient", "22")
     assert main(["tune", *heater, "-o", str(folder / "pid.json"), "--quiet"]) == 0
-    assert main(["export-db", str(folder / "pid.json"), "--target", "s5-ob251", "--setpoint", "40", "-o", str(folder), "--quiet"]) == 0
+    words = words_of("s5-ob251")
+    (folder / "words.json").write_text(json.dumps({
+        "schema": WORDS_SCHEMA, "target": words.target, "words": dict(words.values), "sample_time_s": words.sample_time_s,
+        "scaling": {"low_degC": 0.0, "high_degC": 100.0}, "setpoint_ramp": None}))
     return folder
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from threading import Thread
 
 import pytest
-from tests.live.conftest import DB, LENGTH, S7, client
+from tests.live.conftest import DB, FAILED, LENGTH, S7, client
 
 from heatertune.live.faults import Fault, fault_of, heater_events
 from heatertune.live.memory import OWN, Access, Refusal
@@ -83,17 +83,15 @@ def test_somebody_writes_a_word_once(served):
 def test_in_stop_no_scan_is_run_and_a_start_up_clears_the_controller(served, words):
     plc = served(faults="t=400 cpu-stop until=600")
     before = plc.release(100)
-    with client(plc) as asking:
-        for number in range(50):
-            told = plc.release(1)
-            assert (told.scans, told.power_pct, told.status & RUNS) == (100, 0.0, 0), number
-            assert "stop" in asking.client.get_cpu_state().lower()
-        assert told.temperature_degC < before.temperature_degC
+    for number in range(50):
         told = plc.release(1)
-        assert (told.scans, told.status & RUNS) == (101, RUNS)
-        # the first call from the cold state: K·(R + TI)·XW alone
-        error, v = 1023 - told.reading, words.values
-        assert round(20.47 * told.power_pct) == min(int(v["K"] / 1024 * (1 + v["TI"] / 1024) * error), 2047)
+        assert (told.scans, told.power_pct, told.status & RUNS) == (100, 0.0, 0), number
+    assert told.temperature_degC < before.temperature_degC
+    told = plc.release(1)
+    assert (told.scans, told.status & RUNS) == (101, RUNS)
+    # the first call from the cold state: K·(R + TI)·XW alone
+    error, v = 1023 - told.reading, words.values
+    assert round(20.47 * told.power_pct) == min(int(v["K"] / 1024 * (1 + v["TI"] / 1024) * error), 2047)
 
 
 def test_a_client_stops_and_starts_the_cpu(served):
@@ -112,7 +110,7 @@ def test_a_block_that_is_missing_or_short_stops_the_cpu(served, fault, why):
     with client(plc) as asking:
         plc.release(15)
         assert plc.told.scans == 10
-        with pytest.raises(Exception, match="0x0a|0x05|exist|range"):
+        with pytest.raises(Exception, match=r"0x0a|0x05|exist|range"):
             asking.read(DB, 0, LENGTH)
         with pytest.raises(Refusal) as refused:
             plc.plc.memory.read(DB, 0, LENGTH)
@@ -129,7 +127,7 @@ def test_a_block_that_is_write_protected_keeps_its_words(served, protocol):
     with client(plc, protocol) as asking:
         plc.release(11)
         before = asking.read(DB, 0, 36)
-        with pytest.raises((AssertionError, RuntimeError, OSError)):
+        with pytest.raises(FAILED):
             asking.write(DB, 2, b"\0\1")
         assert asking.read(DB, 0, 36) == before
         plc.release(10)
@@ -143,9 +141,9 @@ def test_a_link_that_is_cut_comes_back(served):
         plc.release(10)
         assert len(asking.read(DB, 0, LENGTH)) == LENGTH
         plc.release(1)
-        with pytest.raises((RuntimeError, OSError)):
+        with pytest.raises(FAILED):
             asking.read(DB, 0, LENGTH)
-    with pytest.raises((RuntimeError, OSError)):
+    with pytest.raises(FAILED):
         S7(*plc.addresses["s7"])
     plc.release(10)
     with client(plc) as asking:
@@ -157,8 +155,8 @@ def test_without_a_reply_nobody_knows_whether_a_write_arrived(served, fault, arr
     plc = served(faults=f"t=40 {fault} until=80")
     with client(plc) as asking:
         plc.release(11)
-        asking.client.connection.timeout = 0.3
-        with pytest.raises((RuntimeError, OSError)):
+        asking.timeout(0.3)
+        with pytest.raises(FAILED):
             asking.write(DB, 2, b"\0\7")
     plc.release(10)
     with client(plc) as asking:
@@ -174,11 +172,11 @@ def test_a_late_reply_comes_so_many_scans_later(served):
         writing.start()
         with memory.changed:
             memory.changed.wait_for(lambda: memory.image()[2:4] == b"\0\7")
-        plc.release(2)
-        assert writing.is_alive()
-        plc.release(2)
-        writing.join(10.0)
-        assert not writing.is_alive()
+        passed = 0
+        while writing.is_alive():
+            plc.release(1)
+            passed += 1
+        assert passed >= 3
 
 
 def test_a_torn_block_has_halves_of_two_scans(served):
