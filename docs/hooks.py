@@ -22,7 +22,7 @@ from heatertune.terms import TERMS, Term
 
 SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
 COMMON = "common"
-ROOMS = ("chain", "log", "heater", "model", "pid", "plc", "proof", "report", "batch", COMMON)
+ROOMS = ("chain", "log", "heater", "model", "pid", "plc", "proof", "report", "batch", "live", COMMON)
 _MARKER = re.compile(r"^<!-- generate: (\w+) -->$", re.MULTILINE)
 
 

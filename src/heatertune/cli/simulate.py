@@ -123,5 +123,5 @@ def _lines(document: Mapping[str, Any]) -> str:
 def _found(protocol: str, document: Mapping[str, Any]) -> str:
     """Return where a client finds the block, and the simulator's own."""
     if protocol == "modbus":
-        return f"unit 1, registers 0…{document['bytes'] // 2 - 1} ({document['told']}); the simulator's from 1000 on"
-    return f"rack 0, slot 2, DB{document['block']} ({document['told']}); DB1000 is the simulator's"
+        return f"unit 1, registers 0…{document['bytes'] // 2 - 1} ({document['told']}); its own from 1000 on"
+    return f"rack 0, slot 2, DB{document['block']} ({document['told']}); its own: DB1000"

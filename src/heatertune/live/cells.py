@@ -17,7 +17,11 @@ _STRUCTS: Final = {"INT": ">h", "KF": ">h", "KM": ">H", "WORD": ">H", "UINT": ">
 
 
 def field_of(fields: Sequence[WordField], name: str) -> WordField:
-    """Return the word of a name; raise UnknownName for one that the controller does not have."""
+    """Return the word of a name.
+
+    Raises:
+        UnknownName: the controller has no such word.
+    """
     for field in fields:
         if field.name == name:
             return field

@@ -39,7 +39,7 @@ class Ob251Block:
     """DB30, 49 words; see `heatertune.live.blocks.Block`."""
 
     number, manual = DB, True
-    told = "49 words; words DW1…DW16, X DW22, Z DW24, XZ DW29, YA DW48"
+    told = "49 words"
 
     def __init__(self, controller: Controller, words: Words, assume: Assumptions) -> None:
         """Take words that run under assumptions.

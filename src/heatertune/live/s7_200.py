@@ -34,7 +34,7 @@ class VMemory:
     """512 bytes of V memory, which S7 clients find as DB 1; see `heatertune.live.blocks.Block`."""
 
     number, manual = 1, False
-    told = "V memory; loop table VB100…VB135"
+    told = "V memory"
 
     def __init__(self, controller: Controller, words: Words, assume: Assumptions) -> None:
         """Take words that run under assumptions.

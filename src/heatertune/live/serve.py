@@ -250,10 +250,15 @@ def read_folder(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
     path = place / "words.json"
     document = read_document(path, WORDS_SCHEMA)
     words = words_of(document, str(document.get("target")), path)
-    _, fitted, recipe = read_design(place / "pid.json")
+    beside = Path(folder) / "pid.json"  # where tune was told to write it, words having been exported later
+    design = beside if beside.is_file() else place / "pid.json"
+    _, fitted, recipe = read_design(design)
     if fitted is None:
-        raise InputError(f"{place / 'pid.json'}: no model in it; simulate needs a folder that heatertune design wrote")
+        raise InputError(f"{design}: no model in it; simulate needs a folder that heatertune design wrote")
     own = recipe.conditions if recipe is not None and recipe.target == words.target else Conditions()
+    proven = document.get("setpoint_degC")
+    if own.setpoint_degC is None and isinstance(proven, float | int):
+        own = replace(own, setpoint_degC=float(proven))
     return words, fitted, own
 
 

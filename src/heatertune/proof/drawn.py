@@ -88,7 +88,12 @@ def _limits(assumed: Conditions, drawing: Drawing) -> Limits:
 
 
 def drawing_for(words: Words, fitted: FittedModel, spread: Mapping[str, float], assumed: Conditions) -> Drawing:
-    """Return whose samples are drawn; arguments and errors as in `sample_document`."""
+    """Return whose samples are drawn; arguments as in `sample_document`.
+
+    Raises:
+        InputError: an interlock, which samples do not have; or as `heatertune.proof.fitted.prove`.
+        OutOfRange, UnknownName: likewise, or a spread without meaning.
+    """
     if assumed.interlock is not None:
         raise InputError("samples are run without an interlock: leave out --interlock, or --samples and --replay")
     setpoint, farthest = setpoints_for(fitted, assumed)
