@@ -7,10 +7,9 @@ import sys
 import time
 from dataclasses import replace
 
-from tests.live.conftest import CLIENTS, CONDITIONS, stepped, words_of
-
 from heatertune import Fopdt, Scenario, model_by_hand, simulate, virtual_plc
 from heatertune.live.memory import Told
+from tests.live.conftest import CLIENTS, CONDITIONS, stepped, words_of
 
 _SCANS = 10_000
 
