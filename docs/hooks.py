@@ -24,7 +24,7 @@ from heatertune.terms import TERMS, Term
 
 SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
 COMMON = "common"
-ROOMS = ("chain", "log", "heater", "model", "pid", "plc", "proof", "report", "batch", COMMON)
+ROOMS = ("chain", "log", "heater", "model", "pid", "plc", "proof", "report", "batch", "live", COMMON)
 #: of your_plc.md: controller and the rest of its heading
 _SECTION = re.compile(r"^## ([\w-]+): (.+)$", re.MULTILINE)
 _MARKER = re.compile(r"^<!-- generate: (\w+) -->$", re.MULTILINE)

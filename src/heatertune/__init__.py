@@ -32,7 +32,7 @@ _HOMES = {
     "fleet": "batch.fleets", "study": "batch.studies", "alternatives": "pid.alternatives", "choose_words": "plc.choose",
     "draw_heaters": "pid.search.uncertain", "front": "pid.pareto", "Interval": "model.intervals",
     "Noise": "model.experiment.fisher", **dict.fromkeys(("replay_document", "sample_document"), "proof.drawn"),
-    **dict.fromkeys(("HeatertuneError", "InputError", "NotRepresentable"), "errors"),
+    **dict.fromkeys(("HeatertuneError", "InputError", "NotRepresentable"), "errors"), "virtual_plc": "live.serve",
 }
 
 __all__ = [
@@ -85,6 +85,7 @@ __all__ = [
     "study",
     "tune",
     "validate",
+    "virtual_plc",
     "write_report",
 ]
 
@@ -108,6 +109,7 @@ if TYPE_CHECKING:
     )
     from heatertune.chain.doors import controller, decode, iae_load, margins, simulate
     from heatertune.errors import HeatertuneError, InputError, NotRepresentable
+    from heatertune.live.serve import virtual_plc
     from heatertune.log.values import Log
     from heatertune.model.by_hand import model_by_hand
     from heatertune.model.experiment.fisher import Noise

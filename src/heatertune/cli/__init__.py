@@ -29,6 +29,7 @@ from heatertune.cli import (
     read,
     replay,
     report,
+    simulate,
     spec,
     studio,
     study,
@@ -47,7 +48,7 @@ __all__ = ["main"]
 
 COMMANDS = (
     design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, feed_forward, compare, advise, study,
-    fleet, report, decode, diff, replay, targets, terms, studio, doctor, bench, completion,
+    fleet, report, decode, diff, replay, targets, terms, studio, simulate, doctor, bench, completion,
 )
 
 #: those that most people need, in the order in which they do, and what they are for

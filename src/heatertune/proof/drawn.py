@@ -17,7 +17,7 @@ from heatertune.proof.series import trace_series
 from heatertune.settings import Conditions
 from heatertune.units import check
 
-__all__ = ["SCHEMA", "replay_document", "sample_document"]
+__all__ = ["SCHEMA", "drawing_for", "replay_document", "sample_document"]
 
 SCHEMA: Final = "heatertune/sample/1"
 _MOST_SAMPLES: Final = 10_000_000
@@ -45,7 +45,7 @@ def sample_document(
     """
     check("samples", count, least=1, most=_MOST_SAMPLES)
     assumed = conditions or Conditions()
-    drawing = _drawing(words, fitted, spread or {}, assumed)
+    drawing = drawing_for(words, fitted, spread or {}, assumed)
     return prove_samples(drawing, _limits(assumed, drawing), count, seed=seed, quantile=quantile).to_document()
 
 
@@ -66,7 +66,7 @@ def replay_document(
         InputError, OutOfRange, UnknownName: as `sample_document`.
     """
     assumed = conditions or Conditions()
-    drawing = _drawing(words, fitted, spread or {}, assumed)
+    drawing = drawing_for(words, fitted, spread or {}, assumed)
     trace = replay(drawing, seed)
     criteria = judge(trace, _limits(assumed, drawing))
     model = trace.model
@@ -87,7 +87,13 @@ def _limits(assumed: Conditions, drawing: Drawing) -> Limits:
     return limits_of(specified(assumed), drawing.heaters)
 
 
-def _drawing(words: Words, fitted: FittedModel, spread: Mapping[str, float], assumed: Conditions) -> Drawing:
+def drawing_for(words: Words, fitted: FittedModel, spread: Mapping[str, float], assumed: Conditions) -> Drawing:
+    """Return whose samples are drawn; arguments as in `sample_document`.
+
+    Raises:
+        InputError: an interlock, which samples do not have; or as `heatertune.proof.fitted.prove`.
+        OutOfRange, UnknownName: likewise, or a spread without meaning.
+    """
     if assumed.interlock is not None:
         raise InputError("samples are run without an interlock: leave out --interlock, or --samples and --replay")
     setpoint, farthest = setpoints_for(fitted, assumed)

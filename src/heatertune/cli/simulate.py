@@ -1,0 +1,127 @@
+"""`heatertune simulate`: a virtual PLC that answers on the network, with the heater behind it."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
+
+from heatertune import options
+from heatertune.cli import printing
+from heatertune.errors import InputError
+from heatertune.settings import Conditions
+
+if TYPE_CHECKING:
+    from heatertune.live.serve import VirtualPlcServed
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune simulate out/ --serve s7 --rate 100"
+_SERVED: Final = ("s7", "modbus")
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "simulate", help="a virtual PLC that answers on the network, with the heater behind it", epilog=_EXAMPLE,
+        description="Serve the controller of a design on 127.0.0.1, its own arithmetic in its own memory, and "
+                    "behind it the heater in PWM. Prints its addresses; Ctrl-C ends it, and nothing is left.",
+    )
+    command.add_argument("directory", metavar="DIR", nargs="?", help="folder that heatertune design wrote")
+    command.add_argument("--serve", action="append", default=[], metavar="NAME",
+                         help=f"protocol: {', '.join(_SERVED)} (default: s7); may be repeated")
+    command.add_argument("--port", action="append", type=int, default=[], metavar="N",
+                         help="port of each protocol, in turn (default: one that is free)")
+    pace = command.add_argument_group("time")
+    pace.add_argument("--rate", default="1", metavar="N|max",
+                      help="so many times as fast as a real heater (default: 1)")
+    pace.add_argument("--step", action="store_true", help="a client releases each scan: the same run every time")
+    pace.add_argument("--scans", type=int, metavar="N", help="end after so many (default: never)")
+    heater = command.add_argument_group("the heater")
+    heater.add_argument("--sample", type=int, metavar="SEED",
+                        help="draw it as verify --samples does (default: the working model)")
+    heater.add_argument("--story", action="store_true", help="with what the proof lets it live through")
+    heater.add_argument("--fault", action="append", default=[], metavar="TEXT",
+                        help='what goes wrong, as "t=900 sensor-off until=1200"; may be repeated')
+    heater.add_argument("--faults", action="store_true", help="list what can go wrong, and end")
+    heater.add_argument("--dead-man", type=int, default=0, metavar="N",
+                        help="scans in manual without a heartbeat before it goes to automatic (default: never)")
+    group = command.add_argument_group("conditions, where they are other than the design's")
+    options.add(group, Conditions, "setpoint_degC", "noise_degC", "switches", default=argparse.SUPPRESS)
+    printing.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    if settings.faults:
+        from heatertune.live.faults import FAULTS  # noqa: PLC0415 - the help must not wait for it
+
+        width = max(map(len, FAULTS))
+        printing.output(settings, {"schema": "heatertune/faults/1", "faults": dict(FAULTS)},
+                        lambda: "\n".join(f"{name:{width}}  {what}" for name, what in FAULTS.items()))
+        return 0
+    if settings.directory is None:
+        raise InputError("simulate needs the folder that heatertune design wrote (or --faults)")
+    from heatertune.live.serve import Simulation, read_folder, virtual_plc  # noqa: PLC0415
+
+    simulation = Simulation(
+        serve=tuple(settings.serve) or ("s7",), ports=tuple(settings.port), rate=_rate(settings.rate),
+        step=settings.step, intervals=settings.scans, sample=settings.sample, story=settings.story,
+        faults=tuple(settings.fault), dead_man=settings.dead_man)
+    words, model, conditions = read_folder(settings.directory)
+    own = replace(conditions, **options.given(Conditions, settings))
+    with virtual_plc(words, model, own, simulation) as served:
+        document = _document(settings, served, simulation)
+        printing.output(settings, document, lambda: _lines(document))
+        sys.stdout.flush()
+        with suppress(KeyboardInterrupt):  # as it is meant to be ended
+            served.wait()
+        told = served.told
+    if not settings.quiet:
+        print(f"ended after {told.intervals} scans: {told.temperature_degC:.2f} °C, {told.power_pct:.1f} % power",
+              file=sys.stderr)
+    return 0
+
+
+def _rate(text: str) -> float:
+    if text == "max":
+        return math.inf
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"--rate {text!r}: expected a number, or max") from None
+
+
+def _document(settings: argparse.Namespace, served: VirtualPlcServed, simulation: Any) -> dict[str, Any]:
+    addresses = {protocol: {"host": host, "port": port} for protocol, (host, port) in served.addresses.items()}
+    return {
+        "schema": "heatertune/simulate/1", "target": served.target, "directory": settings.directory,
+        "addresses": addresses, "block": served.number, "bytes": served.length, "told": served.block,
+        "scan_s": served.scan_s, "pace": "a client releases each" if simulation.step else _pace(simulation.rate),
+        "sample": simulation.sample, "faults": list(simulation.faults),
+    }
+
+
+def _pace(rate: float) -> str:
+    return "as fast as it can" if math.isinf(rate) else "in real time" if rate == 1.0 else f"{rate:g} times as fast"
+
+
+def _lines(document: Mapping[str, Any]) -> str:
+    sample = document["sample"]
+    heater = "the model's heater" if sample is None else f"heater {sample} of the model set"
+    lines = [f"virtual PLC: {document['target']} with the words of {document['directory']}, {heater} behind it"]
+    for protocol, where in document["addresses"].items():
+        lines.append(f"{protocol:8}{where['host']}:{where['port']}  {_found(protocol, document)}")
+    lines += [f"fault   {fault}" for fault in document["faults"]]
+    return "\n".join([*lines, f"scans   every {document['scan_s']:g} s, {document['pace']}; Ctrl-C ends it"])
+
+
+def _found(protocol: str, document: Mapping[str, Any]) -> str:
+    """Return where a client finds the block, and the simulator's own."""
+    if protocol == "modbus":
+        return f"unit 1, registers 0…{document['bytes'] // 2 - 1} ({document['told']}); its own from 1000 on"
+    return f"rack 0, slot 2, DB{document['block']} ({document['told']}); its own: DB1000"

@@ -1,0 +1,1 @@
+"""The live side: a virtual PLC that answers on the network, with the heater behind it."""

@@ -1,0 +1,92 @@
+"""What a virtual PLC serves of each controller: its block as bytes, and one scan on these bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final, Protocol
+
+from heatertune.plc import Words
+from heatertune.plc.controller import Controller
+from heatertune.plc.open_points import assumed
+from heatertune.plc.ramp import Number
+
+__all__ = ["SERVED", "Block", "block_for"]
+
+
+class Block(Protocol):
+    """A controller's block in a PLC.
+
+    Attributes:
+        number: of the block; for an S7-200, whose V memory it is, 1.
+        told: what it is, a few words.
+        manual: whether clients can put the controller in manual.
+    """
+
+    number: int
+    told: str
+    manual: bool
+
+    def image(self) -> bytes:
+        """Return its bytes before the first scan."""
+
+    def begin(self) -> Any:
+        """Return the state before the first scan, which nobody else changes."""
+
+    def scan(
+        self, cells: bytearray, state: Any, setpoint: Number, reading: Number
+    ) -> tuple[Any, float, Number, int]:
+        """Run one scan on the block; what it writes goes into `cells`. Total for every bit pattern.
+
+        Args:
+            cells: the block, as the scan finds it.
+            state: before the scan.
+            setpoint: as the program asks for it; where it is another than at the scan before, it is written.
+            reading: of the input module.
+
+        Returns:
+            State, power 0…100 %, output and flags, as `heatertune.plc.core.Core.step` gives them.
+        """
+
+    def restarted(self, state: Any) -> Any:
+        """Return the state after a start-up."""
+
+    def in_manual(self, cells: bytes | bytearray) -> bool:
+        """Return whether the controller is in manual."""
+
+    def into_automatic(self, cells: bytearray) -> None:
+        """Put the controller back in automatic."""
+
+    def put_word(self, cells: bytearray, name: str, value: float) -> None:
+        """Write one word, as somebody at a programming unit does.
+
+        Raises:
+            InputError: no such word, or a value that the word cannot hold.
+        """
+
+
+def _ob251(controller: Controller, words: Words, assume: Any) -> Block:
+    from heatertune.live.ob251 import Ob251Block  # noqa: PLC0415 - only what is served is loaded
+
+    return Ob251Block(controller, words, assume)
+
+
+def _s7_200_pid(controller: Controller, words: Words, assume: Any) -> Block:
+    from heatertune.live.s7_200 import VMemory  # noqa: PLC0415
+
+    return VMemory(controller, words, assume)
+
+
+#: target → what makes its block
+SERVED: Final[Mapping[str, Callable[[Controller, Words, Any], Block]]] = {
+    "s5-ob251": _ob251, "s7-200-pid": _s7_200_pid,
+}
+
+
+def block_for(controller: Controller, words: Words, switches: Mapping[str, str]) -> Block:
+    """Return what a virtual PLC serves of a controller that runs words.
+
+    Raises:
+        KeyError: it is none of those that can be served.
+        UnknownName: no such switch or setting.
+    """
+    return SERVED[controller.name](controller, words, assumed(controller.assumptions, switches))

@@ -1,0 +1,164 @@
+"""The memory of a virtual PLC: its blocks as bytes, shared by the scan and by every protocol that serves them."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from enum import Enum
+from threading import Condition
+from typing import Final
+
+__all__ = ["OWN", "OWN_LENGTH", "Access", "Memory", "Refusal", "Told"]
+
+#: number of the simulator's own block, which no real PLC has
+OWN: Final = 1000
+
+#: of that block, high byte first: intervals over, scans run, intervals released (written by clients), heartbeat
+#: (written by clients), status; what the sensor sees [°C], the power asked for [%], setpoint and reading in units
+_TOLD: Final = struct.Struct(">IIIHHdddd")
+OWN_LENGTH: Final = _TOLD.size
+_RELEASED: Final = slice(8, 12)
+_HEARTBEAT: Final = slice(12, 14)
+
+
+class Access(Enum):
+    """Why a block cannot be read or written."""
+
+    MISSING = "there is no such block"
+    OUTSIDE = "beyond the end of the block"
+    PROTECTED = "the block is write-protected"
+
+
+class Refusal(Exception):
+    """Raised when a client asks for what a PLC refuses; never a user's error."""
+
+    def __init__(self, why: Access) -> None:
+        self.why = why
+        super().__init__(why.value)
+
+
+class Told:
+    """What the simulator's own block says, by name.
+
+    Attributes:
+        intervals: of the plant's time that are over, each as long as the time between two scans.
+        scans: that the CPU ran in them; it runs none in STOP.
+        released: up to how many intervals may pass, with `--step`.
+        heartbeat: as the host wrote it last.
+        status: bits: 0 in RUN, 1 the dead man has acted, 2 a fault of the timetable is there.
+        temperature_degC: that the sensor sees, noise included [°C].
+        power_pct: asked for [%].
+        setpoint, reading: in the controller's units.
+    """
+
+    __slots__ = ("heartbeat", "intervals", "power_pct", "reading", "released", "scans", "setpoint", "status",
+                 "temperature_degC")
+
+    def __init__(self, content: bytes) -> None:
+        """Take the bytes of the block."""
+        (self.intervals, self.scans, self.released, self.heartbeat, self.status, self.temperature_degC, self.power_pct,
+         self.setpoint, self.reading) = _TOLD.unpack(content)
+
+
+class Memory:
+    """Blocks by number; each read and each write is whole, whoever asks.
+
+    Attributes:
+        changed: the lock of all blocks, notified at each write of a client.
+        main: number of the controller's block.
+        missing, protected: whether the controller's block is not there, or cannot be written.
+        length: of the controller's block as clients see it [bytes].
+    """
+
+    def __init__(self, main: int, content: bytes, also: Mapping[int, int] | None = None) -> None:
+        """Lay out the blocks.
+
+        Args:
+            main: number of the controller's block.
+            content: of that block.
+            also: other numbers under which it is known.
+        """
+        self.changed = Condition()
+        self.main, self.length = main, len(content)
+        self.missing = self.protected = False
+        self._blocks = {main: bytearray(content), OWN: bytearray(OWN_LENGTH)}
+        self._names = {main: main, OWN: OWN, **(also or {})}
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The numbers of all blocks."""
+        return tuple(self._blocks)
+
+    def size(self, number: int) -> int:
+        """Return how long a block is, whatever is wrong with it [bytes]."""
+        return len(self._blocks[number])
+
+    def read(self, number: int, start: int, count: int) -> bytes:
+        """Return bytes of a block, for a client; raise `Refusal` where the PLC would refuse."""
+        with self.changed:
+            return bytes(self._block(number, start, count)[start : start + count])
+
+    def write(self, number: int, start: int, content: bytes) -> None:
+        """Write bytes of a block, all of them or none, for a client; raise `Refusal` where the PLC would refuse."""
+        with self.changed:
+            block = self._block(number, start, len(content))
+            if self.protected and block is self._blocks[self.main]:
+                raise Refusal(Access.PROTECTED)
+            block[start : start + len(content)] = content
+            self.changed.notify_all()
+
+    def _block(self, number: int, start: int, count: int) -> bytearray:
+        known = self._names.get(number)
+        if known is None or (self.missing and known == self.main):
+            raise Refusal(Access.MISSING)
+        block = self._blocks[known]
+        end = self.length if known == self.main else len(block)
+        if start < 0 or count < 0 or start + count > end:
+            raise Refusal(Access.OUTSIDE)
+        return block
+
+    def image(self) -> bytes:
+        """Return the controller's block as the scan finds it."""
+        with self.changed:
+            return bytes(self._blocks[self.main])
+
+    def put(self, before: bytes, after: bytes | bytearray, part: slice = slice(None)) -> None:
+        """Write what a scan has changed, and nothing else: what clients wrote meanwhile stays.
+
+        Args:
+            before: as the scan found the controller's block.
+            after: as it left it.
+            part: of it.
+        """
+        if before == after:
+            return
+        with self.changed:
+            block = self._blocks[self.main]
+            for at in range(*part.indices(len(block))):
+                if before[at] != after[at]:
+                    block[at] = after[at]
+
+    def tell(self, intervals: int, scans: int, status: int, seen: tuple[float, float, float, float]) -> None:
+        """Write what the simulator tells into its own block; see `Told` for the meaning.
+
+        Args:
+            intervals: that are over.
+            scans: that were run.
+            status: bits.
+            seen: temperature, power, setpoint, reading.
+        """
+        with self.changed:
+            own = self._blocks[OWN]
+            released, heartbeat = own[_RELEASED], own[_HEARTBEAT]
+            own[:] = _TOLD.pack(intervals & 0xFFFFFFFF, scans & 0xFFFFFFFF, 0, 0, status, *seen)
+            own[_RELEASED], own[_HEARTBEAT] = released, heartbeat
+
+    @property
+    def released(self) -> int:
+        """Up to how many intervals clients let pass."""
+        return int.from_bytes(self._blocks[OWN][_RELEASED], "big")
+
+    @property
+    def heartbeat(self) -> bytes:
+        """As a client wrote it last."""
+        return bytes(self._blocks[OWN][_HEARTBEAT])

@@ -1,0 +1,151 @@
+"""Which heater a virtual PLC has behind it, and what it lives through: the proof's own, or one drawn as samples are."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from heatertune.errors import InputError
+from heatertune.live.faults import Fault, heater_events, touch_mains
+from heatertune.model.values import FittedModel
+from heatertune.plc import Words, controller_for
+from heatertune.plc.pwm import Actuator
+from heatertune.proof.drawn import drawing_for
+from heatertune.proof.events import Led
+from heatertune.proof.fitted import actuator_for, course_for, setpoints_for
+from heatertune.proof.heaters import holding
+from heatertune.proof.kernel import LOAD, MAINS
+from heatertune.proof.loop import InLoop, actuator_of, check_words, events_of, in_loop, plant_row
+from heatertune.proof.scenario import Load, Mains, PlcPower, Scenario, TemperatureStep, delayed
+from heatertune.settings import Conditions
+from heatertune.units import check
+
+__all__ = ["Noise", "Plan", "plan_for"]
+
+_DRAWN_AT_ONCE: Final = 4096
+
+
+class Noise:
+    """The noise of a sensor, scan by scan without an end [°C]; the same numbers as an array of them has."""
+
+    def __init__(self, generator: np.random.Generator, sigma_degC: float) -> None:
+        """Draw from a generator.
+
+        Args:
+            generator: that nobody else draws from.
+            sigma_degC: standard deviation [°C].
+        """
+        self._generator, self._sigma = generator, sigma_degC
+        self._from, self._drawn = 0, list[float]()
+
+    def __len__(self) -> int:
+        return sys.maxsize
+
+    def __getitem__(self, scan: int) -> float:
+        """Return the noise of a scan; scans are asked for in order, each as often as it is wanted."""
+        while scan >= self._from + len(self._drawn):
+            self._from += len(self._drawn)
+            self._drawn = self._generator.normal(0.0, self._sigma, _DRAWN_AT_ONCE).tolist()
+        return self._drawn[scan - self._from]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """A heater, a controller and what happens, as the proof's kernel takes them.
+
+    Attributes:
+        loop: the words, running, with the settings of what the manual leaves open.
+        row: of `Batch.plants`.
+        events: instants [s], kinds and values, in order, the last instant infinite.
+        noise: of the readings [°C].
+        scenario: what is asked for, and what happens but for the faults.
+        actuator: the switch.
+        faults: the timetable.
+    """
+
+    loop: InLoop
+    row: Sequence[float]
+    events: tuple[list[float], list[int], list[float]]
+    noise: Noise | list[float]
+    scenario: Scenario
+    actuator: Actuator
+    faults: tuple[Fault, ...]
+
+
+def plan_for(
+    words: Words, fitted: FittedModel, conditions: Conditions, *, sample: int | None = None, story: bool = False,
+    spread: Mapping[str, float] | None = None, faults: Sequence[Fault] = (),
+) -> Plan:
+    """Return what a virtual PLC runs: at rest at the ambient first, and then the setpoint.
+
+    Args:
+        words: that the PLC holds at the beginning.
+        fitted: the heater.
+        conditions: setpoint, switch, noise, settings of what the manual leaves open.
+        sample: seed of the heater that is drawn, as `heatertune verify --replay` does; None: the working model.
+        story: whether the proof's story happens; else nothing does but the faults.
+        spread: as for `heatertune.proof.drawn.replay_document`.
+        faults: the timetable.
+
+    Raises:
+        InputError: a profile, which is not served; a story whose mains change beside faults that change them too.
+        OutOfRange, UnknownName: as `heatertune.proof.drawn.replay_document`.
+    """
+    controller = controller_for(words.target)
+    setpoint, farthest = setpoints_for(fitted, conditions)
+    family = [model for _, model in holding(fitted, farthest)]
+    scenario = course_for(words, family, conditions, setpoint).scenario
+    factors, switches = np.ones(len(scenario.disturbances)), dict(conditions.switches)
+    if sample is None:
+        model = delayed(fitted.model, controller.delayed_s(words.scaling))
+        row = plant_row(model, scenario)
+        generator = np.random.default_rng(scenario.seed)
+    else:
+        check("sample", sample, least=0)
+        drawing = drawing_for(words, fitted, spread or {}, conditions)
+        generator = np.random.Generator(np.random.Philox(key=0))
+        row, factors, _, _ = drawing.sample(sample, 0, generator)
+        switches = dict(drawing.controllers[drawing.setting(sample)].switches)
+        scenario = replace(drawing.scenario, ambient_degC=row[4], start_degC=row[5], seed=sample)
+    if not story:
+        scenario, factors = replace(scenario, disturbances=(), rests_s=()), np.ones(0)
+    _demand_served(scenario, faults)
+    check_words(controller, words, scenario)
+    loop = in_loop(controller, words, scenario.setpoints_degC, switches)
+    return Plan(
+        loop=loop, row=[float(number) for number in row], events=_events(scenario, row, factors, faults),
+        noise=Noise(generator, scenario.noise_degC) if scenario.noise_degC > 0.0 else [0.0], scenario=scenario,
+        actuator=actuator_of(loop, actuator_for(conditions, words)), faults=tuple(faults))
+
+
+def _demand_served(scenario: Scenario, faults: Sequence[Fault]) -> None:
+    if any(isinstance(event, Led) for event in scenario.disturbances):
+        raise InputError("simulate leads no setpoint along a profile: leave out --profile, or --story")
+    if touch_mains(faults) and any(isinstance(event, Mains | PlcPower) for event in scenario.disturbances):
+        raise InputError("the proof's story switches the mains itself: leave out --story, or such faults")
+
+
+def _events(
+    scenario: Scenario, row: Sequence[float], factors: Any, faults: Sequence[Fault]
+) -> tuple[list[float], list[int], list[float]]:
+    """Return the events of a scenario, sizes drawn, with those of the faults among them."""
+    sized = replace(scenario, disturbances=tuple(
+        _sized(event, factor) for event, factor in zip(scenario.disturbances, factors.tolist(), strict=True)))
+    own = zip(*(column[0].tolist() for column in events_of(sized, [row[3]])), strict=True)
+    merged = sorted([*own, *heater_events(faults, row[0], row[3])])
+    times, kinds, values = (list(column) for column in zip(*merged, strict=True))
+    assert math.isinf(times[-1])
+    assert {LOAD, MAINS}.issuperset(kinds[-1:])
+    return times, kinds, values
+
+
+def _sized(event: Any, factor: float) -> Any:
+    """Return a disturbance times a factor, where it has a size."""
+    if isinstance(event, TemperatureStep):
+        return replace(event, temperature_degC=factor * event.temperature_degC)
+    return replace(event, power_pct=factor * event.power_pct) if isinstance(event, Load) else event

@@ -1,0 +1,289 @@
+"""The virtual PLC: the proof's own loop, run plainly in one thread, with a scan that lives in served memory.
+
+There is no second loop here: `heatertune.proof.loop.run_plainly` runs heater, switch, noise and events, and calls this
+controller's `measure` and `step` as it calls any. `measure` begins an interval: it waits until its time has come or
+until a client releases it. `step` is the scan: image in, the controller's own arithmetic, image out.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from threading import Thread
+from typing import Any, Final
+
+from heatertune.live.blocks import Block
+from heatertune.live.faults import Fault
+from heatertune.live.memory import Memory
+from heatertune.live.plan import Plan
+from heatertune.plc.core import Core
+from heatertune.proof.kernel import Batch, Record
+from heatertune.proof.loop import program_of, pulses_of, ring_size, run_plainly
+from heatertune.proof.meter import no_meter
+
+__all__ = ["Pace", "VirtualPlc"]
+
+#: bits of the status word
+RUNS: Final = 1
+DEAD_MAN: Final = 2
+FAULTY: Final = 4
+
+_STOPPING: Final = ("cpu-stop", "db-missing", "db-short")
+
+
+class _Ended(Exception):
+    """Raised in the loop when nobody wants it any more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pace:
+    """When intervals pass, each as long as the time between two scans.
+
+    Attributes:
+        rate: so many times as fast as a real heater; infinite: as fast as they can.
+        by_client: each when a client has released it.
+        intervals: after so many the plant stands still; None: it goes on.
+    """
+
+    rate: float = 1.0
+    by_client: bool = False
+    intervals: int | None = None
+
+
+class VirtualPlc:
+    """A PLC with a heater behind it; protocols serve its `memory`.
+
+    Attributes:
+        memory: what clients read and write.
+        failed: what ended the loop by a fault of heatertune's own, else None.
+    """
+
+    def __init__(self, plan: Plan, block: Block, measure: Callable[[Any, float], Any], pace: Pace, *,
+                 dead_man_scans: int = 0) -> None:
+        """Lay out the memory; nothing runs before `start`.
+
+        Args:
+            plan: heater, words and what happens.
+            block: what is served of the controller.
+            measure: the controller's input module, as `Core.measure`.
+            pace: when intervals pass.
+            dead_man_scans: scans in manual without a new heartbeat, after which the controller goes to automatic; 0:
+                it stays.
+        """
+        self._plan, self._block, self._measured, self._pace = plan, block, measure, pace
+        self.memory = Memory(block.number, block.image())
+        self._scan_s, self._ambient, self._dead_man = plan.loop.scan_s, plan.row[4], dead_man_scans
+        self._intervals = self._scans = self._silent = self._status = 0
+        self._seen = (plan.row[5], 0.0, 0.0, 0.0)
+        self._beat, self._frozen_at = self.memory.heartbeat, math.nan
+        self._there: tuple[Fault, ...] = ()
+        self._written: set[int] = set()
+        self._late: tuple[bytes, bytes] | None = None
+        self._stopped_by_client = self._was_stopped = self._closing = False
+        self.failed: BaseException | None = None
+        self._begun = 0.0
+        self._thread = Thread(target=self._run, name="virtual PLC", daemon=True)
+
+    # what others ask for
+
+    @property
+    def intervals(self) -> int:
+        """How many intervals are over."""
+        return self._intervals
+
+    @property
+    def runs(self) -> bool:
+        """Whether the CPU is in RUN."""
+        return not (self._stopped_by_client or any(fault.name in _STOPPING for fault in self._there))
+
+    @property
+    def ended(self) -> bool:
+        """Whether the plant stands still for good."""
+        return self._closing
+
+    def stop_cpu(self, stopped: bool) -> None:
+        """Put the CPU in STOP, or in RUN with a start-up."""
+        self._stopped_by_client = stopped
+
+    def link(self, name: str) -> Fault | None:
+        """Return the fault of the link of that name, where it is there now."""
+        return next((fault for fault in self._there if fault.name == name), None)
+
+    def start(self) -> None:
+        """Let the intervals begin."""
+        self._begun = time.monotonic()
+        self._thread.start()
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait until all intervals are over; return whether they are."""
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def close(self) -> None:
+        """End the loop."""
+        with self.memory.changed:
+            self._closing = True
+            self.memory.changed.notify_all()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    # the loop, in its own thread
+
+    def _run(self) -> None:
+        try:
+            run_plainly(_served(self._plan.loop.core), self._given())
+            self._over()
+        except _Ended:
+            pass
+        except BaseException as problem:  # the thread must not end in silence: who waits for it tells
+            self.failed = problem
+        finally:
+            with self.memory.changed:
+                self._closing = True
+                self.memory.changed.notify_all()
+
+    def _given(self) -> tuple[Any, ...]:
+        """Return all arguments of `heatertune.proof.kernel.run_all`."""
+        plan = self._plan
+        times, kinds, values = ([column] for column in plan.events)
+        intervals = sys.maxsize - 1 if self._pace.intervals is None else self._pace.intervals
+        batch: Any = Batch(intervals, [plan.noise], [[0.0]], [plan.row], times, kinds, values)
+        ring: Any = [0.0] * ring_size(pulses_of(
+            plan.row[3] + 3.0 * self._scan_s + plan.actuator.pwm_period_s, plan.actuator))
+        nothing: Any = [0.0]
+        record = Record(False, *([nothing] * 9))
+        return (self, self._block.begin(), self, self._scan_s, program_of(plan.loop, plan.scenario), batch,
+                plan.actuator.numbers, math.inf, ring, record, no_meter())
+
+    def look(self, temperature: float) -> Any:
+        """Begin an interval: wait for it, see what has gone wrong, and measure."""
+        self._gate()
+        now = self._intervals * self._scan_s
+        self._there = tuple(fault for fault in self._plan.faults if fault.at(now))
+        names = {fault.name for fault in self._there}
+        self._change_memory(names)
+        seen = self._sensed(temperature, names)
+        self._seen = (seen, *self._seen[1:])
+        self._intervals += 1
+        return self._measured(self._plan.loop.sensor, seen)
+
+    def _gate(self) -> None:
+        """Tell what is over, and wait until the next interval may begin."""
+        self._over()
+        changed, pace = self.memory.changed, self._pace
+        with changed:
+            if pace.by_client:
+                changed.wait_for(lambda: self._closing or self.memory.released > self._intervals)
+            elif pace.rate < math.inf:
+                due = self._begun + self._intervals * self._scan_s / pace.rate
+                while not self._closing and (left := due - time.monotonic()) > 0.0:
+                    changed.wait(left)
+            if self._closing:
+                raise _Ended
+
+    def _over(self) -> None:
+        """Tell clients which intervals are over."""
+        status = RUNS * self.runs | self._status | FAULTY * bool(self._there)
+        self.memory.tell(self._intervals, self._scans, status, self._seen)
+        with self.memory.changed:
+            self.memory.changed.notify_all()
+
+    def _sensed(self, temperature: float, names: set[str]) -> float:
+        """Return what the input module is given [°C]."""
+        if "sensor-frozen" in names:
+            self._frozen_at = temperature if math.isnan(self._frozen_at) else self._frozen_at
+            return self._frozen_at
+        self._frozen_at = math.nan
+        if "sensor-off" in names:
+            scaling = self._plan.loop.words.scaling  # type: ignore[union-attr]
+            return scaling.high_degC + scaling.span_degC
+        if "sensor-half" in names:
+            temperature = self._ambient + 0.5 * (temperature - self._ambient)
+        if "sensor-reversed" in names:
+            temperature = 2.0 * self._ambient - temperature
+        return temperature
+
+    def _change_memory(self, names: set[str]) -> None:
+        """Do what people do to the block, and what is left of a scan that was torn."""
+        memory = self.memory
+        with memory.changed:
+            memory.missing, memory.protected = "db-missing" in names, "write-protected" in names
+            whole = memory.size(memory.main)
+            memory.length = whole // 4 * 2 if "db-short" in names else whole
+            if self._late is not None:
+                before, after = self._late
+                memory.put(before, after, slice(len(before) // 2, None))
+                self._late = None
+            for number, fault in enumerate(self._plan.faults):
+                if fault in self._there and fault.name == "word" and number not in self._written:
+                    self._written.add(number)
+                    before = memory.image()
+                    cells = bytearray(before)
+                    self._block.put_word(cells, fault.word, fault.value)
+                    memory.put(before, cells)
+
+    def scan(self, state: Any, setpoint: Any, reading: Any) -> tuple[Any, float, Any, int]:
+        """Run one scan: image in, the controller's step, image out."""
+        if not self.runs:
+            self._was_stopped = True
+            self._seen = (self._seen[0], 0.0, *self._seen[2:])
+            return state, 0.0, 0, 0
+        if self._was_stopped:
+            self._was_stopped, state = False, self._block.restarted(state)
+        before = self.memory.image()
+        cells = bytearray(before)
+        self._watch_host(cells)
+        state, power, output, flags = self._block.scan(cells, state, setpoint, reading)
+        if self.link("torn") is None:
+            self.memory.put(before, cells)
+        else:
+            self.memory.put(before, cells, slice(None, len(before) // 2))
+            self._late = before, bytes(cells)
+        self._scans += 1
+        self._seen = (self._seen[0], power, float(setpoint), float(reading))
+        return state, power, output, flags
+
+    def _watch_host(self, cells: bytearray) -> None:
+        """Count the scans in manual without a heartbeat, and put the controller in automatic after too many."""
+        if not self._dead_man:
+            return
+        beat, manual = self.memory.heartbeat, self._block.in_manual(cells)
+        self._silent = self._silent + 1 if manual and beat == self._beat else 0
+        if beat != self._beat:
+            self._beat, self._status = beat, self._status & ~DEAD_MAN
+        if self._silent >= self._dead_man:
+            self._block.into_automatic(cells)
+            self._status, self._silent = self._status | DEAD_MAN, 0
+
+    def restarted(self, state: Any) -> Any:
+        """Return the controller's state after the PLC had no supply."""
+        return self._block.restarted(state)
+
+
+def _step(plc: VirtualPlc, state: Any, setpoint: Any, reading: Any, _begins: bool) -> tuple[Any, float, Any, int]:
+    return plc.scan(state, setpoint, reading)
+
+
+def _measure(plc: VirtualPlc, temperature: float) -> Any:
+    return plc.look(temperature)
+
+
+def _restarted(plc: VirtualPlc, _cold: Any, state: Any) -> Any:
+    return plc.restarted(state)
+
+
+def _served(core: Core) -> Core:
+    """Return a core that scans in served memory."""
+    return replace(core, step=_step, measure=_measure, restarted=_restarted, compiles=False, own=_as_it_is,
+                   started=_begun)
+
+
+def _as_it_is(value: Any) -> Any:
+    return value
+
+
+def _begun(_plc: VirtualPlc, state: Any) -> Any:
+    return state

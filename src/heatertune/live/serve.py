@@ -1,0 +1,288 @@
+"""A virtual PLC with its protocols: made of a folder that `design` wrote, begun, and ended."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+
+from heatertune.documents import data_folder, read_document
+from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.live.blocks import SERVED, Block, block_for
+from heatertune.live.faults import LINK, Fault, fault_of
+from heatertune.live.memory import OWN, Told
+from heatertune.live.plan import Plan, plan_for
+from heatertune.live.plc import Pace, VirtualPlc
+from heatertune.model.values import FittedModel
+from heatertune.pid.document import read_design
+from heatertune.plc import Words, controller_for
+from heatertune.proof.words_file import WORDS_SCHEMA, words_of
+from heatertune.settings import Conditions
+from heatertune.units import check
+
+__all__ = ["PROTOCOLS", "Simulation", "VirtualPlcServed", "read_folder", "virtual_plc"]
+
+#: protocol → the module that it needs, of the extra of the same name
+PROTOCOLS: Final[Mapping[str, str]] = {"s7": "snap7", "modbus": "pymodbus"}
+_LOOPBACK: Final = "127.0.0.1"
+_MOST_PORT: Final = 65535
+_RELEASED: Final = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulation:
+    """How a virtual PLC is served and what happens to it.
+
+    Attributes:
+        serve: protocols, of `PROTOCOLS`.
+        ports: for them, in turn; 0, or none: one that is free.
+        rate: so many times as fast as a real heater; infinite: as fast as it can.
+        step: whether a client releases each interval.
+        intervals: after so many the plant stands still; None: it goes on.
+        sample: seed of the heater that is drawn from the model set; None: the working model.
+        story: whether the proof's story happens.
+        faults: the timetable, as `heatertune.live.faults.fault_of` reads it.
+        dead_man: scans in manual without a heartbeat, after which the controller goes to automatic; 0: it stays.
+
+    Raises:
+        InputError: no protocol, one twice, more ports than protocols, both a rate and steps, a fault that is none.
+        OutOfRange: a number without meaning.
+        UnknownName: no such protocol or fault.
+    """
+
+    serve: tuple[str, ...] = ("s7",)
+    ports: tuple[int, ...] = ()
+    rate: float = 1.0
+    step: bool = False
+    intervals: int | None = None
+    sample: int | None = None
+    story: bool = False
+    faults: tuple[str, ...] = ()
+    dead_man: int = 0
+
+    def __post_init__(self) -> None:
+        for protocol in self.serve:
+            if protocol not in PROTOCOLS:
+                raise UnknownName("protocol", protocol, PROTOCOLS)
+        if not self.serve or len(set(self.serve)) != len(self.serve):
+            raise InputError(f"--serve needs each protocol once, of {', '.join(PROTOCOLS)}")
+        if len(self.ports) > len(self.serve):
+            raise InputError(f"{len(self.ports)} ports for {len(self.serve)} protocols")
+        for port in self.ports:
+            check("port", port, least=0, most=_MOST_PORT)
+        if not self.rate > 0.0:
+            raise OutOfRange("rate", self.rate, "> 0, or max")
+        if self.step and self.rate != 1.0:
+            raise InputError("--step leaves the time to the client: leave out --rate")
+        if self.intervals is not None:
+            check("intervals", self.intervals, least=1)
+        check("dead_man", self.dead_man, least=0)
+
+    @property
+    def timetable(self) -> tuple[Fault, ...]:
+        """The faults, read."""
+        return tuple(map(fault_of, self.faults))
+
+
+class VirtualPlcServed:
+    """A virtual PLC that answers; `with` ends it.
+
+    Attributes:
+        plc: the PLC itself.
+        addresses: protocol → host and port.
+        block: of the controller, a few words.
+        number, length: of that block, and its bytes.
+        target: the controller's name.
+        scan_s: time of the plant between two scans [s].
+    """
+
+    def __init__(self, plan: Plan, block: Block, measure: Callable[[Any, float], Any], settings: Simulation) -> None:
+        """Begin to serve; `virtual_plc` hands in what is needed."""
+        pace = Pace(rate=settings.rate, by_client=settings.step, intervals=settings.intervals)
+        self.plc = VirtualPlc(plan, block, measure, pace, dead_man_scans=settings.dead_man)
+        self.block, self.number, self.length = block.told, block.number, self.plc.memory.size(block.number)
+        assert plan.loop.words is not None
+        self.target, self.scan_s = plan.loop.words.target, plan.loop.scan_s
+        self.addresses: dict[str, tuple[str, int]] = {}
+        self._ends: list[Callable[[], Any]] = []
+        linked = any(fault.name in LINK or f"{fault.name}=" in LINK for fault in plan.faults)
+        try:
+            for protocol, port in zip(settings.serve, (*settings.ports, *[0] * len(settings.serve)), strict=False):
+                self._serve(protocol, port, linked=linked)
+        except BaseException:
+            self.close()
+            raise
+        self.plc.start()
+
+    def _serve(self, protocol: str, port: int, *, linked: bool) -> None:
+        server_of = _server_of(protocol)
+        front = _listening(port)
+        try:
+            inner = _listening(0) if linked else front
+            server = server_of(self.plc, inner)
+        except BaseException:
+            front.close()
+            raise
+        self.addresses[protocol] = front.getsockname()
+        self._ends.append(server.stop)
+        if linked:
+            from heatertune.live.link import Link  # noqa: PLC0415 - only a failing link needs it
+
+            self._ends.append(Link(self.plc, front, inner.getsockname()).stop)
+
+    @property
+    def told(self) -> Told:
+        """What the simulator's own block says."""
+        return Told(self.plc.memory.read(OWN, 0, self.plc.memory.size(OWN)))
+
+    def release(self, intervals: int) -> Told:
+        """Let so many more intervals pass, wait until they are over, and return what is told then; needs `step`.
+
+        Raises:
+            InputError: the plant has ended before.
+        """
+        memory = self.plc.memory
+        upto = self.plc.memory.released + intervals
+        memory.write(OWN, _RELEASED, upto.to_bytes(4, "big"))
+        with memory.changed:
+            memory.changed.wait_for(lambda: self.told.intervals >= upto or self.plc.ended)
+        if self.told.intervals < upto:
+            raise InputError(f"the virtual PLC has ended after {self.told.intervals} intervals")
+        return self.told
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait until the plant stands still, and return whether it does; raises what its thread raised, if anything."""
+        over = self.plc.wait(timeout_s)
+        if self.plc.failed is not None:
+            raise self.plc.failed
+        return over
+
+    def close(self) -> None:
+        """End plant and protocols; nothing is left."""
+        self.plc.close()
+        for end in reversed(self._ends):
+            end()
+        self._ends.clear()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def virtual_plc(
+    source: str | Path | Words, model: FittedModel | None = None, conditions: Conditions | None = None,
+    settings: Simulation | None = None, **changed: Any,
+) -> VirtualPlcServed:
+    """Return a virtual PLC that runs words with a heater behind it, and answers on loopback.
+
+    Args:
+        source: a folder that `design` wrote, or words.
+        model: the heater, for words; of a folder it is its own.
+        conditions: as of a proof; of a folder, None: those that it was made for.
+        settings: see `Simulation`.
+        changed: fields of `Simulation` that are other than in `settings`.
+
+    Raises:
+        InputError: a protocol whose library is not installed, a port that is taken, a controller that is not served,
+            no heater; as `Simulation` and `heatertune.live.plan.plan_for`.
+        DocumentError: the folder has not what `design` writes.
+        OutOfRange, UnknownName: likewise.
+    """
+    given = replace(settings or Simulation(), **_tuples(changed))
+    for protocol in given.serve:
+        _demand_library(protocol)
+    if not isinstance(source, Words):
+        words, model, made_for = read_folder(source)
+        conditions = made_for if conditions is None else conditions
+    elif model is None:
+        raise InputError("virtual_plc of words needs a model: virtual_plc(words, model)")
+    else:
+        words = source
+    plan, block = _prepared(words, model, conditions or Conditions(), given)
+    return VirtualPlcServed(plan, block, controller_for(words.target).core.measure, given)
+
+
+def _tuples(changed: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a caller says, one protocol, port or fault as well as several."""
+    several = ("serve", "ports", "faults")
+    return {name: (value,) if name in several and isinstance(value, str | int) else
+            tuple(value) if name in several else value for name, value in changed.items()}
+
+
+def _prepared(
+    words: Words, model: FittedModel, conditions: Conditions, settings: Simulation
+) -> tuple[Plan, Block]:
+    """Return what a virtual PLC is made of; errors as in `virtual_plc`."""
+    timetable = settings.timetable
+    if words.target not in SERVED:
+        raise InputError(f"simulate serves {', '.join(SERVED)}; {words.target} is not among them yet")
+    plan = plan_for(words, model, conditions, sample=settings.sample, story=settings.story,
+                    faults=timetable)
+    controller = controller_for(words.target)
+    block = block_for(controller, words, plan.loop.switches)
+    for fault in timetable:
+        if fault.name == "word":
+            block.put_word(bytearray(block.image()), fault.word, fault.value)
+    if settings.dead_man and not block.manual:
+        raise InputError(f"--dead-man is for a controller with a manual mode; {words.target} has none here")
+    return plan, block
+
+
+def read_folder(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
+    """Return words, heater and conditions of a folder that `design` wrote.
+
+    Raises:
+        DocumentError: it has not what `design` writes.
+        InputError: its design holds no model.
+        OutOfRange: a word that the controller cannot hold.
+    """
+    place = data_folder(folder)
+    path = place / "words.json"
+    document = read_document(path, WORDS_SCHEMA)
+    words = words_of(document, str(document.get("target")), path)
+    beside = Path(folder) / "pid.json"  # where tune was told to write it, words having been exported later
+    design = beside if beside.is_file() else place / "pid.json"
+    _, fitted, recipe = read_design(design)
+    if fitted is None:
+        raise InputError(f"{design}: no model in it; simulate needs a folder that heatertune design wrote")
+    own = recipe.conditions if recipe is not None and recipe.target == words.target else Conditions()
+    proven = document.get("setpoint_degC")
+    if own.setpoint_degC is None and isinstance(proven, float | int):
+        own = replace(own, setpoint_degC=float(proven))
+    return words, fitted, own
+
+
+def _demand_library(protocol: str) -> None:
+    if find_spec(PROTOCOLS[protocol]) is None:
+        raise InputError(f'--serve {protocol} needs {PROTOCOLS[protocol]}: pip install "heatertune[{protocol}]"')
+
+
+def _server_of(protocol: str) -> Callable[[VirtualPlc, socket.socket], Any]:
+    """Return what serves a protocol; only what is served is loaded."""
+    module = import_module(f"heatertune.live.{protocol}")
+    found: Callable[[VirtualPlc, socket.socket], Any] = getattr(module, f"{protocol.capitalize()}Server")
+    return found
+
+
+def _listening(port: int) -> socket.socket:
+    """Return a socket on loopback that listens; raise InputError where the port is taken or not ours to take."""
+    door = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    with suppress(OSError):
+        door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        door.bind((_LOOPBACK, port))
+        door.listen()
+    except OSError as problem:
+        door.close()
+        raise InputError(f"port {port} of {_LOOPBACK} cannot be served on: {problem.strerror}") from None
+    return door
