@@ -246,7 +246,9 @@ def _at_rest(rests: Sequence[_Course], ruler: _Ruler, *, at_best: bool) -> dict[
         seen["pwm_ripple"] = Seen(max(_ripple(rest, ruler.period_s) for rest in rests))
     held = [rest for rest in rests if abs(rest.part.setpoint_degC - ruler.highest_degC) <= ruler.band_degC
             and rest.part.kind != "recovery" and rest.power_pct is not None]
-    if held:
+    if held and any(map(_is_pulses, held)) and not ruler.shows_pulses:
+        seen["power_reserve"] = _too_slow(ruler)  # in step with the period, the mean of such readings may be any
+    elif held:
         unsure = [_unsure_pct(rest, ruler) if at_best else 0.0 for rest in held]
         reserves = [100.0 - _mean_power(rest) + off for rest, off in zip(held, unsure, strict=True)]
         seen["power_reserve"] = Seen(min(reserves))
@@ -267,9 +269,13 @@ def _mean_power(rest: _Course) -> float:
 
 def _unsure_pct(rest: _Course, ruler: _Ruler) -> float:
     """Return by how much a mean of pulses read in step with their period may be off [%]: one reading in each period."""
+    return 100.0 * ruler.interval_s / ruler.period_s if _is_pulses(rest) else 0.0
+
+
+def _is_pulses(rest: _Course) -> bool:
+    """Return whether a power is that of a switch, not that asked for."""
     assert rest.power_pct is not None
-    pulses = bool(np.isin(rest.power_pct, (0.0, 100.0)).all())
-    return 100.0 * min(1.0, ruler.interval_s / ruler.period_s) if pulses else 0.0
+    return bool(np.isin(rest.power_pct, (0.0, 100.0)).all())
 
 
 def _ripple(rest: _Course, period_s: float) -> float:
