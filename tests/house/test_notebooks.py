@@ -1,6 +1,7 @@
 """The notebooks run and hold what they print and draw, light, and need what a user has: heatertune's face, usual libraries."""
 
 import ast
+import os
 import subprocess
 import sys
 
@@ -10,19 +11,23 @@ from tests.conftest import ROOT
 from tests.docs.blocks import differences
 from tests.docs.notebooks import LARGEST_BYTES, NOTEBOOKS, pictures, texts
 
-FACE = {"heatertune", "numpy", "matplotlib", "matplotlib.pyplot", "pandas", "control"}
+FACE = {"heatertune", "numpy", "matplotlib", "matplotlib.pyplot", "pandas", "control", "tclab"}
+#: what a notebook imports that tests don't install for themselves → the witnesses that it takes
+BROUGHT = {"tclab": ("tclab", "pyserial")}
 
 
 @pytest.mark.doc
 @pytest.mark.long
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_runs_from_top_to_bottom_and_prints_what_is_stored(path, tmp_path):
+def test_a_notebook_runs_from_top_to_bottom_and_prints_what_is_stored(path, tmp_path, witness):
     # in a process of its own: the notebook machinery brings warnings that are not ours
     code = "import sys; from tests.docs.notebooks import Path, store; store(*map(Path, sys.argv[1:]))"
     again = tmp_path / path.name
     again.write_bytes(path.read_bytes())
     command = [sys.executable, "-c", code, str(again), str(tmp_path)]
-    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    brought = [str(witness(each)) for name in set(_imported(path)) & set(BROUGHT) for each in BROUGHT[name]]
+    places = os.pathsep.join(filter(None, [*brought, os.environ.get("PYTHONPATH")]))
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": places})
     assert ended.returncode == 0, ended.stderr[-3000:]
     stored, now = (nbformat.read(each, 4) for each in (path, again))
     assert differences(texts(stored), texts(now)) == [], "python -m tests.docs.notebooks stores them anew"

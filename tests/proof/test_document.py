@@ -72,7 +72,23 @@ CHANGES = [
     (lambda proof: proof["findings"].append({"name": "joy", "effect": "told", "told": "x", "accepted": False}),
      "findings[0].name: expected one of poor-fit"),
     (lambda proof: proof.pop("digest"), "digest: is missing"),
+    (lambda proof: proof["runs"][0]["criteria"]["change_time"].update(ok=False), "runs[0].verdict: 'PASS'"),
+    (lambda proof: proof["runs"][0]["criteria"]["change_time"].update(value=None), "runs[0].criteria.change_time.ok: True"),
+    (lambda proof: proof["runs"][0]["criteria"]["change_time"].update(value=1e6), "runs[0].criteria.change_time.ok: True"),
+    (lambda proof: proof["criteria"]["change_time"].update(value=1.0), "criteria.change_time.value: 1.0; the worst run"),
 ]
+
+
+def test_a_run_that_takes_longer_on_a_way_that_has_longer_is_not_worse(folder, tmp_path, capsys):
+    # the two changes of the setpoint have limits of their own: the worst has used most of its own, another took more seconds
+    proof = json.loads((folder / "proof.json").read_text())
+    worst = proof["criteria"]["change_time"]
+    other = next(run for run in proof["runs"] if run["criteria"]["change_time"]["value"] < worst["value"])
+    other["criteria"]["change_time"]["value"] = worst["value"] + 0.5
+    shutil.copytree(folder, tmp_path / "in")
+    (tmp_path / "in" / "proof.json").write_text(json.dumps(digested(proof)))
+    assert main(["report", str(tmp_path / "in")]) == 0
+    assert capsys.readouterr().err.count("error") == 0
 
 
 @pytest.mark.parametrize("command", ["export-db", "report"])
