@@ -7,6 +7,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from tests.plc.st_machine import FunctionBlock
+from tests.witness.iec_pid import Pid as PrintedWitness
+from tests.witness.iec_pid import RepairedPid as RepairedWitness
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
@@ -127,6 +129,65 @@ def _printed_beside_text(chance, scans):
 def test_no_bit_differs_between_the_step_and_the_text(beside):  # run once for a million scans each: 0 differ
     chance = np.random.default_rng(61131)
     assert sum(beside(chance, 60) for _ in range(200)) == 0
+
+
+def _printed_beside_witness(chance, scans):
+    kp, tr, td = _gains(chance)
+    ms, milliseconds = int(chance.integers(1, 60001)), bool(chance.integers(2))
+    values = {"KP": kp, "TR": tr, "TD": td, "CYCLE": ms}
+    block, state = printed.block_of(values, printed.Assumptions(MILLISECONDS if milliseconds else SECONDS)), printed.COLD
+    witness, auto, differ = PrintedWitness(kp, tr, td, ms, milliseconds), True, 0
+    for _ in range(scans):
+        auto = auto != (chance.random() < 0.05)
+        sp, pv, x0 = (_real(chance, 0.002) for _ in range(3))
+        state, output = printed.call(block, state, single(pv - sp), x0, auto)
+        differ += not _same(output, float(witness(auto, pv, sp, x0)))
+    return differ
+
+
+@pytest.mark.long
+def test_no_bit_differs_between_the_printed_block_and_the_witness():  # run once for a million scans: 0 differ
+    chance = np.random.default_rng(1131)
+    assert sum(_printed_beside_witness(chance, 60) for _ in range(200)) == 0
+
+
+def _repaired_beside_witness(chance, scans):
+    """Return the largest difference over outputs of the size of a percent, while nothing is at a limit.
+
+    The witness keeps the sum in °C·s and freezes it at a limit, where ours is led along; so they are one controller between the
+    limits alone, to a few digits of the last place for each call.
+    """
+    kp, tr, td = (float(np.float32(10.0 ** chance.uniform(*ends))) for ends in ((-1.0, 0.5), (1.0, 3.0), (0.0, 1.0)))
+    ms, milliseconds = int(chance.integers(500, 5001)), bool(chance.integers(2))
+    values = {"KP": kp, "TR": tr, "TD": td, "XMIN": 0.0, "XMAX": 100.0, "CYCLE": ms}
+    block, state = repaired.block_of(values, repaired.Assumptions(MILLISECONDS if milliseconds else SECONDS)), repaired.COLD
+    # TR and TD of the witness are in what TIME_TO_REAL counts
+    scale = 1000.0 if milliseconds else 1.0
+    witness, sp, auto, most, compared = RepairedWitness(kp, tr * scale, td * scale, ms, milliseconds=milliseconds), 60.0, False, 0.0, 0
+    for k in range(scans):
+        auto = k % 20 > 3
+        x0, pv = float(np.float32(chance.uniform(40.0, 60.0))), float(np.float32(sp + chance.normal(0.0, 0.3)))
+        state = repaired.call(block, state, repaired.Inputs(sp, pv, x0, auto, True))
+        theirs = float(witness(auto, pv, sp, x0))
+        bound = not 5.0 < state.output < 95.0 or not 5.0 < theirs < 95.0
+        if bound:
+            return most, compared
+        most, compared = max(most, abs(state.output - theirs)), compared + 1
+    return most, compared
+
+
+def test_the_repaired_block_is_the_witness_between_the_limits():
+    chance = np.random.default_rng(7)
+    found = [_repaired_beside_witness(chance, 60) for _ in range(150)]
+    assert sum(compared for _, compared in found) > 5000
+    assert max(most for most, _ in found) < 60 * 8 * 100 * 2.0**-24  # 60 calls, no more than eight roundings each at 100 %
+
+
+def test_by_hand_and_at_the_first_call_the_repaired_block_is_the_witness():
+    words = {"KP": 2.5, "TR": 100.0, "TD": 10.0, "XMIN": 0.0, "XMAX": 100.0, "CYCLE": 1000}
+    for sp, pv, x0, auto in ((60.0, 50.0, 30.0, True), (60.0, 50.0, 30.0, False), (60.0, 50.0, 130.0, False), (60.0, 50.0, -1.0, False)):
+        state = repaired.call(repaired.block_of(words, repaired.Assumptions()), repaired.COLD, repaired.Inputs(sp, pv, x0, auto, True))
+        assert state.output == pytest.approx(float(RepairedWitness(2.5, 100.0, 10.0, 1000)(auto, pv, sp, x0)), abs=1e-4)
 
 
 @pytest.mark.long
