@@ -217,6 +217,8 @@ def test_time_is_in_seconds_whatever_the_unit():
         assert found[MILLISECONDS] == found[SECONDS] == float(np.float32(ms / 1000))
         assert found[NANOSECONDS] == pytest.approx(ms / 1000, rel=2e-7)
         assert found[TENS_OF_MS] == float(np.float32(ms // 10) / np.float32(100))  # what is cut off a CYCLE
+    # so that milliseconds are no setting of their own
+    assert all(time_to_real(ms, SECONDS) == float(np.float32(ms) / np.float32(1000)) for ms in range(1, 60001))
     with pytest.raises(Exception, match="unit of TIME_TO_REAL is not told"):
         Program(units("PROGRAM P\nVAR\n  x : REAL;\nEND_VAR\nx := TIME_TO_REAL(T#1s);\nEND_PROGRAM"), {})
     assert [time_to_real(1500, unit) for unit in (SECONDS, MILLISECONDS, TENS_OF_MS, NANOSECONDS)] == [1.5, 1500.0, 150.0, 1.5e9]

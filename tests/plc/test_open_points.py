@@ -37,7 +37,7 @@ class Case:
 
 
 def _words(case):
-    return Words(target=case.target, values=case.words, scaling=Scaling(), sample_time_s=1.0)
+    return Words(target=case.target, values=case.words, scaling=Scaling(), sample_time_s=case.words.get("CYCLE", 1000) / 1000)
 
 
 def _columns(**inputs):
@@ -90,6 +90,11 @@ def _fb41(switch, changed, errors, outputs):
 # WEG: academic form, Kp = 1, Ts = 1 s: u = i + (1 + Ki + Kd)·e − Kd·e before, i grows by Ki·e; the first scan is EN's edge
 WEG = {"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "TauSetPoint": 0.0, "MinimumOutput": 0.0, "MaximumOutput": 100.0, "Type": 0,
        "Action": 0, "Ts": 1000}
+
+
+def _iec(words, rows, outputs, target="iec-pid"):
+    own = {"XMIN": 0.0, "XMAX": 100.0} if target == "iec-pid" else {}
+    return Case(target=target, switch="time_unit", words={"KP": 1.0, "TR": 1.0, "TD": 0.0, "CYCLE": 1000} | own | words, rows=rows, outputs=outputs)
 
 
 def _weg(switch, words, rows, outputs):
@@ -181,6 +186,14 @@ CASES = [
     # u = 10 + the sum of 10·Ts/TN: at each call, or at every second one; a program that is told calls a block that keeps Ts rightly
     _weg("sampling", {"Ki": 0.125}, _columns(SetPoint=[10.0] * 5, Feedback=[0.0] * 5),
          {"caller": [0, 11.25, 12.5, 13.75, 15], "skipped": [0, 0, 11.25, 11.25, 12.5], "block": [0, 11.25, 12.5, 13.75, 15]}),
+
+    # e = 32, then −17.25: 32·(1 + T), then 14.75·T − 17.25 = 0.02225 with T = 1.171, 0.0075 with 1.17, in singles (NumPy's); ns has the
+    # single of 1171000000 over that of 10⁹, one digit more
+    _iec({"CYCLE": 1171}, _columns(SP=[32.0] * 2, PV=[0.0, 49.25]),
+         {"s": [69.472, 0.022249221801757812], "ten_ms": [69.44, 0.00749969482421875], "ns": [69.472, 0.022251129150390625]}),
+    # ERROR = 2: −(2 + 2·T/8), T being 1.5 s, or 1500, 150, 1.5e9 units
+    _iec({"KP": -1.0, "TR": 8.0, "CYCLE": 1500}, _columns(SP=[50.0], PV=[52.0]),
+         {"s": [-2.375], "ms": [-377.0], "ten_ms": [-39.5], "ns": [-375000002.0]}, "iec-pid-standard"),
 ]
 
 
