@@ -17,13 +17,13 @@ from heatertune.plc.cpu.iec.machine import Program
 from heatertune.plc.cpu.iec.text import units
 from heatertune.plc.iec_pid import step as repaired
 from heatertune.plc.iec_pid.source import SOURCE
-from heatertune.plc.iec_pid_standard import step as printed
+from heatertune.plc.iec_pid_text import step as printed
 from heatertune.plc.replay import replay
 from heatertune.plc.single import narrowed, single
 from heatertune.plc.st.duration import MILLISECONDS, NANOSECONDS, SECONDS, TENS_OF_MS, time_to_real
 from heatertune.plc.st.source import function_block
 
-ROOM, PRINTED = controller_for("iec-pid"), controller_for("iec-pid-standard")
+ROOM, PRINTED = controller_for("iec-pid"), controller_for("iec-pid-text")
 #: TIME_TO_REAL in NumPy's singles, by unit
 GIVES = {SECONDS: lambda ms: np.float32(ms // 1000 + np.float64(ms % 1000 * 1000000) / 1e9), MILLISECONDS: np.float32,
          TENS_OF_MS: lambda ms: np.float32(ms // 10), NANOSECONDS: lambda ms: np.float32(ms * 10**6)}
@@ -267,13 +267,13 @@ def test_no_reset_time_is_no_i_part():
 
 def test_the_printed_block_by_hand_gives_the_gain_times_the_output_asked_for():
     # TR·(X0 − e)/TR + e = X0, all of it times KP
-    assert _run(_words("iec-pid-standard", KP=2.5, TR=100.0), [(50.0, 45.0, 30.0, 0)]) == [75.0]
-    assert math.isnan(_run(_words("iec-pid-standard", KP=2.5), [(50.0, 45.0, 30.0, 0)])[0])
+    assert _run(_words("iec-pid-text", KP=2.5, TR=100.0), [(50.0, 45.0, 30.0, 0)]) == [75.0]
+    assert math.isnan(_run(_words("iec-pid-text", KP=2.5), [(50.0, 45.0, 30.0, 0)])[0])
 
 
 def test_the_printed_block_differentiates_against_zeros_at_first():
     # slopes of e = −10: −30/10; then with −10 one call old (−30 − 10)/10; two calls old (−30 − 10 + 10)/10; then none
-    found = _run(_words("iec-pid-standard", KP=-1.0, TR=1e30, TD=1.0), [(50.0, 40.0)] * 5)
+    found = _run(_words("iec-pid-text", KP=-1.0, TR=1e30, TD=1.0), [(50.0, 40.0)] * 5)
     assert found == pytest.approx([13.0, 14.0, 13.0, 10.0, 10.0], abs=1e-4)
 
 
@@ -285,7 +285,7 @@ FAULTS = ["ERROR is PV - SP", "by hand XOUT is KP*X0", "no limits", "no anti-win
     ({"KP": 2.5, "TD": 10.0}, []), ({"KP": -2.5}, ["ERROR is", "first call"]), ({"KP": 1.0, "TD": 1.0}, ["by hand XOUT is"]),
     ({"KP": 0.0}, ["ERROR is", "no limits", "no anti", "first call", "divided"])])
 def test_the_faults_are_those_that_the_words_bring_out(changed, absent):
-    told = PRINTED.faults(_words("iec-pid-standard", TR=100.0, **{"TD": 0.0} | changed))
+    told = PRINTED.faults(_words("iec-pid-text", TR=100.0, **{"TD": 0.0} | changed))
     missing = [fault for fault in FAULTS if not any(fault in each for each in told)]
     assert len(missing) == len(absent)
     assert all(any(fault.startswith(part) or part in fault for part in absent) for fault in missing)
@@ -297,11 +297,11 @@ def test_the_printed_block_refuses_a_design_without_an_i_part_and_negates_the_ga
     with pytest.raises(NotRepresentable, match="PI or PID would fit"):
         PRINTED.encode(design, Scaling())
     assert ROOM.encode(design, Scaling()).values["TR"] == 0.0
-    words = _words("iec-pid-standard", KP=-2.0, TR=50.0)
+    words = _words("iec-pid-text", KP=-2.0, TR=50.0)
     assert PRINTED.decode(words).gain_pct_per_degC == 2.0
     for bad in ({"KP": 0.0, "TR": 50.0}, {"TR": 0.0}):
         with pytest.raises(OutOfRange, match=r"word (KP|TR)"):
-            PRINTED.decode(_words("iec-pid-standard", **bad))
+            PRINTED.decode(_words("iec-pid-text", **bad))
 
 
 @pytest.mark.parametrize("changed", [{"XMIN": 60.0, "XMAX": 50.0}, {"CYCLE": 0}, {"TR": -1.0}, {"XMAX": 101.0}])

@@ -9,7 +9,7 @@ __all__ = ["GROUPS", "TARGETS"]
 #: what holds the controller → its controllers, by their names on the command line
 GROUPS: Final[dict[str, tuple[str, ...]]] = {
     "PLC": (
-        "s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "iec-pid", "iec-pid-standard",
+        "s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "weg", "iec-pid", "iec-pid-text",
         "on-off",
     ),
 }
