@@ -48,7 +48,7 @@ from heatertune.plc import Scaling, controller_for
 from heatertune.proof.closing import Asked, closed
 from heatertune.settings import Conditions
 
-TARGETS = ("s5-ob251", "s7-200", "s7-200-pid", "s7-300", "fb41", "weg", "pid-compact", "pid-temp")
+TARGETS = ("s5-ob251", "s7-200", "s7-200-pid", "s7-300", "fb41", "weg", "iec-pid", "pid-compact", "pid-temp")
 _AMBIENT = 20.0
 #: ends of usual sensor ranges [°C]
 _RANGES = (30.0, 40.0, 50.0, 75.0, 100.0, 150.0, 200.0, 300.0, 400.0, 600.0, 850.0, 1000.0, 1300.0)

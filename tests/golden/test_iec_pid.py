@@ -7,6 +7,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from tests.plc.st_machine import FunctionBlock
+from tests.witness.iec_pid import Pid as PrintedWitness
+from tests.witness.iec_pid import RepairedPid as RepairedWitness
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
@@ -15,13 +17,13 @@ from heatertune.plc.cpu.iec.machine import Program
 from heatertune.plc.cpu.iec.text import units
 from heatertune.plc.iec_pid import step as repaired
 from heatertune.plc.iec_pid.source import SOURCE
-from heatertune.plc.iec_pid_standard import step as printed
+from heatertune.plc.iec_pid_text import step as printed
 from heatertune.plc.replay import replay
 from heatertune.plc.single import narrowed, single
 from heatertune.plc.st.duration import MILLISECONDS, NANOSECONDS, SECONDS, TENS_OF_MS, time_to_real
 from heatertune.plc.st.source import function_block
 
-ROOM, PRINTED = controller_for("iec-pid"), controller_for("iec-pid-standard")
+ROOM, PRINTED = controller_for("iec-pid"), controller_for("iec-pid-text")
 #: TIME_TO_REAL in NumPy's singles, by unit
 GIVES = {SECONDS: lambda ms: np.float32(ms // 1000 + np.float64(ms % 1000 * 1000000) / 1e9), MILLISECONDS: np.float32,
          TENS_OF_MS: lambda ms: np.float32(ms // 10), NANOSECONDS: lambda ms: np.float32(ms * 10**6)}
@@ -129,6 +131,65 @@ def test_no_bit_differs_between_the_step_and_the_text(beside):  # run once for a
     assert sum(beside(chance, 60) for _ in range(200)) == 0
 
 
+def _printed_beside_witness(chance, scans):
+    kp, tr, td = _gains(chance)
+    ms, milliseconds = int(chance.integers(1, 60001)), bool(chance.integers(2))
+    values = {"KP": kp, "TR": tr, "TD": td, "CYCLE": ms}
+    block, state = printed.block_of(values, printed.Assumptions(MILLISECONDS if milliseconds else SECONDS)), printed.COLD
+    witness, auto, differ = PrintedWitness(kp, tr, td, ms, milliseconds), True, 0
+    for _ in range(scans):
+        auto = auto != (chance.random() < 0.05)
+        sp, pv, x0 = (_real(chance, 0.002) for _ in range(3))
+        state, output = printed.call(block, state, single(pv - sp), x0, auto)
+        differ += not _same(output, float(witness(auto, pv, sp, x0)))
+    return differ
+
+
+@pytest.mark.long
+def test_no_bit_differs_between_the_printed_block_and_the_witness():  # run once for a million scans: 0 differ
+    chance = np.random.default_rng(1131)
+    assert sum(_printed_beside_witness(chance, 60) for _ in range(200)) == 0
+
+
+def _repaired_beside_witness(chance, scans):
+    """Return the largest difference over outputs of the size of a percent, while nothing is at a limit.
+
+    The witness keeps the sum in °C·s and freezes it at a limit, where ours is led along; so they are one controller between the
+    limits alone, to a few digits of the last place for each call.
+    """
+    kp, tr, td = (float(np.float32(10.0 ** chance.uniform(*ends))) for ends in ((-1.0, 0.5), (1.0, 3.0), (0.0, 1.0)))
+    ms, milliseconds = int(chance.integers(500, 5001)), bool(chance.integers(2))
+    values = {"KP": kp, "TR": tr, "TD": td, "XMIN": 0.0, "XMAX": 100.0, "CYCLE": ms}
+    block, state = repaired.block_of(values, repaired.Assumptions(MILLISECONDS if milliseconds else SECONDS)), repaired.COLD
+    # TR and TD of the witness are in what TIME_TO_REAL counts
+    scale = 1000.0 if milliseconds else 1.0
+    witness, sp, auto, most, compared = RepairedWitness(kp, tr * scale, td * scale, ms, milliseconds=milliseconds), 60.0, False, 0.0, 0
+    for k in range(scans):
+        auto = k % 20 > 3
+        x0, pv = float(np.float32(chance.uniform(40.0, 60.0))), float(np.float32(sp + chance.normal(0.0, 0.3)))
+        state = repaired.call(block, state, repaired.Inputs(sp, pv, x0, auto, True))
+        theirs = float(witness(auto, pv, sp, x0))
+        bound = not 5.0 < state.output < 95.0 or not 5.0 < theirs < 95.0
+        if bound:
+            return most, compared
+        most, compared = max(most, abs(state.output - theirs)), compared + 1
+    return most, compared
+
+
+def test_the_repaired_block_is_the_witness_between_the_limits():
+    chance = np.random.default_rng(7)
+    found = [_repaired_beside_witness(chance, 60) for _ in range(150)]
+    assert sum(compared for _, compared in found) > 5000
+    assert max(most for most, _ in found) < 60 * 8 * 100 * 2.0**-24  # 60 calls, no more than eight roundings each at 100 %
+
+
+def test_by_hand_and_at_the_first_call_the_repaired_block_is_the_witness():
+    words = {"KP": 2.5, "TR": 100.0, "TD": 10.0, "XMIN": 0.0, "XMAX": 100.0, "CYCLE": 1000}
+    for sp, pv, x0, auto in ((60.0, 50.0, 30.0, True), (60.0, 50.0, 30.0, False), (60.0, 50.0, 130.0, False), (60.0, 50.0, -1.0, False)):
+        state = repaired.call(repaired.block_of(words, repaired.Assumptions()), repaired.COLD, repaired.Inputs(sp, pv, x0, auto, True))
+        assert state.output == pytest.approx(float(RepairedWitness(2.5, 100.0, 10.0, 1000)(auto, pv, sp, x0)), abs=1e-4)
+
+
 @pytest.mark.long
 def test_the_compiled_step_gives_the_bits_of_the_plain_one():
     from heatertune.compiled import compiled  # noqa: PLC0415 - Numba is slow to load
@@ -156,6 +217,8 @@ def test_time_is_in_seconds_whatever_the_unit():
         assert found[MILLISECONDS] == found[SECONDS] == float(np.float32(ms / 1000))
         assert found[NANOSECONDS] == pytest.approx(ms / 1000, rel=2e-7)
         assert found[TENS_OF_MS] == float(np.float32(ms // 10) / np.float32(100))  # what is cut off a CYCLE
+    # so that milliseconds are no setting of their own
+    assert all(time_to_real(ms, SECONDS) == float(np.float32(ms) / np.float32(1000)) for ms in range(1, 60001))
     with pytest.raises(Exception, match="unit of TIME_TO_REAL is not told"):
         Program(units("PROGRAM P\nVAR\n  x : REAL;\nEND_VAR\nx := TIME_TO_REAL(T#1s);\nEND_PROGRAM"), {})
     assert [time_to_real(1500, unit) for unit in (SECONDS, MILLISECONDS, TENS_OF_MS, NANOSECONDS)] == [1.5, 1500.0, 150.0, 1.5e9]
@@ -204,13 +267,13 @@ def test_no_reset_time_is_no_i_part():
 
 def test_the_printed_block_by_hand_gives_the_gain_times_the_output_asked_for():
     # TR·(X0 − e)/TR + e = X0, all of it times KP
-    assert _run(_words("iec-pid-standard", KP=2.5, TR=100.0), [(50.0, 45.0, 30.0, 0)]) == [75.0]
-    assert math.isnan(_run(_words("iec-pid-standard", KP=2.5), [(50.0, 45.0, 30.0, 0)])[0])
+    assert _run(_words("iec-pid-text", KP=2.5, TR=100.0), [(50.0, 45.0, 30.0, 0)]) == [75.0]
+    assert math.isnan(_run(_words("iec-pid-text", KP=2.5), [(50.0, 45.0, 30.0, 0)])[0])
 
 
 def test_the_printed_block_differentiates_against_zeros_at_first():
     # slopes of e = −10: −30/10; then with −10 one call old (−30 − 10)/10; two calls old (−30 − 10 + 10)/10; then none
-    found = _run(_words("iec-pid-standard", KP=-1.0, TR=1e30, TD=1.0), [(50.0, 40.0)] * 5)
+    found = _run(_words("iec-pid-text", KP=-1.0, TR=1e30, TD=1.0), [(50.0, 40.0)] * 5)
     assert found == pytest.approx([13.0, 14.0, 13.0, 10.0, 10.0], abs=1e-4)
 
 
@@ -222,7 +285,7 @@ FAULTS = ["ERROR is PV - SP", "by hand XOUT is KP*X0", "no limits", "no anti-win
     ({"KP": 2.5, "TD": 10.0}, []), ({"KP": -2.5}, ["ERROR is", "first call"]), ({"KP": 1.0, "TD": 1.0}, ["by hand XOUT is"]),
     ({"KP": 0.0}, ["ERROR is", "no limits", "no anti", "first call", "divided"])])
 def test_the_faults_are_those_that_the_words_bring_out(changed, absent):
-    told = PRINTED.faults(_words("iec-pid-standard", TR=100.0, **{"TD": 0.0} | changed))
+    told = PRINTED.faults(_words("iec-pid-text", TR=100.0, **{"TD": 0.0} | changed))
     missing = [fault for fault in FAULTS if not any(fault in each for each in told)]
     assert len(missing) == len(absent)
     assert all(any(fault.startswith(part) or part in fault for part in absent) for fault in missing)
@@ -234,11 +297,11 @@ def test_the_printed_block_refuses_a_design_without_an_i_part_and_negates_the_ga
     with pytest.raises(NotRepresentable, match="PI or PID would fit"):
         PRINTED.encode(design, Scaling())
     assert ROOM.encode(design, Scaling()).values["TR"] == 0.0
-    words = _words("iec-pid-standard", KP=-2.0, TR=50.0)
+    words = _words("iec-pid-text", KP=-2.0, TR=50.0)
     assert PRINTED.decode(words).gain_pct_per_degC == 2.0
     for bad in ({"KP": 0.0, "TR": 50.0}, {"TR": 0.0}):
         with pytest.raises(OutOfRange, match=r"word (KP|TR)"):
-            PRINTED.decode(_words("iec-pid-standard", **bad))
+            PRINTED.decode(_words("iec-pid-text", **bad))
 
 
 @pytest.mark.parametrize("changed", [{"XMIN": 60.0, "XMAX": 50.0}, {"CYCLE": 0}, {"TR": -1.0}, {"XMAX": 101.0}])

@@ -94,6 +94,11 @@ WEG = {"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "TauSetPoint": 0.0, "MinimumOutput": 0.0
        "Action": 0, "Ts": 1000}
 
 
+def _iec(words, rows, outputs, target="iec-pid"):
+    own = {"XMIN": 0.0, "XMAX": 100.0} if target == "iec-pid" else {}
+    return Case(target=target, switch="time_unit", words={"KP": 1.0, "TR": 1.0, "TD": 0.0, "CYCLE": 1000} | own | words, rows=rows, outputs=outputs)
+
+
 def _weg(switch, words, rows, outputs):
     return Case(target="weg", switch=switch, words=WEG | words, rows=rows, outputs=outputs)
 
@@ -266,6 +271,13 @@ CASES = [
     _pband("arithmetic", {}, [1006], [1000], {"float": [0.06], "integer": [0.1]}),
     # 10.06 less 10.03, or 10.1 less 10.0
     _pband("reading", {}, [1006], [1003], {"fine": [0.03], "display": [0.1]}),
+    # e = 32, then −17.25: 32·(1 + T), then 14.75·T − 17.25 = 0.02225 with T = 1.171, 0.0075 with 1.17, in singles (NumPy's); ns has the
+    # single of 1171000000 over that of 10⁹, one digit more
+    _iec({"CYCLE": 1171}, _columns(SP=[32.0] * 2, PV=[0.0, 49.25]),
+         {"s": [69.472, 0.022249221801757812], "ten_ms": [69.44, 0.00749969482421875], "ns": [69.472, 0.022251129150390625]}),
+    # ERROR = 2: −(2 + 2·T/8), T being 1.5 s, or 1500, 150, 1.5e9 units
+    _iec({"KP": -1.0, "TR": 8.0, "CYCLE": 1500}, _columns(SP=[50.0], PV=[52.0]),
+         {"s": [-2.375], "ms": [-377.0], "ten_ms": [-39.5], "ns": [-375000002.0]}, "iec-pid-text"),
 ]
 
 

@@ -10,7 +10,7 @@ __all__ = ["ALIKE", "GROUPS", "NAMES", "TARGETS"]
 GROUPS: Final[dict[str, tuple[str, ...]]] = {
     "PLC": (
         "s5-ob251", "s7-200", "s7-200-paper", "s7-200-pid", "s7-300", "fb41", "pid-compact", "pid-temp", "weg",
-        "iec-pid", "iec-pid-standard", "on-off",
+        "iec-pid", "iec-pid-text", "on-off",
     ),
     "instrument": ("pband",),
     "printer": ("klipper", "marlin"),

@@ -13,8 +13,9 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
+from heatertune.plc.open_points import Switch
 from heatertune.plc.single import divided, single
-from heatertune.plc.st.duration import SECONDS, TIME_UNIT, time_to_real
+from heatertune.plc.st.duration import NANOSECONDS, SECONDS, TENS_OF_MS, time_to_real
 
 __all__ = ["COLD", "Assumptions", "Block", "Inputs", "State", "block_of", "call", "scan", "step"]
 
@@ -22,7 +23,11 @@ __all__ = ["COLD", "Assumptions", "Block", "Inputs", "State", "block_of", "call"
 class Assumptions(NamedTuple):
     """What the standard leaves open, see DIFFERENCES.md."""
 
-    time_unit: Annotated[int, TIME_UNIT] = SECONDS
+    time_unit: Annotated[int, Switch(
+        name="time_unit", means={"s": SECONDS, "ten_ms": TENS_OF_MS, "ns": NANOSECONDS},
+        why="unit of TIME_TO_REAL: s (matiec: Beremiz, OpenPLC) or ms (CODESYS), which give the same bits here; "
+            "whole tens of ms (FPWIN Pro); ns",
+    )] = SECONDS
 
 
 class Block(NamedTuple):

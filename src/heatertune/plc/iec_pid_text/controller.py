@@ -8,18 +8,18 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running
 from heatertune.plc.iec_pid.controller import measure
 from heatertune.plc.iec_pid.words import COUNTS, TIMER, interval_s
-from heatertune.plc.iec_pid_standard.export import export_words
-from heatertune.plc.iec_pid_standard.faults import faults
-from heatertune.plc.iec_pid_standard.readback import from_text
-from heatertune.plc.iec_pid_standard.step import COLD, Assumptions, block_of, scan, step
-from heatertune.plc.iec_pid_standard.words import FIELDS, design_of, values_of
+from heatertune.plc.iec_pid_text.export import export_words
+from heatertune.plc.iec_pid_text.faults import faults
+from heatertune.plc.iec_pid_text.readback import from_text
+from heatertune.plc.iec_pid_text.step import COLD, Assumptions, block_of, scan, step
+from heatertune.plc.iec_pid_text.words import FIELDS, design_of, values_of
 from heatertune.plc.pwm import HALF_WAVE_S
 from heatertune.plc.words import Words
 
 __all__ = ["StandardPid"]
 
 
-class StandardPid(Controller, name="iec-pid-standard"):
+class StandardPid(Controller, name="iec-pid-text"):
     """The PID of the IEC 61131-3 text with its faults; the power is XOUT as far as it is within 0…100 %."""
 
     title = "IEC 61131-3 PID as printed (matiec in Beremiz and OpenPLC, lib/pid_st.txt)"

@@ -6,14 +6,14 @@ from typing import Final
 
 from heatertune.plc.iec_pid.export import constants, head_of
 from heatertune.plc.iec_pid.words import COUNTS
-from heatertune.plc.iec_pid_standard.faults import faults
-from heatertune.plc.iec_pid_standard.words import FIELDS
+from heatertune.plc.iec_pid_text.faults import faults
+from heatertune.plc.iec_pid_text.words import FIELDS
 from heatertune.plc.st.program import Limits, called, clock_for, program, proven_setpoint, statements, variables
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["TEXT", "export_words"]
 
-TEXT: Final = "iec_pid_standard.st"
+TEXT: Final = "iec_pid_text.st"
 
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str]:

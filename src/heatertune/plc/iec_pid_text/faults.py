@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from heatertune.plc.iec_pid_standard.step import COLD, Assumptions, Block, State, block_of, call
+from heatertune.plc.iec_pid_text.step import COLD, Assumptions, Block, State, block_of, call
 from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
 from heatertune.plc.st.duration import MILLISECONDS

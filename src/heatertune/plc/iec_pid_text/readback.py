@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from heatertune.plc.iec_pid.readback import UNITS
-from heatertune.plc.iec_pid_standard.words import FIELDS
+from heatertune.plc.iec_pid_text.words import FIELDS
 from heatertune.plc.readback import ReadBack
 from heatertune.plc.st.readback import Block, words_in
 
