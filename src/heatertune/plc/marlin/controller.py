@@ -27,7 +27,7 @@ class Marlin(Controller, name="marlin"):
     )
     cannot = (
         "127 steps of power; the setpoint is whole degrees",
-        "TA is PID_dT, 0.160…0.256 s: the build makes it, no word does",
+        "TA is PID_dT: 0.16 s, or up to 0.256 s where words are read of a build with many sensors",
         "no setpoint ramp, no boost of heatertune's: outside the window the firmware gives full power itself",
         "no coolers; no terms for extrusion and fan (PID_EXTRUSION_SCALING, PID_FAN_SCALING)",
         "the firmware's own supervision (MINTEMP, MAXTEMP, thermal runaway) is not simulated",

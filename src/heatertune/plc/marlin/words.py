@@ -23,8 +23,8 @@ FULL: Final = 255.0
 LOOP_S: Final = 0.016
 LEAST_LOOPS: Final = 10
 _MOST_LOOPS: Final = 16
-#: PID_dT: the build makes it, from the number of its sensors
-TIMER: Final = Timer(shortest_s=LEAST_LOOPS * LOOP_S, longest_s=_MOST_LOOPS * LOOP_S, step_s=LOOP_S)
+#: PID_dT of a build with few sensors; those of others are read, not designed: no word of a running firmware changes it
+TIMER: Final = Timer(shortest_s=LEAST_LOOPS * LOOP_S, longest_s=LEAST_LOOPS * LOOP_S, step_s=LOOP_S)
 
 GAINS: Final = (
     gain_field("Kp", "M301 P", "REAL", "proportional gain, 1/255 of full power per °C"),
