@@ -32,6 +32,7 @@ from heatertune.cli import (
     spec,
     studio,
     study,
+    supervise,
     targets,
     terms,
     tune,
@@ -46,7 +47,7 @@ from heatertune.errors import ExportRefused, HeatertuneError, InputError, one_li
 __all__ = ["main"]
 
 COMMANDS = (
-    design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, feed_forward, compare, advise, study,
+    design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, supervise, feed_forward, compare, advise, study,
     fleet, report, decode, diff, replay, targets, terms, studio, doctor, bench, completion,
 )
 
