@@ -14,8 +14,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __all__ = [
-    "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "read_log", "supervise",
-    "tune", "validate", "write_report",
+    "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "read_log",
+    "supervise", "tune", "validate", "write_report",
 ]
 
 if TYPE_CHECKING:
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 _HOMES = {
     **dict.fromkeys(("export", "fit", "fit_known", "fit_together"), "chain.stages"),
     **dict.fromkeys(("design", "write_report"), "chain.whole"), "plan": "chain.experiment",
-    "supervise": "chain.supervision", "validate": "chain.validation", "read_log": "log", **dict.fromkeys(("encode", "tune"), "plc.design"),
+    "supervise": "chain.supervision", "validate": "chain.validation", "read_log": "log",
+    **dict.fromkeys(("encode", "tune"), "plc.design"),
     "prove": "proof", "compare": "proof.targets",
 }
 

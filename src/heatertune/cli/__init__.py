@@ -47,8 +47,8 @@ from heatertune.errors import ExportRefused, HeatertuneError, InputError, one_li
 __all__ = ["main"]
 
 COMMANDS = (
-    design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, supervise, feed_forward, compare, advise, study,
-    fleet, report, decode, diff, replay, targets, terms, studio, doctor, bench, completion,
+    design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, supervise, feed_forward, compare, advise,
+    study, fleet, report, decode, diff, replay, targets, terms, studio, doctor, bench, completion,
 )
 
 #: those that most people need, in the order in which they do, and what they are for

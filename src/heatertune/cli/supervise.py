@@ -40,8 +40,8 @@ def add_to(commands: Any) -> None:
         "how far the ambient temperature may be from the model's (default: 5)"))
     group.add_argument("--least-noise", type=float, default=0.0, metavar="°C", help=(
         "noise that the sensor always has: a frozen one is seen by it (default: 0)"))
-    group.add_argument("--samples", type=int, default=300, metavar="N", help=(
-        "heaters, none of them seen before, on which it must not trip (default: 300)"))
+    group.add_argument("--samples", type=int, default=1000, metavar="N", help=(
+        "heaters, none of them seen before, on which it must not trip (default: 1000)"))
     group.add_argument("--broken", type=int, default=60, metavar="N", help=(
         "heaters on which each fault is tried (default: 60)"))
     group.add_argument("--seed", type=int, default=0, help="of the first heater that is drawn (default: 0)")

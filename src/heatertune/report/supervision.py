@@ -22,7 +22,8 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
     low, high = document["noise_degC"]
     yield from warning
     yield ""
-    yield f"monitor of {document['target']}, setpoint {document['setpoint_degC']:g} °C, a scan each {document['scan_s']:g} s"
+    yield (f"monitor of {document['target']}, setpoint {document['setpoint_degC']:g} °C, "
+           f"a scan each {document['scan_s']:g} s")
     yield from _wrapped(
         f"{document['false_trips']} false trips on {document['checked']} heaters that no limit was made from, each "
         f"through its whole story: cold start, loads, setpoint steps, mains ±10 %, outage and return "

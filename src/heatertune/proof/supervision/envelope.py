@@ -71,7 +71,7 @@ def _fitted(
     m, r, u = move / units[0], level / units[1], power / units[2]
     field = (np.clip(r * _BINS, 0, _BINS - 1).astype(int) * _BINS + np.clip(u * _BINS, 0, _BINS - 1).astype(int))
     order = np.lexsort((m, field))
-    last = order[np.append(field[order][1:] != field[order][:-1], True)]  # noqa: FBT003 - numpy's own
+    last = order[np.append(field[order][1:] != field[order][:-1], True)]
     m, r, u = m[last], r[last], u[last]
     above = np.column_stack([sign * u, -sign * r, np.ones(len(m))])
     near = np.column_stack([sign * points[:, 1] / units[2], -sign * points[:, 0] / units[1], np.ones(len(points))])

@@ -17,29 +17,30 @@ class Kind:
         mains: share of the power that is left.
         stuck_pct: power that flows whatever is asked for.
         sensor: what becomes of it, see `heatertune.proof.supervision.loops.SENSOR_FAULTS`.
+        later: by which the dead time is multiplied, over the whole run.
         cold: whether it is there from the cold start on; else it comes when the loop is at rest.
-        heats: whether it can make the heater too hot.
     """
 
     name: str
     mains: float = 1.0
     stuck_pct: float = 0.0
     sensor: str = "right"
+    later: float = 1.0
     cold: bool = False
-    heats: bool = False
 
 
 FAULTS: Final = (
-    Kind(name="switch stuck on", mains=0.0, stuck_pct=100.0, heats=True),
+    Kind(name="switch stuck on", mains=0.0, stuck_pct=100.0),
     Kind(name="heater open", mains=0.0),
     Kind(name="heater open from cold", mains=0.0, cold=True),
     Kind(name="half of the power", mains=0.5),
     Kind(name="half of the power from cold", mains=0.5, cold=True),
-    Kind(name="sensor reads its low end", sensor="low", heats=True),
+    Kind(name="sensor reads its low end", sensor="low"),
     Kind(name="sensor reads its high end", sensor="high"),
-    Kind(name="sensor frozen at rest", sensor="frozen", heats=True),
-    Kind(name="sensor frozen in the heat-up", sensor="frozen", cold=True, heats=True),
-    Kind(name="sensor half out", sensor="half", heats=True),
-    Kind(name="sensor half out from cold", sensor="half", cold=True, heats=True),
-    Kind(name="sensor loose", sensor="loose", heats=True),
+    Kind(name="sensor frozen at rest", sensor="frozen"),
+    Kind(name="sensor frozen in the heat-up", sensor="frozen", cold=True),
+    Kind(name="sensor half out", sensor="half"),
+    Kind(name="sensor half out from cold", sensor="half", cold=True),
+    Kind(name="sensor loose", sensor="loose"),
+    Kind(name="dead time 4 times as long", later=4.0, cold=True),
 )

@@ -7,7 +7,6 @@ switch that is stuck is an open circuit and a load of full power.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 

@@ -65,7 +65,7 @@ class Drawn:
     spread_pct: float = 20.0
     ambient_degC: float = 5.0
     least_noise_degC: float = 0.0
-    checked: int = 300
+    checked: int = 1000
     broken: int = 60
     seed: int = 0
 
@@ -179,6 +179,8 @@ def _of(values: Sequence[float]) -> dict[str, float] | None:
 
 
 def _missed(kind: Kind) -> str:
+    if kind.later != 1.0:
+        return "the loop bears it: it is slower to settle and hardly swings"
     if kind.sensor == "frozen":
         return ("a reading that stays where the setpoint is asks for the power that holds it: nothing moves, until a "
                 "load or the setpoint does")
