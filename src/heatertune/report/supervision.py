@@ -29,6 +29,8 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
         f"through its whole story: cold start, loads, setpoint steps, mains ±10 %, outage and return "
         f"(gain and lags ±{document['spread_pct']:g} %, ambient ±{document['ambient_spread_degC']:g} °C, noise "
         f"{low:g}…{high:g} °C).")
+    if document["widened_for"]:
+        yield from _wrapped(f"Before, {document['widened_for']} of others tripped: the limits were made wider.")
     yield ""
     yield from _numbers(document["numbers"])
     yield ""

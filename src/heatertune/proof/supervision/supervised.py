@@ -120,7 +120,12 @@ def supervise(
 
 
 def bench_of(words: Words, fitted: FittedModel, conditions: Conditions, drawn: Drawn) -> Bench:
-    """Return what runs; errors as `supervise`."""
+    """Return what runs.
+
+    Raises:
+        InputError: a cooler; less noise at most than at least.
+        OutOfRange: as `supervise`.
+    """
     if cools(fitted):
         raise InputError("a monitor is made for heaters; this one cools")
     controller = controller_for(words.target)
