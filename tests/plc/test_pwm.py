@@ -179,7 +179,7 @@ def test_the_clock_of_each_target_is_that_of_its_cpu():
     # a new cyclic interrupt of an S7-1200/1500 is one of 100 ms
     # OB13 is called every 100 ms unless SD97 says otherwise (S5-115U); OB35 and WEG's cycle are set: a half-wave of 50 Hz
     assert {name: controller_for(name).tick_s for name in TARGETS if controller_for(name).tick_s is not None} == {
-        "s5-ob251": 0.1, "s7-300": 0.01, "fb41": 0.01, "weg": 0.01, "pid-compact": 0.1, "pid-temp": 0.1, "iec-pid": 0.01, "iec-pid-standard": 0.01, "klipper": 1e-5, "marlin": 0.001,
+        "s5-ob251": 0.1, "s7-300": 0.01, "fb41": 0.01, "weg": 0.01, "pid-compact": 0.1, "pid-temp": 0.1, "iec-pid": 0.01, "iec-pid-text": 0.01, "klipper": 1e-5, "marlin": 0.001,
         "arduino-pid": 0.01, "esphome": 0.1, "simple-pid": 0.01}
 
 

@@ -14,13 +14,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __all__ = [
-    "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "read_log", "tune",
-    "validate", "write_report",
+    "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "read_log",
+    "supervise", "tune", "validate", "write_report",
 ]
 
 if TYPE_CHECKING:
     from heatertune.chain.experiment import plan
     from heatertune.chain.stages import export, fit, fit_known, fit_together
+    from heatertune.chain.supervision import supervise
     from heatertune.chain.validation import validate
     from heatertune.chain.whole import design, write_report
     from heatertune.log import read_log
@@ -31,7 +32,8 @@ if TYPE_CHECKING:
 _HOMES = {
     **dict.fromkeys(("export", "fit", "fit_known", "fit_together"), "chain.stages"),
     **dict.fromkeys(("design", "write_report"), "chain.whole"), "plan": "chain.experiment",
-    "validate": "chain.validation", "read_log": "log", **dict.fromkeys(("encode", "tune"), "plc.design"),
+    "supervise": "chain.supervision", "validate": "chain.validation", "read_log": "log",
+    **dict.fromkeys(("encode", "tune"), "plc.design"),
     "prove": "proof", "compare": "proof.targets",
 }
 

@@ -33,6 +33,7 @@ from heatertune.cli import (
     spec,
     studio,
     study,
+    supervise,
     targets,
     terms,
     tune,
@@ -47,8 +48,8 @@ from heatertune.errors import ExportRefused, HeatertuneError, InputError, one_li
 __all__ = ["main"]
 
 COMMANDS = (
-    design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, feed_forward, compare, advise, study,
-    fleet, report, decode, diff, replay, targets, terms, studio, simulate, doctor, bench, completion,
+    design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, supervise, feed_forward, compare, advise,
+    study, fleet, report, decode, diff, replay, targets, terms, studio, simulate, doctor, bench, completion,
 )
 
 #: those that most people need, in the order in which they do, and what they are for

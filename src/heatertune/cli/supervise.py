@@ -1,0 +1,91 @@
+"""`heatertune supervise`: words and their heater → a monitor, and how soon it tells each fault."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from heatertune.cli import common, printing
+from heatertune.cli.recorded import proving
+from heatertune.errors import InputError
+
+if TYPE_CHECKING:
+    from heatertune.model.values import FittedModel
+    from heatertune.plc import Words
+    from heatertune.settings import Conditions
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune supervise pid.json --target s5-ob251 -o out/"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "supervise", epilog=_EXAMPLE,
+        help="a monitor for the loop: no false trip on any possible heater, and how soon it tells each fault",
+        description="Make the limits of a monitor from all possible heaters and their whole story, and tell how soon "
+                    "it sees each fault. It does not replace a thermal cut-out.",
+    )
+    command.add_argument("pid", metavar="MODEL|PID|WORDS", nargs="?", help=(
+        "model.json as written by fit (its words are designed first), pid.json by tune, or words.json by export-db"))
+    command.add_argument("-o", "--out", metavar="DIR", help="directory for supervision.json and supervision.txt")
+    common.add_word_options(command, "words_by", "setpoint_ramp", "boost")
+    common.add_proof_options(command)
+    common.add_model_options(command)
+    group = command.add_argument_group("the heaters that are drawn")
+    group.add_argument("--spread", type=float, default=20.0, metavar="%", help=(
+        "how far gain and lags may be from the model's, the dead time half as much again (default: 20)"))
+    group.add_argument("--ambient-spread", type=float, default=5.0, metavar="°C", help=(
+        "how far the ambient temperature may be from the model's (default: 5)"))
+    group.add_argument("--least-noise", type=float, default=0.0, metavar="°C", help=(
+        "noise that the sensor always has: a frozen one is seen by it (default: 0)"))
+    group.add_argument("--samples", type=int, default=1000, metavar="N", help=(
+        "heaters, none of them seen before, on which it must not trip (default: 1000)"))
+    group.add_argument("--broken", type=int, default=60, metavar="N", help=(
+        "heaters on which each fault is tried (default: 60)"))
+    group.add_argument("--seed", type=int, default=0, help="of the first heater that is drawn (default: 0)")
+    printing.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.documents import to_json  # noqa: PLC0415
+    from heatertune.report.supervision import supervision_page  # noqa: PLC0415
+    from heatertune.writing import write_files  # noqa: PLC0415
+
+    progress = printing.Progress(settings)
+    words, fitted, conditions, notes = _asked(settings, progress)
+    for note in notes:
+        progress.note(note)
+    document = chain.supervise(
+        words, fitted, conditions, progress=progress, spread_pct=settings.spread, checked=settings.samples,
+        ambient_degC=settings.ambient_spread, least_noise_degC=settings.least_noise, broken=settings.broken,
+        seed=settings.seed)
+    page = supervision_page(document)
+    if settings.out is not None:
+        write_files(settings.out, {"supervision.json": to_json(document), "supervision.txt": page + "\n"})
+    printing.output(settings, document, lambda: page)
+    return 0
+
+
+def _asked(
+    settings: argparse.Namespace, progress: printing.Progress
+) -> tuple[Words, FittedModel, Conditions, tuple[str, ...]]:
+    """Return words, heater and conditions: of a file, or designed for a model as `design` does."""
+    from heatertune.documents import peek_schema  # noqa: PLC0415
+
+    schema = None if settings.pid is None else peek_schema(settings.pid)
+    if settings.pid is not None and not (schema or "").startswith("heatertune/model/"):
+        asked = proving(settings)
+        return asked.words, asked.fitted, asked.conditions, asked.notes
+    from heatertune.proof.closing import Asked, plainly  # noqa: PLC0415
+
+    fitted = common.model_from(settings, settings.pid)
+    closed = plainly(fitted, Asked(target=common.target(settings), scaling=common.scaling(settings),
+                                   conditions=common.conditions(settings)), progress=progress)
+    if closed.proof.verdict == "FAIL":
+        raise InputError("the words that are designed for this model FAIL their proof; `heatertune design` says why "
+                         "and what would pass: give supervise its pid.json")
+    return closed.proof.words, fitted, closed.conditions, ()

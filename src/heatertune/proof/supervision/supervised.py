@@ -1,0 +1,217 @@
+"""Words and the heaters that a fit leaves possible → a monitor, and how soon it tells each fault, as a document."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from heatertune.documents import plain
+from heatertune.errors import InputError
+from heatertune.model.mirrored import cools
+from heatertune.model.values import FittedModel
+from heatertune.plc import Words, controller_for
+from heatertune.plc.open_points import settings_to_prove
+from heatertune.progress import Told
+from heatertune.proof.fitted import actuator_for, setpoints_for, specified
+from heatertune.proof.heaters import holding
+from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop
+from heatertune.proof.scenario import Scenario
+from heatertune.proof.supervision.design import FRESH, Bench, Designed, design, mapped
+from heatertune.proof.supervision.family import Family, Member
+from heatertune.proof.supervision.faults import FAULTS, Kind
+from heatertune.proof.supervision.loops import loosened
+from heatertune.proof.supervision.monitor import ALARMS
+from heatertune.proof.supervision.tallies import first_alarm
+from heatertune.settings import Conditions
+from heatertune.units import check
+
+__all__ = ["SCHEMA", "WARNING", "Drawn", "bench_of", "supervise"]
+
+SCHEMA: Final = "heatertune/supervision/1"
+WARNING: Final = (
+    "This does not replace a thermal cut-out: it sees what the controller sees, through the same sensor, and switches "
+    "off through whatever the program can reach.")
+#: sensor noise where neither the user nor the log tells it [°C]
+_NOISE_DEGC: Final = 0.1
+_LATER: Final = 2 * FRESH  # seeds of the heaters that break
+_NOT_TESTED: Final = (
+    "a temperature that jumps at once (cold goods, a door): it may trip as a sensor does that slips",
+    "a load of more than 15 % of full power, a mains voltage beyond ±10 %",
+    "a sensor that drifts or slips slowly: its readings are those of another heater",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawn:
+    """How widely, and how often, heaters are drawn.
+
+    Attributes:
+        spread_pct: half width of gain and lags; the dead time's is half as much again [%].
+        ambient_degC: half width of the ambient temperature [°C].
+        least_noise_degC: noise that the sensor has at least [°C].
+        checked: fresh heaters on which the monitor must not trip.
+        broken: heaters that break, for each fault.
+        seed: of the first one.
+
+    Raises:
+        OutOfRange: one without meaning.
+    """
+
+    spread_pct: float = 20.0
+    ambient_degC: float = 5.0
+    least_noise_degC: float = 0.0
+    checked: int = 1000
+    broken: int = 60
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check("--spread", self.spread_pct, least=0.0, most=60.0)
+        check("--ambient-spread", self.ambient_degC, least=0.0, most=50.0)
+        check("--least-noise", self.least_noise_degC, least=0.0)
+        check("--samples", self.checked, least=1, most=1_000_000)
+        check("--broken", self.broken, least=1, most=100_000)
+        check("--seed", self.seed, least=0, most=FRESH - 1000)
+
+
+def supervise(
+    words: Words, fitted: FittedModel, conditions: Conditions | None = None, drawn: Drawn | None = None, *,
+    progress: Told = str,
+) -> dict[str, Any]:
+    """Return the monitor of a loop and what it sees, as a JSON object.
+
+    Args:
+        words: what the controller holds.
+        fitted: the heater; the possible ones are drawn around.
+        conditions: as of the proof; without a noise it is the log's, or 0.1 °C.
+        drawn: how heaters are drawn; None: as by default.
+        progress: told what begins.
+
+    Raises:
+        InputError: a cooler; no limits tell loops in order from broken ones.
+        OutOfRange: a setpoint out of the sensor's range or of a heater's reach.
+        UnknownName: no such switch or setting.
+    """
+    assumed, drawn = conditions or Conditions(), drawn or Drawn()
+    bench = bench_of(words, fitted, assumed, drawn)
+    made = design(bench, drawn.checked, seed=drawn.seed, progress=progress)
+    faults = []
+    for number, kind in enumerate(FAULTS):
+        progress(f"{kind.name} ({number + 1} of {len(FAULTS)})")
+        faults.append(_fault(bench, made, kind, drawn))
+    family = bench.family
+    loop = bench.loop([family.setpoint_degC], 0)
+    document: dict[str, Any] = plain({
+        "schema": SCHEMA, "warning": WARNING, "target": words.target, "words": dict(words.values),
+        "scan_s": family.scan_s, "setpoint_degC": family.setpoint_degC,
+        "card": {"zero_degC": loop.zero_degC, "step_degC": loop.resolution_degC or loop.unit_degC},
+        "numbers": made.numbers._asdict(), "told": list(_told(made, loop)),
+        "heaters": len(family.heaters), "spread_pct": drawn.spread_pct, "ambient_spread_degC": drawn.ambient_degC,
+        "noise_degC": list(family.noise_degC), "seed": drawn.seed,
+        "checked": made.checked, "false_trips": 0, "widened_for": made.tripped,
+        "off": [{"rule": rule, "why": why} for rule, why in made.off],
+        "faults": faults, "not_tested": [*_NOT_TESTED, *_untested(assumed)],
+    })
+    return document
+
+
+def bench_of(words: Words, fitted: FittedModel, conditions: Conditions, drawn: Drawn) -> Bench:
+    """Return what runs.
+
+    Raises:
+        InputError: a cooler; less noise at most than at least.
+        OutOfRange: as `supervise`.
+    """
+    if cools(fitted):
+        raise InputError("a monitor is made for heaters; this one cools")
+    controller = controller_for(words.target)
+    setpoint, _ = setpoints_for(fitted, conditions)
+    check_words(controller, words, Scenario(setpoint_degC=setpoint, duration_s=1.0))
+    noise = conditions.noise_degC or fitted.reading_step_degC or _NOISE_DEGC
+    if drawn.least_noise_degC > noise:
+        raise InputError(f"--least-noise is {drawn.least_noise_degC:g} °C; at most the noise of {noise:g} °C")
+    settings = list(settings_to_prove(controller.switches, dict(conditions.switches)))
+
+    def loop_of(setpoints: Sequence[float], seed: int) -> InLoop:
+        return loosened(in_loop(controller, words, setpoints, settings[seed % len(settings)], direct=True))
+
+    family = Family(
+        heaters=[heater for _, heater in holding(fitted, setpoint)], setpoint_degC=setpoint,
+        low_degC=conditions.lowest_degC, scan_s=controller.timing(words).scan_s,
+        delay_s=controller.delayed_s(words.scaling), spread=drawn.spread_pct / 100.0, ambient_degC=drawn.ambient_degC,
+        noise_degC=(drawn.least_noise_degC, noise), ramp_degC_per_min=controller.ramp_degC_per_min(words))
+    actuator = actuator_of(loop_of([setpoint], 0), actuator_for(conditions, words))
+    return Bench(loop=loop_of, actuator=actuator, family=family)
+
+
+def _untested(conditions: Conditions) -> Iterator[str]:
+    if specified(conditions).profile is not None:
+        yield "the profile: steps of the setpoint stand for it"
+    if conditions.interlock is not None:
+        yield "the interlock"
+
+
+def _fault(bench: Bench, made: Designed, kind: Kind, drawn: Drawn) -> dict[str, Any]:
+    scan_s, begins = bench.family.scan_s, bench.begins_s(kind)
+    first = math.ceil(begins / scan_s)
+
+    def seen(member: Member) -> tuple[float, float, str]:
+        one = bench.fault(member, kind)
+        at, alarm = first_alarm(made.numbers, one, first)
+        if at >= 0:
+            one = bench.fault(member, kind, at * scan_s)
+        return (at - first) * scan_s if at >= 0 else math.nan, float(one.temperature_degC[first:].max()), ALARMS[alarm]
+
+    members = [bench.family.member(_LATER + drawn.seed + number) for number in range(drawn.broken)]
+    times, peaks, alarms = zip(*mapped(seen, members), strict=True)
+    late = [time for time in times if not math.isnan(time)]
+    return {
+        "name": kind.name, "heaters": len(members), "detected": len(late), "detection_s": _of(late),
+        "peak_degC": _of(peaks), "alarms": dict(Counter(alarm for alarm in alarms if alarm != ALARMS[0])),
+        "missed_because": None if len(late) == len(members) else _missed(kind),
+    }
+
+
+def _of(values: Sequence[float]) -> dict[str, float] | None:
+    if not values:
+        return None
+    median, p95 = np.percentile(values, [50.0, 95.0]).tolist()
+    return {"median": median, "p95": p95, "worst": max(values)}
+
+
+def _missed(kind: Kind) -> str:
+    if kind.later != 1.0:
+        return "the loop bears it: it is slower to settle and hardly swings"
+    if kind.sensor == "frozen":
+        return ("a reading that stays where the setpoint is asks for the power that holds it: nothing moves, until a "
+                "load or the setpoint does")
+    if kind.sensor != "right":
+        return "its readings are those of another possible heater"
+    return "with what is left it does what a weaker heater, a lower voltage or a load make of one in order"
+
+
+def _told(made: Designed, loop: InLoop) -> Iterator[str]:
+    """Return what the numbers mean, one sentence for each rule."""
+    numbers, scan, step = made.numbers, loop.scan_s, loop.resolution_degC or loop.unit_degC
+    block = numbers.block * scan
+    yield f"A block is {numbers.block} scans, {block:.3g} s."
+    yield (f"Sensor gone: below {loop.zero_degC + step * numbers.low:.4g} °C or above "
+           f"{loop.zero_degC + step * numbers.high:.4g} °C.")
+    yield f"Implausible rate: more than {step * numbers.jump:.3g} °C from scan to scan."
+    if numbers.still:
+        yield f"Frozen: the same reading for more than {numbers.still * scan:.3g} s."
+    if numbers.still_moved:
+        yield (f"Frozen: the same reading for more than {numbers.still_moved * scan:.3g} s after the power has moved "
+               f"by {numbers.moved} % or more.")
+    if numbers.slow_blocks:
+        yield (f"Heats too slowly, falls although heated: over {numbers.slow_blocks * block:.3g} s less than the power "
+               f"of {numbers.delay_low * block:.3g}…{numbers.delay_high * block:.3g} s ago explains.")
+    if numbers.fast_blocks:
+        yield f"Too hot for its power: over {numbers.fast_blocks * block:.3g} s more than it explains."
+    yield f"Setpoint out of reach: full power for more than {numbers.full * scan:.3g} s."
+    yield (f"Swing grows: {numbers.growths + 1} swings of {step * numbers.swing / numbers.block:.3g} °C or more in a "
+           "row, each larger than the one before.")
