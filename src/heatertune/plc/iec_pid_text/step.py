@@ -76,7 +76,15 @@ def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
 
 
 def call(b: Block, s: State, error: float, x0: float, auto: bool) -> tuple[State, float]:
-    """Return the state after one call, and XOUT; total for all inputs."""
+    """Return the state after one call, and XOUT; total for all inputs.
+
+    Args:
+        b: the words.
+        s: before the call.
+        error: PV − SP, a REAL [°C].
+        x0: output by hand, a REAL [%].
+        auto: whether the call is in automatic.
+    """
     if auto:
         total = single(s.total + single(error * b.t))
         slope = divided(single(single(single(3.0 * single(error - s.x3)) + s.x1) - s.x2), b.ten_t)
