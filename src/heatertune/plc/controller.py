@@ -1,8 +1,7 @@
 """A controller: one class that says what it is, and inherits what all controllers do alike.
 
-Every method here is abstract or final. The final ones go between design, words and text, and run scans; what they need
-of one controller, its class says: attributes, the methods that are abstract, and, where it can do more, those that are
-None here. Proof and chain know controllers through this file alone.
+Every method here is abstract or final. What the final ones need of one controller, its class says: attributes, the
+methods that are abstract, and, where it can do more, those that are None. Proof and chain know no more of controllers.
 """
 
 from __future__ import annotations
@@ -212,17 +211,6 @@ class Controller(Inputs, ABC):
         return limited
 
     @final
-    def switched(self, words: Words, pwm_period_s: float | None) -> Words:
-        """Return words with a PWM period [s]; as they are where none is given, or none is in them.
-
-        Raises:
-            OutOfRange: one that they can't hold.
-        """
-        if self.cycle is None or pwm_period_s is None:
-            return words
-        return replace(words, values=self.cycle.put(words.values, pwm_period_s))
-
-    @final
     def check(self, words: Words) -> None:
         """Refuse words that the controller cannot hold.
 
@@ -263,9 +251,8 @@ class Controller(Inputs, ABC):
     def timing(self, words: Words) -> Timing:
         """Return when the controller wants to be called."""
         ta, scans = words.sample_time_s, self.scans_per_period
-        if self.cycle is not None:
-            return Timing(scan_s=ta, pwm_period_s=self.cycle.of(words.values))
-        return Timing(scan_s=ta) if scans is None else Timing(scan_s=ta / scans, pwm_period_s=ta)
+        period = self.cycle.of(words.values) if self.cycle is not None else None if scans is None else ta
+        return Timing(scan_s=ta / (scans or 1), pwm_period_s=period)
 
     @final
     def ramp(self, words: Words, rate_degC_per_min: float, hold_degC: float | None = None) -> Ramp:
