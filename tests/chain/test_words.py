@@ -65,8 +65,8 @@ def test_the_interval_it_proposes_makes_the_word_fine():
 @pytest.mark.parametrize(
     ("target", "way", "said"),
     [
-        ("weg", "auto", "nothing to gain"),
-        ("fb41", "optimum", "nothing to gain"),
+        ("weg", "auto", "over those of weg no search is made"),
+        ("fb41", "optimum", "over those of fb41 no search is made"),
         ("on-off", "auto", "no PID"),
         ("s5-ob251", "rounded", "asked for"),
     ],

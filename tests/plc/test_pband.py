@@ -15,6 +15,7 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import ALIKE, NAMES, TARGETS, Certificate, Scaling, controller_for
 from heatertune.plc.commissioning import commissioning
+from heatertune.plc.cycle import switched
 from heatertune.plc.machine import read_machine
 from heatertune.plc.pband.makes import MAKES
 from heatertune.plc.pband.step import Assumptions, Block, State, step
@@ -126,20 +127,20 @@ def test_abb_writes_7201_for_no_integral_part():
 def test_a_cycle_time_is_written_as_the_make_does(name, word, periods):
     which = controller_for(name)
     for period, number in periods.items():
-        words = which.switched(_words(name), period)
+        words = switched(which.cycle, _words(name), period)
         which.check(words)
         assert (words.values[word], which.timing(words).pwm_period_s) == (number, period)
     with pytest.raises(OutOfRange, match=r"pwm_period_s = 1\.23.*a cycle time of the instrument; the nearest is 1"):
-        which.switched(_words(name), 1.23)
-    assert which.switched(_words(name), None) == _words(name)
+        switched(which.cycle, _words(name), 1.23)
+    assert switched(which.cycle, _words(name), None) == _words(name)
 
 
 def test_an_instrument_without_a_cycle_time_takes_no_other():
     which = controller_for("eurotherm-3200")
     assert which.timing(_words("eurotherm-3200")).pwm_period_s == 2.0
     with pytest.raises(OutOfRange, match="this instrument has no cycle time"):
-        which.switched(_words("eurotherm-3200"), 3.0)
-    assert controller_for("weg").switched(chain.encode(_design("pband"), "weg"), 3.0) == chain.encode(_design("pband"), "weg")
+        switched(which.cycle, _words("eurotherm-3200"), 3.0)
+    assert switched(controller_for("weg").cycle, chain.encode(_design("pband"), "weg"), 3.0) == chain.encode(_design("pband"), "weg")
 
 
 @pytest.mark.parametrize(("kind", "least"), [("ssr", 1.0), ("relay", 20.0), ("contactor", 30.0)])
@@ -147,7 +148,7 @@ def test_a_kind_of_switch_gets_a_cycle_time_that_suits_it(kind, least):
     fitted = model_by_hand(Fopdt(gain_degC_per_pct=3.0, time_constant_s=600.0, dead_time_s=30.0, ambient_degC=20.0))
     _, conditions = with_pwm(_design("omron-e5cc"), fitted, kind, Conditions(setpoint_degC=150.0), words=_words("omron-e5cc"))
     assert conditions.pwm_period_s >= least
-    assert controller_for("omron-e5cc").switched(_words("omron-e5cc"), conditions.pwm_period_s).values["CP"] == conditions.pwm_period_s
+    assert switched(controller_for("omron-e5cc").cycle, _words("omron-e5cc"), conditions.pwm_period_s).values["CP"] == conditions.pwm_period_s
 
 
 def test_a_cutback_that_is_not_the_band_is_refused_and_told():

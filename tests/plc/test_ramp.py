@@ -180,7 +180,7 @@ def test_the_fastest_rate_named_in_the_refusal_is_the_sensors_range_in_one_call(
 
 def test_only_some_controllers_have_no_ramp_and_say_so():
     assert sorted(set(TARGETS) - set(RAMPED)) == [
-        "arduino-pid", "esphome", "klipper", "marlin", "on-off", "pband", "pid-compact", "pid-temp", "s7-200-paper", "simple-pid"]
+        "arduino-pid", "esphome", "iec-pid-text", "klipper", "marlin", "on-off", "pband", "pid-compact", "pid-temp", "s7-200-paper", "simple-pid"]
     for name in set(TARGETS) - set(RAMPED):
         assert any("no setpoint ramp" in line for line in controller_for(name).cannot)
         with pytest.raises(InputError, match=f"{name} has no setpoint ramp"):

@@ -152,7 +152,7 @@ def _why_rounded(design: PidDesign, rounded: Words, way: str, wished: _Measured)
     reasons = (
         (controller_for(rounded.target).decode(rounded) is None, "the controller is no PID"),
         (controller_for(rounded.target).integers is None,
-         "the controller holds fractions or milliseconds, over which no search is made"),
+         f"over those of {rounded.target} no search is made"),
         (way == "rounded", "asked for with --words rounded"),
         (way == "auto" and not design.method.startswith("optimum"),
          "the design is no optimum, so what was asked for is kept; --words optimum would search"),

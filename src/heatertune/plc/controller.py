@@ -1,8 +1,7 @@
 """A controller: one class that says what it is, and inherits what all controllers do alike.
 
-Every method here is abstract or final. The final ones go between design, words and text, and run scans; what they need
-of one controller, its class says: attributes, the methods that are abstract, and, where it can do more, those that are
-None here. Proof and chain know controllers through this file alone.
+Every method here is abstract or final. What the final ones need of one controller, its class says: attributes, the
+methods that are abstract, and, where it can do more, those that are None. Proof and chain know no more of controllers.
 """
 
 from __future__ import annotations
@@ -208,17 +207,6 @@ class Controller(Led, ABC):
         limited = replace(words, values={**words.values, name: value})
         self.check(limited)
         return limited
-
-    @final
-    def switched(self, words: Words, pwm_period_s: float | None) -> Words:
-        """Return words with a PWM period [s]; as they are where none is given, or none is in them.
-
-        Raises:
-            OutOfRange: one that they can't hold.
-        """
-        if self.cycle is None or pwm_period_s is None:
-            return words
-        return replace(words, values=self.cycle.put(words.values, pwm_period_s))
 
     @final
     def check(self, words: Words) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 from heatertune.plc.ramp import Number
+from heatertune.plc.words import Words
 
-__all__ = ["Cycle"]
+__all__ = ["Cycle", "switched"]
 
 
 class Cycle(NamedTuple):
@@ -22,3 +24,14 @@ class Cycle(NamedTuple):
     of: Callable[[Mapping[str, Number]], float]
     put: Callable[[Mapping[str, Number], float], Mapping[str, Number]]
     periods_s: tuple[float, ...]
+
+
+def switched(cycle: Cycle | None, words: Words, pwm_period_s: float | None) -> Words:
+    """Return words with a PWM period [s]; as they are where none is given, or none is in them.
+
+    Raises:
+        OutOfRange: one that they can't hold.
+    """
+    if cycle is None or pwm_period_s is None:
+        return words
+    return replace(words, values=cycle.put(words.values, pwm_period_s))

@@ -32,9 +32,8 @@ class Led(Inputs):
     def timing(self, words: Words) -> Timing:
         """Return when the controller wants to be called."""
         ta, scans = words.sample_time_s, self.scans_per_period
-        if self.cycle is not None:
-            return Timing(scan_s=ta, pwm_period_s=self.cycle.of(words.values))
-        return Timing(scan_s=ta) if scans is None else Timing(scan_s=ta / scans, pwm_period_s=ta)
+        period = self.cycle.of(words.values) if self.cycle is not None else None if scans is None else ta
+        return Timing(scan_s=ta / (scans or 1), pwm_period_s=period)
 
     @final
     def ramp(self, words: Words, rate_degC_per_min: float, hold_degC: float | None = None) -> Ramp:
