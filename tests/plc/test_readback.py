@@ -21,6 +21,7 @@ TEXTS = {
     "s5-ob251": ("DB30_listing.txt",), "s7-200": ("s7_200_program.awl",), "s7-200-paper": ("s7_200_paper.awl",),
     "s7-200-pid": ("s7_200_pid.awl",), "s7-300": ("s7_300_pid.awl",), "fb41": ("fb41_cont_c.awl",),
     "weg": ("weg_pid_call.st", "weg_pid_block.st", "weg_pid_plcopen.xml"), "on-off": ("on_off_rom.hex",),
+    "iec-pid": ("iec_pid.st", "iec_pid_plcopen.xml"), "iec-pid-text": ("iec_pid_text.st",),
     "klipper": ("klipper_heater.cfg",), "marlin": ("marlin_pid.h", "marlin_pid.gcode"), "arduino-pid": ("arduino_pid.ino",),
     "esphome": ("esphome_pid.yaml",), "simple-pid": ("simple_pid_heater.py",),
     "pband": ("pband_sheet.txt", "pband_registers.csv"),
