@@ -20,7 +20,8 @@ from heatertune.plc.words import check_fields
 TEXTS = {
     "s5-ob251": ("DB30_listing.txt",), "s7-200": ("s7_200_program.awl",), "s7-200-paper": ("s7_200_paper.awl",),
     "s7-200-pid": ("s7_200_pid.awl",), "s7-300": ("s7_300_pid.awl",), "fb41": ("fb41_cont_c.awl",),
-    "weg": ("weg_pid_call.st", "weg_pid_block.st", "weg_pid_plcopen.xml"), "on-off": ("on_off_rom.hex",),
+    "weg": ("weg_pid_call.st", "weg_pid_block.st", "weg_pid_plcopen.xml"),
+    "iec-pid": ("iec_pid.st", "iec_pid_plcopen.xml"), "iec-pid-text": ("iec_pid_text.st",), "on-off": ("on_off_rom.hex",),
 }
 SAID = Certificate(verdict="PASS", lines=("proven at 40 °C; K := 3 (not this one)",))
 DESIGN = PidDesign(gain_pct_per_degC=2.0, integral_time_s=200.0, derivative_time_s=0.0, sample_time_s=5.0, structure="pi", method="")
