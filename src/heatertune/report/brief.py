@@ -14,6 +14,7 @@ from typing import Any, Final
 from heatertune.log.cells import count
 from heatertune.model.findings import KINDS
 from heatertune.plc.controller import controller_for
+from heatertune.plc.targets import TARGETS
 from heatertune.plc.typed import TypedWord, as_typed
 from heatertune.proof.period import life
 from heatertune.proof.verdict import blocking, sampled, told_by_kind
@@ -78,10 +79,15 @@ def design_brief(documents: Mapping[str, Document], out: str, nearest: Sequence[
 
 def verify_brief(proof: Document, notes: Sequence[str] = ()) -> str:
     """Return a proof on one screen."""
-    way_on = wrapped("heatertune design or tune with this --target looks for the least change that passes", "way on: ")
-    return _with_notes(
-        notes, [*_verdict(proof), *(way_on if proof["verdict"] == "FAIL" else [])], _worst(proof),
-        labelled(_doubts(proof), _DOUBTS))
+    way_on = wrapped(_way_on(proof["target"]), "way on: ") if proof["verdict"] == "FAIL" else []
+    return _with_notes(notes, [*_verdict(proof), *way_on], _worst(proof), labelled(_doubts(proof), _DOUBTS))
+
+
+def _way_on(target: str) -> str:
+    repaired = [name for name in TARGETS if controller_for(name).faithful == target]
+    if repaired:
+        return f"the same program repaired: --target {repaired[0]}"
+    return "heatertune design or tune with this --target looks for the least change that passes"
 
 
 def model_brief(model: Document, out: str | None = None) -> str:
