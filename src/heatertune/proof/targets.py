@@ -66,7 +66,11 @@ def _row(
     target: str, wished: PidDesign, scaling: Scaling | None, recipe: Recipe | None,
     proven: Callable[[Words], Proof]
 ) -> dict[str, Any]:
-    row: dict[str, Any] = {"target": target, "title": controller_for(target).title}
+    controller = controller_for(target)
+    row: dict[str, Any] = {"target": target, "title": controller.title}
+    if controller.timer.shortest_s == controller.timer.longest_s:
+        wished = replace(wished, sample_time_s=controller.timer.shortest_s)
+        row["sample_time_s"] = wished.sample_time_s
     try:
         words = finished(encode(wished, target, scaling=scaling), recipe)
     except NotRepresentable as problem:

@@ -39,8 +39,10 @@ def targets_brief(document: Document) -> str:
     rows: list[tuple[str, ...]] = [("", "", "settles", "overshoot", "offset", "costs", "")]
     rows += [_brief(row) for row in document["rows"]]
     told = "costs: how much larger the integral of the error is than that of the ideal controller on this heater"
+    own = ", ".join(f"{row['target']} {row['sample_time_s']:g} s" for row in document["rows"] if "sample_time_s" in row)
     return "\n".join([
-        _where(document), *map(cut, table(rows, right=(2, 3, 4, 5)).splitlines()), *wrapped(told)])
+        _where(document), *map(cut, table(rows, right=(2, 3, 4, 5)).splitlines()), *wrapped(told),
+        *(wrapped(f"TA as the controller has it, not as designed: {own}") if own else [])])
 
 
 def _brief(row: Document) -> tuple[str, ...]:
@@ -127,6 +129,8 @@ def _legend(document: Document) -> str:
 def _reasons(document: Document) -> list[str]:
     reasons = []
     for row in document["rows"]:
+        if "sample_time_s" in row:
+            reasons.append(f"{row['target']} has a TA of {row['sample_time_s']:g} s alone: the design is taken at that one")
         if "why" in row:
             reasons.append(f"{row['target']}: {row['why']}")
         elif row["fails"]:
