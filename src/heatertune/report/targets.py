@@ -130,7 +130,7 @@ def _reasons(document: Document) -> list[str]:
     reasons = []
     for row in document["rows"]:
         if "sample_time_s" in row:
-            reasons.append(f"{row['target']} has a TA of {row['sample_time_s']:g} s alone: the design is taken at that one")
+            reasons.append(f"{row['target']} has a TA of {row['sample_time_s']:g} s alone: the design is taken at it")
         if "why" in row:
             reasons.append(f"{row['target']}: {row['why']}")
         elif row["fails"]:
