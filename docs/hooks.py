@@ -24,7 +24,12 @@ from heatertune.terms import TERMS, Term
 
 SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
 COMMON = "common"
-ROOMS = ("chain", "log", "heater", "model", "pid", "plc", "proof", "report", "batch", "live", COMMON)
+#: the folders in plc, which have a page of their own
+FOLDERS = "controllers"
+ROOMS = ("chain", "log", "heater", "model", "pid", "plc", FOLDERS, "proof", "report", "batch", "live", COMMON)
+#: what is no folder of its own → what it is for
+_TOLD = {COMMON: "What all rooms may use: settings, options, units, terms, errors.",
+         FOLDERS: "The folder of each controller, and the machines that run what is exported."}
 #: of your_plc.md: controller and the rest of its heading
 _SECTION = re.compile(r"^## ([\w-]+): (.+)$", re.MULTILINE)
 _MARKER = re.compile(r"^<!-- generate: (\w+) -->$", re.MULTILINE)
@@ -95,7 +100,8 @@ def service(target: str) -> str:
 
 def python(room: str) -> str:
     """Return the directives from which mkdocstrings draws a room of the Python reference."""
-    return "\n".join(f"::: heatertune.{name}\n    options:\n      toc_label: {name.rpartition(f'{room}.')[2]}\n"
+    within = f"{_folder(room)}."
+    return "\n".join(f"::: heatertune.{name}\n    options:\n      toc_label: {name.rpartition(within)[2]}\n"
                      for name in modules(room))
 
 
@@ -103,20 +109,25 @@ def rooms() -> str:
     """Return the list of rooms, each with its page and what it is for."""
     lines = []
     for room in ROOMS:
-        path = SOURCE / room / "__init__.py"
-        told = "What all rooms may use: settings, options, units, terms, errors."
-        if path.exists():
-            told = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")[0]
+        told = _TOLD.get(room)
+        if told is None:
+            text = (SOURCE / room / "__init__.py").read_text(encoding="utf-8")
+            told = (ast.get_docstring(ast.parse(text)) or "").partition("\n")[0]
         lines.append((f"[{room}](python_{room}.md)", told))
     return _table(("room", "what it is for"), lines)
+
+
+def _folder(room: str) -> str:
+    return "plc" if room == FOLDERS else room
 
 
 def modules(room: str) -> list[str]:
     """Return every module of a room that offers something to others."""
     if room == COMMON:
         return ["settings", "options", "units", "terms", "errors"]
-    found = []
-    for path in sorted((SOURCE / room).rglob("*.py")):
+    found, folder = [], SOURCE / _folder(room)
+    of_room = {"plc": folder.glob("*.py"), FOLDERS: folder.glob("*/**/*.py")}
+    for path in sorted(of_room.get(room, folder.rglob("*.py"))):
         if path.name != "__init__.py" and "__all__" in path.read_text(encoding="utf-8"):
             found.append(".".join(path.relative_to(SOURCE).with_suffix("").parts))
     return found

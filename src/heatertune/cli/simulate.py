@@ -75,10 +75,10 @@ def _run(settings: argparse.Namespace) -> int:
     words, model, conditions = read_folder(settings.directory)
     own = replace(conditions, **options.given(Conditions, settings))
     with virtual_plc(words, model, own, simulation) as served:
-        document = _document(settings, served, simulation)
-        printing.output(settings, document, lambda: _lines(document))
-        sys.stdout.flush()
-        with suppress(KeyboardInterrupt):  # as it is meant to be ended
+        with suppress(KeyboardInterrupt):  # as it is meant to be ended, as soon as its addresses are told
+            document = _document(settings, served, simulation)
+            printing.output(settings, document, lambda: _lines(document))
+            sys.stdout.flush()
             served.wait()
         told = served.told
     if not settings.quiet:

@@ -56,6 +56,9 @@ KINDS: Final[dict[str, Kind]] = {
     "coarse-sensor": Kind(
         "blocks", "the sensor is too coarse for the tolerance asked for",
         "take a narrower sensor range (--range) or a finer input module, or ask for less (--tolerance)"),
+    "known-faults": Kind(
+        "blocks", "the program is known to be wrong where no run of a proof leads",
+        "take the same program repaired (heatertune targets)"),
     "exported-text": Kind(
         "blocks", "the exported program does other than what was proven",
         "export with other words or another PWM, and report it: this is a fault of heatertune"),

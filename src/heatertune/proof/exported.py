@@ -49,10 +49,17 @@ class Compared(NamedTuple):
 
 
 def as_exported(proof: Proof) -> Proof:
-    """Return a proof, not proven where it passes, but the export's text does other in its nominal or worst run."""
+    """Return a proof, not proven where it passes, but what is exported is known to be wrong, or its text does other.
+
+    What the text does is looked at in the nominal and in the worst run.
+    """
     if proof.verdict != "PASS":
         return proof
     controller, heard = controller_for(proof.words.target), proof.heard
+    if controller.faults is not None and (known := controller.faults(proof.words)):
+        finding = Finding(name="known-faults", told=known[0])
+        heard = replace(heard, findings=(*heard.findings, finding))
+        proof = replace(proof, heard=heard)
     pulses: dict[str, set[Number]] = {}
     for run in dict.fromkeys((0, proof.worst_run)):
         departs, not_run = compared(controller, proof.words, proof.traced(run), proof.known, pulses=pulses)
