@@ -81,11 +81,16 @@ def field_of(entry: Entry) -> WordField:
                      comment=f"{entry.what}{unit}{'' if entry.real else places}")
 
 
+def _unread(*entries: Entry) -> tuple[Entry, ...]:
+    """Return entries whose addresses or ranges were not read in a manual."""
+    return tuple(entry._replace(read=False) for entry in entries)
+
+
 _GENERIC: Final = Make(
     title="panel instrument with a proportional band in °C, Ti and Td in s (no one make's; see its own manual)",
     sample_s=(0.05, 10.0), sampling="as you tell it with --sample-time",
     menu="in the order in which most instruments show them",
-    entries=(
+    entries=_unread(
         Entry("Pb", "band", "Pb", 1, 9999, 1, "°C", "proportional band"),
         Entry("ti", "ti", "ti", 0, 9999, 0, "s", "integral time, 0: none"),
         Entry("td", "td", "td", 0, 9999, 0, "s", "derivative time, 0: none"),
@@ -123,8 +128,8 @@ _EUROTHERM: Final = Make(
     title="Eurotherm 3200 series (HA028651)",
     sample_s=(0.25, 0.25), sampling="250 ms, not read in the pages that were at hand",
     menu="control list at level 3",
-    entries=(
-        Entry("PB", "band%", "6", 1, 9999, 1, "% of the span", "proportional band", read=True),
+    entries=_unread(
+        Entry("PB", "band%", "6", 1, 9999, 1, "% of the span", "proportional band"),
         Entry("Ti", "ti", "8", 0, 9999, 0, "s", "integral time, 0: none"),
         Entry("Td", "td", "9", 0, 9999, 0, "s", "derivative time, 0: none"),
         Entry("CB.LO", "cutback", "17", 1, 9999, 1, "°C", "cutback low, one proportional band"),
