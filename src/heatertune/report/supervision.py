@@ -26,7 +26,8 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
            f"a scan each {document['scan_s']:g} s")
     yield from _wrapped(
         f"{document['false_trips']} false trips on {document['checked']} heaters that no limit was made from, each "
-        f"through its whole story: cold start, loads, setpoint steps, mains ±10 %, outage and return "
+        f"through its whole story: cold start, loads, setpoint steps, mains ±10 % (less where "
+        f"a heater could not hold the setpoint then), outage and return "
         f"(gain and lags ±{document['spread_pct']:g} %, ambient ±{document['ambient_spread_degC']:g} °C, noise "
         f"{low:g}…{high:g} °C).")
     if document["widened_for"]:
