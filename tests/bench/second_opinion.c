@@ -16,7 +16,7 @@
 #define RING 524288                        /* six hours of dead time with bursts every tenth of a second */
 #define MEMORY 16
 
-enum { S5, WEG, FB41, S7300, S7200, S7200PID, COMPACT, KLIPPER };
+enum { S5, WEG, FB41, S7300, S7200, S7200PID, COMPACT, KLIPPER, IECPID };
 enum { START, STEP, LOAD, SETPOINT, MAINS, PLC, LED };
 
 typedef struct {
@@ -232,7 +232,7 @@ static double whole_count(const Case *c, double degrees)
 static double reading_of(const Case *c, double degrees)
 {
     double n = whole_count(c, degrees);
-    if (c->target == WEG) return (float)(c->low + c->span * n / c->counts);
+    if (c->target == WEG || c->target == IECPID) return (float)(c->low + c->span * n / c->counts);
     if (c->target == COMPACT) {
         float low = (float)c->low, high = (float)(c->low + c->span), share = (float)n / 27648.0f, span = high - low;
         share = share * span;
@@ -497,6 +497,40 @@ static double klipper(const Case *c, Memory *m, double w, double x)
     return 100.0 * m->g[3];
 }
 
+/* IEC 61131-3, repaired: KP, TR, TD [s], XMIN, XMAX [%], CYCLE [ms]; f: errors of the last three calls, I part [%] */
+static double iec(const Case *c, Memory *m, float w, float x)
+{
+    float kp = (float)c->words[0], tr = (float)c->words[1], td = (float)c->words[2];
+    float least = (float)c->words[3], most = (float)c->words[4], e = w - x, t;
+    double ms = c->words[5];
+    if (c->sw[0] == 0) t = (float)(ms / 1000.0);
+    else if (c->sw[0] == 1) t = (float)floor(ms / 10.0) / 100.0f;
+    else { t = (float)(1e6 * ms); t = t / 1e9f; }
+    if (c->within > 0.0 && e > (float)(m->begun ? c->again : c->within)) { m->begun = 0; return most; }
+    if (!m->begun) { m->begun = 1; m->f[0] = m->f[1] = m->f[2] = e; m->f[3] = 0.0f; }
+    float p = kp * e, out, slope = e - m->f[2], span = 10.0f * t;
+    if (tr == 0.0f) m->f[3] = 0.0f;
+    else {
+        float share = kp * t, bottom = least - p, top = most - p;
+        share = share / tr;
+        share = share * e;
+        share = m->f[3] + share;
+        m->f[3] = share < bottom ? bottom : share > top ? top : share;
+    }
+    out = p + m->f[3];
+    if (td != 0.0f) {
+        slope = 3.0f * slope;
+        slope = slope + m->f[0];
+        slope = slope - m->f[1];
+        slope = slope / span;
+        slope = td * slope;
+        slope = kp * slope;
+        out = out + slope;
+    }
+    m->f[2] = m->f[1]; m->f[1] = m->f[0]; m->f[0] = e;
+    return out >= least ? out > most ? most : out : least;
+}
+
 static double controlled(const Case *c, Memory *m, double w, double x)
 {
     switch (c->target) {
@@ -507,6 +541,7 @@ static double controlled(const Case *c, Memory *m, double w, double x)
     case S7200: return s7200(c, m, w, x);
     case COMPACT: return compact(c, m, (float)w, (float)x);
     case KLIPPER: return klipper(c, m, w, x);
+    case IECPID: return iec(c, m, (float)w, (float)x);
     default: return s7200pid(c, m, (float)w, (float)x);
     }
 }
@@ -523,7 +558,7 @@ static double normal(uint64_t *seed)
     return sum;
 }
 
-static double sum_of(const Case *c, double a, double b) { return c->target == WEG ? (float)(a + b) : a + b; }
+static double sum_of(const Case *c, double a, double b) { return c->target == WEG || c->target == IECPID ? (float)(a + b) : a + b; }
 
 /* the setpoint word after a call of the exported program, as WEG's listing has it: due: the countdown is at its end */
 static double led(const Case *c, double word, double asked, double reading, int due)
