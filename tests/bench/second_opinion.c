@@ -16,7 +16,7 @@
 #define RING 524288                        /* six hours of dead time with bursts every tenth of a second */
 #define MEMORY 16
 
-enum { S5, WEG, FB41, S7300, S7200, S7200PID, COMPACT, KLIPPER, IECPID };
+enum { S5, WEG, FB41, S7300, S7200, S7200PID, COMPACT, KLIPPER, IECPID, ARDUINO, SIMPLE };
 enum { START, STEP, LOAD, SETPOINT, MAINS, PLC, LED };
 
 typedef struct {
@@ -238,7 +238,7 @@ static double reading_of(const Case *c, double degrees)
         share = share * span;
         return share + low;
     }
-    if (c->target == KLIPPER) return c->low + c->span * n / c->counts;
+    if (c->target == KLIPPER || c->target == ARDUINO || c->target == SIMPLE) return c->low + c->span * n / c->counts;
     return c->target == S7200PID ? 8.0 * n : n;
 }
 
@@ -531,6 +531,51 @@ static double iec(const Case *c, Memory *m, float w, float x)
     return out >= least ? out > most ? most : out : least;
 }
 
+/* whether this call is the tenth that is missed; n: calls since the last one missed, whether the one before was */
+static int missed(Memory *m, int late)
+{
+    m->n[0] = (m->n[0] + 1) % 10;
+    m->n[1] = late && m->n[0] == 1 && m->begun;
+    return late && m->n[0] == 0;
+}
+
+/* PID_v1, P_ON_E: Kp, Ki, Kd, OutMax, Full, SampleTime [ms]; interval not measured; g: sum, reading before, power [%] */
+static double rounded(const Case *c, double v) { return c->sw[0] ? (float)v : v; }
+
+static double arduino(const Case *c, Memory *m, double w, double x)
+{
+    double kp = rounded(c, c->words[0]), ki = rounded(c, c->words[1]), kd = rounded(c, c->words[2]);
+    double most = rounded(c, c->words[3]), tenth = rounded(c, rounded(c, 100.0) / 1000.0), ratio = rounded(c, c->words[5] / 100.0);
+    ki = rounded(c, rounded(c, ki * tenth) * ratio);
+    kd = rounded(c, rounded(c, kd / tenth) / ratio);
+    w = rounded(c, w);
+    x = rounded(c, x);
+    if (!m->begun) { m->g[0] = 0.0; m->g[1] = x; }
+    if (missed(m, c->sw[1])) return m->g[2];
+    m->begun = 1;
+    double e = rounded(c, w - x), d = rounded(c, kd * rounded(c, x - m->g[1]));
+    m->g[0] = within(rounded(c, m->g[0] + rounded(c, ki * e)), 0.0, most);
+    m->g[1] = x;
+    double out = rounded(c, rounded(c, kp * e) + rounded(c, m->g[0] - d));
+    m->g[2] = within(100.0 * within(out, 0.0, most) / c->words[4], 0.0, 100.0);
+    return m->g[2];
+}
+
+/* simple-pid: Kp, Ki, Kd, output_max, PERIOD_MS; P on the error, D on the reading, interval measured; g: I part, reading
+ * before, power [%] */
+static double simple(const Case *c, Memory *m, double w, double x)
+{
+    double most = c->words[3], t = c->words[4] / 1000.0;
+    if (missed(m, c->sw[0])) return m->g[2];
+    if (m->n[1]) t += t;
+    double change = m->begun ? x - m->g[1] : 0.0;
+    m->begun = 1;
+    m->g[0] = within(m->g[0] + c->words[1] * (w - x) * t, 0.0, most);
+    m->g[1] = x;
+    m->g[2] = within(c->words[0] * (w - x) + m->g[0] - c->words[2] * change / t, 0.0, most);
+    return m->g[2];
+}
+
 static double controlled(const Case *c, Memory *m, double w, double x)
 {
     switch (c->target) {
@@ -542,6 +587,8 @@ static double controlled(const Case *c, Memory *m, double w, double x)
     case COMPACT: return compact(c, m, (float)w, (float)x);
     case KLIPPER: return klipper(c, m, w, x);
     case IECPID: return iec(c, m, (float)w, (float)x);
+    case ARDUINO: return arduino(c, m, w, x);
+    case SIMPLE: return simple(c, m, w, x);
     default: return s7200pid(c, m, (float)w, (float)x);
     }
 }

@@ -27,6 +27,7 @@ TARGETS = {
     "s7-200": (4, 255, 0.0), "s7-200-pid": (5, 4000, 0.0),
     "pid-compact": (6, 27648, 0.406),
     "klipper": (7, 3000, 0.308), "iec-pid": (8, 4095, 0.0),
+    "arduino-pid": (9, 4095, 0.0), "simple-pid": (10, 4095, 0.0),
 }
 #: open point → its settings in the order of their numbers, of those that a heater in automatic can meet
 SWITCHES = {
@@ -44,6 +45,7 @@ SWITCHES = {
                     "derivative_lag": ("backward", "tustin", "ramp", "step"), "history": ("present", "zero")},
     "klipper": {"firmware": ("klipper", "kalico", "older")},
     "iec-pid": {"time_unit": ("s", "ten_ms", "ns")},
+    "arduino-pid": {"double": ("64bit", "32bit"), "calls": ("on_time", "late")}, "simple-pid": {"calls": ("on_time", "late")},
 }
 KINDS = {"heat-up": 0, "temperature-step": 1, "load": 2, "setpoint": 3, "mains": 4, "plc": 5, "led": 6}
 _TOO_SLOW = 20.0  # sums of lags and dead time
@@ -129,6 +131,8 @@ class Bench:
         if self.target in ("weg", "klipper"):
             gain, integral = (1.0, w["Ki"]) if self.target == "weg" else (w["pid_Kp"], w["pid_Ki"])
             return gain / integral if integral else math.inf
+        if self.target in ("arduino-pid", "simple-pid"):
+            return w["Kp"] / w["Ki"] if w["Ki"] else math.inf
         if self.target == "iec-pid":
             return w["TR"] or math.inf
         if self.target == "fb41":  # its trapezoids are rectangles half an interval shorter
@@ -308,6 +312,8 @@ def _numbers(b):
              "pid-compact": ("Gain", "Ti", "Td", "TdFiltRatio", "Cycle", "OutputUpperLimit"), "s7-200": ("KP", "KI", "KD", "SCALE"),
              "s7-200-pid": ("KC", "TS", "TI", "TD"),
              "klipper": ("pid_Kp", "pid_Ki", "pid_Kd", "max_power", "smooth_time"),
+             "arduino-pid": ("Kp", "Ki", "Kd", "OutMax", "Full", "SampleTime"),
+             "simple-pid": ("Kp", "Ki", "Kd", "output_max", "PERIOD_MS"),
              "iec-pid": ("KP", "TR", "TD", "XMIN", "XMAX", "CYCLE")}[b.target]
     numbers = [float(b.words[name]) for name in order]
     return [*numbers, float(b.words["TICK"] * b.words["TICKS"])] if b.target.startswith("s7-200") else numbers
