@@ -16,7 +16,7 @@
 #define RING 524288                        /* six hours of dead time with bursts every tenth of a second */
 #define MEMORY 16
 
-enum { S5, WEG, FB41, S7300, S7200, S7200PID, COMPACT, KLIPPER, IECPID, ARDUINO, SIMPLE };
+enum { S5, WEG, FB41, S7300, S7200, S7200PID, COMPACT, KLIPPER, IECPID, ARDUINO, SIMPLE, ESPHOME };
 enum { START, STEP, LOAD, SETPOINT, MAINS, PLC, LED };
 
 typedef struct {
@@ -232,7 +232,7 @@ static double whole_count(const Case *c, double degrees)
 static double reading_of(const Case *c, double degrees)
 {
     double n = whole_count(c, degrees);
-    if (c->target == WEG || c->target == IECPID) return (float)(c->low + c->span * n / c->counts);
+    if (c->target == WEG || c->target == IECPID || c->target == ESPHOME) return (float)(c->low + c->span * n / c->counts);
     if (c->target == COMPACT) {
         float low = (float)c->low, high = (float)(c->low + c->span), share = (float)n / 27648.0f, span = high - low;
         share = share * span;
@@ -576,6 +576,32 @@ static double simple(const Case *c, Memory *m, double w, double x)
     return m->g[2];
 }
 
+/* ESPHome: kp, ki, kd, min_integral, max_integral, update_interval [ms]; one sample, interval measured, 0 at the first
+ * reading; f: I part, reading before, level */
+static double esphome(const Case *c, Memory *m, float w, float x)
+{
+    float kp = (float)c->words[0], ki = (float)c->words[1], kd = (float)c->words[2];
+    float least = (float)c->words[3], most = (float)c->words[4], t = (float)c->words[5] / 1000.0f, e = w - x, d = 0.0f;
+    if (missed(m, c->sw[0])) return 100.0 * m->f[2];
+    if (m->n[1]) t = t + t;
+    if (!m->begun) t = 0.0f;
+    float change = e * t, p = kp * e;
+    change = change * ki;
+    change = m->f[0] + change;
+    m->f[0] = change < least ? least : change > most ? most : change;
+    if (t > 0.0f) {
+        float moved = m->f[1] - x;
+        moved = moved / t;
+        d = kd * moved;
+    }
+    m->f[1] = x;
+    m->begun = 1;
+    float level = p + m->f[0];
+    level = level + d;
+    m->f[2] = level < 0.0f ? 0.0f : level > 1.0f ? 1.0f : level;
+    return 100.0 * m->f[2];
+}
+
 static double controlled(const Case *c, Memory *m, double w, double x)
 {
     switch (c->target) {
@@ -589,6 +615,7 @@ static double controlled(const Case *c, Memory *m, double w, double x)
     case IECPID: return iec(c, m, (float)w, (float)x);
     case ARDUINO: return arduino(c, m, w, x);
     case SIMPLE: return simple(c, m, w, x);
+    case ESPHOME: return esphome(c, m, (float)w, (float)x);
     default: return s7200pid(c, m, (float)w, (float)x);
     }
 }
