@@ -238,7 +238,8 @@ def _boosted(number, words, bench):
     rng = np.random.default_rng([number, TARGETS[bench.target][0], 5])
     if not controller_for(bench.target).boosted or rng.random() < 0.25:
         return words, bench
-    at_limit = words.values["MaximumOutput"] / words.values["Kp"]
+    power, gain = ("XMAX", "KP") if bench.target == "iec-pid" else ("MaximumOutput", "Kp")
+    at_limit = words.values[power] / words.values[gain]
     within = at_limit * (_log(rng, 0.35, 1.0) if rng.random() < 0.7 else _log(rng, 0.05, 2.0))
     between = within / 2.0 if rng.random() < 0.7 else max(within, bench.band) * _log(rng, 0.01, 1.0)
     distances = [float(np.float32(each)) for each in (within, within + between)]
@@ -311,7 +312,7 @@ def judged(library, number, target, longer=LONGER, draws=_DRAWS):
     case["with"] = [name for name, there in {
         "ramp": bench.ramp, "boost": bench.boost, "hold": bench.ramp and bench.ramp[2], "low": bench.asked_low, "noise": bench.noise,
         "spec": conditions.spec, "limits": conditions.limit, "least on": bench.least_on, "bursts": conditions.pwm_rule == "burst", "profile": bench.profile,
-        "limited": words.values.get("MaximumOutput", words.values.get("LMN_HLM", 100.0)) < 100.0}.items() if there]
+        "limited": any(words.values.get(name, 100.0) < 100.0 for name in ("MaximumOutput", "LMN_HLM", "XMAX"))}.items() if there]
     case |= {"end": proof.runs[0].verdict, "not kept": [each.name for each in proof.criteria if not each.ok]}
     case["runs"] = set(case["not kept"]) <= _OF_WORDS
     if case["end"] == "PASS" and bench.noise:

@@ -16,7 +16,7 @@
 #define RING 524288                        /* six hours of dead time with bursts every tenth of a second */
 #define MEMORY 16
 
-enum { S5, WEG, FB41, S7300, S7200, S7200PID, COMPACT, KLIPPER };
+enum { S5, WEG, FB41, S7300, S7200, S7200PID, COMPACT, KLIPPER, IECPID, ARDUINO, SIMPLE, ESPHOME };
 enum { START, STEP, LOAD, SETPOINT, MAINS, PLC, LED };
 
 typedef struct {
@@ -232,13 +232,13 @@ static double whole_count(const Case *c, double degrees)
 static double reading_of(const Case *c, double degrees)
 {
     double n = whole_count(c, degrees);
-    if (c->target == WEG) return (float)(c->low + c->span * n / c->counts);
+    if (c->target == WEG || c->target == IECPID || c->target == ESPHOME) return (float)(c->low + c->span * n / c->counts);
     if (c->target == COMPACT) {
         float low = (float)c->low, high = (float)(c->low + c->span), share = (float)n / 27648.0f, span = high - low;
         share = share * span;
         return share + low;
     }
-    if (c->target == KLIPPER) return c->low + c->span * n / c->counts;
+    if (c->target == KLIPPER || c->target == ARDUINO || c->target == SIMPLE) return c->low + c->span * n / c->counts;
     return c->target == S7200PID ? 8.0 * n : n;
 }
 
@@ -497,6 +497,111 @@ static double klipper(const Case *c, Memory *m, double w, double x)
     return 100.0 * m->g[3];
 }
 
+/* IEC 61131-3, repaired: KP, TR, TD [s], XMIN, XMAX [%], CYCLE [ms]; f: errors of the last three calls, I part [%] */
+static double iec(const Case *c, Memory *m, float w, float x)
+{
+    float kp = (float)c->words[0], tr = (float)c->words[1], td = (float)c->words[2];
+    float least = (float)c->words[3], most = (float)c->words[4], e = w - x, t;
+    double ms = c->words[5];
+    if (c->sw[0] == 0) t = (float)(ms / 1000.0);
+    else if (c->sw[0] == 1) t = (float)floor(ms / 10.0) / 100.0f;
+    else { t = (float)(1e6 * ms); t = t / 1e9f; }
+    if (c->within > 0.0 && e > (float)(m->begun ? c->again : c->within)) { m->begun = 0; return most; }
+    if (!m->begun) { m->begun = 1; m->f[0] = m->f[1] = m->f[2] = e; m->f[3] = 0.0f; }
+    float p = kp * e, out, slope = e - m->f[2], span = 10.0f * t;
+    if (tr == 0.0f) m->f[3] = 0.0f;
+    else {
+        float share = kp * t, bottom = least - p, top = most - p;
+        share = share / tr;
+        share = share * e;
+        share = m->f[3] + share;
+        m->f[3] = share < bottom ? bottom : share > top ? top : share;
+    }
+    out = p + m->f[3];
+    if (td != 0.0f) {
+        slope = 3.0f * slope;
+        slope = slope + m->f[0];
+        slope = slope - m->f[1];
+        slope = slope / span;
+        slope = td * slope;
+        slope = kp * slope;
+        out = out + slope;
+    }
+    m->f[2] = m->f[1]; m->f[1] = m->f[0]; m->f[0] = e;
+    return out >= least ? out > most ? most : out : least;
+}
+
+/* whether this call is the tenth that is missed; n: calls since the last one missed, whether the one before was */
+static int missed(Memory *m, int late)
+{
+    m->n[0] = (m->n[0] + 1) % 10;
+    m->n[1] = late && m->n[0] == 1 && m->begun;
+    return late && m->n[0] == 0;
+}
+
+/* PID_v1, P_ON_E: Kp, Ki, Kd, OutMax, Full, SampleTime [ms]; interval not measured; g: sum, reading before, power [%] */
+static double rounded(const Case *c, double v) { return c->sw[0] ? (float)v : v; }
+
+static double arduino(const Case *c, Memory *m, double w, double x)
+{
+    double kp = rounded(c, c->words[0]), ki = rounded(c, c->words[1]), kd = rounded(c, c->words[2]);
+    double most = rounded(c, c->words[3]), tenth = rounded(c, rounded(c, 100.0) / 1000.0), ratio = rounded(c, c->words[5] / 100.0);
+    ki = rounded(c, rounded(c, ki * tenth) * ratio);
+    kd = rounded(c, rounded(c, kd / tenth) / ratio);
+    w = rounded(c, w);
+    x = rounded(c, x);
+    if (!m->begun) { m->g[0] = 0.0; m->g[1] = x; }
+    if (missed(m, c->sw[1])) return m->g[2];
+    m->begun = 1;
+    double e = rounded(c, w - x), d = rounded(c, kd * rounded(c, x - m->g[1]));
+    m->g[0] = within(rounded(c, m->g[0] + rounded(c, ki * e)), 0.0, most);
+    m->g[1] = x;
+    double out = rounded(c, rounded(c, kp * e) + rounded(c, m->g[0] - d));
+    m->g[2] = within(100.0 * within(out, 0.0, most) / c->words[4], 0.0, 100.0);
+    return m->g[2];
+}
+
+/* simple-pid: Kp, Ki, Kd, output_max, PERIOD_MS; P on the error, D on the reading, interval measured; g: I part, reading
+ * before, power [%] */
+static double simple(const Case *c, Memory *m, double w, double x)
+{
+    double most = c->words[3], t = c->words[4] / 1000.0;
+    if (missed(m, c->sw[0])) return m->g[2];
+    if (m->n[1]) t += t;
+    double change = m->begun ? x - m->g[1] : 0.0;
+    m->begun = 1;
+    m->g[0] = within(m->g[0] + c->words[1] * (w - x) * t, 0.0, most);
+    m->g[1] = x;
+    m->g[2] = within(c->words[0] * (w - x) + m->g[0] - c->words[2] * change / t, 0.0, most);
+    return m->g[2];
+}
+
+/* ESPHome: kp, ki, kd, min_integral, max_integral, update_interval [ms]; one sample, interval measured, 0 at the first
+ * reading; f: I part, reading before, level */
+static double esphome(const Case *c, Memory *m, float w, float x)
+{
+    float kp = (float)c->words[0], ki = (float)c->words[1], kd = (float)c->words[2];
+    float least = (float)c->words[3], most = (float)c->words[4], t = (float)c->words[5] / 1000.0f, e = w - x, d = 0.0f;
+    if (missed(m, c->sw[0])) return 100.0 * m->f[2];
+    if (m->n[1]) t = t + t;
+    if (!m->begun) t = 0.0f;
+    float change = e * t, p = kp * e;
+    change = change * ki;
+    change = m->f[0] + change;
+    m->f[0] = change < least ? least : change > most ? most : change;
+    if (t > 0.0f) {
+        float moved = m->f[1] - x;
+        moved = moved / t;
+        d = kd * moved;
+    }
+    m->f[1] = x;
+    m->begun = 1;
+    float level = p + m->f[0];
+    level = level + d;
+    m->f[2] = level < 0.0f ? 0.0f : level > 1.0f ? 1.0f : level;
+    return 100.0 * m->f[2];
+}
+
 static double controlled(const Case *c, Memory *m, double w, double x)
 {
     switch (c->target) {
@@ -507,6 +612,10 @@ static double controlled(const Case *c, Memory *m, double w, double x)
     case S7200: return s7200(c, m, w, x);
     case COMPACT: return compact(c, m, (float)w, (float)x);
     case KLIPPER: return klipper(c, m, w, x);
+    case IECPID: return iec(c, m, (float)w, (float)x);
+    case ARDUINO: return arduino(c, m, w, x);
+    case SIMPLE: return simple(c, m, w, x);
+    case ESPHOME: return esphome(c, m, (float)w, (float)x);
     default: return s7200pid(c, m, (float)w, (float)x);
     }
 }
@@ -523,7 +632,7 @@ static double normal(uint64_t *seed)
     return sum;
 }
 
-static double sum_of(const Case *c, double a, double b) { return c->target == WEG ? (float)(a + b) : a + b; }
+static double sum_of(const Case *c, double a, double b) { return c->target == WEG || c->target == IECPID ? (float)(a + b) : a + b; }
 
 /* the setpoint word after a call of the exported program, as WEG's listing has it: due: the countdown is at its end */
 static double led(const Case *c, double word, double asked, double reading, int due)

@@ -26,7 +26,8 @@ TARGETS = {
     "s5-ob251": (0, 2047, 0.48), "weg": (1, 4095, 0.0), "fb41": (2, 27648, 0.256), "s7-300": (3, 27648, 0.256),
     "s7-200": (4, 255, 0.0), "s7-200-pid": (5, 4000, 0.0),
     "pid-compact": (6, 27648, 0.406),
-    "klipper": (7, 3000, 0.308),
+    "klipper": (7, 3000, 0.308), "iec-pid": (8, 4095, 0.0),
+    "arduino-pid": (9, 4095, 0.0), "simple-pid": (10, 4095, 0.0), "esphome": (11, 4095, 0.0),
 }
 #: open point → its settings in the order of their numbers, of those that a heater in automatic can meet
 SWITCHES = {
@@ -43,8 +44,14 @@ SWITCHES = {
     "pid-compact": {"anti_windup": ("stopped", "late", "limited", "clamped"), "integral": ("backward", "forward", "trapezoid"),
                     "derivative_lag": ("backward", "tustin", "ramp", "step"), "history": ("present", "zero")},
     "klipper": {"firmware": ("klipper", "kalico", "older")},
+    "iec-pid": {"time_unit": ("s", "ten_ms", "ns")},
+    "esphome": {"calls": ("on_time", "late")},
+    "arduino-pid": {"double": ("64bit", "32bit"), "calls": ("on_time", "late")}, "simple-pid": {"calls": ("on_time", "late")},
 }
 KINDS = {"heat-up": 0, "temperature-step": 1, "load": 2, "setpoint": 3, "mains": 4, "plc": 5, "led": 6}
+#: those with an integral gain: names of gain and integral gain
+_PARALLEL = {"weg": ("Kp", "Ki"), "klipper": ("pid_Kp", "pid_Ki"), "arduino-pid": ("Kp", "Ki"), "simple-pid": ("Kp", "Ki"),
+             "esphome": ("kp", "ki")}
 _TOO_SLOW = 20.0  # sums of lags and dead time
 
 
@@ -125,13 +132,13 @@ class Bench:
         w, ta = self.words, self.interval
         if self.target == "s5-ob251":
             return ta * w["R"] / w["TI"] if w["TI"] else math.inf
-        if self.target in ("weg", "klipper"):
-            gain, integral = (1.0, w["Ki"]) if self.target == "weg" else (w["pid_Kp"], w["pid_Ki"])
-            return gain / integral if integral else math.inf
+        if self.target in _PARALLEL:
+            gain, integral = (w[name] for name in _PARALLEL[self.target])
+            return (1.0 if self.target == "weg" else gain) / integral if integral else math.inf
         if self.target == "fb41":  # its trapezoids are rectangles half an interval shorter
             return w["TI"] / 1000.0 - ta / 2.0 if w["I_SEL"] else math.inf
-        if self.target in ("s7-300", "pid-compact"):
-            return (w["RESET"] / 1000.0 if self.target == "s7-300" else w["Ti"]) or math.inf
+        if self.target in ("s7-300", "pid-compact", "iec-pid"):
+            return {"s7-300": w.get("RESET", 0.0) / 1000.0, "pid-compact": w.get("Ti"), "iec-pid": w.get("TR")}[self.target] or math.inf
         if self.target == "s7-200":  # KI acts on the sum of two errors
             return ta * (w["KP"] - w["KI"]) / (2.0 * w["KI"]) if w["KI"] else math.inf
         return 60.0 * w["TI"] * ta / w["TS"] if w["TI"] < 1e38 else math.inf
@@ -227,7 +234,7 @@ def _beat(b):
 
 def _degrees_per_second(b):
     step, calls, _ = b.ramp
-    unit = 1.0 if b.target in ("weg", "pid-compact", "klipper") else (b.high - b.low) / TARGETS[b.target][1]
+    unit = 1.0 if b.target in ("weg", "pid-compact", "klipper", "iec-pid") else (b.high - b.low) / TARGETS[b.target][1]
     return step * unit / (8.0 if b.target == "s7-200-pid" else 1.0) / calls / b.interval
 
 
@@ -304,7 +311,11 @@ def _numbers(b):
              "s7-300": ("GAIN", "RATE", "RESET", "SAMPLE"),
              "pid-compact": ("Gain", "Ti", "Td", "TdFiltRatio", "Cycle", "OutputUpperLimit"), "s7-200": ("KP", "KI", "KD", "SCALE"),
              "s7-200-pid": ("KC", "TS", "TI", "TD"),
-             "klipper": ("pid_Kp", "pid_Ki", "pid_Kd", "max_power", "smooth_time")}[b.target]
+             "klipper": ("pid_Kp", "pid_Ki", "pid_Kd", "max_power", "smooth_time"),
+             "arduino-pid": ("Kp", "Ki", "Kd", "OutMax", "Full", "SampleTime"),
+             "simple-pid": ("Kp", "Ki", "Kd", "output_max", "PERIOD_MS"),
+             "esphome": ("kp", "ki", "kd", "min_integral", "max_integral", "update_interval"),
+             "iec-pid": ("KP", "TR", "TD", "XMIN", "XMAX", "CYCLE")}[b.target]
     numbers = [float(b.words[name]) for name in order]
     return [*numbers, float(b.words["TICK"] * b.words["TICKS"])] if b.target.startswith("s7-200") else numbers
 
