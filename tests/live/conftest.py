@@ -138,13 +138,18 @@ def design_folder(tmp_path_factory):
     return folder
 
 
+#: a shell that starts the tests behind it has them, and so what they start, ignore Ctrl-C
+_HEEDS_CTRL_C = ("import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+                 "from heatertune.cli import main; sys.exit(main())")
+
+
 @pytest.fixture
 def run_simulate(design_folder, tmp_path):
     """Start the command in an empty folder; return process and ports. What is left of it ends with the test."""
     begun = []
 
     def run(*arguments):
-        command = [sys.executable, "-m", "heatertune", "simulate", design_folder, "--json", *arguments]
+        command = [sys.executable, "-c", _HEEDS_CTRL_C, "simulate", design_folder, "--json", *arguments]
         process = subprocess.Popen(list(map(str, command)), cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         begun.append(process)
         lines = []
