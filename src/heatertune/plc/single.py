@@ -10,13 +10,16 @@ from __future__ import annotations
 import math
 import struct
 from ctypes import c_float
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from heatertune.compiled import runs_compiled_as
 
-__all__ = ["divided", "is_single", "narrowed", "real_of", "single", "word_of"]
+__all__ = ["LARGEST", "divided", "is_single", "narrowed", "real_of", "single", "word_of"]
+
+#: the largest number of single precision
+LARGEST: Final = 3.4028234663852886e38
 
 
 def _single(value: float) -> float:

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.open_points import Switch
-from heatertune.plc.single import divided, single
+from heatertune.plc.single import LARGEST, divided, single
 from heatertune.plc.st.duration import NANOSECONDS, SECONDS, TENS_OF_MS, time_to_real
 
 __all__ = ["COLD", "Assumptions", "Block", "Inputs", "State", "block_of", "call", "scan", "step"]
@@ -67,7 +67,6 @@ class State(NamedTuple):
 
 
 COLD: Final = State()
-_LARGEST: Final = 3.4028234663852886e38
 
 
 def step(
@@ -116,7 +115,7 @@ def call(b: Block, s: State, x: Inputs) -> State:
     if not x.run:
         return State(False, s.e1, s.e2, s.e3, s.integral, single(0.0), False)
     error = single(x.sp - x.pv)
-    if not abs(error) <= _LARGEST:
+    if not abs(error) <= LARGEST:
         asked = b.minimum if x.auto else _limited(b, x.x0)
         return State(s.begun, s.e1, s.e2, s.e3, s.integral, asked, True)
     if not s.begun:
@@ -143,7 +142,7 @@ def _automatic(b: Block, s: State, error: float, proportional: float) -> State:
     if b.td != 0.0:
         slope = divided(single(single(single(3.0 * single(error - s.e3)) + s.e1) - s.e2), b.ten_t)
         wanted = single(wanted + single(b.kp * single(b.td * slope)))
-    finite = abs(wanted) <= _LARGEST
+    finite = abs(wanted) <= LARGEST
     return State(True, error, s.e1, s.e2, integral, _limited(b, wanted), not finite)
 
 
@@ -160,7 +159,7 @@ def _boosts(b: Block, s: State, x: Inputs) -> bool:
     """Return whether the program leaves RUN FALSE and gives full power itself; an error without end is no reason to."""
     away = single(x.pv - x.sp) if b.kp < 0.0 else single(x.sp - x.pv)
     far = away > (b.again if s.begun or s.overflow else b.within)  # overflow: RUN was TRUE, at no number
-    return far and away <= _LARGEST and x.run and x.auto
+    return far and away <= LARGEST and x.run and x.auto
 
 
 def _limited(b: Block, value: float) -> float:
@@ -171,4 +170,4 @@ def _limited(b: Block, value: float) -> float:
 
 
 def _kept(old: float, new: float) -> float:
-    return new if abs(new) <= _LARGEST else old
+    return new if abs(new) <= LARGEST else old

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from heatertune.plc.iec_pid.export import constants, head_of
+from heatertune.plc.iec_pid.export import constants
 from heatertune.plc.iec_pid.words import COUNTS
 from heatertune.plc.iec_pid_text.faults import faults
 from heatertune.plc.iec_pid_text.words import FIELDS
+from heatertune.plc.st.head import head_of
 from heatertune.plc.st.program import Limits, called, clock_for, program, proven_setpoint, statements, variables
 from heatertune.plc.words import Certificate, Words
 
@@ -20,7 +21,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     """Return the program; the same words and certificate give the same bytes."""
     clock = clock_for(words, certificate.actuator)
     head = head_of("heater controller: calls the library's PID of IEC 61131-3; for comparison, not into service",
-                   words, certificate, clock)
+                   words, words.whole["CYCLE"], certificate, clock)
     lines = [*head, *(f"fault: {fault}" for fault in faults(words))]
     listed = variables(words, clock, proven_setpoint(words, certificate, COUNTS))
     limits = Limits(most=100.0, cools=words.values["KP"] > 0.0)

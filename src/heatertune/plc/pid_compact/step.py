@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.open_points import Switch
-from heatertune.plc.single import divided, single
+from heatertune.plc.single import LARGEST, divided, single
 
 __all__ = ["COLD", "Assumptions", "Block", "State", "block_of", "scaled", "scan", "step"]
 
@@ -45,8 +45,6 @@ STEP: Final = 3
 SMOOTH: Final = 0
 PRE_ASSIGNED: Final = 3
 LIKE_A_STEP: Final = 4
-
-_LARGEST: Final = 3.4028234663852886e38
 
 
 class Assumptions(NamedTuple):
@@ -185,7 +183,7 @@ def _cycle(b: Block, assume: Assumptions, s: State, setpoint: float, reading: fl
     change = single(b.growth * _taken(assume, error, error_before))
     grown = single(integral + change)
     total = single(single(proportional + grown) + derivative)
-    if not (abs(total) <= _LARGEST and abs(error) <= _LARGEST and abs(weighted) <= _LARGEST):
+    if not (abs(total) <= LARGEST and abs(error) <= LARGEST and abs(weighted) <= LARGEST):
         output = _limited(b, zero)
         return State(s.runs, s.integral, s.error, s.weighted, s.derivative, s.above, s.below, True), output
     if not s.runs and b.begins in (SMOOTH, PRE_ASSIGNED) and b.growth != 0.0:
@@ -228,7 +226,7 @@ def _held(
 
 
 def _kept(old: float, new: float) -> float:
-    return new if abs(new) <= _LARGEST else old
+    return new if abs(new) <= LARGEST else old
 
 
 def _limited(b: Block, value: float) -> float:

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Final
 
+from heatertune.plc.st.head import by_hand, head_of
 from heatertune.plc.st.plcopen import project
 from heatertune.plc.st.program import (
-    Clock,
     Limits,
     called,
     clock_for,
@@ -42,7 +42,11 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     clock, setpoint = clock_for(words, certificate.actuator), proven_setpoint(words, certificate, COUNTS)
     known = certificate.switches.get("sampling")
     kept = None if known is None else known == "block"
-    head = (*_head(words, certificate, clock), *_by_hand(clock, certificate))
+    head = (
+        *head_of("heater controller for WEG's PID block", words, words.whole["Ts"], certificate, clock,
+                 tool="WPS or another vendor's tool"),
+        *by_hand(clock, certificate, of_clock=[_who_keeps_ts(known)],
+                 of_start=["HeaterOn has to stay TRUE: each time that it rises the first call gives 0"]))
     comment = "\n".join(f"(* {line} *)" for line in head) + "\n"
     limits = Limits(words.values["MaximumOutput"], words.values["Action"] == REVERSE)
     own = variables(words, clock, setpoint)
@@ -56,35 +60,6 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
             comment + function_block(SOURCE) + "\n" + program("Heater", {"HeaterPid": SOURCE.name}, own, body),
         "weg_pid_plcopen.xml": project(SOURCE, own, body, head, clock.tick_ms),
     }
-
-
-def _head(words: Words, certificate: Certificate, clock: Clock) -> tuple[str, ...]:
-    scale, ts = words.scaling, words.whole["Ts"]
-    pwm = f"PWM in the program, steps of {clock.tick_ms} ms" if clock.steps else f"no PWM in the program: {clock.why}"
-    return (
-        "heater controller for WEG's PID block",
-        f"sensor {scale.low_degC:g}...{scale.high_degC:g} degC; TA: called every {ts} ms; output in percent; {pwm}",
-        *certificate.head,
-        "not tried in WPS or another vendor's tool",
-    )
-
-
-def _by_hand(clock: Clock, certificate: Certificate) -> list[str]:
-    """Return what remains to be done by hand, numbered."""
-    wired = "HeaterOutput" if clock.steps else "HeaterPower, through a PWM of yours as it was proven,"
-    exact = f"; a scan longer than {clock.tick_ms} ms makes coarser pulses than were proven" if clock.steps else ""
-    loaded = "the lowest" if certificate.setpoint_degC is None else "as proven"
-    steps = (
-        f"wire HeaterOn and HeaterTemperature (degC) to your inputs and {wired} to the heater's switch; HeaterOn must "
-        "fall when the sensor breaks: that puts the heater off",
-        f"ScanMs is the time of one scan: call the program from a task of {clock.tick_ms} ms, or write the time of the "
-        f"last scan there each scan{exact}",
-        _who_keeps_ts(certificate.switches.get("sampling")),
-        "leave the variables and the block without retention: each start-up is from cold then, as proven",
-        "HeaterOn has to stay TRUE: each time that it rises the first call gives 0",
-        f"setpoint: HeaterSetPoint begins {loaded}; another one is not proven",
-    )
-    return ["remains to be done by hand:", *(f"  {number}. {step}" for number, step in enumerate(steps, start=1))]
 
 
 def _who_keeps_ts(known: str | None) -> str:

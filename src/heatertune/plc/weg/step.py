@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.open_points import Switch
-from heatertune.plc.single import divided, single
+from heatertune.plc.single import LARGEST, divided, single
 
 __all__ = ["BLOCK", "CALLER", "CLAMP", "COLD", "FREEZE", "SKIPPED", "Assumptions", "Block", "Inputs", "State",
            "block_of", "call", "scan", "step"]
@@ -112,7 +112,6 @@ class State(NamedTuple):
 
 
 COLD: Final = State()
-_LARGEST: Final = 3.4028234663852886e38
 
 
 def step(
@@ -160,7 +159,7 @@ def _boosts(b: Block, s: State, x: Inputs) -> bool:
     """Return whether the program leaves EN FALSE and gives full power itself; an error without end is no reason to."""
     away = single(x.feedback - x.setpoint) if b.reverse else single(x.setpoint - x.feedback)
     far = away > (b.again if s.enabled or s.overflow else b.within)  # overflow: EN was TRUE, at no number
-    return far and away <= _LARGEST and x.enable and not x.select_manual
+    return far and away <= LARGEST and x.enable and not x.select_manual
 
 
 def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
