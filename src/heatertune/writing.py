@@ -160,13 +160,12 @@ def _one_by_one(folder: Path, data: Mapping[str, bytes], gone: Collection[str]) 
                 old[name].replace(folder / name)
             else:
                 (folder / name).unlink()
-        _forget(*new.values(), *old.values())
-        for path in made:
-            with contextlib.suppress(OSError):
-                path.rmdir()
         raise
     finally:
         _forget(*new.values(), *old.values())
+        for path in made:
+            with contextlib.suppress(OSError):  # it holds what was written
+                path.rmdir()
 
 
 def _forget(*files: Path) -> None:
