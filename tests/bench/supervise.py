@@ -136,7 +136,6 @@ def kalico_trips(folder, name, times, temperatures, target, top):
     loaded = importlib.util.spec_from_file_location("verify_heater", path)
     module = importlib.util.module_from_spec(loaded)
     loaded.loader.exec_module(module)
-    logging.disable(logging.CRITICAL)
     now, stopped = [0.0], []
 
     class Machine:
@@ -207,6 +206,7 @@ def main():
     parser.add_argument("--broken", type=int, default=1000)
     parser.add_argument("--kalico", help="folder of Kalico's package")
     settings = parser.parse_args()
+    logging.disable(logging.CRITICAL)  # what Klipper's rule says of each machine
     for name in settings.names or HEATERS:
         heater = HEATERS[name]
         with tempfile.TemporaryDirectory() as folder:

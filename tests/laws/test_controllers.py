@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
@@ -96,7 +96,8 @@ def _half_words(which, words, design):
                 continue
             if near is not None:
                 changes.append(np.abs(_parts(near) - _parts(design)))
-        total += 0.5 * np.max(changes, axis=0)
+        # a time of one step is in the parts as 1/word, and half a step below it, where no word is, doubles that
+        total += (1.0 if value == 1 else 0.5) * np.max(changes, axis=0)
     return total
 
 
@@ -120,6 +121,7 @@ def test_words_that_encode_gave_come_back_the_same(which):
 
 @rooms
 @given(design=designs())
+@example(design=PidDesign(gain_pct_per_degC=1.0, integral_time_s=0.6, derivative_time_s=0.0, sample_time_s=0.2, structure="pi", method=""))
 def test_encoding_changes_a_design_by_half_a_word_at_most(which, design):
     if which.timer.longest_s < 1.0:  # a printer's few intervals: none of the others can be asked for
         design = replace(design, sample_time_s=which.timer.round(design.sample_time_s))
