@@ -26,7 +26,7 @@ _BEGIN: Final = re.compile(r"\bBEGIN\b", re.IGNORECASE)
 _STATEMENT: Final = re.compile(r'IF\b.*?\bTHEN\b|END_IF\s*;|"[^"]*"\s*\([^;]*;|[^;]+;', re.DOTALL | re.IGNORECASE)
 #: V1's names of the parameters
 _OLD: Final = re.compile(r"s(?:Ret|BackUp|Pid_Cmpt|Pid_Calc)\.", re.IGNORECASE)
-_HEADER: Final = ("NAME", "ADDRESS", "DISPLAY FORMAT")
+_NAME: Final = "NAME"
 _MODIFY: Final = "MODIFY VALUE"
 #: a zone as wide as this is none
 _OFF: Final = 3.4028e38
@@ -139,9 +139,9 @@ def _of_table(text: str, source: str) -> Iterator[_Assigned]:
         if _is_header(content):
             columns = {cell.upper(): place for place, cell in enumerate(cells)}
             continue
-        if not columns or len(cells) < len(columns) or _MODIFY not in columns:
+        if len(cells) < len(columns) or not {_NAME, _MODIFY} <= columns.keys():
             raise wrong(source, line, "row", content, "a row of the watch table below its heads")
-        name, value = cells[columns["NAME"]], cells[columns[_MODIFY]]
+        name, value = cells[columns[_NAME]], cells[columns[_MODIFY]]
         found = _TAG.fullmatch(name)
         if found is None:
             raise wrong(source, line, "name", name, '"instance".tag')
@@ -161,7 +161,7 @@ def _of_list(text: str, source: str) -> Iterator[_Assigned]:
 
 def _is_header(content: str) -> bool:
     upper = content.upper().replace('"', "")
-    return upper.startswith(_HEADER[0]) and _HEADER[2] in upper
+    return upper.startswith(_NAME) and "DISPLAY FORMAT" in upper
 
 
 def _tag(name: str) -> str:
