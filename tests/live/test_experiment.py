@@ -11,7 +11,7 @@ import sys
 from types import SimpleNamespace
 
 import pytest
-from tests.live.conftest import DB, client
+from tests.live.conftest import DB, client, words_of
 from tests.live.test_client import way
 from tests.live.test_recorder import rows_of
 
@@ -152,8 +152,6 @@ def test_it_begins_on_no_other_words_no_hot_heater_no_stop_and_no_broken_sensor(
 
 
 def test_a_controller_without_manual_is_told(served, tmp_path):
-    from tests.live.conftest import words_of
-
     with pytest.raises(InputError, match="no manual mode"):
         Experiment(PLAN, way(served(), "s7"), words_of("s7-200-pid"), WARM)
 

@@ -88,7 +88,11 @@ class VMemory:
         """Do nothing."""
 
     def by_hand(self, _cells: bytes, _power_pct: float) -> tuple[int, bytes]:
-        """Raise InputError: this program has no manual mode."""
+        """Return nothing.
+
+        Raises:
+            InputError: always: this program has no manual mode.
+        """
         raise InputError("the exported program of s7-200-pid has no manual mode: switch by hand, and record it")
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
