@@ -39,7 +39,8 @@ class Ob251Block:
     """DB30, 49 words; see `heatertune.live.blocks.Block`."""
 
     number, manual = DB, True
-    told = "49 words"
+    told, undone_by = "49 words", ""
+    by_hand = ("STEU", "YH")
 
     def __init__(self, controller: Controller, words: Words, assume: Assumptions) -> None:
         """Take words that run under assumptions.
@@ -54,6 +55,8 @@ class Ob251Block:
         self.signals = {
             name: Signal(place, "INT", (0, FULL_SCALE), shown)
             for name, place, shown in (("temperature", _X, degC), ("power", _YA, (0, 100)), ("setpoint", _W, degC))}
+        self.words = {field.name: Signal(2 * PLACES[field.name], field.format) for field in self._fields}
+        self.words["STEU"] = Signal(_STEU, "BYTE")  # the high byte belongs to the operating system
         self._asked: Number | None = None
         self._words, self._parameters = b"", parameters_of(words.whole)
         self._kept = b""
