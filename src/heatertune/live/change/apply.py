@@ -40,6 +40,11 @@ class Applied:
     record: Path | None = None
     earlier: tuple[str, ...] = ()
 
+    def to_document(self) -> dict[str, Any]:
+        """Return it as the command prints it."""
+        record = None if self.record is None else str(self.record)
+        return {**self.ended.to_document(), "record": record, "earlier": list(self.earlier)}
+
 
 def applied(wanted: Wanted, yes: str | None, progress: Progress = str) -> Applied:
     """Write words into a PLC.
@@ -121,7 +126,8 @@ def _begin(wanted: Wanted, plan: Planned, peer: Peer) -> dict[str, Any]:
         "simulated": plan.look.told is not None, "directory": proven.directory, "target": proven.words.target,
         "digest": proven.view.digest, "verdict": proven.view.verdict, "block": there.number, "begin": there.begin,
         "before": plan.look.content.hex(), "sha256": hashlib.sha256(plan.look.content).hexdigest(),
-        "words_before": dict(plan.before), "words": dict(plan.after), "document": {name: proven.proof.get(name) for name in names},
+        "words_before": dict(plan.before), "words": dict(plan.after),
+        "document": {name: proven.proof.get(name) for name in names},
         "parts": [part.to_document() for part in plan.parts], "known": dict(proven.view.known),
         "checks": [check.to_document() for check in plan.checks],
     }

@@ -24,7 +24,8 @@ def in_order(
 
     Args:
         parts: what is to be written.
-        before, after: the words at both ends.
+        before: all words as they are.
+        after: all words as they are to be.
         open_in_between: why words are not proven stable, nothing where they are.
 
     Raises:

@@ -104,7 +104,8 @@ def planned(wanted: Wanted, peer: Peer) -> Planned:
                         + (", or write in manual (--in-manual)" if there.block.manual else ""))
     apart = None
     if is_block:
-        now = Side(source=wanted.address.text, kind="machine", words=there.words(look.content, proven.words))
+        now = Side(source=wanted.address.text, kind="machine", words=there.words(look.content, proven.words),
+                   taken_over=("call interval", "sensor range", "setpoint ramp and boost"))
         then = Side(source=proven.directory, kind="words", words=proven.words, proof=proven.proof)
         apart = difference(now, then)
     return Planned(look=look, checks=found, before=look.values, after=after, parts=parts, no_order=no_order,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -75,7 +75,8 @@ def stands(before: Values, after: Values, found: Values, names: list[str]) -> tu
     """Return what stands in a PLC, held against a write.
 
     Args:
-        before, after: all words at both ends.
+        before: all words as they were.
+        after: all words as they were to be.
         found: all words as they stand.
         names: of the words that were to change.
     """
@@ -154,6 +155,14 @@ def rolled_back(
         except LinkError as problem:
             return Ended(Outcome.NOT_DONE, f"nothing was sent: {problem}")
         record.put("rollback", stands=dict(now.stands or {}), told=now.told)
-        ended = Writer(peer, record, budget).restore(before.parts, before.before, before.after, "rollback")
+        ended = Writer(peer, record, budget).restore(before.parts, before.before, before.after, "put back as asked")
+        if ended.outcome in (Outcome.ROLLED_BACK, Outcome.NOT_DONE) and _is_before(before, ended):
+            ended = Ended(Outcome.DONE, ended.told, ended.stands)
         record.put("end", **ended.to_document())
         return ended
+
+
+def _is_before(before: Before, ended: Ended) -> bool:
+    """Return whether the words that were to change are as they were."""
+    found = ended.stands or {}
+    return all(found.get(name) == before.before[name] for part in before.parts for name in part.names)

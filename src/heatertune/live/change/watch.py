@@ -54,51 +54,76 @@ def watched(
         proven: whose band it is.
         expected: all words, as they were written.
         progress: told how far it is.
+
+    Raises:
+        RecordBroken: the record cannot be written.
     """
-    duration = watched_s(proven)
-    begin = last = None
-    band, outside, count, most = None, 0, 0, 0.0
-
-    def ended(outside: str = "", early: str = "") -> Watched:
-        seconds = 0.0 if begin is None or last is None else last.time_s - begin
-        return Watched(outside, early, seconds, count, most)
-
-    while True:
-        try:
+    watch = _Watch(peer, record, proven)
+    try:
+        while watch.seconds < watch.duration_s:
             look = peer.look()
-        except (LinkError, KeyboardInterrupt) as problem:
-            return ended(early="interrupted" if isinstance(problem, KeyboardInterrupt) else str(problem))
-        if last is None or _is_new(look, last):
-            moved = time.monotonic()
-        elif time.monotonic() - moved > max(_STILL_S, _STILL * proven.words.sample_time_s):
-            return ended(early="the CPU runs no scan")
-        if changed := _changed(peer, look, expected):
-            return ended(early=f"somebody has changed the words: {changed}")
-        if last is None or _is_new(look, last):
-            seen, asked = (peer.standing.shown(look.content, role) for role in ("temperature", "setpoint"))
-            if band is None or abs(asked - band.setpoint_degC) > _SAME_DEGC:
-                band, since = Band.of(proven, asked, seen), look.time_s
-                record.put("band", **band.to_document())
-            begin = look.time_s if begin is None else begin
-            low, high = band.at(look.time_s - since)
-            used = abs(2.0 * seen - low - high) / (high - low)
-            count, most, outside = count + 1, max(most, used), outside + 1 if used > 1.0 else 0
-            record.put("watched", s=round(look.time_s - begin, 3), temperature_degC=seen, low_degC=low, high_degC=high,
-                       **look.to_document())
-            last = look
-            if outside >= _IN_A_ROW:
-                return ended(f"{seen:.4g} °C is outside of the proven band, {low:.4g} to {high:.4g} °C")
-            if look.time_s - begin >= duration:
-                return ended()
-            progress(f"watching: {seen:.4g} °C in {low:.4g} to {high:.4g} °C, {look.time_s - begin:.0f} of "
-                     f"{duration:.0f} s")
-        peer.pause()
+            if changed := _changed(peer, look, expected):
+                return watch.ended(early=f"somebody has changed the words: {changed}")
+            if watch.stands_still(look):
+                return watch.ended(early="the CPU runs no scan")
+            if outside := watch.see(look):
+                return watch.ended(outside=outside)
+            progress(watch.told)
+            peer.pause()
+    except LinkError as problem:
+        return watch.ended(early=str(problem))
+    except KeyboardInterrupt:
+        return watch.ended(early="interrupted")
+    return watch.ended()
 
 
-def _is_new(look: Look, last: Look) -> bool:
-    if look.told is None or last.told is None:
-        return True
-    return look.told.scans != last.told.scans
+class _Watch:
+    """A watch that is under way."""
+
+    def __init__(self, peer: Peer, record: Record, proven: Proven) -> None:
+        self._peer, self._record, self._proven = peer, record, proven
+        self.duration_s, self.seconds, self.told = watched_s(proven), 0.0, "watching"
+        self._first: Look | None = None
+        self._last: Look | None = None
+        self._moved = self._since_s = self._most = 0.0
+        self._band: Band | None = None
+        self._count = self._outside = 0
+
+    def stands_still(self, look: Look) -> bool:
+        """Return whether nothing new has come for long; takes note of what is new."""
+        now = time.monotonic()
+        if self._is_new(look):
+            self._moved = now
+        return now - self._moved > max(_STILL_S, _STILL * self._proven.words.sample_time_s)
+
+    def see(self, look: Look) -> str:
+        """Take a reading; return why the words have to be taken back, nothing where they need not."""
+        if not self._is_new(look):
+            return ""
+        seen, asked = (self._peer.standing.shown(look.content, role) for role in ("temperature", "setpoint"))
+        if self._band is None or abs(asked - self._band.setpoint_degC) > _SAME_DEGC:
+            self._band, self._since_s = Band.of(self._proven, asked, seen), look.time_s
+            self._record.put("band", **self._band.to_document())
+        self._first, self._last = self._first or look, look
+        self.seconds = look.time_s - self._first.time_s
+        low, high = self._band.at(look.time_s - self._since_s)
+        used = abs(2.0 * seen - low - high) / (high - low)
+        self._outside = self._outside + 1 if used > 1.0 else 0
+        self._count, self._most = self._count + 1, max(self._most, used)
+        self._record.put("watched", s=round(self.seconds, 3), temperature_degC=seen, low_degC=low, high_degC=high,
+                         **look.to_document())
+        between = f"the proven band, {low:.4g} to {high:.4g} °C"
+        self.told = f"{seen:.4g} °C in {between}, {self.seconds:.0f} of {self.duration_s:.0f} s"
+        return f"{seen:.4g} °C is outside of {between}" if self._outside >= _IN_A_ROW else ""
+
+    def _is_new(self, look: Look) -> bool:
+        if self._last is None or self._last.told is None or look.told is None:
+            return True
+        return bool(look.told.scans != self._last.told.scans)
+
+    def ended(self, outside: str = "", early: str = "") -> Watched:
+        """Return the end."""
+        return Watched(outside, early, self.seconds, self._count, self._most)
 
 
 def _changed(peer: Peer, look: Look, expected: Mapping[str, Number]) -> str:

@@ -49,6 +49,11 @@ class Ended:
     told: str
     stands: Values | None = None
 
+    @property
+    def is_done(self) -> bool:
+        """Whether all was done that was asked for."""
+        return self.outcome is Outcome.DONE
+
     def to_document(self) -> dict[str, Any]:
         """Return it as a record has it."""
         return {"outcome": self.outcome.value, "told": self.told,
