@@ -28,6 +28,7 @@ from heatertune.live.change.peer import Link
 from heatertune.live.change.plan import Wanted
 from heatertune.live.change.proven import Proven, read_proven
 from heatertune.live.client.address import address_of
+from heatertune.live.faults import fault_of
 from heatertune.live.serve import read_folder
 
 SESSIONS = 10_000
@@ -40,10 +41,13 @@ FOUND = ({"K": 3000, "TI": 30}, {"K": 4000, "TI": 57, "YH": 200}, {"K": 5680, "T
 GAIN, LAG_S, DEAD_S, TA_S, MS = 0.9, 167.0, 12.0, 3.1, 2.2
 #: with the simulator's time of 1 ms a scan a session takes about 100 scans without its watch
 RATE = 3100.0
+#: so that the link that fails stands between, whatever will fail
+ALWAYS = "t=1e9 cut"
 LINK = Link(tries=3, pause_s=0.004, timeout_s=0.05)
 OF_LINK = ("cut", "black-hole", "lost-reply", "late-reply=2", "late-reply=40", "torn")
 OF_PEOPLE = ("word K=4500", "word K=100", "word TI=30", "word TI=57", "word YH=77", "word BGOG=2000", "word TD=1", "word K=5680",
              "cpu-stop", "db-missing", "db-short", "write-protected")
+MAY_HIDE = ("cut", "black-hole", "lost-reply", "late-reply", "db-missing", "db-short")
 OF_PLANT = ("sensor-off", "heater-open", "stuck-on", "sensor-frozen", "ambient=30")
 
 
@@ -65,7 +69,7 @@ def folder_in(place):
     out = Path(place) / "out"
     heater = ("--gain", str(GAIN), "--time-constant", str(LAG_S), "--dead-time", str(DEAD_S), "--ambient", "22")
     out.mkdir()
-    stdout, sys.stdout = sys.stdout, open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - closed below
+    stdout, sys.stdout = sys.stdout, Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - closed below
     try:
         assert command(["tune", *heater, "-o", str(out / "pid.json"), "--quiet"]) == 0
         assert command(["export-db", str(out / "pid.json"), "--target", "s5-ob251", "--setpoint", "50", "-o", str(out),
@@ -98,12 +102,25 @@ def is_stable(words):
 class Witness:
     """What happens in a PLC's memory, in order: ("read", image), ("client", start, bytes, image), ("other", image)."""
 
-    def __init__(self, memory):
-        self.events, self._memory = [], memory
+    def __init__(self, plc, armed):
+        memory = plc.memory
+        self.events, self._memory, self._plc = [], memory, plc
+        self._armed, self._requests = list(armed), 0
         self._read, self._write, self._put = memory.read, memory.write, memory.put
         memory.read, memory.write, memory.put = self.read, self.write, self.put
 
+    def _asked(self):
+        """Let begin, in this very moment, what was to begin with this request."""
+        self._requests += 1
+        while self._armed and self._armed[0][0] <= self._requests:
+            _, fault = self._armed.pop(0)
+            now = self._plc.intervals * TA_S
+            here = dataclasses.replace(fault, begins_s=now, ends_s=now + fault.ends_s)
+            self._plc._plan = dataclasses.replace(self._plc._plan, faults=(*self._plc._plan.faults, here))
+            self._plc._there = (*self._plc._there, here)
+
     def read(self, number, start, count):
+        self._asked()
         with self._memory.changed:
             found = self._read(number, start, count)
             if number == self._memory.main:
@@ -111,6 +128,7 @@ class Witness:
             return found
 
     def write(self, number, start, content):
+        self._asked()
         with self._memory.changed:
             self._write(number, start, content)
             if number == self._memory.main:
@@ -124,23 +142,26 @@ class Witness:
                 self.events.append(("other", image))
 
 
-def drawn(chance, first_s):
-    """Return a timetable: about a third has nothing, the others one to three faults."""
-    faults = []
-    for _ in range(chance.choice((0, 1, 1, 1, 2, 3))):
+def drawn(chance):
+    """Return what goes wrong: on a timetable, and (number of the request, fault), which begins with that request."""
+    timed, armed = [], []
+    for _ in range(chance.choice((0, 1, 1, 2, 3))):
         name = chance.choice(chance.choice((OF_LINK, OF_LINK, OF_PEOPLE, OF_PEOPLE, OF_PLANT)))
-        begin = first_s + chance.uniform(0.0, 220.0)
-        end = "" if chance.random() < 0.3 or name.startswith("word") else f" until={begin + 10 ** chance.uniform(0.5, 2.8):.1f}"
-        faults.append(f"t={begin:.1f} {name}{end}")
-    return faults
+        lasts = 1e9 if chance.random() < 0.3 else 10 ** chance.uniform(0.5, 2.8)
+        if chance.random() < 0.25:
+            timed.append(f"t={(begin := chance.uniform(6.0, 400.0)):.1f} {name} until={begin + lasts:.1f}")
+        else:
+            armed.append((chance.randint(3, 34), fault_of(f"t=0 {name} until={lasts:.1f}")))
+    return timed, sorted(armed, key=lambda one: one[0])
 
 
 def session(proven, model, conditions, chance, place):
     """Run one; return how it ended, and what is wrong with it."""
     found = dataclasses.replace(proven.words, values={**proven.words.values, **chance.choice(FOUND)})
-    protocol, faults = chance.choice(("s7", "modbus")), drawn(chance, 6.0)
-    with virtual_plc(found, model, conditions, serve=protocol, rate=RATE, faults=faults) as plc:
-        witness = Witness(plc.plc.memory)
+    protocol, (timed, armed) = chance.choice(("s7", "modbus")), drawn(chance)
+    faults = [*map(fault_of, timed), *(fault for _, fault in armed)]
+    with virtual_plc(found, model, conditions, serve=protocol, rate=RATE, faults=[*timed, ALWAYS]) as plc:
+        witness = Witness(plc.plc, armed)
         before = words_in(plc.plc.memory.image())
         host, port = plc.addresses[protocol]
         wanted = Wanted(
@@ -151,10 +172,10 @@ def session(proven, model, conditions, chance, place):
         with plc.plc.memory.changed:
             events, last = list(witness.events), words_in(plc.plc.memory.image())
     wrong = judged(done, before, {**before, **{n: v for n, v in proven.words.values.items() if n in before}}, events, last, faults)
-    return done.ended.outcome.value, [f"{faults}: {done.ended.outcome}: {one}; {done.ended.told}" for one in wrong]
+    return done.ended.outcome.value, [f"{timed} {armed}: {done.ended.outcome}: {one}; {done.ended.told}" for one in wrong]
 
 
-def judged(done, before, after, events, last, faults):  # noqa: C901 - one list of what must hold, each said once
+def judged(done, before, after, events, last, faults):  # noqa: C901, PLR0912 - a list of what must hold
     """Yield what is wrong with a session."""
     outcome, told = done.ended.outcome.value, done.ended.stands
     others = collections.defaultdict(set)
@@ -162,7 +183,7 @@ def judged(done, before, after, events, last, faults):  # noqa: C901 - one list 
     for event in events:
         now = words_in(event[-1])
         if event[0] == "read":
-            looked, seen = True, now
+            looked = True
         elif event[0] == "client":
             if not looked:
                 yield f"a write of {event[2].hex()} at byte {event[1]} without a look before it"
@@ -195,8 +216,7 @@ def judged(done, before, after, events, last, faults):  # noqa: C901 - one list 
             yield f"{name} = {last[name]} is nobody's"
         if outcome in ("not done", "rolled back") and name in mine and mine[name] == last[name] == after[name] != before[name]:
             yield f"{name} = {last[name]} was left behind"
-    if outcome == "unknown" and not any(fault.split()[1].split("=")[0] in {n.split("=")[0] for n in OF_LINK} | {
-            "db-missing", "db-short"} for fault in faults):
+    if outcome == "unknown" and not any(fault.name in MAY_HIDE for fault in faults):
         yield "unknown without a fault of the link"
     if done.record is not None:
         lines = [json.loads(line) for line in done.record.read_text().splitlines()]

@@ -108,8 +108,8 @@ def _watched(
     if seen.outside:
         return writer.restore(plan.parts, plan.before, plan.after, f"{told}: {seen.outside}")
     if seen.ended_early:
-        return Ended(Outcome.UNWATCHED, f"{ended.told}; {told}, then: {seen.ended_early}", ended.stands)
-    return Ended(Outcome.DONE, f"{ended.told}; {told}, {100.0 * seen.most:.0f} % of the proven band used", ended.stands)
+        return Ended(Outcome.UNWATCHED, f"{ended.told}; {told}, then: {seen.ended_early}", seen.stands or ended.stands)
+    return Ended(Outcome.DONE, f"{ended.told}; {told}, {100.0 * seen.most:.0f} % of the proven band used", seen.stands)
 
 
 def _path(wanted: Wanted) -> Path:

@@ -131,7 +131,7 @@ class Peer:
             raise
 
     def later(self, since: Look, scans: int) -> Look:
-        """Return what stands there so many scans later, or, where none pass, after a while.
+        """Return what stands there so many scans later, or, where none pass, in STOP at once, else after a while.
 
         Raises:
             LinkError: as `look`.
@@ -142,7 +142,9 @@ class Peer:
         ends = time.monotonic() + max(_LEAST_WAIT_S, 2.0 * scans * self._interval_s)
         while True:
             look = self.look()
-            if look.told is None or look.told.scans - since.told.scans >= scans or time.monotonic() > ends:
+            if look.told is None or look.told.scans - since.told.scans >= scans or not runs(look):
+                return look
+            if time.monotonic() > ends:
                 return look
             time.sleep(_SOON_S)
 

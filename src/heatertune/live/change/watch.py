@@ -9,7 +9,7 @@ from typing import Final
 
 from heatertune.errors import LinkError
 from heatertune.live.change.band import Band, watched_s
-from heatertune.live.change.peer import Look, Peer
+from heatertune.live.change.peer import Look, Peer, runs
 from heatertune.live.change.proven import Proven
 from heatertune.live.change.record import Record
 from heatertune.plc.ramp import Number
@@ -33,6 +33,7 @@ class Watched:
         seconds: that were watched, of the plant [s].
         count: of readings.
         most: the largest share of the band that was used.
+        stands: all words, as they were seen last; None: never.
     """
 
     outside: str
@@ -40,6 +41,7 @@ class Watched:
     seconds: float
     count: int
     most: float
+    stands: Mapping[str, Number] | None
 
 
 def watched(
@@ -62,6 +64,7 @@ def watched(
     try:
         while watch.seconds < watch.duration_s:
             look = peer.look()
+            watch.stands = look.values
             if changed := _changed(peer, look, expected):
                 return watch.ended(early=f"somebody has changed the words: {changed}")
             if watch.stands_still(look):
@@ -88,10 +91,13 @@ class _Watch:
         self._moved = self._since_s = self._most = 0.0
         self._band: Band | None = None
         self._count = self._outside = 0
+        self.stands: Mapping[str, Number] | None = None
 
     def stands_still(self, look: Look) -> bool:
-        """Return whether nothing new has come for long; takes note of what is new."""
+        """Return whether the CPU is in STOP, or nothing new has come for long; takes note of what is new."""
         now = time.monotonic()
+        if runs(look) is False:
+            return True
         if self._is_new(look):
             self._moved = now
         return now - self._moved > max(_STILL_S, _STILL * self._proven.words.sample_time_s)
@@ -123,7 +129,7 @@ class _Watch:
 
     def ended(self, outside: str = "", early: str = "") -> Watched:
         """Return the end."""
-        return Watched(outside, early, self.seconds, self._count, self._most)
+        return Watched(outside, early, self.seconds, self._count, self._most, self.stands)
 
 
 def _changed(peer: Peer, look: Look, expected: Mapping[str, Number]) -> str:
