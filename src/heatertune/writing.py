@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from heatertune.errors import InputError
 
-__all__ = ["write_files"]
+__all__ = ["settle", "write_files"]
 
 _HERE: Final = -100  # AT_FDCWD
 _EXCHANGE: Final = 2  # RENAME_EXCHANGE
@@ -74,10 +74,10 @@ def _exchanged(  # noqa: C901 - one transaction, told from its begin to its end
         for name, content in data.items():
             _write(new / name, content)
         for inner in {Path(), *within}:
-            _settle(new / inner)
+            settle(new / inner)
         if not _swap(new, folder):
             return False
-        _settle(folder.parent)
+        settle(folder.parent)
         for name in _others(new, data, gone):  # saved by others since the links were made
             if not (folder / name).exists():
                 (new / name).rename(folder / name)
@@ -153,7 +153,7 @@ def _one_by_one(folder: Path, data: Mapping[str, bytes], gone: Collection[str]) 
                 (folder / name).unlink()
             placed.append(name)
         for path in {path.parent for path in new.values()}:
-            _settle(path)
+            settle(path)
     except (OSError, ValueError):
         for name in placed:
             if old[name].exists():
@@ -185,7 +185,7 @@ def _write(path: Path, content: bytes) -> None:
         os.fsync(file.fileno())
 
 
-def _settle(folder: Path) -> None:
+def settle(folder: Path) -> None:
     """Wait until the disk knows the names in a folder, where it can be asked."""
     with contextlib.suppress(OSError):
         number = os.open(folder, os.O_RDONLY)

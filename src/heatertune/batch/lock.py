@@ -26,10 +26,14 @@ else:
 
 
 @contextmanager
-def locked(table: Path) -> Iterator[None]:
-    """Hold the lock of a table within the block.
+def locked(table: Path, instead: str = ", or give another table") -> Iterator[None]:
+    """Hold the lock of a table, or of another file, within the block.
 
     The system holds it for the process, not the file: with the process ends the lock, however that ended.
+
+    Args:
+        table: the file.
+        instead: what can be done beside waiting, the end of the error.
 
     Raises:
         InputError: another run holds it, or the file beside the table cannot be written.
@@ -41,14 +45,14 @@ def locked(table: Path) -> Iterator[None]:
     except OSError as problem:
         raise InputError(f"{path}: cannot be written: {problem.strerror}") from problem
     with file:
-        _demand(file, path, table)
+        _demand(file, path, table, instead)
         try:
             yield
         finally:
             path.unlink(missing_ok=True)
 
 
-def _demand(file: IO[str], path: Path, table: Path) -> None:
+def _demand(file: IO[str], path: Path, table: Path, instead: str) -> None:
     """Lock an open file that is still the one of this name: its last owner takes it away when it ends."""
     try:
         _take(file)
@@ -57,8 +61,8 @@ def _demand(file: IO[str], path: Path, table: Path) -> None:
         mine = False
     if not mine:
         file.seek(0)
-        raise InputError(f"{table}: another run writes it ({file.read() or 'just begun'}); wait for its end, or give "
-                         "another table")
+        raise InputError(f"{table}: another run writes it ({file.read() or 'just begun'}); wait for its end"
+                         f"{instead}")
     file.truncate(0)
     file.write(f"process {os.getpid()}")
     file.flush()

@@ -31,6 +31,7 @@ from heatertune.cli import (
     record,
     replay,
     report,
+    rollback,
     simulate,
     spec,
     studio,
@@ -41,6 +42,7 @@ from heatertune.cli import (
     tune,
     validate,
     verify,
+    write,
 )
 from heatertune.cli.line import LINE
 from heatertune.cli.parsing import CommandParser, Named
@@ -51,8 +53,8 @@ __all__ = ["main"]
 
 COMMANDS = (
     design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, supervise, feed_forward, compare, advise,
-    study, fleet, report, decode, diff, replay, targets, terms, studio, simulate, record, experiment, doctor, bench,
-    completion,
+    study, fleet, report, decode, diff, replay, targets, terms, studio, simulate, record, experiment, write, rollback,
+    doctor, bench, completion,
 )
 
 #: those that most people need, in the order in which they do, and what they are for

@@ -23,12 +23,18 @@ class Block(Protocol):
         told: what it is, a few words.
         manual: whether clients can put the controller in manual.
         signals: where it shows temperature [°C], power [%] and setpoint [°C], by these names.
+        words: word → where it stands; a word that stands elsewhere in the PLC is none of them.
+        by_hand: words that are the operator's while the controller is in manual.
+        undone_by: what in the PLC writes its own words over those of a client, a few words; nothing does where empty.
     """
 
     number: int
     told: str
     manual: bool
     signals: Mapping[str, Signal]
+    words: Mapping[str, Signal]
+    by_hand: tuple[str, ...]
+    undone_by: str
 
     def image(self) -> bytes:
         """Return its bytes before the first scan."""
@@ -60,7 +66,7 @@ class Block(Protocol):
     def into_automatic(self, cells: bytearray) -> None:
         """Put the controller back in automatic."""
 
-    def by_hand(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
+    def put_in_manual(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
         """Return what a client writes to put the controller in manual with a power.
 
         Args:

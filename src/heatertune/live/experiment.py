@@ -37,8 +37,8 @@ BEFORE_SCHEMA: Final = "heatertune/experiment-before/1"
 #: of the simulator's own block: place of the heartbeat, and the bit of its status that says RUN
 _HEARTBEAT: Final = 12
 _RUNS: Final = 1
-#: words that an operator changes while the controller runs: setpoint, manual value, mode
-_OPERATED: Final = ("W", "YH", "STEU")
+#: word of the setpoint, which an operator changes
+_SETPOINT: Final = "W"
 
 
 @dataclass(slots=True, kw_only=True)
@@ -134,8 +134,9 @@ class Experiment:
     def _demand_words(self, image: bytes) -> None:
         read = controller_for(self._words.target).read_image(
             image, sample_time_s=self._words.sample_time_s, scaling=self._words.scaling, source=self.mode.address.text)
+        operated = {_SETPOINT, *self.mode.block.by_hand}
         other = [f"{name} = {read.values[name]:g}, not {value:g}" for name, value in self._words.values.items()
-                 if name not in _OPERATED and read.values[name] != value]
+                 if name not in operated and read.values[name] != value]
         if other:
             raise InputError(f"{self.mode.address.text} holds other words: {', '.join(other[:3])}; give the folder of "
                              "the controller that runs there")

@@ -44,7 +44,7 @@ class ManualMode:
         self.address, self._timeout_s = address, timeout_s
         self.block: Block = block_for(controller_for(words.target), words, {})
         self._image = self.block.image()
-        start, put = self.block.by_hand(self._image, 0.0)
+        start, put = self.block.put_in_manual(self._image, 0.0)
         said = address.block if address.protocol == "s7" else None
         self.place = self.block.number if said is None else said, start, len(put)
 
@@ -66,7 +66,7 @@ class ManualMode:
 
     def by_hand(self, before: bytes, power_pct: float) -> bytes:
         """Return the cells in manual with a power, all else in them as before."""
-        return self.block.by_hand(bytes(self._with(before)), power_pct)[1]
+        return self.block.put_in_manual(bytes(self._with(before)), power_pct)[1]
 
     def give_back(self, before: bytes, puts: Collection[bytes]) -> bool | None:
         """Bring back what stood there, where what stands there now is this hand's, or of the PLC's dead man after it.

@@ -51,7 +51,8 @@ class Ob251Block:
     """DB30, 49 words; see `heatertune.live.blocks.Block`."""
 
     number, manual = DB, True
-    told = "49 words"
+    told, undone_by = "49 words", ""
+    by_hand = ("STEU", "YH")
 
     def __init__(self, controller: Controller, words: Words, assume: Assumptions) -> None:
         """Take words that run under assumptions.
@@ -66,6 +67,8 @@ class Ob251Block:
         self.signals = {
             name: Signal(place, "INT", (0, FULL_SCALE), shown)
             for name, place, shown in (("temperature", _X, degC), ("power", _YA, (0, 100)), ("setpoint", _W, degC))}
+        self.words = {field.name: Signal(2 * PLACES[field.name], field.format) for field in self._fields}
+        self.words["STEU"] = Signal(_STEU, "BYTE")  # the high byte belongs to the operating system
         self._asked: Number | None = None
         self._words, self._parameters = b"", parameters_of(words.whole)
         self._kept = b""
@@ -112,7 +115,7 @@ class Ob251Block:
         """Set that bit."""
         cells[_STEU] |= AUTO
 
-    def by_hand(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
+    def put_in_manual(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
         """Return STEU, its bit 0 clear, and YH, which follows it; see `heatertune.live.blocks.Block`."""
         steu = int.from_bytes(cells[_CONTROL : _CONTROL + 2], "big") & ~(AUTO | HANDART | GESCHW)
         return _CONTROL, struct.pack(">Hh", steu, round(power_pct / 100.0 * FULL_SCALE))

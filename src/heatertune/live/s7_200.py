@@ -38,7 +38,8 @@ class VMemory:
     """512 bytes of V memory, which S7 clients find as DB 1; see `heatertune.live.blocks.Block`."""
 
     number, manual = 1, False
-    told = "V memory"
+    told, by_hand = "V memory", ()
+    undone_by = "the first scan after a start-up types in the words of the program that is loaded"
 
     def __init__(self, controller: Controller, words: Words, assume: Assumptions) -> None:
         """Take words that run under assumptions.
@@ -48,7 +49,8 @@ class VMemory:
             words: that its program types in at the first scan.
             assume: what the manual leaves open.
         """
-        self._fields = controller.fields
+        self._fields = [field for field in controller.fields if field.address[:2] in _WIDTHS]
+        self.words = {field.name: Signal(int(field.address[2:]), field.format) for field in self._fields}
         self._timed, self._cold = controller.begin(words, assume)
         self._asked: Number | None = None
         degC = words.scaling.low_degC, words.scaling.high_degC
@@ -87,7 +89,7 @@ class VMemory:
     def into_automatic(self, _cells: bytearray) -> None:
         """Do nothing."""
 
-    def by_hand(self, _cells: bytes, _power_pct: float) -> tuple[int, bytes]:
+    def put_in_manual(self, _cells: bytes, _power_pct: float) -> tuple[int, bytes]:
         """Return nothing.
 
         Raises:
@@ -97,6 +99,6 @@ class VMemory:
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word that stands in V memory; errors as `heatertune.live.cells`."""
-        field = field_of([field for field in self._fields if field.address[:2] in _WIDTHS], name)
-        content, place = bytes_of(field, value), int(field.address[2:])
+        field = field_of(self._fields, name)
+        content, place = bytes_of(field, value), self.words[name].start
         cells[place : place + len(content)] = content

@@ -1,0 +1,64 @@
+"""`heatertune rollback`: what became of a write, and the words as they were before it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from heatertune.cli import printing
+from heatertune.cli.write import add_guard, ended_lines, link_of, not_read
+from heatertune.errors import LinkError
+
+if TYPE_CHECKING:
+    from heatertune.live.change.rollback import Before
+    from heatertune.live.change.writer import Ended
+
+__all__ = ["add_to"]
+
+_EXAMPLE = "example: heatertune rollback out/write_20261123T154500000000Z.jsonl"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "rollback", help="what became of a write, and with --apply the words as they were before it", epilog=_EXAMPLE,
+        description="Read the record of a heatertune write, ask the PLC what stands there, and tell it. With --apply "
+        "put back the words that stand there as they were written; what somebody else has changed since stays.",
+    )
+    command.add_argument("record", metavar="RECORD", help="file that heatertune write made")
+    add_guard(command, "what is put back, as it is shown without --apply")
+    printing.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune.live.change.rollback import before_of, looked, rolled_back  # noqa: PLC0415 - as in write
+
+    before, link = before_of(settings.record), link_of(settings)
+    document: dict[str, Any] = {
+        "schema": "heatertune/rollback/1", "record": settings.record, "address": before.address.text,
+        "yes": before.yes, "applied": settings.apply}
+    if settings.apply:
+        ended = rolled_back(before, settings.yes, link, settings.most_writes)
+    else:
+        try:
+            ended = looked(before, link)
+        except LinkError as problem:
+            return not_read(settings, document, problem)
+    printing.output(settings, document | ended.to_document(), lambda: "\n".join(_lines(settings, before, ended)))
+    return 0 if not settings.apply or ended.is_done else 1
+
+
+def _lines(settings: argparse.Namespace, before: Before, ended: Ended) -> Iterator[str]:
+    from heatertune.report.layout import wrapped  # noqa: PLC0415
+
+    if settings.apply:
+        yield from ended_lines(ended)
+    else:
+        yield from wrapped(ended.told, f"{before.address.text}: ")
+        back = [name for part in before.parts for name in part.names
+                if (ended.stands or {}).get(name) == before.after[name]]
+        was = ", ".join(f"{name} = {before.before[name]:g}" for name in back)
+        again = f"heatertune rollback {settings.record} --apply --yes {before.yes}"
+        yield from wrapped(f"to put back {was}: {again}" if back else "nothing to put back")

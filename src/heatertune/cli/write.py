@@ -1,0 +1,162 @@
+"""`heatertune write`: proven words into a running PLC."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from heatertune import options
+from heatertune.cli import printing
+from heatertune.errors import LinkError
+from heatertune.settings import SensorSettings
+
+if TYPE_CHECKING:
+    from heatertune.live.change.apply import Applied
+    from heatertune.live.change.peer import Link
+    from heatertune.live.change.plan import Planned, Wanted
+    from heatertune.live.change.writer import Ended
+
+__all__ = ["add_guard", "add_to", "ended_lines", "link_of", "not_read"]
+
+#: quantities that the words in a block make
+_IN_BLOCK: Final = ("K", "TN", "TV", "largest power")
+_EXAMPLE = "example: heatertune write out/ s7://192.168.0.10/0/2/db30"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "write", help="proven words into a running PLC: what differs, and with --apply written, read back, watched",
+        epilog=_EXAMPLE,
+        description="Hold the words of a design against those in a running PLC. With --apply write what differs: only "
+        "words whose proof says PASS, only over what was looked at, in an order in which every set of words in between "
+        "is proven stable; read them back, watch the response, and take them back where it leaves the proven band.",
+    )
+    command.add_argument("directory", metavar="DIR", help="folder that heatertune design wrote")
+    command.add_argument("address", metavar="ADDRESS", help="s7://HOST:PORT/RACK/SLOT/dbN or "
+                         "modbus://HOST:PORT/UNIT/REGISTER")
+    add_guard(command, "the proof that you have read")
+    said = command.add_argument_group("what no block holds")
+    said.add_argument("--called-every", type=float, metavar="S", help="interval TA at which the PLC calls it [s]")
+    options.add(said, SensorSettings, "range_degC", default=argparse.SUPPRESS,
+                help="sensor range at the lowest and highest reading [°C]")
+    said.add_argument("--as-exported", action="store_true",
+                      help="its program is the one that was exported with the words: ramp, boost, input module")
+    said.add_argument("--in-manual", action="store_true",
+                      help="the controller is in manual, and stays there: words are written in any order, unwatched")
+    command.add_argument("--no-watch", action="store_true", help="do not watch the response")
+    command.add_argument("--record", metavar="FILE", help="the record (default: DIR/write_TIME.jsonl)")
+    printing.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def add_guard(command: argparse.ArgumentParser, of_what: str) -> None:
+    """Add the options of a write: writing at all, and the link."""
+    command.add_argument("--apply", action="store_true", help="write (default: look only)")
+    command.add_argument("--yes", metavar="DIGITS", help=f"first digits of the digest of {of_what}")
+    link = command.add_argument_group("the link")
+    link.add_argument("--reconnect", type=int, default=5, metavar="N", help="connections that are tried (default: 5)")
+    link.add_argument("--timeout", type=float, default=2.0, metavar="S",
+                      help="after which an answer is lost [s] (default: 2)")
+    link.add_argument("--most-writes", type=int, default=1000, metavar="N",
+                      help="writes of one word from here, as its memory wears out (default: 1000)")
+
+
+def link_of(settings: argparse.Namespace) -> Link:
+    """Return how the link is held, as the options say; raise OutOfRange where that makes no sense."""
+    from heatertune.live.change.peer import Link  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.units import check  # noqa: PLC0415
+
+    check("--reconnect", settings.reconnect, least=1)
+    check("--timeout", settings.timeout, above=0.0)
+    check("--most-writes", settings.most_writes, least=1)
+    return Link(tries=settings.reconnect, timeout_s=settings.timeout)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune.live.change.apply import applied  # noqa: PLC0415
+    from heatertune.live.change.guard import Said  # noqa: PLC0415
+    from heatertune.live.change.plan import PLAN_SCHEMA, Wanted, peer_of, planned  # noqa: PLC0415
+    from heatertune.live.change.proven import read_proven  # noqa: PLC0415
+    from heatertune.live.change.rollback import unended  # noqa: PLC0415
+    from heatertune.live.client.address import address_of  # noqa: PLC0415
+
+    sensor = options.given(SensorSettings, settings)
+    said = Said(called_every_s=settings.called_every, range_degC=sensor.get("range_degC"),
+                as_exported=settings.as_exported, in_manual=settings.in_manual)
+    address, link = address_of(settings.address), link_of(settings)
+    wanted = Wanted(proven=read_proven(settings.directory), address=address, said=said, link=link,
+                    most_writes=settings.most_writes, watch=not settings.no_watch,
+                    record=None if settings.record is None else Path(settings.record))
+    document = {"schema": PLAN_SCHEMA, "directory": settings.directory, "address": address.text,
+                "digest": wanted.proven.view.digest, "yes": wanted.proven.yes, "applied": settings.apply}
+    progress = printing.Progress(settings)
+    if settings.apply:
+        done = applied(wanted, settings.yes, progress)
+        document |= done.to_document()
+        printing.output(settings, document, lambda: "\n".join(_of_applied(done)))
+        return 0 if done.ended.is_done else 1
+    with peer_of(wanted) as peer:
+        try:
+            plan = planned(wanted, peer)
+        except LinkError as problem:
+            return not_read(settings, document, problem)
+    open_ = [str(lines.path) for lines in unended(Path(settings.directory), address)]
+    printing.output(settings, document | plan.to_document() | {"unended": open_},
+                    lambda: "\n".join(_of_plan(settings, wanted, plan, open_)))
+    return 0
+
+
+def not_read(settings: argparse.Namespace, document: dict[str, Any], problem: LinkError) -> int:
+    """Tell that the PLC could not be read, and return the exit status."""
+    told = {"outcome": "not done", "told": f"nothing was sent: {problem}", "stands": None}
+    printing.output(settings, document | told, lambda: f"NOT DONE: {told['told']}")
+    return 1
+
+
+def _of_plan(settings: argparse.Namespace, wanted: Wanted, plan: Planned, open_: list[str]) -> Iterator[str]:
+    from heatertune.report.difference import difference_lines  # noqa: PLC0415
+    from heatertune.report.layout import table, wrapped  # noqa: PLC0415
+
+    if plan.difference is not None:
+        yield from difference_lines(_of_block(plan.difference)).splitlines()
+    marks = {True: "ok", False: "NO", None: "say it"}
+    yield table([(marks[check.ok] if check.ok is not None or check.option else "-", check.name, check.told)
+                 for check in plan.checks])
+    for number, part in enumerate(plan.parts, start=1):
+        yield f"{number}. {', '.join(part.names)}: {part.before.hex(' ')} -> {part.after.hex(' ')}"
+    if plan.no_order:
+        yield from wrapped(plan.no_order, "- ")
+    yield from (f"- a write that never ended: heatertune rollback {path}" for path in open_)
+    if all(check.ok is not False for check in plan.checks) and plan.parts and not plan.no_order:
+        said = [check.option for check in plan.checks if check.ok is None and check.option]
+        again = " ".join([*settings.given, *said, "--apply", "--yes", wanted.proven.yes])
+        yield from wrapped(f"heatertune {again}", "to write: ")
+
+
+def _of_block(difference: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what differs without what no block tells, or the program around writes."""
+    terms = [term for term in difference["terms"] if term["name"] in _IN_BLOCK]
+    words = [word for word in difference["words"] if word["written"]]
+    return {**difference, "terms": terms, "words": words, "proofs": []}
+
+
+def _of_applied(done: Applied) -> Iterator[str]:
+    from heatertune.report.layout import wrapped  # noqa: PLC0415
+
+    for told in done.earlier:
+        yield from wrapped(told, "- ")
+    yield from ended_lines(done.ended)
+    if done.record is not None:
+        yield f"record {done.record}; back again: heatertune rollback {done.record}"
+
+
+def ended_lines(ended: Ended) -> Iterator[str]:
+    """Yield the end of a write, and what stands in the PLC, as a terminal shows it."""
+    from heatertune.report.layout import wrapped  # noqa: PLC0415
+
+    yield from wrapped(f"{ended.outcome.upper()}: {ended.told}")
+    if ended.stands is not None:
+        yield from wrapped(", ".join(f"{name} = {value:g}" for name, value in ended.stands.items()), "in the PLC: ")

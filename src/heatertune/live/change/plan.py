@@ -1,0 +1,112 @@
+"""What a write would do: words that differ, whether the PLC is the right one, and the order of the requests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from heatertune.live.change.budget import MOST_WRITES
+from heatertune.live.change.cells import Part, standing
+from heatertune.live.change.guard import Check, Said, checks
+from heatertune.live.change.order import NoOrder, in_order
+from heatertune.live.change.peer import Link, Look, Peer
+from heatertune.live.change.proven import Proven
+from heatertune.live.client.address import Address
+from heatertune.plc.ramp import Number
+from heatertune.proof.difference import Side, difference
+
+__all__ = ["PLAN_SCHEMA", "Planned", "Wanted", "peer_of", "planned"]
+
+PLAN_SCHEMA: Final = "heatertune/write/1"
+_SCANS: Final = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """What somebody wants.
+
+    Attributes:
+        proven: what is to be written.
+        address: where to.
+        said: of the PLC.
+        link: how the link is held.
+        most_writes: of one word.
+        watch: whether the response is watched.
+        record: file of the record; None: one beside the words, named by the time.
+    """
+
+    proven: Proven
+    address: Address
+    said: Said = field(default_factory=Said)
+    link: Link = field(default_factory=Link)
+    most_writes: int = MOST_WRITES
+    watch: bool = True
+    record: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Planned:
+    """What a write would do.
+
+    Attributes:
+        look: at the PLC.
+        checks: whether it is the right one.
+        before, after: all words in the block.
+        parts: what differs, in the order in which it is written.
+        no_order: why there is none; nothing where there is one.
+        difference: of both word sets; None: the block holds no words.
+    """
+
+    look: Look
+    checks: list[Check]
+    before: Mapping[str, Number]
+    after: Mapping[str, Number]
+    parts: Sequence[Part]
+    no_order: str
+    difference: Mapping[str, Any] | None
+
+    def to_document(self) -> dict[str, Any]:
+        """Return it as the command prints it."""
+        return {
+            "checks": [check.to_document() for check in self.checks], "difference": self.difference,
+            "parts": [part.to_document() for part in self.parts], "no_order": self.no_order or None,
+        }
+
+
+def peer_of(wanted: Wanted) -> Peer:
+    """Return the PLC of an address, not connected to yet; errors as `heatertune.live.change.cells.standing`."""
+    words = wanted.proven.words
+    there = standing(words, wanted.address, wanted.proven.view.known)
+    return Peer(wanted.address, there, words.sample_time_s, wanted.link)
+
+
+def planned(wanted: Wanted, peer: Peer) -> Planned:
+    """Look at a PLC, twice, and return what a write would do.
+
+    Raises:
+        LinkError: it cannot be read.
+    """
+    proven, there = wanted.proven, peer.standing
+    first = peer.look()
+    looks = first, peer.later(first, _SCANS)
+    look, found = looks[1], checks(proven, there, looks, wanted.said)
+    is_block = found[0].ok is True
+    kept = there.block.by_hand if wanted.said.in_manual else ()
+    after = {**look.values, **{name: proven.words.values[name] for name in there.own if name not in kept}}
+    parts, no_order = there.parts(look.content, after) if is_block else [], ""
+    if not wanted.said.in_manual:
+        try:
+            parts = in_order(parts, look.values, after, proven.open_in_between)
+        except NoOrder as problem:
+            no_order = (f"{problem}; prove other words"
+                        + (", or write in manual (--in-manual)" if there.block.manual else ""))
+    apart = None
+    if is_block:
+        now = Side(source=wanted.address.text, kind="machine", words=there.words(look.content, proven.words),
+                   taken_over=("call interval", "sensor range", "setpoint ramp and boost"))
+        then = Side(source=proven.directory, kind="words", words=proven.words, proof=proven.proof)
+        apart = difference(now, then)
+    return Planned(look=look, checks=found, before=look.values, after=after, parts=parts, no_order=no_order,
+                   difference=apart)

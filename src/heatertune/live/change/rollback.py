@@ -1,0 +1,168 @@
+"""What became of a write, as its record and the PLC say; and the words as they were before it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from heatertune.batch.lock import locked
+from heatertune.errors import DocumentError, InputError, LinkError
+from heatertune.live.change.budget import MOST_WRITES, Budget
+from heatertune.live.change.cells import Part, Standing, standing
+from heatertune.live.change.peer import Link, Look, Peer
+from heatertune.live.change.proven import LEAST_YES
+from heatertune.live.change.record import Lines, Record, read_lines
+from heatertune.live.change.writer import Ended, Outcome, Writer
+from heatertune.live.client.address import Address, address_of
+from heatertune.plc.ramp import Number
+from heatertune.proof.words_file import words_of
+
+__all__ = ["Before", "became", "before_of", "looked", "rolled_back", "settled", "stands", "unended"]
+
+Values = Mapping[str, Number]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Before:
+    """What a record says of the words before it.
+
+    Attributes:
+        lines: the record.
+        address: of the PLC.
+        standing: where the words are.
+        interval_s: time between two scans [s].
+        before, after: all words.
+        parts: what was written, in its order.
+        yes: what somebody types who has seen what is put back.
+    """
+
+    lines: Lines
+    address: Address
+    standing: Standing
+    interval_s: float
+    before: Values
+    after: Values
+    parts: tuple[Part, ...]
+    yes: str
+
+
+def before_of(path: str | Path) -> Before:
+    """Return what a record says.
+
+    Raises:
+        DocumentError: it is none, or not whole.
+    """
+    lines = read_lines(path)
+    begin = lines.begin
+    try:
+        words = words_of(begin["document"], begin["target"], path)
+        address = address_of(begin["address"])
+        there = standing(words, address, begin["known"])
+        parts = tuple(Part(tuple(part["names"]), int(part["start"]), bytes.fromhex(part["before"]),
+                           bytes.fromhex(part["after"])) for part in begin["parts"])
+        content = bytes.fromhex(begin["before"])
+        after = {name: begin["words"][name] for name in there.block.words}
+        if len(content) != there.count or any(name not in there.block.words for part in parts for name in part.names):
+            raise ValueError("others than the words of the controller")
+    except (KeyError, TypeError, ValueError, AttributeError) as problem:
+        raise DocumentError(f"{path}, line 1: {problem}: no whole record of a write") from None
+    return Before(lines=lines, address=address, standing=there, interval_s=words.sample_time_s,
+                  before=there.values(content), after=after, parts=parts, yes=str(begin["sha256"])[:8])
+
+
+def stands(before: Values, after: Values, found: Values, names: list[str]) -> tuple[Outcome, str]:
+    """Return what stands in a PLC, held against a write.
+
+    Args:
+        before: all words as they were.
+        after: all words as they were to be.
+        found: all words as they stand.
+        names: of the words that were to change.
+    """
+    as_before = [name for name in names if found[name] == before[name]]
+    written = [name for name in names if found[name] == after[name]]
+    others = [f"{name} is {found[name]:g}" for name in names if name not in (*as_before, *written)]
+    if len(as_before) == len(names):
+        return Outcome.NOT_DONE, "the words stand there as before"
+    if len(written) == len(names):
+        return Outcome.UNWATCHED, "the words stand there as written"
+    told = [f"{', '.join(which)} as {how}" for which, how in ((written, "written"), (as_before, "before")) if which]
+    return Outcome.PARTLY, "; ".join([*told, *(["by somebody else: " + ", ".join(others)] if others else [])])
+
+
+def unended(folder: Path, address: Address) -> Iterator[Lines]:
+    """Return the records in a folder of writes to an address that never ended; what is no record is passed over."""
+    for path in sorted(folder.glob("write_*.jsonl")):
+        try:
+            lines = read_lines(path)
+        except DocumentError:  # a kill before its first line: nothing was sent
+            continue
+        if lines.begin["address"] == address.text and not lines.ended:
+            yield lines
+
+
+def settled(lines: Lines, look: Look) -> str:
+    """Record what became of a write that never ended, and return it, a sentence."""
+    ended = became(before_of(lines.path), look)
+    with Record(lines.path, torn=lines.torn) as record:
+        record.put("end", **ended.to_document())
+    return f"{lines.path.name}: {ended.told}"
+
+
+def became(before: Before, look: Look) -> Ended:
+    """Return what became of a write, by its record's last line and what stands in the PLC."""
+    names = [name for part in before.parts for name in part.names]
+    outcome, found = stands(before.before, before.after, look.values, names)
+    last = before.lines.steps[-1] if before.lines.steps else before.lines.begin
+    if before.lines.ended:
+        return Ended(outcome, f"it ended at {last['at']}, {last['outcome']}: {last['told']}; now {found}", look.values)
+    return Ended(outcome, f"it broke off at {last['at']} after the step {last['step']!r}; {found}", look.values)
+
+
+def looked(before: Before, link: Link | None = None) -> Ended:
+    """Return what became of a write, and what stands in the PLC now.
+
+    Raises:
+        LinkError: it cannot be read.
+    """
+    with Peer(before.address, before.standing, before.interval_s, link) as peer:
+        return became(before, peer.look())
+
+
+def rolled_back(
+    before: Before, yes: str | None, link: Link | None = None, most_writes: int = MOST_WRITES
+) -> Ended:
+    """Put back what a write has changed; what somebody else has changed since stays.
+
+    Args:
+        before: what its record says.
+        yes: the first digits of the digest of what was there before, as somebody typed them.
+        link: how the link is held.
+        most_writes: of one word.
+
+    Raises:
+        InputError: another yes, or the record cannot be written.
+    """
+    if yes is None or len(yes) < LEAST_YES or not str(before.lines.begin["sha256"]).startswith(yes.lower()):
+        found = "it was not said" if yes is None else f"found {yes!r}"
+        raise InputError(f"--yes: {found}; expected the first digits of the digest of what is put back, {before.yes}")
+    budget = Budget(before.address, before.standing.number, most_writes)
+    peer = Peer(before.address, before.standing, before.interval_s, link)
+    with locked(budget.path, ""), peer, Record(before.lines.path, torn=before.lines.torn) as record:
+        try:
+            now = became(before, peer.look())
+        except LinkError as problem:
+            return Ended(Outcome.NOT_DONE, f"nothing was sent: {problem}")
+        record.put("rollback", stands=dict(now.stands or {}), told=now.told)
+        ended = Writer(peer, record, budget).restore(before.parts, before.before, before.after, "put back as asked")
+        if ended.outcome in (Outcome.ROLLED_BACK, Outcome.NOT_DONE) and _is_before(before, ended):
+            ended = Ended(Outcome.DONE, ended.told, ended.stands)
+        record.put("end", **ended.to_document())
+        return ended
+
+
+def _is_before(before: Before, ended: Ended) -> bool:
+    """Return whether the words that were to change are as they were."""
+    found = ended.stands or {}
+    return all(found.get(name) == before.before[name] for part in before.parts for name in part.names)

@@ -1,0 +1,137 @@
+"""The response after a write, watched inside the proven band; two readings in a row outside of it end the watch."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from heatertune.errors import LinkError
+from heatertune.live.change.band import Band, watched_s
+from heatertune.live.change.peer import Look, Peer, runs
+from heatertune.live.change.proven import Proven
+from heatertune.live.change.record import Record
+from heatertune.plc.ramp import Number
+
+__all__ = ["Watched", "watched"]
+
+_IN_A_ROW: Final = 2  # readings outside that are more than a disturbed one
+_SAME_DEGC: Final = 1e-6
+#: without a new reading so long, the CPU stands [s], [sampling intervals]
+_STILL_S: Final = 5.0
+_STILL: Final = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """How a watch ended.
+
+    Attributes:
+        outside: why the words have to be taken back, a sentence; nothing where they need not.
+        ended_early: why it was not watched to its end; nothing where it was.
+        seconds: that were watched, of the plant [s].
+        count: of readings.
+        most: the largest share of the band that was used.
+        stands: all words, as they were seen last; None: never.
+    """
+
+    outside: str
+    ended_early: str
+    seconds: float
+    count: int
+    most: float
+    stands: Mapping[str, Number] | None
+
+
+def watched(
+    peer: Peer, record: Record, proven: Proven, expected: Mapping[str, Number],
+    progress: Callable[[str], object] = str,
+) -> Watched:
+    """Watch the response to words.
+
+    Args:
+        peer: the PLC.
+        record: that every new reading goes into.
+        proven: whose band it is.
+        expected: all words, as they were written.
+        progress: told how far it is.
+
+    Raises:
+        RecordBroken: the record cannot be written.
+    """
+    watch = _Watch(peer, record, proven)
+    try:
+        while watch.seconds < watch.duration_s:
+            look = peer.look()
+            watch.stands = look.values
+            if changed := _changed(peer, look, expected):
+                return watch.ended(early=f"somebody has changed the words: {changed}")
+            if watch.stands_still(look):
+                return watch.ended(early="the CPU runs no scan")
+            if outside := watch.see(look):
+                return watch.ended(outside=outside)
+            progress(watch.told)
+            peer.pause()
+    except LinkError as problem:
+        return watch.ended(early=str(problem))
+    except KeyboardInterrupt:
+        return watch.ended(early="interrupted")
+    return watch.ended()
+
+
+class _Watch:
+    """A watch that is under way."""
+
+    def __init__(self, peer: Peer, record: Record, proven: Proven) -> None:
+        self._peer, self._record, self._proven = peer, record, proven
+        self.duration_s, self.seconds, self.told = watched_s(proven), 0.0, "watching"
+        self._first: Look | None = None
+        self._last: Look | None = None
+        self._moved = self._since_s = self._most = 0.0
+        self._band: Band | None = None
+        self._count = self._outside = 0
+        self.stands: Mapping[str, Number] | None = None
+
+    def stands_still(self, look: Look) -> bool:
+        """Return whether the CPU is in STOP, or nothing new has come for long; takes note of what is new."""
+        now = time.monotonic()
+        if runs(look) is False:
+            return True
+        if self._is_new(look):
+            self._moved = now
+        return now - self._moved > max(_STILL_S, _STILL * self._proven.words.sample_time_s)
+
+    def see(self, look: Look) -> str:
+        """Take a reading; return why the words have to be taken back, nothing where they need not."""
+        if not self._is_new(look):
+            return ""
+        seen, asked = (self._peer.standing.shown(look.content, role) for role in ("temperature", "setpoint"))
+        if self._band is None or abs(asked - self._band.setpoint_degC) > _SAME_DEGC:
+            self._band, self._since_s = Band.of(self._proven, asked, seen), look.time_s
+            self._record.put("band", **self._band.to_document())
+        self._first, self._last = self._first or look, look
+        self.seconds = look.time_s - self._first.time_s
+        low, high = self._band.at(look.time_s - self._since_s)
+        used = abs(2.0 * seen - low - high) / (high - low)
+        self._outside = self._outside + 1 if used > 1.0 else 0
+        self._count, self._most = self._count + 1, max(self._most, used)
+        self._record.put("watched", s=round(self.seconds, 3), temperature_degC=seen, low_degC=low, high_degC=high,
+                         **look.to_document())
+        between = f"the proven band, {low:.4g} to {high:.4g} °C"
+        self.told = f"{seen:.4g} °C in {between}, {self.seconds:.0f} of {self.duration_s:.0f} s"
+        return f"{seen:.4g} °C is outside of {between}" if self._outside >= _IN_A_ROW else ""
+
+    def _is_new(self, look: Look) -> bool:
+        if self._last is None or self._last.told is None or look.told is None:
+            return True
+        return bool(look.told.scans != self._last.told.scans)
+
+    def ended(self, outside: str = "", early: str = "") -> Watched:
+        """Return the end."""
+        return Watched(outside, early, self.seconds, self._count, self._most, self.stands)
+
+
+def _changed(peer: Peer, look: Look, expected: Mapping[str, Number]) -> str:
+    return ", ".join(f"{name} is {look.values[name]:g}, not {expected[name]:g}" for name in peer.standing.own
+                     if look.values[name] != expected[name])

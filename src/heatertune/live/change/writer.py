@@ -1,0 +1,225 @@
+"""Words into a PLC, part by part: compared before, read back after, and taken back where anything is not as expected.
+
+Nothing is written twice because an answer was lost: the PLC is asked what stands there, and that decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Final
+
+from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
+from heatertune.live.change.budget import Budget
+from heatertune.live.change.cells import Part, Standing
+from heatertune.live.change.peer import Peer
+from heatertune.live.change.record import Record, RecordBroken
+from heatertune.plc.ramp import Number
+
+__all__ = ["Ended", "Outcome", "Writer"]
+
+Values = Mapping[str, Number]
+_SCANS: Final = 2  # after which a program that writes words of its own has done so
+
+
+class Outcome(StrEnum):
+    """How a write ended."""
+
+    DONE = "done"
+    NOT_DONE = "not done"
+    ROLLED_BACK = "rolled back"
+    PARTLY = "partly done"
+    UNWATCHED = "done, not watched"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """The end of a write.
+
+    Attributes:
+        outcome: of it.
+        told: what happened, one sentence.
+        stands: the words in the PLC when it was last read; None: it could not be.
+    """
+
+    outcome: Outcome
+    told: str
+    stands: Values | None = None
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all was done that was asked for."""
+        return self.outcome is Outcome.DONE
+
+    def to_document(self) -> dict[str, Any]:
+        """Return it as a record has it."""
+        return {"outcome": self.outcome.value, "told": self.told,
+                "stands": None if self.stands is None else dict(self.stands)}
+
+
+class _Stopped(Exception):
+    """Raised where the next part cannot be written; the text says why."""
+
+
+#: what ends a write: nothing worse than that happens
+_STOPS: Final = (_Stopped, LinkError, InputError)
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """What is written: parts in their order, and all words at both ends."""
+
+    parts: Sequence[Part]
+    before: Values
+    after: Values
+
+    @property
+    def names(self) -> list[str]:
+        """The words that differ."""
+        return [name for part in self.parts for name in part.names]
+
+
+class Writer:
+    """What writes to one PLC, and records it."""
+
+    def __init__(self, peer: Peer, record: Record, budget: Budget) -> None:
+        """Take a PLC.
+
+        Args:
+            peer: the PLC.
+            record: that every step goes into first.
+            budget: that every write is counted in.
+        """
+        self._peer, self._record, self._budget = peer, record, budget
+        self._standing: Standing = peer.standing
+
+    def write(self, parts: Sequence[Part], before: Values, after: Values) -> Ended:
+        """Write parts in their order, and take back those that were written where one cannot be.
+
+        Args:
+            parts: what differs.
+            before: all words, as they are expected to stand there.
+            after: all words, as they are to stand there.
+        """
+        change = _Change(parts, before, after)
+        expected, sent = dict(before), False
+        try:
+            for part in parts:
+                self._demand_left(part)
+            for part in parts:
+                self._expected(expected)
+                sent = True
+                self._put(part)
+                expected |= {name: after[name] for name in part.names}
+            return self._read_back(expected)
+        except (*_STOPS, KeyboardInterrupt) as stopped:
+            why = _why(stopped)
+            self._peer.close()  # what is under way when somebody interrupts must not be taken for another's answer
+            return self._safely(change, why) if sent else Ended(Outcome.NOT_DONE, f"nothing was sent: {why}")
+
+    def restore(self, parts: Sequence[Part], before: Values, after: Values, why: str) -> Ended:
+        """Put back what a write has changed, the last first, and nothing that somebody else has changed since.
+
+        Args:
+            parts: as they were written.
+            before: the words as they were.
+            after: the words as they were written.
+            why: it is done.
+        """
+        return self._safely(_Change(parts, before, after), why)
+
+    def _safely(self, change: _Change, why: str) -> Ended:
+        try:
+            return self._taken_back(change, why)
+        except LinkError as problem:
+            return Ended(Outcome.UNKNOWN, f"{why}; whether {', '.join(change.names)} stand there is not known: "
+                         f"{problem}; heatertune rollback {self._record.path} asks again")
+
+    def _demand_left(self, part: Part) -> None:
+        if spent := self._budget.spent(part.names):
+            raise _Stopped(spent)
+
+    def _expected(self, expected: Values) -> None:
+        look = self._peer.look()
+        if unlike := self._unlike(look.values, expected):
+            raise _Stopped(f"somebody has changed the words meanwhile: {unlike}")
+        self._record.put("compared", **look.to_document())
+
+    def _unlike(self, found: Values, expected: Values) -> str:
+        return ", ".join(f"{name} is {found[name]:g}, not {expected[name]:g}" for name in self._standing.own
+                         if found[name] != expected[name])
+
+    def _put(self, part: Part, *, back: bool = False) -> None:
+        """Write a part over what was looked at; raise `_Stopped` where it does not stand there afterwards.
+
+        What was before is put back even where that can be neither recorded nor counted.
+        """
+        with suppress(*((InputError,) if back else ())):
+            self._record.put("writing", **part.to_document())
+            self._budget.count(part.names)
+        try:
+            self._peer.write(part, part.after)
+        except (PlcRefused, LinkDown) as problem:
+            self._record.put("not written", told=str(problem))
+            raise _Stopped(str(problem)) from None
+        except ReplyLost as problem:
+            self._record.put("no answer", told=str(problem))
+            self._decide(part, str(problem))
+        else:
+            self._record.put("written", names=list(part.names))
+
+    def _decide(self, part: Part, problem: str) -> None:
+        """Ask the PLC whether a part arrived; raise `_Stopped` where it did not."""
+        look = self._peer.later(self._peer.look(), _SCANS)
+        begin = part.start - self._standing.begin
+        arrived = look.content[begin : begin + len(part.after)] == part.after
+        self._record.put("asked", arrived=arrived, **look.to_document())
+        if not arrived:
+            raise _Stopped(f"{problem}; two scans later it is not there")
+
+    def _read_back(self, expected: Values) -> Ended:
+        first = look = self._peer.look()
+        for again in (False, True):
+            look = self._peer.later(look, _SCANS) if again else look
+            self._record.put("read back", again=again, **look.to_document())
+            if unlike := self._unlike(look.values, expected):
+                raise _Stopped(f"read back{' two scans later' if again else ''}, {unlike}")
+        if first.told is not None and look.told is not None and look.told.scans - first.told.scans < _SCANS:
+            return Ended(Outcome.UNWATCHED, "the words stand in the PLC, but it has run no scan with them", look.values)
+        return Ended(Outcome.DONE, "the words stand in the PLC: read back, and again two scans later", look.values)
+
+    def _taken_back(self, change: _Change, why: str) -> Ended:
+        """Put back, the last part first, the words that stand there as they were written; errors as `Peer.look`."""
+        self._noted("taking back", why=why)
+        tried, problems = False, list[str]()
+        for part in reversed(change.parts):
+            look = self._peer.look()
+            mine = {name: change.before[name] for name in part.names if look.values[name] == change.after[name]}
+            for back in self._standing.parts(look.content, mine):
+                tried = True
+                try:
+                    self._put(back, back=True)
+                except _STOPS as stopped:
+                    problems.append(_why(stopped))
+        look = self._peer.later(self._peer.look(), _SCANS)
+        self._noted("read back", again=True, **look.to_document())
+        if left := [name for name in change.names if look.values[name] == change.after[name]]:
+            return Ended(Outcome.PARTLY, f"{why}; {', '.join(left)} stand there as written and could not be taken "
+                         f"back: {'; '.join(problems) or 'somebody has written them again'}", look.values)
+        others = self._unlike(look.values, change.before)
+        seen = f"; besides, somebody has changed the words: {others}" if others else ""
+        if not tried:
+            return Ended(Outcome.NOT_DONE, f"{why}; nothing was changed{seen}", look.values)
+        return Ended(Outcome.ROLLED_BACK, f"{why}; what was written is taken back{seen}", look.values)
+
+    def _noted(self, step: str, **what: Any) -> None:
+        """Record a step of taking back, which is made even where it cannot be recorded."""
+        with suppress(RecordBroken):
+            self._record.put(step, **what)
+
+
+def _why(stopped: BaseException) -> str:
+    return "interrupted" if isinstance(stopped, KeyboardInterrupt) else str(stopped)
