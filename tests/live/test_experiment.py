@@ -79,9 +79,9 @@ def test_the_limit_ends_it_at_the_second_look(served, words, tmp_path):
 @pytest.mark.parametrize(("fault", "why"), [("sensor-off", "sensor"), ("cpu-stop", "silence"), ("db-missing", "link"), ("cut", "link"),
                                             ("black-hole", "link"), ("lost-reply", "link")])
 def test_what_goes_wrong_ends_it(served, words, tmp_path, fault, why):
-    plc = served(faults=f"t=1600 {fault} until=4000", **FAST)
+    plc = served(faults=f"t=4000 {fault} until=7000", **FAST)
     limits = Limits(temperature_degC=95.0, silence_s=0.5)
-    ended, before = ran(plc, words, tmp_path, Steps(steps=((0.0, 10.0), (6000.0, 20.0))), limits)
+    ended, before = ran(plc, words, tmp_path, Steps(steps=((0.0, 10.0), (20000.0, 20.0))), limits)
     assert ended.why == why, ended
     assert ended.restored, ended
     assert cells(plc) == before
