@@ -42,6 +42,7 @@ from heatertune.cli import (
     tune,
     validate,
     verify,
+    watch,
     write,
 )
 from heatertune.cli.line import LINE
@@ -54,7 +55,7 @@ __all__ = ["main"]
 COMMANDS = (
     design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, supervise, feed_forward, compare, advise,
     study, fleet, report, decode, diff, replay, targets, terms, studio, simulate, record, experiment, write, rollback,
-    doctor, bench, completion,
+    watch, doctor, bench, completion,
 )
 
 #: those that most people need, in the order in which they do, and what they are for

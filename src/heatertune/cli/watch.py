@@ -1,0 +1,120 @@
+"""`heatertune watch`: a running loop beside its proven band; it only looks."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from heatertune.cli import printing
+from heatertune.cli.line import LINE
+from heatertune.cli.record import asked_to_end, live_line
+from heatertune.errors import InputError
+
+if TYPE_CHECKING:
+    from heatertune.live.change.proven import Proven
+    from heatertune.live.recorder import Recorded
+    from heatertune.live.watching import Beside
+
+__all__ = ["add_to"]
+
+_EXAMPLE: Final = "example: heatertune watch s7://192.168.0.10/0/2/db30 --design out/"
+_SHOWN: Final = 6
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "watch", help="a running loop beside its proven band: outside, swinging, drifting", epilog=_EXAMPLE,
+        description="Look at a running loop, scan by scan, beside what its proof says; tell where it leaves the "
+                    "band, swings, or needs another power than at first. It only reads. Ctrl-C ends it.",
+    )
+    command.add_argument("address", metavar="ADDRESS", help="as for heatertune record")
+    command.add_argument("--design", metavar="DIR", required=True, help="folder whose words run there, and their proof")
+    command.add_argument("-o", "--out", metavar="FILE", help="the log (default: DIR/watch_TIME.csv)")
+    command.add_argument("--for", dest="for_s", type=float, metavar="S", help="end after so long (default: never)")
+    command.add_argument("--refit", action="store_true", help="identify the heater from what was seen, at the end")
+    printing.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune.live.change.proven import read_proven  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.live.client.address import address_of  # noqa: PLC0415
+    from heatertune.live.places import places_of  # noqa: PLC0415
+    from heatertune.live.recorder import Recording, record  # noqa: PLC0415
+    from heatertune.live.watching import Beside  # noqa: PLC0415
+
+    address, proven = address_of(settings.address), read_proven(settings.design)
+    places = places_of(proven.words)
+    if places is None:
+        raise InputError(f"{settings.design}: where {proven.words.target} shows its temperature is not known here")
+    log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
+    beside = Beside(proven)
+    with asked_to_end() as asked:
+        so_far = record(address, log, places, Recording(for_s=settings.for_s), shown=_shown(settings, beside),
+                        ended=lambda: bool(asked))
+    LINE.end()
+    document = {"schema": "heatertune/watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
+                "gaps": so_far.gaps, "well": beside.seen.well, **beside.seen.to_document(),
+                "refit": _refitted(log, proven) if settings.refit else None}
+    printing.output(settings, document, lambda: _lines(document))
+    return 0 if beside.seen.well else 1
+
+
+def _shown(settings: argparse.Namespace, beside: Beside) -> Callable[[Recorded], object]:
+    begun, last = time.monotonic(), [0]
+
+    def shown(so_far: Recorded) -> None:
+        if so_far.last is not None and so_far.rows > last[0]:
+            last[0] = so_far.rows
+            beside.see(so_far.last)
+        if not settings.quiet:
+            seen = beside.seen
+            band = "" if seen.band is None else f"; proven {seen.band[0]:.4g}…{seen.band[1]:.4g} °C"
+            found = "" if seen.well else f" NOT WELL: {seen.told()[-1]}"
+            LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}{band}{found}"[:118])
+
+    return shown
+
+
+def _refitted(log: Path, proven: Proven) -> dict[str, Any]:
+    """Return each parameter as it is now, beside what the proof was made on."""
+    from heatertune import chain  # noqa: PLC0415 - only where it is asked for
+    from heatertune.errors import HeatertuneError  # noqa: PLC0415
+
+    try:
+        fitted = chain.fit(log)
+    except HeatertuneError as problem:
+        return {"told": f"the log does not tell the heater: {problem}"}
+    found = {}
+    for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"):
+        now, interval = getattr(fitted.model, name), fitted.ci95.get(name)
+        was = getattr(proven.fitted.model, name)
+        apart = interval is not None and (
+            (interval.low is not None and was < interval.low) or (interval.high is not None and was > interval.high))
+        found[name] = {"was": was, "now": now, "low": interval and interval.low, "high": interval and interval.high,
+                       "moved": apart}
+    return {"told": fitted.outcome.value, "parameters": found}
+
+
+def _lines(document: Mapping[str, Any]) -> str:
+    if not document["readings"]:
+        return f"{document['log']}: nothing was seen"
+    head = ("WELL: inside the proven band" if document["well"] else "NOT WELL") + (
+        f", {document['readings']} readings; at most {100.0 * document['largest_share_of_band']:.0f} % of the band")
+    lines = [head, *(f"- {each}" for each in document["told"][:_SHOWN])]
+    if len(document["told"]) > _SHOWN:
+        lines.append(f"- and {len(document['told']) - _SHOWN} more: --json")
+    refit = document["refit"]
+    if refit is not None:
+        lines.append(f"refit: {refit['told']}")
+        for name, each in refit.get("parameters", {}).items():
+            interval = "not known" if each["low"] is None or each["high"] is None else (
+                f"{each['low']:.4g} … {each['high']:.4g}")
+            lines.append(f"  {name}: {each['now']:.4g} (95 %: {interval}); was {each['was']:.4g}"
+                         f"{': MOVED' if each['moved'] else ''}")
+    return "\n".join([*lines, f"next: heatertune read {document['log']}"])

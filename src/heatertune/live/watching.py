@@ -1,0 +1,134 @@
+"""A running loop beside what was proven: outside of the band, swinging, or in need of another power than it was.
+
+It only looks. A load, an open door, leaves the band too: the band says what the controller alone does.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from itertools import pairwise
+from statistics import fmean
+from typing import Any, Final
+
+from heatertune.live.change.band import Band, watched_s
+from heatertune.live.change.proven import Proven
+from heatertune.live.looking import Look
+
+__all__ = ["Beside", "Seen"]
+
+_IN_A_ROW: Final = 2  # readings outside that are more than a disturbed one
+_APART: Final = 0.2  # of the watched time; nearer stretches are told as one
+_SWINGS: Final = 3  # that are told: so many crossings of the mean, up and down
+_DRIFT: Final = 0.15  # of the power at rest
+_SAME_DEGC: Final = 1e-6
+
+
+@dataclass(slots=True, kw_only=True)
+class Seen:
+    """What a watch has seen so far.
+
+    Attributes:
+        readings: looked at.
+        outside: stretches outside of the band: from, until [s of the log].
+        swing: how far it swings now, and how often [°C, s]; None: it does not, or it is too early to say.
+        rest_pct: power at rest, first and now [%]; None: it has not rested yet.
+        band: lowest and highest proven now [°C].
+        used: the largest share of the band's half width that a reading took.
+    """
+
+    readings: int = 0
+    outside: list[tuple[float, float]] = field(default_factory=list)
+    swing: tuple[float, float] | None = None
+    rest_pct: tuple[float, float] | None = None
+    band: tuple[float, float] | None = None
+    used: float = 0.0
+
+    @property
+    def well(self) -> bool:
+        """Whether nothing has to be told."""
+        return not self.outside and self.swing is None and not self.drifted
+
+    @property
+    def drifted(self) -> bool:
+        """Whether it needs another power at the same setpoint than it did."""
+        return self.rest_pct is not None and abs(self.rest_pct[1] - self.rest_pct[0]) > _DRIFT * self.rest_pct[0]
+
+    def told(self) -> tuple[str, ...]:
+        """Return what has to be told, one sentence each."""
+        lines = list[str]()
+        if self.swing is not None:
+            lines.append(f"swings by ±{self.swing[0]:.3g} °C every {self.swing[1]:.3g} s")
+        if self.drifted and self.rest_pct is not None:
+            lines.append("needs {1:.3g} % at rest, at first {0:.3g} %: another ambient or load, a weaker heater, or a "
+                         "sensor that has slipped".format(*self.rest_pct))
+        return (*lines, *(f"from {begin:.6g} to {end:.6g} s outside of the proven band" for begin, end in self.outside))
+
+    def to_document(self) -> dict[str, Any]:
+        """Return it as JSON holds it."""
+        return {"readings": self.readings, "outside_s": [list(each) for each in self.outside],
+                "swing": None if self.swing is None else dict(zip(("degC", "every_s"), self.swing, strict=True)),
+                "rest_pct": self.rest_pct, "largest_share_of_band": self.used, "told": list(self.told())}
+
+
+class Beside:
+    """Takes looks in their order; `seen` says what they show."""
+
+    def __init__(self, proven: Proven) -> None:
+        """Hold looks against a proof."""
+        self._proven, self.seen = proven, Seen()
+        self._pwm_s, self._window_s = proven.view.actuator.pwm_period_s, watched_s(proven)
+        self._within_degC = proven.view.criteria["limit_cycle"].limit or proven.view.limits.tolerance_degC
+        self._band: Band | None = None
+        self._since_s = 0.0
+        self._row = 0
+        self._latest: deque[tuple[float, float, float]] = deque()
+
+    def see(self, look: Look) -> None:
+        """Take a look; temperature, power and setpoint are in it."""
+        degC, asked = look.seen["temperature"], look.seen["setpoint"]
+        if self._band is None or abs(asked - self._band.setpoint_degC) > _SAME_DEGC:
+            self._band, self._since_s = Band.of(self._proven, asked, degC), look.time_s
+            self._latest.clear()
+            self.seen.rest_pct = self.seen.swing = None
+        low, high = self.seen.band = self._band.at(look.time_s - self._since_s)
+        used = abs(2.0 * degC - low - high) / (high - low)
+        self.seen.readings += 1
+        self.seen.used = max(self.seen.used, used)
+        self._row = self._row + 1 if used > 1.0 else 0
+        if self._row >= _IN_A_ROW:
+            self._outside(look.time_s)
+        self._at_rest(look, degC)
+
+    def _outside(self, now_s: float) -> None:
+        stretches = self.seen.outside
+        if stretches and now_s - stretches[-1][1] < _APART * self._window_s:
+            stretches[-1] = stretches[-1][0], now_s
+        else:
+            stretches.append((now_s, now_s))
+
+    def _at_rest(self, look: Look, degC: float) -> None:
+        """Look at swing and power once it should be at rest, over as long as a response takes."""
+        if self._band is None or look.time_s - self._since_s < min(self._band.settles_s, self._window_s):
+            return
+        self._latest.append((look.time_s, degC, look.seen.get("power", 0.0)))
+        while look.time_s - self._latest[0][0] > self._window_s:
+            self._latest.popleft()
+        if look.time_s - self._latest[0][0] < 0.9 * self._window_s:
+            return
+        power = fmean(each for _, _, each in self._latest)
+        self.seen.rest_pct = (power if self.seen.rest_pct is None else self.seen.rest_pct[0]), power
+        self.seen.swing = self._swing()
+
+    def _swing(self) -> tuple[float, float] | None:
+        """Return how far and how often it swings, beyond what was proven; each PWM period is one reading."""
+        periods = dict[int, list[float]]()
+        for at, degC, _ in self._latest:
+            periods.setdefault(int(at // self._pwm_s) if self._pwm_s > 0.0 else int(at * 1e6), []).append(degC)
+        levels = [fmean(each) for each in periods.values()]
+        middle, times = fmean(levels), [each[0] for each in self._latest]
+        half = 0.5 * (max(levels) - min(levels))
+        crossings = sum((one > middle) != (other > middle) for one, other in pairwise(levels))
+        if half <= self._within_degC or crossings < 2 * _SWINGS:
+            return None
+        return half, 2.0 * (times[-1] - times[0]) / crossings
