@@ -10,7 +10,7 @@ from heatertune.errors import OutOfRange, UnknownName
 from heatertune.plc.single import single
 from heatertune.plc.words import FORMATS, WordField
 
-__all__ = ["bytes_of", "field_of"]
+__all__ = ["bytes_of", "checked", "field_of"]
 
 #: format → how its bytes stand, the high one first
 _STRUCTS: Final = {"INT": ">h", "KF": ">h", "KM": ">H", "WORD": ">H", "UINT": ">H", "REAL": ">f", "TIME": ">i"}
@@ -28,8 +28,8 @@ def field_of(fields: Sequence[WordField], name: str) -> WordField:
     raise UnknownName("word", name, [field.name for field in fields])
 
 
-def bytes_of(field: WordField, value: float) -> bytes:
-    """Return a number as the word's bytes; whatever its format holds goes, as on a real PLC.
+def checked(field: WordField, value: float) -> float:
+    """Return a number as the word's format has it; whatever that holds goes, as on a real PLC.
 
     Raises:
         OutOfRange: a number that the format does not hold.
@@ -39,4 +39,9 @@ def bytes_of(field: WordField, value: float) -> bytes:
     if not low <= value <= high or (whole and value != int(value)):
         kind = "a whole number" if whole else "a number"
         raise OutOfRange(f"word {field.name}", value, f"{kind} {low:.9g}…{high:.9g}")
-    return struct.pack(_STRUCTS[field.format], int(value) if whole else single(value))
+    return int(value) if whole else single(value)
+
+
+def bytes_of(field: WordField, value: float) -> bytes:
+    """Return a number as the word's bytes; raise OutOfRange as `checked`."""
+    return struct.pack(_STRUCTS[field.format], checked(field, value))

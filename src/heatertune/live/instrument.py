@@ -1,0 +1,154 @@
+"""A panel instrument in a virtual PLC: its Modbus registers, where its make has them.
+
+The parameters stand at the addresses of the make's table, in its digits. Setpoint, reading and output stand where the
+make's manual has them, as far as it was read; else at registers that are this simulator's own:
+
+- Omron E5CC: communications manual H175, section 5-1, two-byte mode;
+- Eurotherm 3200: HA028651, section 15.5;
+- Omega, Delta: a list of registers that counts from one less (process value 4095, set point 4096, output 4113);
+- JUMO diconTOUCH: B 703571.2.0, p. 18, which tells the setpoint alone, and that a float has its low word first.
+
+An instrument refuses a number out of its range. Here such a number stands until the next sample, which puts the one
+before back and computes with that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, Final, NamedTuple
+
+from heatertune.errors import InputError
+from heatertune.live.layout import MODBUS, Laid, Place, registers
+from heatertune.plc import Words
+from heatertune.plc.controller import Controller
+from heatertune.plc.core import Running
+from heatertune.plc.pband.makes import MAKES, Make
+from heatertune.plc.pband.readback import number_of
+from heatertune.plc.pband.words import COUNTS
+from heatertune.plc.ramp import Number
+
+__all__ = ["PROCESS", "InstrumentBlock", "Process"]
+
+_LEAST, _MOST = -32768, 32767
+
+
+class Process(NamedTuple):
+    """Registers of what an instrument measures and does.
+
+    Attributes:
+        reading, output: registers.
+        setpoint: register that is written.
+        working: register that repeats the setpoint; None: none does.
+        decimals: of the temperatures; None: all three are floats.
+    """
+
+    reading: int
+    setpoint: int
+    output: int
+    working: int | None = None
+    decimals: int | None = 1
+
+
+#: make → its registers; outputs are in 0.1 %
+PROCESS: Final[Mapping[str, Process]] = {
+    "pband": Process(reading=0, setpoint=1, output=2),  # own
+    "omron-e5cc": Process(reading=0x2000, setpoint=0x2103, output=0x2004, working=0x2002),
+    "eurotherm-3200": Process(reading=1, setpoint=2, output=4, working=5),
+    "jumo-dicon": Process(reading=0, setpoint=0x122F, output=2, decimals=None),  # reading and output: own
+    "omega-cn7800": Process(reading=0x1000, setpoint=0x1001, output=0x1012),
+}
+_OWN_WORDS: Final = 3  # of the generic one: its first parameter
+
+
+def _wanted(make: Make, process: Process) -> dict[str, tuple[int, str]]:
+    """Return name → register and format; of what an instrument measures and does beginning with a space."""
+    plain = "INT" if process.decimals is not None else "REAL"
+    wanted = {" reading": (process.reading, plain), " setpoint": (process.setpoint, plain),
+              " output": (process.output, plain)}
+    if process.working is not None:
+        wanted[" working"] = (process.working, plain)
+    for number, entry in enumerate(make.entries, start=_OWN_WORDS):
+        register = number_of(make, entry)
+        wanted[entry.name] = (number if register is None else register, "REAL" if entry.real else "INT")
+    return wanted
+
+
+class InstrumentBlock(Laid):
+    """Registers without gaps in a block; see `heatertune.live.layout.Laid`."""
+
+    speaks = MODBUS
+
+    def __init__(self, controller: Controller, words: Words, assume: Any) -> None:
+        """Take words of a make.
+
+        Raises:
+            InputError: a make that speaks no Modbus.
+        """
+        make, process = MAKES[controller.name], PROCESS.get(controller.name)
+        if process is None:
+            raise InputError(f"simulate does not serve {controller.name}: its instrument speaks no Modbus")
+        places, self.registers = registers(_wanted(make, process), turned=process.decimals is None)
+        self.LENGTH = 2 * sum(run.count for run in self.registers)  # type: ignore[misc]
+        self.SETPOINT, self.READING = places[" setpoint"], places[" reading"]  # type: ignore[misc]
+        self.POWER = places[" output"]  # type: ignore[misc]
+        self.WORDS = {name: place for name, place in places.items() if name[0] != " "}  # type: ignore[misc]
+        self._working, self.told = places.get(" working"), f"{len(self.WORDS)} parameters"
+        self._decimals, self._fields = process.decimals, {field.name: field for field in controller.fields}
+        self._measure, self._counts, self._written = partial(controller.measure, words), 0, b""
+        super().__init__(controller, words, assume)
+        self._good = dict(words.values)
+
+    def ask(self, cells: bytearray, _running: Running, setpoint: Number) -> None:
+        """Write the setpoint's temperature; until somebody writes another, it is the number of counts itself."""
+        self._counts = int(setpoint)
+        self._show(cells, self.SETPOINT, self._degC(setpoint))
+        self._written = bytes(cells[self.SETPOINT.part])
+
+    def read_in(self, cells: bytearray, reading: Number) -> None:
+        """Write the reading's temperature."""
+        self._show(cells, self.READING, self._degC(reading))
+
+    def run(
+        self, cells: bytearray, running: Running, state: Any, reading: Number
+    ) -> tuple[Any, float, Number, int]:
+        """Return what a sample gives."""
+        if bytes(cells[self.SETPOINT.part]) != self._written:
+            self._take_setpoint(cells)
+        if self._working is not None:
+            self._working.write(cells, self.SETPOINT.read(cells))
+        return self._controller.core.step(running.parameters, state, self._counts, int(reading), True)
+
+    def tell(self, cells: bytearray, _running: Running, _after: Any, output: Number) -> None:
+        """Write the output."""
+        self._show(cells, self.POWER, float(output), 1)
+
+    def _take_setpoint(self, cells: bytearray) -> None:
+        """Take what somebody has written; put the setpoint before back where it is no number of the range."""
+        found, scaling = self.SETPOINT.read(cells), self._words.scaling
+        degC = found if self._decimals is None else found / 10.0**self._decimals
+        if scaling.low_degC <= degC <= scaling.high_degC:
+            self._counts, self._written = int(self._measure(degC)), bytes(cells[self.SETPOINT.part])
+        else:
+            cells[self.SETPOINT.part] = self._written
+
+    def _taken(self, cells: bytearray) -> Running:
+        for name, place in self.WORDS.items():
+            value = place.read(cells)
+            if self._fields[name].takes(value):
+                self._good[name] = value
+            else:
+                place.write(cells, self._good[name])
+        return super()._taken(cells)
+
+    def _degC(self, counts: Number) -> float:
+        scaling = self._words.scaling
+        return scaling.low_degC + scaling.span_degC * counts / COUNTS
+
+    def _show(self, cells: bytearray, place: Place, value: float, decimals: int | None = None) -> None:
+        """Write a number in the digits of its register."""
+        if self._decimals is None:
+            place.write(cells, value)
+            return
+        digits = round(value * 10.0 ** (self._decimals if decimals is None else decimals))
+        place.write(cells, min(max(digits, _LEAST), _MOST))
