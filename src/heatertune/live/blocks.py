@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
+from importlib import import_module
 from typing import Any, Final, Protocol
 
+from heatertune.live.layout import Run
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import assumed
 from heatertune.plc.ramp import Number
+from heatertune.plc.targets import ALIKE
 
 __all__ = ["SERVED", "Block", "block_for"]
 
@@ -20,10 +23,14 @@ class Block(Protocol):
         number: of the block; for an S7-200, whose V memory it is, 1.
         told: what it is, a few words.
         manual: whether clients can put the controller in manual.
+        speaks: the protocols that reach it, the first without being asked for.
+        registers: where Modbus finds its words; none: word w is register w.
     """
 
     number: int
     told: str
+    speaks: tuple[str, ...]
+    registers: Sequence[Run]
     manual: bool
 
     def image(self) -> bytes:
@@ -64,21 +71,12 @@ class Block(Protocol):
         """
 
 
-def _ob251(controller: Controller, words: Words, assume: Any) -> Block:
-    from heatertune.live.ob251 import Ob251Block  # noqa: PLC0415 - only what is served is loaded
-
-    return Ob251Block(controller, words, assume)
-
-
-def _s7_200_pid(controller: Controller, words: Words, assume: Any) -> Block:
-    from heatertune.live.s7_200 import VMemory  # noqa: PLC0415
-
-    return VMemory(controller, words, assume)
-
-
-#: target → what makes its block
-SERVED: Final[Mapping[str, Callable[[Controller, Words, Any], Block]]] = {
-    "s5-ob251": _ob251, "s7-200-pid": _s7_200_pid,
+#: target → module and class of its block; only what is served is loaded
+SERVED: Final[Mapping[str, tuple[str, str]]] = {
+    "s5-ob251": ("ob251", "Ob251Block"), "s7-200": ("s7_200", "PaperMemory"), "s7-200-pid": ("s7_200", "PidMemory"),
+    "s7-300": ("s7_300", "PidTipBlock"), "fb41": ("fb41", "ContCBlock"), "pid-compact": ("pid_compact", "CompactBlock"),
+    "pid-temp": ("pid_compact", "TempBlock"), "weg": ("weg", "WegBlock"), "iec-pid": ("iec_pid", "IecPidBlock"),
+    **dict.fromkeys(("pband", *ALIKE["pband"]), ("instrument", "InstrumentBlock")),
 }
 
 
@@ -86,7 +84,11 @@ def block_for(controller: Controller, words: Words, switches: Mapping[str, str])
     """Return what a virtual PLC serves of a controller that runs words.
 
     Raises:
+        InputError: an instrument that no protocol here reaches.
         KeyError: it is none of those that can be served.
         UnknownName: no such switch or setting.
     """
-    return SERVED[controller.name](controller, words, assumed(controller.assumptions, switches))
+    module, name = SERVED[controller.name]
+    made: Block = getattr(import_module(f"heatertune.live.{module}"), name)(
+        controller, words, assumed(controller.assumptions, switches))
+    return made

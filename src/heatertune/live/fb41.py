@@ -7,53 +7,50 @@ sbArwLLmOn, sbILimOn). SP_INT, MAN_ON and MAN are what a client writes here; the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
-from heatertune.live.layout import Laid, Place
+from heatertune.live.layout import Laid, Layout, Place
 from heatertune.plc.core import Running
 from heatertune.plc.cpu.s7_300.memory import place
 from heatertune.plc.fb41.step import State, call, outcome, scaled
 from heatertune.plc.fb41.words import FIELDS
 from heatertune.plc.ramp import Number
 
-__all__ = ["LENGTH", "MODE", "POWER", "READING", "SETPOINT", "ContCBlock"]
+__all__ = ["LAYOUT", "MODE", "POWER", "READING", "SETPOINT", "ContCBlock"]
 
-LENGTH: Final = 126
+_WORDS: Final = {field.name: Place(place(field.address)[0], field.format, place(field.address)[1]) for field in FIELDS}
+_COM_RST, _PVPER_ON = Place(0, "BOOL", 0), _WORDS["PVPER_ON"]
+_PV_IN: Final = Place(10, "REAL")
+_LMN_P, _LMN_I, _PV = Place(80, "REAL"), Place(84, "REAL"), Place(92, "REAL")
+_QLMN_HLM, _QLMN_LLM = Place(78, "BOOL", 0), Place(78, "BOOL", 1)
+
 SETPOINT: Final = Place(6, "REAL")  # SP_INT
 READING: Final = Place(14, "INT")  # PV_PER
 POWER: Final = Place(72, "REAL")  # LMN
-MODE: Final = Place(0, "BOOL", 1)  # MAN_ON
-
-_COM_RST: Final = Place(0, "BOOL", 0)
-_PVPER_ON: Final = Place(0, "BOOL", 2)
-_PV_IN: Final = Place(10, "REAL")
-_WORDS: Final = {field.name: Place(place(field.address)[0], field.format, place(field.address)[1]) for field in FIELDS}
-_LMN_P, _LMN_I, _PV = Place(80, "REAL"), Place(84, "REAL"), Place(92, "REAL")
+MODE: Final = _WORDS["MAN_ON"]
+LAYOUT: Final = Layout(
+    number=41, told="instance of CONT_C", length=126, setpoint=SETPOINT, reading=READING, power=POWER, mode=MODE,
+    manual_is=1, words=_WORDS,
+    inputs={
+        "COM_RST": _COM_RST, "SP_INT": SETPOINT, "PV_PER": READING,
+        **{name: _WORDS[name] for name in ("MAN_ON", "MAN", "DISV", "INT_HOLD")},
+    },
+    state={
+        "output": POWER, "derivative": Place(88, "REAL"), "before": Place(100, "REAL"), "integral": Place(104, "REAL"),
+        "integral_rest": Place(108, "REAL"), "feedback_rest": Place(112, "REAL"), "feedback": Place(116, "REAL"),
+        "limited": Place(120, "REAL"), "at_upper": Place(124, "BOOL", 0), "at_lower": Place(124, "BOOL", 1),
+    },
+    first={Place(124, "BOOL", 2): 1})  # sbILimOn, which nothing reads
 
 
 class ContCBlock(Laid):
     """DB41, 126 bytes; see `heatertune.live.layout.Laid`."""
 
-    number = 41
-    told = "instance of CONT_C"
-    LENGTH, SETPOINT, READING, POWER, MODE = LENGTH, SETPOINT, READING, POWER, MODE
-    AUTOMATIC, MANUAL = 0, 1
-    WORDS = _WORDS
-    INPUTS: ClassVar[Mapping[str, Place]] = {
-        "COM_RST": _COM_RST, "MAN_ON": MODE, "SP_INT": SETPOINT, "PV_PER": READING, "INT_HOLD": _WORDS["INT_HOLD"],
-        "MAN": _WORDS["MAN"], "DISV": _WORDS["DISV"],
-    }
-    STATE: ClassVar[Mapping[str, Place]] = {
-        "output": POWER, "derivative": Place(88, "REAL"), "before": Place(100, "REAL"), "integral": Place(104, "REAL"),
-        "integral_rest": Place(108, "REAL"), "feedback_rest": Place(112, "REAL"), "feedback": Place(116, "REAL"),
-        "limited": Place(120, "REAL"), "at_upper": Place(124, "BOOL", 0), "at_lower": Place(124, "BOOL", 1),
-    }
-    FIRST: ClassVar[Mapping[Place, Number]] = {Place(124, "BOOL", 2): 1}  # sbILimOn, which nothing reads
+    layout = LAYOUT
 
     def ask(self, cells: bytearray, running: Running, setpoint: Number) -> None:
         """Write SP_INT for an analog value."""
-        self.SETPOINT.write(cells, scaled(running.parameters[0], int(setpoint))[0])
+        SETPOINT.write(cells, scaled(running.parameters[0], int(setpoint))[0])
 
     def run(
         self, cells: bytearray, running: Running, state: State, reading: Number
@@ -61,16 +58,16 @@ class ContCBlock(Laid):
         """Return what one call gives; without PVPER_ON the block's reading is PV_IN."""
         if _PVPER_ON.read(cells) or _COM_RST.read(cells):
             return super().run(cells, running, state, reading)
-        after = call(*running.parameters, state, self.SETPOINT.read(cells), _PV_IN.read(cells))
-        return outcome(after)
+        p, assume = running.parameters
+        return outcome(call(p, assume, state, SETPOINT.read(cells), _PV_IN.read(cells)))
 
     def tell(self, cells: bytearray, running: Running, after: State, output: Number) -> None:
         """Write what the block shows of a call; ER and LMN_PER are left out."""
         p = running.parameters[0]
-        self.POWER.write(cells, output)
-        Place(78, "BOOL", 0).write(cells, after.at_upper)
-        Place(78, "BOOL", 1).write(cells, after.at_lower)
+        POWER.write(cells, output)
+        _QLMN_HLM.write(cells, after.at_upper)
+        _QLMN_LLM.write(cells, after.at_lower)
         _LMN_P.write(cells, after.before if p.p_sel else 0.0)
         _LMN_I.write(cells, after.integral)
-        pv = scaled(p, self.READING.read(cells))[0] if _PVPER_ON.read(cells) else _PV_IN.read(cells)
+        pv = scaled(p, READING.read(cells))[0] if _PVPER_ON.read(cells) else _PV_IN.read(cells)
         _PV.write(cells, pv)

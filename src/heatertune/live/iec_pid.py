@@ -7,14 +7,12 @@ so nobody reaches its memory.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar, Final
+from typing import Final
 
-from heatertune.live.layout import MODBUS, Laid, Place, registers
+from heatertune.live.layout import MODBUS, Laid, Layout, registers
 from heatertune.plc.iec_pid.words import FIELDS
-from heatertune.plc.ramp import Number
 
-__all__ = ["LENGTH", "MODE", "PLACES", "POWER", "READING", "SETPOINT", "IecPidBlock"]
+__all__ = ["LAYOUT", "MODE", "PLACES", "POWER", "READING", "SETPOINT", "IecPidBlock"]
 
 #: registers of %MW0 and %MD0
 _MW: Final = 1024
@@ -25,16 +23,15 @@ _DOUBLES: Final = ("SP", "PV", "X0", "XOUT", *(field.name for field in FIELDS))
 PLACES, _RUNS = registers(
     {name: (_MW + number, "UINT") for number, name in enumerate(_WORDS)}
     | {name: (_MD + 2 * number, "TIME" if name == "CYCLE" else "REAL") for number, name in enumerate(_DOUBLES)})
-LENGTH: Final = 2 * sum(run.count for run in _RUNS)
 SETPOINT, READING, POWER, MODE = (PLACES[name] for name in ("SP", "PV", "XOUT", "AUTO"))
+LAYOUT: Final = Layout(
+    told="%MW0, %MW1, %MD0 to %MD9", speaks=MODBUS, registers=_RUNS, length=2 * sum(run.size for run in _RUNS),
+    setpoint=SETPOINT, reading=READING, power=POWER, mode=MODE,
+    words={field.name: PLACES[field.name] for field in FIELDS},
+    inputs={name: PLACES[name] for name in (*_WORDS, "SP", "PV", "X0")}, first={PLACES["RUN"]: 1})
 
 
 class IecPidBlock(Laid):
-    """%MW0, %MW1 and %MD0 to %MD9; see `heatertune.live.layout.Laid`."""
+    """12 words in two runs of registers; see `heatertune.live.layout.Laid`."""
 
-    told = "%MW0, %MW1, %MD0 to %MD9"
-    speaks, registers = MODBUS, _RUNS
-    LENGTH, SETPOINT, READING, POWER, MODE = LENGTH, SETPOINT, READING, POWER, MODE
-    WORDS: ClassVar[Mapping[str, Place]] = {field.name: PLACES[field.name] for field in FIELDS}
-    INPUTS: ClassVar[Mapping[str, Place]] = {name: PLACES[name] for name in (*_WORDS, "SP", "PV", "X0")}
-    FIRST: ClassVar[Mapping[Place, Number]] = {PLACES["RUN"]: 1}
+    layout = LAYOUT

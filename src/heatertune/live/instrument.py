@@ -19,7 +19,7 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.live.layout import MODBUS, Laid, Place, registers
+from heatertune.live.layout import MODBUS, Laid, Layout, Place, registers
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
@@ -77,8 +77,6 @@ def _wanted(make: Make, process: Process) -> dict[str, tuple[int, str]]:
 class InstrumentBlock(Laid):
     """Registers without gaps in a block; see `heatertune.live.layout.Laid`."""
 
-    speaks = MODBUS
-
     def __init__(self, controller: Controller, words: Words, assume: Any) -> None:
         """Take words of a make.
 
@@ -88,52 +86,54 @@ class InstrumentBlock(Laid):
         make, process = MAKES[controller.name], PROCESS.get(controller.name)
         if process is None:
             raise InputError(f"simulate does not serve {controller.name}: its instrument speaks no Modbus")
-        places, self.registers = registers(_wanted(make, process), turned=process.decimals is None)
-        self.LENGTH = 2 * sum(run.count for run in self.registers)  # type: ignore[misc]
-        self.SETPOINT, self.READING = places[" setpoint"], places[" reading"]  # type: ignore[misc]
-        self.POWER = places[" output"]  # type: ignore[misc]
-        self.WORDS = {name: place for name, place in places.items() if name[0] != " "}  # type: ignore[misc]
-        self._working, self.told = places.get(" working"), f"{len(self.WORDS)} parameters"
-        self._decimals, self._fields = process.decimals, {field.name: field for field in controller.fields}
-        self._measure, self._counts, self._written = partial(controller.measure, words), 0, b""
+        places, runs = registers(_wanted(make, process), turned=process.decimals is None)
+        named = {name: place for name, place in places.items() if name[0] != " "}
+        self.layout = Layout(
+            told=f"{len(named)} parameters and what it measures and does", speaks=MODBUS, registers=runs,
+            length=2 * sum(run.size for run in runs), setpoint=places[" setpoint"], reading=places[" reading"],
+            power=places[" output"], words=named)
+        self._working, self._decimals = places.get(" working"), process.decimals
+        self._fields = {field.name: field for field in controller.fields}
+        self._measure = partial(controller.measure, words)
+        self._counts, self._written = 0, b""
         super().__init__(controller, words, assume)
         self._good = dict(words.values)
 
     def ask(self, cells: bytearray, _running: Running, setpoint: Number) -> None:
         """Write the setpoint's temperature; until somebody writes another, it is the number of counts itself."""
         self._counts = int(setpoint)
-        self._show(cells, self.SETPOINT, self._degC(setpoint))
-        self._written = bytes(cells[self.SETPOINT.part])
+        self._show(cells, self.layout.setpoint, self._degC(setpoint))
+        self._written = bytes(cells[self.layout.setpoint.part])
 
     def read_in(self, cells: bytearray, reading: Number) -> None:
         """Write the reading's temperature."""
-        self._show(cells, self.READING, self._degC(reading))
+        self._show(cells, self.layout.reading, self._degC(reading))
 
     def run(
         self, cells: bytearray, running: Running, state: Any, reading: Number
     ) -> tuple[Any, float, Number, int]:
         """Return what a sample gives."""
-        if bytes(cells[self.SETPOINT.part]) != self._written:
+        if bytes(cells[self.layout.setpoint.part]) != self._written:
             self._take_setpoint(cells)
         if self._working is not None:
-            self._working.write(cells, self.SETPOINT.read(cells))
+            self._working.write(cells, self.layout.setpoint.read(cells))
         return self._controller.core.step(running.parameters, state, self._counts, int(reading), True)
 
     def tell(self, cells: bytearray, _running: Running, _after: Any, output: Number) -> None:
         """Write the output."""
-        self._show(cells, self.POWER, float(output), 1)
+        self._show(cells, self.layout.power, float(output), 1)
 
     def _take_setpoint(self, cells: bytearray) -> None:
         """Take what somebody has written; put the setpoint before back where it is no number of the range."""
-        found, scaling = self.SETPOINT.read(cells), self._words.scaling
+        found, scaling = self.layout.setpoint.read(cells), self._words.scaling
         degC = found if self._decimals is None else found / 10.0**self._decimals
         if scaling.low_degC <= degC <= scaling.high_degC:
-            self._counts, self._written = int(self._measure(degC)), bytes(cells[self.SETPOINT.part])
+            self._counts, self._written = int(self._measure(degC)), bytes(cells[self.layout.setpoint.part])
         else:
-            cells[self.SETPOINT.part] = self._written
+            cells[self.layout.setpoint.part] = self._written
 
     def _taken(self, cells: bytearray) -> Running:
-        for name, place in self.WORDS.items():
+        for name, place in self.layout.words.items():
             value = place.read(cells)
             if self._fields[name].takes(value):
                 self._good[name] = value

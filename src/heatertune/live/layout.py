@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any, ClassVar, Final, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, NamedTuple
 
 from heatertune.live.cells import checked, field_of
 from heatertune.plc import Words
@@ -14,7 +14,7 @@ from heatertune.plc.core import Running
 from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
 
-__all__ = ["BOTH", "MODBUS", "Laid", "Place", "Run", "members", "registers"]
+__all__ = ["BOTH", "MODBUS", "Laid", "Layout", "Place", "Run", "members", "registers"]
 
 #: protocols of a PLC whose block is a data block; Modbus has it word by word, as gateways give it
 BOTH: Final = ("s7", "modbus")
@@ -70,12 +70,12 @@ class Run(NamedTuple):
     Attributes:
         first: register.
         byte: of the block, where it stands.
-        count: of registers.
+        size: how many.
     """
 
     first: int
     byte: int
-    count: int
+    size: int
 
 
 def members(named: Sequence[tuple[str, str]]) -> dict[str, Place]:
@@ -106,50 +106,57 @@ def registers(wanted: Mapping[str, tuple[int, str]], *, turned: bool = False) ->
     found, runs, byte = dict[str, Place](), list[Run](), 0
     for name, (register, format_) in sorted(wanted.items(), key=lambda each: each[1][0]):
         found[name] = place = Place(byte, format_, turned=turned and format_ == "REAL")
-        count = (place.part.stop - byte) // 2
-        if runs and runs[-1].first + runs[-1].count == register:
-            runs[-1] = runs[-1]._replace(count=runs[-1].count + count)
+        size = (place.part.stop - byte) // 2
+        if runs and runs[-1].first + runs[-1].size == register:
+            runs[-1] = runs[-1]._replace(size=runs[-1].size + size)
         else:
-            runs.append(Run(register, byte, count))
+            runs.append(Run(register, byte, size))
         byte = place.part.stop
     return found, runs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Where the cells of a block stand.
+
+    Attributes:
+        number, told, speaks, registers: see `heatertune.live.blocks.Block`.
+        length: of the block [bytes].
+        setpoint, reading, power: places of setpoint, reading and output.
+        mode: place of what tells manual from automatic; None: it has none.
+        manual_is: what stands there in manual, 0 or 1; in automatic it is the other.
+        words: word → its place.
+        inputs: what the controller's `scan_all` reads → its place.
+        state: field of the controller's state → its place, as far as the real block keeps it where clients reach it.
+        first: place → what stands there before the first scan, of cells that are not words.
+        reloads: whether the program loads the words anew at a start-up.
+    """
+
+    number: int = 1
+    told: str
+    speaks: tuple[str, ...] = BOTH
+    registers: Sequence[Run] = ()
+    length: int
+    setpoint: Place
+    reading: Place
+    power: Place
+    mode: Place | None = None
+    manual_is: int = 0
+    words: Mapping[str, Place]
+    inputs: Mapping[str, Place] = field(default_factory=dict)
+    state: Mapping[str, Place] = field(default_factory=dict)
+    first: Mapping[Place, Number] = field(default_factory=dict)
+    reloads: bool = False
 
 
 class Laid:
     """A controller's block, cell by cell; see `heatertune.live.blocks.Block`.
 
-    A class says where its cells stand. What the real block keeps there of its state is found there in the next scan,
-    with what somebody has written to it since; what it keeps elsewhere nobody reaches.
-
     Attributes:
-        LENGTH: of the block [bytes].
-        SETPOINT, READING, POWER: places of setpoint, reading and output.
-        MODE: place of the bit or word that tells manual from automatic; None: it has none.
-        AUTOMATIC: what stands there in automatic.
-        MANUAL: what stands there in manual.
-        WORDS: word → its place.
-        INPUTS: what the controller's `scan_all` reads → its place.
-        STATE: field of the controller's state → its place.
-        FIRST: place → what stands there before the first scan, of cells that are not words.
-        reloads: whether the program loads the words anew at a start-up.
+        layout: where its cells stand.
     """
 
-    number: int = 1
-    told: str = ""
-    speaks: tuple[str, ...] = BOTH
-    registers: Sequence[Run] = ()
-    LENGTH: ClassVar[int]
-    SETPOINT: ClassVar[Place]
-    READING: ClassVar[Place]
-    POWER: ClassVar[Place]
-    MODE: ClassVar[Place | None] = None
-    AUTOMATIC: ClassVar[int] = 1
-    MANUAL: ClassVar[int] = 0
-    WORDS: ClassVar[Mapping[str, Place]]
-    INPUTS: ClassVar[Mapping[str, Place]]
-    STATE: ClassVar[Mapping[str, Place]] = {}
-    FIRST: ClassVar[Mapping[Place, Number]] = {}
-    reloads: ClassVar[bool] = False
+    layout: Layout
 
     def __init__(self, controller: Controller, words: Words, assume: Any) -> None:
         """Take words that run under assumptions.
@@ -159,23 +166,20 @@ class Laid:
             words: that it holds at the beginning.
             assume: what the manual leaves open.
         """
+        layout = self.layout
+        self.number, self.told, self.manual = layout.number, layout.told, layout.mode is not None
+        self.speaks, self.registers = layout.speaks, layout.registers
         self._controller, self._words, self._assume = controller, words, assume
         self._running = controller.begin(words, assume)
         self._asked: Number | None = None
         self._loads = False
-        cells = bytearray(self.LENGTH)
-        for place, value in self.FIRST.items():
+        cells = bytearray(layout.length)
+        for place, value in layout.first.items():
             place.write(cells, value)
-        if self.MODE is not None:
-            self.MODE.write(cells, self.AUTOMATIC)
+        self.into_automatic(cells)
         self._load(cells)
         self._keep(cells, self._running.state)
-        self._image, self._held = bytes(cells), _parts(cells, self.WORDS)
-
-    @property
-    def manual(self) -> bool:
-        """Whether there is a manual mode."""
-        return self.MODE is not None
+        self._image, self._held = bytes(cells), _parts(cells, layout.words)
 
     def image(self) -> bytes:
         """Return the block before the first scan."""
@@ -197,8 +201,8 @@ class Laid:
             self.ask(cells, running, setpoint)
             self._asked = setpoint
         self.read_in(cells, reading)
-        if self.STATE and _parts(cells, self.STATE) != self._kept:
-            state = state._replace(**{name: place.read(cells) for name, place in self.STATE.items()})
+        if self.layout.state and _parts(cells, self.layout.state) != self._kept:
+            state = state._replace(**{name: place.read(cells) for name, place in self.layout.state.items()})
         after, power, output, flags = self.run(cells, running, state, reading)
         self.tell(cells, running, after, output)
         self._keep(cells, after)
@@ -206,60 +210,60 @@ class Laid:
 
     def ask(self, cells: bytearray, running: Running, setpoint: Number) -> None:  # noqa: ARG002 - some need them
         """Write another setpoint than at the scan before."""
-        self.SETPOINT.write(cells, setpoint)
+        self.layout.setpoint.write(cells, setpoint)
 
     def read_in(self, cells: bytearray, reading: Number) -> None:
         """Write the reading."""
-        self.READING.write(cells, reading)
+        self.layout.reading.write(cells, reading)
 
     def run(
         self, cells: bytearray, running: Running, state: Any, reading: Number  # noqa: ARG002 - some need it
     ) -> tuple[Any, float, Number, int]:
         """Return what the controller's own step gives for the inputs as they stand there."""
         assert self._controller.scan_all is not None
-        inputs = {name: place.read(cells) for name, place in self.INPUTS.items()}
+        inputs = {name: place.read(cells) for name, place in self.layout.inputs.items()}
         return self._controller.scan_all(running.parameters, state, inputs)
 
     def tell(self, cells: bytearray, running: Running, after: Any, output: Number) -> None:  # noqa: ARG002 - some tell
         """Write what the block shows of a scan."""
-        self.POWER.write(cells, output)
+        self.layout.power.write(cells, output)
 
     def _load(self, cells: bytearray) -> None:
-        for name, place in self.WORDS.items():
+        for name, place in self.layout.words.items():
             place.write(cells, self._words.values[name])
 
     def _taken(self, cells: bytearray) -> Running:
         """Return the controller with the words that stand there, in the cold state."""
-        held = _parts(cells, self.WORDS)
+        held = _parts(cells, self.layout.words)
         if held != self._held:
-            values = {name: place.read(cells) for name, place in self.WORDS.items()}
+            values = {name: place.read(cells) for name, place in self.layout.words.items()}
             self._running = self._controller.begin(replace(self._words, values=values), self._assume)
             self._held = held
         return self._running
 
     def _keep(self, cells: bytearray, state: Any) -> None:
-        for name, place in self.STATE.items():
+        for name, place in self.layout.state.items():
             place.write(cells, getattr(state, name))
-        self._kept = _parts(cells, self.STATE)
+        self._kept = _parts(cells, self.layout.state)
 
     def restarted(self, state: Any) -> Any:
         """Return the state after a start-up."""
-        self._asked, self._loads = None, self.reloads
+        self._asked, self._loads = None, self.layout.reloads
         return self._controller.core.restarted(self._running.parameters, self._running.state, state)
 
     def in_manual(self, cells: bytes | bytearray) -> bool:
         """Return whether it is in manual."""
-        return self.MODE is not None and bool(self.MODE.read(cells)) == bool(self.MANUAL)
+        return self.layout.mode is not None and bool(self.layout.mode.read(cells)) == bool(self.layout.manual_is)
 
     def into_automatic(self, cells: bytearray) -> None:
         """Put it in automatic."""
-        if self.MODE is not None:
-            self.MODE.write(cells, self.AUTOMATIC)
+        if self.layout.mode is not None:
+            self.layout.mode.write(cells, 1 - self.layout.manual_is)
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word; errors as `heatertune.live.cells`."""
-        field = field_of([field for field in self._controller.fields if field.name in self.WORDS], name)
-        self.WORDS[name].write(cells, checked(field, value))
+        wanted = field_of([each for each in self._controller.fields if each.name in self.layout.words], name)
+        self.layout.words[name].write(cells, checked(wanted, value))
 
 
 def _parts(cells: bytes | bytearray, places: Mapping[str, Place]) -> bytes:

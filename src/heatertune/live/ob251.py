@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Sequence
 from typing import Final
 
 from heatertune.live.cells import bytes_of, field_of
+from heatertune.live.layout import BOTH, Run
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.ramp import Number
@@ -40,6 +42,8 @@ class Ob251Block:
 
     number, manual = DB, True
     told = "49 words"
+    speaks = BOTH
+    registers: Sequence[Run] = ()
 
     def __init__(self, controller: Controller, words: Words, assume: Assumptions) -> None:
         """Take words that run under assumptions.

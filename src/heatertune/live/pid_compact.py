@@ -8,32 +8,36 @@ behind it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar, Final
+from collections.abc import Mapping, Sequence
+from typing import Final
 
-from heatertune.live.layout import Laid, Place, members
-from heatertune.plc import Words
-from heatertune.plc.controller import Controller
-from heatertune.plc.pid_compact.words import COMPACT, fields_of
+from heatertune.live.layout import Laid, Layout, Place, members
+from heatertune.plc.pid_compact.words import COMPACT, TEMP, fields_of
+from heatertune.plc.words import WordField
 
-__all__ = ["LENGTH", "PLACES", "POWER", "READING", "SETPOINT", "PidBlock"]
+__all__ = ["PLACES", "POWER", "READING", "SETPOINT", "CompactBlock", "TempBlock"]
 
 _REALS: Final = ("Setpoint", "Input", "Output", *(f.name for f in fields_of(COMPACT) if f.format == "REAL"))
 #: name → its place; of PID_Temp all but InvertControl
 PLACES: Final[Mapping[str, Place]] = members([
     *((name, "REAL") for name in _REALS), ("IntegralResetMode", "INT"), ("Reset", "BOOL"), ("InvertControl", "BOOL")])
-LENGTH: Final = 52
 SETPOINT, READING, POWER = PLACES["Setpoint"], PLACES["Input"], PLACES["Output"]
 
 
-class PidBlock(Laid):
-    """DB1, 52 bytes; see `heatertune.live.layout.Laid`."""
+def _layout(fields: Sequence[WordField]) -> Layout:
+    return Layout(
+        told="a global DB of standard access beside the instance", length=52, setpoint=SETPOINT, reading=READING,
+        power=POWER, words={field.name: PLACES[field.name] for field in fields},
+        inputs={name: PLACES[name] for name in ("Setpoint", "Input", "Reset")})
 
-    told = "a global DB of standard access beside the instance"
-    LENGTH, SETPOINT, READING, POWER = LENGTH, SETPOINT, READING, POWER
-    INPUTS: ClassVar[Mapping[str, Place]] = {name: PLACES[name] for name in ("Setpoint", "Input", "Reset")}
 
-    def __init__(self, controller: Controller, words: Words, assume: object) -> None:
-        """Take words of one of both."""
-        self.WORDS = {field.name: PLACES[field.name] for field in controller.fields}  # type: ignore[misc]
-        super().__init__(controller, words, assume)
+class CompactBlock(Laid):
+    """DB1 beside a PID_Compact, 52 bytes; see `heatertune.live.layout.Laid`."""
+
+    layout = _layout(fields_of(COMPACT))
+
+
+class TempBlock(Laid):
+    """DB1 beside a PID_Temp, likewise."""
+
+    layout = _layout(fields_of(TEMP))

@@ -8,38 +8,35 @@ registers, the high word first. The instance behind it nobody reaches.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import accumulate
-from typing import ClassVar, Final
+from typing import Any, Final
 
-from heatertune.live.layout import MODBUS, Laid, Place
+from heatertune.live.layout import MODBUS, Laid, Layout, members
+from heatertune.plc.core import Running
 from heatertune.plc.ramp import Number
 from heatertune.plc.weg.words import FIELDS
 
-__all__ = ["LENGTH", "MODE", "PLACES", "POWER", "READING", "SETPOINT", "WegBlock"]
+__all__ = ["LAYOUT", "MODE", "PLACES", "POWER", "READING", "SETPOINT", "WegBlock"]
 
-_INTERFACE: Final = (
+#: name → its place; register r is at byte 2·r
+PLACES: Final = members([
     ("EN", "UINT"), ("SetPoint", "REAL"), ("ManualSetPoint", "REAL"), ("SelectSetPoint", "UINT"), ("Feedback", "REAL"),
     ("MinimumOutput", "REAL"), ("MaximumOutput", "REAL"), ("Kp", "REAL"), ("Ki", "REAL"), ("Kd", "REAL"),
     ("TauSetPoint", "REAL"), ("Type", "UINT"), ("Action", "UINT"), ("Ts", "UINT"), ("ENO", "UINT"), ("Output", "REAL"),
-)
-_ENDS: Final = list(accumulate((4 if format_ == "REAL" else 2 for _, format_ in _INTERFACE), initial=0))
-#: name → its place; register r is at byte 2·r
-PLACES: Final[Mapping[str, Place]] = {
-    name: Place(byte, format_) for (name, format_), byte in zip(_INTERFACE, _ENDS[:-1], strict=True)}
-LENGTH: Final = _ENDS[-1]
-SETPOINT, READING, POWER = PLACES["SetPoint"], PLACES["Feedback"], PLACES["Output"]
-MODE: Final = PLACES["SelectSetPoint"]
+])
+SETPOINT, READING, POWER, MODE = (PLACES[name] for name in ("SetPoint", "Feedback", "Output", "SelectSetPoint"))
+LAYOUT: Final = Layout(
+    told="interface of the block PID", speaks=MODBUS, length=PLACES["Output"].part.stop, setpoint=SETPOINT,
+    reading=READING, power=POWER, mode=MODE, manual_is=1, words={field.name: PLACES[field.name] for field in FIELDS},
+    inputs={name: PLACES[name] for name in ("EN", "SetPoint", "ManualSetPoint", "SelectSetPoint", "Feedback")},
+    first={PLACES["EN"]: 1})
 
 
 class WegBlock(Laid):
-    """Registers 0 to 26; see `heatertune.live.layout.Laid`."""
+    """Registers 0 to 25; see `heatertune.live.layout.Laid`."""
 
-    told = "interface of the block PID"
-    speaks = MODBUS
-    LENGTH, SETPOINT, READING, POWER, MODE = LENGTH, SETPOINT, READING, POWER, MODE
-    AUTOMATIC, MANUAL = 0, 1
-    WORDS: ClassVar[Mapping[str, Place]] = {field.name: PLACES[field.name] for field in FIELDS}
-    INPUTS: ClassVar[Mapping[str, Place]] = {
-        name: PLACES[name] for name in ("EN", "SetPoint", "ManualSetPoint", "SelectSetPoint", "Feedback")}
-    FIRST: ClassVar[Mapping[Place, Number]] = {PLACES["EN"]: 1}
+    layout = LAYOUT
+
+    def tell(self, cells: bytearray, running: Running, after: Any, output: Number) -> None:
+        """Write Output, and ENO, which follows EN."""
+        super().tell(cells, running, after, output)
+        PLACES["ENO"].write(cells, bool(PLACES["EN"].read(cells)))
