@@ -29,9 +29,11 @@ def heater():
 
 
 def words_of(target, scaling=None):
-    design = PidDesign(gain_pct_per_degC=6.0, integral_time_s=110.0, derivative_time_s=0.0, sample_time_s=4.0, structure="pi",
-                       method="")
-    return controller_for(target).encode(design, scaling or Scaling())
+    """Return words with an interval of 4 s, or the nearest that an instrument has."""
+    controller = controller_for(target)
+    design = PidDesign(gain_pct_per_degC=6.0, integral_time_s=110.0, derivative_time_s=0.0,
+                       sample_time_s=min(4.0, controller.timer.longest_s), structure="pi", method="")
+    return controller.encode(design, scaling or Scaling())
 
 
 @pytest.fixture(scope="session")
