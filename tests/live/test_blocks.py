@@ -19,13 +19,15 @@ from tests.live.conftest import CLIENTS, CONDITIONS, FAILED, Modbus, client, wor
 from heatertune import InputError, Scaling, Scenario
 from heatertune import simulate as simulate_words
 from heatertune.live.blocks import SERVED, block_for
-from heatertune.live.memory import OWN
+from heatertune.live.client.address import address_of
+from heatertune.live.client.client import connect
+from heatertune.live.memory import OWN, OWN_LENGTH
+from heatertune.live.places import places_of
 from heatertune.live.plc import DEAD_MAN
 from heatertune.plc import Certificate, controller_for
 from heatertune.plc.core import Running
 
-#: an ABB Commander has no Modbus
-TARGETS = tuple(target for target in SERVED if target != "abb-commander-300")
+TARGETS = tuple(SERVED)
 #: whose state is whole in the block
 KEPT = ("s5-ob251", "s7-300", "fb41")
 
@@ -64,7 +66,7 @@ WHERE = {
     "weg": _registers(">f", 1, 6, 24), "iec-pid": _registers(">f", 2048, 2050, 2054),
     "pband": _registers(">h", 1, 0, 2, scale=0.1), "omron-e5cc": _registers(">h", 0x2103, 0x2000, 0x2004, scale=0.1),
     "eurotherm-3200": _registers(">h", 2, 1, 4, scale=0.1), "omega-cn7800": _registers(">h", 0x1001, 0x1000, 0x1012, scale=0.1),
-    "jumo-dicon": _registers(">f", 0x122F, 0, 2, low_first=True),
+    "jumo-dicon": _registers(">f", 0x122F, 0x1231, 0x1233, low_first=True),
 }
 
 
@@ -98,6 +100,23 @@ def test_a_client_reads_setpoint_reading_and_power_where_the_manual_has_them(ser
             assert setpoint == pytest.approx(50.0, abs=0.06)
             assert reading == pytest.approx(told.temperature_degC, abs=0.06)
             assert power == pytest.approx(told.power_pct, abs=0.06)
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_the_projects_own_client_finds_the_same_where_the_block_says_that_it_shows_it(served, target):
+    plc, places = served(words_of(target)), places_of(words_of(target))
+    (protocol, (host, port)), = plc.addresses.items()
+    way = {"s7": "/0/2", "modbus": "/1"}[protocol]
+    with connect(address_of(f"{protocol}://{host}:{port}{way}")) as asking:
+        for _ in range(5):
+            told = plc.release(8)
+            begin, count = places.span
+            content = asking.read(places.block, begin, count)
+            found = {role: signal.of(content, begin) for role, signal in places.signals.items()}
+            assert found["temperature"] == pytest.approx(told.temperature_degC, abs=0.4 if target == "s7-200" else 0.06)
+            if target != "s7-200":  # whose setpoint and pulse width are not in V memory
+                assert found["setpoint"] == pytest.approx(50.0, abs=0.06)
+                assert found["power"] == pytest.approx(told.power_pct, abs=0.06)
 
 
 def test_the_papers_program_has_reading_and_error_in_v_memory_alone(served):
@@ -209,7 +228,7 @@ MANUAL = {
     "weg": ("modbus", lambda asking: asking.write(0, 2 * 3, struct.pack(">fH", 40.0, 1))),
     "iec-pid": ("modbus", lambda asking: (asking.client.write_registers(2052, list(struct.unpack(">2H", struct.pack(">f", 40.0))),
                                                                         device_id=1),
-                                          asking.client.write_registers(1025, [0], device_id=1))),
+                                          asking.client.write_registers(2070, [0, 0], device_id=1))),
 }
 
 
@@ -329,14 +348,14 @@ def test_a_setpoint_between_two_tenths_is_the_proofs_until_somebody_writes(serve
 def test_registers_between_those_of_an_instrument_are_none(served):
     plc = served(words_of("omron-e5cc"))
     with client(plc, "modbus") as asking:
-        for first, count in ((0x2003, 1), (0x2000, 5), (0x2A03, 1), (0, 1)):
+        for first, count in ((0x2005, 1), (0x2000, 6), (0x2A03, 1), (0, 1)):
             assert asking.client.read_holding_registers(first, count=count, device_id=1).isError(), (first, count)
         assert asking.client.write_registers(0x2A02, [1, 2], device_id=1).isError()
         assert not asking.client.read_holding_registers(0x2A00, count=3, device_id=1).isError()
 
 
 def test_what_no_protocol_here_reaches_is_told(served):
-    with pytest.raises(InputError, match="simulate does not serve abb-commander-300: its instrument speaks no Modbus"):
+    with pytest.raises(InputError, match="abb-commander-300 is not among them"):  # it speaks no Modbus
         served(words_of("abb-commander-300"))
     with pytest.raises(InputError, match="--serve s7: weg is reached over modbus alone"):
         served(words_of("weg"), serve="s7")
@@ -348,7 +367,7 @@ def test_without_a_protocol_asked_for_it_is_one_that_reaches_the_controller(serv
     protocol, = plc.addresses
     assert protocol in CLIENTS
     with client(plc, protocol) as asking:
-        assert len(asking.read(OWN, 0, 48)) == 48
+        assert len(asking.read(OWN, 0, OWN_LENGTH)) == OWN_LENGTH
         if protocol == "s7":
             assert len(asking.read(plc.number, 0, plc.length)) == plc.length
             with pytest.raises(FAILED):

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any, Final, Protocol
 
+from heatertune.live.cells import Signal
 from heatertune.live.layout import Run
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import assumed
 from heatertune.plc.ramp import Number
-from heatertune.plc.targets import ALIKE
 
 __all__ = ["SERVED", "Block", "block_for"]
 
@@ -25,6 +25,7 @@ class Block(Protocol):
         manual: whether clients can put the controller in manual.
         speaks: the protocols that reach it, the first without being asked for.
         registers: where Modbus finds its words; none: word w is register w.
+        signals: where it shows temperature [°C], power [%] and setpoint [°C], by these names.
     """
 
     number: int
@@ -32,6 +33,7 @@ class Block(Protocol):
     speaks: tuple[str, ...]
     registers: Sequence[Run]
     manual: bool
+    signals: Mapping[str, Signal]
 
     def image(self) -> bytes:
         """Return its bytes before the first scan."""
@@ -76,7 +78,8 @@ SERVED: Final[Mapping[str, tuple[str, str]]] = {
     "s5-ob251": ("ob251", "Ob251Block"), "s7-200": ("s7_200", "PaperMemory"), "s7-200-pid": ("s7_200", "PidMemory"),
     "s7-300": ("s7_300", "PidTipBlock"), "fb41": ("fb41", "ContCBlock"), "pid-compact": ("pid_compact", "CompactBlock"),
     "pid-temp": ("pid_compact", "TempBlock"), "weg": ("weg", "WegBlock"), "iec-pid": ("iec_pid", "IecPidBlock"),
-    **dict.fromkeys(("pband", *ALIKE["pband"]), ("instrument", "InstrumentBlock")),
+    **dict.fromkeys(
+        ("pband", "omron-e5cc", "eurotherm-3200", "jumo-dicon", "omega-cn7800"), ("instrument", "InstrumentBlock")),
 }
 
 
@@ -84,11 +87,9 @@ def block_for(controller: Controller, words: Words, switches: Mapping[str, str])
     """Return what a virtual PLC serves of a controller that runs words.
 
     Raises:
-        InputError: an instrument that no protocol here reaches.
         KeyError: it is none of those that can be served.
         UnknownName: no such switch or setting.
     """
     module, name = SERVED[controller.name]
-    made: Block = getattr(import_module(f"heatertune.live.{module}"), name)(
-        controller, words, assumed(controller.assumptions, switches))
-    return made
+    made: Callable[[Controller, Words, Any], Block] = getattr(import_module(f"heatertune.live.{module}"), name)
+    return made(controller, words, assumed(controller.assumptions, switches))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from heatertune.live.cells import Signal
 from heatertune.live.layout import Laid, Layout, Place
 from heatertune.plc.core import Running
 from heatertune.plc.cpu.s7_300.memory import place
@@ -47,6 +48,9 @@ class ContCBlock(Laid):
     """DB41, 126 bytes; see `heatertune.live.layout.Laid`."""
 
     layout = LAYOUT
+
+    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
+        return super()._signals(degC) | {"temperature": self._signal(_PV)}  # PV_PER needs PV_FAC and PV_OFF
 
     def ask(self, cells: bytearray, running: Running, setpoint: Number) -> None:
         """Write SP_INT for an analog value."""

@@ -8,6 +8,8 @@ make's manual has them, as far as it was read; else at registers that are this s
 - Omega, Delta: a list of registers that counts from one less (process value 4095, set point 4096, output 4113);
 - JUMO diconTOUCH: B 703571.2.0, p. 18, which tells the setpoint alone, and that a float has its low word first.
 
+What stands between reading, setpoint and output reads 0 here, so that one request reads them all.
+
 An instrument refuses a number out of its range. Here such a number stands until the next sample, which puts the one
 before back and computes with that.
 """
@@ -18,7 +20,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, Final, NamedTuple
 
-from heatertune.errors import InputError
+from heatertune.live.cells import Signal
 from heatertune.live.layout import MODBUS, Laid, Layout, Place, registers
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
@@ -50,12 +52,12 @@ class Process(NamedTuple):
     decimals: int | None = 1
 
 
-#: make → its registers; outputs are in 0.1 %
+#: make → its registers, outputs in 0.1 %; an ABB Commander 300 speaks no Modbus
 PROCESS: Final[Mapping[str, Process]] = {
     "pband": Process(reading=0, setpoint=1, output=2),  # own
     "omron-e5cc": Process(reading=0x2000, setpoint=0x2103, output=0x2004, working=0x2002),
     "eurotherm-3200": Process(reading=1, setpoint=2, output=4, working=5),
-    "jumo-dicon": Process(reading=0, setpoint=0x122F, output=2, decimals=None),  # reading and output: own
+    "jumo-dicon": Process(reading=0x1231, setpoint=0x122F, output=0x1233, decimals=None),  # reading and output: own
     "omega-cn7800": Process(reading=0x1000, setpoint=0x1001, output=0x1012),
 }
 _OWN_WORDS: Final = 3  # of the generic one: its first parameter
@@ -71,21 +73,19 @@ def _wanted(make: Make, process: Process) -> dict[str, tuple[int, str]]:
     for number, entry in enumerate(make.entries, start=_OWN_WORDS):
         register = number_of(make, entry)
         wanted[entry.name] = (number if register is None else register, "REAL" if entry.real else "INT")
-    return wanted
+    taken = {register for register, _ in wanted.values()}
+    near = sorted((process.reading, process.working or process.setpoint, process.output))
+    step = 1 if process.decimals is not None else 2
+    return wanted | {f" {register}": (register, "INT") for register in range(near[0], near[-1], step)
+                     if register not in taken}
 
 
 class InstrumentBlock(Laid):
     """Registers without gaps in a block; see `heatertune.live.layout.Laid`."""
 
     def __init__(self, controller: Controller, words: Words, assume: Any) -> None:
-        """Take words of a make.
-
-        Raises:
-            InputError: a make that speaks no Modbus.
-        """
-        make, process = MAKES[controller.name], PROCESS.get(controller.name)
-        if process is None:
-            raise InputError(f"simulate does not serve {controller.name}: its instrument speaks no Modbus")
+        """Take words of a make; see `heatertune.live.layout.Laid`."""
+        make, process = MAKES[controller.name], PROCESS[controller.name]
         places, runs = registers(_wanted(make, process), turned=process.decimals is None)
         named = {name: place for name, place in places.items() if name[0] != " "}
         self.layout = Layout(
@@ -98,6 +98,13 @@ class InstrumentBlock(Laid):
         self._counts, self._written = 0, b""
         super().__init__(controller, words, assume)
         self._good = dict(words.values)
+
+    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:  # noqa: ARG002 - shown in °C
+        at, tenths = self.layout, (0.0, 10.0)
+        scale = (0.0, 1.0) if self._decimals is None else (0.0, 10.0**self._decimals)
+        return {"temperature": self._signal(at.reading, scale),
+                "power": self._signal(at.power, (0.0, 1.0) if self._decimals is None else tenths),
+                "setpoint": self._signal(self._working or at.setpoint, scale)}
 
     def ask(self, cells: bytearray, _running: Running, setpoint: Number) -> None:
         """Write the setpoint's temperature; until somebody writes another, it is the number of counts itself."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
-from heatertune.live.cells import checked, field_of
+from heatertune.live.cells import STRUCTS, Signal, checked, field_of
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
@@ -21,9 +21,7 @@ BOTH: Final = ("s7", "modbus")
 #: of one that only Modbus reaches
 MODBUS: Final = ("modbus",)
 
-#: format → how its bytes stand, the high one first
-_STRUCTS: Final = {format_: struct.Struct(code) for format_, code in {
-    "INT": ">h", "UINT": ">H", "TIME": ">i", "REAL": ">f"}.items()}
+_STRUCTS: Final = {format_: struct.Struct(code) for format_, code in STRUCTS.items()}
 
 
 class Place(NamedTuple):
@@ -31,7 +29,7 @@ class Place(NamedTuple):
 
     Attributes:
         byte: its first.
-        format: BOOL, INT, UINT, TIME or REAL.
+        format: BOOL, or of `heatertune.live.cells.STRUCTS`.
         bit: of that byte, for a BOOL.
         turned: whether the two words of a REAL stand with the low one first.
     """
@@ -169,6 +167,7 @@ class Laid:
         layout = self.layout
         self.number, self.told, self.manual = layout.number, layout.told, layout.mode is not None
         self.speaks, self.registers = layout.speaks, layout.registers
+        self.signals = self._signals((words.scaling.low_degC, words.scaling.high_degC))
         self._controller, self._words, self._assume = controller, words, assume
         self._running = controller.begin(words, assume)
         self._asked: Number | None = None
@@ -207,6 +206,19 @@ class Laid:
         self.tell(cells, running, after, output)
         self._keep(cells, after)
         return after, power, output, flags
+
+    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:  # noqa: ARG002 - some need them
+        """Return where it shows temperature, power and setpoint; `degC` are both ends of the sensor."""
+        at = self.layout
+        return {"temperature": self._signal(at.reading), "power": self._signal(at.power),
+                "setpoint": self._signal(at.setpoint)}
+
+    def _signal(self, place: Place, raw: tuple[float, float] = (0.0, 1.0),
+                shown: tuple[float, float] = (0.0, 1.0)) -> Signal:
+        """Return what stands at a place; where registers are anywhere, byte 2·r is register r."""
+        start = next((2 * run.first + place.byte - run.byte for run in self.registers
+                      if run.byte <= place.byte < run.byte + 2 * run.size), place.byte)
+        return Signal(start, place.format, raw, shown, place.turned)
 
     def ask(self, cells: bytearray, running: Running, setpoint: Number) -> None:  # noqa: ARG002 - some need them
         """Write another setpoint than at the scan before."""

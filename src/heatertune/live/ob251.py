@@ -12,14 +12,14 @@ import struct
 from collections.abc import Sequence
 from typing import Final
 
-from heatertune.live.cells import bytes_of, field_of
+from heatertune.live.cells import Signal, bytes_of, field_of
 from heatertune.live.layout import BOTH, Run
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.ramp import Number
 from heatertune.plc.s5_ob251.blocks import DB
 from heatertune.plc.s5_ob251.image import LENGTH, PLACES, from_cells, to_image
-from heatertune.plc.s5_ob251.step import AUTO, COLD, Assumptions, Parameters, State, restarted, scan
+from heatertune.plc.s5_ob251.step import AUTO, COLD, FULL_SCALE, Assumptions, Parameters, State, restarted, scan
 from heatertune.plc.s5_ob251.words import parameters_of
 
 __all__ = ["Ob251Block"]
@@ -30,7 +30,7 @@ _ONE: Final = struct.Struct(">h")
 _STATE: Final = struct.Struct(">ii2xbb2xihh2xdd20xh")
 _BEGIN: Final = 2 * 18
 #: places of setpoint, reading, disturbance variable and of what the D part may act on
-_W, _X, _Z, _XZ = 2 * PLACES["W"], 2 * 22, 2 * 24, 2 * 29
+_W, _X, _Z, _XZ, _YA = 2 * PLACES["W"], 2 * 22, 2 * 24, 2 * 29, 2 * 48
 _STEU: Final = 2 * PLACES["STEU"] + 1  # its low byte
 #: no call gives a number beyond it: what is found there was never one
 _MOST: Final = 1e15
@@ -55,6 +55,10 @@ class Ob251Block:
             assume: what the manual leaves open.
         """
         self._fields, self._image, self._assume = controller.fields, to_image(words), assume
+        degC = words.scaling.low_degC, words.scaling.high_degC
+        self.signals = {
+            name: Signal(place, "INT", (0, FULL_SCALE), shown)
+            for name, place, shown in (("temperature", _X, degC), ("power", _YA, (0, 100)), ("setpoint", _W, degC))}
         self._asked: Number | None = None
         self._words, self._parameters = b"", parameters_of(words.whole)
         self._kept = self._image[_BEGIN:]

@@ -8,9 +8,9 @@ paper's program the setpoint is an analog adjustment, SMB28, and of both the pul
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
-from heatertune.live.cells import bytes_of, field_of
+from heatertune.live.cells import Signal, bytes_of, field_of
 from heatertune.live.layout import BOTH, Place, Run
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
@@ -19,6 +19,7 @@ from heatertune.plc.cpu.s7_200.cells import V_BEGIN, V_END, cell
 from heatertune.plc.cpu.s7_200.cycle import run_cycle
 from heatertune.plc.cpu.s7_200.memory import put_word
 from heatertune.plc.cpu.s7_200.state import own, restarted
+from heatertune.plc.cpu.s7_200.wiring import COUNTS
 from heatertune.plc.ramp import Number
 from heatertune.plc.s7_200.step import step
 from heatertune.plc.s7_200_pid.words import FULL, SETPOINT, TABLE
@@ -27,6 +28,8 @@ from heatertune.plc.single import divided
 __all__ = ["PaperMemory", "PidMemory"]
 
 _ANALOG: Final = cell("AIW0", 2).start
+#: setpoint, process variable and output in the loop table, as shares (System Manual, table 9-19)
+_READING, _SETPOINT, _POWER = Place(TABLE, "REAL"), Place(int(SETPOINT[2:]), "REAL"), Place(TABLE + 8, "REAL")
 _WIDTHS: Final = {"VD": 4, "VW": 2}
 _V: Final = slice(V_BEGIN, V_END)
 
@@ -50,6 +53,7 @@ class _VMemory:
         self._fields = controller.fields
         self._timed, self._cold = controller.begin(words, assume)
         self._asked: Number | None = None
+        self.signals = self._signals((words.scaling.low_degC, words.scaling.high_degC))
 
     def image(self) -> bytes:
         """Return the memory before the first scan."""
@@ -58,6 +62,10 @@ class _VMemory:
     def begin(self) -> State:
         """Return a CPU before its first scan."""
         return own(self._cold)
+
+    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
+        """Return what it shows; `degC` are both ends of the sensor."""
+        raise NotImplementedError
 
     def restarted(self, state: State) -> State:
         """Return the state after a start-up that finds V memory as it was."""
@@ -81,14 +89,14 @@ class _VMemory:
 class PidMemory(_VMemory):
     """Of the program of the PID instruction: its loop table, REALs as shares of the range, begins at VB100."""
 
-    READING: ClassVar[Place] = Place(TABLE, "REAL")
-    SETPOINT: ClassVar[Place] = Place(int(SETPOINT[2:]), "REAL")
-    POWER: ClassVar[Place] = Place(TABLE + 8, "REAL")
+    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
+        shown = {"temperature": (_READING, degC), "power": (_POWER, (0.0, 100.0)), "setpoint": (_SETPOINT, degC)}
+        return {name: Signal(place.byte, "REAL", shown=scale) for name, (place, scale) in shown.items()}
 
     def scan(self, cells: bytearray, state: State, setpoint: Number, reading: Number) -> tuple[State, float, int, int]:
         """Run one PWM cycle; see `heatertune.live.blocks.Block`."""
         if setpoint != self._asked:
-            self.SETPOINT.write(cells, divided(float(setpoint), float(FULL)))
+            _SETPOINT.write(cells, divided(float(setpoint), float(FULL)))
             self._asked = setpoint
         memory = state.memory
         memory[_V] = cells
@@ -101,7 +109,8 @@ class PidMemory(_VMemory):
 class PaperMemory(_VMemory):
     """Of the paper's program, repaired: reading in VW0, error in VW10."""
 
-    READING: ClassVar[Place] = Place(0, "INT")
+    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
+        return {"temperature": Signal(0, "INT", (0, COUNTS), degC)}
 
     def scan(self, cells: bytearray, state: State, setpoint: Number, reading: Number) -> tuple[State, float, int, int]:
         """Run one PWM cycle; see `heatertune.live.blocks.Block`."""

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from typing import Final
 
+from heatertune.live.cells import Signal
 from heatertune.live.layout import Laid, Layout, Place
+from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.cpu.s7_300.memory import place
 from heatertune.plc.s7_300.words import FIELDS
 
@@ -33,3 +35,8 @@ class PidTipBlock(Laid):
     """DB100, 36 bytes; see `heatertune.live.layout.Laid`."""
 
     layout = LAYOUT
+
+    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
+        full = (0, FULL_SCALE)
+        return {"temperature": self._signal(READING, full, degC), "power": self._signal(POWER, full, (0, 100)),
+                "setpoint": self._signal(SETPOINT, full, degC)}

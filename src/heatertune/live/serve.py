@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
@@ -15,6 +14,7 @@ from typing import Any, Final, Self
 from heatertune.documents import data_folder, read_document
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.live.blocks import SERVED, Block, block_for
+from heatertune.live.client.client import LIBRARIES, demand_library
 from heatertune.live.faults import LINK, Fault, fault_of
 from heatertune.live.memory import OWN, Told
 from heatertune.live.plan import Plan, plan_for
@@ -26,10 +26,8 @@ from heatertune.proof.words_file import WORDS_SCHEMA, words_of
 from heatertune.settings import Conditions
 from heatertune.units import check
 
-__all__ = ["PROTOCOLS", "Simulation", "VirtualPlcServed", "read_folder", "virtual_plc"]
+__all__ = ["Simulation", "VirtualPlcServed", "read_folder", "virtual_plc"]
 
-#: protocol → the module that it needs, of the extra of the same name
-PROTOCOLS: Final[Mapping[str, str]] = {"s7": "snap7", "modbus": "pymodbus"}
 _LOOPBACK: Final = "127.0.0.1"
 _MOST_PORT: Final = 65535
 _RELEASED: Final = 8
@@ -40,7 +38,7 @@ class Simulation:
     """How a virtual PLC is served and what happens to it.
 
     Attributes:
-        serve: protocols, of `PROTOCOLS`; none: the first that reaches the controller.
+        serve: protocols, of `heatertune.live.client.client.LIBRARIES`; none: the first that reaches the controller.
         ports: for them, in turn; 0, or none: one that is free.
         rate: so many times as fast as a real heater; infinite: as fast as it can.
         step: whether a client releases each interval.
@@ -68,10 +66,10 @@ class Simulation:
 
     def __post_init__(self) -> None:
         for protocol in self.serve:
-            if protocol not in PROTOCOLS:
-                raise UnknownName("protocol", protocol, PROTOCOLS)
+            if protocol not in LIBRARIES:
+                raise UnknownName("protocol", protocol, LIBRARIES)
         if len(set(self.serve)) != len(self.serve):
-            raise InputError(f"--serve needs each protocol once, of {', '.join(PROTOCOLS)}")
+            raise InputError(f"--serve needs each protocol once, of {', '.join(LIBRARIES)}")
         if len(self.ports) > max(len(self.serve), 1):
             raise InputError(f"{len(self.ports)} ports for {max(len(self.serve), 1)} protocols")
         for port in self.ports:
@@ -202,7 +200,7 @@ def virtual_plc(
     """
     given = replace(settings or Simulation(), **_tuples(changed))
     for protocol in given.serve:
-        _demand_library(protocol)  # before anything is made
+        demand_library(protocol)  # before anything is made
     if not isinstance(source, Words):
         words, model, made_for = read_folder(source)
         conditions = made_for if conditions is None else conditions
@@ -219,7 +217,7 @@ def _reaching(block: Block, target: str, settings: Simulation) -> Simulation:
     """Return the settings with the protocols that are served; raise InputError for one that does not reach it."""
     if not settings.serve:
         settings = replace(settings, serve=block.speaks[:1])
-        _demand_library(*settings.serve)
+        demand_library(*settings.serve)
     for protocol in settings.serve:
         if protocol not in block.speaks:
             raise InputError(f"--serve {protocol}: {target} is reached over {' and '.join(block.speaks)} alone")
@@ -274,11 +272,6 @@ def read_folder(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
     if own.setpoint_degC is None and isinstance(proven, float | int):
         own = replace(own, setpoint_degC=float(proven))
     return words, fitted, own
-
-
-def _demand_library(protocol: str) -> None:
-    if find_spec(PROTOCOLS[protocol]) is None:
-        raise InputError(f'--serve {protocol} needs {PROTOCOLS[protocol]}: pip install "heatertune[{protocol}]"')
 
 
 def _server_of(protocol: str) -> Callable[[VirtualPlc, socket.socket], Any]:
