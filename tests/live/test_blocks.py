@@ -269,19 +269,33 @@ def test_after_a_stop_it_begins_as_its_program_does(served, target):
         assert told.power_pct == expected.power_pct, scan
 
 
-def test_a_start_up_of_the_tip_loads_its_four_words_and_one_of_cont_c_does_not(served):
-    for target, start, kept in (("s7-300", 10, False), ("fb41", 20, True)):
-        plc = served(words_of(target))
-        with client(plc) as asking:
-            plc.release(3)
-            before = asking.read(plc.number, start, 4)
-            asking.write(plc.number, start, struct.pack(">f", 0.125))
-            plc.release(3)
-            asking.client.plc_stop()
-            plc.release(2)
-            asking.client.plc_cold_start()
-            plc.release(2)
-            assert asking.read(plc.number, start, 4) == (struct.pack(">f", 0.125) if kept else before)
+#: target → protocol; the gain's byte, and whether it stays through a start-up; the setpoint's byte, 40 °C there, and whether it does
+STAYS = {
+    "s7-300": ("s7", (10, False), (4, struct.pack(">h", 11059), True)),  # OB100 loads its words
+    "fb41": ("s7", (20, True), (6, struct.pack(">f", 40.0), True)),
+    "pid-compact": ("s7", (12, True), (0, struct.pack(">f", 40.0), True)),
+    "weg": ("modbus", (24, False), (2, struct.pack(">f", 40.0), False)),  # its ladder retains nothing
+}
+
+
+@pytest.mark.parametrize("target", STAYS)
+def test_a_start_up_leaves_what_the_plc_retains_and_the_rest_as_loaded(served, target):
+    protocol, (gain, gain_stays), (setpoint, asked, setpoint_stays) = STAYS[target]
+    words = words_of(target)
+    scan_s = controller_for(target).timing(words).scan_s
+    plc = served(words, serve=protocol, faults=f"t={5.5 * scan_s} cpu-stop until={7.5 * scan_s}")
+    with client(plc, protocol) as asking:
+        def both():
+            return asking.read(plc.number, gain, 4), asking.read(plc.number, setpoint, len(asked))
+
+        plc.release(3)
+        before, written = both(), (struct.pack(">f", 0.125), asked)
+        asking.write(plc.number, gain, written[0])
+        asking.write(plc.number, setpoint, asked)
+        assert plc.release(2).scans == 5
+        assert both() == written
+        assert plc.release(7).scans == 10
+        assert both() == ((written if gain_stays else before)[0], (written if setpoint_stays else before)[1])
 
 
 def test_cont_c_without_pvper_on_reads_pv_in(served):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from heatertune.live.layout import MODBUS, Laid, Layout, registers
+from heatertune.live.layout import ALL, MODBUS, Laid, Layout, registers
 from heatertune.plc.iec_pid.words import FIELDS
 
 __all__ = ["LAYOUT", "MODE", "PLACES", "POWER", "READING", "SETPOINT", "IecPidBlock"]
@@ -26,7 +26,7 @@ LAYOUT: Final = Layout(
     told="%MD0 to %MD11", speaks=MODBUS, registers=_RUNS, length=2 * sum(run.size for run in _RUNS),
     setpoint=SETPOINT, reading=READING, power=POWER, mode=MODE,
     words={field.name: PLACES[field.name] for field in FIELDS},
-    inputs={name: PLACES[name] for name in ("RUN", "AUTO", "SP", "PV", "X0")}, first={PLACES["RUN"]: 1})
+    inputs={name: PLACES[name] for name in ("RUN", "AUTO", "SP", "PV", "X0")}, first={PLACES["RUN"]: 1}, anew=ALL)
 
 
 class IecPidBlock(Laid):

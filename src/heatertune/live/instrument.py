@@ -42,22 +42,22 @@ class Process(NamedTuple):
         reading, output: registers.
         setpoint: register that is written.
         working: register that repeats the setpoint; None: none does.
-        decimals: of the temperatures; None: all three are floats.
+        floats: whether they are floats; else temperatures are in 0.1 °C and the output in 0.1 %.
     """
 
     reading: int
     setpoint: int
     output: int
     working: int | None = None
-    decimals: int | None = 1
+    floats: bool = False
 
 
-#: make → its registers, outputs in 0.1 %; an ABB Commander 300 speaks no Modbus
+#: make → its registers; an ABB Commander 300 speaks no Modbus
 PROCESS: Final[Mapping[str, Process]] = {
     "pband": Process(reading=0, setpoint=1, output=2),  # own
     "omron-e5cc": Process(reading=0x2000, setpoint=0x2103, output=0x2004, working=0x2002),
     "eurotherm-3200": Process(reading=1, setpoint=2, output=4, working=5),
-    "jumo-dicon": Process(reading=0x1231, setpoint=0x122F, output=0x1233, decimals=None),  # reading and output: own
+    "jumo-dicon": Process(reading=0x1231, setpoint=0x122F, output=0x1233, floats=True),  # reading and output: own
     "omega-cn7800": Process(reading=0x1000, setpoint=0x1001, output=0x1012),
 }
 _OWN_WORDS: Final = 3  # of the generic one: its first parameter
@@ -65,7 +65,7 @@ _OWN_WORDS: Final = 3  # of the generic one: its first parameter
 
 def _wanted(make: Make, process: Process) -> dict[str, tuple[int, str]]:
     """Return name → register and format; of what an instrument measures and does beginning with a space."""
-    plain = "INT" if process.decimals is not None else "REAL"
+    plain, size = ("REAL", 2) if process.floats else ("INT", 1)
     wanted = {" reading": (process.reading, plain), " setpoint": (process.setpoint, plain),
               " output": (process.output, plain)}
     if process.working is not None:
@@ -75,9 +75,8 @@ def _wanted(make: Make, process: Process) -> dict[str, tuple[int, str]]:
         wanted[entry.name] = (number if register is None else register, "REAL" if entry.real else "INT")
     taken = {register for register, _ in wanted.values()}
     near = sorted((process.reading, process.working or process.setpoint, process.output))
-    step = 1 if process.decimals is not None else 2
-    return wanted | {f" {register}": (register, "INT") for register in range(near[0], near[-1], step)
-                     if register not in taken}
+    between = [register for register in range(near[0], near[-1], size) if register not in taken]
+    return wanted | {f" {register}": (register, plain) for register in between}
 
 
 class InstrumentBlock(Laid):
@@ -86,13 +85,13 @@ class InstrumentBlock(Laid):
     def __init__(self, controller: Controller, words: Words, assume: Any) -> None:
         """Take words of a make; see `heatertune.live.layout.Laid`."""
         make, process = MAKES[controller.name], PROCESS[controller.name]
-        places, runs = registers(_wanted(make, process), turned=process.decimals is None)
+        places, runs = registers(_wanted(make, process), turned=process.floats)
         named = {name: place for name, place in places.items() if name[0] != " "}
         self.layout = Layout(
             told=f"{len(named)} parameters and what it measures and does", speaks=MODBUS, registers=runs,
             length=2 * sum(run.size for run in runs), setpoint=places[" setpoint"], reading=places[" reading"],
             power=places[" output"], words=named)
-        self._working, self._decimals = places.get(" working"), process.decimals
+        self._working, self._digits = places.get(" working"), 1.0 if process.floats else 10.0
         self._fields = {field.name: field for field in controller.fields}
         self._measure = partial(controller.measure, words)
         self._counts, self._written = 0, b""
@@ -100,11 +99,9 @@ class InstrumentBlock(Laid):
         self._good = dict(words.values)
 
     def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:  # noqa: ARG002 - shown in °C
-        at, tenths = self.layout, (0.0, 10.0)
-        scale = (0.0, 1.0) if self._decimals is None else (0.0, 10.0**self._decimals)
-        return {"temperature": self._signal(at.reading, scale),
-                "power": self._signal(at.power, (0.0, 1.0) if self._decimals is None else tenths),
-                "setpoint": self._signal(self._working or at.setpoint, scale)}
+        places = {"temperature": self.layout.reading, "power": self.layout.power,
+                  "setpoint": self._working or self.layout.setpoint}
+        return {name: self._signal(place, (0.0, self._digits)) for name, place in places.items()}
 
     def ask(self, cells: bytearray, _running: Running, setpoint: Number) -> None:
         """Write the setpoint's temperature; until somebody writes another, it is the number of counts itself."""
@@ -128,12 +125,12 @@ class InstrumentBlock(Laid):
 
     def tell(self, cells: bytearray, _running: Running, _after: Any, output: Number) -> None:
         """Write the output."""
-        self._show(cells, self.layout.power, float(output), 1)
+        self._show(cells, self.layout.power, output)
 
     def _take_setpoint(self, cells: bytearray) -> None:
         """Take what somebody has written; put the setpoint before back where it is no number of the range."""
         found, scaling = self.layout.setpoint.read(cells), self._words.scaling
-        degC = found if self._decimals is None else found / 10.0**self._decimals
+        degC = found / self._digits
         if scaling.low_degC <= degC <= scaling.high_degC:
             self._counts, self._written = int(self._measure(degC)), bytes(cells[self.layout.setpoint.part])
         else:
@@ -152,10 +149,7 @@ class InstrumentBlock(Laid):
         scaling = self._words.scaling
         return scaling.low_degC + scaling.span_degC * counts / COUNTS
 
-    def _show(self, cells: bytearray, place: Place, value: float, decimals: int | None = None) -> None:
+    def _show(self, cells: bytearray, place: Place, value: float) -> None:
         """Write a number in the digits of its register."""
-        if self._decimals is None:
-            place.write(cells, value)
-            return
-        digits = round(value * 10.0 ** (self._decimals if decimals is None else decimals))
-        place.write(cells, min(max(digits, _LEAST), _MOST))
+        digits = value * self._digits
+        place.write(cells, digits if place.format == "REAL" else min(max(round(digits), _LEAST), _MOST))

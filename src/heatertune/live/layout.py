@@ -14,12 +14,16 @@ from heatertune.plc.core import Running
 from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
 
-__all__ = ["BOTH", "MODBUS", "Laid", "Layout", "Place", "Run", "members", "registers"]
+__all__ = ["ALL", "BOTH", "MODBUS", "WORDS", "Laid", "Layout", "Place", "Run", "members", "registers"]
 
 #: protocols of a PLC whose block is a data block; Modbus has it word by word, as gateways give it
 BOTH: Final = ("s7", "modbus")
 #: of one that only Modbus reaches
 MODBUS: Final = ("modbus",)
+
+#: what a start-up leaves as before the first scan, see `Layout`
+WORDS: Final = "words"
+ALL: Final = "all"
 
 _STRUCTS: Final = {format_: struct.Struct(code) for format_, code in STRUCTS.items()}
 
@@ -127,7 +131,7 @@ class Layout:
         inputs: what the controller's `scan_all` reads → its place.
         state: field of the controller's state → its place, as far as the real block keeps it where clients reach it.
         first: place → what stands there before the first scan, of cells that are not words.
-        reloads: whether the program loads the words anew at a start-up.
+        anew: what a start-up leaves as before the first scan: WORDS, ALL or nothing.
     """
 
     number: int = 1
@@ -144,7 +148,7 @@ class Layout:
     inputs: Mapping[str, Place] = field(default_factory=dict)
     state: Mapping[str, Place] = field(default_factory=dict)
     first: Mapping[Place, Number] = field(default_factory=dict)
-    reloads: bool = False
+    anew: str = ""
 
 
 class Laid:
@@ -171,7 +175,7 @@ class Laid:
         self._controller, self._words, self._assume = controller, words, assume
         self._running = controller.begin(words, assume)
         self._asked: Number | None = None
-        self._loads = False
+        self._anew = ""
         cells = bytearray(layout.length)
         for place, value in layout.first.items():
             place.write(cells, value)
@@ -192,9 +196,11 @@ class Laid:
         self, cells: bytearray, state: Any, setpoint: Number, reading: Number
     ) -> tuple[Any, float, Number, int]:
         """Run one scan; see `heatertune.live.blocks.Block`."""
-        if self._loads:
+        if self._anew == ALL:
+            cells[:] = self._image
+        elif self._anew == WORDS:
             self._load(cells)
-            self._loads = False
+        self._anew = ""
         running = self._taken(cells)
         if setpoint != self._asked:
             self.ask(cells, running, setpoint)
@@ -260,7 +266,8 @@ class Laid:
 
     def restarted(self, state: Any) -> Any:
         """Return the state after a start-up."""
-        self._asked, self._loads = None, self.layout.reloads
+        self._anew = self.layout.anew
+        self._asked = None if self._anew == ALL else self._asked
         return self._controller.core.restarted(self._running.parameters, self._running.state, state)
 
     def in_manual(self, cells: bytes | bytearray) -> bool:

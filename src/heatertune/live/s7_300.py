@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from heatertune.live.cells import Signal
-from heatertune.live.layout import Laid, Layout, Place
+from heatertune.live.layout import WORDS, Laid, Layout, Place
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.cpu.s7_300.memory import place
 from heatertune.plc.s7_300.words import FIELDS
@@ -28,7 +28,7 @@ LAYOUT: Final = Layout(
         "output": POWER, "overflow": Place(8, "BOOL", 0), "bias": Place(26, "REAL"), "reading": Place(30, "REAL"),
         "started": Place(34, "BOOL", 0),
     },
-    reloads=True)  # OB100 loads the four words
+    anew=WORDS)  # OB100 loads the four words
 
 
 class PidTipBlock(Laid):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from heatertune.live.layout import MODBUS, Laid, Layout, members
+from heatertune.live.layout import ALL, MODBUS, Laid, Layout, members
 from heatertune.plc.core import Running
 from heatertune.plc.ramp import Number
 from heatertune.plc.weg.words import FIELDS
@@ -28,7 +28,7 @@ LAYOUT: Final = Layout(
     told="interface of the block PID", speaks=MODBUS, length=PLACES["Output"].part.stop, setpoint=SETPOINT,
     reading=READING, power=POWER, mode=MODE, manual_is=1, words={field.name: PLACES[field.name] for field in FIELDS},
     inputs={name: PLACES[name] for name in ("EN", "SetPoint", "ManualSetPoint", "SelectSetPoint", "Feedback")},
-    first={PLACES["EN"]: 1})
+    first={PLACES["EN"]: 1}, anew=ALL)
 
 
 class WegBlock(Laid):
