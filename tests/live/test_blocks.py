@@ -25,7 +25,9 @@ from heatertune.live.memory import OWN, OWN_LENGTH
 from heatertune.live.places import places_of
 from heatertune.live.plc import DEAD_MAN
 from heatertune.plc import Certificate, controller_for
+from heatertune.plc.boost import Boost
 from heatertune.plc.core import Running
+from heatertune.plc.ramp import Ramp
 
 TARGETS = tuple(SERVED)
 #: whose state is whole in the block
@@ -87,6 +89,19 @@ def test_a_run_released_scan_by_scan_is_that_of_the_proof_bit_for_bit(served, he
     told = [plc.release(1) for _ in range(scans)]
     np.testing.assert_array_equal([each.power_pct for each in told], trace.power_asked_pct[:scans])
     np.testing.assert_array_equal([each.temperature_degC for each in told], trace.temperature_degC[:scans])
+
+
+@pytest.mark.parametrize(("target", "changed"), [
+    ("s7-300", {"ramp": Ramp(step=40, calls=3, hold=2000)}), ("fb41", {"ramp": Ramp(step=40)}), ("s7-200", {"ramp": Ramp(step=1, calls=4)}),
+    ("weg", {"ramp": Ramp(step=0.25, calls=2)}), ("weg", {"boost": Boost(within_degC=8.0, again_degC=12.0)}),
+    ("iec-pid", {"boost": Boost(within_degC=8.0, again_degC=12.0)})])
+def test_the_program_around_ramps_and_boosts_as_it_was_proven(served, heater, target, changed):
+    words, scans = replace(words_of(target), **changed), 150
+    plc, noisy = served(words, replace(CONDITIONS, noise_degC=0.2)), Scenario(setpoint_degC=50.0, duration_s=149 * 4.0, noise_degC=0.2)
+    trace = simulate_words(words, heater, noisy)
+    told = [plc.release(1) for _ in range(scans)]
+    assert any(each.setpoint != told[-1].setpoint for each in told) == ("ramp" in changed)
+    np.testing.assert_array_equal([each.power_pct for each in told], trace.power_asked_pct[:scans])
 
 
 @pytest.mark.parametrize("target", WHERE)
@@ -198,6 +213,8 @@ def test_a_scan_takes_any_pattern_of_bits(target, content):
         assert 0.0 <= power <= 100.0 or power != power  # noqa: PLR0124 - what is no number the loop takes as none
 
 
+@pytest.mark.brute
+@pytest.mark.long
 @pytest.mark.parametrize("target", TARGETS)
 def test_whole_random_blocks_and_odd_numbers_everywhere_stop_no_plc(target):
     chance = random.Random(9)

@@ -59,12 +59,14 @@ def test_stepped_scans_twice_are_the_same_bytes_and_the_proofs(served, heater, w
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", [17, 18])
-def test_a_drawn_heater_with_the_proofs_story_is_the_sample_that_verify_replays(served, heater, words, seed):
+@pytest.mark.parametrize(("target", "seed"), [("s5-ob251", 17), ("s5-ob251", 18), ("fb41", 19), ("s7-300", 20), ("pid-compact", 21),
+                                              ("weg", 22), ("iec-pid", 23), ("s7-200", 24)])
+def test_a_drawn_heater_with_the_proofs_story_is_the_sample_that_verify_replays(served, heater, target, seed):
+    words = words_of(target)
     trace = replay(drawing_for(words, heater, {}, CONDITIONS), seed)
     scans = len(trace.time_s)
     assert scans > 1000
-    plc = served(sample=seed, story=True, intervals=scans)
+    plc = served(words, sample=seed, story=True, intervals=scans)
     told = [plc.release(1) for _ in range(scans)]
     on = trace.power_asked_pct > 0.0
     assert np.count_nonzero(on) > 100
