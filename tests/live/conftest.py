@@ -116,14 +116,14 @@ def client(served, protocol="s7"):
         one.close()
 
 
-def stepped(asking, scans, upto=0):
-    """Release scans one by one from outside, and return both blocks after each."""
+def stepped(asking, scans, upto=0, block=(DB, LENGTH)):
+    """Release scans one by one from outside, and return both blocks after each; block: number and bytes, None: the simulator's alone."""
     rows = []
     for number in range(upto + 1, upto + scans + 1):
         asking.write(OWN, 8, struct.pack(">I", number))
         while Told(own := asking.read(OWN, 0, OWN_LENGTH)).intervals < number:
             pass
-        rows.append((own, asking.read(DB, 0, LENGTH)))
+        rows.append((own, asking.read(block[0], 0, block[1]) if block else b""))
     return rows
 
 
