@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final
 
+from heatertune.errors import InputError
 from heatertune.live.cells import Signal, bytes_of, field_of
 from heatertune.live.layout import BOTH, Place, Run
 from heatertune.plc import Words
@@ -78,6 +79,14 @@ class _VMemory:
 
     def into_automatic(self, _cells: bytearray) -> None:
         """Do nothing."""
+
+    def by_hand(self, _cells: bytes, _power_pct: float) -> tuple[int, bytes]:
+        """Return nothing.
+
+        Raises:
+            InputError: always: this program has no manual mode.
+        """
+        raise InputError("the exported program of s7-200-pid has no manual mode: switch by hand, and record it")
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word that stands in V memory; errors as `heatertune.live.cells`."""
