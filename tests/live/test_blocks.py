@@ -65,7 +65,7 @@ WHERE = {
     "s7-300": _s7(100, ">h", 4, 2, 6, scale=1.0 / 276.48),
     "fb41": ("s7", _fb41),
     "pid-compact": _s7(1, ">f", 0, 4, 8), "pid-temp": _s7(1, ">f", 0, 4, 8),
-    "weg": _registers(">f", 1, 6, 24), "iec-pid": _registers(">f", 2048, 2050, 2054),
+    "weg": _registers(">f", 1, 6, 24), "iec-pid": _registers(">f", 2048, 2050, 2052),
     "pband": _registers(">h", 1, 0, 2, scale=0.1), "omron-e5cc": _registers(">h", 0x2103, 0x2000, 0x2004, scale=0.1),
     "eurotherm-3200": _registers(">h", 2, 1, 4, scale=0.1), "omega-cn7800": _registers(">h", 0x1001, 0x1000, 0x1012, scale=0.1),
     "jumo-dicon": _registers(">f", 0x122F, 0x1231, 0x1233, low_first=True),
@@ -121,7 +121,8 @@ def test_a_client_reads_setpoint_reading_and_power_where_the_manual_has_them(ser
 def test_the_projects_own_client_finds_the_same_where_the_block_says_that_it_shows_it(served, target):
     plc, places = served(words_of(target)), places_of(words_of(target))
     (protocol, (host, port)), = plc.addresses.items()
-    way = {"s7": "/0/2", "modbus": "/1"}[protocol]
+    first = plc.registers[0].first if len(plc.registers) == 1 else 0
+    way = {"s7": "/0/2", "modbus": f"/1/{first}"}[protocol]
     with connect(address_of(f"{protocol}://{host}:{port}{way}")) as asking:
         for _ in range(5):
             told = plc.release(8)
@@ -243,9 +244,8 @@ MANUAL = {
     "fb41": ("s7", lambda asking: (asking.write(41, 0, bytes([asking.read(41, 0, 1)[0] | 2])),
                                    asking.write(41, 16, struct.pack(">f", 40.0)))),
     "weg": ("modbus", lambda asking: asking.write(0, 2 * 3, struct.pack(">fH", 40.0, 1))),
-    "iec-pid": ("modbus", lambda asking: (asking.client.write_registers(2052, list(struct.unpack(">2H", struct.pack(">f", 40.0))),
-                                                                        device_id=1),
-                                          asking.client.write_registers(2070, [0, 0], device_id=1))),
+    "iec-pid": ("modbus", lambda asking: asking.client.write_registers(2054, list(struct.unpack(">4H", struct.pack(">fi", 40.0, 0))),
+                                                                       device_id=1)),
 }
 
 
@@ -260,6 +260,30 @@ def test_in_manual_the_power_is_the_clients_until_nobody_is_there(served, target
         told = plc.release(40)
     assert told.status & DEAD_MAN
     assert told.power_pct != pytest.approx(40.0, abs=0.01)
+
+
+@pytest.mark.parametrize("target", ["s5-ob251", "weg", "iec-pid"])
+def test_one_request_puts_it_in_manual_and_the_bytes_before_bring_back_what_was(served, target):
+    _, words, block = _made(target)
+    plc = served(words, serve="modbus")
+    first = plc.registers[0].first
+    with connect(address_of(f"modbus://127.0.0.1:{plc.addresses['modbus'][1]}/1/{first}")) as asking:
+        plc.release(100)
+        image = asking.read(plc.number, 0, plc.length)
+        start, content = block.by_hand(image, 37.5)
+        asking.write(plc.number, start, content)
+        assert plc.release(8).power_pct == pytest.approx(37.5, abs=0.1)
+        asking.write(plc.number, start, image[start : start + len(content)])
+        assert not block.in_manual(asking.read(plc.number, 0, plc.length))
+
+
+@pytest.mark.parametrize(("target", "why"), [
+    ("fb41", "mode and power in manual where no one request writes both"), ("s7-300", "mode and power in manual where no one request writes both"),
+    ("pid-compact", "no manual mode here"), ("omron-e5cc", "no manual mode here"), ("s7-200", "have no manual mode")])
+def test_without_manual_in_one_request_there_is_no_experiment(target, why):
+    _, _, block = _made(target)
+    with pytest.raises(InputError, match=why):
+        block.by_hand(block.image(), 50.0)
 
 
 def test_without_a_manual_mode_no_dead_man_is_promised(served):

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
+from heatertune.errors import InputError
 from heatertune.live.cells import STRUCTS, Signal, checked, field_of
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
@@ -127,6 +128,7 @@ class Layout:
         setpoint, reading, power: places of setpoint, reading and output.
         mode: place of what tells manual from automatic; None: it has none.
         manual_is: what stands there in manual, 0 or 1; in automatic it is the other.
+        hand: place of the power in manual [%]; None: there is none, or not beside the mode.
         words: word → its place.
         inputs: what the controller's `scan_all` reads → its place.
         state: field of the controller's state → its place, as far as the real block keeps it where clients reach it.
@@ -144,6 +146,7 @@ class Layout:
     power: Place
     mode: Place | None = None
     manual_is: int = 0
+    hand: Place | None = None
     words: Mapping[str, Place]
     inputs: Mapping[str, Place] = field(default_factory=dict)
     state: Mapping[str, Place] = field(default_factory=dict)
@@ -221,9 +224,10 @@ class Laid:
 
     def _signal(self, place: Place, raw: tuple[float, float] = (0.0, 1.0),
                 shown: tuple[float, float] = (0.0, 1.0)) -> Signal:
-        """Return what stands at a place; where registers are anywhere, byte 2·r is register r."""
-        start = next((2 * run.first + place.byte - run.byte for run in self.registers
-                      if run.byte <= place.byte < run.byte + 2 * run.size), place.byte)
+        """Return what stands at a place; of registers that are not in a row, register r is at byte 2·r."""
+        start = place.byte if len(self.registers) < 2 else next(
+            2 * run.first + place.byte - run.byte for run in self.registers
+            if run.byte <= place.byte < run.byte + 2 * run.size)
         return Signal(start, place.format, raw, shown, place.turned)
 
     def ask(self, cells: bytearray, running: Running, setpoint: Number) -> None:  # noqa: ARG002 - some need them
@@ -278,6 +282,18 @@ class Laid:
         """Put it in automatic."""
         if self.layout.mode is not None:
             self.layout.mode.write(cells, 1 - self.layout.manual_is)
+
+    def by_hand(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
+        """Return mode and power, side by side; see `heatertune.live.blocks.Block`."""
+        mode, hand = self.layout.mode, self.layout.hand
+        if mode is None or hand is None:
+            why = "no manual mode here" if mode is None else "mode and power in manual where no one request writes both"
+            raise InputError(f"{self._controller.name} has {why}: set the powers by hand, and record")
+        image = bytearray(cells)
+        mode.write(image, self.layout.manual_is)
+        hand.write(image, power_pct)
+        begin, end = min(mode.byte, hand.byte), max(mode.part.stop, hand.part.stop)
+        return begin, bytes(image[begin:end])
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word; errors as `heatertune.live.cells`."""

@@ -84,9 +84,9 @@ class _VMemory:
         """Return nothing.
 
         Raises:
-            InputError: always: this program has no manual mode.
+            InputError: always: these programs have no manual mode.
         """
-        raise InputError("the exported program of s7-200-pid has no manual mode: switch by hand, and record it")
+        raise InputError("the exported programs of the S7-200 have no manual mode: switch by hand, and record it")
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word that stands in V memory; errors as `heatertune.live.cells`."""

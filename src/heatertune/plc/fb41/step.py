@@ -19,8 +19,7 @@ from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.cpu.s7_300.real import clamp, quotient, real
 from heatertune.plc.open_points import Switch
 
-__all__ = ["Assumptions", "Parameters", "State", "call", "outcome", "restart", "scaled", "scan",
-           "step"]
+__all__ = ["Assumptions", "Parameters", "State", "call", "outcome", "restart", "scaled", "scan", "step"]
 
 _PERCENT: Final = 100.0
 
