@@ -29,7 +29,7 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.core import Core, Running
 from heatertune.plc.fb41.controller import ContC
-from heatertune.plc.fb41.step import _outcome, call, restart, scaled
+from heatertune.plc.fb41.step import call, outcome, restart, scaled
 from heatertune.plc.fb41.words import parameters_of
 from heatertune.plc.weg.controller import Weg
 from heatertune.plc.weg.step import COLD, State, block_of
@@ -53,7 +53,7 @@ def step_contc(parameters, state, setpoint, reading, _begins):
     plain, held, assume = parameters
     asked, _ = scaled(plain, setpoint)
     pv, os = scaled(plain, reading)
-    return _outcome(call(held if state.at_upper else plain, assume, state, asked, pv, os))
+    return outcome(call(held if state.at_upper else plain, assume, state, asked, pv, os))
 
 
 def step_weg(parameters, state, setpoint, reading, begins):

@@ -29,9 +29,11 @@ def heater():
 
 
 def words_of(target, scaling=None):
-    design = PidDesign(gain_pct_per_degC=6.0, integral_time_s=110.0, derivative_time_s=0.0, sample_time_s=4.0, structure="pi",
-                       method="")
-    return controller_for(target).encode(design, scaling or Scaling())
+    """Return words with an interval of 4 s, or the nearest that an instrument has."""
+    controller = controller_for(target)
+    design = PidDesign(gain_pct_per_degC=6.0, integral_time_s=110.0, derivative_time_s=0.0,
+                       sample_time_s=min(4.0, controller.timer.longest_s), structure="pi", method="")
+    return controller.encode(design, scaling or Scaling())
 
 
 @pytest.fixture(scope="session")
@@ -114,14 +116,14 @@ def client(served, protocol="s7"):
         one.close()
 
 
-def stepped(asking, scans, upto=0):
-    """Release scans one by one from outside, and return both blocks after each."""
+def stepped(asking, scans, upto=0, block=(DB, LENGTH)):
+    """Release scans one by one from outside, and return both blocks after each; block: number and bytes, None: the simulator's alone."""
     rows = []
     for number in range(upto + 1, upto + scans + 1):
         asking.write(OWN, 8, struct.pack(">I", number))
         while Told(own := asking.read(OWN, 0, OWN_LENGTH)).intervals < number:
             pass
-        rows.append((own, asking.read(DB, 0, LENGTH)))
+        rows.append((own, asking.read(block[0], 0, block[1]) if block else b""))
     return rows
 
 

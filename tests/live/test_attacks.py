@@ -11,12 +11,9 @@ from threading import Thread
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.conftest import tried
-from tests.live.conftest import DB, FAILED, LENGTH, client, words_of
+from tests.live.conftest import DB, FAILED, LENGTH, client
 
-from heatertune.live.blocks import block_for
 from heatertune.live.memory import OWN, OWN_LENGTH, Memory, Refusal, Told
-from heatertune.plc import controller_for
 
 _REQUEST = bytes.fromhex("0300001f02f080320100000001000e00000401120a10020062001e84000000")  # S7: read 98 bytes of DB 30
 
@@ -107,39 +104,6 @@ def test_several_items_or_a_bit_in_one_write_are_refused_not_half_done(served):
         with pytest.raises(FAILED):
             asking.client.write_area(Area.DB, DB, 8 * 2, bytearray(b"\1"), WordLen.Bit)
         assert asking.read(DB, 0, 36) == before
-
-
-@pytest.mark.parametrize("target", ["s5-ob251", "s7-200-pid"])
-@given(content=st.data())
-def test_a_scan_takes_any_pattern_of_bits(target, content):
-    controller, words = controller_for(target), words_of(target)
-    block = block_for(controller, words, {})
-    cells, state = bytearray(block.image()), block.begin()
-    state, *_ = block.scan(cells, state, controller.measure(words, 50.0), controller.measure(words, 22.0))
-    for _ in range(3):
-        place = content.draw(st.integers(0, len(cells) - 1))
-        what = content.draw(st.binary(min_size=1, max_size=len(cells) - place))
-        cells[place : place + len(what)] = what
-        setpoint, reading = (content.draw(st.sampled_from([controller.measure(words, t) for t in (-9.0, 22.0, 50.0, 200.0)]))
-                             for _ in range(2))
-        length = len(cells)
-        state, power, _, _ = block.scan(cells, state, setpoint, reading)
-        assert len(cells) == length
-        assert 0.0 <= power <= 100.0 or power != power  # noqa: PLR0124 - what is no number the loop takes as none
-
-
-@pytest.mark.brute
-@pytest.mark.long
-@pytest.mark.parametrize("target", ["s5-ob251", "s7-200-pid"])
-def test_whole_random_blocks_stop_no_plc(target):
-    controller, words, chance = controller_for(target), words_of(target), random.Random(9)
-    block = block_for(controller, words, {})
-    cells, state = bytearray(block.image()), block.begin()
-    for _ in range(tried(3_000, 30_000)):
-        if chance.random() < 0.5:
-            cells[:] = chance.randbytes(len(cells))
-        state, power, _, _ = block.scan(cells, state, controller.measure(words, 50.0), controller.measure(words, chance.uniform(-9, 130)))
-        assert 0.0 <= power <= 100.0 or power != power  # noqa: PLR0124
 
 
 @given(number=st.integers(-1, 2000), start=st.integers(-5, 120), content=st.binary(max_size=120))

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from heatertune.plc.core import Sensor
-from heatertune.plc.single import divided, is_single, narrowed, single
+from heatertune.plc.single import divided, exponential, is_single, narrowed, single
 from heatertune.plc.words import holds
 
 singles = st.floats(width=32, allow_nan=False)
@@ -25,6 +25,12 @@ def test_one_rounding_after_each_operation(a, b):
         assert _same(single(a - b), x - y)
         assert _same(single(a * b), x * y)
         assert _same(divided(a, b), x / y)
+
+
+@given(power=singles | st.floats(-110.0, 95.0, width=32))
+def test_an_exponential_beyond_the_largest_single_is_infinite(power):
+    with np.errstate(all="ignore"):
+        assert _same(exponential(power), np.float32(np.exp(np.float64(power))))
 
 
 @given(value=st.floats(allow_nan=False, allow_infinity=False))

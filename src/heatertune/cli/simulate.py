@@ -33,7 +33,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("directory", metavar="DIR", nargs="?", help="folder that heatertune design wrote")
     command.add_argument("--serve", action="append", default=[], metavar="NAME",
-                         help=f"protocol: {', '.join(_SERVED)} (default: s7); may be repeated")
+                         help=f"protocol: {', '.join(_SERVED)} (default: what reaches the controller); may be repeated")
     command.add_argument("--port", action="append", type=int, default=[], metavar="N",
                          help="port of each protocol, in turn (default: one that is free)")
     pace = command.add_argument_group("time")
@@ -69,7 +69,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.live.serve import Simulation, read_folder, virtual_plc  # noqa: PLC0415
 
     simulation = Simulation(
-        serve=tuple(settings.serve) or ("s7",), ports=tuple(settings.port), rate=_rate(settings.rate),
+        serve=tuple(settings.serve), ports=tuple(settings.port), rate=_rate(settings.rate),
         step=settings.step, intervals=settings.scans, sample=settings.sample, story=settings.story,
         faults=tuple(settings.fault), dead_man=settings.dead_man)
     words, model, conditions = read_folder(settings.directory)
@@ -101,6 +101,7 @@ def _document(settings: argparse.Namespace, served: VirtualPlcServed, simulation
     return {
         "schema": "heatertune/simulate/1", "target": served.target, "directory": settings.directory,
         "addresses": addresses, "block": served.number, "bytes": served.length, "told": served.block,
+        "registers": [[run.first, run.first + run.size - 1] for run in served.registers],
         "scan_s": served.scan_s, "pace": "a client releases each" if simulation.step else _pace(simulation.rate),
         "sample": simulation.sample, "faults": list(simulation.faults),
     }
@@ -123,5 +124,6 @@ def _lines(document: Mapping[str, Any]) -> str:
 def _found(protocol: str, document: Mapping[str, Any]) -> str:
     """Return where a client finds the block, and the simulator's own."""
     if protocol == "modbus":
-        return f"unit 1, registers 0…{document['bytes'] // 2 - 1} ({document['told']}); its own from 1000 on"
+        runs = ", ".join(f"{first}" if first == last else f"{first}…{last}" for first, last in document["registers"])
+        return f"unit 1, registers {runs} ({document['told']}); its own from 1000 on"
     return f"rack 0, slot 2, DB{document['block']} ({document['told']}); its own: DB1000"

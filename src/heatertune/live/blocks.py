@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any, Final, Protocol
 
 from heatertune.live.cells import Signal
+from heatertune.live.layout import Run
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import assumed
@@ -22,6 +23,8 @@ class Block(Protocol):
         number: of the block; for an S7-200, whose V memory it is, 1.
         told: what it is, a few words.
         manual: whether clients can put the controller in manual.
+        speaks: the protocols that reach it, the first without being asked for.
+        registers: where Modbus finds its words; none: word w is register w.
         signals: where it shows temperature [°C], power [%] and setpoint [°C], by these names.
         words: word → where it stands; a word that stands elsewhere in the PLC is none of them.
         by_hand: words that are the operator's while the controller is in manual.
@@ -30,6 +33,8 @@ class Block(Protocol):
 
     number: int
     told: str
+    speaks: tuple[str, ...]
+    registers: Sequence[Run]
     manual: bool
     signals: Mapping[str, Signal]
     words: Mapping[str, Signal]
@@ -90,7 +95,11 @@ class Block(Protocol):
 
 #: target → module and class of its block; only what is served is loaded
 SERVED: Final[Mapping[str, tuple[str, str]]] = {
-    "s5-ob251": ("ob251", "Ob251Block"), "s7-200-pid": ("s7_200", "VMemory"),
+    "s5-ob251": ("ob251", "Ob251Block"), "s7-200": ("s7_200", "PaperMemory"), "s7-200-pid": ("s7_200", "PidMemory"),
+    "s7-300": ("s7_300", "PidTipBlock"), "fb41": ("fb41", "ContCBlock"), "pid-compact": ("pid_compact", "CompactBlock"),
+    "pid-temp": ("pid_compact", "TempBlock"), "weg": ("weg", "WegBlock"), "iec-pid": ("iec_pid", "IecPidBlock"),
+    **dict.fromkeys(
+        ("pband", "omron-e5cc", "eurotherm-3200", "jumo-dicon", "omega-cn7800"), ("instrument", "InstrumentBlock")),
 }
 
 

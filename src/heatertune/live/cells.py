@@ -10,7 +10,7 @@ from heatertune.errors import OutOfRange, UnknownName
 from heatertune.plc.single import single
 from heatertune.plc.words import FORMATS, WordField
 
-__all__ = ["STRUCTS", "Signal", "bytes_of", "field_of"]
+__all__ = ["STRUCTS", "Signal", "bytes_of", "checked", "field_of"]
 
 #: format → how its bytes stand, the high one first
 STRUCTS: Final = {"INT": ">h", "KF": ">h", "KM": ">H", "WORD": ">H", "UINT": ">H", "REAL": ">f", "TIME": ">i",
@@ -25,12 +25,14 @@ class Signal(NamedTuple):
         format: of `STRUCTS`.
         raw: two numbers as they stand there.
         shown: what they mean, in the quantity's unit; the scale is straight.
+        turned: whether the low one of two words comes first.
     """
 
     start: int
     format: str
     raw: tuple[float, float] = (0.0, 1.0)
     shown: tuple[float, float] = (0.0, 1.0)
+    turned: bool = False
 
     @property
     def size(self) -> int:
@@ -39,7 +41,8 @@ class Signal(NamedTuple):
 
     def of(self, content: bytes, begin: int = 0) -> float:
         """Return the quantity in bytes of the block that begin at one of its bytes."""
-        found: float = struct.unpack_from(STRUCTS[self.format], content, self.start - begin)[0]
+        own = content[self.start - begin : self.start - begin + self.size]
+        found: float = struct.unpack(STRUCTS[self.format], own[2:] + own[:2] if self.turned else own)[0]
         (raw_0, raw_1), (shown_0, shown_1) = self.raw, self.shown
         return shown_0 + (found - raw_0) * (shown_1 - shown_0) / (raw_1 - raw_0)
 
@@ -56,8 +59,8 @@ def field_of(fields: Sequence[WordField], name: str) -> WordField:
     raise UnknownName("word", name, [field.name for field in fields])
 
 
-def bytes_of(field: WordField, value: float) -> bytes:
-    """Return a number as the word's bytes; whatever its format holds goes, as on a real PLC.
+def checked(field: WordField, value: float) -> float:
+    """Return a number as the word's format has it; whatever that holds goes, as on a real PLC.
 
     Raises:
         OutOfRange: a number that the format does not hold.
@@ -67,4 +70,9 @@ def bytes_of(field: WordField, value: float) -> bytes:
     if not low <= value <= high or (whole and value != int(value)):
         kind = "a whole number" if whole else "a number"
         raise OutOfRange(f"word {field.name}", value, f"{kind} {low:.9g}…{high:.9g}")
-    return struct.pack(STRUCTS[field.format], int(value) if whole else single(value))
+    return int(value) if whole else single(value)
+
+
+def bytes_of(field: WordField, value: float) -> bytes:
+    """Return a number as the word's bytes; raise OutOfRange as `checked`."""
+    return struct.pack(STRUCTS[field.format], checked(field, value))

@@ -1,4 +1,7 @@
-"""A virtual PLC over Modbus TCP: word w of the block is holding register w, the simulator's begin at 1000."""
+"""A virtual PLC over Modbus TCP: the block's words as holding registers, the simulator's own from 1000 on.
+
+Where a block says no other registers, its word w is register w.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from pymodbus.constants import ExcCodes
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
+from heatertune.live.layout import Run
 from heatertune.live.memory import OWN, Access, Refusal
 from heatertune.live.plc import VirtualPlc
 
@@ -40,6 +44,7 @@ class ModbusServer:
             listener: on loopback; its port is taken over.
         """
         self._memory, self._address = plc.memory, listener.getsockname()
+        self._runs = {OWN: [Run(FIRST, 0, self._memory.size(OWN) // 2)], self._memory.main: plc.registers}
         self._ready, self._problem = Event(), ""
         self._listener = listener
         self._loop = asyncio.new_event_loop()
@@ -62,10 +67,9 @@ class ModbusServer:
 
     async def _until_stopped(self) -> None:
         self._end = asyncio.Event()
-        blocks = [(0, self._memory.main), (FIRST, OWN)]
+        runs = sorted(run for each in self._runs.values() for run in each)
         device = SimDevice(id=UNIT, action=self._accessed, simdata=[
-            SimData(first, count=self._memory.size(number) // 2, values=0, datatype=DataType.REGISTERS)
-            for first, number in blocks])
+            SimData(run.first, count=run.size, values=0, datatype=DataType.REGISTERS) for run in runs])
         server = ModbusTcpServer(device, address=self._address)
         create = self._loop.create_server
         server.call_create = lambda: create(server.handle_new_connection, sock=self._listener)
@@ -84,14 +88,22 @@ class ModbusServer:
         """Give the library the registers that it is to read, or take those that it has to write."""
         if function not in _HOLDING:
             return ExcCodes.ILLEGAL_FUNCTION
-        first, number = (FIRST, OWN) if address >= FIRST else (0, self._memory.main)
+        number, place = self._place(address, len(values) if values else count)
         try:
             if values:
-                self._memory.write(number, 2 * (address - first), b"".join(v.to_bytes(2, "big") for v in values))
+                self._memory.write(number, place, b"".join(v.to_bytes(2, "big") for v in values))
             else:
-                found = self._memory.read(number, 2 * (address - first), 2 * count)
+                found = self._memory.read(number, place, 2 * count)
                 registers[address - start : address - start + count] = [
                     int.from_bytes(found[at : at + 2], "big") for at in range(0, len(found), 2)]
         except Refusal as refused:
             return _CODES[refused.why]
         return None
+
+    def _place(self, address: int, count: int) -> tuple[int, int]:
+        """Return block and first byte of registers; a place that is none where they are not in one run."""
+        for number, runs in self._runs.items():
+            for run in runs:
+                if run.first <= address and address + count <= run.first + run.size:
+                    return number, run.byte + 2 * (address - run.first)
+        return self._memory.main, -1

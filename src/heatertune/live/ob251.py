@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Sequence
 from typing import Final
 
 from heatertune.live.cells import Signal, bytes_of, field_of
+from heatertune.live.layout import BOTH, Run
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.ramp import Number
@@ -44,6 +46,7 @@ _CONTROL: Final = 2 * PLACES["STEU"]
 _STEU: Final = _CONTROL + 1  # its low byte
 #: no call gives a number beyond it: what is found there was never one
 _MOST: Final = 1e15
+_MOST_DIFFERENCE: Final = 4 * 32768  # of two errors, each of which is one of two words
 _CALLS: Final = 4
 
 
@@ -53,6 +56,8 @@ class Ob251Block:
     number, manual = DB, True
     told, undone_by = "49 words", ""
     by_hand = ("STEU", "YH")
+    speaks = BOTH
+    registers: Sequence[Run] = ()
 
     def __init__(self, controller: Controller, words: Words, assume: Assumptions) -> None:
         """Take words that run under assumptions.
@@ -71,7 +76,7 @@ class Ob251Block:
         self.words["STEU"] = Signal(_STEU, "BYTE")  # the high byte belongs to the operating system
         self._asked: Number | None = None
         self._words, self._parameters = b"", parameters_of(words.whole)
-        self._kept = b""
+        self._kept = self._image[_BEGIN:]
 
     def image(self) -> bytes:
         """Return the block as it is keyed in."""
@@ -140,17 +145,21 @@ def _keep(cells: bytearray, state: State) -> None:
 def _found(cells: bytearray, state: State, kept: bytes) -> State:
     """Return the state as the cells have it, where somebody has written to them since; inputs are none of it."""
     now = bytearray(cells[_BEGIN:])
-    if kept:
-        for place in (_X, _Z, _XZ):
-            at = place - _BEGIN
-            now[at : at + 2] = kept[at : at + 2]
-    if not kept or now == kept:
+    for place in (_X, _Z, _XZ):
+        at = place - _BEGIN
+        now[at : at + 2] = kept[at : at + 2]
+    if now == kept:
         return state
     error, change, side, calls, other_change, other, disturbance, derivative, total, output = _STATE.unpack(now)
     return State(
-        error=float(error), error_change=float(change), substitute=float(other),
+        error=_difference(error), error_change=_difference(change), substitute=float(other),
         substitute_change=float(other_change), derivative=_real(derivative), disturbance=float(disturbance),
         total=_real(total), output=output, at_limit=(side > 0) - (side < 0), approach=min(max(calls, 0), _CALLS))
+
+
+def _difference(found: int) -> float:
+    """Return an error or its change that calls could have left, 0 for another."""
+    return float(found) if abs(found) <= _MOST_DIFFERENCE else 0.0
 
 
 def _real(found: float) -> float:

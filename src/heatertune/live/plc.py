@@ -17,6 +17,7 @@ from typing import Any, Final
 
 from heatertune.live.blocks import Block
 from heatertune.live.faults import Fault
+from heatertune.live.layout import Run
 from heatertune.live.memory import Memory
 from heatertune.live.plan import Plan
 from heatertune.plc.core import Core
@@ -58,6 +59,7 @@ class VirtualPlc:
 
     Attributes:
         memory: what clients read and write.
+        registers: where Modbus finds the words of the controller's block.
         failed: what ended the loop by a fault of heatertune's own, else None.
     """
 
@@ -75,6 +77,7 @@ class VirtualPlc:
         """
         self._plan, self._block, self._measured, self._pace = plan, block, measure, pace
         self.memory = Memory(block.number, block.image(), plan.loop.scan_s)
+        self.registers = block.registers or [Run(0, 0, self.memory.size(block.number) // 2)]
         self._scan_s, self._ambient, self._dead_man = plan.loop.scan_s, plan.row[4], dead_man_scans
         self._intervals = self._scans = self._silent = self._status = 0
         self._seen = (plan.row[5], 0.0, 0.0, 0.0)

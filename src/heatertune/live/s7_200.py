@@ -1,16 +1,18 @@
-"""V memory of an S7-200 that runs the program of the PID instruction, in a virtual PLC.
+"""V memory of an S7-200 in a virtual PLC.
 
-The program itself lives in that memory: loop table, setpoint and counters stand where it has them, its first scan
-types the words in, and what a client writes there is what the next interrupt finds.
+The program itself lives in that memory: its cells stand where it has them, its first scan types the words in, and what
+a client writes there is what the next interrupt finds. Inputs, outputs and special memory stand elsewhere: of the
+paper's program the setpoint is an analog adjustment, SMB28, and of both the pulse width SMW70.
 """
 
 from __future__ import annotations
 
-import struct
-from typing import Final
+from collections.abc import Sequence
+from typing import Any, Final
 
 from heatertune.errors import InputError
 from heatertune.live.cells import Signal, bytes_of, field_of
+from heatertune.live.layout import BOTH, Place, Run
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.cpu.s7_200 import State
@@ -18,34 +20,35 @@ from heatertune.plc.cpu.s7_200.cells import V_BEGIN, V_END, cell
 from heatertune.plc.cpu.s7_200.cycle import run_cycle
 from heatertune.plc.cpu.s7_200.memory import put_word
 from heatertune.plc.cpu.s7_200.state import own, restarted
+from heatertune.plc.cpu.s7_200.wiring import COUNTS
 from heatertune.plc.ramp import Number
-from heatertune.plc.s7_200_pid.step import Assumptions
+from heatertune.plc.s7_200.step import step
 from heatertune.plc.s7_200_pid.words import FULL, SETPOINT, TABLE
 from heatertune.plc.single import divided
 
-__all__ = ["VMemory"]
+__all__ = ["PaperMemory", "PidMemory"]
 
-_READING: Final = cell("AIW0", 2).start
-_SETPOINT: Final = cell(SETPOINT, 4).start - V_BEGIN
-#: process variable and output in the loop table, as shares (System Manual, table 9-19)
-_VARIABLE: Final = TABLE
-_OUTPUT: Final = TABLE + 8
+_ANALOG: Final = cell("AIW0", 2).start
+#: setpoint, process variable and output in the loop table, as shares (System Manual, table 9-19)
+_READING, _SETPOINT, _POWER = Place(TABLE, "REAL"), Place(int(SETPOINT[2:]), "REAL"), Place(TABLE + 8, "REAL")
 _WIDTHS: Final = {"VD": 4, "VW": 2}
 _V: Final = slice(V_BEGIN, V_END)
 
 
-class VMemory:
+class _VMemory:
     """512 bytes of V memory, which S7 clients find as DB 1; see `heatertune.live.blocks.Block`."""
 
     number, manual = 1, False
     told, by_hand = "V memory", ()
     undone_by = "the first scan after a start-up types in the words of the program that is loaded"
+    speaks = BOTH
+    registers: Sequence[Run] = ()
 
-    def __init__(self, controller: Controller, words: Words, assume: Assumptions) -> None:
+    def __init__(self, controller: Controller, words: Words, assume: Any) -> None:
         """Take words that run under assumptions.
 
         Args:
-            controller: the PID instruction's.
+            controller: one of the S7-200's.
             words: that its program types in at the first scan.
             assume: what the manual leaves open.
         """
@@ -53,9 +56,7 @@ class VMemory:
         self.words = {field.name: Signal(int(field.address[2:]), field.format) for field in self._fields}
         self._timed, self._cold = controller.begin(words, assume)
         self._asked: Number | None = None
-        degC = words.scaling.low_degC, words.scaling.high_degC
-        shown = {"temperature": (_VARIABLE, degC), "power": (_OUTPUT, (0.0, 100.0)), "setpoint": (_SETPOINT, degC)}
-        self.signals = {name: Signal(place, "REAL", shown=scale) for name, (place, scale) in shown.items()}
+        self.signals = self._signals((words.scaling.low_degC, words.scaling.high_degC))
 
     def image(self) -> bytes:
         """Return the memory before the first scan."""
@@ -65,17 +66,9 @@ class VMemory:
         """Return a CPU before its first scan."""
         return own(self._cold)
 
-    def scan(self, cells: bytearray, state: State, setpoint: Number, reading: Number) -> tuple[State, float, int, int]:
-        """Run one PWM cycle; see `heatertune.live.blocks.Block`."""
-        if setpoint != self._asked:
-            struct.pack_into(">f", cells, _SETPOINT, divided(float(setpoint), float(FULL)))
-            self._asked = setpoint
-        memory = state.memory
-        memory[_V] = cells
-        put_word(memory, _READING, int(reading))
-        power, width, faults = run_cycle(self._timed, memory)
-        cells[:] = memory[_V]
-        return state, power, width, faults & 1
+    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
+        """Return what it shows; `degC` are both ends of the sensor."""
+        raise NotImplementedError
 
     def restarted(self, state: State) -> State:
         """Return the state after a start-up that finds V memory as it was."""
@@ -83,7 +76,7 @@ class VMemory:
         return restarted(None, self._cold, state)
 
     def in_manual(self, _cells: bytes | bytearray) -> bool:
-        """Return False: this program has no manual mode."""
+        """Return False: these programs have no manual mode."""
         return False
 
     def into_automatic(self, _cells: bytearray) -> None:
@@ -93,12 +86,46 @@ class VMemory:
         """Return nothing.
 
         Raises:
-            InputError: always: this program has no manual mode.
+            InputError: always: these programs have no manual mode.
         """
-        raise InputError("the exported program of s7-200-pid has no manual mode: switch by hand, and record it")
+        raise InputError("the exported programs of the S7-200 have no manual mode: switch by hand, and record it")
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word that stands in V memory; errors as `heatertune.live.cells`."""
         field = field_of(self._fields, name)
         content, place = bytes_of(field, value), self.words[name].start
         cells[place : place + len(content)] = content
+
+
+class PidMemory(_VMemory):
+    """Of the program of the PID instruction: its loop table, REALs as shares of the range, begins at VB100."""
+
+    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
+        shown = {"temperature": (_READING, degC), "power": (_POWER, (0.0, 100.0)), "setpoint": (_SETPOINT, degC)}
+        return {name: Signal(place.byte, "REAL", shown=scale) for name, (place, scale) in shown.items()}
+
+    def scan(self, cells: bytearray, state: State, setpoint: Number, reading: Number) -> tuple[State, float, int, int]:
+        """Run one PWM cycle; see `heatertune.live.blocks.Block`."""
+        if setpoint != self._asked:
+            _SETPOINT.write(cells, divided(float(setpoint), float(FULL)))
+            self._asked = setpoint
+        memory = state.memory
+        memory[_V] = cells
+        put_word(memory, _ANALOG, int(reading))
+        power, width, faults = run_cycle(self._timed, memory)
+        cells[:] = memory[_V]
+        return state, power, width, faults & 1
+
+
+class PaperMemory(_VMemory):
+    """Of the paper's program, repaired: reading in VW0, error in VW10."""
+
+    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
+        return {"temperature": Signal(0, "INT", (0, COUNTS), degC)}
+
+    def scan(self, cells: bytearray, state: State, setpoint: Number, reading: Number) -> tuple[State, float, int, int]:
+        """Run one PWM cycle; see `heatertune.live.blocks.Block`."""
+        state.memory[_V] = cells
+        outcome = step(self._timed, state, int(setpoint), int(reading), True)
+        cells[:] = state.memory[_V]
+        return outcome

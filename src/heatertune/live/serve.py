@@ -38,7 +38,7 @@ class Simulation:
     """How a virtual PLC is served and what happens to it.
 
     Attributes:
-        serve: protocols, of `heatertune.live.client.client.LIBRARIES`.
+        serve: protocols, of `heatertune.live.client.client.LIBRARIES`; none: the first that reaches the controller.
         ports: for them, in turn; 0, or none: one that is free.
         rate: so many times as fast as a real heater; infinite: as fast as it can.
         step: whether a client releases each interval.
@@ -49,12 +49,12 @@ class Simulation:
         dead_man: scans in manual without a heartbeat, after which the controller goes to automatic; 0: it stays.
 
     Raises:
-        InputError: no protocol, one twice, more ports than protocols, both a rate and steps, a fault that is none.
+        InputError: a protocol twice, more ports than protocols, both a rate and steps, a fault that is none.
         OutOfRange: a number without meaning.
         UnknownName: no such protocol or fault.
     """
 
-    serve: tuple[str, ...] = ("s7",)
+    serve: tuple[str, ...] = ()
     ports: tuple[int, ...] = ()
     rate: float = 1.0
     step: bool = False
@@ -68,10 +68,10 @@ class Simulation:
         for protocol in self.serve:
             if protocol not in LIBRARIES:
                 raise UnknownName("protocol", protocol, LIBRARIES)
-        if not self.serve or len(set(self.serve)) != len(self.serve):
+        if len(set(self.serve)) != len(self.serve):
             raise InputError(f"--serve needs each protocol once, of {', '.join(LIBRARIES)}")
-        if len(self.ports) > len(self.serve):
-            raise InputError(f"{len(self.ports)} ports for {len(self.serve)} protocols")
+        if len(self.ports) > max(len(self.serve), 1):
+            raise InputError(f"{len(self.ports)} ports for {max(len(self.serve), 1)} protocols")
         for port in self.ports:
             check("port", port, least=0, most=_MOST_PORT)
         if not self.rate > 0.0:
@@ -96,6 +96,7 @@ class VirtualPlcServed:
         addresses: protocol → host and port.
         block: of the controller, a few words.
         number, length: of that block, and its bytes.
+        registers: where Modbus finds its words.
         target: the controller's name.
         scan_s: time of the plant between two scans [s].
     """
@@ -105,6 +106,7 @@ class VirtualPlcServed:
         pace = Pace(rate=settings.rate, by_client=settings.step, intervals=settings.intervals)
         self.plc = VirtualPlc(plan, block, measure, pace, dead_man_scans=settings.dead_man)
         self.block, self.number, self.length = block.told, block.number, self.plc.memory.size(block.number)
+        self.registers = self.plc.registers
         assert plan.loop.words is not None
         self.target, self.scan_s = plan.loop.words.target, plan.loop.scan_s
         self.addresses: dict[str, tuple[str, int]] = {}
@@ -198,7 +200,7 @@ def virtual_plc(
     """
     given = replace(settings or Simulation(), **_tuples(changed))
     for protocol in given.serve:
-        demand_library(protocol)
+        demand_library(protocol)  # before anything is made
     if not isinstance(source, Words):
         words, model, made_for = read_folder(source)
         conditions = made_for if conditions is None else conditions
@@ -207,7 +209,19 @@ def virtual_plc(
     else:
         words = source
     plan, block = _prepared(words, model, conditions or Conditions(), given)
+    given = _reaching(block, words.target, given)
     return VirtualPlcServed(plan, block, controller_for(words.target).core.measure, given)
+
+
+def _reaching(block: Block, target: str, settings: Simulation) -> Simulation:
+    """Return the settings with the protocols that are served; raise InputError for one that does not reach it."""
+    if not settings.serve:
+        settings = replace(settings, serve=block.speaks[:1])
+        demand_library(*settings.serve)
+    for protocol in settings.serve:
+        if protocol not in block.speaks:
+            raise InputError(f"--serve {protocol}: {target} is reached over {' and '.join(block.speaks)} alone")
+    return settings
 
 
 def _tuples(changed: Mapping[str, Any]) -> dict[str, Any]:
@@ -223,7 +237,7 @@ def _prepared(
     """Return what a virtual PLC is made of; errors as in `virtual_plc`."""
     timetable = settings.timetable
     if words.target not in SERVED:
-        raise InputError(f"simulate serves {', '.join(SERVED)}; {words.target} is not among them yet")
+        raise InputError(f"simulate serves {', '.join(SERVED)}; {words.target} is not among them")
     plan = plan_for(words, model, conditions, sample=settings.sample, story=settings.story,
                     faults=timetable)
     controller = controller_for(words.target)

@@ -16,10 +16,12 @@ import numpy as np
 
 from heatertune.compiled import runs_compiled_as
 
-__all__ = ["LARGEST", "divided", "is_single", "narrowed", "real_of", "single", "word_of"]
+__all__ = ["LARGEST", "divided", "exponential", "is_single", "narrowed", "real_of", "single", "word_of"]
 
 #: the largest number of single precision
 LARGEST: Final = 3.4028234663852886e38
+#: beyond it the exponential is no single
+_MOST_POWER: Final = 89.0
 
 
 def _single(value: float) -> float:
@@ -77,3 +79,8 @@ def divided(dividend: float, divisor: float) -> float:
     if dividend == 0.0 or math.isnan(dividend):
         return math.nan
     return math.copysign(math.inf, dividend) * math.copysign(1.0, divisor)
+
+
+def exponential(power: float) -> float:
+    """Return e to a power in single precision, infinite where it is too large."""
+    return math.inf if power > _MOST_POWER else single(math.exp(power))

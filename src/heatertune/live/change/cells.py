@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 from heatertune.errors import InputError
-from heatertune.live.blocks import SERVED, Block, block_for
+from heatertune.live.blocks import Block, block_for
 from heatertune.live.cells import Signal, bytes_of, field_of
 from heatertune.live.client.address import Address
 from heatertune.plc import Controller, Words, controller_for
@@ -15,6 +15,8 @@ from heatertune.plc.ramp import Number
 
 __all__ = ["Part", "Standing", "standing"]
 
+#: controllers whose words all stand in whole cells, which one look reads
+_KNOWN: Final = ("s5-ob251", "s7-200-pid")
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,9 +132,9 @@ def standing(words: Words, address: Address, switches: Mapping[str, str]) -> Sta
     Raises:
         InputError: heatertune does not know where this controller keeps them.
     """
-    if words.target not in SERVED:
-        raise InputError(f"words of {words.target} are not written to a PLC: where they stand there is not known; "
-                         f"known: {', '.join(SERVED)}")
+    if words.target not in _KNOWN:
+        raise InputError(f"words of {words.target} are not written to a PLC: which of its cells hold them all is not "
+                         f"known; known: {', '.join(_KNOWN)}")
     controller = controller_for(words.target)
     block = block_for(controller, words, switches)
     begin, end = _hull([*block.words.values(), *block.signals.values()])

@@ -19,7 +19,7 @@ from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.cpu.s7_300.real import clamp, quotient, real
 from heatertune.plc.open_points import Switch
 
-__all__ = ["Assumptions", "Parameters", "State", "call", "restart", "scaled", "scan", "step"]
+__all__ = ["Assumptions", "Parameters", "State", "call", "outcome", "restart", "scaled", "scan", "step"]
 
 _PERCENT: Final = 100.0
 
@@ -109,7 +109,7 @@ def scan(
         disturbance=inputs.get("DISV", p.disturbance), int_hold=bool(inputs.get("INT_HOLD", p.int_hold)),
     )
     if inputs.get("COM_RST", 0):
-        return _outcome(restart(p))
+        return outcome(restart(p))
     setpoint = inputs["SP_INT"] if "SP_INT" in inputs else scaled(p, int(inputs["SP_PER"]))[0]
     return _called(p, assume, state, setpoint, int(inputs["PV_PER"]))
 
@@ -118,10 +118,10 @@ def _called(
     p: Parameters, assume: Assumptions, state: State, setpoint: float, reading: int
 ) -> tuple[State, float, float, int]:
     pv, os = scaled(p, reading)
-    return _outcome(call(p, assume, state, setpoint, pv, os))
+    return outcome(call(p, assume, state, setpoint, pv, os))
 
 
-def _outcome(after: State) -> tuple[State, float, float, int]:
+def outcome(after: State) -> tuple[State, float, float, int]:
     """Return the state, LMN as power, LMN, and the flags as bits."""
     bits = int(after.at_upper) + 2 * int(after.at_lower) + 4 * int(after.overflow)
     return after, clamp(after.output, 0.0, 100.0), after.output, bits

@@ -15,12 +15,11 @@ leads further out, and, by V3 of the block, limited besides.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.open_points import Switch
-from heatertune.plc.single import LARGEST, divided, single
+from heatertune.plc.single import LARGEST, divided, exponential, single
 
 __all__ = ["COLD", "Assumptions", "Block", "State", "block_of", "scaled", "scan", "step"]
 
@@ -119,7 +118,7 @@ def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
 def _lag(assume: Assumptions, lag: float, gain_td: float, cycle: float) -> tuple[float, float]:
     """Return α and β for a lag, Kp·TD and a cycle; without a lag D lasts for one cycle, however it is sampled."""
     if assume.lag in (RAMP, STEP):
-        past = single(math.exp(-divided(cycle, lag)))
+        past = exponential(-divided(cycle, lag))
         if assume.lag == STEP and lag > 0.0:
             return past, divided(gain_td, lag)
         return past, single(divided(gain_td, cycle) * single(1.0 - past))

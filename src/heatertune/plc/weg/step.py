@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.open_points import Switch
-from heatertune.plc.single import LARGEST, divided, single
+from heatertune.plc.single import LARGEST, divided, exponential, single
 
 __all__ = ["BLOCK", "CALLER", "CLAMP", "COLD", "FREEZE", "SKIPPED", "Assumptions", "Block", "Inputs", "State",
            "block_of", "call", "scan", "step"]
@@ -273,4 +273,4 @@ def _kept(old: float, new: float) -> float:
 
 def _exact_share(ts: float, tau: float) -> float:
     """Return 1 − exp(−Ts/Tau)."""
-    return single(1.0 - single(math.exp(-divided(ts, tau))))
+    return single(1.0 - exponential(-divided(ts, tau)))

@@ -1,0 +1,155 @@
+"""A panel instrument in a virtual PLC: its Modbus registers, where its make has them.
+
+The parameters stand at the addresses of the make's table, in its digits. Setpoint, reading and output stand where the
+make's manual has them, as far as it was read; else at registers that are this simulator's own:
+
+- Omron E5CC: communications manual H175, section 5-1, two-byte mode;
+- Eurotherm 3200: HA028651, section 15.5;
+- Omega, Delta: a list of registers that counts from one less (process value 4095, set point 4096, output 4113);
+- JUMO diconTOUCH: B 703571.2.0, p. 18, which tells the setpoint alone, and that a float has its low word first.
+
+What stands between reading, setpoint and output reads 0 here, so that one request reads them all.
+
+An instrument refuses a number out of its range. Here such a number stands until the next sample, which puts the one
+before back and computes with that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, Final, NamedTuple
+
+from heatertune.live.cells import Signal
+from heatertune.live.layout import MODBUS, Laid, Layout, Place, registers
+from heatertune.plc import Words
+from heatertune.plc.controller import Controller
+from heatertune.plc.core import Running
+from heatertune.plc.pband.makes import MAKES, Make
+from heatertune.plc.pband.readback import number_of
+from heatertune.plc.pband.words import COUNTS
+from heatertune.plc.ramp import Number
+
+__all__ = ["PROCESS", "InstrumentBlock", "Process"]
+
+_LEAST, _MOST = -32768, 32767
+
+
+class Process(NamedTuple):
+    """Registers of what an instrument measures and does.
+
+    Attributes:
+        reading, output: registers.
+        setpoint: register that is written.
+        working: register that repeats the setpoint; None: none does.
+        floats: whether they are floats; else temperatures are in 0.1 °C and the output in 0.1 %.
+    """
+
+    reading: int
+    setpoint: int
+    output: int
+    working: int | None = None
+    floats: bool = False
+
+
+#: make → its registers; an ABB Commander 300 speaks no Modbus
+PROCESS: Final[Mapping[str, Process]] = {
+    "pband": Process(reading=0, setpoint=1, output=2),  # own
+    "omron-e5cc": Process(reading=0x2000, setpoint=0x2103, output=0x2004, working=0x2002),
+    "eurotherm-3200": Process(reading=1, setpoint=2, output=4, working=5),
+    "jumo-dicon": Process(reading=0x1231, setpoint=0x122F, output=0x1233, floats=True),  # reading and output: own
+    "omega-cn7800": Process(reading=0x1000, setpoint=0x1001, output=0x1012),
+}
+_OWN_WORDS: Final = 3  # of the generic one: its first parameter
+
+
+def _wanted(make: Make, process: Process) -> dict[str, tuple[int, str]]:
+    """Return name → register and format; of what an instrument measures and does beginning with a space."""
+    plain, size = ("REAL", 2) if process.floats else ("INT", 1)
+    wanted = {" reading": (process.reading, plain), " setpoint": (process.setpoint, plain),
+              " output": (process.output, plain)}
+    if process.working is not None:
+        wanted[" working"] = (process.working, plain)
+    for number, entry in enumerate(make.entries, start=_OWN_WORDS):
+        register = number_of(make, entry)
+        wanted[entry.name] = (number if register is None else register, "REAL" if entry.real else "INT")
+    taken = {register for register, _ in wanted.values()}
+    near = sorted((process.reading, process.working or process.setpoint, process.output))
+    between = [register for register in range(near[0], near[-1], size) if register not in taken]
+    return wanted | {f" {register}": (register, plain) for register in between}
+
+
+class InstrumentBlock(Laid):
+    """Registers without gaps in a block; see `heatertune.live.layout.Laid`."""
+
+    def __init__(self, controller: Controller, words: Words, assume: Any) -> None:
+        """Take words of a make; see `heatertune.live.layout.Laid`."""
+        make, process = MAKES[controller.name], PROCESS[controller.name]
+        places, runs = registers(_wanted(make, process), turned=process.floats)
+        named = {name: place for name, place in places.items() if name[0] != " "}
+        self.layout = Layout(
+            told=f"{len(named)} parameters and what it measures and does", speaks=MODBUS, registers=runs,
+            length=2 * sum(run.size for run in runs), setpoint=places[" setpoint"], reading=places[" reading"],
+            power=places[" output"], words=named)
+        self._working, self._digits = places.get(" working"), 1.0 if process.floats else 10.0
+        self._fields = {field.name: field for field in controller.fields}
+        self._measure = partial(controller.measure, words)
+        self._counts, self._written = 0, b""
+        super().__init__(controller, words, assume)
+        self._good = dict(words.values)
+
+    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:  # noqa: ARG002 - shown in °C
+        places = {"temperature": self.layout.reading, "power": self.layout.power,
+                  "setpoint": self._working or self.layout.setpoint}
+        return {name: self._signal(place, (0.0, self._digits)) for name, place in places.items()}
+
+    def ask(self, cells: bytearray, _running: Running, setpoint: Number) -> None:
+        """Write the setpoint's temperature; until somebody writes another, it is the number of counts itself."""
+        self._counts = int(setpoint)
+        self._show(cells, self.layout.setpoint, self._degC(setpoint))
+        self._written = bytes(cells[self.layout.setpoint.part])
+
+    def read_in(self, cells: bytearray, reading: Number) -> None:
+        """Write the reading's temperature."""
+        self._show(cells, self.layout.reading, self._degC(reading))
+
+    def run(
+        self, cells: bytearray, running: Running, state: Any, reading: Number
+    ) -> tuple[Any, float, Number, int]:
+        """Return what a sample gives."""
+        if bytes(cells[self.layout.setpoint.part]) != self._written:
+            self._take_setpoint(cells)
+        if self._working is not None:
+            self._working.write(cells, self.layout.setpoint.read(cells))
+        return self._controller.core.step(running.parameters, state, self._counts, int(reading), True)
+
+    def tell(self, cells: bytearray, _running: Running, _after: Any, output: Number) -> None:
+        """Write the output."""
+        self._show(cells, self.layout.power, output)
+
+    def _take_setpoint(self, cells: bytearray) -> None:
+        """Take what somebody has written; put the setpoint before back where it is no number of the range."""
+        found, scaling = self.layout.setpoint.read(cells), self._words.scaling
+        degC = found / self._digits
+        if scaling.low_degC <= degC <= scaling.high_degC:
+            self._counts, self._written = int(self._measure(degC)), bytes(cells[self.layout.setpoint.part])
+        else:
+            cells[self.layout.setpoint.part] = self._written
+
+    def _taken(self, cells: bytearray) -> Running:
+        for name, place in self.layout.words.items():
+            value = place.read(cells)
+            if self._fields[name].takes(value):
+                self._good[name] = value
+            else:
+                place.write(cells, self._good[name])
+        return super()._taken(cells)
+
+    def _degC(self, counts: Number) -> float:
+        scaling = self._words.scaling
+        return scaling.low_degC + scaling.span_degC * counts / COUNTS
+
+    def _show(self, cells: bytearray, place: Place, value: float) -> None:
+        """Write a number in the digits of its register."""
+        digits = value * self._digits
+        place.write(cells, digits if place.format == "REAL" else min(max(round(digits), _LEAST), _MOST))

@@ -1,0 +1,307 @@
+"""A controller's block whose cells stand at known places: one scan on them, by the controller's own step."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, NamedTuple
+
+from heatertune.errors import InputError
+from heatertune.live.cells import STRUCTS, Signal, checked, field_of
+from heatertune.plc import Words
+from heatertune.plc.controller import Controller
+from heatertune.plc.core import Running
+from heatertune.plc.ramp import Number
+from heatertune.plc.single import single
+
+__all__ = ["ALL", "BOTH", "MODBUS", "WORDS", "Laid", "Layout", "Place", "Run", "members", "registers"]
+
+#: protocols of a PLC whose block is a data block; Modbus has it word by word, as gateways give it
+BOTH: Final = ("s7", "modbus")
+#: of one that only Modbus reaches
+MODBUS: Final = ("modbus",)
+
+#: what a start-up leaves as before the first scan, see `Layout`
+WORDS: Final = "words"
+ALL: Final = "all"
+
+_STRUCTS: Final = {format_: struct.Struct(code) for format_, code in STRUCTS.items()}
+
+
+class Place(NamedTuple):
+    """Where a number stands in a block.
+
+    Attributes:
+        byte: its first.
+        format: BOOL, or of `heatertune.live.cells.STRUCTS`.
+        bit: of that byte, for a BOOL.
+        turned: whether the two words of a REAL stand with the low one first.
+    """
+
+    byte: int
+    format: str
+    bit: int = 0
+    turned: bool = False
+
+    @property
+    def part(self) -> slice:
+        """Its bytes."""
+        return slice(self.byte, self.byte + (1 if self.format == "BOOL" else _STRUCTS[self.format].size))
+
+    def read(self, cells: bytes | bytearray) -> Any:
+        """Return the number that stands there, whatever it is."""
+        if self.format == "BOOL":
+            return bool(cells[self.byte] >> self.bit & 1)
+        return _STRUCTS[self.format].unpack(self._turned(cells[self.part]))[0]
+
+    def write(self, cells: bytearray, value: Number) -> None:
+        """Write a number that the format holds; of a REAL the nearest single."""
+        if self.format == "BOOL":
+            cells[self.byte] = cells[self.byte] & ~(1 << self.bit) | bool(value) << self.bit
+        else:
+            number = single(value) if self.format == "REAL" else int(value)
+            cells[self.part] = self._turned(_STRUCTS[self.format].pack(number))
+
+    def _turned(self, content: bytes | bytearray) -> bytes | bytearray:
+        return content[2:] + content[:2] if self.turned else content
+
+
+class Run(NamedTuple):
+    """Modbus registers that stand one after the other.
+
+    Attributes:
+        first: register.
+        byte: of the block, where it stands.
+        size: how many.
+    """
+
+    first: int
+    byte: int
+    size: int
+
+
+def members(named: Sequence[tuple[str, str]]) -> dict[str, Place]:
+    """Return name → place for names and formats in the order of a data block of standard access.
+
+    Bits stand one after the other, all else from an even byte on.
+    """
+    found, byte, bit = dict[str, Place](), 0, 0
+    for name, format_ in named:
+        if format_ == "BOOL":
+            byte, bit = (byte + 1, 0) if bit > 7 else (byte, bit)
+            found[name] = Place(byte, format_, bit)
+            bit += 1
+            continue
+        byte, bit = byte + bool(bit), 0
+        found[name] = place = Place(byte + byte % 2, format_)
+        byte = place.part.stop
+    return found
+
+
+def registers(wanted: Mapping[str, tuple[int, str]], *, turned: bool = False) -> tuple[dict[str, Place], list[Run]]:
+    """Return name → place, and the runs, of registers that are anywhere; the block has them without gaps.
+
+    Args:
+        wanted: name → register and format.
+        turned: whether a REAL has its low word first.
+    """
+    found, runs, byte = dict[str, Place](), list[Run](), 0
+    for name, (register, format_) in sorted(wanted.items(), key=lambda each: each[1][0]):
+        found[name] = place = Place(byte, format_, turned=turned and format_ == "REAL")
+        size = (place.part.stop - byte) // 2
+        if runs and runs[-1].first + runs[-1].size == register:
+            runs[-1] = runs[-1]._replace(size=runs[-1].size + size)
+        else:
+            runs.append(Run(register, byte, size))
+        byte = place.part.stop
+    return found, runs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Where the cells of a block stand.
+
+    Attributes:
+        number, told, speaks, registers: see `heatertune.live.blocks.Block`.
+        length: of the block [bytes].
+        setpoint, reading, power: places of setpoint, reading and output.
+        mode: place of what tells manual from automatic; None: it has none.
+        manual_is: what stands there in manual, 0 or 1; in automatic it is the other.
+        hand: place of the power in manual [%]; None: there is none, or not beside the mode.
+        words: word → its place.
+        inputs: what the controller's `scan_all` reads → its place.
+        state: field of the controller's state → its place, as far as the real block keeps it where clients reach it.
+        first: place → what stands there before the first scan, of cells that are not words.
+        anew: what a start-up leaves as before the first scan: WORDS, ALL or nothing.
+    """
+
+    number: int = 1
+    told: str
+    speaks: tuple[str, ...] = BOTH
+    registers: Sequence[Run] = ()
+    length: int
+    setpoint: Place
+    reading: Place
+    power: Place
+    mode: Place | None = None
+    manual_is: int = 0
+    hand: Place | None = None
+    words: Mapping[str, Place]
+    inputs: Mapping[str, Place] = field(default_factory=dict)
+    state: Mapping[str, Place] = field(default_factory=dict)
+    first: Mapping[Place, Number] = field(default_factory=dict)
+    anew: str = ""
+
+
+class Laid:
+    """A controller's block, cell by cell; see `heatertune.live.blocks.Block`.
+
+    Attributes:
+        layout: where its cells stand.
+    """
+
+    layout: Layout
+
+    def __init__(self, controller: Controller, words: Words, assume: Any) -> None:
+        """Take words that run under assumptions.
+
+        Args:
+            controller: whose block it is.
+            words: that it holds at the beginning.
+            assume: what the manual leaves open.
+        """
+        layout = self.layout
+        self.number, self.told, self.manual = layout.number, layout.told, layout.mode is not None
+        self.speaks, self.registers = layout.speaks, layout.registers
+        self.signals = self._signals((words.scaling.low_degC, words.scaling.high_degC))
+        self.words, self.undone_by = dict[str, Signal](), ""  # heatertune write does not know it yet
+        self.by_hand: tuple[str, ...] = ()
+        self._controller, self._words, self._assume = controller, words, assume
+        self._running = controller.begin(words, assume)
+        self._asked: Number | None = None
+        self._anew = ""
+        cells = bytearray(layout.length)
+        for place, value in layout.first.items():
+            place.write(cells, value)
+        self.into_automatic(cells)
+        self._load(cells)
+        self._keep(cells, self._running.state)
+        self._image, self._held = bytes(cells), _parts(cells, layout.words)
+
+    def image(self) -> bytes:
+        """Return the block before the first scan."""
+        return self._image
+
+    def begin(self) -> Any:
+        """Return the cold state."""
+        return self._running.state
+
+    def scan(
+        self, cells: bytearray, state: Any, setpoint: Number, reading: Number
+    ) -> tuple[Any, float, Number, int]:
+        """Run one scan; see `heatertune.live.blocks.Block`."""
+        if self._anew == ALL:
+            cells[:] = self._image
+        elif self._anew == WORDS:
+            self._load(cells)
+        self._anew = ""
+        running = self._taken(cells)
+        if setpoint != self._asked:
+            self.ask(cells, running, setpoint)
+            self._asked = setpoint
+        self.read_in(cells, reading)
+        if self.layout.state and _parts(cells, self.layout.state) != self._kept:
+            state = state._replace(**{name: place.read(cells) for name, place in self.layout.state.items()})
+        after, power, output, flags = self.run(cells, running, state, reading)
+        self.tell(cells, running, after, output)
+        self._keep(cells, after)
+        return after, power, output, flags
+
+    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:  # noqa: ARG002 - some need them
+        """Return where it shows temperature, power and setpoint; `degC` are both ends of the sensor."""
+        at = self.layout
+        return {"temperature": self._signal(at.reading), "power": self._signal(at.power),
+                "setpoint": self._signal(at.setpoint)}
+
+    def _signal(self, place: Place, raw: tuple[float, float] = (0.0, 1.0),
+                shown: tuple[float, float] = (0.0, 1.0)) -> Signal:
+        """Return what stands at a place; of registers that are not in a row, register r is at byte 2·r."""
+        start = place.byte if len(self.registers) < 2 else next(
+            2 * run.first + place.byte - run.byte for run in self.registers
+            if run.byte <= place.byte < run.byte + 2 * run.size)
+        return Signal(start, place.format, raw, shown, place.turned)
+
+    def ask(self, cells: bytearray, running: Running, setpoint: Number) -> None:  # noqa: ARG002 - some need them
+        """Write another setpoint than at the scan before."""
+        self.layout.setpoint.write(cells, setpoint)
+
+    def read_in(self, cells: bytearray, reading: Number) -> None:
+        """Write the reading."""
+        self.layout.reading.write(cells, reading)
+
+    def run(
+        self, cells: bytearray, running: Running, state: Any, reading: Number  # noqa: ARG002 - some need it
+    ) -> tuple[Any, float, Number, int]:
+        """Return what the controller's own step gives for the inputs as they stand there."""
+        assert self._controller.scan_all is not None
+        inputs = {name: place.read(cells) for name, place in self.layout.inputs.items()}
+        return self._controller.scan_all(running.parameters, state, inputs)
+
+    def tell(self, cells: bytearray, running: Running, after: Any, output: Number) -> None:  # noqa: ARG002 - some tell
+        """Write what the block shows of a scan."""
+        self.layout.power.write(cells, output)
+
+    def _load(self, cells: bytearray) -> None:
+        for name, place in self.layout.words.items():
+            place.write(cells, self._words.values[name])
+
+    def _taken(self, cells: bytearray) -> Running:
+        """Return the controller with the words that stand there, in the cold state."""
+        held = _parts(cells, self.layout.words)
+        if held != self._held:
+            values = {name: place.read(cells) for name, place in self.layout.words.items()}
+            self._running = self._controller.begin(replace(self._words, values=values), self._assume)
+            self._held = held
+        return self._running
+
+    def _keep(self, cells: bytearray, state: Any) -> None:
+        for name, place in self.layout.state.items():
+            place.write(cells, getattr(state, name))
+        self._kept = _parts(cells, self.layout.state)
+
+    def restarted(self, state: Any) -> Any:
+        """Return the state after a start-up."""
+        self._anew = self.layout.anew
+        self._asked = None if self._anew == ALL else self._asked
+        return self._controller.core.restarted(self._running.parameters, self._running.state, state)
+
+    def in_manual(self, cells: bytes | bytearray) -> bool:
+        """Return whether it is in manual."""
+        return self.layout.mode is not None and bool(self.layout.mode.read(cells)) == bool(self.layout.manual_is)
+
+    def into_automatic(self, cells: bytearray) -> None:
+        """Put it in automatic."""
+        if self.layout.mode is not None:
+            self.layout.mode.write(cells, 1 - self.layout.manual_is)
+
+    def put_in_manual(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
+        """Return mode and power, side by side; see `heatertune.live.blocks.Block`."""
+        mode, hand = self.layout.mode, self.layout.hand
+        if mode is None or hand is None:
+            why = "no manual mode here" if mode is None else "mode and power in manual where no one request writes both"
+            raise InputError(f"{self._controller.name} has {why}: set the powers by hand, and record")
+        image = bytearray(cells)
+        mode.write(image, self.layout.manual_is)
+        hand.write(image, power_pct)
+        begin, end = min(mode.byte, hand.byte), max(mode.part.stop, hand.part.stop)
+        return begin, bytes(image[begin:end])
+
+    def put_word(self, cells: bytearray, name: str, value: float) -> None:
+        """Write one word; errors as `heatertune.live.cells`."""
+        wanted = field_of([each for each in self._controller.fields if each.name in self.layout.words], name)
+        self.layout.words[name].write(cells, checked(wanted, value))
+
+
+def _parts(cells: bytes | bytearray, places: Mapping[str, Place]) -> bytes:
+    return b"".join(cells[place.part] for place in places.values())
