@@ -127,12 +127,12 @@ class HeatCool:
         judged = self.sum if self.anti_windup == "late" else total
         if (judged > self.high and kept * step > 0) or (judged < self.low and kept * step < 0):
             step = self.number(0)
-        I = start + step
+        kept_I = start + step
         if self.anti_windup in ("limited", "clamped"):
             part = self.number(0) if self.anti_windup == "limited" else p
             least, most = (self.low - part) / kept if kept else 0, (self.high - part) / kept if kept else 0
-            I = min(max(start + unit * grows * area if self.anti_windup == "clamped" else I, least), most)
-        return p + kept * I + Kp * D, I, D
+            kept_I = min(max(start + unit * grows * area if self.anti_windup == "clamped" else kept_I, least), most)
+        return p + kept * kept_I + Kp * D, kept_I, D
 
 
 def outputs(total, low=-100.0, high=100.0, cool_full=100.0):

@@ -11,8 +11,8 @@ from heatertune.codec import LEFT_OUT
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.units import check
 
-__all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "Switches", "Ticks", "in_ticks", "on_time", "pid_compact", "pulse_ends",
-           "pulsegen", "switched_by", "tick_for"]
+__all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "Switches", "Ticks", "in_ticks", "on_time", "pid_compact",
+           "pulse_ends", "pulsegen", "switched_by", "tick_for"]
 
 #: instants closer than this are one instant [s]: far above rounding, far below a PLC's tick
 INSTANT_S: Final = 1e-9
@@ -38,7 +38,7 @@ class Ticks(NamedTuple):
 
 
 class Switches(NamedTuple):
-    """`Actuator.numbers` of a heater and of its cooler, and what full cooling is of full heating power; 0: no cooler."""
+    """`Actuator.numbers` of a heater and its cooler, and what full cooling is of full heating power; 0: no cooler."""
 
     heat: tuple[float, float, float, float, bool]
     cool: tuple[float, float, float, float, bool]

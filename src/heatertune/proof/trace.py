@@ -70,7 +70,7 @@ class Trace(Shown):
     @property
     def edge_on(self) -> npt.NDArray[np.bool_]:
         """Whether something was switched on at each edge, shape (e,)."""
-        return self.edge_pct != 0.0
+        return np.not_equal(self.edge_pct, 0.0)
 
     @property
     def setpoint_degC(self) -> float:

@@ -12,8 +12,8 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import FORMATS, WordField, Words, stored
 
-__all__ = ["COMPACT", "COOL", "COUNTS", "PARAMETERS", "TEMP", "Tags", "consistent", "design_of", "fields_of", "interval_s",
-           "oddities", "real_field", "set_of", "values_of"]
+__all__ = ["COMPACT", "COOL", "COUNTS", "PARAMETERS", "TEMP", "Tags", "consistent", "design_of", "fields_of",
+           "interval_s", "oddities", "real_field", "set_of", "values_of"]
 
 #: of an analog input of the S7-1200/1500, and of the scaling of Input_PER
 COUNTS: Final = 27648

@@ -96,8 +96,10 @@ class PidTempCooling(Controller, name="pid-temp-cooling"):
     core, tick_s, delay_s = COOLING_CORE, 0.1, DELAY_S
     own_pwm = ("pid-compact", 10.0)
     most_power: ClassVar = ("OutputUpperLimit", 100.0)
+    baseline = None
     cooling = Cooling(words=cooled, gain=cooling_gain_of, design=cooling_design_of)
-    values, design, consistent = staticmethod(cooling_values_of), staticmethod(design_of), staticmethod(cooling_consistent)
+    values, design = staticmethod(cooling_values_of), staticmethod(design_of)
+    consistent = staticmethod(cooling_consistent)
     interval_s, export, scan_all = staticmethod(interval_s), staticmethod(cooling_export_words), staticmethod(pair_scan)
     text, oddities = staticmethod(cooling_from_text), staticmethod(cooling_oddities)
     exported: ClassVar = staticmethod(cooling_exported)

@@ -1,4 +1,4 @@
-"""One cycle of PID_Temp: heating alone it is PID_Compact's, so that one compiled loop runs both; beside it with cooling.
+"""One cycle of PID_Temp: heating alone it is PID_Compact's, so that one compiled loop runs both; and with cooling.
 
 A block that cools, too, has two sets of parameters: heating's, and cooling's, which is Cool.* (AdvancedCooling 1) or
 heating's with Gain·CoolFactor (0; the manual's table of the equation has CoolFactor at Kp). A cycle takes one of them:
@@ -30,7 +30,7 @@ from heatertune.plc.pid_compact.step import (
     step,
     taken,
 )
-from heatertune.plc.single import LARGEST, divided, single
+from heatertune.plc.single import LARGEST, single
 
 __all__ = ["COLD", "COLD_PAIR", "Assumptions", "CoolingAssumptions", "Pair", "PairState", "block_of", "cooling_gain",
            "cooling_words", "pair_of", "pair_scan", "pair_step", "scan", "step"]
@@ -106,7 +106,7 @@ def cooling_gain(values: Mapping[str, float]) -> float:
 
 def pair_of(values: Mapping[str, float], assume: CoolingAssumptions) -> Pair:
     """Return the block for its words; total for any of them."""
-    plain = Assumptions(*assume[: len(Assumptions._fields)])
+    plain = Assumptions(assume.anti_windup, assume.integral, assume.lag, assume.zero_history)
     heat, cool = (block_of(words | {"Gain": 1.0}, plain) for words in (dict(values), cooling_words(values)))
     return Pair(heat, cool, float(values["Gain"]), cooling_gain(values))
 
@@ -177,7 +177,7 @@ def _summed(
     grown = single(integral + change)
     total = single(single(proportional + single(share * grown)) + slope)
     if not s.runs and b.begins in (SMOOTH, PRE_ASSIGNED):
-        grown = divided(single(zero - single(proportional + slope)), share)
+        grown = _shared(single(zero - single(proportional + slope)), share)
     else:
         grown = _held(b, assume, s, integral, change, total, proportional, share)
     return single(single(proportional + single(share * grown)) + slope), grown, derivative
@@ -187,7 +187,7 @@ def _begun(b: Block, gain: float, share: float, error: float, proportional: floa
     """Return I as automatic finds it: nothing, or what makes P and I together Kp·b·e."""
     if b.begins != LIKE_A_STEP:
         return single(0.0)
-    return divided(single(single(gain * single(b.p_weight * error)) - proportional), share)
+    return _shared(single(single(gain * single(b.p_weight * error)) - proportional), share)
 
 
 def _held(
@@ -197,11 +197,16 @@ def _held(
     """Return I after a cycle, as the limits leave it; the share is above 0."""
     grown = single(integral + change)
     if assume.anti_windup == CLAMPED:
-        return min(max(grown, divided(single(b.lower - proportional), share)),
-                   divided(single(b.upper - proportional), share))
+        return min(max(grown, _shared(single(b.lower - proportional), share)),
+                   _shared(single(b.upper - proportional), share))
     above, below = (s.above, s.below) if assume.anti_windup == LATE else (total > b.upper, total < b.lower)
     if (above and change > 0.0) or (below and change < 0.0):
         grown = integral
     if assume.anti_windup == LIMITED:
-        grown = min(max(grown, divided(b.lower, share)), divided(b.upper, share))
+        grown = min(max(grown, _shared(b.lower, share)), _shared(b.upper, share))
     return grown
+
+
+def _shared(part: float, share: float) -> float:
+    """Return I whose part of the sum that is; the share is above 0."""
+    return single(part / share)

@@ -57,7 +57,8 @@ def cooling_values_of(design: PidDesign, scaling: Scaling) -> Mapping[str, Numbe
     """Return the words of a design for a cooler as strong as the heater, see `cooled`; errors as `values_of`."""
     heating = values_of(design, scaling)
     own = {f"{COOL}{name}": heating[name] for name in PARAMETERS}
-    return {**heating, "AdvancedCooling": 0, "CoolFactor": 1.0, **own, "OutputLowerLimit": -100.0}
+    values = {**heating, "AdvancedCooling": 0, "CoolFactor": 1.0, **own, "OutputLowerLimit": -100.0}
+    return {field.name: values[field.name] for field in COOLING_FIELDS}
 
 
 def cooled(words: Words, cooling_gain: float) -> Words:
@@ -77,11 +78,13 @@ def cooling_gain_of(words: Words) -> float:
     """Return what full cooling is of full heating power, as CoolFactor says.
 
     Raises:
-        OutOfRange: a factor of 0, which says nothing.
+        OutOfRange: with two sets it says nothing, nor does a factor of 0.
     """
     factor = words.values["CoolFactor"]
-    if factor == 0.0:
-        raise OutOfRange("word CoolFactor", factor, "> 0, or say how strong the cooler is: --cooling-gain")
+    for name, silent in (("AdvancedCooling", words.values["AdvancedCooling"] != 0), ("CoolFactor", factor == 0.0)):
+        if silent:
+            raise OutOfRange(f"word {name}", words.values[name], "such that CoolFactor says how strong the cooler is; "
+                             "say it: --cooling-gain")
     return float(f"{1.0 / factor:.7g}")
 
 
@@ -116,6 +119,6 @@ def cooling_oddities(words: Words) -> tuple[str, ...]:
          "CoolTi is 0: what the I part is in heating is deleted where cooling's set acts."),
         (v["OutputLowerLimit"] != -100.0, f"Cooling is limited to {-v['OutputLowerLimit']:g} %."),
     ]
-    heating = replace(words, values=v | {"OutputLowerLimit": 0.0})
+    heating = replace(words, values={**v, "OutputLowerLimit": 0.0})
     return (*oddities(heating), *(sentence for is_odd, sentence in checks if is_odd))
 
