@@ -18,6 +18,7 @@ from heatertune.plc.inputs import has_ends
 from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
 from heatertune.progress import Told
 from heatertune.proof.acceptance import Acceptance
+from heatertune.proof.course import Course, Loop
 from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Limits
 from heatertune.proof.heaters import default_setpoint, holding, unreached
@@ -25,7 +26,7 @@ from heatertune.proof.interlock import Interlock
 from heatertune.proof.prove import Proof, prove_models
 from heatertune.proof.spec_file import in_force
 from heatertune.proof.specification import NOTHING, Specification
-from heatertune.proof.story import Course, Loop, story_for
+from heatertune.proof.story import story_for
 from heatertune.proof.verdict import Heard
 from heatertune.settings import Conditions, TuneSettings
 
