@@ -128,7 +128,9 @@ class HeatCool:
         if (judged > self.high and kept * step > 0) or (judged < self.low and kept * step < 0):
             step = self.number(0)
         kept_I = start + step
-        if self.anti_windup in ("limited", "clamped"):
+        if grows == 0:  # the integral action is deactivated, and what there was of it deleted (manual)
+            kept_I = self.number(0)
+        elif self.anti_windup in ("limited", "clamped"):
             part = self.number(0) if self.anti_windup == "limited" else p
             least, most = (self.low - part) / kept if kept else 0, (self.high - part) / kept if kept else 0
             kept_I = min(max(start + unit * grows * area if self.anti_windup == "clamped" else kept_I, least), most)
