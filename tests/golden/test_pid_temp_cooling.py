@@ -4,7 +4,18 @@ import math
 
 import numpy as np
 import pytest
-from tests.witness.pid_temp import ANTI_WINDUP, DERIVATIVES, INTEGRALS, MEMORIES, RULES, HeatCool, Pulses, Set, outputs, with_factor
+from tests.witness.pid_temp import (
+    ANTI_WINDUP,
+    DERIVATIVES,
+    INTEGRALS,
+    MEMORIES,
+    RULES,
+    HeatCool,
+    Pulses,
+    Set,
+    outputs,
+    with_factor,
+)
 
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.open_points import assumed
