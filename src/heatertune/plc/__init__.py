@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from heatertune.plc.words import Certificate, Scaling, WordField, Words
 
 __all__ = [
-    "ALIKE", "COOLING", "GROUPS", "NAMES", "TARGETS", "Boost", "Certificate", "Controller", "Core", "Number", "Ramp", "Running",
-    "Scaling", "Scan", "Switch", "Timing", "WordField", "Words", "controller_for", "count",
+    "ALIKE", "COOLING", "GROUPS", "NAMES", "TARGETS", "Boost", "Certificate", "Controller", "Core", "Number", "Ramp",
+    "Running", "Scaling", "Scan", "Switch", "Timing", "WordField", "Words", "controller_for", "count",
 ]
 
 _FROM: Final = {
