@@ -28,14 +28,9 @@ def test_a_design_goes_to_words_that_cool_and_back_again(run, by_hand, tmp_path)
 @pytest.mark.parametrize(("given", "said"), [
     (("--target", "s7-300", "--cooling-gain", 0.5), "s7-300 has no output for a cooler beside the heater; pid-temp-cooling has one"),
     (("--target", "pid-temp", "--cooling-gain", 0), "--cooling-gain = 0"),
-    (("--target", "pid-temp", "--cooling-gain", "x"), "--cooling-gain"),
     (("--target", "pid-temp", "--cooling-minimum-on", 0.3), "--cooling-minimum-on and --cooling-minimum-off need --cooling-gain")])
 def test_a_cooler_that_cannot_be_is_told_in_one_line(run, by_hand, given, said):
-    try:
-        status, _, err = run("verify", by_hand, *given, "--setpoint", 40)
-    except SystemExit as left:  # what no number is, the parser itself refuses
-        assert left.code == 2
-        return
+    status, _, err = run("verify", by_hand, *given, "--setpoint", 40)
     assert status == 2
     assert said in err
     assert "Traceback" not in err
