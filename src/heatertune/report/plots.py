@@ -55,7 +55,8 @@ def plot_loop(nominal: Part, worst: Part, others: Sequence[Part], phases: Sequen
     key(top, *names[: 3 if others else 2])
     for run, name, look in ((worst, "worst", "worst"), (nominal, "nominal", "realised")):
         low.step(run["asked_time_s"], run["asked_pct"], where="post", label=name, **LOOK[look])
-    low.set(ylabel="power asked for [%]", ylim=power_limits(nominal["asked_pct"], worst["asked_pct"]), xlabel="time [s]")
+    powers = power_limits(nominal["asked_pct"], worst["asked_pct"])
+    low.set(ylabel="power asked for [%]", ylim=powers, xlabel="time [s]")
     _parts(phases, top, low)
     return figure
 
