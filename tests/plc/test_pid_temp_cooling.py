@@ -84,7 +84,7 @@ def test_another_switch_is_left_behind_both_outputs():
     text = _files(actuator=Actuator(pwm_period_s=4.0, cooling_gain=0.4))["pid_temp_words.scl"]
     assert "wire OutputHeat and OutputCool through a PWM of yours as it was proven" in text
     assert "MinimumOnTime :=" not in text
-    filled = _files(actuator=replace(OWN, cooling_minimum_on_s=4.0, cooling_minimum_off_s=0.0))["pid_temp_words.scl"]
+    filled = _files(actuator=replace(OWN, cooling_minimum_on_s=4.0, cooling_minimum_off_s=None))["pid_temp_words.scl"]
     assert "its shortest times fill the period" in filled
 
 

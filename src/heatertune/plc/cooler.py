@@ -24,8 +24,8 @@ def cooled(words: Words, cooling_gain: float | None) -> Words:
 
 
 def with_cooler(
-    actuator: Actuator, words: Words, cooling_gain: float | None, *, minimum_on_s: float = 0.0,
-    minimum_off_s: float = 0.0,
+    actuator: Actuator, words: Words, cooling_gain: float | None, *, minimum_on_s: float | None = None,
+    minimum_off_s: float | None = None,
 ) -> Actuator:
     """Return a switch with the cooler's where the controller has an output for one.
 
@@ -33,7 +33,7 @@ def with_cooler(
         actuator: of the heater.
         words: that run.
         cooling_gain: full power of the cooler as a part of the heater's; None: as the words say.
-        minimum_on_s: shortest pulse of the cooler [s].
+        minimum_on_s: shortest pulse of the cooler; None: any [s].
         minimum_off_s: its shortest pause [s].
 
     Raises:

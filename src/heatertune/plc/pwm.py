@@ -60,7 +60,7 @@ class Actuator:
         block: that makes the pulses, one of `RULES`; None: any that does as these numbers say.
         cooling_gain: full power of the cooler that a second such switch, of the same period and steps, holds at 0 or
             100 %, as a part of the heater's full power; None: there is no cooler.
-        cooling_minimum_on_s, cooling_minimum_off_s: its shortest pulse and pause [s].
+        cooling_minimum_on_s, cooling_minimum_off_s: its shortest pulse and pause; None: any [s].
 
     Raises:
         OutOfRange: a time that is not positive, a resolution above the period, minimum times that leave no pulse,
@@ -75,8 +75,8 @@ class Actuator:
     minimum_rule: str = "drop"
     block: str | None = field(default=None, metadata=LEFT_OUT)
     cooling_gain: float | None = field(default=None, metadata=LEFT_OUT)
-    cooling_minimum_on_s: float = field(default=0.0, metadata=LEFT_OUT)
-    cooling_minimum_off_s: float = field(default=0.0, metadata=LEFT_OUT)
+    cooling_minimum_on_s: float | None = field(default=None, metadata=LEFT_OUT)
+    cooling_minimum_off_s: float | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         check("pwm_period_s", self.pwm_period_s, above=0.0)
@@ -89,9 +89,9 @@ class Actuator:
             raise UnknownName("block of the PWM", self.block, RULES)
         if self.cooling_gain is not None:
             check("cooling_gain", self.cooling_gain, above=0.0)
-        least_on = self.cooling_minimum_on_s
-        check("cooling_minimum_on_s", least_on, least=0.0, most=self.pwm_period_s)
-        check("cooling_minimum_off_s", self.cooling_minimum_off_s, least=0.0, most=self.pwm_period_s - least_on)
+        on, off = self.cooling_minimum_s
+        check("cooling_minimum_on_s", on, least=0.0, most=self.pwm_period_s)
+        check("cooling_minimum_off_s", off, least=0.0, most=self.pwm_period_s - on)
 
     @property
     def told(self) -> str:
@@ -108,7 +108,7 @@ class Actuator:
         if self.cooling_gain is None:
             return []
         shortest = [f"no {what} of it below {time:g} s" for what, time in (
-            ("pulse", self.cooling_minimum_on_s), ("pause", self.cooling_minimum_off_s)) if time > 0.0]
+            zip(("pulse", "pause"), self.cooling_minimum_s, strict=True)) if time > 0.0]
         return [f"beside it a cooler of {self.cooling_gain:g} times the heater's power", *shortest]
 
     @property
@@ -121,8 +121,13 @@ class Actuator:
     @property
     def switches(self) -> Switches:
         """The numbers of heater and cooler, as the proof's loop takes them."""
-        heat, least = self.numbers, (self.cooling_minimum_on_s, self.cooling_minimum_off_s)
-        return Switches(heat, (*heat[:2], *least, heat[4]), self.cooling_gain or 0.0)
+        heat = self.numbers
+        return Switches(heat, (*heat[:2], *self.cooling_minimum_s, heat[4]), self.cooling_gain or 0.0)
+
+    @property
+    def cooling_minimum_s(self) -> tuple[float, float]:
+        """Shortest pulse and pause of the cooler [s]."""
+        return self.cooling_minimum_on_s or 0.0, self.cooling_minimum_off_s or 0.0
 
     @property
     def least_pct(self) -> float:

@@ -67,8 +67,8 @@ def made_by(tags: Tags, words: Words, actuator: Actuator | None) -> str | None:
         (other and tags.inverts, f"its period is not Cycle, {cycle:g} s"),
         (other and period > cycle, f"its period is above Cycle, {cycle:g} s"),
         (words.values["OutputLowerLimit"] < 0.0 and not tags.cools, "it knows no output below 0 %"),
-        (max(actuator.minimum_on_s, actuator.minimum_off_s, actuator.cooling_minimum_on_s,
-             actuator.cooling_minimum_off_s) >= period, "its shortest times fill the period"),
+        (max(actuator.minimum_on_s, actuator.minimum_off_s, *actuator.cooling_minimum_s) >= period,
+         "its shortest times fill the period"),
     )
     return next((why for holds, why in problems if holds), None)
 
@@ -149,8 +149,8 @@ def _clock(tags: Tags, words: Words, actuator: Actuator | None) -> Iterator[Assi
     if tags.cools:
         yield f"{_COOLER}Select", "1", "OutputCool and OutputCool_PWM"
         yield f"{_COOLER}PwmPeriode", period, "s; 0: Cycle"
-        yield f"{_COOLER}MinimumOnTime", literal(single(actuator.cooling_minimum_on_s)), "s"
-        yield f"{_COOLER}MinimumOffTime", literal(single(actuator.cooling_minimum_off_s)), "s"
+        for name, time in zip(("MinimumOnTime", "MinimumOffTime"), actuator.cooling_minimum_s, strict=True):
+            yield f"{_COOLER}{name}", literal(single(time)), "s"
 
 
 def tick_s(tags: Tags, words: Words, actuator: Actuator) -> float:
