@@ -191,7 +191,15 @@ def _renamed(tag: re.Match[str], tags: Tags) -> str:
 def exported(
     tags: Tags, fields: Sequence[WordField], law: Law, files: Mapping[str, str | bytes], assume: Any
 ) -> dict[str, Callable[[], ExportedPid | None]]:
-    """Return what loads the source; the interval of the algorithm is Cycle of its words."""
+    """Return what loads the source; the interval of the algorithm is Cycle of its words.
+
+    Args:
+        tags: the block's names.
+        fields: its words.
+        law: what it computes.
+        files: of the export.
+        assume: what the manual leaves open.
+    """
     file = f"{tags.files}_words.scl"
 
     def load() -> ExportedPid:

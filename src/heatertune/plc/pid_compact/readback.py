@@ -44,6 +44,13 @@ def from_text(
 ) -> ReadBack:
     """Return the words in a text, and what it assigns besides.
 
+    Args:
+        tags: the block's names.
+        fields: its words.
+        text: a source, list or table.
+        _sample_time_s: not looked at: the words tell it.
+        source: name for error messages.
+
     Raises:
         InputError: a line or cell that is none of a source, list or table; a parameter that is missing, there with two
             values, or out of its range; a zone or cooling that no proof here knows; names of V1 of the block.

@@ -126,7 +126,15 @@ def set_of(tags: Tags, prefix: str = "", what: str = "") -> tuple[WordField, ...
 
 
 def real_field(name: str, address: str, low: float, high: float, comment: str) -> WordField:
-    """Return a word in single precision."""
+    """Return a word in single precision.
+
+    Args:
+        name: of the word.
+        address: its tag.
+        low: its least value.
+        high: its largest one.
+        comment: its meaning.
+    """
     return WordField(name=name, address=address, format="REAL", low=low, high=high, comment=comment)
 
 

@@ -114,7 +114,15 @@ def pair_of(values: Mapping[str, float], assume: CoolingAssumptions) -> Pair:
 def pair_step(
     parameters: tuple[Pair, CoolingAssumptions], state: PairState, setpoint: float, reading: float, _begins: bool
 ) -> tuple[PairState, float, float, int]:
-    """Compute one cycle in automatic; the power is −100…100 %. Arguments as `step`."""
+    """Compute one cycle in automatic; the power is −100…100 %.
+
+    Args:
+        parameters: the block's, and the assumptions.
+        state: before the cycle.
+        setpoint: a REAL [°C].
+        reading: a REAL [°C].
+        _begins: not looked at: a period of the PWM begins with each cycle.
+    """
     after, output = _cycle(parameters[0], parameters[1], state, setpoint, reading)
     bits = int(after.above) + 2 * int(after.below) + 4 * int(after.invalid)
     return after, min(max(output, -100.0), 100.0), output, bits
