@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields, replace
 from numbers import Integral, Real
 from typing import Any, Final, TypeVar
 
+from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.units import check
 
@@ -168,9 +169,17 @@ def one_of(choices: Iterable[str]) -> Callable[[str], str]:
     return lambda typed: names.get(typed.lower(), typed)
 
 
-def option(default: Any, kind: type, what: str, **more: Any) -> Any:
-    """Return the field of a dataclass that is an option; `more` are further attributes of `Option`."""
-    metadata = {"option": Option(kind=kind, default=default, what=what, **more)}
+def option(default: Any, kind: type, what: str, *, left_out: bool = False, **more: Any) -> Any:
+    """Return the field of a dataclass that is an option.
+
+    Args:
+        default: as of `Option`.
+        kind: likewise.
+        what: likewise.
+        left_out: whether a document leaves it out where it is None, see `heatertune.codec.LEFT_OUT`.
+        more: further attributes of `Option`.
+    """
+    metadata = {"option": Option(kind=kind, default=default, what=what, **more), **(LEFT_OUT if left_out else {})}
     return field(default_factory=dict, metadata=metadata) if kind is dict else field(default=default, metadata=metadata)
 
 

@@ -337,6 +337,14 @@ class Conditions:
         None, "the on time is a multiple of it", "--pwm-resolution", label="PWM resolution", least=None, above=0.0,
         needs="pwm_period_s", help="the on time is a multiple of it; a block's call interval [s]",
         instead=("the target's tick", "0.1 s on s5-ob251, a half-wave of 50 Hz mains on others"))
+    cooling_gain: float | None = option(
+        None, float, "power of a cooler as a part of the heater's", flag="--cooling-gain", metavar="X", above=0.0,
+        label="cooler's power", instead=("as the words say", ""), left_out=True,
+        help="a cooler beside the heater: its full power as a part of the heater's, such as 0.4 (pid-temp)")
+    cooling_minimum_on_s: float | None = _time(
+        None, "shortest on time of the cooler", "--cooling-minimum-on", needs="cooling_gain", left_out=True)
+    cooling_minimum_off_s: float | None = _time(
+        None, "shortest off time of the cooler", "--cooling-minimum-off", needs="cooling_gain", left_out=True)
     spec: str | None = option(
         None, str, "what words must keep", flag="--spec", metavar="NAME|FILE.toml", label="specification",
         help="what words must keep: a preset or a file, see: heatertune spec", instead=("general", ""))

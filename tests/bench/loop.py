@@ -99,7 +99,7 @@ class Ours:
         edges = np.empty(ring_size(pulses_of(CASE.dead + 15.0, pwm)))
         c, asked = self.controller, np.array(self.controller.asked)
         program = Program(asked, np.ones(1, dtype=np.int64), c.ramp_step, c.ramp_calls, c.ramp_hold, asked.copy())
-        return c.parameters, c.state, c.sensor, c.scan_s, program, batch, pwm.numbers, np.inf, edges, record, meter
+        return c.parameters, c.state, c.sensor, c.scan_s, program, batch, pwm.switches, np.inf, edges, record, meter
 
     def absolute(self, run):
         """Return the sum of |e| at the calls."""

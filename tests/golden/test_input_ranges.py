@@ -27,8 +27,9 @@ from heatertune.plc.cpu.s7_200 import COLD, assemble, run
 from heatertune.plc.inputs import INPUTS, scaled
 from heatertune.plc.pwm import Actuator
 from heatertune.proof import Scenario, prove, simulate
+from heatertune.proof.course import Loop
 from heatertune.proof.scenario import delayed
-from heatertune.proof.story import Loop, story_for
+from heatertune.proof.story import story_for
 from heatertune.settings import Conditions
 
 S7 = ("s7-300", "fb41")

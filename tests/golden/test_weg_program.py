@@ -19,8 +19,9 @@ from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator, on_time, pid_compact
 from heatertune.plc.replay import replay
 from heatertune.proof import simulate
+from heatertune.proof.course import Loop
 from heatertune.proof.scenario import delayed
-from heatertune.proof.story import Loop, story_for
+from heatertune.proof.story import story_for
 
 ROOM = controller_for("weg")
 HEATER = Fopdt(gain_degC_per_pct=0.9, time_constant_s=40.0, dead_time_s=3.0, ambient_degC=20.0)

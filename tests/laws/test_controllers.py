@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc import TARGETS, Certificate, Scaling, Words, controller_for
+from heatertune.plc import COOLING, TARGETS, Certificate, Scaling, Words, controller_for
 from heatertune.plc.words import FORMATS
 
-ROOMS = [controller_for(name) for name in TARGETS]
-rooms = pytest.mark.parametrize("which", ROOMS, ids=list(TARGETS))
+NAMED = (*TARGETS, *COOLING.values())
+ROOMS = [controller_for(name) for name in NAMED]
+rooms = pytest.mark.parametrize("which", ROOMS, ids=NAMED)
 
 pytestmark = pytest.mark.law
 
@@ -183,7 +184,7 @@ def test_a_step_is_total_and_pure_and_asks_for_0_to_100_percent(which):
             # NaN is not itself
             assert repr(which.step(state, w, x, cycle_start=begins)) == repr(found)
             state, scan = found
-            assert 0.0 <= scan.power_pct <= 100.0
+            assert (0.0 if which.cooling is None else -100.0) <= scan.power_pct <= 100.0
 
     holds()
 
@@ -199,7 +200,7 @@ def test_a_scan_of_all_inputs_is_total_and_pure(which, data):
         found = which.scan(state, row)
         assert repr(which.scan(state, row)) == repr(found)
         state, scan = found
-        assert 0.0 <= scan.power_pct <= 100.0
+        assert (0.0 if which.cooling is None else -100.0) <= scan.power_pct <= 100.0
 
 
 @rooms

@@ -12,7 +12,7 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, controller_for
 from heatertune.plc.cpu.iec.machine import Firmware
 from heatertune.plc.machine import read_machine
-from heatertune.plc.pid_compact.exported import _Instruction, loaded
+from heatertune.plc.pid_compact.exported import LAW, Instruction, loaded
 from heatertune.plc.pid_compact.source import literal, load
 from heatertune.plc.pid_compact.step import Assumptions
 from heatertune.plc.pid_compact.words import COMPACT, PARAMETERS, TEMP, fields_of
@@ -138,7 +138,7 @@ def test_pid_temp_heats_alone_and_its_scaling_is_one_to_one():
 @BOTH
 def test_the_function_of_the_words_saves_those_of_before_once(target):
     tags, words = TAGS[target], _words(target)
-    kinds = _Instruction(tags, Assumptions()).made.variables
+    kinds = Instruction(tags, fields_of(tags), Assumptions(), LAW).made.variables
     text = load(tags, words, OWN) + 'FUNCTION "HeaterCall" : Void\nBEGIN\nEND_FUNCTION\n'
     program = loaded(text, tags, Firmware(kinds, lambda: lambda _given: {}))
     place = {name: number for number, name in enumerate(kinds)}

@@ -30,6 +30,7 @@ class TenthsRoom:
     counts: int = 1000  # over 0…100 °C
     direct: object = None
     delay_s: float = 0.0
+    cooling: object = None
 
     def check(self, words):
         assert set(words.values) == {"K", "TN"}

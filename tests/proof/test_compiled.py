@@ -15,7 +15,7 @@ from heatertune import compiled as machine
 from heatertune.compiled import bound, compiled, worth_compiling
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
-from heatertune.plc import TARGETS, Scaling, controller_for
+from heatertune.plc import COOLING, TARGETS, Scaling, controller_for
 from heatertune.plc.core import as_it_is
 from heatertune.plc.single import narrowed, single
 from heatertune.proof import Actuator, Limits, Load, Scenario, TemperatureStep, judge, simulate
@@ -93,7 +93,7 @@ def _running(draw, which, legal):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("target", [name for name in TARGETS if controller_for(name).core.own is as_it_is])
+@pytest.mark.parametrize("target", [name for name in (*TARGETS, *COOLING.values()) if controller_for(name).core.own is as_it_is])
 def test_a_step_is_the_same_compiled_and_plain_bit_for_bit(target):
     which = controller_for(target)
     legal = which.encode(replace(PI, sample_time_s=which.timer.round(PI.sample_time_s)), Scaling())
@@ -115,7 +115,7 @@ def test_a_step_is_the_same_compiled_and_plain_bit_for_bit(target):
             state = expected[0]
 
     holds_for_any_words_settings_and_temperatures()
-    assert core.singles == (target in ("weg", "pid-compact", "pid-temp", "iec-pid", "iec-pid-text"))
+    assert core.singles == (target in ("weg", "pid-compact", "pid-temp", "pid-temp-cooling", "iec-pid", "iec-pid-text"))
     if core.singles:  # in double precision the loop takes half as long again
         assert {signature.return_type[0] for signature in step.nopython_signatures} == {
             signature.args[1] for signature in step.nopython_signatures

@@ -30,7 +30,7 @@ def _trace(course, duration, *, disturbances=(), resolution=0.0, power=None, swi
         time_s=time, temperature_degC=temperature, reading_degC=temperature,
         followed_degC=np.full(len(time), SETPOINT),
         power_asked_pct=np.full(len(time), 50.0) if power is None else np.array([power(t) for t in time]),
-        edge_time_s=np.array(switched, dtype=float), edge_on=np.arange(len(switched)) % 2 == 0,
+        edge_time_s=np.array(switched, dtype=float), edge_pct=np.where(np.arange(len(switched)) % 2 == 0, 100.0, 0.0),
         stretches=np.column_stack([time, temperature, temperature, temperature]),
         model=Fopdt(gain_degC_per_pct=1.0, time_constant_s=50.0, dead_time_s=1.0, ambient_degC=AMBIENT),
         scenario=scenario, actuator=Actuator(pwm_period_s=pwm), resolution_degC=resolution, flags=flags or {},
@@ -292,7 +292,7 @@ def _any_run(chance):
     asked = chance.choice([-0.5, 0.0, 0.4, 50.0, 99.6, 100.0, 100.4, math.nan], len(scans))
     return Trace(
         time_s=scans, temperature_degC=scans, reading_degC=scans, followed_degC=scans, power_asked_pct=asked,
-        edge_time_s=np.arange(9.0), edge_on=np.arange(9) % 2 == 0, stretches=np.array(rows),
+        edge_time_s=np.arange(9.0), edge_pct=np.where(np.arange(9) % 2 == 0, 100.0, 0.0), stretches=np.array(rows),
         model=Fopdt(gain_degC_per_pct=1.0, time_constant_s=TAU, dead_time_s=1.0, ambient_degC=AMBIENT),
         scenario=Scenario(setpoint_degC=SETPOINT, duration_s=480.0, disturbances=STORY, rests_s=tuple(rest for _, rest, _ in PHASES.values())),
         actuator=Actuator(pwm_period_s=4.0), flags={"SM1.1": 2, "running": 5})

@@ -25,12 +25,12 @@ from heatertune.proof import (
     simulate,
     story_for,
 )
+from heatertune.proof.course import Loop
 from heatertune.proof.document import checked
 from heatertune.proof.profile import Profile, Segment
 from heatertune.proof.profile_file import read_profile
 from heatertune.proof.scenario import Led, PlcPower, Scenario, delayed, kinds_of, phases_of
 from heatertune.proof.spec_file import in_force, read_spec, spec_text
-from heatertune.proof.story import Loop
 from heatertune.proof.verdict import told_of, verdict_line
 
 #: 100 s of lag; at full power it can go up to 120 °C

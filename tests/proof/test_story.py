@@ -30,8 +30,8 @@ from heatertune.proof import (
     simulate,
     story_for,
 )
+from heatertune.proof.course import Loop
 from heatertune.proof.scenario import delayed, kinds_of, phases_of
-from heatertune.proof.story import Loop
 
 #: 100 s of lag and 10 s of dead time; 40 % of the power hold 60 °C
 HEATER = Fopdt(gain_degC_per_pct=1.0, time_constant_s=100.0, dead_time_s=10.0, ambient_degC=20.0)

@@ -43,7 +43,7 @@ def test_the_course_ends_before_the_jump_and_begins_after_it(trace):
 def test_nobody_can_write_into_a_trace(trace):
     with pytest.raises(ValueError, match="read-only"):
         trace.temperature_degC[0] = 0.0
-    assert not any(each.flags.writeable for each in (trace.time_s, trace.edge_time_s, trace.edge_on, trace.stretches))
+    assert not any(each.flags.writeable for each in (trace.time_s, trace.edge_time_s, trace.edge_pct, trace.stretches))
 
 
 def test_up_to_an_instant_the_temperature_is_below_a_level(tenths, words, heater):

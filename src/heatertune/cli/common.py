@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.errors import InputError
-from heatertune.plc.targets import NAMES, TARGETS
+from heatertune.plc.targets import COOLING, NAMES, TARGETS
 from heatertune.settings import Conditions, FitSettings, ReadSettings, SensorSettings, TuneSettings, WordSettings
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def interval_by_words(settings: argparse.Namespace) -> bool:
 
 
 def target(settings: argparse.Namespace) -> str:
-    """Return the target; with --faithful the same as its source prints it.
+    """Return the target; with --faithful the same as its source prints it, with --cooling-gain the one with a cooler.
 
     Raises:
         UnknownName: --faithful for a target that has no such version.
@@ -116,7 +116,8 @@ def target(settings: argparse.Namespace) -> str:
     from heatertune.plc import controller_for  # noqa: PLC0415
 
     if not settings.faithful:
-        return str(settings.target)
+        cools = options.given(Conditions, settings).get("cooling_gain") is not None
+        return COOLING.get(settings.target, settings.target) if cools else str(settings.target)
     faithful = controller_for(settings.target).faithful
     if faithful is None:
         with_one = [name for name in TARGETS if controller_for(name).faithful]

@@ -159,7 +159,7 @@ class VirtualPlc:
         nothing: Any = [0.0]
         record = Record(False, *([nothing] * 9))
         return (self, self._block.begin(), self, self._scan_s, program_of(plan.loop, plan.scenario), batch,
-                plan.actuator.numbers, math.inf, ring, record, no_meter())
+                plan.actuator.switches, math.inf, ring, record, no_meter())
 
     def look(self, temperature: float) -> Any:
         """Begin an interval: wait for it, see what has gone wrong, and measure."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
-from heatertune.plc.targets import ALIKE, GROUPS, NAMES, TARGETS
+from heatertune.plc.targets import ALIKE, COOLING, GROUPS, NAMES, TARGETS
 
 if TYPE_CHECKING:
     from heatertune.plc.boost import Boost
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from heatertune.plc.words import Certificate, Scaling, WordField, Words
 
 __all__ = [
-    "ALIKE", "GROUPS", "NAMES", "TARGETS", "Boost", "Certificate", "Controller", "Core", "Number", "Ramp", "Running",
-    "Scaling", "Scan", "Switch", "Timing", "WordField", "Words", "controller_for", "count",
+    "ALIKE", "COOLING", "GROUPS", "NAMES", "TARGETS", "Boost", "Certificate", "Controller", "Core", "Number", "Ramp",
+    "Running", "Scaling", "Scan", "Switch", "Timing", "WordField", "Words", "controller_for", "count",
 ]
 
 _FROM: Final = {

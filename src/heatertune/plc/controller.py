@@ -7,7 +7,7 @@ methods that are abstract, and, where it can do more, those that are None. Proof
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache, partial
 from importlib import import_module
@@ -28,10 +28,24 @@ from heatertune.plc.targets import NAMES
 from heatertune.plc.words import Certificate, Scaling, WordField, Words, check_fields, kept_by, stored
 from heatertune.units import check
 
-__all__ = ["Controller", "controller_for"]
+__all__ = ["Controller", "Cooling", "controller_for"]
 
 #: target → its class, entered where the class is made
 _CLASSES: Final[dict[str, type[Controller]]] = {}
+
+
+class Cooling(NamedTuple):
+    """What a controller with an output for a cooler knows of it.
+
+    Attributes:
+        words: (words, full power of the cooler as a part of the heater's) → words for that cooler.
+        gain: words → what they say of that part; raises OutOfRange where they don't.
+        design: words → the design that cools, as `Controller.design`.
+    """
+
+    words: Callable[[Words, float], Words]
+    gain: Callable[[Words], float]
+    design: Callable[[Words], PidDesign | None]
 
 
 class Controller(Led, ABC):
@@ -87,6 +101,7 @@ class Controller(Led, ABC):
         feed: the input that a measured disturbance is written to; None: there is none.
         typed: (words, setpoint of the proof [°C], the same in units; None without a proof) → word → what of its
             `heatertune.plc.typed.TypedWord` is other than the words and their fields say; None: nothing.
+        cooling: what is known of the cooler beside the heater; None: the controller has no output for one.
         scan_all: (parameters, state, all inputs) → what the core's `step` gives, those not named being as the words
             have them; None: there are no inputs but `step`'s.
     """
@@ -123,6 +138,7 @@ class Controller(Led, ABC):
     direct: ClassVar[staticmethod[[Words, Any], tuple[Core, Running]] | None] = None
     feed: ClassVar[Feed | None] = None
     typed: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, Mapping[str, Any]]] | None] = None
+    cooling: ClassVar[Cooling | None] = None
     scan_all: ClassVar[staticmethod[[Any, Any, Mapping[str, Any]], tuple[Any, float, Any, int]] | None] = None
 
     def __init_subclass__(cls, *, name: str) -> None:

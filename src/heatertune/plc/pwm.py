@@ -11,8 +11,8 @@ from heatertune.codec import LEFT_OUT
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.units import check
 
-__all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "Ticks", "in_ticks", "on_time", "pid_compact", "pulse_ends",
-           "pulsegen", "switched_by", "tick_for"]
+__all__ = ["HALF_WAVE_S", "INSTANT_S", "RULES", "Actuator", "Switches", "Ticks", "in_ticks", "on_time", "pid_compact",
+           "pulse_ends", "pulsegen", "switched_by", "tick_for"]
 
 #: instants closer than this are one instant [s]: far above rounding, far below a PLC's tick
 INSTANT_S: Final = 1e-9
@@ -37,6 +37,14 @@ class Ticks(NamedTuple):
     per_period: int
 
 
+class Switches(NamedTuple):
+    """`Actuator.numbers` of a heater and its cooler, and what full cooling is of full heating power; 0: no cooler."""
+
+    heat: tuple[float, float, float, float, bool]
+    cool: tuple[float, float, float, float, bool]
+    cooling: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Actuator:
     """A switch that holds 0 or 100 % power: relay or solid-state relay behind the controller.
@@ -50,6 +58,9 @@ class Actuator:
             the S7-300), "carry" also makes up the difference, rounding included, in the next period (PID_Compact of
             the S7-1200).
         block: that makes the pulses, one of `RULES`; None: any that does as these numbers say.
+        cooling_gain: full power of the cooler that a second such switch, of the same period and steps, holds at 0 or
+            100 %, as a part of the heater's full power; None: there is no cooler.
+        cooling_minimum_on_s, cooling_minimum_off_s: its shortest pulse and pause; None: any [s].
 
     Raises:
         OutOfRange: a time that is not positive, a resolution above the period, minimum times that leave no pulse,
@@ -63,6 +74,9 @@ class Actuator:
     minimum_off_s: float = 0.0
     minimum_rule: str = "drop"
     block: str | None = field(default=None, metadata=LEFT_OUT)
+    cooling_gain: float | None = field(default=None, metadata=LEFT_OUT)
+    cooling_minimum_on_s: float | None = field(default=None, metadata=LEFT_OUT)
+    cooling_minimum_off_s: float | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         check("pwm_period_s", self.pwm_period_s, above=0.0)
@@ -73,6 +87,11 @@ class Actuator:
             raise OutOfRange("minimum_rule", self.minimum_rule, " or ".join(repr(rule) for rule in _RULES))
         if self.block is not None and self.block not in RULES:
             raise UnknownName("block of the PWM", self.block, RULES)
+        if self.cooling_gain is not None:
+            check("cooling_gain", self.cooling_gain, above=0.0)
+        on, off = self.cooling_minimum_s
+        check("cooling_minimum_on_s", on, least=0.0, most=self.pwm_period_s)
+        check("cooling_minimum_off_s", off, least=0.0, most=self.pwm_period_s - on)
 
     @property
     def told(self) -> str:
@@ -82,7 +101,15 @@ class Actuator:
         short = [{"drop": "what is too short is left out", "carry": "what is left out is made up"}[self.minimum_rule]]
         block = [] if self.block is None else [f"as {self.block} does it"]
         return ", ".join([f"PWM period {self.pwm_period_s:g} s in steps of {self.resolution_s:g} s", *shortest,
-                          *(short if shortest or self.minimum_rule == "carry" else []), *block])
+                          *(short if shortest or self.minimum_rule == "carry" else []), *block, *self._cooler_told])
+
+    @property
+    def _cooler_told(self) -> list[str]:
+        if self.cooling_gain is None:
+            return []
+        shortest = [f"no {what} of it below {time:g} s" for what, time in (
+            zip(("pulse", "pause"), self.cooling_minimum_s, strict=True)) if time > 0.0]
+        return [f"beside it a cooler of {self.cooling_gain:g} times the heater's power", *shortest]
 
     @property
     def numbers(self) -> tuple[float, float, float, float, bool]:
@@ -90,6 +117,22 @@ class Actuator:
         return (
             self.pwm_period_s, self.resolution_s, self.minimum_on_s, self.minimum_off_s, self.minimum_rule == "carry",
         )
+
+    @property
+    def switches(self) -> Switches:
+        """The numbers of heater and cooler, as the proof's loop takes them."""
+        heat = self.numbers
+        return Switches(heat, (*heat[:2], *self.cooling_minimum_s, heat[4]), self.cooling_gain or 0.0)
+
+    @property
+    def cooling_minimum_s(self) -> tuple[float, float]:
+        """Shortest pulse and pause of the cooler [s]."""
+        return self.cooling_minimum_on_s or 0.0, self.cooling_minimum_off_s or 0.0
+
+    @property
+    def least_pct(self) -> float:
+        """The least power that can be asked for, of the cooler below 0 [%]."""
+        return 0.0 if self.cooling_gain is None else -100.0
 
     def ticks(self, sample_time_s: float) -> Ticks | None:
         """Return how a clock that ticks at the resolution makes a controller's calls and periods; None: it cannot."""

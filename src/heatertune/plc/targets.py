@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["ALIKE", "GROUPS", "NAMES", "TARGETS"]
+__all__ = ["ALIKE", "COOLING", "GROUPS", "NAMES", "TARGETS"]
 
 #: what holds the controller → its controllers, by their names on the command line
 GROUPS: Final[dict[str, tuple[str, ...]]] = {
@@ -27,5 +27,9 @@ ALIKE: Final[dict[str, tuple[str, ...]]] = {
     "pband": ("omron-e5cc", "eurotherm-3200", "jumo-dicon", "abb-commander-300", "omega-cn7800"),
 }
 
+#: target that heats → the same one with a cooler beside the heater, in the same package
+COOLING: Final[dict[str, str]] = {"pid-temp": "pid-temp-cooling"}
+
 #: every name on the command line → its package
-NAMES: Final[dict[str, str]] = TARGETS | {make: TARGETS[name] for name, makes in ALIKE.items() for make in makes}
+NAMES: Final[dict[str, str]] = TARGETS | {make: TARGETS[name] for name, makes in ALIKE.items() for make in makes} | {
+    cooling: TARGETS[name] for name, cooling in COOLING.items()}

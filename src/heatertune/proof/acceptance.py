@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from heatertune.model.values import HeaterModel
@@ -32,17 +32,27 @@ class Acceptance:
     reading_step_degC: float = 0.0
     heard: Heard = field(default_factory=Heard)
 
-    def margins(self, design: PidDesign | None, models: Iterable[HeaterModel]) -> dict[HeaterModel, Margins]:
-        """Return the margins on each model; none where they are not judged, or the controller is no PID."""
-        if self.margins_of is None or design is None:
+    def margins(self, designs: Sequence[PidDesign], models: Iterable[HeaterModel]) -> dict[HeaterModel, Margins]:
+        """Return the worst margins of designs on each model; none where they are not judged, or there is no design."""
+        of = self.margins_of
+        if of is None or not designs:
             return {}
-        return {model: self.margins_of(model, design) for model in dict.fromkeys(models)}
+        return {model: _worst([of(model, design) for design in designs]) for model in dict.fromkeys(models)}
 
-    def step_power_pct(self, design: PidDesign | None, reading_degC: float) -> float | None:
-        """Return the power that one step of the reading moves [%]; None where the controller is no PID.
+    def step_power_pct(self, designs: Sequence[PidDesign], reading_degC: float) -> float | None:
+        """Return the most power that one step of the reading moves [%]; None where there is no design.
 
         Args:
-            design: as the words realise it.
+            designs: as the words realise them.
             reading_degC: what the controller and the scenario make of a reading's step [°C].
         """
-        return None if design is None else design.step_power_pct_per_degC * max(self.reading_step_degC, reading_degC)
+        step = max(self.reading_step_degC, reading_degC)
+        return max((design.step_power_pct_per_degC * step for design in designs), default=None)
+
+
+def _worst(margins: Sequence[Margins]) -> Margins:
+    """Return the least of each margin."""
+    return margins[0] if len(margins) == 1 else Margins(
+        ms=max(one.ms for one in margins), mt=max(one.mt for one in margins),
+        gain_margin=min(one.gain_margin for one in margins),
+        phase_margin_deg=min(one.phase_margin_deg for one in margins))

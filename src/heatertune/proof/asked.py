@@ -11,6 +11,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.choice import WordChoice
 from heatertune.plc.choose import choose_words, tune_for_words
+from heatertune.plc.cooler import cooled
 from heatertune.plc.cycle import switched
 from heatertune.plc.design import tune
 from heatertune.progress import Told
@@ -88,8 +89,8 @@ def plainly(
     conditions = asked.conditions
     if asked.switch_kind is not None:
         wished, conditions = with_pwm(wished, fitted, asked.switch_kind, conditions, words=choice.words)
-    choice = replace(choice, words=switched(
-        controller_for(asked.target).cycle, choice.words, conditions.pwm_period_s))
+    words = cooled(choice.words, conditions.cooling_gain)
+    choice = replace(choice, words=switched(controller_for(asked.target).cycle, words, conditions.pwm_period_s))
     if asked.refined:
         choice = refine(choice, fitted, conditions, progress=progress)
     stage("proof")

@@ -13,6 +13,7 @@ from heatertune.model.values import FittedModel
 from heatertune.pid.tune import assessed_sampled
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.plc.choose import choose_words
+from heatertune.plc.cooler import cooled
 from heatertune.plc.design import encode
 from heatertune.progress import Told
 from heatertune.proof import Proof, price
@@ -292,7 +293,8 @@ class _Within:
         if design is None:
             return Look(math.inf)
         try:
-            words = self.frame.on(encode(design, asked.target, scaling=asked.scaling))
+            words = encode(design, asked.target, scaling=asked.scaling)
+            words = self.frame.on(cooled(words, asked.conditions.cooling_gain))
             return (screen or self.search.screen).look(words, asked.conditions, bound=bound)
         except HeatertuneError:
             return Look(math.inf)

@@ -13,6 +13,7 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
+from heatertune.plc.cooler import cooled
 from heatertune.plc.design import encode, tune
 from heatertune.plc.s7_200_paper.words import paper_words
 from heatertune.proof import Acceptance, Coverage, Proof, paper_scenario, prove_models, simulate
@@ -55,7 +56,7 @@ def rivals(fitted: FittedModel, wished: PidDesign, proof: Proof) -> tuple[RivalV
 def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proof: Proof) -> RivalView:
     """Return how a design fares on a target in another one's proof, with its ramp or boost, open points at default."""
     try:
-        words = encode(design, target, scaling=proof.words.scaling)
+        words = cooled(encode(design, target, scaling=proof.words.scaling), proof.actuator.cooling_gain)
     except NotRepresentable as problem:
         return RivalView(label=label, verdict="not representable", ms=None, fails=(str(problem),))
     if proof.words.ramp is not None and controller_for(target).ramped:

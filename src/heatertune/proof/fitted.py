@@ -13,10 +13,12 @@ from heatertune.model.values import FittedModel, HeaterModel, Outcome
 from heatertune.options import merged
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc import Words, controller_for
+from heatertune.plc.cooler import with_cooler
 from heatertune.plc.inputs import has_ends
 from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
 from heatertune.progress import Told
 from heatertune.proof.acceptance import Acceptance
+from heatertune.proof.course import Course, Loop
 from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Limits
 from heatertune.proof.heaters import default_setpoint, holding, unreached
@@ -24,7 +26,7 @@ from heatertune.proof.interlock import Interlock
 from heatertune.proof.prove import Proof, prove_models
 from heatertune.proof.spec_file import in_force
 from heatertune.proof.specification import NOTHING, Specification
-from heatertune.proof.story import Course, Loop, story_for
+from heatertune.proof.story import story_for
 from heatertune.proof.verdict import Heard
 from heatertune.settings import Conditions, TuneSettings
 
@@ -69,7 +71,7 @@ def prove(
     course, specification = course_for(words, heaters, asked, setpoint), specified(asked)
     heard = Heard(
         findings=(*fitted.findings, *unreached(fitted, len(models), farthest)), accepted=asked.accept,
-        assumed=fitted.assumed, remarks=(*_remarks(words, fitted), *course.told), not_tested=course.not_tested)
+        assumed=fitted.assumed, remarks=(*_remarks(words, fitted, asked), *course.told), not_tested=course.not_tested)
     acceptance = Acceptance(
         limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
         reading_step_degC=fitted.reading_step_degC, heard=heard)
@@ -113,7 +115,7 @@ def course_for(
         ramp_degC_per_min=controller.ramp_degC_per_min(words), settling_s=limits.settling_s or 0.0,
         recovery_s=limits.recovery_s or 0.0, soak_settles_s=limits.soak_settles_s,
         cold_degC=_OF_BAND * (limits.tolerance_degC if limits.soak_band_degC is None else limits.soak_band_degC),
-        again_degC=None if words.boost is None else words.boost.again_degC)
+        again_degC=None if words.boost is None else words.boost.again_degC, cooling_gain=actuator.cooling_gain or 0.0)
     story = specification.story_at(conditions.lowest_degC)
     return story_for(models, loop, story, noise_degC=conditions.noise_degC, setpoint_degC=setpoint_degC)
 
@@ -125,7 +127,13 @@ def actuator_for(conditions: Conditions, words: Words) -> Actuator:
 
     Raises:
         OutOfRange, UnknownName: as `switched_by`.
+        InputError, OutOfRange: as `heatertune.plc.cooler.with_cooler`.
     """
+    return with_cooler(_heaters_switch(conditions, words), words, conditions.cooling_gain,
+                       minimum_on_s=conditions.cooling_minimum_on_s, minimum_off_s=conditions.cooling_minimum_off_s)
+
+
+def _heaters_switch(conditions: Conditions, words: Words) -> Actuator:
     controller, interval = controller_for(words.target), words.sample_time_s
     tick, (own, longest) = controller.tick_s, controller.own_pwm
     rule = conditions.pwm_rule or own
@@ -201,11 +209,15 @@ def _interlock(conditions: Conditions, words: Words) -> Interlock | None:
     return Interlock(name=conditions.interlock, limit_degC=limit, fan_stops_s=conditions.fan_stops_s)
 
 
-def _remarks(words: Words, fitted: FittedModel) -> Iterator[str]:
+def _remarks(words: Words, fitted: FittedModel, asked: Conditions) -> Iterator[str]:
     """Return what stands on the verdict's line beside the findings of the fit."""
     if fitted.outcome is Outcome.BY_HAND:
         yield "the model was given by hand"
     if (delay := controller_for(words.target).delayed_s(words.scaling)) > 0.0:
         yield f"dead time {delay:g} s longer, for the input module"
+    if (cooling := controller_for(words.target).cooling) is not None:
+        told = asked.cooling_gain is not None
+        yield (f"the cooler was given as {asked.cooling_gain:g} times the heater's power" if told else
+               f"the cooler was taken for {cooling.gain(words):g} times the heater's power, as the words say")
     if words.sample_time_s < fitted.log_interval_s:
         yield f"TA {words.sample_time_s:g} s is below the log's interval of {fitted.log_interval_s:g} s"

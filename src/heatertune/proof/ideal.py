@@ -24,6 +24,7 @@ class _Law(NamedTuple):
     derivative: float
     within: float  # of the boost, see `heatertune.plc.boost.Boost`
     again: float
+    cooling: float  # full power of a cooler as a part of the heater's
 
 
 class _State(NamedTuple):
@@ -58,19 +59,20 @@ def simulate_wish(
     """
     ramped = math.isfinite(ramp_degC_per_min)
     controller = InLoop(
-        core=_CORE, parameters=_law_of(design, boost), state=_State(0.0, 0.0, 0.0, boost is None), sensor=0.0,
-        asked=scenario.setpoints_degC, scan_s=design.sample_time_s, ramp_calls=int(ramped),
+        core=_CORE, parameters=_law_of(design, boost, actuator.cooling_gain or 0.0),
+        state=_State(0.0, 0.0, 0.0, boost is None), sensor=0.0, asked=scenario.setpoints_degC,
+        scan_s=design.sample_time_s, ramp_calls=int(ramped),
         ramp_step=ramp_degC_per_min / 60.0 * design.sample_time_s if ramped else 0.0, ramp_hold=hold_degC or 0.0,
     )
     return run_loop(controller, model, scenario, actuator)
 
 
-def _law_of(design: PidDesign, boost: BoostView | None = None) -> _Law:
+def _law_of(design: PidDesign, boost: BoostView | None = None, cooling: float = 0.0) -> _Law:
     past, never = design.derivative_filter, (math.inf, math.inf)
     return _Law(
         design.gain_pct_per_degC, design.sample_time_s / design.integral_time_s, past,
         (1.0 - past) * design.derivative_time_s / design.sample_time_s,
-        *(never if boost is None else (boost.within_degC, boost.again_degC)),
+        *(never if boost is None else (boost.within_degC, boost.again_degC)), cooling,
     )
 
 
@@ -80,11 +82,11 @@ def _step(p: _Law, s: _State, setpoint: float, reading: float, _begins: bool) ->
         return _State(0.0, 0.0, error, False), 100.0, 100.0, 0
     filtered = p.past * s.filtered + p.derivative * (error - s.error)
     wanted = p.gain * (error + s.summed + p.integral * error + filtered)
-    power = min(100.0, max(0.0, wanted))
+    power = min(100.0, max(-100.0 * p.cooling, wanted))
     summed = s.summed
     if power == wanted or (wanted - power) * p.gain * error < 0.0:
         summed += p.integral * error
-    return _State(summed, filtered, error, True), power, wanted, 0
+    return _State(summed, filtered, error, True), power if power >= 0.0 else power / p.cooling, wanted, 0
 
 
 def _as_it_is(_sensor: float, temperature_degC: float) -> float:

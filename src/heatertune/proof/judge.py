@@ -59,7 +59,7 @@ def _measured(trace: Trace, limits: Limits) -> Measured:
     ran = np.array(scenario.supplied)[np.searchsorted([phase.begin_s for phase in phases], trace.time_s, "right") - 1]
     asked = trace.power_asked_pct[ran]
     wrong = sum(trace.flags.get(name, 0) for name in limits.overflow_flags)
-    totals = [len(asked), np.count_nonzero((asked <= 0.0) | (asked >= 100.0)),
+    totals = [len(asked), np.count_nonzero((asked <= trace.actuator.least_pct) | (asked >= 100.0)),
               wrong + np.count_nonzero(np.isnan(asked)), np.count_nonzero(trace.edge_on)]
     return Measured(
         scenario=scenario, band_degC=band, phases=phases,

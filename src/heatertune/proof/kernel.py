@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple
 
-from heatertune.plc.pwm import INSTANT_S, on_time
+from heatertune.plc.pwm import INSTANT_S, Switches
 from heatertune.proof.meter import (
     FAULTS,
     LIMITED,
@@ -31,6 +31,7 @@ from heatertune.proof.meter import (
 )
 from heatertune.proof.plant import Flow, Plant, factors, moved, turn
 from heatertune.proof.program import Program, asked_now
+from heatertune.proof.switch import edge_at, heat_after, period_of, switched_off, times_on
 
 __all__ = [
     "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Batch", "Clock", "Events", "Record", "measure", "restarted",
@@ -132,8 +133,7 @@ def restarted(_parameters: Any, _cold: Any, _state: Any) -> Any:
 
 def run(  # noqa: PLR0913 - compiled for the types of each: one value of them all would be as many fields again
     parameters: Any, state: Any, sensor: Any, clock: Clock, program: Program, plant: Plant, start: float,
-    events: Events, pwm: tuple[float, float, float, float, bool], cut: float, edges: Places, record: Record,
-    meter: Meter,
+    events: Events, pwm: Switches, cut: float, edges: Places, record: Record, meter: Meter,
 ) -> tuple[int, int]:
     """Run the loop over all scans; scans and PWM periods both begin at 0, and the periods anew at each start-up.
 
@@ -149,9 +149,9 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
         plant: the heater.
         start: temperature of all lags at 0 [°C].
         events: beside the switch.
-        pwm: `Actuator.numbers`.
+        pwm: `Actuator.switches`.
         cut: instant from which on an interlock keeps the heater off [s].
-        edges: ring of the instants at which the heater is switched, on and off in turn; its length is a power of two.
+        edges: a ring, see `heatertune.proof.switch`; its length is a power of two.
         record: places for the trace.
         meter: places for what is measured.
 
@@ -160,9 +160,9 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
     """
     scan_s, late, noise, cold = clock.scan_s, clock.late, clock.noise, state
     leads, shaken, noisy = events.leads, len(late) > 1, len(noise) > 1
-    whole = factors(scan_s, plant)
+    whole, period, least = factors(scan_s, plant), pwm.heat[0], -100.0 if pwm.cooling > 0.0 else 0.0
     flow = Flow(0.0, start, start, plant.ambient, 0.0, 0.0, 1.0)
-    carried = begin = tick = origin = 0.0
+    owed, begin, tick, origin = (0.0, 0.0), 0.0, 0.0, 0.0
     begun = ticked = switched = arrived = happened = phase = calls = 0
     rows, t, following = _stretch(record, 0, flow), late[0], 0.0
     seen, rest = _begin(meter, start)
@@ -174,7 +174,8 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
             quiet = False
             before = moved(flow, due, factors(due - flow.now, plant))
             seen, rest = _measured(meter, seen, rest, plant, flow, before)
-            flow = _changed(plant, before, kind, events.value[happened], arrived)
+            value = heat_after(edges, arrived, pwm.cooling) if kind == HEAT else events.value[happened]
+            flow = _changed(plant, before, kind, value)
             seen, rest = _divided(meter, seen, rest, flow, kind)
             arrived, happened = arrived + (kind == HEAT), happened + (kind != HEAT)
             phase += _begins_phase(kind)
@@ -183,10 +184,10 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
         before, flow = flow, moved(flow, t, whole if quiet else factors(t - flow.now, plant))
         seen, rest = _measured(meter, seen, rest, plant, before, flow)
         reading = measure(sensor, flow.y + (noise[k] if noisy else noise[0]))
-        if calls == 0 and k > 0 and program.supplied[phase] and _apart(begin, k * scan_s, pwm[0]):
+        if calls == 0 and k > 0 and program.supplied[phase] and _apart(begin, k * scan_s, period):
             origin, begin, tick, begun, ticked = t, t, t, 0, 0
         cycle_start = tick <= t + INSTANT_S
-        ticked, tick = _ticked(origin, ticked, tick, t, pwm[0])
+        ticked, tick = _ticked(origin, ticked, tick, t, period)
         power, flags = 0.0, 0
         if program.supplied[phase]:
             if calls == 0 and k > 0:
@@ -195,17 +196,16 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
                 measure(sensor, led_to(leads, phase, t)) if is_led(leads, phase) else program.asked[phase])
             calls = asked_now(program, phase, calls, reading)
             state, power, _, flags = step(parameters, state, program.word[0], reading, cycle_start)
-            _counted(meter, power, flags)
+            _counted(meter, power, least, flags)
         else:
-            switched, calls = _switched_off(edges, switched, t), 0
+            switched, calls = switched_off(edges, switched, t), 0
         _scanned(record, k, flow.y, program.word[0], reading, power, flags)
         power = 0.0 if math.isnan(power) else power  # which the meter has counted as a fault
         following = (k + 1) * scan_s + (late[min(k + 1, len(late) - 1)] if shaken else late[0])
         while begin < following - INSTANT_S:
-            on, carried = on_time(power, carried, pwm)
-            switched = _pulse(edges, switched, begin, min(on, cut - begin), pwm[0])
+            switched, owed = period_of(edges, switched, begin, power, owed, pwm, cut)
             begun += 1
-            begin = origin + begun * pwm[0]
+            begin = origin + begun * period
         due, kind = _next(plant, events, happened, edges, arrived, switched)
         t = following
     _end(meter, seen, rest, edges, switched, flow.now)
@@ -214,7 +214,7 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
 
 def run_all(  # noqa: PLR0913 - as `run`
     parameters: Any, state: Any, sensor: Any, scan_s: float, program: Program, batch: Batch,
-    pwm: tuple[float, float, float, float, bool], cut: float, edges: Places, record: Record, meter: Meter,
+    pwm: Switches, cut: float, edges: Places, record: Record, meter: Meter,
 ) -> tuple[int, int]:
     """Run many loops, one after the other; return what `run` returns of the last one.
 
@@ -225,7 +225,7 @@ def run_all(  # noqa: PLR0913 - as `run`
         scan_s: [s].
         program: likewise.
         batch: what differs.
-        pwm: `Actuator.numbers`.
+        pwm: `Actuator.switches`.
         cut: [s].
         edges: one ring for all of them.
         record: places of one trace: that of the last loop stays.
@@ -252,43 +252,29 @@ def _next(
     """Return instant and kind of what happens next; at one instant jumps and loads come before the switch."""
     due, kind = events.time[happened], events.kind[happened]
     if arrived < switched:
-        edge = edges[arrived & (len(edges) - 1)] + plant.dead
+        edge = edge_at(edges, arrived) + plant.dead
         if edge < due or (edge == due and kind > HEAT):
             return edge, HEAT
     return due, kind
 
 
-def _changed(plant: Plant, flow: Flow, kind: int, value: float, arrived: int) -> Flow:
-    """Return the heater just after an event; edges alternate, so their number tells whether it gets hot."""
+def _changed(plant: Plant, flow: Flow, kind: int, value: float) -> Flow:
+    """Return the heater just after an event; the mains are those of the heater, not of a cooler."""
     heat, load, mains, jump = flow.heat, flow.load, flow.mains, 0.0
     if kind == HEAT:
-        heat = 0.0 if arrived % 2 else 100.0
+        heat = value
     elif kind == LOAD:
         load += value
     elif kind == MAINS:
         mains = value
     elif kind == JUMP:
         jump = value
-    target = plant.ambient + plant.gain * (heat * mains + load)
+    target = plant.ambient + plant.gain * ((heat * mains if heat > 0.0 else heat) + load)
     return Flow(flow.now, flow.y + jump, flow.x + jump, target, heat, load, mains)
 
 
 def _begins_phase(kind: int) -> int:
     return int(kind in (JUMP, PHASE))
-
-
-def _pulse(
-    edges: Places, switched: int, begin: float, on: float, period: float
-) -> int:
-    """Switch for one period, where the heater is not in that state already; return how often it was switched so far."""
-    last = len(edges) - 1
-    if on > 0.0 and switched % 2 == 0:
-        edges[switched & last] = begin
-        switched += 1
-    if on < period and switched % 2 == 1:
-        edges[switched & last] = begin + on
-        switched += 1
-    return switched
 
 
 def _apart(begin: float, starts: float, period: float) -> bool:
@@ -302,17 +288,6 @@ def _ticked(origin: float, ticked: int, tick: float, now: float, period: float) 
         ticked += 1
         tick = origin + ticked * period
     return ticked, tick
-
-
-def _switched_off(edges: Places, switched: int, now: float) -> int:
-    """Take back what is left of a pulse, without supply; return how often the heater was switched so far."""
-    last = len(edges) - 1
-    if switched % 2 == 1:
-        edges[switched & last] = now
-        return switched + 1
-    if switched > 0 and edges[switched - 1 & last] > now:
-        edges[switched - 1 & last] = now
-    return switched
 
 
 def _stretch(record: Record, rows: int, flow: Flow) -> int:
@@ -335,11 +310,11 @@ def _scanned(record: Record, k: int, y: float, followed: Any, reading: Any, powe
         record.flags[k] = flags
 
 
-def _counted(meter: Meter, power: float, flags: int) -> None:
-    """Count one scan."""
+def _counted(meter: Meter, power: float, least: float, flags: int) -> None:
+    """Count one scan; `least` is the least power that can be asked for."""
     if meter.measures:
         meter.totals[SCANS] += 1.0
-        if power <= 0.0 or power >= 100.0:
+        if power <= least or power >= 100.0:
             meter.totals[LIMITED] += 1.0
         if math.isnan(power):
             meter.totals[FAULTS] += 1.0
@@ -390,7 +365,4 @@ def _end(
     if not meter.measures:
         return
     close(meter, seen, rest)
-    times = (switched + 1) // 2
-    while times > 0 and edges[2 * (times - 1) & (len(edges) - 1)] > end:
-        times -= 1
-    meter.totals[SWITCHINGS] = float(times)
+    meter.totals[SWITCHINGS] = float(times_on(edges, switched, end))

@@ -211,17 +211,17 @@ def traced(
         True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
         *(np.empty(pulses + batch.event_time.size) for _ in range(4)),
     )
-    given = (program_of(controller, scenario), batch, actuator.numbers, cut_s, edges, record, no_meter())
+    given = (program_of(controller, scenario), batch, actuator.switches, cut_s, edges, record, no_meter())
     switched, rows = run_with(controller, given, scans)
-    shown = edges[:switched][edges[:switched] <= time[-1]]
+    shown = edges[:switched][np.abs(edges[:switched]) <= time[-1]]
     return Trace(
         time_s=time,
         temperature_degC=record.temperature,
         reading_degC=controller.zero_degC + controller.unit_degC * record.reading,
         followed_degC=controller.zero_degC + controller.unit_degC * record.followed,
         power_asked_pct=record.power,
-        edge_time_s=shown,
-        edge_on=np.arange(len(shown)) % 2 == 0,
+        edge_time_s=np.abs(shown),
+        edge_pct=np.where(np.arange(len(shown)) % 2 == 0, np.copysign(100.0, shown), 0.0),
         stretches=np.column_stack([column[:rows] for column in record[-4:]]),
         model=model,
         scenario=scenario,

@@ -49,7 +49,7 @@ def metered(
     none = np.empty(0)
     record = Record(False, none, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
     batch = Batch(scans, noise_degC, late_s, rows, *events_of(scenario, dead, sizes, marks), leads)
-    given = (program_of(controller, scenario), batch, actuator.numbers, np.inf, edges, record, meter)
+    given = (program_of(controller, scenario), batch, actuator.switches, np.inf, edges, record, meter)
     run_with(controller, given, count * scans)
     ripple = _medians(np.where(high >= low, high - low, np.nan))
     return Measured(

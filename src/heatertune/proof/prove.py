@@ -192,8 +192,9 @@ def prove_models(
     runs = Runs.of(controller, words, models, scenario, actuator, limits, coverage, interlock=interlock)
     traced = remember(partial(runs.traced, direct=not coverage.open_points))  # a quick look waits for no listing
     judged = runs.judged()
-    step = acceptance.step_power_pct(design, max(runs.resolution_degC, scenario.noise_degC))
-    margins = acceptance.margins(design, (model for _, model, _ in runs.cases))
+    designs = _with_cooling(controller, words, design, runs.actuator)
+    step = acceptance.step_power_pct(designs, max(runs.resolution_degC, scenario.noise_degC))
+    margins = acceptance.margins(designs, (model for _, model, _ in runs.cases))
     results = [
         RunResult(model=name, switches=switches, label=runs.label(run),
                   criteria=(*ran, *of_words(limits, margins.get(model), step, runs.label(run))))
@@ -224,6 +225,16 @@ def prove_models(
         heard=heard,
         specification=acceptance.specification,
     )
+
+
+def _with_cooling(
+    controller: Controller, words: Words, design: PidDesign | None, actuator: Actuator
+) -> tuple[PidDesign, ...]:
+    """Return the design, and that of a cooler's parameters as the heater would have it; none where there is no PID."""
+    own = None if controller.cooling is None or not actuator.cooling_gain else controller.cooling.design(words)
+    gain = actuator.cooling_gain or 0.0
+    cooling = () if own is None else (replace(own, gain_pct_per_degC=own.gain_pct_per_degC * gain),)
+    return (() if design is None else (design,)) + cooling
 
 
 def _with_draws(

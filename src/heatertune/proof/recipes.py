@@ -15,6 +15,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Ramp, Scaling, Words, controller_for
 from heatertune.plc.choice import WordChoice
 from heatertune.plc.choose import choose_words
+from heatertune.plc.cooler import cooled
 from heatertune.plc.cycle import switched
 from heatertune.proof.profile_file import read_profile
 from heatertune.proof.refine import refine
@@ -90,6 +91,7 @@ def finished(words: Words, recipe: Recipe | None) -> Words:
     """
     if recipe is None or recipe.target != words.target:
         return words
+    words = cooled(words, recipe.conditions.cooling_gain)
     words = switched(controller_for(words.target).cycle, words, recipe.conditions.pwm_period_s)
     if recipe.power_most_pct is not None:
         words = controller_for(words.target).limited(words, recipe.power_most_pct)

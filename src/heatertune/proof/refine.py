@@ -19,6 +19,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.choice import WordChoice
 from heatertune.plc.choose import realised_as
+from heatertune.plc.cooler import cooled
 from heatertune.plc.design import encode
 from heatertune.plc.promise import broken_by
 from heatertune.progress import Told
@@ -124,13 +125,14 @@ class _Loop:
     def around(self, design: PidDesign, step: float, seen: set[Any]) -> Iterator[tuple[Words, PidDesign]]:
         """Return the words a step away that are new, fit the target and keep the limit on Ms."""
         target, scaling = self.choice.words.target, self.choice.words.scaling
+        gain_of_cooler = None if self.conditions is None else self.conditions.cooling_gain
         for gain, time in product((-step, 0.0, step), repeat=2):
             changed = replace(
                 design, gain_pct_per_degC=design.gain_pct_per_degC * math.exp(gain),
                 integral_time_s=design.integral_time_s * math.exp(time),
             )
             try:
-                words = encode(changed, target, scaling=scaling)
+                words = cooled(encode(changed, target, scaling=scaling), gain_of_cooler)
             except NotRepresentable:
                 continue
             key = tuple(words.values.items())

@@ -42,7 +42,7 @@ def trace_series(trace: Trace, label: str) -> dict[str, Any]:
         "asked_time_s": np.round(trace.time_s[asked], 3),
         "asked_pct": np.round(trace.power_asked_pct[asked], 3),
         "edge_s": np.round(trace.edge_time_s[edges], 3),
-        "edge_pct": np.where(trace.edge_on[edges], 100.0, 0.0),
+        "edge_pct": trace.edge_pct[edges],
     }
 
 

@@ -7,7 +7,7 @@ hunt is seen: ten of the loop's slowest periods wherever the power at rest is a 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -16,7 +16,7 @@ import numpy as np
 from heatertune.errors import InputError
 from heatertune.heater.exact import time_to
 from heatertune.model.values import HeaterModel
-from heatertune.proof.criteria import Limits
+from heatertune.proof.course import Course, Loop
 from heatertune.proof.profile import Leg, Profile
 from heatertune.proof.scenario import (
     Disturbance,
@@ -32,7 +32,7 @@ from heatertune.proof.scenario import (
 )
 from heatertune.units import check
 
-__all__ = ["Course", "Loop", "Story", "story_for"]
+__all__ = ["Story", "story_for"]
 
 #: periods of the loop's slowest motion that count as rest at a new power, and after any other part
 _LONG_REST: Final = 10
@@ -91,47 +91,6 @@ class Story:
             check("setpoint_low_degC", self.setpoint_low_degC, least=-273.15)
         if self.paper_times and self.profile is not None:
             raise InputError("story paper-times is on: the paper's record has no profile; leave one of them out")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Loop:
-    """What the times of a story depend on beside the heaters.
-
-    Attributes:
-        scan_s, pwm_period_s, sample_time_s: of controller and switch [s].
-        integral_time_s: TN as the words realise it; infinite or None: there is none [s].
-        ramp_degC_per_min: of the setpoint; infinite: none.
-        settling_s, recovery_s: that heat-up and recovery may take as specified; a part lasts so long or longer [s].
-        soak_settles_s: time of a soak [s] → when in it the temperature has to be right [s].
-        cold_degC: how near to the ambient a heater has to be before a profile [°C].
-        again_degC: so far from the setpoint the program takes the heater back from the controller; None: nowhere [°C].
-    """
-
-    scan_s: float
-    pwm_period_s: float
-    sample_time_s: float
-    integral_time_s: float | None = None
-    ramp_degC_per_min: float = math.inf
-    settling_s: float = 0.0
-    recovery_s: float = 0.0
-    soak_settles_s: Callable[[float], float] = Limits().soak_settles_s
-    cold_degC: float = 1.0
-    again_degC: float | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Course:
-    """A story made for heaters and words.
-
-    Attributes:
-        scenario: of each run.
-        not_tested: parts that were left out and why, a few words each.
-        told: what was made easier, likewise.
-    """
-
-    scenario: Scenario
-    not_tested: tuple[str, ...]
-    told: tuple[str, ...]
 
 
 def story_for(
@@ -204,9 +163,7 @@ class _Teller:
         """Return the parts after the heat-up, in order."""
         if self.story.step_share > 0.0:
             yield self._part(TemperatureStep(time_s=1.0, temperature_degC=-self.story.step_share * self.step_degC))
-        if self.load_pct > 0.0:
-            yield replace(self._part(Load(time_s=1.0, power_pct=-self.load_pct)), rest_s=self.long_rest_s)
-            yield self._part(Load(time_s=1.0, power_pct=self.load_pct))
+        yield from self._loads()
         if self.story.opens:
             yield self._off(Mains(time_s=1.0, share=0.0), max(2.0 * self.integral_time_s, self.heater_s))
             yield self._part(Mains(time_s=1.0, share=1.0), self.way_s)
@@ -225,6 +182,14 @@ class _Teller:
             for off_s in (_HOT_OFF * self.heater_s, self._longest_s(_COLD for _ in self.models)):
                 yield self._off(PlcPower(time_s=1.0, on=False), off_s)
                 yield self._part(PlcPower(time_s=1.0, on=True), self.way_s)
+
+    def _loads(self) -> Iterator[_Part]:
+        if self.load_pct > 0.0:
+            yield replace(self._part(Load(time_s=1.0, power_pct=-self.load_pct)), rest_s=self.long_rest_s)
+            yield self._part(Load(time_s=1.0, power_pct=self.load_pct))
+        if self.heating_load_pct > 0.0:
+            for load in (self.heating_load_pct, -self.heating_load_pct):
+                yield replace(self._part(Load(time_s=1.0, power_pct=load), self.way_s), rest_s=self.long_rest_s)
 
     def along(self, profile: Profile, scenario: Scenario) -> Scenario:
         """Return the story with a profile at its end, led from the first heater's ambient on, the heaters being cold.
@@ -253,10 +218,7 @@ class _Teller:
         story = self.story
         if story.step_share == 0.0:
             yield "a step of the temperature"
-        if story.load_pct == 0.0:
-            yield "a load"
-        elif self.load_pct == 0.0:
-            yield f"a load (a heater has {self._reserve_pct():.3g} % of power left over)"
+        yield from self._loads_not_tested()
         if not story.opens:
             yield "an open circuit of the heater"
         if self.low_degC is None:
@@ -273,6 +235,14 @@ class _Teller:
         arrived = {leg.segment for leg in legs if self._judged_s(leg) > 0.0}
         yield from (f"whether segment {number} of the profile arrives (no soak longer than what it may settle in)"
                     for number in dict.fromkeys(leg.segment for leg in legs) if number not in arrived)
+
+    def _loads_not_tested(self) -> Iterator[str]:
+        if self.story.load_pct == 0.0:
+            yield "a load"
+        elif self.load_pct == 0.0:
+            yield f"a load (a heater has {self._reserve_pct():.3g} % of power left over)"
+        if self.loop.cooling_gain > 0.0 and self.heating_load_pct == 0.0:
+            yield "a load that has to be cooled away"
 
     def told(self) -> Iterator[str]:
         """Return what is made easier."""
@@ -324,6 +294,13 @@ class _Teller:
         return max(0.0, min(self.story.load_pct, self._reserve_pct() - _RESERVE_PCT))
 
     @property
+    def heating_load_pct(self) -> float:
+        """The load that heats so that the cooler has to hold the setpoint of every heater; 0: none."""
+        held = self._held_pct()
+        cooled = min(self.story.load_pct, 100.0 * self.loop.cooling_gain - _RESERVE_PCT - (max(held) - min(held)))
+        return max(held) + cooled if cooled > 0.0 else 0.0
+
+    @property
     def low_degC(self) -> float | None:
         """The lower end of the setpoints of use, None where none is tested."""
         if not self.story.changes:
@@ -362,14 +339,19 @@ class _Teller:
 
     def _reserve_pct(self, mains: float = 1.0) -> float:
         """Return the least power that is left over at the setpoint [% of full power]."""
-        return min(100.0 - (self.setpoint_degC - ambient) / (mains * model.gain_degC_per_pct)
-                   for model, ambient in zip(self.models, self.ambients_degC, strict=True))
+        return 100.0 - max(self._held_pct(mains))
+
+    def _held_pct(self, mains: float = 1.0) -> list[float]:
+        return [(self.setpoint_degC - ambient) / (mains * model.gain_degC_per_pct)
+                for model, ambient in zip(self.models, self.ambients_degC, strict=True)]
 
     @property
     def _cooling_s(self) -> float:
         low = self.setpoint_degC if self.low_degC is None else self.low_degC
-        return self._longest_s((self.setpoint_degC - low) / (self.setpoint_degC - ambient)
-                               for ambient in self.ambients_degC)
+        most = 100.0 * self.loop.cooling_gain
+        return self._longest_s(
+            (self.setpoint_degC - low) / (self.setpoint_degC - ambient + most * model.gain_degC_per_pct)
+            for model, ambient in zip(self.models, self.ambients_degC, strict=True))
 
     @property
     def _ramp_s(self) -> float:

@@ -33,7 +33,7 @@ class Trace(Shown):
         followed_degC: the setpoint that the controller followed, a ramp on its way included, shape (n,).
         power_asked_pct: what the controller asked for, shape (n,).
         edge_time_s: instants at which the heater was switched, shape (e,).
-        edge_on: whether it was switched on, shape (e,).
+        edge_pct: 100 where it was switched on, -100 where its cooler was, else 0 [%], shape (e,).
         stretches: one row per stretch of constant power at the plant: instant from which it acts [s], temperature,
             state of the smaller lag and ambient + gain·power there [°C], shape (m, 4).
         model, scenario, actuator: what was simulated; the actuator is the PLC's own where it makes the PWM.
@@ -49,7 +49,7 @@ class Trace(Shown):
     followed_degC: Array
     power_asked_pct: Array
     edge_time_s: Array
-    edge_on: npt.NDArray[np.bool_]
+    edge_pct: Array
     stretches: Array
     model: HeaterModel
     scenario: Scenario
@@ -66,6 +66,11 @@ class Trace(Shown):
             value = getattr(self, attribute.name)
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
+
+    @property
+    def edge_on(self) -> npt.NDArray[np.bool_]:
+        """Whether something was switched on at each edge, shape (e,)."""
+        return np.not_equal(self.edge_pct, 0.0)
 
     @property
     def setpoint_degC(self) -> float:

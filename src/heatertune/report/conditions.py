@@ -39,6 +39,9 @@ def assumed(documents: Documents) -> str:
         rows += [_row(name, switch[key]) for name, key in (
             ("pwm_period_s", "pwm_period_s"), ("pwm_resolution_s", "resolution_s"), ("minimum_on_s", "minimum_on_s"),
             ("minimum_off_s", "minimum_off_s"))]
+        if switch.get("cooling_gain") is not None:
+            told = ("cooling_gain", "cooling_minimum_on_s", "cooling_minimum_off_s")
+            rows += [_row(name, switch[name]) for name in told if switch.get(name) is not None]
         if switch["minimum_rule"] == "carry":
             rows.append(["what a pulse leaves", "made up in the next one", "", options_of(Conditions)["pwm_rule"].flag])
     points = controller_for(documents["words"]["target"]).switches

@@ -14,7 +14,7 @@ from heatertune.pid.reaction import reaction
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof, Trace
-from heatertune.report.style import LOOK, key, label_levels, new_figure
+from heatertune.report.style import LOOK, key, label_levels, new_figure, power_limits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -134,6 +134,6 @@ def _power(height_in: float, lines: Sequence[tuple[Any, Any, str]]) -> Panel:
     def paint(ax: Axes) -> None:
         for time, power, look in lines:
             ax.step(*thinned(time, power), where="post", **LOOK[look])
-        ax.set(xlabel="time [s]", ylabel="power [%]", ylim=(-4, 104))
+        ax.set(xlabel="time [s]", ylabel="power [%]", ylim=power_limits(*(power for _, power, _ in lines)))
 
     return Panel(height_in, paint)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from heatertune.report.style import LOOK, key, label_levels, new_figure
+from heatertune.report.style import LOOK, key, label_levels, new_figure, power_limits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +55,8 @@ def plot_loop(nominal: Part, worst: Part, others: Sequence[Part], phases: Sequen
     key(top, *names[: 3 if others else 2])
     for run, name, look in ((worst, "worst", "worst"), (nominal, "nominal", "realised")):
         low.step(run["asked_time_s"], run["asked_pct"], where="post", label=name, **LOOK[look])
-    low.set(ylabel="power asked for [%]", ylim=(-4, 104), xlabel="time [s]")
+    powers = power_limits(nominal["asked_pct"], worst["asked_pct"])
+    low.set(ylabel="power asked for [%]", ylim=powers, xlabel="time [s]")
     _parts(phases, top, low)
     return figure
 
@@ -71,7 +72,7 @@ def plot_pwm(nominal: Part, start_s: float, end_s: float) -> Figure:
     ax.step(time, np.append(level, level[-1]), where="post", label="heater", **LOOK["realised"])
     ax.set_ylabel("heater [%]")
     ax.set_xlabel("time [s]")
-    ax.set_ylim(-8, 108)
+    ax.set_ylim(-8 if np.min(level) >= 0.0 else -108, 108)
     return figure
 
 

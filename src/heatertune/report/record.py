@@ -28,6 +28,7 @@ _OF_WORDS: Final = ("stability", "ms", "gain_margin", "phase_margin", "step_powe
 _BLANK: Final = Markup('<span class="blank"></span>')
 _SHORT: Final = 160  # characters of all words in one cell
 _SIDE_BY_SIDE: Final = 5  # words from which on they stand in two columns
+_MOST_LETTERS: Final = 46  # of address and name of a word, for two columns to stand side by side
 
 
 def head(documents: Documents) -> str:
@@ -76,7 +77,8 @@ def _words(documents: Documents) -> str:
     document = documents["words"]
     rows, scale = typed(document), document["scaling"]
     refused = '<p class="fail">Not to be typed in: these words are not proven.</p>' if _refused(document) else ""
-    half = (len(rows) + 1) // 2 if len(rows) > _SIDE_BY_SIDE else len(rows)
+    fits = all(len(row.address) + len(row.name) <= _MOST_LETTERS for row in rows)
+    half = (len(rows) + 1) // 2 if len(rows) > _SIDE_BY_SIDE and fits else len(rows)
     source = controller_for(document["target"]).title
     columns = [_column(part) for part in (rows[:half], rows[half:]) if part]
     files = " ".join(f"<code>{text_of(name)}</code>" for name in document["files"])

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["LOOK", "key", "label_levels", "new_figure", "to_png", "to_svg"]
+__all__ = ["LOOK", "key", "label_levels", "new_figure", "power_limits", "to_png", "to_svg"]
 
 # M. Okabe and K. Ito, "Color universal design" (2008): told apart by colour-blind eyes; darkness differs too
 LOOK: Final[dict[str, dict[str, Any]]] = {
@@ -44,6 +46,11 @@ def new_figure(
         ax.grid(color="#dddddd", linewidth=0.5)
         ax.spines[["top", "right"]].set_visible(False)
     return figure, list(axes)
+
+
+def power_limits(*powers: Any) -> tuple[float, float]:
+    """Return the ends of an axis of power [%], from below 0 where one of them cools."""
+    return -4.0 if all(np.nanmin(power, initial=0.0) >= 0.0 for power in powers) else -104.0, 104.0
 
 
 def key(ax: Axes, *names: tuple[str, str]) -> None:

@@ -112,6 +112,8 @@ def loop_chart(look: Look, picture: Picture, pinned: Sequence[Pinned] = ()) -> O
     second = {"xAxisIndex": 1, "yAxisIndex": 1}
     options = _two_grids([*crowd, *lines, power | second], picture, end_s=float(nominal.time_s[-1]))
     options["yAxis"][0] |= {"min": round(low - room, 1), "max": round(high + room, 1)}
+    if nominal.actuator.cooling_gain is not None:
+        options["yAxis"][1] |= {"min": -100, "interval": 100}
     return options
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import partial
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, Sensor, count
 from heatertune.plc.pid_compact.export import export_words
-from heatertune.plc.pid_compact.exported import exported
+from heatertune.plc.pid_compact.exported import LAW, exported
 from heatertune.plc.pid_compact.readback import from_text
 from heatertune.plc.pid_compact.step import COLD, Assumptions, block_of, scaled, scan, step
 from heatertune.plc.pid_compact.words import (
@@ -27,7 +27,7 @@ from heatertune.plc.pid_compact.words import (
 )
 from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
-from heatertune.plc.words import Scaling, Words
+from heatertune.plc.words import Scaling, WordField, Words
 
 __all__ = ["CORE", "COUNTS", "DELAY_S", "INPUTS", "TIMER", "PidCompact"]
 
@@ -44,6 +44,7 @@ TIMER = Timer(shortest_s=0.01, longest_s=600.0, step_s=0.01)
 #: an analog input's own time, as of a module with eight channels, and the time of the process image with
 #: which the outputs go out, whose cycle a CPU watches (150 ms by default) [s]
 DELAY_S = 0.256 + 0.15
+FIELDS: Final[tuple[WordField, ...]] = fields_of(COMPACT)
 INPUTS: Mapping[str, str] = {"Setpoint": "REAL", "Input": "REAL", "Reset": "BOOL"}
 
 
@@ -61,16 +62,16 @@ class PidCompact(Controller, name="pid-compact"):
         "a PWM whose period is not Cycle is left to a switch behind Output",
         "V1 of the block has other names (sRet…) and another start: not this one",
     )
-    fields = fields_of(COMPACT)
+    fields = FIELDS
     assumptions, timer, counts, inputs, core = Assumptions, TIMER, COUNTS, INPUTS, CORE
     tick_s, delay_s = 0.1, DELAY_S
     own_pwm = ("pid-compact", math.inf)
     most_power = ("OutputUpperLimit", 100.0)
     design, consistent, interval_s = staticmethod(design_of), staticmethod(consistent), staticmethod(interval_s)
     oddities, scan_all = staticmethod(oddities), staticmethod(scan)
-    export: ClassVar = staticmethod(partial(export_words, COMPACT))
-    exported: ClassVar = staticmethod(partial(exported, COMPACT))
-    text: ClassVar = staticmethod(partial(from_text, COMPACT))
+    export: ClassVar = staticmethod(partial(export_words, COMPACT, FIELDS))
+    exported: ClassVar = staticmethod(partial(exported, COMPACT, FIELDS, LAW))
+    text: ClassVar = staticmethod(partial(from_text, COMPACT, FIELDS))
 
     @staticmethod
     def values(design: PidDesign, scaling: Scaling) -> Mapping[str, Number]:  # noqa: ARG004 - in °C

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from typing import Final
 
 from heatertune.plc.pid_compact.source import CALL, LOAD, ROLLBACK, assignments, call, load, made_by, rollback, tick_s
-from heatertune.plc.pid_compact.words import PARAMETERS, Tags, fields_of
+from heatertune.plc.pid_compact.words import Tags
 from heatertune.plc.typed import as_typed
-from heatertune.plc.words import Certificate, Words
+from heatertune.plc.words import Certificate, WordField, Words
 
 __all__ = ["COLUMNS", "export_words"]
 
@@ -17,21 +18,23 @@ __all__ = ["COLUMNS", "export_words"]
 COLUMNS: Final = ("Name", "Address", "Display format", "Monitor value", "Modify value", "Comment")
 
 
-def export_words(tags: Tags, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+def export_words(
+    tags: Tags, fields: Sequence[WordField], words: Words, certificate: Certificate
+) -> dict[str, str | bytes]:
     """Return the three files; the same words and certificate give the same bytes."""
     head = _comment(*_head(tags, words, certificate), *_by_hand(tags, words, certificate))
     short = _comment(*_rollback(certificate))
     return {f"{tags.files}_words.scl": f"{head}{load(tags, words, certificate.actuator)}\n{call(tags)}",
             f"{tags.files}_rollback.scl": short + rollback(tags),
-            f"{tags.files}_watch.csv": _watch(tags, words, certificate)}
+            f"{tags.files}_watch.csv": _watch(tags, fields, words, certificate)}
 
 
 def _head(tags: Tags, words: Words, certificate: Certificate) -> tuple[str, ...]:
     scale = words.scaling
     return (
         f"heater controller: words of {tags.block} (S7-1200/1500), V2 and later, for the instance DB {tags.instance}",
-        f"sensor {scale.low_degC:g}...{scale.high_degC:g} degC; TA: Cycle = {words.sample_time_s:g} s; {tags.power} in "
-        "percent",
+        f"sensor {scale.low_degC:g}...{scale.high_degC:g} degC; TA: Cycle = {words.sample_time_s:g} s; {tags.power}"
+        f"{f' and {tags.cooler}' if tags.cools else ''} in percent",
         *certificate.head,
         "not tried in TIA Portal",
     )
@@ -42,8 +45,9 @@ def _by_hand(tags: Tags, words: Words, certificate: Certificate) -> list[str]:
     actuator = certificate.actuator
     why = made_by(tags, words, actuator)
     interval = words.sample_time_s if actuator is None else tick_s(tags, words, actuator)
-    wired = (f"wire {tags.pulses} to the heater's switch" if why is None else
-             f"wire {tags.power} through a PWM of yours as it was proven; {tags.pulses} is not it: {why}")
+    cooler = (f" and {tags.cooler}_PWM to the cooler's", f" and {tags.cooler}") if tags.cools else ("", "")
+    wired = (f"wire {tags.pulses} to the heater's switch{cooler[0]}" if why is None else
+             f"wire {tags.power}{cooler[1]} through a PWM of yours as it was proven; {tags.pulses} is not it: {why}")
     proven = certificate.setpoint_degC
     steps = (
         f"create the technology object {tags.block}, named {tags.instance} (or change the name here), and generate the "
@@ -77,7 +81,7 @@ def _rollback(certificate: Certificate) -> tuple[str, ...]:
     )
 
 
-def _watch(tags: Tags, words: Words, certificate: Certificate) -> str:
+def _watch(tags: Tags, fields: Sequence[WordField], words: Words, certificate: Certificate) -> str:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     notes = (*_head(tags, words, certificate),
@@ -90,8 +94,8 @@ def _watch(tags: Tags, words: Words, certificate: Certificate) -> str:
     def row(tag: str, form: str, value: str, comment: str) -> None:
         table.writerow([f'"{tags.instance}".{tag}', "", form, "", value, comment])
 
-    for field in fields_of(tags):
-        if field.name in PARAMETERS:
+    for field in fields:
+        if field.name in tags.parameters:
             row(field.address, _format(field.format), as_typed(words.values[field.name], field.format), field.comment)
     for tag, value, meaning in assignments(tags, words, certificate.actuator):
         row(tag, "Bool" if value in ("TRUE", "FALSE") else "Floating-point number" if "." in value else "DEC+/-",

@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.machine import Firmware, Program, Value
 from heatertune.plc.cpu.iec.text import units
 from heatertune.plc.exported import Called
 from heatertune.plc.pid_compact.source import BROKEN_HIGH, CALL, LOAD
-from heatertune.plc.pid_compact.step import COLD, Assumptions, block_of, scaled, scan
-from heatertune.plc.pid_compact.words import PARAMETERS, Tags, fields_of
+from heatertune.plc.pid_compact.step import COLD, block_of, scaled, scan
+from heatertune.plc.pid_compact.words import Tags
 from heatertune.plc.ramp import Number
+from heatertune.plc.words import WordField
 
-__all__ = ["exported", "loaded"]
+__all__ = ["LAW", "Law", "exported", "loaded"]
 
 _BODY: Final = r'FUNCTION "{}" : Void\b.*?\nBEGIN\n(.*?)END_FUNCTION'
 #: the instance's names: quotation marks and dots, which the machine's names do not have
 _TAG: Final = re.compile(r'"(\w+)"((?:\.\w+)*)')
 _INSTANCE: Final = "PID"
 _SCALING: Final = ("LowerPointIn", "UpperPointIn", "LowerPointOut", "UpperPointOut")
-#: words of an instance that has none yet
-_NOTHING: Final = dict.fromkeys((*PARAMETERS, "OutputUpperLimit", "OutputLowerLimit", "IntegralResetMode"), 0)
-#: of the configuration, what the proof takes to be so
-_SURE: Final = {"Config_InputPerOn": True, "Config_ActivateCooling": False}
+
+
+class Law(NamedTuple):
+    """What the instruction computes: the memory before its first cycle, the block for words, a cycle on all inputs."""
+
+    cold: Any
+    block_of: Callable[[Mapping[str, Any], Any], Any]
+    scan: Callable[[Any, Any, Mapping[str, Any]], tuple[Any, float, Any, int]]
+
+
+LAW: Final = Law(COLD, block_of, scan)
 
 
 def _flat(tag: str) -> str:
@@ -35,9 +43,9 @@ def _flat(tag: str) -> str:
 class ExportedPid:
     """See `heatertune.plc.exported.Exported`."""
 
-    def __init__(self, text: str, tags: Tags, assume: Assumptions, cycle_s: float) -> None:
+    def __init__(self, text: str, tags: Tags, instruction: Instruction, cycle_s: float) -> None:
         """Take a source; raise InputError where it is not of the exported form."""
-        self._firmware, self._per_call = _Instruction(tags, assume), 1
+        self._firmware, self._per_call, self._least = instruction, 1, -100.0 if tags.cools else 0.0
         self._program = loaded(text, tags, self._firmware.made)
         self.start()
         self._scan(0.0, BROKEN_HIGH)
@@ -91,23 +99,25 @@ class ExportedPid:
         program["Starts"] = False
         self._since += 1
         power = program["PID_POWER"]
-        return Called(program["PID_ASKED"], power, min(max(power, 0.0), 100.0))
+        return Called(program["PID_ASKED"], power, min(max(power, self._least), 100.0))
 
 
-class _Instruction:
-    """The firmware: its instance DB by flattened names, and the law of `step`."""
+class Instruction:
+    """The firmware: its instance DB by flattened names, and a law."""
 
-    def __init__(self, tags: Tags, assume: Assumptions) -> None:
-        self._tags, self._assume, self._fields = tags, assume, fields_of(tags)
-        self._sure = _SURE if not tags.inverts else {"Config_InputPerOn": True}
+    def __init__(self, tags: Tags, fields: Sequence[WordField], assume: Any, law: Law) -> None:
+        """Take the block's names and words."""
+        self._tags, self._assume, self._fields, self._law = tags, assume, fields, law
+        # of the configuration, what the proof takes to be so
+        self._sure = {"Config_InputPerOn": True} | ({} if tags.inverts else {"Config_ActivateCooling": tags.cools})
         self.due = True
         self.start()
 
     def start(self) -> None:
         """Forget all but the instance DB."""
-        self._state, self._power = COLD, 0.0
+        self._state, self._power = self._law.cold, 0.0
         self._held: dict[str, Value] = {}
-        self._block = block_of(_NOTHING, self._assume)
+        self._block: Any = None
 
     @property
     def made(self) -> Firmware:
@@ -115,7 +125,7 @@ class _Instruction:
         tags = self._tags
         kinds = {"Setpoint": "REAL", "Input_PER": "INT", "Reset": "BOOL", "LoadBackUp": "BOOL", "Power": "REAL"}
         kinds |= {_flat(field.address): field.format for field in self._fields}
-        kinds |= {_flat(tags.saved(name)): "REAL" for name in PARAMETERS}
+        kinds |= {_flat(tags.saved(name)): "REAL" for name in tags.parameters}
         kinds |= {_flat(f"Config.InputScaling.{name}"): "REAL" for name in _SCALING}
         kinds |= {_flat(tag): "REAL" for tag in (
             "OverwriteInitialOutputValue", "SubstituteOutput", "CycleTime.Value", "Config.InputLowerLimit",
@@ -124,11 +134,15 @@ class _Instruction:
         kinds |= {_flat(tag): "BOOL" for tag in (
             "ActivateRecoverMode", "SetSubstituteOutput", "Config.InputPerOn", "CycleTime.StartEstimation",
             "CycleTime.EnEstimation", "CycleTime.EnMonitoring")}
-        if not tags.inverts:
-            kinds |= {"Config_ActivateCooling": "BOOL", _flat(tags.config("Select")): "INT"}
+        outputs = () if tags.inverts else ("Heat", "Cool") if tags.cools else ("Heat",)
+        for side in outputs:
+            place, own = f"Config.Output.{side}.", "" if side == "Heat" else side
+            kinds |= {"Config_ActivateCooling": "BOOL", _flat(f"{place}Select"): "INT"}
             kinds |= {_flat(tag): "REAL" for tag in (
-                tags.active("DeadZone"), tags.active("ControlZone"), tags.config("PwmPeriode"),
-                *(tags.config(f"{kind}{end}Scaling") for kind in ("", "Pwm") for end in ("Upper", "Lower")))}
+                tags.active(f"{own}DeadZone"), tags.active(f"{own}ControlZone"),
+                *(place + name for name in ("PwmPeriode", "PidUpperLimit", "PidLowerLimit", "MinimumOnTime",
+                                            "MinimumOffTime")),
+                *(f"{place}{kind}{end}Scaling" for kind in ("", "Pwm") for end in ("Upper", "Lower")))}
         return Firmware(kinds, lambda: self._run)
 
     def _run(self, given: Mapping[str, Any]) -> dict[str, Value]:
@@ -138,12 +152,12 @@ class _Instruction:
             return {"Power": self._power}
         values = {field.name: given[_flat(field.address)] for field in self._fields}
         if values != self._held:
-            self._held, self._block = values, block_of(values, self._assume)
+            self._held, self._block = values, self._law.block_of(values, self._assume)
         low, high = (given[f"Config_InputScaling_{end}PointOut"] for end in ("Lower", "Upper"))
         reading = scaled(given["Input_PER"], int(given["Config_InputScaling_UpperPointIn"]), low, high)
         inputs = {"Setpoint": min(max(given["Setpoint"], given["Config_SetpointLowerLimit"]),
                                   given["Config_SetpointUpperLimit"]), "Input": reading, "Reset": given["Reset"]}
-        self._state, _, self._power, _ = scan((self._block, self._assume), self._state, inputs)
+        self._state, _, self._power, _ = self._law.scan((self._block, self._assume), self._state, inputs)
         return {"Power": self._power}
 
 
@@ -175,9 +189,17 @@ def _renamed(tag: re.Match[str], tags: Tags) -> str:
 
 
 def exported(
-    tags: Tags, files: Mapping[str, str | bytes], assume: Assumptions
+    tags: Tags, fields: Sequence[WordField], law: Law, files: Mapping[str, str | bytes], assume: Any
 ) -> dict[str, Callable[[], ExportedPid | None]]:
-    """Return what loads the source; the interval of the algorithm is Cycle of its words."""
+    """Return what loads the source; the interval of the algorithm is Cycle of its words.
+
+    Args:
+        tags: the block's names.
+        fields: its words.
+        law: what it computes.
+        files: of the export.
+        assume: what the manual leaves open.
+    """
     file = f"{tags.files}_words.scl"
 
     def load() -> ExportedPid:
@@ -185,6 +207,6 @@ def exported(
         cycle = re.search(rf"{re.escape(tags.active('Cycle'))} := ([0-9.E+-]+);", text)
         if cycle is None:
             raise InputError(f"{tags.active('Cycle')} is not assigned")
-        return ExportedPid(text, tags, assume, float(f"{float(cycle[1]):.7g}"))
+        return ExportedPid(text, tags, Instruction(tags, fields, assume, law), float(f"{float(cycle[1]):.7g}"))
 
     return {file: load}

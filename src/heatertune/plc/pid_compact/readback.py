@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
 
 from heatertune.plc.pid_compact.source import CALL, LOAD, LOOKED_AT, ROLLBACK, assignments, call, load, rollback
-from heatertune.plc.pid_compact.words import Tags, fields_of
+from heatertune.plc.pid_compact.words import Tags
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import Collected, ReadBack, first_unlike, lines_of, real_of, whole_of, wrong
+from heatertune.plc.targets import COOLING
 from heatertune.plc.words import WordField, Words
 
 __all__ = ["from_text"]
@@ -38,16 +39,25 @@ class _Assigned(NamedTuple):
     value: str
 
 
-def from_text(tags: Tags, text: str, _sample_time_s: float | None, source: str) -> ReadBack:
+def from_text(
+    tags: Tags, fields: Sequence[WordField], text: str, _sample_time_s: float | None, source: str
+) -> ReadBack:
     """Return the words in a text, and what it assigns besides.
+
+    Args:
+        tags: the block's names.
+        fields: its words.
+        text: a source, list or table.
+        _sample_time_s: not looked at: the words tell it.
+        source: name for error messages.
 
     Raises:
         InputError: a line or cell that is none of a source, list or table; a parameter that is missing, there with two
             values, or out of its range; a zone or cooling that no proof here knows; names of V1 of the block.
     """
     plain = text.replace("\r\n", "\n").replace("\r", "\n")
-    collected, others = Collected(source, fields_of(tags)), list[_Assigned]()
-    by_tag = {field.address.upper(): field for field in fields_of(tags)}
+    collected, others = Collected(source, tuple(fields)), list[_Assigned]()
+    by_tag = {field.address.upper(): field for field in fields}
     off = _switched_off(tags)
     for line, tag, value in _all(plain, source):
         field = by_tag.get(tag.upper())
@@ -70,9 +80,16 @@ def _switched_off(tags: Tags) -> dict[str, tuple[str, str]]:
     listed = {
         tags.active("DeadZone"): ("0.0", "0.0: no proof here knows a dead zone"),
         tags.active("ControlZone"): ("off", "3.402822E38: no proof here knows a control zone"),
-        "Config.ActivateCooling": ("FALSE", "FALSE: no proof here knows cooling beside heating"),
+        "Config.ActivateCooling": ("FALSE", "FALSE: no proof here knows cooling beside heating" + (
+            "" if tags.inverts else f"; target {COOLING['pid-temp']} does")),
         "Config.InputPerOn": ("TRUE", "TRUE: the reading is Input_PER"),
     }
+    if tags.cools:
+        listed |= {
+            tags.active("CoolDeadZone"): listed[tags.active("DeadZone")],
+            tags.active("CoolControlZone"): listed[tags.active("ControlZone")],
+            "Config.ActivateCooling": ("TRUE", "TRUE: without cooling it is target pid-temp"),
+        }
     if not tags.inverts:
         listed["Config.InvertControl"] = ("FALSE", "FALSE: PID_Temp is not inverted")
     return {tag.upper(): rule for tag, rule in listed.items()}

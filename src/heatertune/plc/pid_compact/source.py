@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from heatertune.plc.pid_compact.words import COUNTS, PARAMETERS, Tags
+from heatertune.plc.pid_compact.words import COUNTS, Tags
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.single import single
 from heatertune.plc.words import Scaling, Words
@@ -27,6 +27,8 @@ _PLAIN: Final = 1e6
 _BEYOND: Final = 0.2
 #: control zone that is switched off
 _OFF: Final = "3.402822E38"
+#: structure of the cooler's output
+_COOLER: Final = "Config.Output.Cool."
 #: a finer clock than an organization block has
 _LEAST_MS: Final = 1.0
 
@@ -37,7 +39,9 @@ LOOKED_AT: Final = frozenset(tag.upper() for tag in (
     "OverwriteInitialOutputValue", "ActivateRecoverMode", "SetSubstituteOutput", "SubstituteOutput",
     *(f"Config.InputScaling.{end}Point{side}" for end in ("Lower", "Upper") for side in ("In", "Out")),
     *(f"Config.{what}{end}Limit" for what in ("Input", "Setpoint") for end in ("Lower", "Upper")),
-    *(f"Config.Output.Heat.{kind}{end}Scaling" for kind in ("", "Pwm") for end in ("Lower", "Upper"))))
+    "Config.Output.Heat.PidLowerLimit", "Config.Output.Cool.PidUpperLimit",
+    *(f"Config.Output.{side}.{kind}{end}Scaling" for side in ("Heat", "Cool") for kind in ("", "Pwm")
+      for end in ("Lower", "Upper"))))
 
 
 def literal(value: float) -> str:
@@ -62,8 +66,9 @@ def made_by(tags: Tags, words: Words, actuator: Actuator | None) -> str | None:
         (not clock, "no organization block has its clock"),
         (other and tags.inverts, f"its period is not Cycle, {cycle:g} s"),
         (other and period > cycle, f"its period is above Cycle, {cycle:g} s"),
-        (words.values["OutputLowerLimit"] < 0.0, "it knows no output below 0 %"),
-        (max(actuator.minimum_on_s, actuator.minimum_off_s) >= period, "its shortest times fill the period"),
+        (words.values["OutputLowerLimit"] < 0.0 and not tags.cools, "it knows no output below 0 %"),
+        (max(actuator.minimum_on_s, actuator.minimum_off_s, *actuator.cooling_minimum_s) >= period,
+         "its shortest times fill the period"),
     )
     return next((why for holds, why in problems if holds), None)
 
@@ -71,22 +76,38 @@ def made_by(tags: Tags, words: Words, actuator: Actuator | None) -> str | None:
 def assignments(tags: Tags, words: Words, actuator: Actuator | None) -> Iterator[Assigned]:
     """Yield tag, value and meaning of all that is configured beside the parameters."""
     v = words.values
-    lower, upper = literal(v["OutputLowerLimit"]), literal(v["OutputUpperLimit"])
+    lower, upper = literal(0.0 if tags.cools else v["OutputLowerLimit"]), literal(v["OutputUpperLimit"])
     yield tags.config(tags.upper), upper, "%"
     yield tags.config(tags.lower), lower, "%"
     if tags.inverts:
         yield "Config.InvertControl", "TRUE" if v["InvertControl"] else "FALSE", "TRUE: a cooler"
     else:
-        yield "Config.ActivateCooling", "FALSE", "OutputCool stays 0"
+        if not tags.cools:
+            yield "Config.ActivateCooling", "FALSE", "OutputCool stays 0"
         yield tags.active("DeadZone"), "0.0", "off"
         yield tags.active("ControlZone"), _OFF, "off"
         yield from ((tags.config(f"{kind}{end}Scaling"), at, "%") for kind in ("", "Pwm")
                     for end, at in (("Upper", upper), ("Lower", lower)))
+    if tags.cools:
+        yield from _cooling(tags, words)
     yield "IntegralResetMode", str(v["IntegralResetMode"]), "I part when automatic begins"
     yield "OverwriteInitialOutputValue", "0.0", "%, of IntegralResetMode 3"
     yield from _safe(v["OutputLowerLimit"], v["OutputUpperLimit"])
     yield from _input(words.scaling)
     yield from _clock(tags, words, actuator)
+
+
+def _cooling(tags: Tags, words: Words) -> Iterator[Assigned]:
+    v = words.values
+    yield "Config.ActivateCooling", "TRUE", "what is below 0 goes to OutputCool"
+    yield "Config.AdvancedCooling", "TRUE" if v["AdvancedCooling"] else "FALSE", "FALSE: heating's set and CoolFactor"
+    yield "Config.CoolFactor", literal(v["CoolFactor"]), "gain of the heater over the gain of the cooler"
+    yield f"{_COOLER}PidUpperLimit", "0.0", "%"
+    yield f"{_COOLER}PidLowerLimit", literal(v["OutputLowerLimit"]), "%"
+    yield tags.active("CoolDeadZone"), "0.0", "off"
+    yield tags.active("CoolControlZone"), _OFF, "off"
+    yield from ((f"{_COOLER}{kind}{end}Scaling", at, "%") for kind in ("", "Pwm")
+                for end, at in (("Upper", literal(-v["OutputLowerLimit"])), ("Lower", "0.0")))
 
 
 def _safe(lower: float, upper: float) -> Iterator[Assigned]:
@@ -120,10 +141,16 @@ def _clock(tags: Tags, words: Words, actuator: Actuator | None) -> Iterator[Assi
         return
     if not tags.inverts:
         own = abs(actuator.pwm_period_s - words.sample_time_s) > 1e-9
+        period = literal(single(actuator.pwm_period_s)) if own else "0.0"
         yield tags.config("Select"), "1", "OutputHeat and OutputHeat_PWM"
-        yield tags.config("PwmPeriode"), literal(single(actuator.pwm_period_s)) if own else "0.0", "s; 0: Cycle"
+        yield tags.config("PwmPeriode"), period, "s; 0: Cycle"
     yield tags.config("MinimumOnTime"), literal(single(actuator.minimum_on_s)), "s"
     yield tags.config("MinimumOffTime"), literal(single(actuator.minimum_off_s)), "s"
+    if tags.cools:
+        yield f"{_COOLER}Select", "1", "OutputCool and OutputCool_PWM"
+        yield f"{_COOLER}PwmPeriode", period, "s; 0: Cycle"
+        for name, time in zip(("MinimumOnTime", "MinimumOffTime"), actuator.cooling_minimum_s, strict=True):
+            yield f"{_COOLER}{name}", literal(single(time)), "s"
 
 
 def tick_s(tags: Tags, words: Words, actuator: Actuator) -> float:
@@ -134,9 +161,9 @@ def tick_s(tags: Tags, words: Words, actuator: Actuator) -> float:
 def load(tags: Tags, words: Words, actuator: Actuator | None) -> str:
     """Return the function that gives the instance DB its words; it saves those of before, where they are others."""
     at = f'"{tags.instance}".'
-    values = {name: literal(words.values[name]) for name in PARAMETERS}
+    values = {name: literal(words.values[name]) for name in tags.parameters}
     same = " AND\n    ".join(f"{at}{tags.active(name)} = {value}" for name, value in values.items())
-    saved = "".join(f"  {at}{tags.saved(name)} := {at}{tags.active(name)};\n" for name in PARAMETERS)
+    saved = "".join(f"  {at}{tags.saved(name)} := {at}{tags.active(name)};\n" for name in tags.parameters)
     new = "".join(f"{at}{tags.active(name)} := {value};\n" for name, value in values.items())
     rest = "".join(f"{at}{tag} := {value}; (* {meaning} *)\n" for tag, value, meaning in assignments(
         tags, words, actuator))

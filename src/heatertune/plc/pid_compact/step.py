@@ -21,7 +21,7 @@ from typing import Annotated, Final, NamedTuple
 from heatertune.plc.open_points import Switch
 from heatertune.plc.single import LARGEST, divided, exponential, single
 
-__all__ = ["COLD", "Assumptions", "Block", "State", "block_of", "scaled", "scan", "step"]
+__all__ = ["COLD", "Assumptions", "Block", "State", "block_of", "scaled", "scan", "step", "taken"]
 
 #: what stops I at a limit
 STOPPED: Final = 0
@@ -179,7 +179,7 @@ def _cycle(b: Block, assume: Assumptions, s: State, setpoint: float, reading: fl
         before, error_before = (zero, zero) if assume.zero_history else (weighted, error)
         integral = _begun(b, error, proportional)
     derivative = single(single(b.past * s.derivative) + single(b.kick * single(weighted - before)))
-    change = single(b.growth * _taken(assume, error, error_before))
+    change = single(b.growth * taken(assume.integral, error, error_before))
     grown = single(integral + change)
     total = single(single(proportional + grown) + derivative)
     if not (abs(total) <= LARGEST and abs(error) <= LARGEST and abs(weighted) <= LARGEST):
@@ -203,10 +203,11 @@ def _begun(b: Block, error: float, proportional: float) -> float:
     return single(single(b.gain * single(b.p_weight * error)) - proportional)
 
 
-def _taken(assume: Assumptions, error: float, before: float) -> float:
-    if assume.integral == NEW:
+def taken(kind: int, error: float, before: float) -> float:
+    """Return the error that I takes, of this cycle, of the one before, or the mean of both."""
+    if kind == NEW:
         return error
-    return before if assume.integral == OLD else single(0.5 * single(error + before))
+    return before if kind == OLD else single(0.5 * single(error + before))
 
 
 def _held(

@@ -12,8 +12,8 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import FORMATS, WordField, Words, stored
 
-__all__ = ["COMPACT", "COUNTS", "PARAMETERS", "TEMP", "Tags", "consistent", "design_of", "fields_of", "interval_s",
-           "oddities", "values_of"]
+__all__ = ["COMPACT", "COOL", "COUNTS", "PARAMETERS", "TEMP", "Tags", "consistent", "design_of", "fields_of",
+           "interval_s", "oddities", "real_field", "set_of", "values_of"]
 
 #: of an analog input of the S7-1200/1500, and of the scaling of Input_PER
 COUNTS: Final = 27648
@@ -28,6 +28,9 @@ _DIGITS: Final = 7
 #: words that the block saves and loads together, in the order of its table
 PARAMETERS: Final = ("Gain", "Ti", "Td", "TdFiltRatio", "PWeighting", "DWeighting", "Cycle")
 
+#: what the words of cooling's set begin with, and its structure's name
+COOL: Final = "Cool"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tags:
@@ -41,6 +44,8 @@ class Tags:
         output: structure of limits and minimum times within Config, with its dot.
         upper, lower: names of the limits there.
         inverts: whether Config.InvertControl turns the action round.
+        cools: whether it cools besides, with the words of `heatertune.plc.pid_temp.words`.
+        cooler: name of the output that cools.
         power, pulses: names of the outputs.
         pages: of the function manual.
     """
@@ -56,14 +61,24 @@ class Tags:
     power: str
     pulses: str
     pages: str
+    cools: bool = False
+    cooler: str = "OutputCool"
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The words that the block saves and loads together."""
+        return (*PARAMETERS, *(f"{COOL}{name}" for name in PARAMETERS if self.cools))
 
     def active(self, word: str) -> str:
         """Return the tag of a parameter that the block computes with."""
-        return f"Retain.CtrlParams.{self.set}{word}"
+        return f"Retain.CtrlParams.{self._placed(word)}"
 
     def saved(self, word: str) -> str:
         """Return the tag that LoadBackUp loads a parameter from."""
-        return f"CtrlParamsBackUp.{self.set}{word}"
+        return f"CtrlParamsBackUp.{self._placed(word)}"
+
+    def _placed(self, word: str) -> str:
+        return f"{COOL}.{word.removeprefix(COOL)}" if word.startswith(COOL) else f"{self.set}{word}"
 
     def config(self, name: str) -> str:
         """Return the tag of a limit or minimum time."""
@@ -81,26 +96,46 @@ TEMP: Final = Tags(
 
 def fields_of(tags: Tags) -> tuple[WordField, ...]:
     """Return the words of a block, in the order in which they are typed in."""
-    def real(name: str, address: str, low: float, high: float, comment: str) -> WordField:
-        return WordField(name=name, address=address, format="REAL", low=low, high=high, comment=comment)
-
-    kept = tags.active
     inverted = WordField(name="InvertControl", address="Config.InvertControl", format="BOOL", low=0, high=1,
                          comment="1: the output falls where the reading is low (a cooler)")
+    real = real_field
     return (
-        real("Gain", kept("Gain"), 0.0, _LARGEST, "proportional gain, % per °C"),
-        real("Ti", kept("Ti"), 0.0, _LONGEST, "integral action time, s; 0: off"),
-        real("Td", kept("Td"), 0.0, _LONGEST, "derivative action time, s; 0: off"),
-        real("TdFiltRatio", kept("TdFiltRatio"), 0.0, _LARGEST, "lag of the derivative as a part of Td"),
-        real("PWeighting", kept("PWeighting"), 0.0, 1.0, "weight of the setpoint in the P part"),
-        real("DWeighting", kept("DWeighting"), 0.0, 1.0, "weight of the setpoint in the D part"),
-        real("Cycle", kept("Cycle"), 0.0010000000474974513, _LONGEST, "sampling time of the PID algorithm, s"),
+        *set_of(tags),
         real("OutputUpperLimit", tags.config(tags.upper), -100.0, 100.0, "upper limit of the output, %"),
         real("OutputLowerLimit", tags.config(tags.lower), -100.0, 100.0, "lower limit of the output, %"),
         *((inverted,) if tags.inverts else ()),
         WordField(name="IntegralResetMode", address="IntegralResetMode", format="INT", low=0, high=4,
                   comment="I part when automatic begins: 0 smooth, 1 none, 2 held, 3 preset, 4 as by a setpoint step"),
     )
+
+
+def set_of(tags: Tags, prefix: str = "", what: str = "") -> tuple[WordField, ...]:
+    """Return a set of parameters, whose words begin and whose comments end so."""
+    def real(name: str, low: float, high: float, comment: str) -> WordField:
+        return real_field(prefix + name, tags.active(prefix + name), low, high, comment + what)
+
+    return (
+        real("Gain", 0.0, _LARGEST, "proportional gain, % per °C"),
+        real("Ti", 0.0, _LONGEST, "integral action time, s; 0: off"),
+        real("Td", 0.0, _LONGEST, "derivative action time, s; 0: off"),
+        real("TdFiltRatio", 0.0, _LARGEST, "lag of the derivative as a part of Td"),
+        real("PWeighting", 0.0, 1.0, "weight of the setpoint in the P part"),
+        real("DWeighting", 0.0, 1.0, "weight of the setpoint in the D part"),
+        real("Cycle", 0.0010000000474974513, _LONGEST, "sampling time of the PID algorithm, s"),
+    )
+
+
+def real_field(name: str, address: str, low: float, high: float, comment: str) -> WordField:
+    """Return a word in single precision.
+
+    Args:
+        name: of the word.
+        address: its tag.
+        low: its least value.
+        high: its largest one.
+        comment: its meaning.
+    """
+    return WordField(name=name, address=address, format="REAL", low=low, high=high, comment=comment)
 
 
 def values_of(tags: Tags, design: PidDesign) -> dict[str, Number]:

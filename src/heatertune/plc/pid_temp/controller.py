@@ -1,18 +1,53 @@
-"""The controller in PID_Temp, heating."""
+"""The controllers in PID_Temp: heating, and heating and cooling."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
-from heatertune.plc.controller import Controller
+from heatertune.plc.controller import Controller, Cooling
 from heatertune.plc.core import Running
 from heatertune.plc.pid_compact.controller import CORE, COUNTS, DELAY_S, INPUTS, TIMER
-from heatertune.plc.pid_temp.export import export_words, exported, from_text
-from heatertune.plc.pid_temp.step import COLD, Assumptions, block_of, scan
-from heatertune.plc.pid_temp.words import FIELDS, consistent, design_of, interval_s, oddities, values_of
+from heatertune.plc.pid_temp.export import (
+    cooling_export_words,
+    cooling_exported,
+    cooling_from_text,
+    export_words,
+    exported,
+    from_text,
+)
+from heatertune.plc.pid_temp.step import (
+    COLD,
+    COLD_PAIR,
+    Assumptions,
+    CoolingAssumptions,
+    block_of,
+    pair_of,
+    pair_scan,
+    pair_step,
+    scan,
+)
+from heatertune.plc.pid_temp.words import (
+    COOLING_FIELDS,
+    FIELDS,
+    consistent,
+    cooled,
+    cooling_consistent,
+    cooling_design_of,
+    cooling_gain_of,
+    cooling_oddities,
+    cooling_values_of,
+    design_of,
+    interval_s,
+    oddities,
+    values_of,
+)
 from heatertune.plc.words import Words
 
-__all__ = ["PidTemp"]
+__all__ = ["PidTemp", "PidTempCooling"]
+
+#: as that of heating
+COOLING_CORE = replace(CORE, step=pair_step)
 
 
 class PidTemp(Controller, name="pid-temp"):
@@ -25,7 +60,7 @@ class PidTemp(Controller, name="pid-temp"):
         "exported as SCL: words at start-up, call, rollback by LoadBackUp; and as rows of a watch table",
     )
     cannot = (
-        "no cooling: OutputCool stays 0; no proof knows an actuator that heats and cools",
+        "no cooling: OutputCool stays 0; pid-temp-cooling, or --cooling-gain, is the block with a cooler",
         "no inverted control (a cooler alone: pid-compact), no dead zone, no control zone, no cascade",
         "no setpoint ramp, no feed-forward (Disturbance), no manual in the proof",
     )
@@ -35,8 +70,40 @@ class PidTemp(Controller, name="pid-temp"):
     most_power: ClassVar = ("OutputUpperLimit", 100.0)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     interval_s, export, scan_all = staticmethod(interval_s), staticmethod(export_words), staticmethod(scan)
-    text, oddities, exported = staticmethod(from_text), staticmethod(oddities), staticmethod(exported)
+    text, oddities = staticmethod(from_text), staticmethod(oddities)
+    exported: ClassVar = staticmethod(exported)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before automatic has ever been on."""
         return Running((block_of(words.values, assume), assume), COLD)
+
+
+class PidTempCooling(Controller, name="pid-temp-cooling"):
+    """PID_Temp with its cooling on: one more set of parameters, and one more output with pulses of its own."""
+
+    title = "SIMATIC S7-1200/1500, PID_Temp V1 and V2, heating and cooling (function manual PID control, A5E35300227)"
+    can = (
+        "P, PI, PD and PID in single precision, by heating's set and CoolFactor or by two sets of parameters",
+        "its own two PWMs of one period, shortest times of each, what is left out made up; broken sensor: 0 %",
+        "exported as SCL: words at start-up, call, rollback by LoadBackUp; and as rows of a watch table",
+    )
+    cannot = (
+        "no cooler of another lag or dead time than the heater's, none whose power bends",
+        "no two sampling times: Cycle is that of both sets; no dead zone, no control zone, no cascade",
+        "no setpoint below the ambient, no setpoint ramp, no feed-forward (Disturbance), no manual in the proof",
+    )
+    fields, assumptions, timer, counts, inputs = COOLING_FIELDS, CoolingAssumptions, TIMER, COUNTS, INPUTS
+    core, tick_s, delay_s = COOLING_CORE, 0.1, DELAY_S
+    own_pwm = ("pid-compact", 10.0)
+    most_power: ClassVar = ("OutputUpperLimit", 100.0)
+    baseline = None
+    cooling = Cooling(words=cooled, gain=cooling_gain_of, design=cooling_design_of)
+    values, design = staticmethod(cooling_values_of), staticmethod(design_of)
+    consistent = staticmethod(cooling_consistent)
+    interval_s, export, scan_all = staticmethod(interval_s), staticmethod(cooling_export_words), staticmethod(pair_scan)
+    text, oddities = staticmethod(cooling_from_text), staticmethod(cooling_oddities)
+    exported: ClassVar = staticmethod(cooling_exported)
+
+    def begin(self, words: Words, assume: CoolingAssumptions) -> Running:
+        """Return the state before automatic has ever been on."""
+        return Running((pair_of(words.values, assume), assume), COLD_PAIR)

@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Final
 
-from heatertune.plc.exported import Exported
 from heatertune.plc.pid_compact.export import export_words as exported_words
+from heatertune.plc.pid_compact.exported import LAW, Law
 from heatertune.plc.pid_compact.exported import exported as loads_of
 from heatertune.plc.pid_compact.readback import from_text as read_text
-from heatertune.plc.pid_temp.step import Assumptions
-from heatertune.plc.pid_temp.words import TEMP
-from heatertune.plc.readback import ReadBack
-from heatertune.plc.words import Certificate, Words
+from heatertune.plc.pid_temp.step import COLD_PAIR, pair_of, pair_scan
+from heatertune.plc.pid_temp.words import COOLING_FIELDS, FIELDS, TEMP, TEMP_COOLING
 
-__all__ = ["export_words", "exported", "from_text"]
+__all__ = ["cooling_export_words", "cooling_exported", "cooling_from_text", "export_words", "exported", "from_text"]
 
+export_words: Final = partial(exported_words, TEMP, FIELDS)
+exported: Final = partial(loads_of, TEMP, FIELDS, LAW)
+from_text: Final = partial(read_text, TEMP, FIELDS)
 
-def export_words(words: Words, certificate: Certificate) -> Mapping[str, str | bytes]:
-    """Return the three files; the same words and certificate give the same bytes."""
-    return exported_words(TEMP, words, certificate)
-
-
-def exported(
-    files: Mapping[str, str | bytes], assume: Assumptions
-) -> Mapping[str, Callable[[], Exported | None]]:
-    """Return what loads the source."""
-    return loads_of(TEMP, files, assume)
-
-
-def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
-    """Return the words in a text; errors as those of PID_Compact's."""
-    return read_text(TEMP, text, sample_time_s, source)
+cooling_export_words: Final = partial(exported_words, TEMP_COOLING, COOLING_FIELDS)
+cooling_exported: Final = partial(loads_of, TEMP_COOLING, COOLING_FIELDS, Law(COLD_PAIR, pair_of, pair_scan))
+cooling_from_text: Final = partial(read_text, TEMP_COOLING, COOLING_FIELDS)

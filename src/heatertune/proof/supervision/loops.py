@@ -129,7 +129,7 @@ def ran(
     record = Record(True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans),
                     np.zeros(scans, dtype=np.int64), *(np.empty(stretches) for _ in range(4)))
     batch = Batch(scans, noise_degC[None], np.zeros((1, 1)), np.array([row]), time, kind, value)
-    given = (program_of(loop, scenario), batch, actuator.numbers, tripped_s, edges, record, no_meter())
+    given = (program_of(loop, scenario), batch, actuator.switches, tripped_s, edges, record, no_meter())
     run_with(replace(loop, sensor=sensor), given, scans)
     return Ran(counts=_counts(loop, record.reading), power=_power(record.power, scenario, loop.scan_s),
                temperature_degC=record.temperature)

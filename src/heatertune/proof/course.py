@@ -1,0 +1,55 @@
+"""What a story is made for, and the story made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from heatertune.proof.criteria import Limits
+from heatertune.proof.scenario import Scenario
+
+__all__ = ["Course", "Loop"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loop:
+    """What the times of a story depend on beside the heaters.
+
+    Attributes:
+        scan_s, pwm_period_s, sample_time_s: of controller and switch [s].
+        integral_time_s: TN as the words realise it; infinite or None: there is none [s].
+        ramp_degC_per_min: of the setpoint; infinite: none.
+        settling_s, recovery_s: that heat-up and recovery may take as specified; a part lasts so long or longer [s].
+        soak_settles_s: time of a soak [s] → when in it the temperature has to be right [s].
+        cold_degC: how near to the ambient a heater has to be before a profile [°C].
+        again_degC: so far from the setpoint the program takes the heater back from the controller; None: nowhere [°C].
+        cooling_gain: full power of a cooler as a part of the heater's; 0: there is none.
+    """
+
+    scan_s: float
+    pwm_period_s: float
+    sample_time_s: float
+    integral_time_s: float | None = None
+    ramp_degC_per_min: float = math.inf
+    settling_s: float = 0.0
+    recovery_s: float = 0.0
+    soak_settles_s: Callable[[float], float] = Limits().soak_settles_s
+    cold_degC: float = 1.0
+    again_degC: float | None = None
+    cooling_gain: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """A story made for heaters and words.
+
+    Attributes:
+        scenario: of each run.
+        not_tested: parts that were left out and why, a few words each.
+        told: what was made easier, likewise.
+    """
+
+    scenario: Scenario
+    not_tested: tuple[str, ...]
+    told: tuple[str, ...]
