@@ -29,7 +29,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("pid", metavar="MODEL|PID|WORDS", nargs="?", help=(
         "model.json as written by fit (its words are designed first), pid.json by tune, or words.json by export-db"))
-    command.add_argument("-o", "--out", metavar="DIR", help="directory for supervision.json and supervision.txt")
+    command.add_argument("-o", "--out", metavar="DIR", help="directory for supervision.json, supervision.txt and the program")
     common.add_word_options(command, "words_by", "setpoint_ramp", "boost")
     common.add_proof_options(command)
     common.add_model_options(command)
@@ -65,7 +65,9 @@ def _run(settings: argparse.Namespace) -> int:
         seed=settings.seed)
     page = supervision_page(document)
     if settings.out is not None:
-        write_files(settings.out, {"supervision.json": to_json(document), "supervision.txt": page + "\n"})
+        program = document["program"]
+        write_files(settings.out, {"supervision.json": to_json(document), "supervision.txt": page + "\n"}
+                    | ({} if program["file"] is None else {program["file"]: program["text"]}))
     printing.output(settings, document, lambda: page)
     return 0
 

@@ -45,6 +45,8 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
     yield ""
     yield from _missed(document)
     yield ""
+    yield from _program(document["program"])
+    yield ""
     yield from warning
 
 
@@ -73,6 +75,13 @@ def _missed(document: Mapping[str, Any]) -> Iterator[str]:
     for rule in document["off"]:
         yield from _wrapped(f"{rule['rule']}: {rule['why']}.", "- ")
     yield from (line for what in document["not_tested"] for line in _wrapped(f"not tested: {what}.", "- "))
+
+
+def _program(program: Mapping[str, Any]) -> list[str]:
+    if program["file"] is None:
+        return _wrapped(f"No program: {program['why'].removeprefix('no program: ')}.")
+    return _wrapped(f"Program: {program['file']}, run in a machine of its target beside the monitor, {program['runs']} "
+                    f"runs and {program['calls']} calls: the same alarm in each.")
 
 
 def _wrapped(sentence: str, mark: str = "") -> list[str]:

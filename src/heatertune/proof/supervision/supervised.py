@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -24,9 +25,10 @@ from heatertune.proof.scenario import Scenario
 from heatertune.proof.supervision.design import FRESH, Bench, Designed, design, mapped
 from heatertune.proof.supervision.family import Family, Member
 from heatertune.proof.supervision.faults import FAULTS, Kind
-from heatertune.proof.supervision.loops import loosened
+from heatertune.proof.supervision.loops import Card, Ran, loosened
 from heatertune.proof.supervision.monitor import ALARMS
 from heatertune.proof.supervision.tallies import first_alarm
+from heatertune.proof.supervision.text.proven import exported
 from heatertune.settings import Conditions
 from heatertune.units import check
 
@@ -39,6 +41,7 @@ WARNING: Final = (
 #: sensor noise where neither the user nor the log tells it [°C]
 _NOISE_DEGC: Final = 0.1
 _LATER: Final = 2 * FRESH  # seeds of the heaters that break
+_STORIES: Final = 2  # on which the program is run beside the monitor
 _NOT_TESTED: Final = (
     "a temperature that jumps at once (cold goods, a door): it may trip as a sensor does that slips",
     "a load of more than 15 % of full power, a mains voltage beyond ±10 %",
@@ -103,18 +106,20 @@ def supervise(
     for number, kind in enumerate(FAULTS):
         progress(f"{kind.name} ({number + 1} of {len(FAULTS)})")
         faults.append(_fault(bench, made, kind, drawn))
-    family = bench.family
-    loop = bench.loop([family.setpoint_degC], 0)
+    family, card = bench.family, bench.card
+    progress("running the program of the monitor beside it")
+    program = exported(made.numbers, words, card, list(_head(words, family, made, card)), _runs(bench, drawn))
     document: dict[str, Any] = plain({
         "schema": SCHEMA, "warning": WARNING, "target": words.target, "words": dict(words.values),
         "scan_s": family.scan_s, "setpoint_degC": family.setpoint_degC,
-        "card": {"zero_degC": loop.zero_degC, "step_degC": loop.resolution_degC or loop.unit_degC},
-        "numbers": made.numbers._asdict(), "told": list(_told(made, loop)),
+        "card": {"zero_degC": card.low_degC, "step_degC": card.step_degC},
+        "numbers": made.numbers._asdict(), "told": list(_told(made, card, family.scan_s)),
         "heaters": len(family.heaters), "spread_pct": drawn.spread_pct, "ambient_spread_degC": drawn.ambient_degC,
         "noise_degC": list(family.noise_degC), "seed": drawn.seed,
         "checked": made.checked, "false_trips": 0, "widened_for": made.tripped,
         "off": [{"rule": rule, "why": why} for rule, why in made.off],
         "faults": faults, "not_tested": [*_NOT_TESTED, *_untested(assumed)],
+        "program": asdict(program),
     })
     return document
 
@@ -194,13 +199,28 @@ def _missed(kind: Kind) -> str:
     return "with what is left it does what a weaker heater, a lower voltage or a load make of one in order"
 
 
-def _told(made: Designed, loop: InLoop) -> Iterator[str]:
+def _runs(bench: Bench, drawn: Drawn) -> list[Ran]:
+    """Return the runs on which the program is held against the monitor: stories, and each fault once."""
+    members = [bench.family.member(_LATER + drawn.seed + number) for number in range(_STORIES)]
+    return [*mapped(bench.story, members), *mapped(lambda kind: bench.fault(members[0], kind), FAULTS)]
+
+
+def _head(words: Words, family: Family, made: Designed, card: Card) -> Iterator[str]:
+    """Return what the program says first."""
+    yield f"Monitor of the heater beside the controller of {words.target}, written by heatertune"
+    yield from textwrap.wrap(WARNING, 100)
+    yield (f"proven: no false trip on {made.checked} drawn heaters; setpoint {family.setpoint_degC:g} degC, called every "
+           f"{family.scan_s:g} s")
+    yield f"count 0 = {card.low_degC:g} degC, a count = {card.step_degC:.6g} degC"
+
+
+def _told(made: Designed, card: Card, scan: float) -> Iterator[str]:
     """Return what the numbers mean, one sentence for each rule."""
-    numbers, scan, step = made.numbers, loop.scan_s, loop.resolution_degC or loop.unit_degC
+    numbers, step = made.numbers, card.step_degC
     block = numbers.block * scan
     yield f"A block is {numbers.block} scans, {block:.3g} s."
-    yield (f"Sensor gone: below {loop.zero_degC + step * numbers.low:.4g} °C or above "
-           f"{loop.zero_degC + step * numbers.high:.4g} °C.")
+    yield (f"Sensor gone: below {card.low_degC + step * numbers.low:.4g} °C or above "
+           f"{card.low_degC + step * numbers.high:.4g} °C.")
     yield f"Implausible rate: more than {step * numbers.jump:.3g} °C from scan to scan."
     if numbers.still:
         yield f"Frozen: the same reading for more than {numbers.still * scan:.3g} s."

@@ -73,10 +73,11 @@ def _by_hand() -> list[str]:
 def _read(low_degC: float, step_degC: float, highest: int) -> str:
     """Return the statements that make whole numbers of temperature and output; what is no number is below the card."""
     low, high = literal(single(low_degC)), literal(single(low_degC + highest * step_degC))
+    above = f"Temperature {'+' if low_degC < 0.0 else '-'} {literal(single(abs(low_degC)))}"
     return (
         f"IF NOT (Temperature >= {low}) THEN (* also where it is no number *)\n  Reading := -1;\n"
         f"ELSIF Temperature > {high} THEN\n  Reading := {highest + 1};\n"
-        f"ELSE\n  Reading := TRUNC((Temperature - {low}) * {literal(single(1.0 / step_degC))} + 0.5);\nEND_IF;\n"
+        f"ELSE\n  Reading := TRUNC(({above}) * {literal(single(1.0 / step_degC))} + 0.5);\nEND_IF;\n"
         "Power := TRUNC(Output + 0.5);\n")
 
 
