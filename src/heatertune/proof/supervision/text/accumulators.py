@@ -20,26 +20,22 @@ class Printer(ABC):
 
     def __init__(self) -> None:
         """Begin with the first label."""
-        self._label = 0
+        self._label, self._pending = 0, ""
 
     @final
     def printed(self, group: Group) -> Iterator[str]:
-        """Yield the lines of a group."""
-        label = ""
+        """Yield the lines of a group; where its last comparison jumps to, stands before the next line."""
         for step in steps(group):
             over = self._next() if step.asked else ""
             for line in self._step(step, over):
-                yield self.line(label, *line)
-                label = ""
-            if over:
-                label = over
-        if label:
-            yield self.line(label, *self.nothing)
+                yield self.next(*line)
+            self._pending = over
 
-    @property
-    @abstractmethod
-    def nothing(self) -> tuple[str, str, str]:
-        """Operation, operand and remark of what does nothing, where a label needs a statement."""
+    @final
+    def next(self, operation: str, operand: str = "", remark: str = "") -> str:
+        """Return the next line, with its label if there is a jump to it."""
+        label, self._pending = self._pending, ""
+        return self.line(label, operation, operand, remark)
 
     @abstractmethod
     def line(self, label: str, operation: str, operand: str = "", remark: str = "") -> str:

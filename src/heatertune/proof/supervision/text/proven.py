@@ -14,7 +14,7 @@ from heatertune.errors import InputError
 from heatertune.plc import Words
 from heatertune.proof.supervision.loops import Card, Ran
 from heatertune.proof.supervision.monitor import ALARMS, STATE, Numbers, alarms
-from heatertune.proof.supervision.text import s7_300, structured
+from heatertune.proof.supervision.text import s5, s7_300, structured
 from heatertune.proof.supervision.text.statements import Statements, statements_of
 from heatertune.proof.supervision.text.walk import check_reach
 
@@ -138,8 +138,13 @@ def _structured(statements: Statements, _words: Words, card: Card, head: list[st
     return structured.FILE, source, lambda: structured.Text(source, low_degC=low, step_degC=step)
 
 
+def _for_s5(statements: Statements, _words: Words, _card: Card, head: list[str]) -> _Written:
+    source = s5.written(statements, head)
+    return s5.FILE, source, lambda: s5.Text(source)
+
+
 _TARGETS: Final[dict[str, Callable[[Statements, Words, Card, list[str]], _Written]]] = {
-    "s7-300": _for_s7_300, "fb41": _for_s7_300, "weg": _structured, "iec-pid": _structured,
+    "s5-ob251": _for_s5, "s7-300": _for_s7_300, "fb41": _for_s7_300, "weg": _structured, "iec-pid": _structured,
 }
 #: target → bits of its cells, where they are not 32
 _BITS: Final = {"s5-ob251": 16, "s7-200": 16, "s7-200-pid": 16}

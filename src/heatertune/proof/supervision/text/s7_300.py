@@ -39,8 +39,6 @@ _PERCENT_OF_REAL: Final = f"""\
 
 
 class _Printer(Printer):
-    nothing = ("NOP", "0", "")
-
     def line(self, label: str, operation: str, operand: str = "", remark: str = "") -> str:
         mark = f"{label}:" if label else ""
         return f"{mark:6s}{operation:6s}{operand};" + (f"  // {remark}" if remark else "")
@@ -108,11 +106,11 @@ def _block(statements: Statements, real: bool) -> Iterator[str]:
         *(_PERCENT_OF_REAL if real else _PERCENT_OF_INT).splitlines())
     for group in statements.each_call:
         yield from ("NETWORK", f"TITLE ={group.title}", *printer.printed(group))
-    yield from ("NETWORK", "TITLE =is a block over?", "      L     #IN_BLOCK;", f"      L     L#{statements.block};",
+    yield from ("NETWORK", "TITLE =is a block over?", printer.next("L", "#IN_BLOCK"), f"      L     L#{statements.block};",
                 "      <D    ;", "      JC    end;")
     for group in statements.each_block:
         yield from ("NETWORK", f"TITLE ={group.title}", *printer.printed(group))
-    yield from ("end:  NOP   0;", "END_FUNCTION_BLOCK", "")
+    yield from (printer.next("NOP", "0"), "end:  NOP   0;", "END_FUNCTION_BLOCK", "")
 
 
 def _declared(cells: Mapping[str, str]) -> Iterator[str]:
