@@ -12,9 +12,11 @@ import numpy as np
 from heatertune.compiled import compiled
 from heatertune.errors import InputError
 from heatertune.plc import Words
+from heatertune.plc.cpu.s7_200.cycle import cycle_ms
+from heatertune.plc.s7_200_pid.words import FULL
 from heatertune.proof.supervision.loops import Card, Ran
 from heatertune.proof.supervision.monitor import ALARMS, STATE, Numbers, alarms
-from heatertune.proof.supervision.text import s5, s7_300, structured
+from heatertune.proof.supervision.text import s5, s7_200, s7_300, structured
 from heatertune.proof.supervision.text.statements import Statements, statements_of
 from heatertune.proof.supervision.text.walk import check_reach
 
@@ -138,13 +140,21 @@ def _structured(statements: Statements, _words: Words, card: Card, head: list[st
     return structured.FILE, source, lambda: structured.Text(source, low_degC=low, step_degC=step)
 
 
+def _for_s7_200(statements: Statements, words: Words, card: Card, head: list[str]) -> _Written:
+    target, cycle = words.target, cycle_ms(words.whole)
+    per_count = 1 if target == "s7-200" else FULL // card.highest
+    source = s7_200.written(statements, head, s7_200.reading_of(target, per_count), cycle)
+    return s7_200.FILE, source, lambda: s7_200.Text(source, statements, target, per_count, cycle)
+
+
 def _for_s5(statements: Statements, _words: Words, _card: Card, head: list[str]) -> _Written:
     source = s5.written(statements, head)
     return s5.FILE, source, lambda: s5.Text(source)
 
 
 _TARGETS: Final[dict[str, Callable[[Statements, Words, Card, list[str]], _Written]]] = {
-    "s5-ob251": _for_s5, "s7-300": _for_s7_300, "fb41": _for_s7_300, "weg": _structured, "iec-pid": _structured,
+    "s5-ob251": _for_s5, "s7-300": _for_s7_300, "fb41": _for_s7_300, "s7-200": _for_s7_200,
+    "s7-200-pid": _for_s7_200, "weg": _structured, "iec-pid": _structured,
 }
 #: target → bits of its cells, where they are not 32
 _BITS: Final = {"s5-ob251": 16, "s7-200": 16, "s7-200-pid": 16}

@@ -96,7 +96,7 @@ def written(statements: Statements, head: list[str]) -> str:
         raise InputError(f"no program: {len(cells)} words; a data block has {_MOST_WORDS}")
     printer = _Printer(at)
     blocks = [
-        [f"DB{_DB}", *(f"{f'{dw:4d}:  KF = +00000;'.ljust(33)}{name} {meaning}".rstrip()
+        [f"DB{_DB}", *(f"{f'{dw:4d}:  KF = +00000;'.ljust(33)}{name}: {meaning}"
                        for dw, (name, meaning) in enumerate(cells))],
         [f"FB {_CALL}", "NAME :MONITOR", *_each_call(statements, printer)],
         [f"FB {_BLOCK}", "NAME :BLOCK", *_each_block(statements, printer)],
@@ -111,7 +111,7 @@ def written(statements: Statements, head: list[str]) -> str:
 def _cells(statements: Statements) -> list[tuple[str, str]]:
     cells = []
     for name, meaning in {**OUTPUTS, **INPUTS, "YA": f"0...{FULL_SCALE}", **statements.cells, **_SCRATCH}.items():
-        cells += [(name, f"{meaning}, high word"), ("", "low word")] if name.upper() == WIDE else [(name, meaning)]
+        cells += [(name, f"{meaning}, high word"), ("", "its low word")] if name.upper() == WIDE else [(name, meaning)]
     return cells
 
 

@@ -63,7 +63,7 @@ def statements_of(numbers: Numbers) -> Statements:
     each_call, each_block = tuple(_each_call(numbers)), tuple(_each_block(numbers))
     text = "".join(group.lines for group in each_call + each_block)
     levels, powers = _kept(numbers)
-    rows = {f"{of}_{back}": f"{what} of {f'{back} blocks ago' if back else 'the last block'}"
+    rows = {f"{of}_{back}": f"{what} of {_ago(back)}"
             for of, what, count in (("Level", "sum of readings", levels), ("Power", "sum of powers", powers))
             for back in range(count)}
     used = {name: meaning for name, meaning in _CELLS.items() if f"{name} :=" in text}
@@ -73,6 +73,10 @@ def statements_of(numbers: Numbers) -> Statements:
 def alarms_told() -> str:
     """Return what each alarm is called, in one line."""
     return ", ".join(f"{number} {name}" for number, name in enumerate(ALARMS) if number)
+
+
+def _ago(blocks: int) -> str:
+    return ("the last block", "the block before")[blocks] if blocks < 2 else f"{blocks} blocks before the last"
 
 
 def _if(condition: str, *then: str) -> str:
