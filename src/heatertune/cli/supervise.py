@@ -29,7 +29,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("pid", metavar="MODEL|PID|WORDS", nargs="?", help=(
         "model.json as written by fit (its words are designed first), pid.json by tune, or words.json by export-db"))
-    command.add_argument("-o", "--out", metavar="DIR", help="directory for supervision.json, supervision.txt and the program")
+    command.add_argument("-o", "--out", metavar="DIR", help="directory for document, page and program")
     common.add_word_options(command, "words_by", "setpoint_ramp", "boost")
     common.add_proof_options(command)
     common.add_model_options(command)

@@ -18,7 +18,8 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 __all__ = [
-    "ALARMS", "RING", "STATE", "Numbers", "alarms", "cold", "counted", "is_full", "restart", "scan", "watch", "windowed",
+    "ALARMS", "RING", "STATE", "Numbers", "alarms", "cold", "counted", "is_full", "restart", "scan", "watch",
+    "windowed",
 ]
 
 #: alarm → what it says; 0 is none

@@ -209,8 +209,8 @@ def _head(words: Words, family: Family, made: Designed, card: Card) -> Iterator[
     """Return what the program says first."""
     yield f"Monitor of the heater beside the controller of {words.target}, written by heatertune"
     yield from textwrap.wrap(WARNING, 100)
-    yield (f"proven: no false trip on {made.checked} drawn heaters; setpoint {family.setpoint_degC:g} degC, called every "
-           f"{family.scan_s:g} s")
+    yield (f"proven: no false trip on {made.checked} drawn heaters; setpoint {family.setpoint_degC:g} degC, called "
+           f"every {family.scan_s:g} s")
     yield f"count 0 = {card.low_degC:g} degC, a count = {card.step_degC:.6g} degC"
 
 

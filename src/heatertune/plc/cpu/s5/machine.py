@@ -29,7 +29,7 @@ __all__ = ["Cpu"]
 _CONSTANTS: Final = {"KF": 10, "KB": 10, "KH": 16, "KM": 2}
 _COMPARED: Final = {"!=F": operator.eq, "><F": operator.ne, ">F": operator.gt, ">=F": operator.ge, "<F": operator.lt,
                     "<=F": operator.le}
-#: integral block of the S5-115U: Z1 times Z2, two words, is Z32 (high word) and Z31 (low word); Z3=0 tells a product of 0
+#: integral block of the S5-115U: Z1 times Z2 is Z32 (high word) and Z31 (low word); Z3=0 tells a product of 0
 _MULTIPLIER: Final = "FB 242"
 _PARAMETERS: Final = ("Z1", "Z2", "Z3=0", "Z32", "Z31")
 

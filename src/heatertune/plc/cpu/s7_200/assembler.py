@@ -58,7 +58,7 @@ def _check_calls(rows: _Rows) -> None:
             if op in (CALL, ATCH) and wanted not in rows:
                 raise InputError(f"line {number}: {code!r} names a block that is not there")
             if op == CALL and (is_subroutine(block) or not is_subroutine(wanted)):
-                raise InputError(f"line {number}: {code!r}: this machine calls subroutines from OB1 and interrupts alone")
+                raise InputError(f"line {number}: {code!r}: only OB1 and interrupts call subroutines here")
 
 
 def _laid_out(rows: _Rows) -> Program:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Final, final
 
 from heatertune.proof.supervision.text.statements import Group
-from heatertune.proof.supervision.text.walk import WIDE, Operand, Set, Step, steps
+from heatertune.proof.supervision.text.walk import WIDE, Operand, Set, Step, Term, steps
 
 __all__ = ["Printer"]
 
@@ -73,16 +73,17 @@ class Printer(ABC):
             yield "L", self.operand(beside)
             yield (self.operation(_ELSE[relation]),)
             yield self.jump(over)
-        before: Sequence[object] = ()
+        held: tuple[Term, ...] = ()  # what is in the accumulator
         for made in step.sets:
             if made.cell == WIDE:
                 yield from self.wide(made)
                 continue
-            if made.terms != before:  # else it is in the accumulator
-                first, *others = made.terms
-                yield "L", self.operand(first.what), made.text
-                for term in others:
+            text = made.text.upper()
+            if made.terms != held:
+                yield "L", self.operand(made.terms[0].what), text
+                text = ""
+                for term in made.terms[1:]:
                     yield "L", self.operand(term.what)
                     yield (self.operation("+" if term.sign > 0 else "-"),)
-            yield "T", self.operand(made.cell), "" if made.terms != before else made.text
-            before = made.terms if len(made.terms) == 1 else ()
+            yield "T", self.operand(made.cell), text
+            held = made.terms if len(made.terms) == 1 else ()

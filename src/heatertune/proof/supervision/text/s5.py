@@ -54,7 +54,7 @@ class _Printer(Printer):
         rest = [term for term in made.terms if isinstance(term.what, int)]
         value = sum(term.sign * int(term.what) for term in rest) & 0xFFFFFFFF
         high = self._at[WIDE]
-        yield "L", f"KH {value >> 16:04X}", made.text
+        yield "L", f"KH {value >> 16:04X}", made.text.upper()
         yield "T", f"DW {high}"
         yield "L", f"KH {value & 0xFFFF:04X}"
         yield "T", f"DW {high + 1}"
@@ -96,7 +96,7 @@ def written(statements: Statements, head: list[str]) -> str:
         raise InputError(f"no program: {len(cells)} words; a data block has {_MOST_WORDS}")
     printer = _Printer(at)
     blocks = [
-        [f"DB{_DB}", *(f"{f'{dw:4d}:  KF = +00000;'.ljust(33)}{name}: {meaning}"
+        [f"DB{_DB}", *(f"{f'{dw:4d}:  KF = +00000;'.ljust(33)}{name.upper()}: {meaning}"
                        for dw, (name, meaning) in enumerate(cells))],
         [f"FB {_CALL}", "NAME :MONITOR", *_each_call(statements, printer)],
         [f"FB {_BLOCK}", "NAME :BLOCK", *_each_block(statements, printer)],
@@ -111,7 +111,7 @@ def written(statements: Statements, head: list[str]) -> str:
 def _cells(statements: Statements) -> list[tuple[str, str]]:
     cells = []
     for name, meaning in {**OUTPUTS, **INPUTS, "YA": f"0...{FULL_SCALE}", **statements.cells, **_SCRATCH}.items():
-        cells += [(name, f"{meaning}, high word"), ("", "its low word")] if name.upper() == WIDE else [(name, meaning)]
+        cells += [(name, f"{meaning}, high word"), (f"{name}_LOW", "low word")] if name.upper() == WIDE else [(name, meaning)]
     return cells
 
 
@@ -140,8 +140,8 @@ def _each_call(statements: Statements, printer: _Printer) -> Iterator[str]:
         yield printer.next(operation, operand, remark)
     yield from _groups(statements.each_call, printer)
     yield printer.next("L", printer.operand("In_Block"), "is a block over?")
-    for operation, operand in (("L", printer.operand(statements.block)), ("<F", ""), ("BEC", ""), ("JU", f"FB {_BLOCK}"),
-                               ("NAME", "BLOCK"), ("BE", "")):
+    for operation, operand in (("L", printer.operand(statements.block)), ("<F", ""), ("BEC", ""),
+                               ("JU", f"FB {_BLOCK}"), ("NAME", "BLOCK"), ("BE", "")):
         yield printer.next(operation, operand)
 
 

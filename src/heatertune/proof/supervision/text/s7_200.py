@@ -52,7 +52,7 @@ def written(statements: Statements, head: list[str], reading: list[str], cycle_m
         InputError: its cells do not fit into V memory.
     """
     at = _places(statements)
-    told = [f"{place}: {name}, {meaning}" for (name, meaning), place in zip(
+    told = [f"{place}: {name.upper()}, {meaning}" for (name, meaning), place in zip(
         _cells(statements).items(), at.values(), strict=True)]
     lines = [line.encode("ascii", "replace").decode("ascii") for line in [*head, *_by_hand(statements, at), *told]]
     call = [Network("reading", [_ALWAYS, *reading, f"MOVW AC0, {at['READING']}"]), *_percent(cycle_ms, at["POWER"])]
@@ -82,8 +82,8 @@ def _by_hand(statements: Statements, at: Mapping[str, str]) -> Iterator[str]:
     yield "1. INT0, at its end, these networks:"
     for network in _calls(statements, at):
         yield f"   // {network.comment}: {'; '.join(network.instructions)}"
-    yield (f"2. SBR0, and where a broken wire puts the heater off: MOVW +0, {at['BEGUN']}; the monitor begins anew where the "
-           "heater does")
+    yield (f"2. SBR0, and where a broken wire puts the heater off: MOVW +0, {at['BEGUN']}; the monitor begins anew "
+           "where the heater does")
     yield f"3. contactor in series with the heater's switch: on while {at['TOLD']} is 0"
     yield f"4. acknowledge an alarm: MOVW +0, {at['TOLD']}"
     yield f"SBR1, SBR2 and V memory from VB{_FIRST} on must be free; AC0 and AC1 are written"
@@ -102,7 +102,8 @@ def _percent(cycle_ms: int, power: str) -> Iterator[Network]:
         shift -= 1
     half = (cycle_ms + 1) // 2
     yield Network("power asked for, a first guess", [
-        _ALWAYS, "MOVW SMW70, AC0", f"MUL {(100 << shift) // cycle_ms:+d}, AC0", f"SRD AC0, {shift}", f"MOVW AC0, {power}"])
+        _ALWAYS, "MOVW SMW70, AC0", f"MUL {(100 << shift) // cycle_ms:+d}, AC0", f"SRD AC0, {shift}",
+        f"MOVW AC0, {power}"])
     yield Network("100 times the width less the guess times the cycle", [
         _ALWAYS, "MOVW SMW70, AC0", "MUL +100, AC0", f"MOVW {power}, AC1", f"MUL {cycle_ms:+d}, AC1", "-D AC1, AC0"])
     for more in (half, half + cycle_ms):
@@ -116,7 +117,7 @@ def _networks(groups: tuple[Group, ...], at: Mapping[str, str]) -> Iterator[Netw
 
 
 def _said(step: Step, title: str) -> str:
-    does = "; ".join(made.text for made in step.sets)
+    does = "; ".join(made.text.upper() for made in step.sets)
     asked = "" if step.asked is None else "IF {1} {0} {2}: ".format(*step.asked)
     return f"{title}{': ' if title else ''}{asked}{does}"
 

@@ -53,7 +53,7 @@ class _Printer(Printer):
         return "JC", label
 
     def wide(self, made: Set) -> Iterator[tuple[str, ...]]:
-        cell, text = self.operand(made.cell), made.text
+        cell, text = self.operand(made.cell), made.text.upper()
         for place, term in enumerate(made.terms):
             yield "L", self.operand(term.what), text
             text = ""
@@ -106,8 +106,8 @@ def _block(statements: Statements, real: bool) -> Iterator[str]:
         *(_PERCENT_OF_REAL if real else _PERCENT_OF_INT).splitlines())
     for group in statements.each_call:
         yield from ("NETWORK", f"TITLE ={group.title}", *printer.printed(group))
-    yield from ("NETWORK", "TITLE =is a block over?", printer.next("L", "#IN_BLOCK"), f"      L     L#{statements.block};",
-                "      <D    ;", "      JC    end;")
+    yield from ("NETWORK", "TITLE =is a block over?", printer.next("L", "#IN_BLOCK"),
+                f"      L     L#{statements.block};", "      <D    ;", "      JC    end;")
     for group in statements.each_block:
         yield from ("NETWORK", f"TITLE ={group.title}", *printer.printed(group))
     yield from (printer.next("NOP", "0"), "end:  NOP   0;", "END_FUNCTION_BLOCK", "")

@@ -30,8 +30,9 @@ _CELLS: Final = {
     "Top": "highest level since it rises", "Bottom": "lowest level since it falls", "Fall": "from the highest level",
     "Rise": "from the lowest level", "Turn": "where the level turns to: 1 up, -1 down", "Swing": "size of this swing",
     "Swung": "size of the swing before", "Grew": "swings in a row that grew", "More": "the same with this one",
-    "Moved": "how far the level went over the window", "Window": "sum of powers of a window", "Cause": "the one that counts",
-    MARGIN: "what is left to the limit; below 0: alarm", "Say": "which alarm it is then", "Found": "alarm of this block",
+    "Moved": "how far the level went over the window", "Window": "sum of powers of a window",
+    "Cause": "the one that counts", MARGIN: "what is left to the limit; below 0: alarm", "Say": "which alarm it is then",
+    "Found": "alarm of this block",
 }
 
 
@@ -138,16 +139,16 @@ def _each_block(numbers: Numbers) -> Iterator[Group]:
     if numbers.growths:
         yield from _swings(numbers)
     if numbers.slow_blocks:
-        yield Group("least sum of powers that may have caused the movement", _cause(numbers, numbers.slow_blocks, "<"))
         blocks = numbers.slow_blocks
+        yield Group("least sum of powers that may have caused the movement", _cause(numbers, blocks, "<"))
         margin = (numbers.slow_scale, -numbers.slow_gain, numbers.slow_loss, -numbers.slow_rest)
         yield Group("heats too slowly, or falls although heated", (
             _margin(numbers, blocks, margin) + f"Say := {_alarm('heats too slowly')};\n"
             + _if(f"Moved <= {-numbers.swing}", f"Say := {_alarm('falls although heated')}")
             + _if(f"{MARGIN} < 0", "Found := Say")))
     if numbers.fast_blocks:
-        yield Group("largest sum of powers that may have caused the movement", _cause(numbers, numbers.fast_blocks, ">"))
         blocks = numbers.fast_blocks
+        yield Group("largest sum of powers that may have caused the movement", _cause(numbers, blocks, ">"))
         margin = (-numbers.fast_scale, numbers.fast_gain, -numbers.fast_loss, numbers.fast_rest)
         yield Group("too hot for its power", (
             _margin(numbers, blocks, margin)

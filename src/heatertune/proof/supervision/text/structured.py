@@ -40,7 +40,9 @@ def written(statements: Statements, head: list[str], *, low_degC: float, step_de
     Args:
         statements: of the monitor.
         head: remarks at its beginning.
-        low_degC, step_degC, highest: the card's lowest temperature, its step [°C] and its highest count.
+        low_degC: temperature at the card's count 0 [°C].
+        step_degC: of the card [°C].
+        highest: its last count.
     """
     own = (*INPUTS.items(), *statements.cells.items())
     declarations = {

@@ -1,4 +1,4 @@
-"""The statements of a monitor, one after the other, as what any printer has to write: assignments under a comparison."""
+"""The statements of a monitor as what any printer has to write: assignments under a comparison."""
 
 from __future__ import annotations
 
