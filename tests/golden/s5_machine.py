@@ -174,9 +174,9 @@ def summed(one, other):
 
 def multiplied(data, operands):
     """FB242: high and low word of a product."""
-    number, *given = operands.split()
+    number, *given = operands.removeprefix("FB ").split()
     one, two, bit, high, low = (int(float(each)) for each in given[1::2])
-    assert (number, given[::2]) == ("242", ["DW", "DW", "F", "DW", "DW"]) and bit >= 200, operands
+    assert (number, given[::2], bit >= 200) == ("242", ["DW", "DW", "F", "DW", "DW"], True), operands
     product = data[one] * data[two]
     data[high], data[low] = product >> 16, signed(product)
 
@@ -196,9 +196,7 @@ def translated(block, wraps=False):
             kind, value = " K", constant(operand)
         elif name in ("SRW", "SLW"):
             value = int(operand)
-        elif name == "JU MUL:16":
-            operand = operand.removeprefix("FB ")
-        elif operand:
+        elif operand and name != "JU MUL:16":
             kind, value = f" {operand.split()[0]}", operand.split()[1]
             value, bit = (int(value.split(".")[0]), 1 << int(value.split(".")[1])) if "." in value else (int(value), 0)
         assert name + kind in LINES, f"{name} {operand} is not known here"

@@ -109,9 +109,10 @@ def written(statements: Statements, head: list[str]) -> str:
 
 
 def _cells(statements: Statements) -> list[tuple[str, str]]:
-    cells = []
+    cells = list[tuple[str, str]]()
     for name, meaning in {**OUTPUTS, **INPUTS, "YA": f"0...{FULL_SCALE}", **statements.cells, **_SCRATCH}.items():
-        cells += [(name, f"{meaning}, high word"), (f"{name}_LOW", "low word")] if name.upper() == WIDE else [(name, meaning)]
+        wide = name.upper() == WIDE
+        cells += [(name, f"{meaning}, high word"), (f"{name}_LOW", "low word")] if wide else [(name, meaning)]
     return cells
 
 

@@ -31,8 +31,8 @@ _CELLS: Final = {
     "Rise": "from the lowest level", "Turn": "where the level turns to: 1 up, -1 down", "Swing": "size of this swing",
     "Swung": "size of the swing before", "Grew": "swings in a row that grew", "More": "the same with this one",
     "Moved": "how far the level went over the window", "Window": "sum of powers of a window",
-    "Cause": "the one that counts", MARGIN: "what is left to the limit; below 0: alarm", "Say": "which alarm it is then",
-    "Found": "alarm of this block",
+    "Cause": "the one that counts", MARGIN: "what is left to the limit; below 0: alarm",
+    "Say": "which alarm it is then", "Found": "alarm of this block",
 }
 
 
