@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -27,8 +27,9 @@ from heatertune.proof.supervision.family import Family, Member
 from heatertune.proof.supervision.faults import FAULTS, Kind
 from heatertune.proof.supervision.loops import Card, Ran, loosened
 from heatertune.proof.supervision.monitor import ALARMS
+from heatertune.proof.supervision.printers import TARGETS, first_stop, lines_of, printer_rule
 from heatertune.proof.supervision.tallies import first_alarm
-from heatertune.proof.supervision.text.proven import exported
+from heatertune.proof.supervision.text.proven import Exported, exported
 from heatertune.settings import Conditions
 from heatertune.units import check
 
@@ -42,6 +43,8 @@ WARNING: Final = (
 _NOISE_DEGC: Final = 0.1
 _LATER: Final = 2 * FRESH  # seeds of the heaters that break
 _STORIES: Final = 2  # on which the program is run beside the monitor
+#: a run and the scan at which its fault begins → the scan at which something stops it, -1 for never, and what it says
+_First = Callable[[Ran, int], tuple[int, str]]
 _NOT_TESTED: Final = (
     "a temperature that jumps at once (cold goods, a door): it may trip as a sensor does that slips",
     "a load of more than 15 % of full power, a mains voltage beyond ±10 %",
@@ -105,10 +108,14 @@ def supervise(
     faults = []
     for number, kind in enumerate(FAULTS):
         progress(f"{kind.name} ({number + 1} of {len(FAULTS)})")
-        faults.append(_fault(bench, made, kind, drawn))
+        faults.append(_fault(bench, _monitored(made), kind, drawn))
     family, card = bench.family, bench.card
-    progress("running the program of the monitor beside it")
-    program = exported(made.numbers, words, card, list(_head(words, family, made, card)), _runs(bench, drawn))
+    head, beside = list(_head(words, family, made, card)), list[dict[str, Any]]()
+    if words.target in TARGETS:
+        program, beside = _by_printer(bench, made, words, drawn, head, progress)
+    else:
+        progress("running the program of the monitor beside it")
+        program = exported(made.numbers, words, card, head, _runs(bench, drawn))
     document: dict[str, Any] = plain({
         "schema": SCHEMA, "warning": WARNING, "target": words.target, "words": dict(words.values),
         "scan_s": family.scan_s, "setpoint_degC": family.setpoint_degC,
@@ -119,7 +126,7 @@ def supervise(
         "checked": made.checked, "false_trips": 0, "widened_for": made.tripped,
         "off": [{"rule": rule, "why": why} for rule, why in made.off],
         "faults": faults, "not_tested": [*_NOT_TESTED, *_untested(assumed)],
-        "program": asdict(program),
+        "program": asdict(program), "beside": beside,
     })
     return document
 
@@ -160,25 +167,52 @@ def _untested(conditions: Conditions) -> Iterator[str]:
         yield "the interlock"
 
 
-def _fault(bench: Bench, made: Designed, kind: Kind, drawn: Drawn) -> dict[str, Any]:
+def _fault(bench: Bench, first_of: _First, kind: Kind, drawn: Drawn) -> dict[str, Any]:
     scan_s, begins = bench.family.scan_s, bench.begins_s(kind)
     first = math.ceil(begins / scan_s)
 
     def seen(member: Member) -> tuple[float, float, str]:
         one = bench.fault(member, kind)
-        at, alarm = first_alarm(made.numbers, one, first)
+        at, alarm = first_of(one, first)
         if at >= 0:
             one = bench.fault(member, kind, at * scan_s)
-        return (at - first) * scan_s if at >= 0 else math.nan, float(one.temperature_degC[first:].max()), ALARMS[alarm]
+        return (at - first) * scan_s if at >= 0 else math.nan, float(one.temperature_degC[first:].max()), alarm
 
     members = [bench.family.member(_LATER + drawn.seed + number) for number in range(drawn.broken)]
     times, peaks, alarms = zip(*mapped(seen, members), strict=True)
     late = [time for time in times if not math.isnan(time)]
     return {
         "name": kind.name, "heaters": len(members), "detected": len(late), "detection_s": _of(late),
-        "peak_degC": _of(peaks), "alarms": dict(Counter(alarm for alarm in alarms if alarm != ALARMS[0])),
+        "peak_degC": _of(peaks), "alarms": dict(Counter(alarm for alarm in alarms if alarm)),
         "missed_because": None if len(late) == len(members) else _missed(kind),
     }
+
+
+def _monitored(made: Designed) -> _First:
+    def first_of(one: Ran, first: int) -> tuple[int, str]:
+        at, alarm = first_alarm(made.numbers, one, first)
+        return at, ALARMS[alarm] if alarm else ""
+    return first_of
+
+
+def _by_printer(
+    bench: Bench, made: Designed, words: Words, drawn: Drawn, head: Sequence[str], progress: Told
+) -> tuple[Exported, list[dict[str, Any]]]:
+    """Return the lines of a printer's own rule, and how soon it sees each fault."""
+    try:
+        rule = printer_rule(bench, made.numbers, words.target, drawn.checked, progress)
+    except InputError as problem:
+        return Exported(why=str(problem)), []
+    file, text = lines_of(rule, head)
+
+    def first_of(one: Ran, first: int) -> tuple[int, str]:
+        at = first_stop(rule, bench, one, first)
+        return at, "stops" if at >= 0 else ""
+
+    rows = [_fault(bench, first_of, kind, drawn) for kind in FAULTS]
+    for row in rows:
+        row["missed_because"] = None
+    return Exported(file=file, text=text), rows
 
 
 def _of(values: Sequence[float]) -> dict[str, float] | None:
@@ -207,7 +241,8 @@ def _runs(bench: Bench, drawn: Drawn) -> list[Ran]:
 
 def _head(words: Words, family: Family, made: Designed, card: Card) -> Iterator[str]:
     """Return what the program says first."""
-    yield f"Monitor of the heater beside the controller of {words.target}, written by heatertune"
+    yield (f"Supervision of the heater by {words.target}'s own rule, numbers by heatertune" if words.target in TARGETS
+           else f"Monitor of the heater beside the controller of {words.target}, written by heatertune")
     yield from textwrap.wrap(WARNING, 100)
     yield (f"proven: no false trip on {made.checked} drawn heaters; setpoint {family.setpoint_degC:g} degC, called "
            f"every {family.scan_s:g} s")
