@@ -52,7 +52,7 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.documents import to_json  # noqa: PLC0415
-    from heatertune.report.supervision import supervision_page  # noqa: PLC0415
+    from heatertune.report.supervision import supervision_html, supervision_page  # noqa: PLC0415
     from heatertune.writing import write_files  # noqa: PLC0415
 
     progress = printing.Progress(settings)
@@ -66,7 +66,8 @@ def _run(settings: argparse.Namespace) -> int:
     page = supervision_page(document)
     if settings.out is not None:
         program = document["program"]
-        write_files(settings.out, {"supervision.json": to_json(document), "supervision.txt": page + "\n"}
+        write_files(settings.out, {"supervision.json": to_json(document), "supervision.txt": page + "\n",
+                                   "supervision.html": supervision_html(document)}
                     | ({} if program["file"] is None else {program["file"]: program["text"]}))
     printing.output(settings, document, lambda: page)
     return 0

@@ -42,6 +42,8 @@ WARNING: Final = (
 #: sensor noise where neither the user nor the log tells it [°C]
 _NOISE_DEGC: Final = 0.1
 _LATER: Final = 2 * FRESH  # seeds of the heaters that break
+_POINTS: Final = 400  # of a trace
+_DRAWN_SHARE: Final = 0.6  # of the slowest heater's time, for which a trace is drawn at least
 _STORIES: Final = 2  # on which the program is run beside the monitor
 #: a run and the scan at which its fault begins → the scan at which something stops it, -1 for never, and what it says
 _First = Callable[[Ran, int], tuple[int, str]]
@@ -127,6 +129,7 @@ def supervise(
         "off": [{"rule": rule, "why": why} for rule, why in made.off],
         "faults": faults, "not_tested": [*_NOT_TESTED, *_untested(assumed)],
         "program": asdict(program), "beside": beside,
+        "trace": _trace(bench, made, FAULTS[0]),
     })
     return document
 
@@ -185,6 +188,23 @@ def _fault(bench: Bench, first_of: _First, kind: Kind, drawn: Drawn) -> dict[str
         "name": kind.name, "heaters": len(members), "detected": len(late), "detection_s": _of(late),
         "peak_degC": _of(peaks), "alarms": dict(Counter(alarm for alarm in alarms if alarm)),
         "missed_because": None if len(late) == len(members) else _missed(kind),
+    }
+
+
+def _trace(bench: Bench, made: Designed, kind: Kind) -> dict[str, Any]:
+    """Return a fault on one heater around its alarm: what it does if nobody sees it, and switched off by the alarm."""
+    family, member = bench.family, bench.family.member(_LATER)
+    first = math.ceil(bench.begins_s(kind) / family.scan_s)
+    left = bench.fault(member, kind)
+    at, _ = first_alarm(made.numbers, left, first)
+    stopped = left if at < 0 else bench.fault(member, kind, at * family.scan_s)
+    lasts = max(4 * (at - first), int(_DRAWN_SHARE * family.slowest_s / family.scan_s))
+    begin, end = max(0, first - lasts // 4), min(first + lasts, len(left.counts))
+    part = slice(begin, end, max(1, (end - begin) // _POINTS))
+    return {
+        "name": kind.name, "time_s": ((np.arange(begin, end) - first) * family.scan_s)[slice(None, None, part.step)],
+        "left_degC": left.temperature_degC[part], "stopped_degC": stopped.temperature_degC[part],
+        "alarm_s": None if at < 0 else (at - first) * family.scan_s,
     }
 
 
