@@ -34,7 +34,7 @@ def supervision_html(document: Mapping[str, Any]) -> str:
             _table(document["faults"])]
     body.append(picture(plot_fault(document["trace"]), _caption(document["trace"]), moves=False))
     if document["beside"]:
-        body += [f"<h2>What {text_of(document['target'])}'s own rule sees</h2>", _table(document["beside"])]
+        body += [f"<h2>What {text_of(document['target'])} itself can see</h2>", _table(document["beside"])]
     numbers = [(name, str(value)) for name, value in document["numbers"].items()]
     body += ["<h2>What it does not see</h2>", bullets(list(_not_seen(document))),
              "<h2>Its rules</h2>", bullets(document["told"]), "<h2>Its numbers</h2>",
@@ -100,7 +100,8 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
         yield _row(fault)
     yield ""
     if document["beside"]:
-        yield f"The same faults by {document['target']}'s own rule, as in {document['program']['file']}:"
+        yield from _wrapped(f"The same faults by what {document['target']} itself can do "
+                            f"({document['program']['file']}):")
         for fault in document["beside"]:
             yield _row(fault)
         yield ""

@@ -26,9 +26,10 @@ from heatertune.proof.supervision.design import FRESH, Bench, Designed, design, 
 from heatertune.proof.supervision.family import Family, Member
 from heatertune.proof.supervision.faults import FAULTS, Kind
 from heatertune.proof.supervision.loops import Card, Ran, loosened
-from heatertune.proof.supervision.monitor import ALARMS
+from heatertune.proof.supervision.monitor import ALARMS, Numbers
 from heatertune.proof.supervision.printers import TARGETS, first_stop, lines_of, printer_rule
 from heatertune.proof.supervision.tallies import first_alarm
+from heatertune.proof.supervision.text.one_bit import TARGET, reduced
 from heatertune.proof.supervision.text.proven import Exported, exported
 from heatertune.settings import Conditions
 from heatertune.units import check
@@ -110,7 +111,7 @@ def supervise(
     faults = []
     for number, kind in enumerate(FAULTS):
         progress(f"{kind.name} ({number + 1} of {len(FAULTS)})")
-        faults.append(_fault(bench, _monitored(made), kind, drawn))
+        faults.append(_fault(bench, _monitored(made.numbers), kind, drawn))
     family, card = bench.family, bench.card
     head, beside = list(_head(words, family, made, card)), list[dict[str, Any]]()
     if words.target in TARGETS:
@@ -118,6 +119,8 @@ def supervise(
     else:
         progress("running the program of the monitor beside it")
         program = exported(made.numbers, words, card, head, _runs(bench, drawn))
+    if words.target == TARGET:
+        beside = [_fault(bench, _monitored(reduced(made.numbers)), kind, drawn) for kind in FAULTS]
     document: dict[str, Any] = plain({
         "schema": SCHEMA, "warning": WARNING, "target": words.target, "words": dict(words.values),
         "scan_s": family.scan_s, "setpoint_degC": family.setpoint_degC,
@@ -128,7 +131,7 @@ def supervise(
         "checked": made.checked, "false_trips": 0, "widened_for": made.tripped,
         "off": [{"rule": rule, "why": why} for rule, why in made.off],
         "faults": faults, "not_tested": [*_NOT_TESTED, *_untested(assumed)],
-        "program": asdict(program), "beside": beside,
+        "program": asdict(program), "beside": [row | {"missed_because": None} for row in beside],
         "trace": _trace(bench, made, FAULTS[0]),
     })
     return document
@@ -208,9 +211,9 @@ def _trace(bench: Bench, made: Designed, kind: Kind) -> dict[str, Any]:
     }
 
 
-def _monitored(made: Designed) -> _First:
+def _monitored(numbers: Numbers) -> _First:
     def first_of(one: Ran, first: int) -> tuple[int, str]:
-        at, alarm = first_alarm(made.numbers, one, first)
+        at, alarm = first_alarm(numbers, one, first)
         return at, ALARMS[alarm] if alarm else ""
     return first_of
 
@@ -230,8 +233,6 @@ def _by_printer(
         return at, "stops" if at >= 0 else ""
 
     rows = [_fault(bench, first_of, kind, drawn) for kind in FAULTS]
-    for row in rows:
-        row["missed_because"] = None
     return Exported(file=file, text=text), rows
 
 

@@ -16,7 +16,7 @@ from heatertune.plc.cpu.s7_200.cycle import cycle_ms
 from heatertune.plc.s7_200_pid.words import FULL
 from heatertune.proof.supervision.loops import Card, Ran
 from heatertune.proof.supervision.monitor import ALARMS, STATE, Numbers, alarms
-from heatertune.proof.supervision.text import s5, s7_200, s7_300, structured
+from heatertune.proof.supervision.text import one_bit, s5, s7_200, s7_300, structured
 from heatertune.proof.supervision.text.statements import Statements, statements_of
 from heatertune.proof.supervision.text.walk import check_reach
 
@@ -81,6 +81,8 @@ def exported(numbers: Numbers, words: Words, card: Card, head: Sequence[str], ru
         head: remarks at its beginning.
         runs: of loops, in order and broken.
     """
+    if words.target == one_bit.TARGET:
+        return _of_one_bit(numbers, words.sample_time_s, head, runs)
     write = _TARGETS.get(words.target)
     if write is None:
         return Exported(why=f"no program is written for {words.target}")
@@ -94,6 +96,14 @@ def exported(numbers: Numbers, words: Words, card: Card, head: Sequence[str], ru
     if why is not None:
         return Exported(why=f"{file}: {why}")
     return Exported(file=file, text=source, calls=sum(len(one.counts) for one in runs), runs=len(runs))
+
+
+def _of_one_bit(numbers: Numbers, scan_s: float, head: Sequence[str], runs: Sequence[Ran]) -> Exported:
+    text = one_bit.written(numbers, scan_s, head)
+    why = one_bit.departs(text, numbers, scan_s, runs)
+    if why is not None:
+        return Exported(why=f"{one_bit.FILE}: {why}")
+    return Exported(file=one_bit.FILE, text=text, calls=sum(len(one.counts) for one in runs), runs=len(runs))
 
 
 def _other_power(text: Text) -> str | None:
