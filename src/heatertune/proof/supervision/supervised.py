@@ -6,12 +6,12 @@ import math
 import textwrap
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
-from heatertune.documents import plain
+from heatertune.codec import encode
 from heatertune.errors import InputError
 from heatertune.model.mirrored import cools
 from heatertune.model.values import FittedModel
@@ -23,6 +23,14 @@ from heatertune.proof.heaters import holding
 from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.supervision.design import FRESH, Bench, Designed, design, mapped
+from heatertune.proof.supervision.document import (
+    CardView,
+    FaultView,
+    OffView,
+    SpreadView,
+    SupervisionView,
+    TraceView,
+)
 from heatertune.proof.supervision.family import Family, Member
 from heatertune.proof.supervision.faults import FAULTS, Kind
 from heatertune.proof.supervision.loops import Card, Ran, loosened
@@ -34,9 +42,8 @@ from heatertune.proof.supervision.text.proven import Exported, exported
 from heatertune.settings import Conditions
 from heatertune.units import check
 
-__all__ = ["SCHEMA", "WARNING", "Drawn", "bench_of", "supervise"]
+__all__ = ["WARNING", "Drawn", "bench_of", "supervise"]
 
-SCHEMA: Final = "heatertune/supervision/1"
 WARNING: Final = (
     "This does not replace a thermal cut-out: it sees what the controller sees, through the same sensor, and switches "
     "off through whatever the program can reach.")
@@ -113,7 +120,7 @@ def supervise(
         progress(f"{kind.name} ({number + 1} of {len(FAULTS)})")
         faults.append(_fault(bench, _monitored(made.numbers), kind, drawn))
     family, card = bench.family, bench.card
-    head, beside = list(_head(words, family, made, card)), list[dict[str, Any]]()
+    head, beside = list(_head(words, family, made, card)), list[FaultView]()
     if words.target in TARGETS:
         program, beside = _by_printer(bench, made, words, drawn, head, progress)
     else:
@@ -121,19 +128,15 @@ def supervise(
         program = exported(made.numbers, words, card, head, _runs(bench, drawn))
     if words.target == TARGET:
         beside = [_fault(bench, _monitored(reduced(made.numbers)), kind, drawn) for kind in FAULTS]
-    document: dict[str, Any] = plain({
-        "schema": SCHEMA, "warning": WARNING, "target": words.target, "words": dict(words.values),
-        "scan_s": family.scan_s, "setpoint_degC": family.setpoint_degC,
-        "card": {"zero_degC": card.low_degC, "step_degC": card.step_degC},
-        "numbers": made.numbers._asdict(), "told": list(_told(made, card, family.scan_s)),
-        "heaters": len(family.heaters), "spread_pct": drawn.spread_pct, "ambient_spread_degC": drawn.ambient_degC,
-        "noise_degC": list(family.noise_degC), "seed": drawn.seed,
-        "checked": made.checked, "false_trips": 0, "widened_for": made.tripped,
-        "off": [{"rule": rule, "why": why} for rule, why in made.off],
-        "faults": faults, "not_tested": [*_NOT_TESTED, *_untested(assumed)],
-        "program": asdict(program), "beside": [row | {"missed_because": None} for row in beside],
-        "trace": _trace(bench, made, FAULTS[0]),
-    })
+    document: dict[str, Any] = encode(SupervisionView(
+        warning=WARNING, target=words.target, words=dict(words.values), scan_s=family.scan_s,
+        setpoint_degC=family.setpoint_degC, card=CardView(zero_degC=card.low_degC, step_degC=card.step_degC),
+        numbers=made.numbers._asdict(), told=tuple(_told(made, card, family.scan_s)), heaters=len(family.heaters),
+        spread_pct=drawn.spread_pct, ambient_spread_degC=drawn.ambient_degC, noise_degC=family.noise_degC,
+        seed=drawn.seed, checked=made.checked, false_trips=0, widened_for=made.tripped,
+        off=tuple(OffView(rule=rule, why=why) for rule, why in made.off), faults=tuple(faults),
+        not_tested=(*_NOT_TESTED, *_untested(assumed)), program=program,
+        beside=tuple(replace(row, missed_because=None) for row in beside), trace=_trace(bench, made, FAULTS[0])))
     return document
 
 
@@ -173,7 +176,7 @@ def _untested(conditions: Conditions) -> Iterator[str]:
         yield "the interlock"
 
 
-def _fault(bench: Bench, first_of: _First, kind: Kind, drawn: Drawn) -> dict[str, Any]:
+def _fault(bench: Bench, first_of: _First, kind: Kind, drawn: Drawn) -> FaultView:
     scan_s, begins = bench.family.scan_s, bench.begins_s(kind)
     first = math.ceil(begins / scan_s)
 
@@ -187,14 +190,13 @@ def _fault(bench: Bench, first_of: _First, kind: Kind, drawn: Drawn) -> dict[str
     members = [bench.family.member(_LATER + drawn.seed + number) for number in range(drawn.broken)]
     times, peaks, alarms = zip(*mapped(seen, members), strict=True)
     late = [time for time in times if not math.isnan(time)]
-    return {
-        "name": kind.name, "heaters": len(members), "detected": len(late), "detection_s": _of(late),
-        "peak_degC": _of(peaks), "alarms": dict(Counter(alarm for alarm in alarms if alarm)),
-        "missed_because": None if len(late) == len(members) else _missed(kind),
-    }
+    return FaultView(
+        name=kind.name, heaters=len(members), detected=len(late), detection_s=_of(late) if late else None,
+        peak_degC=_of(peaks), alarms=dict(Counter(alarm for alarm in alarms if alarm)),
+        missed_because=None if len(late) == len(members) else _missed(kind))
 
 
-def _trace(bench: Bench, made: Designed, kind: Kind) -> dict[str, Any]:
+def _trace(bench: Bench, made: Designed, kind: Kind) -> TraceView:
     """Return a fault on one heater around its alarm: what it does if nobody sees it, and switched off by the alarm."""
     family, member = bench.family, bench.family.member(_LATER)
     first = math.ceil(bench.begins_s(kind) / family.scan_s)
@@ -204,11 +206,11 @@ def _trace(bench: Bench, made: Designed, kind: Kind) -> dict[str, Any]:
     lasts = max(4 * (at - first), int(_DRAWN_SHARE * family.slowest_s / family.scan_s))
     begin, end = max(0, first - lasts // 4), min(first + lasts, len(left.counts))
     part = slice(begin, end, max(1, (end - begin) // _POINTS))
-    return {
-        "name": kind.name, "time_s": ((np.arange(begin, end) - first) * family.scan_s)[slice(None, None, part.step)],
-        "left_degC": left.temperature_degC[part], "stopped_degC": stopped.temperature_degC[part],
-        "alarm_s": None if at < 0 else (at - first) * family.scan_s,
-    }
+    time_s = (np.arange(begin, end) - first)[::part.step] * family.scan_s
+    return TraceView(
+        name=kind.name, time_s=tuple(time_s.tolist()), left_degC=tuple(left.temperature_degC[part].tolist()),
+        stopped_degC=tuple(stopped.temperature_degC[part].tolist()),
+        alarm_s=None if at < 0 else (at - first) * family.scan_s)
 
 
 def _monitored(numbers: Numbers) -> _First:
@@ -220,7 +222,7 @@ def _monitored(numbers: Numbers) -> _First:
 
 def _by_printer(
     bench: Bench, made: Designed, words: Words, drawn: Drawn, head: Sequence[str], progress: Told
-) -> tuple[Exported, list[dict[str, Any]]]:
+) -> tuple[Exported, list[FaultView]]:
     """Return the lines of a printer's own rule, and how soon it sees each fault."""
     try:
         rule = printer_rule(bench, made.numbers, words.target, drawn.checked, progress)
@@ -236,11 +238,9 @@ def _by_printer(
     return Exported(file=file, text=text), rows
 
 
-def _of(values: Sequence[float]) -> dict[str, float] | None:
-    if not values:
-        return None
+def _of(values: Sequence[float]) -> SpreadView:
     median, p95 = np.percentile(values, [50.0, 95.0]).tolist()
-    return {"median": median, "p95": p95, "worst": max(values)}
+    return SpreadView(median=median, p95=p95, worst=max(values))
 
 
 def _missed(kind: Kind) -> str:
