@@ -25,7 +25,7 @@ def supervision_page(document: Mapping[str, Any]) -> str:
 
 def supervision_html(document: Mapping[str, Any]) -> str:
     """Return the same as one page to print, with a picture of a fault; each sheet bears the warning."""
-    warning, program = document["warning"], document["program"]
+    warning = document["warning"]
     low, high = document["noise_degC"]
     told = (f"{document['false_trips']} false trips on {document['checked']} heaters that no limit was made from, each "
             f"through its whole story (gain and lags ±{document['spread_pct']:g} %, ambient "
@@ -39,7 +39,7 @@ def supervision_html(document: Mapping[str, Any]) -> str:
     body += ["<h2>What it does not see</h2>", bullets(list(_not_seen(document))),
              "<h2>Its rules</h2>", bullets(document["told"]), "<h2>Its numbers</h2>",
              table(("number", "value"), numbers, numeric=(1,)),
-             "<h2>Its program</h2>", f"<p>{text_of(_program(program))}</p>"]
+             "<h2>Its program</h2>", f"<p>{text_of(_program(document))}</p>"]
     title = f"Supervision of {document['target']} at {document['setpoint_degC']:g} °C"
     return page(title, "\n".join(body), foot=warning)
 
@@ -108,7 +108,7 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
     yield "What it does not see:"
     yield from (line for what in _not_seen(document) for line in _wrapped(what, "- "))
     yield ""
-    yield from _wrapped(_program(document["program"]))
+    yield from _wrapped(_program(document))
     yield ""
     yield from warning
 
@@ -139,13 +139,15 @@ def _not_seen(document: Mapping[str, Any]) -> Iterator[str]:
     yield from (f"not tested: {what}." for what in document["not_tested"])
 
 
-def _program(program: Mapping[str, Any]) -> str:
+def _program(document: Mapping[str, Any]) -> str:
+    program = document["program"]
     if program["file"] is None:
         return f"No program: {program['why'].removeprefix('no program: ')}."
     if not program["runs"]:
         return f"Lines of its own rule: {program['file']}. They are less than the monitor: see the table."
-    return (f"Program: {program['file']}, run in a machine of its target beside the monitor, {program['runs']} runs "
-            f"and {program['calls']} calls: the same alarm in each.")
+    rules = "those of its rules that it can express" if document["beside"] else "the monitor"
+    return (f"Program: {program['file']}, run in a machine of its target beside {rules}, {program['runs']} runs and "
+            f"{program['calls']} calls: the same alarm in each.")
 
 
 def _wrapped(sentence: str, mark: str = "") -> list[str]:

@@ -22,6 +22,7 @@ from heatertune.proof.supervision.text.walk import check_reach
 
 __all__ = ["Exported", "Text", "exported"]
 
+_LONGEST: Final = 50_000  # calls with the same reading that a run to the limits holds
 _REAL: Final = "fb41"  # its output is a REAL in percent
 
 
@@ -56,7 +57,7 @@ class Exported:
         file: its name; None: no program.
         text: of the program.
         calls: that it was run for beside the monitor, on how many runs.
-        runs: of loops, in order and broken.
+        runs: of loops, in order and broken, and one to each limit and beyond.
         why: there is no program, or it does other than the monitor; None: it is proven.
     """
 
@@ -67,7 +68,7 @@ class Exported:
     why: str | None = None
 
 
-#: numbers, card and words → the statements' bits, the text, and what loads it
+#: name of the file, the text, and what loads it into its machine
 _Written = tuple[str, str, Callable[[], Text]]
 
 
@@ -81,9 +82,10 @@ def exported(numbers: Numbers, words: Words, card: Card, head: Sequence[str], ru
         head: remarks at its beginning.
         runs: of loops, in order and broken.
     """
+    write = _TARGETS.get(words.target)
+    runs = [*runs, _to_limits(numbers, card)]
     if words.target == one_bit.TARGET:
         return _of_one_bit(numbers, words.sample_time_s, head, runs)
-    write = _TARGETS.get(words.target)
     if write is None:
         return Exported(why=f"no program is written for {words.target}")
     try:
@@ -96,6 +98,32 @@ def exported(numbers: Numbers, words: Words, card: Card, head: Sequence[str], ru
     if why is not None:
         return Exported(why=f"{file}: {why}")
     return Exported(file=file, text=source, calls=sum(len(one.counts) for one in runs), runs=len(runs))
+
+
+def _to_limits(numbers: Numbers, card: Card) -> Ran:
+    """Return a run that goes to each limit of a reading, of a rate and of a time, and one beyond."""
+    low, high = max(numbers.low, 0), min(numbers.high, card.highest)
+    middle = (low + high) // 2
+    calls = list[tuple[int, int]]()
+
+    def rest(length: int, power: int = 50) -> None:
+        calls.extend((middle + k % 2, power) for k in range(length))
+
+    for size in (numbers.jump, numbers.jump + 1):
+        rest(4)
+        calls.extend((count, 50) for count in (low, low + size, low, low + size))
+    for count in (low, low - 1, high, high + 1):
+        rest(4)
+        calls.append((count, 50))
+    for held, power in ((numbers.still, 50), (numbers.still_moved, 49 + numbers.moved), (
+            numbers.still_moved, 50 + numbers.moved), (numbers.still_moved, 50 - numbers.moved)):
+        rest(4)
+        calls += [(middle, 50), *[(middle, power)] * min(held + 2, _LONGEST)]
+    rest(4)
+    rest(min(numbers.full + 2, _LONGEST), 100)
+    inside = [(count, power) for count, power in calls if 0 <= count <= card.highest]
+    counts, powers = np.array(inside, dtype=np.int32).T
+    return Ran(counts=counts, power=powers.astype(np.int16), temperature_degC=np.zeros(len(counts)))
 
 
 def _of_one_bit(numbers: Numbers, scan_s: float, head: Sequence[str], runs: Sequence[Ran]) -> Exported:
