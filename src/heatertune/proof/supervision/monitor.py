@@ -257,7 +257,15 @@ def watch(numbers: Numbers, state: Any, readings: Any, powers: Any, first: int) 
 
 
 def alarms(numbers: Numbers, state: Any, readings: Any, powers: Any, out: Any) -> None:
-    """Run the monitor over a record as `watch` does; write the alarm of each scan, -1 where there is no supply."""
+    """Run the monitor over a record as `watch` does, and write the alarm of each scan.
+
+    Args:
+        numbers: of the monitor.
+        state: places for its state.
+        readings: [counts].
+        powers: [%]; negative: no supply.
+        out: for the alarms; -1 where there is no supply.
+    """
     restart(state)
     off = False
     for k in range(len(readings)):
