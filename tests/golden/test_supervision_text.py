@@ -14,6 +14,8 @@ from tests.golden.s5_machine import Machine
 from tests.plc.st_machine import FunctionBlock
 from tests.proof.test_supervision import random_numbers
 
+from heatertune.errors import InputError
+from heatertune.plc.cpu.s5.machine import Cpu
 from heatertune.proof.supervision.text import s5, s7_200, s7_300, structured
 from heatertune.proof.supervision.text.statements import statements_of
 
@@ -72,6 +74,14 @@ def test_the_s5_s_listing_makes_the_nearest_whole_percent_of_every_output():
         machine.data[31][4] = output
         machine.call("FB 34")
         assert machine.data[32][3] == (200 * output + 2047) // (2 * 2047)
+
+
+@pytest.mark.parametrize(("old", "new"), [("Z1   :DW", "Z2   :DW"), ("Z32  :DW", "Z32  :FW"), ("Z3=0 :F 200.0\n", "")])
+def test_the_s5_refuses_a_multiplier_without_its_parameters(old, new):
+    text = s5.written(statements_of(random_numbers(random.Random(0))._replace(slow_blocks=2)), HEAD)
+    assert old in text
+    with pytest.raises(InputError, match=r"FB 242|is none that is known here"):
+        Cpu(text.replace(old, new, 1), {})
 
 
 @pytest.mark.long(seconds=5)
