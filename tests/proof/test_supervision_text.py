@@ -97,4 +97,5 @@ def test_the_statements_name_every_cell_that_they_use_and_stand_under_one_compar
         text = "".join(group.lines for group in (*statements.each_call, *statements.each_block))
         assert " AND " not in text
         assert " OR " not in text
+        assert all(len(group.title) <= 64 for group in (*statements.each_call, *statements.each_block))  # as STEP 7 holds it
         assert {name for name in statements.cells if name not in text} == set()

@@ -268,6 +268,7 @@ def _head(words: Words, family: Family, made: Designed, card: Card) -> Iterator[
     yield (f"proven: no false trip on {made.checked} drawn heaters; setpoint {family.setpoint_degC:g} degC, called "
            f"every {family.scan_s:g} s")
     yield f"count 0 = {card.low_degC:g} degC, a count = {card.step_degC:.6g} degC"
+    yield "not tried in the maker's own tool or machine"
 
 
 def _told(made: Designed, card: Card, scan: float) -> Iterator[str]:

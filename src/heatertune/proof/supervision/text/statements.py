@@ -153,7 +153,7 @@ def _each_block(numbers: Numbers) -> Iterator[Group]:
         yield Group("too hot for its power", (
             _margin(numbers, blocks, margin)
             + _if(f"{MARGIN} < 0", f"Found := {_alarm('too hot for its power')}")))
-    yield Group("what a call finds comes before what a block does; the first alarm is kept", (
+    yield Group("an alarm of the call comes first; the first of all is kept", (
         _if("Alarm = 0", "Alarm := Found") + _if("Told = 0", "Told := Alarm")))
 
 
