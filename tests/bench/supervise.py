@@ -130,8 +130,11 @@ def broken(heater, document, design, n, fault, seed=2):
     return late, hottest
 
 
-def kalico_trips(folder, name, times, temperatures, target, top):
-    """Return when Klipper's rule, as Kalico's package has it, stops a machine [s], NaN for never; `top`: its max_temp."""
+def kalico_trips(folder, name, times, temperatures, target, top, **given):
+    """Return when Klipper's rule, as Kalico's package has it, stops a machine [s], NaN for never; `top`: its max_temp.
+
+    `given` are the lines of its section; those that are not there have their defaults.
+    """
     path = next(Path(folder).rglob("klippy/extras/verify_heater.py"))
     loaded = importlib.util.spec_from_file_location("verify_heater", path)
     module = importlib.util.module_from_spec(loaded)
@@ -146,7 +149,7 @@ def kalico_trips(folder, name, times, temperatures, target, top):
         lookup_object = lookup_heater = get_reactor = get_printer = lambda self, *_: self
         get_start_args = staticmethod(dict)
         get_name = staticmethod(lambda: f"verify_heater {name}")
-        getfloat = staticmethod(lambda _, default=None, **__: default)
+        getfloat = staticmethod(lambda name, default=None, **__: given.get(name, default))
         get_temp = staticmethod(lambda _: (float(np.interp(now[0], times, temperatures)), target))
         invoke_shutdown = staticmethod(stopped.append)
 

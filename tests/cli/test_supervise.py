@@ -1,11 +1,16 @@
 """`heatertune supervise`: its page, its document, and that it never trips for nothing."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 from tests.bench import supervise
 from tests.bench.second_monitor import Monitors
+
+from heatertune.codec import encode
+from heatertune.errors import DocumentError
+from heatertune.proof.supervision.document import read_supervision
 
 WARNING = "does not replace a thermal cut-out"
 HOT = ("--gain", 4, "--time-constant", 120, "--dead-time", 2, "--ambient", 22, "--target", "s5-ob251", "--setpoint", 200, "--range", 0, 300,
@@ -89,3 +94,31 @@ def test_marlin_s_rule_stops_a_heater_that_falls_and_lets_one_in_order_be():
 
 def test_the_second_monitor_starts_without_a_memory():
     assert Monitors({"block": 1}, 2).last is None
+
+
+@pytest.mark.long(seconds=10)
+def test_it_writes_the_program_and_a_page_to_print_whose_every_sheet_says_that_it_replaces_no_cut_out(made):
+    _, document, folder = made
+    program = document["program"]
+    assert program["why"] is None
+    assert (folder / program["file"]).read_text() == program["text"]
+    assert WARNING in program["text"]
+    html = (folder / "supervision.html").read_text()
+    assert html.count(WARNING) >= 1
+    foot = re.search(r'@bottom-left \{ content: "([^"]*)"', html)[1]
+    assert WARNING in re.sub(r"\\([0-9a-f]+) ", lambda found: chr(int(found[1], 16)), foot)
+    for fault in document["faults"]:
+        assert fault["name"] in html
+    view = read_supervision(folder / "supervision.json")
+    assert encode(view) == document
+
+
+@pytest.mark.long(seconds=10)
+@pytest.mark.parametrize(("change", "said"), [
+    ({"numbers": {}}, "numbers"), ({"checked": "many"}, "checked"), ({"schema": "heatertune/pid/1"}, "schema"),
+    ({"faults": [{"name": "x"}]}, r"faults\[0\]"),
+])
+def test_a_document_that_does_not_hold_together_is_refused_by_its_field(made, tmp_path, change, said):
+    (tmp_path / "supervision.json").write_text(json.dumps(made[1] | change))
+    with pytest.raises(DocumentError, match=said):
+        read_supervision(tmp_path / "supervision.json")

@@ -14,6 +14,8 @@ import re
 COMPARE = {">F": ">", ">=F": ">=", "<F": "<", "<=F": "<=", "!=F": "==", "><F": "!="}
 #: a jump reaches 127 words; these take two, as do constants and bit operations on data
 LONG = ("JU OB", "JU FB", "TB", "SU", "RU")
+#: parameters of FB242, 16 times 16 bits, each a word behind its call
+MULTIPLIER = ("Z1", "Z2", "Z3=0", "Z32", "Z31")
 
 
 class Controller:
@@ -77,7 +79,10 @@ def loaded(listing):
             block.append(constant(word[2].replace(" =", "")))
         else:
             label, operation, operand = re.fullmatch(r"(.{5}):(\S+) *([^;]*?) *(?:;.*)?", line).groups()
-            block.append((label.strip(), operation, operand))
+            if label.strip() in MULTIPLIER:
+                block[-1] = block[-1][0], "JU MUL:16", f"{block[-1][2]} {operation} {operand}"
+            else:
+                block.append((label.strip(), operation, operand))
     for block in code.values():
         reached(block)
     return code, data
@@ -106,13 +111,20 @@ def reached(block):
         assert label not in places or not label, f"{label} stands twice"
         assert len(label) <= 4, label
         places[label] = words
-        words += 2 if operand.startswith("K") or f"{name} {operand}".startswith(LONG) else 1
+        words += length(name, operand)
     words = 0
     for _, name, operand in block:
         if operand.startswith("="):
             assert abs(places[operand[1:]] - words) <= 127, f"{name} {operand} jumps too far"
-        words += 2 if operand.startswith("K") or f"{name} {operand}".startswith(LONG) else 1
+        words += length(name, operand)
     assert [name for _, name, _ in block].index("BE") == len(block) - 1
+
+
+def length(name, operand):
+    """Return the words of a statement."""
+    if name == "JU MUL:16":
+        return 2 + len(MULTIPLIER)
+    return 2 if operand.startswith("K") or f"{name} {operand}".startswith(LONG) else 1
 
 
 class Machine:
@@ -122,12 +134,13 @@ class Machine:
     ("PW 128"), `written` holds what was written there, and to system data ("RS 97").
     """
 
-    def __init__(self, listing, read=None, controller=None):
+    def __init__(self, listing, read=None, controller=None, wraps=False):
+        """`wraps`: a sum that leaves its word is one modulo 65536, as the CPU has it, and no mistake of the listing."""
         code, self.data = loaded(listing)
         self.inputs, self.written, self.open = set(), {}, None
         self.read = dict.fromkeys(("PW 128",), 0).get if read is None else read
         self.controller = Controller() if controller is None else controller
-        self.code = {name: translated(block) for name, block in code.items()}
+        self.code = {name: translated(block, wraps) for name, block in code.items()}
 
     def call(self, name):
         """Run a block until it ends; OB251 is the controller."""
@@ -147,7 +160,7 @@ LINES = {
     "-F": "one = summed(two, -one)", "SRW": "one = signed((one & 0xFFFF) >> {v})", "SLW": "one = signed(one << {v})",
     "C DB": "cpu.open = {v}; data = cpu.data[{v}]", "A I": "rlo = {o!r} in cpu.inputs", "TB D": "rlo = bool(data[{v}] & {b})",
     "SU D": "data[{v}] = signed(data[{v}] | {b})", "RU D": "data[{v}] = signed(data[{v}] & ~{b})",
-    "JU OB": "cpu.call({o!r})", "JU FB": "cpu.call({o!r})", "JU": "at = {v}; continue", "BE": "return",
+    "JU OB": "cpu.call({o!r})", "JU FB": "cpu.call({o!r})", "JU MUL:16": "multiplied(data, {o!r})", "JU": "at = {v}; continue", "BE": "return",
     "JC": "if rlo: at = {v}; continue", "BEC": "if rlo: return",
     **{name: f"rlo = two {sign} one" for name, sign in COMPARE.items()},
 }
@@ -159,7 +172,16 @@ def summed(one, other):
     return one + other
 
 
-def translated(block):
+def multiplied(data, operands):
+    """FB242: high and low word of a product."""
+    number, *given = operands.removeprefix("FB ").split()
+    one, two, bit, high, low = (int(float(each)) for each in given[1::2])
+    assert (number, given[::2], bit >= 200) == ("242", ["DW", "DW", "F", "DW", "DW"], True), operands
+    product = data[one] * data[two]
+    data[high], data[low] = product >> 16, signed(product)
+
+
+def translated(block, wraps=False):
     """Return a function that runs a block, a stretch from each label to the next; an A begins a new logic operation."""
     labels = [label for label, _, _ in block if label]
     lines = ["def run(cpu):", " one = two = at = 0", " rlo, data = False, cpu.data.get(cpu.open)", " while True:", "  if at <= 0:"]
@@ -174,11 +196,11 @@ def translated(block):
             kind, value = " K", constant(operand)
         elif name in ("SRW", "SLW"):
             value = int(operand)
-        elif operand:
+        elif operand and name != "JU MUL:16":
             kind, value = f" {operand.split()[0]}", operand.split()[1]
             value, bit = (int(value.split(".")[0]), 1 << int(value.split(".")[1])) if "." in value else (int(value), 0)
         assert name + kind in LINES, f"{name} {operand} is not known here"
         lines.append("   " + LINES[name + kind].format(v=value, b=bit, o=operand))
-    scope = {"signed": signed, "summed": summed}
+    scope = {"signed": signed, "summed": (lambda one, other: signed(one + other)) if wraps else summed, "multiplied": multiplied}
     exec("\n".join(lines), scope)  # made of the lines above
     return scope["run"]

@@ -132,7 +132,7 @@ def test_a_step_leaves_the_state_before_it_alone():
 
 @pytest.mark.parametrize(("block", "line", "named"), [
     ("ORGANIZATION_BLOCK X:OB1", "CALL\tSBR1", "not there"), ("ORGANIZATION_BLOCK X:OB1", "ATCH\tINT0, 10", "not there"),
-    ("SUBROUTINE_BLOCK X:SBR0", "CALL\tSBR0", "from OB1 alone"), ("ORGANIZATION_BLOCK X:OB1", "ATCH\tINT0, 34", "no instruction"),
+    ("SUBROUTINE_BLOCK X:SBR0", "CALL\tSBR0", "only OB1 and interrupts"), ("ORGANIZATION_BLOCK X:OB1", "ATCH\tINT0, 34", "no instruction"),
     ("ORGANIZATION_BLOCK X:OB2", "ENI", "no instruction"), ("ORGANIZATION_BLOCK X:OB1", "PID\tVB480, 0", "no instruction"),
     ("ORGANIZATION_BLOCK X:OB1", "PID\tVB100, 8", "no instruction"),
 ])

@@ -69,7 +69,7 @@ def test_swings_that_grow_are_told_and_such_that_do_not_are_not():
     assert "swing grows" not in alarms(numbers, steady, [0] * len(steady))
 
 
-def _random_numbers(chance):
+def random_numbers(chance):
     one = chance.choice
     return Numbers(
         block=one([1, 2, 3, 5]), low=one([-100, 5]), high=one([900, 1000]), jump=one([40, 200]), still=one([0, 4, 9]),
@@ -83,7 +83,7 @@ def _random_numbers(chance):
 def test_a_second_monitor_written_from_the_meaning_of_the_numbers_says_the_same_at_every_scan():
     chance, said = random.Random(1), set()
     for _ in range(40):
-        numbers, state, reading, power = _random_numbers(chance), cold(), 500.0, 50.0
+        numbers, state, reading, power = random_numbers(chance), cold(), 500.0, 50.0
         second = Monitors(numbers._asdict(), 1)
         for _ in range(700):
             reading += chance.gauss(0, 12) if chance.random() < 0.3 else 0.0

@@ -29,7 +29,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("pid", metavar="MODEL|PID|WORDS", nargs="?", help=(
         "model.json as written by fit (its words are designed first), pid.json by tune, or words.json by export-db"))
-    command.add_argument("-o", "--out", metavar="DIR", help="directory for supervision.json and supervision.txt")
+    command.add_argument("-o", "--out", metavar="DIR", help="directory for document, page and program")
     common.add_word_options(command, "words_by", "setpoint_ramp", "boost")
     common.add_proof_options(command)
     common.add_model_options(command)
@@ -52,7 +52,7 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.documents import to_json  # noqa: PLC0415
-    from heatertune.report.supervision import supervision_page  # noqa: PLC0415
+    from heatertune.report.supervision import supervision_html, supervision_page  # noqa: PLC0415
     from heatertune.writing import write_files  # noqa: PLC0415
 
     progress = printing.Progress(settings)
@@ -65,7 +65,10 @@ def _run(settings: argparse.Namespace) -> int:
         seed=settings.seed)
     page = supervision_page(document)
     if settings.out is not None:
-        write_files(settings.out, {"supervision.json": to_json(document), "supervision.txt": page + "\n"})
+        program = document["program"]
+        write_files(settings.out, {"supervision.json": to_json(document), "supervision.txt": page + "\n",
+                                   "supervision.html": supervision_html(document)}
+                    | ({} if program["file"] is None else {program["file"]: program["text"]}))
     printing.output(settings, document, lambda: page)
     return 0
 

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
 
-__all__ = ["supervision_page"]
+from heatertune.report.html import bullets, page, picture, table, text_of
+from heatertune.report.style import LOOK, key, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["plot_fault", "supervision_html", "supervision_page"]
 
 _WIDTH: Final = 80
 _COLUMNS: Final = "{:30}{:>9} {:>21} {:>18}"
@@ -15,6 +21,56 @@ _COLUMNS: Final = "{:30}{:>9} {:>21} {:>18}"
 def supervision_page(document: Mapping[str, Any]) -> str:
     """Return the page of a document of `heatertune.proof.supervision`."""
     return "\n".join(_lines(document))
+
+
+def supervision_html(document: Mapping[str, Any]) -> str:
+    """Return the same as one page to print, with a picture of a fault; each sheet bears the warning."""
+    warning = document["warning"]
+    low, high = document["noise_degC"]
+    told = (f"{document['false_trips']} false trips on {document['checked']} heaters that no limit was made from, each "
+            f"through its whole story (gain and lags ±{document['spread_pct']:g} %, ambient "
+            f"±{document['ambient_spread_degC']:g} °C, noise {low:g}…{high:g} °C).")
+    body = [f'<p class="fail">{text_of(warning)}</p>', f"<p>{text_of(told)}</p>", "<h2>What it sees</h2>",
+            _table(document["faults"])]
+    body.append(picture(plot_fault(document["trace"]), _caption(document["trace"]), moves=False))
+    if document["beside"]:
+        body += [f"<h2>What {text_of(document['target'])} itself can see</h2>", _table(document["beside"])]
+    numbers = [(name, str(value)) for name, value in document["numbers"].items()]
+    body += ["<h2>What it does not see</h2>", bullets(list(_not_seen(document))),
+             "<h2>Its rules</h2>", bullets(document["told"]), "<h2>Its numbers</h2>",
+             table(("number", "value"), numbers, numeric=(1,)),
+             "<h2>Its program</h2>", f"<p>{text_of(_program(document))}</p>"]
+    title = f"Supervision of {document['target']} at {document['setpoint_degC']:g} °C"
+    return page(title, "\n".join(body), foot=warning)
+
+
+def plot_fault(trace: Mapping[str, Any]) -> Figure:
+    """Draw a fault around its alarm: the temperature if nobody sees it, and with the power taken away by the alarm."""
+    figure, (ax,) = new_figure(1, 2.2)
+    ax.plot(trace["time_s"], trace["left_degC"], label="nobody sees it", **LOOK["worst"])
+    ax.plot(trace["time_s"], trace["stopped_degC"], label="switched off by the alarm", **LOOK["realised"])
+    for time in (0.0, trace["alarm_s"]):
+        if time is not None:
+            ax.axvline(time, **LOOK["limit"])
+    key(ax, ("nobody sees it", "worst"), ("switched off by the alarm", "realised"), ("fault, alarm", "limit"))
+    ax.set(ylabel="temperature [°C]", xlabel="time since the fault [s]")
+    return figure
+
+
+def _caption(trace: Mapping[str, Any]) -> str:
+    seen = "no alarm" if trace["alarm_s"] is None else f"the alarm comes after {trace['alarm_s']:.3g} s"
+    return f"{trace['name'].capitalize()}, on one heater: {seen}."
+
+
+def _table(faults: Sequence[Mapping[str, Any]]) -> str:
+    heads = ("fault", "seen", "median [s]", "95 % [s]", "worst [s]", "hottest, median [°C]", "hottest, worst [°C]")
+    rows = []
+    for fault in faults:
+        after, peak = fault["detection_s"], fault["peak_degC"]
+        late = ["–"] * 3 if after is None else [_short(after[name]).strip() for name in ("median", "p95", "worst")]
+        rows.append([fault["name"], f"{fault['detected']}/{fault['heaters']}", *late, f"{peak['median']:.1f}",
+                     f"{peak['worst']:.1f}"])
+    return table(heads, rows, numeric=range(1, 7))
 
 
 def _lines(document: Mapping[str, Any]) -> Iterator[str]:
@@ -43,7 +99,16 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
     for fault in document["faults"]:
         yield _row(fault)
     yield ""
-    yield from _missed(document)
+    if document["beside"]:
+        yield from _wrapped(f"The same faults by what {document['target']} itself can do "
+                            f"({document['program']['file']}):")
+        for fault in document["beside"]:
+            yield _row(fault)
+        yield ""
+    yield "What it does not see:"
+    yield from (line for what in _not_seen(document) for line in _wrapped(what, "- "))
+    yield ""
+    yield from _wrapped(_program(document))
     yield ""
     yield from warning
 
@@ -64,15 +129,25 @@ def _short(seconds: float) -> str:
     return f"{seconds:6.1f}" if seconds < 100.0 else f"{seconds:6.0f}"
 
 
-def _missed(document: Mapping[str, Any]) -> Iterator[str]:
-    yield "What it does not see:"
+def _not_seen(document: Mapping[str, Any]) -> Iterator[str]:
     for fault in document["faults"]:
         if fault["missed_because"] is not None:
             missed = fault["heaters"] - fault["detected"]
-            yield from _wrapped(f"{fault['name']}, {missed} of {fault['heaters']}: {fault['missed_because']}.", "- ")
+            yield f"{fault['name']}, {missed} of {fault['heaters']}: {fault['missed_because']}."
     for rule in document["off"]:
-        yield from _wrapped(f"{rule['rule']}: {rule['why']}.", "- ")
-    yield from (line for what in document["not_tested"] for line in _wrapped(f"not tested: {what}.", "- "))
+        yield f"{rule['rule']}: {rule['why']}."
+    yield from (f"not tested: {what}." for what in document["not_tested"])
+
+
+def _program(document: Mapping[str, Any]) -> str:
+    program = document["program"]
+    if program["file"] is None:
+        return f"No program: {program['why'].removeprefix('no program: ')}."
+    if not program["runs"]:
+        return f"Lines of its own rule: {program['file']}. They are less than the monitor: see the table."
+    rules = "those of its rules that it can express" if document["beside"] else "the monitor"
+    return (f"Program: {program['file']}, run in a machine of its target beside {rules}, {program['runs']} runs and "
+            f"{program['calls']} calls: the same alarm in each.")
 
 
 def _wrapped(sentence: str, mark: str = "") -> list[str]:

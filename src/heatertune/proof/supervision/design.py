@@ -26,7 +26,7 @@ from heatertune.proof.scenario import Scenario
 from heatertune.proof.supervision.envelope import plane_of
 from heatertune.proof.supervision.family import Family, Member
 from heatertune.proof.supervision.faults import FAULTS, Kind
-from heatertune.proof.supervision.loops import Fault, Ran, ran
+from heatertune.proof.supervision.loops import Card, Fault, Ran, card_of, ran
 from heatertune.proof.supervision.monitor import RING, Numbers
 from heatertune.proof.supervision.tallies import first_alarm, tally, windows
 
@@ -67,6 +67,11 @@ class Bench:
     loop: Callable[[Sequence[float], int], InLoop]
     actuator: Actuator
     family: Family
+
+    @property
+    def card(self) -> Card:
+        """The input module."""
+        return card_of(self.loop([self.family.setpoint_degC], 0))
 
     def story(self, member: Member) -> Ran:
         """Run a heater through its story."""
@@ -202,24 +207,15 @@ def _limits(
     still, moved = more(max(one.still for one in of)), more(max(one.still_moved for one in of))
     off = tuple(_silent(still, moved, longest, scan))
     low, high = min(one.low for one in of), max(one.high for one in of)
-    card_low, card_high = _card(bench)
+    card = bench.card
     # what the card shows of a sensor that is gone is no reading, unless loops in order come that far
     below, above = math.floor(low - share * span) - 2, math.ceil(high + share * span) + 2
     numbers = watching._replace(
-        low=min(max(below, card_low + 1), low), high=max(min(above, card_high - 1), high),
+        low=min(max(below, 1), low), high=max(min(above, card.highest - 1), high),
         jump=math.ceil((1.0 + 3.0 * share) * max(one.jump for one in of)) + 2,
         still=still if still <= longest else 0, still_moved=moved if moved <= longest else 0,
         full=more(max(one.full for one in of)), growths=max(one.grew for one in of) + 3)
     return numbers, off
-
-
-def _card(bench: Bench) -> tuple[int, int]:
-    """Return the lowest and the highest count of the card."""
-    loop = bench.loop([bench.family.setpoint_degC], 0)
-    step = loop.resolution_degC or loop.unit_degC
-    ends = (0.0, 0.0) if loop.words is None else (loop.words.scaling.low_degC, loop.words.scaling.high_degC)
-    low, high = (round((end - loop.zero_degC) / step) for end in ends)
-    return low, high
 
 
 def _silent(still: int, moved: int, longest: int, scan: float) -> Iterator[tuple[str, str]]:
@@ -284,8 +280,7 @@ def _with_windows(
 def _points(bench: Bench, numbers: Numbers, blocks: int, *, largest: bool) -> npt.NDArray[np.float64]:
     """Return level and power at which a plane shall be close: at the setpoint, stuck on or open."""
     family = bench.family
-    loop = bench.loop([family.setpoint_degC], 0)
-    level = (family.setpoint_degC - loop.zero_degC) / (loop.resolution_degC or 1.0) * numbers.block
+    level = (family.setpoint_degC - bench.card.low_degC) / bench.card.step_degC * numbers.block
     scans = blocks * numbers.block
     holds = float(np.mean([family.member(seed).needs_pct for seed in range(16)]))
     powers = (0.0, 0.3 * holds) if largest else (100.0, 0.5 * (100.0 + holds))

@@ -20,7 +20,7 @@ from heatertune.proof.loop import InLoop, events_of, program_of, pulses_of, ring
 from heatertune.proof.meter import Places, no_meter
 from heatertune.proof.scenario import Scenario
 
-__all__ = ["SENSOR_FAULTS", "Fault", "Ran", "loosened", "ran"]
+__all__ = ["SENSOR_FAULTS", "Card", "Fault", "Ran", "card_of", "loosened", "ran"]
 
 Array = npt.NDArray[np.float64]
 
@@ -65,6 +65,23 @@ def broken(sensor: Any, temperature: float) -> Any:
         seen = _FAR_DEGC
     sensor.memory[0] = number + 1.0
     return measured(sensor.inner, seen)
+
+
+class Card(NamedTuple):
+    """The input module: temperature at count 0 and step [°C], and its highest count."""
+
+    low_degC: float
+    step_degC: float
+    highest: int
+
+
+def card_of(loop: InLoop) -> Card:
+    """Return the input module of a loop."""
+    step = loop.resolution_degC if loop.resolution_degC > 0.0 else loop.unit_degC
+    if loop.words is None:
+        return Card(loop.zero_degC, step, 0)
+    scale = loop.words.scaling
+    return Card(scale.low_degC, step, round(scale.span_degC / step))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,13 +167,14 @@ def _events(scenario: Scenario, dead: float, wrong: Fault, tripped_s: float) -> 
 
 
 def _counts(loop: InLoop, reading: Array) -> npt.NDArray[np.int32]:
-    """Return readings as counts of the card: of a REAL, its steps."""
-    step = loop.resolution_degC if loop.resolution_degC > 0.0 else loop.unit_degC
-    return np.rint(loop.unit_degC / step * reading).astype(np.int32)
+    """Return readings as counts of the card."""
+    card = card_of(loop)
+    return np.rint((loop.zero_degC - card.low_degC + loop.unit_degC * reading) / card.step_degC).astype(np.int32)
 
 
 def _power(power: Array, scenario: Scenario, scan_s: float) -> npt.NDArray[np.int16]:
-    asked: npt.NDArray[np.int16] = np.rint(np.nan_to_num(power)).astype(np.int16)
+    # halves up, in single precision, as the exported programs have it
+    asked: npt.NDArray[np.int16] = np.floor(np.nan_to_num(power).astype(np.float32) + np.float32(0.5)).astype(np.int16)
     ends = [*(event.time_s for event in scenario.disturbances), math.inf]
     for begin, end, supplied in zip([0.0, *ends], ends, scenario.supplied, strict=False):
         if not supplied:

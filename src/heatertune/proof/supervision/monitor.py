@@ -18,7 +18,8 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 __all__ = [
-    "ALARMS", "RING", "STATE", "Numbers", "cold", "counted", "is_full", "restart", "scan", "watch", "windowed",
+    "ALARMS", "RING", "STATE", "Numbers", "alarms", "cold", "counted", "is_full", "restart", "scan", "watch",
+    "windowed",
 ]
 
 #: alarm → what it says; 0 is none
@@ -253,3 +254,25 @@ def watch(numbers: Numbers, state: Any, readings: Any, powers: Any, first: int) 
         if alarm != 0 and k >= first:
             return k, alarm
     return -1, 0
+
+
+def alarms(numbers: Numbers, state: Any, readings: Any, powers: Any, out: Any) -> None:
+    """Run the monitor over a record as `watch` does, and write the alarm of each scan.
+
+    Args:
+        numbers: of the monitor.
+        state: places for its state.
+        readings: [counts].
+        powers: [%]; negative: no supply.
+        out: for the alarms; -1 where there is no supply.
+    """
+    restart(state)
+    off = False
+    for k in range(len(readings)):
+        if powers[k] < 0:
+            out[k], off = -1, True
+            continue
+        if off:
+            restart(state)
+            off = False
+        out[k] = scan(numbers, state, int(readings[k]), int(powers[k]))

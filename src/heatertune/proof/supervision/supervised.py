@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
-from heatertune.documents import plain
+from heatertune.codec import encode
 from heatertune.errors import InputError
 from heatertune.model.mirrored import cools
 from heatertune.model.values import FittedModel
@@ -22,23 +23,38 @@ from heatertune.proof.heaters import holding
 from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.supervision.design import FRESH, Bench, Designed, design, mapped
+from heatertune.proof.supervision.document import (
+    CardView,
+    FaultView,
+    OffView,
+    SpreadView,
+    SupervisionView,
+    TraceView,
+)
 from heatertune.proof.supervision.family import Family, Member
 from heatertune.proof.supervision.faults import FAULTS, Kind
-from heatertune.proof.supervision.loops import loosened
-from heatertune.proof.supervision.monitor import ALARMS
+from heatertune.proof.supervision.loops import Card, Ran, loosened
+from heatertune.proof.supervision.monitor import ALARMS, Numbers
+from heatertune.proof.supervision.printers import TARGETS, first_stop, lines_of, printer_rule
 from heatertune.proof.supervision.tallies import first_alarm
+from heatertune.proof.supervision.text.one_bit import TARGET, reduced
+from heatertune.proof.supervision.text.proven import Exported, exported
 from heatertune.settings import Conditions
 from heatertune.units import check
 
-__all__ = ["SCHEMA", "WARNING", "Drawn", "bench_of", "supervise"]
+__all__ = ["WARNING", "Drawn", "bench_of", "supervise"]
 
-SCHEMA: Final = "heatertune/supervision/1"
 WARNING: Final = (
     "This does not replace a thermal cut-out: it sees what the controller sees, through the same sensor, and switches "
     "off through whatever the program can reach.")
 #: sensor noise where neither the user nor the log tells it [°C]
 _NOISE_DEGC: Final = 0.1
 _LATER: Final = 2 * FRESH  # seeds of the heaters that break
+_POINTS: Final = 400  # of a trace
+_DRAWN_SHARE: Final = 0.6  # of the slowest heater's time, for which a trace is drawn at least
+_STORIES: Final = 2  # on which the program is run beside the monitor
+#: a run and the scan at which its fault begins → the scan at which something stops it, -1 for never, and what it says
+_First = Callable[[Ran, int], tuple[int, str]]
 _NOT_TESTED: Final = (
     "a temperature that jumps at once (cold goods, a door): it may trip as a sensor does that slips",
     "a load of more than 15 % of full power, a mains voltage beyond ±10 %",
@@ -102,20 +118,25 @@ def supervise(
     faults = []
     for number, kind in enumerate(FAULTS):
         progress(f"{kind.name} ({number + 1} of {len(FAULTS)})")
-        faults.append(_fault(bench, made, kind, drawn))
-    family = bench.family
-    loop = bench.loop([family.setpoint_degC], 0)
-    document: dict[str, Any] = plain({
-        "schema": SCHEMA, "warning": WARNING, "target": words.target, "words": dict(words.values),
-        "scan_s": family.scan_s, "setpoint_degC": family.setpoint_degC,
-        "card": {"zero_degC": loop.zero_degC, "step_degC": loop.resolution_degC or loop.unit_degC},
-        "numbers": made.numbers._asdict(), "told": list(_told(made, loop)),
-        "heaters": len(family.heaters), "spread_pct": drawn.spread_pct, "ambient_spread_degC": drawn.ambient_degC,
-        "noise_degC": list(family.noise_degC), "seed": drawn.seed,
-        "checked": made.checked, "false_trips": 0, "widened_for": made.tripped,
-        "off": [{"rule": rule, "why": why} for rule, why in made.off],
-        "faults": faults, "not_tested": [*_NOT_TESTED, *_untested(assumed)],
-    })
+        faults.append(_fault(bench, _monitored(made.numbers), kind, drawn))
+    family, card = bench.family, bench.card
+    head, beside = list(_head(words, family, made, card)), list[FaultView]()
+    if words.target in TARGETS:
+        program, beside = _by_printer(bench, made, words, drawn, head, progress)
+    else:
+        progress("running the program of the monitor beside it")
+        program = exported(made.numbers, words, card, head, _runs(bench, drawn))
+    if words.target == TARGET:
+        beside = [_fault(bench, _monitored(reduced(made.numbers)), kind, drawn) for kind in FAULTS]
+    document: dict[str, Any] = encode(SupervisionView(
+        warning=WARNING, target=words.target, words=dict(words.values), scan_s=family.scan_s,
+        setpoint_degC=family.setpoint_degC, card=CardView(zero_degC=card.low_degC, step_degC=card.step_degC),
+        numbers=made.numbers._asdict(), told=tuple(_told(made, card, family.scan_s)), heaters=len(family.heaters),
+        spread_pct=drawn.spread_pct, ambient_spread_degC=drawn.ambient_degC, noise_degC=family.noise_degC,
+        seed=drawn.seed, checked=made.checked, false_trips=0, widened_for=made.tripped,
+        off=tuple(OffView(rule=rule, why=why) for rule, why in made.off), faults=tuple(faults),
+        not_tested=(*_NOT_TESTED, *_untested(assumed)), program=program,
+        beside=tuple(replace(row, missed_because=None) for row in beside), trace=_trace(bench, made, FAULTS[0])))
     return document
 
 
@@ -155,32 +176,71 @@ def _untested(conditions: Conditions) -> Iterator[str]:
         yield "the interlock"
 
 
-def _fault(bench: Bench, made: Designed, kind: Kind, drawn: Drawn) -> dict[str, Any]:
+def _fault(bench: Bench, first_of: _First, kind: Kind, drawn: Drawn) -> FaultView:
     scan_s, begins = bench.family.scan_s, bench.begins_s(kind)
     first = math.ceil(begins / scan_s)
 
     def seen(member: Member) -> tuple[float, float, str]:
         one = bench.fault(member, kind)
-        at, alarm = first_alarm(made.numbers, one, first)
+        at, alarm = first_of(one, first)
         if at >= 0:
             one = bench.fault(member, kind, at * scan_s)
-        return (at - first) * scan_s if at >= 0 else math.nan, float(one.temperature_degC[first:].max()), ALARMS[alarm]
+        return (at - first) * scan_s if at >= 0 else math.nan, float(one.temperature_degC[first:].max()), alarm
 
     members = [bench.family.member(_LATER + drawn.seed + number) for number in range(drawn.broken)]
     times, peaks, alarms = zip(*mapped(seen, members), strict=True)
     late = [time for time in times if not math.isnan(time)]
-    return {
-        "name": kind.name, "heaters": len(members), "detected": len(late), "detection_s": _of(late),
-        "peak_degC": _of(peaks), "alarms": dict(Counter(alarm for alarm in alarms if alarm != ALARMS[0])),
-        "missed_because": None if len(late) == len(members) else _missed(kind),
-    }
+    return FaultView(
+        name=kind.name, heaters=len(members), detected=len(late), detection_s=_of(late) if late else None,
+        peak_degC=_of(peaks), alarms=dict(Counter(alarm for alarm in alarms if alarm)),
+        missed_because=None if len(late) == len(members) else _missed(kind))
 
 
-def _of(values: Sequence[float]) -> dict[str, float] | None:
-    if not values:
-        return None
+def _trace(bench: Bench, made: Designed, kind: Kind) -> TraceView:
+    """Return a fault on one heater around its alarm: what it does if nobody sees it, and switched off by the alarm."""
+    family, member = bench.family, bench.family.member(_LATER)
+    first = math.ceil(bench.begins_s(kind) / family.scan_s)
+    left = bench.fault(member, kind)
+    at, _ = first_alarm(made.numbers, left, first)
+    stopped = left if at < 0 else bench.fault(member, kind, at * family.scan_s)
+    lasts = max(4 * (at - first), int(_DRAWN_SHARE * family.slowest_s / family.scan_s))
+    begin, end = max(0, first - lasts // 4), min(first + lasts, len(left.counts))
+    part = slice(begin, end, max(1, (end - begin) // _POINTS))
+    time_s = (np.arange(begin, end) - first)[::part.step] * family.scan_s
+    return TraceView(
+        name=kind.name, time_s=tuple(time_s.tolist()), left_degC=tuple(left.temperature_degC[part].tolist()),
+        stopped_degC=tuple(stopped.temperature_degC[part].tolist()),
+        alarm_s=None if at < 0 else (at - first) * family.scan_s)
+
+
+def _monitored(numbers: Numbers) -> _First:
+    def first_of(one: Ran, first: int) -> tuple[int, str]:
+        at, alarm = first_alarm(numbers, one, first)
+        return at, ALARMS[alarm] if alarm else ""
+    return first_of
+
+
+def _by_printer(
+    bench: Bench, made: Designed, words: Words, drawn: Drawn, head: Sequence[str], progress: Told
+) -> tuple[Exported, list[FaultView]]:
+    """Return the lines of a printer's own rule, and how soon it sees each fault."""
+    try:
+        rule = printer_rule(bench, made.numbers, words.target, drawn.checked, progress)
+    except InputError as problem:
+        return Exported(why=str(problem)), []
+    file, text = lines_of(rule, head)
+
+    def first_of(one: Ran, first: int) -> tuple[int, str]:
+        at = first_stop(rule, bench, one, first)
+        return at, "stops" if at >= 0 else ""
+
+    rows = [_fault(bench, first_of, kind, drawn) for kind in FAULTS]
+    return Exported(file=file, text=text), rows
+
+
+def _of(values: Sequence[float]) -> SpreadView:
     median, p95 = np.percentile(values, [50.0, 95.0]).tolist()
-    return {"median": median, "p95": p95, "worst": max(values)}
+    return SpreadView(median=median, p95=p95, worst=max(values))
 
 
 def _missed(kind: Kind) -> str:
@@ -194,13 +254,30 @@ def _missed(kind: Kind) -> str:
     return "with what is left it does what a weaker heater, a lower voltage or a load make of one in order"
 
 
-def _told(made: Designed, loop: InLoop) -> Iterator[str]:
+def _runs(bench: Bench, drawn: Drawn) -> list[Ran]:
+    """Return the runs on which the program is held against the monitor: stories, and each fault once."""
+    members = [bench.family.member(_LATER + drawn.seed + number) for number in range(_STORIES)]
+    return [*mapped(bench.story, members), *mapped(lambda kind: bench.fault(members[0], kind), FAULTS)]
+
+
+def _head(words: Words, family: Family, made: Designed, card: Card) -> Iterator[str]:
+    """Return what the program says first."""
+    yield (f"Supervision of the heater by {words.target}'s own rule, numbers by heatertune" if words.target in TARGETS
+           else f"Monitor of the heater beside the controller of {words.target}, written by heatertune")
+    yield from textwrap.wrap(WARNING, 100)
+    yield (f"proven: no false trip on {made.checked} drawn heaters; setpoint {family.setpoint_degC:g} degC, called "
+           f"every {family.scan_s:g} s")
+    yield f"count 0 = {card.low_degC:g} degC, a count = {card.step_degC:.6g} degC"
+    yield "not tried in the maker's own tool or machine"
+
+
+def _told(made: Designed, card: Card, scan: float) -> Iterator[str]:
     """Return what the numbers mean, one sentence for each rule."""
-    numbers, scan, step = made.numbers, loop.scan_s, loop.resolution_degC or loop.unit_degC
+    numbers, step = made.numbers, card.step_degC
     block = numbers.block * scan
     yield f"A block is {numbers.block} scans, {block:.3g} s."
-    yield (f"Sensor gone: below {loop.zero_degC + step * numbers.low:.4g} °C or above "
-           f"{loop.zero_degC + step * numbers.high:.4g} °C.")
+    yield (f"Sensor gone: below {card.low_degC + step * numbers.low:.4g} °C or above "
+           f"{card.low_degC + step * numbers.high:.4g} °C.")
     yield f"Implausible rate: more than {step * numbers.jump:.3g} °C from scan to scan."
     if numbers.still:
         yield f"Frozen: the same reading for more than {numbers.still * scan:.3g} s."

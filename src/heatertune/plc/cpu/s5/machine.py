@@ -29,6 +29,9 @@ __all__ = ["Cpu"]
 _CONSTANTS: Final = {"KF": 10, "KB": 10, "KH": 16, "KM": 2}
 _COMPARED: Final = {"!=F": operator.eq, "><F": operator.ne, ">F": operator.gt, ">=F": operator.ge, "<F": operator.lt,
                     "<=F": operator.le}
+#: integral block of the S5-115U: Z1 times Z2 is Z32 (high word) and Z31 (low word); Z3=0 tells a product of 0
+_MULTIPLIER: Final = "FB 242"
+_PARAMETERS: Final = ("Z1", "Z2", "Z3=0", "Z32", "Z31")
 
 
 class Cpu(Accumulators):
@@ -53,7 +56,7 @@ class Cpu(Accumulators):
         self.open: list[int] = []
         self._firmware = firmware
         known = {*self._lines, *firmware}
-        self._code = {name: [_statement(line, place, _labels(block), known) for place, line in enumerate(block)]
+        self._code = {name: [_statement(line, place, block, known) for place, line in enumerate(block)]
                       for name, block in self._lines.items()}
 
     def block(self, number: int, last: int) -> list[int]:
@@ -97,7 +100,7 @@ def _blocks(listing: str) -> tuple[dict[str, list[Line]], dict[int, list[int]]]:
             statements = code[line] = []
         elif word := re.match(r" *\d+: +(K\w) = ([^;]+);", line):
             words.append(_constant(word[1], word[2], f"line {number}"))
-        elif found := re.fullmatch(r"(\w*) *:(\S+) *([^;]*?) *(;.*)?", line):
+        elif found := re.fullmatch(r"([\w=]*) *:(\S+) *([^;]*?) *(;.*)?", line):
             statements.append(Line(number, found[1], found[2], found[3]))
         else:
             raise InputError(f"line {number}: {line.strip()!r}; expected a block, a data word or a statement")
@@ -124,7 +127,7 @@ def _word(number: int) -> int:
 
 
 def _statement(  # noqa: C901, PLR0911, PLR0912 - one branch for each kind of statement
-    line: Line, place: int, labels: Mapping[str, int], known: set[str]
+    line: Line, place: int, block: list[Line], known: set[str]
 ) -> Statement[Cpu]:
     """Return what a statement does.
 
@@ -132,12 +135,17 @@ def _statement(  # noqa: C901, PLR0911, PLR0912 - one branch for each kind of st
         InputError: it is not known here.
     """
     name, operand, then = line.operation, line.operand, place + 1
+    labels = _labels(block)
     kind, _, rest = operand.partition(" ")
     if name in _COMPARED and not operand:
         return _compare(_COMPARED[name], then)
     match name, kind:
         case ("JU" | "JC"), _ if operand[1:] in labels and operand.startswith("="):
             return jump(labels[operand[1:]], then, _true if name == "JC" else None)
+        case "JU", "FB" if operand == _MULTIPLIER:
+            return _product(block[then : then + len(_PARAMETERS)], then + len(_PARAMETERS))
+        case ("DW" | "F"), _ if line.label in _PARAMETERS:
+            return jump(then, then)
         case "JU", ("FB" | "OB") if operand in known:
             return _call(operand, then)
         case "BE", "":
@@ -202,6 +210,24 @@ def _compare(asks: Callable[[int, int], bool], then: int) -> Statement[Cpu]:
 def _call(block: str, then: int) -> Statement[Cpu]:
     def run(cpu: Cpu) -> int:
         cpu.run(block)
+        return then
+    return run
+
+
+def _product(given: list[Line], then: int) -> Statement[Cpu]:
+    """Return what a call of the multiplier does with the parameters behind it.
+
+    Raises:
+        InputError: they are not its own, in their order, each a data word; the bit is not looked at.
+    """
+    if tuple(line.label for line in given) != _PARAMETERS or not all(
+            line.operation == "DW" and line.operand.isdigit() for line in given if line.label != "Z3=0"):
+        raise InputError(f"{_MULTIPLIER}: expected the parameters {', '.join(_PARAMETERS)} behind its call, data words")
+    one, two, _, high, low = (int(line.operand) if line.operation == "DW" else 0 for line in given)
+
+    def run(cpu: Cpu) -> int:
+        product = cpu.open[one] * cpu.open[two]
+        cpu.open[high], cpu.open[low] = _word(product >> 16), _word(product)
         return then
     return run
 

@@ -9,14 +9,13 @@ from typing import Final
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_200.cpu import Program
-from heatertune.plc.cpu.s7_200.instructions import block_number, instruction
+from heatertune.plc.cpu.s7_200.instructions import block_number, instruction, is_subroutine
 from heatertune.plc.cpu.s7_200.opcodes import ATCH, CALL, END, ROW
 
 __all__ = ["assemble"]
 
 _BLOCK: Final = re.compile(r"(ORGANIZATION|SUBROUTINE|INTERRUPT)_BLOCK \w+:(\w+)")
 _NO_CODE: Final = re.compile(r"BEGIN|TITLE=.*|Network \d+|END_\w+_BLOCK|")
-_MAIN: Final = 0
 
 #: number of a block → number, text and code of its lines
 _Rows = dict[int, list[tuple[int, str, list[int]]]]
@@ -28,7 +27,7 @@ def assemble(text: str) -> Program:
 
     Raises:
         InputError: by its number, a line that is no known instruction, one outside any block, or one that calls or
-            attaches a block that is not there; a subroutine that is called by another block than OB1.
+            attaches a block that is not there; a subroutine that calls another.
     """
     rows: _Rows = {}
     current: int | None = None
@@ -58,8 +57,8 @@ def _check_calls(rows: _Rows) -> None:
         for number, code, (op, _, wanted, *_) in lines:
             if op in (CALL, ATCH) and wanted not in rows:
                 raise InputError(f"line {number}: {code!r} names a block that is not there")
-            if op == CALL and (block != _MAIN or wanted == _MAIN):
-                raise InputError(f"line {number}: {code!r}: this machine calls subroutines from OB1 alone")
+            if op == CALL and (is_subroutine(block) or not is_subroutine(wanted)):
+                raise InputError(f"line {number}: {code!r}: only OB1 and interrupts call subroutines here")
 
 
 def _laid_out(rows: _Rows) -> Program:

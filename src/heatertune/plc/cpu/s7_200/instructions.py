@@ -11,7 +11,7 @@ from heatertune.plc.cpu.s7_200.arithmetic import signed
 from heatertune.plc.cpu.s7_200.cells import EVENTS, bit, cell, constant
 from heatertune.plc.single import single, word_of
 
-__all__ = ["block_number", "instruction"]
+__all__ = ["block_number", "instruction", "is_subroutine"]
 
 _BLOCK: Final = re.compile(r"OB1|SBR(\d{1,2})|INT(\d{1,3})")
 _SUBROUTINES: Final = 64  # SBR0 to SBR63; INT0 to INT127 follow
@@ -49,6 +49,11 @@ def block_number(name: str) -> int:
     if match[1] is not None:
         return 1 + _below(int(match[1]), _SUBROUTINES)
     return 0 if match[2] is None else 1 + _SUBROUTINES + _below(int(match[2]), 128)
+
+
+def is_subroutine(number: int) -> bool:
+    """Return whether a block's number is that of a subroutine."""
+    return 0 < number <= _SUBROUTINES
 
 
 def _below(number: int, count: int) -> int:

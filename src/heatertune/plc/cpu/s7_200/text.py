@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 __all__ = ["Network", "block", "count_ticks", "program", "pwm_registers", "real", "timed_interrupt"]
 
-_KINDS = {"OB1": ("ORGANIZATION", "MAIN"), "SBR0": ("SUBROUTINE", "SBR_0"), "INT0": ("INTERRUPT", "INT_0")}
+_KINDS = {"OB": "ORGANIZATION", "SBR": "SUBROUTINE", "INT": "INTERRUPT"}
 
 
 class Network(NamedTuple):
@@ -19,7 +19,8 @@ class Network(NamedTuple):
 
 def block(name: str, title: str, networks: Sequence[Network], head: Sequence[str] = ()) -> list[str]:
     """Return the lines of a block; `head` are comments below its title."""
-    kind, symbol = _KINDS[name]
+    area = name.rstrip("0123456789")
+    kind, symbol = _KINDS[area], "MAIN" if area == "OB" else f"{area}_{name.removeprefix(area)}"
     lines = [f"{kind}_BLOCK {symbol}:{name}", f"TITLE={title}", *[f"// {line}" for line in head], "BEGIN"]
     for number, network in enumerate(networks, start=1):
         lines.append(f"Network {number} // {network.comment}")

@@ -1,0 +1,198 @@
+"""The monitor as two subroutines of the S7-200, in words of V memory; each comparison begins a network."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+from heatertune.compiled import compiled
+from heatertune.errors import InputError
+from heatertune.plc.cpu.s7_200 import assemble
+from heatertune.plc.cpu.s7_200.cells import V_BEGIN, V_END, WHOLE, bit, cell
+from heatertune.plc.cpu.s7_200.cpu import carry_out
+from heatertune.plc.cpu.s7_200.instructions import block_number
+from heatertune.plc.cpu.s7_200.memory import put_word, word
+from heatertune.plc.cpu.s7_200.text import Network, block, program
+from heatertune.proof.supervision.text.statements import INPUTS, OUTPUTS, Group, Statements, alarms_told
+from heatertune.proof.supervision.text.walk import WIDE, Operand, Set, Step, steps
+
+__all__ = ["FILE", "Text", "reading_of", "written"]
+
+FILE: Final = "monitor.awl"
+#: first of its words: those below are the controller's
+_FIRST: Final = 300
+_ALWAYS: Final = "LD SM0.0"
+_WORD: Final = 1 << 15
+_CALLS: Final = (
+    Network("monitor of the heater", [_ALWAYS, "CALL SBR1"]),
+    Network("a block of its calls is over", ["LDW>= {in_block}, {block:+d}", "CALL SBR2"]),
+)
+
+
+def reading_of(target: str, per_count: int) -> list[str]:
+    """Return the instructions that leave the card's count in AC0.
+
+    Args:
+        target: `s7-200` or `s7-200-pid`.
+        per_count: of the analog input word.
+    """
+    return ["MOVW VW0, AC0"] if target == "s7-200" else ["MOVW VW86, AC0", f"DIV {per_count:+d}, AC0"]
+
+
+def written(statements: Statements, head: list[str], reading: list[str], cycle_ms: int) -> str:
+    """Return the text of the two subroutines.
+
+    Args:
+        statements: of the monitor.
+        head: remarks at its beginning.
+        reading: instructions that leave the card's count in AC0.
+        cycle_ms: PWM cycle, of which the width in SMW70 is a part [ms].
+
+    Raises:
+        InputError: its cells do not fit into V memory.
+    """
+    at = _places(statements)
+    told = [f"{place}: {name.upper()}, {meaning}" for (name, meaning), place in zip(
+        _cells(statements).items(), at.values(), strict=True)]
+    lines = [line.encode("ascii", "replace").decode("ascii") for line in [*head, *_by_hand(statements, at), *told]]
+    call = [Network("reading", [_ALWAYS, *reading, f"MOVW AC0, {at['READING']}"]), *_percent(cycle_ms, at["POWER"])]
+    return program(
+        block("SBR1", "monitor of the heater: each call", [*call, *_networks(statements.each_call, at)], lines),
+        block("SBR2", "monitor of the heater: a block is over", [*_networks(statements.each_block, at)]))
+
+
+def _cells(statements: Statements) -> Mapping[str, str]:
+    return {**OUTPUTS, **INPUTS, **statements.cells}
+
+
+def _places(statements: Statements) -> dict[str, str]:
+    """Return name → address; a double word begins at an even one, too."""
+    at, byte = dict[str, str](), _FIRST
+    for name in map(str.upper, _cells(statements)):
+        at[name] = f"V{'D' if name == WIDE else 'W'}{byte}"
+        byte += 4 if name == WIDE else 2
+    if byte > V_END - V_BEGIN:
+        raise InputError(f"no program: it needs {byte - _FIRST} bytes of V memory from VB{_FIRST} on, up to "
+                         f"VB{V_END - V_BEGIN - 1} are counted on")
+    return at
+
+
+def _by_hand(statements: Statements, at: Mapping[str, str]) -> Iterator[str]:
+    yield "to do by hand:"
+    yield "1. INT0, at its end, these networks:"
+    for network in _calls(statements, at):
+        yield f"   // {network.comment}: {'; '.join(network.instructions)}"
+    yield (f"2. SBR0, and where a broken wire puts the heater off: MOVW +0, {at['BEGUN']}; the monitor begins anew "
+           "where the heater does")
+    yield f"3. contactor in series with the heater's switch: on while {at['TOLD']} is 0"
+    yield f"4. acknowledge an alarm: MOVW +0, {at['TOLD']}"
+    yield f"SBR1, SBR2 and V memory from VB{_FIRST} on must be free; AC0 and AC1 are written"
+    yield f"alarms: {alarms_told()}"
+
+
+def _calls(statements: Statements, at: Mapping[str, str]) -> list[Network]:
+    return [Network(network.comment, [line.format(in_block=at["IN_BLOCK"], block=statements.block)
+                                      for line in network.instructions]) for network in _CALLS]
+
+
+def _percent(cycle_ms: int, power: str) -> Iterator[Network]:
+    """Yield what makes whole percent of the pulse width: an estimate not above, and what is left of it."""
+    shift = 16
+    while (100 << shift) // cycle_ms >= _WORD:
+        shift -= 1
+    half = (cycle_ms + 1) // 2
+    yield Network("power asked for, a first guess", [
+        _ALWAYS, "MOVW SMW70, AC0", f"MUL {(100 << shift) // cycle_ms:+d}, AC0", f"SRD AC0, {shift}",
+        f"MOVW AC0, {power}"])
+    yield Network("100 times the width less the guess times the cycle", [
+        _ALWAYS, "MOVW SMW70, AC0", "MUL +100, AC0", f"MOVW {power}, AC1", f"MUL {cycle_ms:+d}, AC1", "-D AC1, AC0"])
+    for more in (half, half + cycle_ms):
+        yield Network("nearest whole percent", [f"LDD>= AC0, {more:+d}", f"+I +1, {power}"])
+
+
+def _networks(groups: tuple[Group, ...], at: Mapping[str, str]) -> Iterator[Network]:
+    for group in groups:
+        for number, step in enumerate(steps(group)):
+            yield Network(_said(step, group.title if number == 0 else ""), list(_step(step, at)))
+
+
+def _said(step: Step, title: str) -> str:
+    does = "; ".join(made.text.upper() for made in step.sets)
+    asked = "" if step.asked is None else "IF {1} {0} {2}: ".format(*step.asked)
+    return f"{title}{': ' if title else ''}{asked}{does}"
+
+
+def _step(step: Step, at: Mapping[str, str]) -> Iterator[str]:
+    if step.asked is None:
+        yield _ALWAYS
+    else:
+        relation, *both = step.asked
+        kind = "D" if both[0] == WIDE else "W"
+        yield f"LD{kind}{relation} {', '.join(_operand(each, at) for each in both)}"
+    for made in step.sets:
+        yield from _wide(made, at) if made.cell == WIDE else _sum(made, at)
+
+
+def _operand(what: Operand, at: Mapping[str, str]) -> str:
+    return f"{what:+d}" if isinstance(what, int) else at[what]
+
+
+def _sum(made: Set, at: Mapping[str, str]) -> Iterator[str]:
+    first, *others = made.terms
+    target = at[made.cell]
+    assert all(term.what != made.cell for term in others)
+    if first.what != made.cell:
+        yield f"MOVW {_operand(first.what, at)}, {target}"
+    for term in others:
+        yield f"{'+' if term.sign > 0 else '-'}I {_operand(term.what, at)}, {target}"
+
+
+def _wide(made: Set, at: Mapping[str, str]) -> Iterator[str]:
+    target = at[made.cell]
+    first, *others = made.terms
+    yield f"MOVD {first.sign * int(first.what):+d}, {target}"
+    for term in others:
+        yield f"MOVW {_operand(term.what, at)}, AC0"
+        yield f"MUL {term.factor:+d}, AC0"
+        yield f"{'+' if term.sign > 0 else '-'}D AC0, {target}"
+
+
+class Text:
+    """The subroutines in their CPU, see `heatertune.proof.supervision.text.proven.Text`."""
+
+    def __init__(self, text: str, statements: Statements, target: str, per_count: int, cycle_ms: int) -> None:
+        """Load them; raise InputError where they have what the CPU does not know."""
+        at = _places(statements)
+        calls = program(block("OB1", "caller", []), block("INT0", "caller", _calls(statements, at)))
+        self._program = assemble(calls + text)
+        self._memory = bytearray(WHOLE)
+        byte, mask = bit("SM0.0")
+        self._memory[byte] |= mask
+        self._at = {name: cell(at[name.upper()], 2).start for name in (*OUTPUTS, *INPUTS, "Begun")}
+        self._reading, self._width = (cell(name, 2).start for name in (
+            "VW0" if target == "s7-200" else "VW86", "SMW70"))
+        self._per_count, self._cycle = per_count, cycle_ms
+
+    def start(self) -> None:
+        """Write 0 to BEGUN."""
+        put_word(self._memory, self._at["Begun"], 0)
+
+    def acknowledge(self) -> None:
+        """Write 0 to TOLD."""
+        put_word(self._memory, self._at["Told"], 0)
+
+    def outputs(self) -> list[tuple[float, float]]:
+        """Return widths and the power that each is [%]."""
+        return [(width, 100.0 * width / self._cycle) for width in range(self._cycle + 1)]
+
+    def output_of(self, percent: int) -> float:
+        """Return a width that is so much power."""
+        return percent * self._cycle // 100
+
+    def call(self, count: int, output: float) -> tuple[int, int, int]:
+        """Run INT0; return the alarm, the first one kept, and the power in whole percent."""
+        memory, at = self._memory, self._at
+        put_word(memory, self._reading, count * self._per_count)
+        put_word(memory, self._width, int(output))
+        compiled(carry_out)(self._program, memory, block_number("INT0"), False)
+        return word(memory, at["Alarm"]), word(memory, at["Told"]), word(memory, at["Power"])
