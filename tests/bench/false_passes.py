@@ -26,6 +26,7 @@ import sys
 import tempfile
 from collections import Counter
 from dataclasses import replace
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 
@@ -42,7 +43,7 @@ from heatertune.proof import Acceptance, Coverage, prove_models
 from heatertune.proof.fitted import actuator_for, course_for, limits_of, specified
 from heatertune.proof.presets import PRESETS
 from heatertune.settings import Conditions
-from tests.bench.second_opinion import SWITCHES, TARGETS, Bench, compiled, ends_of, in_plain_steps, opinion, story
+from tests.bench.second_opinion import OWN_PULSES, SWITCHES, TARGETS, Bench, compiled, ends_of, in_plain_steps, opinion, story
 
 SLACK = 1e-3
 _PRESETS = [name for name in PRESETS if name != "paper"]  # whose story is another one
@@ -84,13 +85,15 @@ def drawn(number, target):
     noise = 0.0 if rng.random() < 0.5 else band * float(rng.uniform(0.02, 0.25))
     settings = {name: str(rng.choice(choices)) for name, choices in SWITCHES[target].items()}
     switch = _switch(rng, words.sample_time_s, target)
+    if target == "pband":
+        words, switch = _cycled(words, switch)
     kwargs = {"gain_degC_per_pct": gain, "time_constant_s": lags[0], "dead_time_s": dead, "ambient_degC": ambient}
     model = Fopdt(**kwargs) if len(lags) == 1 else TwoLag(**kwargs, second_time_constant_s=lags[1])
     bench = Bench(
         gain=gain, lags=lags, dead=dead, ambient=ambient, target=target, words=dict(words.values), low=low, high=high,
         interval=words.sample_time_s, settings=settings, setpoint=setpoint, tolerance=band, noise=noise, seed=0,
         ramp=_of_ramp(words), **switch)
-    pwm = {} if target.startswith("s7-200") else {
+    pwm = {} if target in OWN_PULSES else {
         "pwm_period_s": bench.period, "minimum_on_s": bench.least_on, "minimum_off_s": bench.least_off,
         "pwm_resolution_s": bench.resolution, "pwm_rule": "pid-compact" if bench.carries else None}
     known = {switch.name: switch.default for switch in controller_for(target).switches} | settings
@@ -134,7 +137,7 @@ def _design(rng, gain, lags, dead, target):
 
 
 def _switch(rng, ta, target):
-    if target.startswith("s7-200"):  # its own PWM, in milliseconds
+    if target.startswith("s7-200"):  # of TA
         return {"ratio": (1, 1), "resolution": 0.001, "least_on": 0.0, "least_off": 0.0, "carries": False}
     kind = rng.random()
     ratio = (1, int(rng.integers(1, 6))) if kind < 0.6 else (int(rng.integers(1, 4)), 1) if kind < 0.8 else (
@@ -150,6 +153,16 @@ def _switch(rng, ta, target):
     if carries:  # PID_Compact makes both times whole calls
         least_on, least_off = (resolution * math.floor(each / resolution + 0.5) for each in (least_on, least_off))
     return {"ratio": ratio, "resolution": resolution, "least_on": least_on, "least_off": least_off, "carries": carries}
+
+
+def _cycled(words, switch):
+    """Return an instrument's words with a cycle time near the switch's period, and its own pulses."""
+    part = Fraction(*switch["ratio"])
+    tenths = max(1, round(10.0 * words.sample_time_s * part))
+    values = controller_for("pband").cycle.put(words.values, tenths / 10.0)
+    part = Fraction(tenths, 10) / Fraction(words.sample_time_s).limit_denominator(1000)
+    return replace(words, values=values), {"ratio": part.as_integer_ratio(), "resolution": 0.001, "least_on": 0.0,
+                                           "least_off": 0.0, "carries": False}
 
 
 def _own_limits(rng):
