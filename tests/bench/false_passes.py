@@ -43,7 +43,17 @@ from heatertune.proof import Acceptance, Coverage, prove_models
 from heatertune.proof.fitted import actuator_for, course_for, limits_of, specified
 from heatertune.proof.presets import PRESETS
 from heatertune.settings import Conditions
-from tests.bench.second_opinion import OWN_PULSES, SWITCHES, TARGETS, Bench, compiled, ends_of, in_plain_steps, opinion, story
+from tests.bench.second_opinion import (
+    OWN_PULSES,
+    SWITCHES,
+    TARGETS,
+    Bench,
+    compiled,
+    ends_of,
+    in_plain_steps,
+    opinion,
+    story,
+)
 
 SLACK = 1e-3
 _PRESETS = [name for name in PRESETS if name != "paper"]  # whose story is another one
