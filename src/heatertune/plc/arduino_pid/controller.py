@@ -20,7 +20,7 @@ from heatertune.plc.arduino_pid.words import (
 )
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
-from heatertune.plc.parallel.step import COLD, PARALLEL
+from heatertune.plc.parallel.step import COLD, PARALLEL, boosted
 from heatertune.plc.words import Words
 
 __all__ = ["ArduinoPid"]
@@ -45,6 +45,7 @@ class ArduinoPid(Controller, name="arduino-pid"):
     derivative_filter = 0.0
     most_power = ("OutMax", FULL)
     tick_s = 0.01
+    boosted = True
     core = PARALLEL
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     consistent, interval_s = staticmethod(consistent), staticmethod(interval_s)
@@ -52,4 +53,4 @@ class ArduinoPid(Controller, name="arduino-pid"):
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before SetMode(AUTOMATIC), the output being 0."""
-        return Running(parameters_of(words.values, assume), COLD._replace(waited=FIRST_MS))
+        return Running(boosted(parameters_of(words.values, assume), words.boost), COLD._replace(waited=FIRST_MS))

@@ -10,7 +10,7 @@ from heatertune.plc.esphome.export import export_words
 from heatertune.plc.esphome.readback import from_text
 from heatertune.plc.esphome.step import Assumptions, parameters_of, scan
 from heatertune.plc.esphome.words import COUNTS, FIELDS, TIMER, consistent, design_of, interval_s, oddities, values_of
-from heatertune.plc.parallel.step import COLD, PARALLEL
+from heatertune.plc.parallel.step import COLD, PARALLEL, boosted
 from heatertune.plc.words import Words
 
 __all__ = ["EspHome"]
@@ -36,6 +36,7 @@ class EspHome(Controller, name="esphome"):
         "target_temperature": "REAL", "current_temperature": "REAL", "mode": "BOOL", "elapsed_ms": "UINT"}
     derivative_filter = 0.0
     tick_s = 0.1
+    boosted = True
     core = PARALLEL
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     consistent, interval_s = staticmethod(consistent), staticmethod(interval_s)
@@ -43,4 +44,4 @@ class EspHome(Controller, name="esphome"):
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after a restart."""
-        return Running(parameters_of(words.values, assume), COLD)
+        return Running(boosted(parameters_of(words.values, assume), words.boost), COLD)

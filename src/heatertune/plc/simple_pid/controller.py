@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
-from heatertune.plc.parallel.step import COLD, PARALLEL
+from heatertune.plc.parallel.step import COLD, PARALLEL, boosted
 from heatertune.plc.simple_pid.export import export_words
 from heatertune.plc.simple_pid.readback import from_text
 from heatertune.plc.simple_pid.step import Assumptions, parameters_of, scan
@@ -36,6 +36,7 @@ class SimplePid(Controller, name="simple-pid"):
     derivative_filter = 0.0
     most_power = ("output_max", FULL)
     tick_s = 0.01
+    boosted = True
     core = PARALLEL
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     interval_s, oddities, text = staticmethod(interval_s), staticmethod(oddities), staticmethod(from_text)
@@ -43,4 +44,4 @@ class SimplePid(Controller, name="simple-pid"):
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state of a new object."""
-        return Running(parameters_of(words.values, assume), COLD)
+        return Running(boosted(parameters_of(words.values, assume), words.boost), COLD)
