@@ -17,8 +17,8 @@ from heatertune.settings import Conditions
 __all__ = ["boosts"]
 
 #: of the distance at which the P part alone asks for full power: nearer, the I part has less time to wind up, but more
-#: is left to it
-_SHARES: Final = (1.0, 0.7, 0.5, 0.35)
+#: is left to it; an I part that goes on while the output is at a limit needs it nearest
+_SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.12)
 #: between the two distances: of the nearer one; steps of the sensor and standard deviations of its noise, together
 _BETWEEN: Final = 0.5
 _STEPS: Final = 4.0
@@ -43,7 +43,10 @@ def _tried(words: Words, conditions: Conditions) -> Iterator[Boost]:
     design = controller.decode(words)
     if design is None:
         return
-    most = 100.0 if controller.most_power is None else words.values[controller.most_power[0]]
+    most = 100.0
+    if controller.most_power is not None:
+        name, full = controller.most_power
+        most *= words.values[name] / full
     least = _STEPS * span / controller.counts + _SIGMAS * abs(conditions.noise_degC)
     for share in _SHARES:
         within = _short(share * most / abs(design.gain_pct_per_degC))
