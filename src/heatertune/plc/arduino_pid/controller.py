@@ -32,13 +32,13 @@ class ArduinoPid(Controller, name="arduino-pid"):
     title = "Arduino, library PID by Brett Beauregard 1.2.1 (PID_v1.cpp)"
     can = (
         "P, PI, PD and PID, D on the reading; P on the error, or on the measurement where words are read",
-        "exported as a whole sketch: constructor, window of time for a relay, a broken sensor puts the heater off",
+        "exported as a whole sketch: constructor, window of time for a relay, boost; a broken sensor puts the heater off",
     )
     cannot = (
         "no derivative filter: noise and steps of the reading reach the output times Kd/SampleTime",
         "the integral part goes on while the output is at a limit; it ends at that limit itself",
         "no coolers (REVERSE), no lower limit but 0, no gains that the sketch changes later",
-        "no setpoint ramp, no boost in the sketch; pulses that make up for others are left to a switch behind it",
+        "no setpoint ramp in the sketch; pulses that make up for others are left to a switch behind it",
     )
     fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, Assumptions
     inputs: ClassVar = {"Setpoint": "REAL", "Input": "REAL", "Mode": "BOOL", "Output": "REAL", "Elapsed": "UINT"}

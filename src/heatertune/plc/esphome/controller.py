@@ -23,12 +23,12 @@ class EspHome(Controller, name="esphome"):
     can = (
         "P, PI, PD and PID in single precision by the measured interval, D on the reading",
         "limits of the integral part, mean of up to 8 changes in the derivative part",
-        "exported as YAML: climate with control_parameters, slow_pwm output",
+        "exported as YAML: climate with control_parameters, slow_pwm output, and a boost between",
     )
     cannot = (
         "the integral part goes on while the output is at a limit; its own limits end it",
         "no dead band, no averaged output, no starting integral term, no cool_output",
-        "no setpoint ramp, no boost in the file; slow_pwm knows no shortest pulse",
+        "no setpoint ramp in the file; slow_pwm knows no shortest pulse",
         "a change of the mode keeps the integral part: it goes on summing while the climate is off",
     )
     fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, Assumptions

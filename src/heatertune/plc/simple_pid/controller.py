@@ -23,13 +23,13 @@ class SimplePid(Controller, name="simple-pid"):
     can = (
         "P, PI, PD and PID in double precision by the measured interval, D on the reading",
         "P on the measurement and D on the error where words are read",
-        "exported as a Python module: the object, and a loop with a window of time; a broken sensor is off",
+        "exported as a Python module: the object, and a loop with a window of time, and a boost; a broken sensor is off",
     )
     cannot = (
         "no derivative filter: noise and steps of the reading reach the output times Kd/interval",
         "the integral part goes on while the output is at a limit; it ends at that limit itself",
         "no coolers, no lower limit but 0, no error_map, no starting_output",
-        "no setpoint ramp, no boost in the module; pulses that make up for others are left to a switch behind it",
+        "no setpoint ramp in the module; pulses that make up for others are left to a switch behind it",
     )
     fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, Assumptions
     inputs: ClassVar = {"setpoint": "REAL", "input_": "REAL", "auto_mode": "BOOL", "last_output": "REAL", "dt": "REAL"}
