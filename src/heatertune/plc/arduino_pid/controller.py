@@ -32,7 +32,7 @@ class ArduinoPid(Controller, name="arduino-pid"):
     title = "Arduino, library PID by Brett Beauregard 1.2.1 (PID_v1.cpp)"
     can = (
         "P, PI, PD and PID, D on the reading; P on the error, or on the measurement where words are read",
-        "exported as a whole sketch: constructor, window of time for a relay, boost; a broken sensor puts the heater off",
+        "exported as a whole sketch: constructor, boost, window of time for a relay; a broken sensor is off",
     )
     cannot = (
         "no derivative filter: noise and steps of the reading reach the output times Kd/SampleTime",

@@ -7,7 +7,18 @@ from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.arduino_pid.words import ON_MEASUREMENT
 from heatertune.plc.open_points import Switch
-from heatertune.plc.parallel.step import NOBODY, SUM, Parameters, State, again, called, limited, narrowed_to, scanned, step
+from heatertune.plc.parallel.step import (
+    NOBODY,
+    SUM,
+    Parameters,
+    State,
+    again,
+    called,
+    limited,
+    narrowed_to,
+    scanned,
+    step,
+)
 
 __all__ = ["FIRST_MS", "Assumptions", "parameters_of", "scan"]
 

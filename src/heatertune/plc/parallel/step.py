@@ -9,9 +9,9 @@
 All are one function and one pair of tuples, so that a compiler sees one program. Where `narrow` holds, every operation
 rounds to single precision; else they are those of double precision.
 
-The program around any of them may have the heater on full power far from the setpoint, see `heatertune.plc.boost`. Until
-it gives it back, PID_v1 is in manual at 0 and simple-pid is none: each begins anew. ESPHome's goes on computing, its
-integral part being put to 0 after each reading.
+The program around them may have the heater on full power far from the setpoint, see `heatertune.plc.boost`. Until it
+gives it back, PID_v1 is in manual at 0 and simple-pid is none: each begins anew. ESPHome's goes on computing, its
+integral part being put to 0 after each reading. Marlin does that itself.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from heatertune.plc.boost import Boost
 from heatertune.plc.core import Core, Sensor, count
 from heatertune.plc.single import single
 
-__all__ = ["COLD", "FLAGS", "NOBODY", "PARALLEL", "SUM", "SUM_BY_TIME", "TERMS", "WINDOW", "Parameters", "State", "again",
-           "boosted", "called", "limited", "narrowed_to", "quotient", "scanned", "step"]
+__all__ = ["COLD", "FLAGS", "NOBODY", "PARALLEL", "SUM", "SUM_BY_TIME", "TERMS", "WINDOW", "Parameters", "State",
+           "again", "boosted", "called", "limited", "narrowed_to", "quotient", "scanned", "step"]
 
 #: what a program does against windup
 WINDOW: Final = 0
@@ -32,7 +32,7 @@ SUM: Final = 1
 SUM_BY_TIME: Final = 2
 TERMS: Final = 3
 
-#: who has the heater, where there is a boost: the controller; nobody yet, after a start or off; the program, at full power
+#: who has the heater: the controller; nobody yet, after a start or while it is off; the program, at full power
 CONTROLLER: Final = 0
 NOBODY: Final = 1
 PROGRAM: Final = 2
@@ -127,7 +127,7 @@ def scanned(p: Parameters, s: State) -> tuple[State, float, float, int]:
     share = output / p.full
     power = 100.0 * min(max(share, 0.0), 1.0) if share == share else 0.0  # noqa: PLR0124 - only NaN is not itself
     highest = float(math.floor(p.high / 2.0)) if p.law == WINDOW else p.high
-    bits = int(output >= highest) + 2 * int(output <= p.low) + 4 * int(output != output)
+    bits = int(output >= highest) + 2 * int(output <= p.low) + 4 * int(math.isnan(output))
     return s, power, output, bits
 
 

@@ -23,7 +23,7 @@ class SimplePid(Controller, name="simple-pid"):
     can = (
         "P, PI, PD and PID in double precision by the measured interval, D on the reading",
         "P on the measurement and D on the error where words are read",
-        "exported as a Python module: the object, and a loop with a window of time, and a boost; a broken sensor is off",
+        "exported as a Python module: the object, a loop with a boost and a window of time; a broken sensor is off",
     )
     cannot = (
         "no derivative filter: noise and steps of the reading reach the output times Kd/interval",

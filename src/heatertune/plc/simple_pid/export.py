@@ -40,6 +40,7 @@ def pulse_ms(output):
         return 0
     return WINDOW_MS if max(wanted, on) > WINDOW_MS - LEAST_OFF_MS else on
 
+
 {far}def run(read_degC, switch, clock=time.monotonic, sleep=time.sleep):
     """Control for ever; switch(False) in the end, whatever ends it.
 
