@@ -1,7 +1,8 @@
 """The exported text, given what the controller saw in a run: it must follow and ask for the same, word for word.
 
-So, call after call, it would have made this very run. A broken sensor has to put the heater off, and all to begin anew.
-What no run sees, as manual, is left open; so is what a program does after the first `_MOST_CALLS` and `_MOST_TICKS`.
+Where it only sets the words of a program that is not in it, it must set what the run had. So, call after call, it would
+have made this very run. A broken sensor has to put the heater off, and all to begin anew. What no run sees, as manual,
+is left open; so is what a program does after the first `_MOST_CALLS` and `_MOST_TICKS`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from heatertune.errors import InputError
 from heatertune.model.findings import Finding
 from heatertune.plc.controller import Controller, controller_for
-from heatertune.plc.exported import Called, Exported
+from heatertune.plc.exported import Called, Exported, Settings
 from heatertune.plc.open_points import assumed
 from heatertune.plc.pwm import Actuator, on_time, pulse_ends
 from heatertune.plc.ramp import Number
@@ -94,14 +95,33 @@ def compared(
     for file, load in loads.items():
         try:
             text = load()
-            shown = Compared() if text is None else _Comparison(
-                controller, words, trace, text, load).shown(pulses.setdefault(file, set()))
+            if isinstance(text, Settings):
+                shown = Compared(_set_otherwise(text, words, trace))
+            else:
+                shown = Compared() if text is None else _Comparison(
+                    controller, words, trace, text, load).shown(pulses.setdefault(file, set()))
         except InputError as problem:
             shown = Compared(str(problem))
         if shown.departs is not None:
             return Compared(f"{file}: {shown.departs}")
         not_run |= dict.fromkeys(shown.not_run)
     return Compared(not_run=tuple(not_run))
+
+
+def _set_otherwise(text: Settings, words: Words, trace: Trace) -> str | None:
+    """Return what a text sets other than a run had it; with the same settings, the same program makes the same run."""
+    switch = trace.actuator
+    held = [(name, text.values.get(name), value) for name, value in words.values.items() if name in text.values]
+    held += [("boost", text.boost, words.boost)] if text.values.keys() == words.values.keys() else []
+    told = [("setpoint [°C]", text.setpoint_degC, trace.setpoint_degC),
+            ("PWM period [s]", text.period_s, switch.pwm_period_s)]
+    if text.pulses_s is not None:
+        numbers = switch.resolution_s, switch.minimum_on_s, switch.minimum_off_s
+        told += zip(("PWM step [s]", "shortest pulse [s]", "shortest pause [s]"), text.pulses_s, numbers, strict=True)
+    for name, there, proven in (*held, *(each for each in told if each[1] is not None)):
+        if there != proven:
+            return f"{name} is {there}; proven is {proven}"
+    return None
 
 
 class _Call(NamedTuple):
