@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, cast
 
 import numpy as np
 
@@ -99,7 +99,7 @@ def compared(
                 shown = Compared(_set_otherwise(text, words, trace))
             else:
                 shown = Compared() if text is None else _Comparison(
-                    controller, words, trace, text, load).shown(pulses.setdefault(file, set()))
+                    controller, words, trace, text, cast("Callable[[], Exported | None]", load)).shown(pulses.setdefault(file, set()))
         except InputError as problem:
             shown = Compared(str(problem))
         if shown.departs is not None:
@@ -111,9 +111,12 @@ def compared(
 def _set_otherwise(text: Settings, words: Words, trace: Trace) -> str | None:
     """Return what a text sets other than a run had it; with the same settings, the same program makes the same run."""
     switch = trace.actuator
-    held = [(name, text.values.get(name), value) for name, value in words.values.items() if name in text.values]
-    held += [("boost", text.boost, words.boost)] if text.values.keys() == words.values.keys() else []
-    told = [("setpoint [°C]", text.setpoint_degC, trace.setpoint_degC),
+    held: list[tuple[str, object, object]] = [
+        (name, text.values[name], value) for name, value in words.values.items() if name in text.values]
+    if len(held) == len(words.values):
+        held.append(("boost", text.boost, words.boost))
+    told: list[tuple[str, object, object]] = [
+        ("setpoint [°C]", text.setpoint_degC, trace.setpoint_degC),
             ("PWM period [s]", text.period_s, switch.pwm_period_s)]
     if text.pulses_s is not None:
         numbers = switch.resolution_s, switch.minimum_on_s, switch.minimum_off_s

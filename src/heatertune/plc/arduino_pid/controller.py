@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from heatertune.plc.arduino_pid.export import export_words
+from heatertune.plc.arduino_pid.exported import exported
 from heatertune.plc.arduino_pid.readback import from_text
 from heatertune.plc.arduino_pid.step import FIRST_MS, Assumptions, parameters_of, scan
 from heatertune.plc.arduino_pid.words import (
@@ -50,6 +51,7 @@ class ArduinoPid(Controller, name="arduino-pid"):
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     consistent, interval_s = staticmethod(consistent), staticmethod(interval_s)
     oddities, text, scan_all = staticmethod(oddities), staticmethod(from_text), staticmethod(scan)
+    exported = staticmethod(exported)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before SetMode(AUTOMATIC), the output being 0."""

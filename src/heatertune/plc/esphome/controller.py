@@ -7,6 +7,7 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
 from heatertune.plc.esphome.export import export_words
+from heatertune.plc.esphome.exported import exported
 from heatertune.plc.esphome.readback import from_text
 from heatertune.plc.esphome.step import Assumptions, parameters_of, scan
 from heatertune.plc.esphome.words import COUNTS, FIELDS, TIMER, consistent, design_of, interval_s, oddities, values_of
@@ -41,6 +42,7 @@ class EspHome(Controller, name="esphome"):
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     consistent, interval_s = staticmethod(consistent), staticmethod(interval_s)
     oddities, text, scan_all = staticmethod(oddities), staticmethod(from_text), staticmethod(scan)
+    exported = staticmethod(exported)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after a restart."""

@@ -8,6 +8,7 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
 from heatertune.plc.parallel.step import COLD, PARALLEL, boosted
 from heatertune.plc.simple_pid.export import export_words
+from heatertune.plc.simple_pid.exported import exported
 from heatertune.plc.simple_pid.readback import from_text
 from heatertune.plc.simple_pid.step import Assumptions, parameters_of, scan
 from heatertune.plc.simple_pid.words import COUNTS, FIELDS, FULL, TIMER, design_of, interval_s, oddities, values_of
@@ -40,7 +41,7 @@ class SimplePid(Controller, name="simple-pid"):
     core = PARALLEL
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     interval_s, oddities, text = staticmethod(interval_s), staticmethod(oddities), staticmethod(from_text)
-    scan_all = staticmethod(scan)
+    scan_all, exported = staticmethod(scan), staticmethod(exported)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state of a new object."""
