@@ -29,6 +29,8 @@ from heatertune.proof.trace import Trace
 __all__ = ["Compared", "as_exported", "compared"]
 
 _OF_A_TICK: Final = 1e-6
+#: half a step of the clocks of programs that count in milliseconds [s]
+_OF_A_CLOCK_S: Final = 0.0005 + 1e-9
 #: of a run call by call, of its beginning tick by tick, and of all periods of the PWM: each less than a second, for a
 #: hundred times as many would be waited for
 _MOST_CALLS: Final = 20_000
@@ -95,11 +97,11 @@ def compared(
     for file, load in loads.items():
         try:
             text = load()
-            if isinstance(text, Settings):
-                shown = Compared(_set_otherwise(text, words, trace))
+            if text is None or isinstance(text, Settings):
+                shown = Compared(text and _set_otherwise(text, words, trace))
             else:
-                shown = Compared() if text is None else _Comparison(
-                    controller, words, trace, text, cast("Callable[[], Exported | None]", load)).shown(pulses.setdefault(file, set()))
+                again = cast("Callable[[], Exported | None]", load)
+                shown = _Comparison(controller, words, trace, text, again).shown(pulses.setdefault(file, set()))
         except InputError as problem:
             shown = Compared(str(problem))
         if shown.departs is not None:
@@ -110,20 +112,20 @@ def compared(
 
 def _set_otherwise(text: Settings, words: Words, trace: Trace) -> str | None:
     """Return what a text sets other than a run had it; with the same settings, the same program makes the same run."""
-    switch = trace.actuator
     held: list[tuple[str, object, object]] = [
         (name, text.values[name], value) for name, value in words.values.items() if name in text.values]
     if len(held) == len(words.values):
         held.append(("boost", text.boost, words.boost))
-    told: list[tuple[str, object, object]] = [
-        ("setpoint [°C]", text.setpoint_degC, trace.setpoint_degC),
-            ("PWM period [s]", text.period_s, switch.pwm_period_s)]
-    if text.pulses_s is not None:
-        numbers = switch.resolution_s, switch.minimum_on_s, switch.minimum_off_s
-        told += zip(("PWM step [s]", "shortest pulse [s]", "shortest pause [s]"), text.pulses_s, numbers, strict=True)
-    for name, there, proven in (*held, *(each for each in told if each[1] is not None)):
+    if text.setpoint_degC is not None:
+        held.append(("setpoint [°C]", text.setpoint_degC, trace.setpoint_degC))
+    for name, there, proven in held:
         if there != proven:
             return f"{name} is {there}; proven is {proven}"
+    names = "PWM period", "step of the PWM", "shortest pulse", "shortest pause"
+    times = text.period_s, *(text.pulses_s or (None, None, None))
+    for name, time_s, proven_s in zip(names, times, trace.actuator.numbers[:4], strict=True):
+        if time_s is not None and abs(time_s - proven_s) > _OF_A_CLOCK_S:
+            return f"{name} is {time_s:g} s; proven is {proven_s:g} s"
     return None
 
 
