@@ -82,11 +82,12 @@ def test_the_module_with_simple_pids_own_class_switches_as_proven(witness, monke
 
 def _switched(trace, on, step_s):
     """Hold what a program did tick by tick against the instants at which the run's heater was switched."""
-    at = (np.arange(len(on)) + 0.5) * step_s
+    count = round(STORY.duration_s / step_s)
+    assert len(on) >= count
+    at = (np.arange(count) + 0.5) * step_s
     edge = np.searchsorted(trace.edge_time_s, at) - 1
     proven = np.where(edge >= 0, trace.edge_on[np.maximum(edge, 0)], False)
-    assert len(on) * step_s == pytest.approx(STORY.duration_s, abs=1.0)
-    differ = np.flatnonzero(proven.astype(bool) != np.array(on, bool))
+    differ = np.flatnonzero(proven.astype(bool) != np.array(on[:count], bool))
     assert differ.size == 0, at[differ[:5]]
 
 
@@ -163,7 +164,7 @@ int main() {
     heater_climate.target_temperature = target;
     heater_climate.current_temperature = reading;
     heater_climate.update();
-    std::printf("%%.9g ", sent);
+    std::printf("%%.17g ", sent);
     now_ms += %d;
   }
 }
@@ -253,7 +254,7 @@ def test_an_instruments_sheet_and_registers_ask_for_what_was_proven(file):
     which, trace, files = ran("pband", tv=4.0)
     rows = [line for line in files[file].splitlines() if line[0] not in "#;"]
     if file.endswith("csv"):
-        told = {row["name"]: float(row["value"]) / 10.0 ** int(row["decimals"]) for row in csv.DictReader(rows)}
+        told = {row["name"]: float(row["value"]) for row in csv.DictReader(rows)}  # generic: as its display shows it
     else:
         told = {line.split()[0]: float(line.split()[1]) for line in rows}
     assert which.timing(trace.words).pwm_period_s == told["CYC"]
@@ -268,14 +269,14 @@ def test_a_text_that_sets_what_was_proven_is_no_departure(target):
         assert compared(which, trace.words, trace).departs is None
 
 
-#: numbers of a file that set nothing: the head, a trial's waits, numbers of the menu
-PLAIN = {
+#: file → what finds its numbers that set something
+SET = {
     "klipper_heater.cfg": r"^(?:pid_K[pid]|max_power|smooth_time|pwm_cycle_time): (\S+)", "klipper_try.gcode": r"(?:K[PID]|TARGET)=(\S+)",
-    "marlin_pid.h": r"^#define \w+ (\S+)", "marlin_pid.gcode": r"[PID]([\d.]+)(?= |$)(?<=M301.*)|^; #define \w+ (\S+)",
+    "marlin_pid.h": r"^#define \w+ (\S+)", "marlin_pid.gcode": r"(?<=[PID])(\d[\d.]*)(?= [ID]|$)|^; #define \w+ (\S+)",
     "pband_sheet.txt": r"^(?:Pb|ti|td|CYC|OPH) +(\S+)", "pband_registers.csv": r"^\w+,\w*,\w+,(\d+)",
     "arduino_pid.ino": r"(?:(?:WITHIN|AGAIN|_MS|Full|Setpoint) = |SetOutputLimits\(0.0, |SetSampleTime\()([\d.]+)|, (\d+\.\d+)(?=,)",
     "simple_pid_heater.py": r"^[A-Z_]+ = ([\d.]+)|(?:K[pid]=|output_limits=\(0.0, )([\d.]+)",
-    "esphome_pid.yaml": r"(?:update_interval|temperature|k[pid]|integral|samples|period): ([\d.]+)|([\d.]+)f",
+    "esphome_pid.yaml": r"(?:update_interval|temperature|k[pid]|integral|samples|period): ([\d.]+)|boosting \? ([\d.]+)f| : ([\d.]+)f",
 }
 
 
@@ -284,8 +285,7 @@ def test_each_number_that_is_one_digit_off_is_noticed(monkeypatch, target):
     which, trace, files = ran(target, boost=BOOST if target in BOOSTED else None, tv=2.0)
     seen = 0
     for file, text in files.items():
-        pattern = PLAIN[file] if file != "marlin_pid.gcode" else r"(?<=[PID])(\d[\d.]*)(?= [ID]|$)|^; #define \w+ (\S+)"
-        for match in re.finditer(pattern, text, re.MULTILINE):
+        for match in re.finditer(SET[file], text, re.MULTILINE):
             at = max(group for group in range(1, match.re.groups + 1) if match[group])
             digits = match[at]
             last = next(i for i in reversed(range(len(digits))) if digits[i].isdigit() and i < 8)

@@ -61,10 +61,10 @@ def pulse_ms(output):
             if output is None:
                 switch(False)
             else:
-                if began is None or 1000.0 * (now - began) >= WINDOW_MS:
+                if began is None or round(1000.0 * (now - began)) >= WINDOW_MS:
                     began = now if began is None else began + WINDOW_MS / 1000.0
                     on_ms = pulse_ms(output)
-                switch(1000.0 * (now - began) < on_ms)
+                switch(round(1000.0 * (now - began)) < on_ms)
             sleep(STEP_MS / 1000.0)
     finally:
         switch(False)
