@@ -7,7 +7,7 @@ Each case is drawn from its number alone: heater, controller with one setting of
 that is detuned at random, sensor range, limits, setpoint, switch and noise; from 100,000 on also presets, limits of every
 kind, two ends of the setpoints and ramps with a holdback, from 1,000,000 on limits of the output and burst firing, from
 2,000,000 on profiles with limits of their own, and words that were made for another heater, from 3,000,000 on boosts, those of
-heatertune and any. heatertune proves the words. Where no limit
+heatertune and any, from 6,000,000 on heaters of printers no slower than those are. heatertune proves the words. Where no limit
 of the runs is broken, second_opinion.c runs the whole story again, and then its rests for 50 stories more, to see what
 hunts or drifts later; a short story is measured in steps of a millisecond, too. A false PASS breaks a limit by more than
 0.1 %, the share by which measures may differ. What differs is printed as a line of JSON; exit status 1 where something
@@ -68,6 +68,9 @@ _WIDE = 100_000  # from this case on more is drawn, those before stay as they we
 _WIDER = 1_000_000  # and from this on again
 _ALONG = 2_000_000  # and again
 _BOOSTED = 3_000_000  # and again
+_AS_PRINTERS = 6_000_000  # from this on, of targets whose interval is a fraction of a second
+_PRINTERS = ("klipper", "marlin")
+_SLOWEST_S = 7200.0, 600.0
 _PLAIN_STEPS_S = (1e-3, 1e-4)  # the shorter where a ripple grazes the band for less than the longer
 _PLAIN_S = 40_000.0  # a story so long is measured in such steps, too
 
@@ -79,7 +82,8 @@ def _log(rng, low, high):
 def drawn(number, target):
     """Return (model, words, bench, conditions) of a case; raise HeatertuneError where no words fit."""
     rng = np.random.default_rng([number, TARGETS[target][0]])
-    gain, lag, ambient = _log(rng, 0.1, 10.0), _log(rng, 10.0, 7200.0), float(rng.uniform(5.0, 30.0))
+    slowest = _SLOWEST_S[number >= _AS_PRINTERS and target in _PRINTERS]
+    gain, lag, ambient = _log(rng, 0.1, 10.0), _log(rng, 10.0, slowest), float(rng.uniform(5.0, 30.0))
     lags = (lag,) if rng.random() < 0.5 else (lag, lag * float(rng.uniform(0.02, 1.0)))
     dead = sum(lags) * _log(rng, 0.02, 1.5)
     setpoint = ambient + gain * float(rng.uniform(10.0, 92.0))
@@ -261,9 +265,10 @@ def _boosted(number, words, bench):
     rng = np.random.default_rng([number, TARGETS[bench.target][0], 5])
     if not controller_for(bench.target).boosted or rng.random() < 0.25:
         return words, bench
-    power, gain = ("XMAX", "KP") if bench.target == "iec-pid" else ("MaximumOutput", "Kp")
-    at_limit = words.values[power] / words.values[gain]
-    within = at_limit * (_log(rng, 0.35, 1.0) if rng.random() < 0.7 else _log(rng, 0.05, 2.0))
+    full, gain = {"iec-pid": ("XMAX", "KP"), "weg": ("MaximumOutput", "Kp"), "arduino-pid": ("OutMax", "Kp"),
+                  "simple-pid": ("output_max", "Kp"), "esphome": (None, "kp")}[bench.target]
+    at_limit = words.values.get(full, 1.0) / words.values[gain]
+    within = at_limit * (_log(rng, 0.35 if bench.target in ("weg", "iec-pid") else 0.1, 1.0) if rng.random() < 0.7 else _log(rng, 0.05, 2.0))
     between = within / 2.0 if rng.random() < 0.7 else max(within, bench.band) * _log(rng, 0.01, 1.0)
     distances = [float(np.float32(each)) for each in (within, within + between)]
     words = words.boosted(Boost(within_degC=distances[0], again_degC=distances[1]))

@@ -542,6 +542,14 @@ static int missed(Memory *m, int late)
 /* PID_v1, P_ON_E: Kp, Ki, Kd, OutMax, Full, SampleTime [ms]; interval not measured; g: sum, reading before, power [%] */
 static double rounded(const Case *c, double v) { return c->sw[0] ? (float)v : v; }
 
+/* whether the program around a controller gives full power, which takes note of that; side: the program has it, or nobody yet */
+static int full_power(const Case *c, Memory *m, double away)
+{
+    int had = m->begun && !m->side;
+    m->side = c->within > 0.0 && isfinite(away) && away > (had ? c->again : c->within);
+    return m->side;
+}
+
 static double arduino(const Case *c, Memory *m, double w, double x)
 {
     double kp = rounded(c, c->words[0]), ki = rounded(c, c->words[1]), kd = rounded(c, c->words[2]);
@@ -550,8 +558,12 @@ static double arduino(const Case *c, Memory *m, double w, double x)
     kd = rounded(c, rounded(c, kd / tenth) / ratio);
     w = rounded(c, w);
     x = rounded(c, x);
-    if (!m->begun) { m->g[0] = 0.0; m->g[1] = x; }
     if (missed(m, c->sw[1])) return m->g[2];
+    if (full_power(c, m, rounded(c, w - x))) {         /* by hand at 0 */
+        m->begun = 0;
+        return m->g[2] = within(100.0 * most / c->words[4], 0.0, 100.0);
+    }
+    if (!m->begun) { m->g[0] = 0.0; m->g[1] = x; }
     m->begun = 1;
     double e = rounded(c, w - x), d = rounded(c, kd * rounded(c, x - m->g[1]));
     m->g[0] = within(rounded(c, m->g[0] + rounded(c, ki * e)), 0.0, most);
@@ -567,7 +579,12 @@ static double simple(const Case *c, Memory *m, double w, double x)
 {
     double most = c->words[3], t = c->words[4] / 1000.0;
     if (missed(m, c->sw[0])) return m->g[2];
-    if (m->n[1]) t += t;
+    if (full_power(c, m, w - x)) {                     /* no object */
+        m->begun = 0;
+        m->g[0] = 0.0;
+        return m->g[2] = most;
+    }
+    if (m->n[1] && m->begun) t += t;
     double change = m->begun ? x - m->g[1] : 0.0;
     m->begun = 1;
     m->g[0] = within(m->g[0] + c->words[1] * (w - x) * t, 0.0, most);
@@ -595,10 +612,12 @@ static double esphome(const Case *c, Memory *m, float w, float x)
         d = kd * moved;
     }
     m->f[1] = x;
+    int full = full_power(c, m, e);
     m->begun = 1;
     float level = p + m->f[0];
     level = level + d;
     m->f[2] = level < 0.0f ? 0.0f : level > 1.0f ? 1.0f : level;
+    if (full) { m->f[0] = 0.0f; m->f[2] = 1.0f; }      /* the integral part is put to 0 after each reading */
     return 100.0 * m->f[2];
 }
 
