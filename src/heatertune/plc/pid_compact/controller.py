@@ -29,7 +29,7 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
 from heatertune.plc.words import Scaling, Words
 
-__all__ = ["CORE", "COUNTS", "DELAY_S", "INPUTS", "TIMER", "PidCompact"]
+__all__ = ["CORE", "COUNTS", "DELAY_S", "INPUTS", "TIMER", "UNREAD", "PidCompact"]
 
 
 def _measure(sensor: Sensor, temperature_degC: float) -> float:

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
-from heatertune.plc.pid_compact.controller import CORE, COUNTS, DELAY_S, INPUTS, TIMER
+from heatertune.plc.pid_compact.controller import CORE, COUNTS, DELAY_S, INPUTS, TIMER, UNREAD
 from heatertune.plc.pid_temp.export import export_words, exported, from_text
 from heatertune.plc.pid_temp.step import COLD, Assumptions, block_of, scan
 from heatertune.plc.pid_temp.words import FIELDS, consistent, design_of, interval_s, oddities, values_of
@@ -30,7 +30,7 @@ class PidTemp(Controller, name="pid-temp"):
         "no setpoint ramp, no feed-forward (Disturbance), no manual in the proof",
     )
     fields, assumptions, timer, counts, inputs, core = FIELDS, Assumptions, TIMER, COUNTS, INPUTS, CORE
-    tick_s, delay_s = 0.1, DELAY_S
+    tick_s, delay_s, unread = 0.1, DELAY_S, UNREAD
     own_pwm = ("pid-compact", 10.0)
     most_power: ClassVar = ("OutputUpperLimit", 100.0)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
