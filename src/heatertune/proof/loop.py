@@ -143,8 +143,7 @@ def check_words(controller: Controller, words: Words, scenario: Scenario) -> Non
     low, high = words.scaling.sensor_degC
     for setpoint in scenario.setpoints_degC:
         if not low < setpoint < high:
-            rule = (f"> {low:g} and < {high:g}, the sensor's range; a wider one is told with --range LOW HIGH, "
-                    "as 0 300 of a hot end")
+            rule = f"> {low:g} and < {high:g}, the sensor's range (of a hot end, say: --range 0 300)"
             raise OutOfRange("setpoint_degC", setpoint, rule)
 
 

@@ -116,7 +116,15 @@ def boosted(p: Parameters, boost: Boost | None) -> Parameters:
 
 
 def again(s: State, begins: bool, output: float, waited: float, held: int) -> State:
-    """Return a state whose memory is as it was."""
+    """Return a state whose memory is as it was.
+
+    Args:
+        s: before the call.
+        begins: whether nothing is computed since the start or since manual.
+        output: from now on.
+        waited: since the last call that computed [ms].
+        held: who has the heater.
+    """
     return State(begins, s.calls % _TEN + 1, s.integral, s.proportional, s.derivative, s.reading, s.error, s.setpoint,
                  output, waited, s.kept, s.slopes, held)
 
