@@ -23,13 +23,18 @@ from tests.plc.test_maker_texts import STUB
 from tests.witness.marlin import MarlinPid
 from tests.witness.pband import PBand
 
+from heatertune.cli.parsing import again
+from heatertune.errors import InputError, OutOfRange
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Certificate, Scaling, controller_for
 from heatertune.plc.pwm import Actuator
 from heatertune.proof import Scenario, TemperatureStep, simulate
+from heatertune.proof.closing import Asked, closed
 from heatertune.proof.exported import compared
 from heatertune.proof.scenario import Mains
+from heatertune.settings import Conditions, TuneSettings
 
 HEATER = Fopdt(gain_degC_per_pct=0.9, time_constant_s=60.0, dead_time_s=2.0, ambient_degC=20.0)
 STORY = Scenario(setpoint_degC=60.0, duration_s=500.0, noise_degC=0.05, disturbances=(
@@ -303,3 +308,25 @@ def test_an_export_that_leaves_the_boost_out_is_noticed(monkeypatch):
         files = which.export(replace(trace.words, boost=None), Certificate(verdict="PASS", setpoint_degC=60.0, actuator=SWITCH))
         monkeypatch.setattr(type(which), "export", staticmethod(lambda *_, files=files: files))
         assert "boost is None" in compared(which, trace.words, trace).departs
+
+
+@pytest.mark.parametrize(("name", "told"), [
+    ("4-20mA", "what 0 and 27648 of Input_PER mean"), ("rtd", "--range 0 2764.8"), ("thermocouple", "--range 0 2764.8"), ("rtd-climatic", "--range 0 276.48")])
+@pytest.mark.parametrize("target", ["pid-compact", "pid-temp"])
+def test_the_range_behind_input_per_is_told(target, name, told):
+    with pytest.raises(InputError, match=told):
+        controller_for(target).scaled(name)
+
+
+def test_a_hot_end_beyond_the_plain_range_is_told_which_range_to_say():
+    words = ran("klipper", switch=Actuator(pwm_period_s=0.1, resolution_s=1e-5), scaling=Scaling())[1].words
+    with pytest.raises(OutOfRange, match="--range 0 300"):
+        simulate(controller_for("klipper"), words, HEATER, replace(STORY, setpoint_degC=210.0), Actuator(pwm_period_s=0.1))
+
+
+@pytest.mark.long
+def test_a_program_with_the_faults_of_its_source_leads_to_the_one_repaired():
+    asked = Asked(target="iec-pid-text", scaling=Scaling(), tuned=TuneSettings(), conditions=Conditions(setpoint_degC=60.0))
+    made = closed(model_by_hand(HEATER), asked)
+    assert (made.proof.verdict, made.passes_with) == ("FAIL", ("--target", "iec-pid"))
+    assert again(("design", "log.csv", "--target=iec-pid", "--faithful"), made.passes_with) == ("heatertune", "design", "log.csv", "--target", "iec-pid")
