@@ -34,7 +34,7 @@ from heatertune.proof.closing import Asked, closed
 from heatertune.settings import Conditions, TuneSettings
 from tests.bench import heaters, truth
 
-TARGETS = ("s5-ob251", "s7-300", "fb41", "weg", "s7-200")
+TARGETS = ("s5-ob251", "s7-300", "fb41", "weg", "s7-200", "iec-pid", "arduino-pid", "simple-pid", "esphome", "pband")
 _SWINGS_OVER = 25.0  # times all lags and the dead time
 _MOST_CALLS = 20_000  # of a simulated loop
 

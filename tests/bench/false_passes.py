@@ -7,7 +7,7 @@ Each case is drawn from its number alone: heater, controller with one setting of
 that is detuned at random, sensor range, limits, setpoint, switch and noise; from 100,000 on also presets, limits of every
 kind, two ends of the setpoints and ramps with a holdback, from 1,000,000 on limits of the output and burst firing, from
 2,000,000 on profiles with limits of their own, and words that were made for another heater, from 3,000,000 on boosts, those of
-heatertune and any. heatertune proves the words. Where no limit
+heatertune and any, from 6,000,000 on heaters of printers no slower than those are. heatertune proves the words. Where no limit
 of the runs is broken, second_opinion.c runs the whole story again, and then its rests for 50 stories more, to see what
 hunts or drifts later; a short story is measured in steps of a millisecond, too. A false PASS breaks a limit by more than
 0.1 %, the share by which measures may differ. What differs is printed as a line of JSON; exit status 1 where something
@@ -26,6 +26,7 @@ import sys
 import tempfile
 from collections import Counter
 from dataclasses import replace
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 
@@ -42,7 +43,17 @@ from heatertune.proof import Acceptance, Coverage, prove_models
 from heatertune.proof.fitted import actuator_for, course_for, limits_of, specified
 from heatertune.proof.presets import PRESETS
 from heatertune.settings import Conditions
-from tests.bench.second_opinion import SWITCHES, TARGETS, Bench, compiled, ends_of, in_plain_steps, opinion, story
+from tests.bench.second_opinion import (
+    OWN_PULSES,
+    SWITCHES,
+    TARGETS,
+    Bench,
+    compiled,
+    ends_of,
+    in_plain_steps,
+    opinion,
+    story,
+)
 
 SLACK = 1e-3
 _PRESETS = [name for name in PRESETS if name != "paper"]  # whose story is another one
@@ -57,6 +68,9 @@ _WIDE = 100_000  # from this case on more is drawn, those before stay as they we
 _WIDER = 1_000_000  # and from this on again
 _ALONG = 2_000_000  # and again
 _BOOSTED = 3_000_000  # and again
+_AS_PRINTERS = 6_000_000  # from this on, of targets whose interval is a fraction of a second
+_PRINTERS = ("klipper", "marlin")
+_SLOWEST_S = 7200.0, 600.0
 _PLAIN_STEPS_S = (1e-3, 1e-4)  # the shorter where a ripple grazes the band for less than the longer
 _PLAIN_S = 40_000.0  # a story so long is measured in such steps, too
 
@@ -68,7 +82,8 @@ def _log(rng, low, high):
 def drawn(number, target):
     """Return (model, words, bench, conditions) of a case; raise HeatertuneError where no words fit."""
     rng = np.random.default_rng([number, TARGETS[target][0]])
-    gain, lag, ambient = _log(rng, 0.1, 10.0), _log(rng, 10.0, 7200.0), float(rng.uniform(5.0, 30.0))
+    slowest = _SLOWEST_S[number >= _AS_PRINTERS and target in _PRINTERS]
+    gain, lag, ambient = _log(rng, 0.1, 10.0), _log(rng, 10.0, slowest), float(rng.uniform(5.0, 30.0))
     lags = (lag,) if rng.random() < 0.5 else (lag, lag * float(rng.uniform(0.02, 1.0)))
     dead = sum(lags) * _log(rng, 0.02, 1.5)
     setpoint = ambient + gain * float(rng.uniform(10.0, 92.0))
@@ -84,13 +99,15 @@ def drawn(number, target):
     noise = 0.0 if rng.random() < 0.5 else band * float(rng.uniform(0.02, 0.25))
     settings = {name: str(rng.choice(choices)) for name, choices in SWITCHES[target].items()}
     switch = _switch(rng, words.sample_time_s, target)
+    if target == "pband":
+        words, switch = _cycled(words, switch)
     kwargs = {"gain_degC_per_pct": gain, "time_constant_s": lags[0], "dead_time_s": dead, "ambient_degC": ambient}
     model = Fopdt(**kwargs) if len(lags) == 1 else TwoLag(**kwargs, second_time_constant_s=lags[1])
     bench = Bench(
         gain=gain, lags=lags, dead=dead, ambient=ambient, target=target, words=dict(words.values), low=low, high=high,
         interval=words.sample_time_s, settings=settings, setpoint=setpoint, tolerance=band, noise=noise, seed=0,
         ramp=_of_ramp(words), **switch)
-    pwm = {} if target.startswith("s7-200") else {
+    pwm = {} if target in OWN_PULSES else {
         "pwm_period_s": bench.period, "minimum_on_s": bench.least_on, "minimum_off_s": bench.least_off,
         "pwm_resolution_s": bench.resolution, "pwm_rule": "pid-compact" if bench.carries else None}
     known = {switch.name: switch.default for switch in controller_for(target).switches} | settings
@@ -134,7 +151,7 @@ def _design(rng, gain, lags, dead, target):
 
 
 def _switch(rng, ta, target):
-    if target.startswith("s7-200"):  # its own PWM, in milliseconds
+    if target.startswith("s7-200"):  # of TA
         return {"ratio": (1, 1), "resolution": 0.001, "least_on": 0.0, "least_off": 0.0, "carries": False}
     kind = rng.random()
     ratio = (1, int(rng.integers(1, 6))) if kind < 0.6 else (int(rng.integers(1, 4)), 1) if kind < 0.8 else (
@@ -150,6 +167,16 @@ def _switch(rng, ta, target):
     if carries:  # PID_Compact makes both times whole calls
         least_on, least_off = (resolution * math.floor(each / resolution + 0.5) for each in (least_on, least_off))
     return {"ratio": ratio, "resolution": resolution, "least_on": least_on, "least_off": least_off, "carries": carries}
+
+
+def _cycled(words, switch):
+    """Return an instrument's words with a cycle time near the switch's period, and its own pulses."""
+    part = Fraction(*switch["ratio"])
+    tenths = max(1, round(10.0 * words.sample_time_s * part))
+    values = controller_for("pband").cycle.put(words.values, tenths / 10.0)
+    part = Fraction(tenths, 10) / Fraction(words.sample_time_s).limit_denominator(1000)
+    return replace(words, values=values), {"ratio": part.as_integer_ratio(), "resolution": 0.001, "least_on": 0.0,
+                                           "least_off": 0.0, "carries": False}
 
 
 def _own_limits(rng):
@@ -238,9 +265,10 @@ def _boosted(number, words, bench):
     rng = np.random.default_rng([number, TARGETS[bench.target][0], 5])
     if not controller_for(bench.target).boosted or rng.random() < 0.25:
         return words, bench
-    power, gain = ("XMAX", "KP") if bench.target == "iec-pid" else ("MaximumOutput", "Kp")
-    at_limit = words.values[power] / words.values[gain]
-    within = at_limit * (_log(rng, 0.35, 1.0) if rng.random() < 0.7 else _log(rng, 0.05, 2.0))
+    full, gain = {"iec-pid": ("XMAX", "KP"), "weg": ("MaximumOutput", "Kp"), "arduino-pid": ("OutMax", "Kp"),
+                  "simple-pid": ("output_max", "Kp"), "esphome": (None, "kp")}[bench.target]
+    at_limit = words.values.get(full, 1.0) / words.values[gain]
+    within = at_limit * (_log(rng, 0.35 if bench.target in ("weg", "iec-pid") else 0.1, 1.0) if rng.random() < 0.7 else _log(rng, 0.05, 2.0))
     between = within / 2.0 if rng.random() < 0.7 else max(within, bench.band) * _log(rng, 0.01, 1.0)
     distances = [float(np.float32(each)) for each in (within, within + between)]
     words = words.boosted(Boost(within_degC=distances[0], again_degC=distances[1]))

@@ -16,7 +16,7 @@
 #define RING 524288                        /* six hours of dead time with bursts every tenth of a second */
 #define MEMORY 16
 
-enum { S5, WEG, FB41, S7300, S7200, S7200PID, COMPACT, KLIPPER, IECPID, ARDUINO, SIMPLE, ESPHOME };
+enum { S5, WEG, FB41, S7300, S7200, S7200PID, COMPACT, KLIPPER, IECPID, ARDUINO, SIMPLE, ESPHOME, MARLIN, PBAND };
 enum { START, STEP, LOAD, SETPOINT, MAINS, PLC, LED };
 
 typedef struct {
@@ -232,13 +232,13 @@ static double whole_count(const Case *c, double degrees)
 static double reading_of(const Case *c, double degrees)
 {
     double n = whole_count(c, degrees);
-    if (c->target == WEG || c->target == IECPID || c->target == ESPHOME) return (float)(c->low + c->span * n / c->counts);
+    if (c->target == WEG || c->target == IECPID || c->target == ESPHOME || c->target == MARLIN) return (float)(c->low + c->span * n / c->counts);
     if (c->target == COMPACT) {
         float low = (float)c->low, high = (float)(c->low + c->span), share = (float)n / 27648.0f, span = high - low;
         share = share * span;
         return share + low;
     }
-    if (c->target == KLIPPER || c->target == ARDUINO || c->target == SIMPLE) return c->low + c->span * n / c->counts;
+    if (c->target == KLIPPER || c->target == ARDUINO || c->target == SIMPLE || c->target == PBAND) return c->low + c->span * n / c->counts;
     return c->target == S7200PID ? 8.0 * n : n;
 }
 
@@ -542,6 +542,14 @@ static int missed(Memory *m, int late)
 /* PID_v1, P_ON_E: Kp, Ki, Kd, OutMax, Full, SampleTime [ms]; interval not measured; g: sum, reading before, power [%] */
 static double rounded(const Case *c, double v) { return c->sw[0] ? (float)v : v; }
 
+/* whether the program around a controller gives full power, which takes note of that; side: the program has it, or nobody yet */
+static int full_power(const Case *c, Memory *m, double away)
+{
+    int had = m->begun && !m->side;
+    m->side = c->within > 0.0 && isfinite(away) && away > (had ? c->again : c->within);
+    return m->side;
+}
+
 static double arduino(const Case *c, Memory *m, double w, double x)
 {
     double kp = rounded(c, c->words[0]), ki = rounded(c, c->words[1]), kd = rounded(c, c->words[2]);
@@ -550,8 +558,12 @@ static double arduino(const Case *c, Memory *m, double w, double x)
     kd = rounded(c, rounded(c, kd / tenth) / ratio);
     w = rounded(c, w);
     x = rounded(c, x);
-    if (!m->begun) { m->g[0] = 0.0; m->g[1] = x; }
     if (missed(m, c->sw[1])) return m->g[2];
+    if (full_power(c, m, rounded(c, w - x))) {         /* by hand at 0 */
+        m->begun = 0;
+        return m->g[2] = within(100.0 * most / c->words[4], 0.0, 100.0);
+    }
+    if (!m->begun) { m->g[0] = 0.0; m->g[1] = x; }
     m->begun = 1;
     double e = rounded(c, w - x), d = rounded(c, kd * rounded(c, x - m->g[1]));
     m->g[0] = within(rounded(c, m->g[0] + rounded(c, ki * e)), 0.0, most);
@@ -567,7 +579,12 @@ static double simple(const Case *c, Memory *m, double w, double x)
 {
     double most = c->words[3], t = c->words[4] / 1000.0;
     if (missed(m, c->sw[0])) return m->g[2];
-    if (m->n[1]) t += t;
+    if (full_power(c, m, w - x)) {                     /* no object */
+        m->begun = 0;
+        m->g[0] = 0.0;
+        return m->g[2] = most;
+    }
+    if (m->n[1] && m->begun) t += t;
     double change = m->begun ? x - m->g[1] : 0.0;
     m->begun = 1;
     m->g[0] = within(m->g[0] + c->words[1] * (w - x) * t, 0.0, most);
@@ -595,11 +612,74 @@ static double esphome(const Case *c, Memory *m, float w, float x)
         d = kd * moved;
     }
     m->f[1] = x;
+    int full = full_power(c, m, e);
     m->begun = 1;
     float level = p + m->f[0];
     level = level + d;
     m->f[2] = level < 0.0f ? 0.0f : level > 1.0f ? 1.0f : level;
+    if (full) { m->f[0] = 0.0f; m->f[2] = 1.0f; }      /* the integral part is put to 0 after each reading */
     return 100.0 * m->f[2];
+}
+
+/* Marlin: Kp, Ki, Kd, PID_MAX, PID_FUNCTIONAL_RANGE, PID_K1, states of the reading; the gains are kept for 16 states of the
+ * timer; full or none outside the window, where sum and derivative are forgotten; f: sum, reading before, derivative */
+static double marlin(const Case *c, Memory *m, float w, float x)
+{
+    float timer = c->sw[0] ? 976.5625f : 1000.0f, t = 16.0f * (float)c->words[6] / timer;
+    float kp = (float)c->words[0], ki = (float)c->words[1] * t, kd = (float)c->words[2] / t;
+    float most = (float)c->words[3], window = (float)c->words[4], new = 1.0f - (float)c->words[5];
+    int only_inside = c->sw[1];
+    w = (float)floor((double)w + 0.5);                 /* M104 takes whole degrees */
+    float e = w - x, before = m->f[1], out;
+    if (!only_inside || fabsf(e) <= window) m->f[1] = x;
+    if (w == 0.0f || e < -window || e > window) {
+        m->begun = 0;
+        out = w != 0.0f && e > window ? most : 0.0f;
+    } else {
+        if (!m->begun) m->f[0] = m->f[2] = 0.0f;
+        m->begun = 1;
+        float sum = m->f[0] + e, largest = most / ki, slope = kd * (before - x), rest = slope - m->f[2];
+        m->f[0] = sum < 0.0f ? 0.0f : sum > largest ? largest : sum;
+        rest = new * rest;
+        m->f[2] = m->f[2] + rest;
+        float p = kp * e, i = ki * m->f[0];
+        out = p + i;
+        out = out + m->f[2];
+        out = out < 0.0f ? 0.0f : out > most ? most : out;
+    }
+    return 100.0 * (double)((int)out >> 1) / 127.0;
+}
+
+/* an instrument: band [degC], Ti, Td [s], upper limit [%], interval [s]; g: I part [%], what the derivative follows, its
+ * filter, the setpoint's filter. What no manual prints: see plc/pband/DIFFERENCES.md */
+static double tenths(const Case *c, double v) { return c->sw[5] && c->span / c->counts < 0.1 ? floor(10.0 * v + 0.5) / 10.0 : v; }
+
+static double pband(const Case *c, Memory *m, double w, double x)
+{
+    double k = 100.0 / c->words[0], ti = c->words[1], td = c->words[2], high = c->words[3], t = c->words[4];
+    int windup = c->sw[0], on_error = c->sw[1], quarter = c->sw[2], filtered = c->sw[3], whole = c->sw[4];
+    w = tenths(c, w);
+    x = tenths(c, x);
+    m->g[3] = m->begun && ti > 0.0 ? m->g[3] + (w - m->g[3]) * t / (ti + t) : x;
+    if (filtered && ti > 0.0) w = 0.65 * w + 0.35 * m->g[3];
+    double e = w - x, follows = on_error ? e : -x, lag = td / (quarter ? 4.0 : 8.0);
+    double slope = m->begun ? (follows - m->g[1]) / t : 0.0;
+    m->g[2] += (td * slope - m->g[2]) * t / (lag + t);
+    m->g[1] = follows;
+    m->begun = 1;
+    double p = k * e, d = k * m->g[2], i = 0.0;
+    if (ti > 0.0) {
+        i = m->g[0] + p * t / ti;
+        if (whole) i = trunc(within(i, -127.0, 127.0) * 16777216.0) / 16777216.0;
+        double sum = p + d + i;
+        if (windup == 0 && ((sum > high && i > m->g[0]) || (sum < 0.0 && i < m->g[0]))) i = m->g[0];
+        if (windup == 1) i = within(i, -p, high - p);
+        if (windup == 2) i = fabs(e) >= c->words[0] ? 0.0 : within(i, -high, high);
+    }
+    m->g[0] = i;
+    double out = p + d + i;
+    if (whole) out = floor(10.0 * out + 0.5) / 10.0;
+    return within(out, 0.0, high);
 }
 
 static double controlled(const Case *c, Memory *m, double w, double x)
@@ -616,6 +696,8 @@ static double controlled(const Case *c, Memory *m, double w, double x)
     case ARDUINO: return arduino(c, m, w, x);
     case SIMPLE: return simple(c, m, w, x);
     case ESPHOME: return esphome(c, m, (float)w, (float)x);
+    case MARLIN: return marlin(c, m, (float)w, (float)x);
+    case PBAND: return pband(c, m, w, x);
     default: return s7200pid(c, m, (float)w, (float)x);
     }
 }

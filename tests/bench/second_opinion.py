@@ -28,6 +28,7 @@ TARGETS = {
     "pid-compact": (6, 27648, 0.406),
     "klipper": (7, 3000, 0.308), "iec-pid": (8, 4095, 0.0),
     "arduino-pid": (9, 4095, 0.0), "simple-pid": (10, 4095, 0.0), "esphome": (11, 4095, 0.0),
+    "marlin": (12, 1023, 0.0), "pband": (13, 10_000, 0.0),
 }
 #: open point → its settings in the order of their numbers, of those that a heater in automatic can meet
 SWITCHES = {
@@ -47,11 +48,17 @@ SWITCHES = {
     "iec-pid": {"time_unit": ("s", "ten_ms", "ns")},
     "esphome": {"calls": ("on_time", "late")},
     "arduino-pid": {"double": ("64bit", "32bit"), "calls": ("on_time", "late")}, "simple-pid": {"calls": ("on_time", "late")},
+    "marlin": {"timer": ("1000hz", "977hz"), "history": ("all", "inside")},
+    "pband": {"anti_windup": ("held", "tracking", "outside_band"), "derivative": ("reading", "error"),
+              "derivative_lag": ("eighth", "quarter"), "setpoint": ("as_it_is", "filtered"), "arithmetic": ("float", "integer"),
+              "reading": ("fine", "display")},
 }
+#: targets that make their pulses themselves, in milliseconds
+OWN_PULSES = ("s7-200", "s7-200-pid", "pband")
 KINDS = {"heat-up": 0, "temperature-step": 1, "load": 2, "setpoint": 3, "mains": 4, "plc": 5, "led": 6}
 #: those with an integral gain: names of gain and integral gain
 _PARALLEL = {"weg": ("Kp", "Ki"), "klipper": ("pid_Kp", "pid_Ki"), "arduino-pid": ("Kp", "Ki"), "simple-pid": ("Kp", "Ki"),
-             "esphome": ("kp", "ki")}
+             "esphome": ("kp", "ki"), "marlin": ("Kp", "Ki")}
 _TOO_SLOW = 20.0  # sums of lags and dead time
 
 
@@ -137,8 +144,9 @@ class Bench:
             return (1.0 if self.target == "weg" else gain) / integral if integral else math.inf
         if self.target == "fb41":  # its trapezoids are rectangles half an interval shorter
             return w["TI"] / 1000.0 - ta / 2.0 if w["I_SEL"] else math.inf
-        if self.target in ("s7-300", "pid-compact", "iec-pid"):
-            return {"s7-300": w.get("RESET", 0.0) / 1000.0, "pid-compact": w.get("Ti"), "iec-pid": w.get("TR")}[self.target] or math.inf
+        if self.target in ("s7-300", "pid-compact", "iec-pid", "pband"):
+            name, unit = {"s7-300": ("RESET", 1e-3), "pid-compact": ("Ti", 1.0), "iec-pid": ("TR", 1.0), "pband": ("ti", 1.0)}[self.target]
+            return w[name] * unit or math.inf
         if self.target == "s7-200":  # KI acts on the sum of two errors
             return ta * (w["KP"] - w["KI"]) / (2.0 * w["KI"]) if w["KI"] else math.inf
         return 60.0 * w["TI"] * ta / w["TS"] if w["TI"] < 1e38 else math.inf
@@ -315,8 +323,12 @@ def _numbers(b):
              "arduino-pid": ("Kp", "Ki", "Kd", "OutMax", "Full", "SampleTime"),
              "simple-pid": ("Kp", "Ki", "Kd", "output_max", "PERIOD_MS"),
              "esphome": ("kp", "ki", "kd", "min_integral", "max_integral", "update_interval"),
-             "iec-pid": ("KP", "TR", "TD", "XMIN", "XMAX", "CYCLE")}[b.target]
+             "iec-pid": ("KP", "TR", "TD", "XMIN", "XMAX", "CYCLE"),
+             "marlin": ("Kp", "Ki", "Kd", "PID_MAX", "PID_FUNCTIONAL_RANGE", "PID_K1", "ADC_LOOPS"),
+             "pband": ("Pb", "ti", "td", "OPH")}[b.target]
     numbers = [float(b.words[name]) for name in order]
+    if b.target == "pband":  # both in tenths
+        return [numbers[0] / 10.0, *numbers[1:3], numbers[3] / 10.0, b.interval]
     return [*numbers, float(b.words["TICK"] * b.words["TICKS"])] if b.target.startswith("s7-200") else numbers
 
 

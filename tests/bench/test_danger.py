@@ -108,6 +108,14 @@ def test_words_mean_what_the_manuals_say():
     # 1 % of a cycle of 5100 ms is 51 ms, 1 °C is 255/200 counts: 40 ms a count, here in 256ths
     own = truth.law_of("s7-200", {"KP": 10240, "KI": 320, "KD": 30720, "SCALE": 8, "TICK": 51, "TICKS": 100}, 0.0, 200.0, 5.1)
     assert (own.k, own.i_now, own.i_before, own.d) == pytest.approx((1.0, 1.0 / 32.0, 1.0 / 32.0, 3.0))
+    # gains of 0…255, of 0…100 and of 0…1; a band of 100.0 °C, its derivative with a lag of 15/8 s
+    for target, full in (("arduino-pid", 255.0), ("simple-pid", 100.0), ("esphome", 1.0)):
+        names = ("kp", "ki", "kd") if target == "esphome" else ("Kp", "Ki", "Kd")
+        gains = dict(zip(names, (full / 100.0, full / 8000.0, 0.15 * full), strict=True))
+        assert truth.law_of(target, gains, 0.0, 200.0, 5.0) == Law(1.0, pytest.approx(5.0 / 80.0), 0.0, pytest.approx(3.0), 0.0, 5.0)
+    assert truth.law_of("iec-pid", {"KP": 1.0, "TR": 80.0, "TD": 0.0}, 0.0, 200.0, 5.0) == Law(1.0, 5.0 / 80.0, 0.0, 0.0, 0.0, 5.0)
+    band = truth.law_of("pband", {"Pb": 1000, "ti": 80, "td": 15}, 0.0, 200.0, 5.0)
+    assert band == Law(1.0, 5.0 / 80.0, 0.0, 3.0, pytest.approx(1.875 / 6.875), 5.0)
 
 
 @pytest.mark.long

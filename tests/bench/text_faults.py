@@ -38,6 +38,8 @@ BOOST = Boost(within_degC=4.5, again_degC=9.5)
 LOOPS = {
     "weg": [((60.0, 1.5), True, {"TauSetPoint": 2.0, "MaximumOutput": 70.0, "MinimumOutput": 15.0}, 0.06),
             ((60.0, 0.0), False, {"Type": 1, "Ki": 0.0625, "Kd": 4.0}, 0.06), ((float("inf"), 1.5), BOOST, {"MaximumOutput": 90.0}, 0.0)],
+    "iec-pid": [((60.0, 1.5), True, {"XMAX": 70.0, "XMIN": 15.0}, 0.06), ((60.0, 0.0), False, {}, 0.06),
+                ((float("inf"), 1.5), BOOST, {"XMAX": 90.0}, 0.0)],
     "s7-300": [((60.0, 1.5), True, {}, 0.06), ((60.0, 3.0), False, {}, 0.06), ((float("inf"), 0.0), False, {}, 0.0)],
     "fb41": [((60.0, 3.0), True, {}, 0.06), ((60.0, 0.0), False, {"LMN_HLM": 70.0, "LMN_LLM": 15.0}, 0.06), ((60.0, 3.0), False, {}, 0.0)],
 }

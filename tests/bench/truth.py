@@ -46,6 +46,10 @@ class Law:
         return self.k * (p + i + d), p
 
 
+#: names of the three gains, and the output at full power
+_PARALLEL = {"arduino-pid": (("Kp", "Ki", "Kd"), 255.0), "simple-pid": (("Kp", "Ki", "Kd"), 100.0), "esphome": (("kp", "ki", "kd"), 1.0)}
+
+
 def law_of(target, v, low, high, interval):
     """Return what words do, by the manuals' equations.
 
@@ -77,6 +81,20 @@ def law_of(target, v, low, high, interval):
         cycle_ms = v["TICK"] * v["TICKS"]
         unit = 2.0 ** -v["SCALE"] * 100.0 / cycle_ms * _S7_200_COUNTS / span
         return Law(v["KP"] * unit, v["KI"] / v["KP"], v["KI"] / v["KP"], v["KD"] / v["KP"], 0.0, interval)
+    return _law_in_seconds(target, v, interval)
+
+
+def _law_in_seconds(target, v, interval):
+    """Return what the words of controllers do that take °C and seconds."""
+    if target == "iec-pid" and not v["TD"]:  # seconds; the four points of its derivative are no filter of the first order
+        return Law(v["KP"], interval / v["TR"] if v["TR"] else 0.0, 0.0, 0.0, 0.0, interval)
+    if target in _PARALLEL:  # gains by the second, of an output whose full power is told
+        names, full = _PARALLEL[target]
+        kp, ki, kd = (v[name] for name in names)
+        return Law(100.0 * kp / full, ki / kp * interval, 0.0, kd / kp / interval, 0.0, interval)
+    if target == "pband":  # tenths of a degree, seconds; the derivative's lag is Td/8
+        past = v["td"] / 8.0 / (v["td"] / 8.0 + interval)
+        return Law(1000.0 / v["Pb"], interval / v["ti"] if v["ti"] else 0.0, 0.0, v["td"] / interval, past, interval)
     raise ValueError(target)
 
 

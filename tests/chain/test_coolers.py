@@ -29,9 +29,9 @@ HEATER = Fopdt(gain_degC_per_pct=0.4, time_constant_s=160.0, dead_time_s=12.0, a
 MIDDLE = 40.0  # of the sensor's range: in this mirror a whole number of units is one again
 COOLER = replace(HEATER, gain_degC_per_pct=-0.4, ambient_degC=2.0 * MIDDLE - 20.0)
 RANGE = Scaling(low_degC=MIDDLE - 60.0, high_degC=MIDDLE + 60.0)
-TARGETS = ["s5-ob251", "s7-200", "s7-200-pid", "s7-300", "fb41", "weg", "pid-compact"]
+TARGETS = ["s5-ob251", "s7-200", "s7-200-pid", "s7-300", "fb41", "weg", "pid-compact", "iec-pid"]
 #: the word that turns the action round
-SIGNS = {"s5-ob251": "K", "s7-200": "KP", "s7-200-pid": "KC", "s7-300": "GAIN", "fb41": "GAIN"}
+SIGNS = {"s5-ob251": "K", "s7-200": "KP", "s7-200-pid": "KC", "s7-300": "GAIN", "fb41": "GAIN", "iec-pid": "KP"}
 
 
 def _made(model, target, **asked):

@@ -53,6 +53,18 @@ def test_a_boost_is_full_power_until_near_and_then_a_cold_start():
     assert trace.power_asked_pct[26:30] == pytest.approx(4.0 * (error + integral + error / 22.0), rel=1e-3)
 
 
+@pytest.mark.parametrize("target", ["iec-pid", "arduino-pid", "simple-pid", "esphome"])
+def test_every_boost_is_full_power_until_near_and_then_nothing_summed_up(target):
+    # as above; what begins there is each one's own first call with an empty I part, of which the last one of the boost is no part
+    which, story = controller_for(target), replace(STORY, duration_s=100.0, disturbances=())
+    design = PidDesign(gain_pct_per_degC=4.0, integral_time_s=22.0, derivative_time_s=0.0, sample_time_s=1.0, structure="pi", method="")
+    words = which.encode(design, Scaling(low_degC=0.0, high_degC=150.0)).boosted(BOOST)
+    trace = simulate(which, words, HEATER, story, Actuator(pwm_period_s=1.0))
+    assert trace.power_asked_pct[:25].tolist() == [100.0] * 25
+    error = 70.0 - trace.reading_degC[25:30]
+    assert trace.power_asked_pct[25:30] == pytest.approx(4.0 * (error + np.cumsum(error) / 22.0), rel=2e-3)
+
+
 @pytest.mark.parametrize(("switches", "changed"), [
     ({}, {}), ({"edge": "runs_at_once", "history": "zero"}, {"MaximumOutput": 70.0, "MinimumOutput": 5.0, "TauSetPoint": 3.0}),
     ({"sampling": "block"}, {}), ({"sampling": "skipped"}, {}),

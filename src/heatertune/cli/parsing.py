@@ -46,6 +46,8 @@ def again(given: Sequence[str], options: Sequence[str]) -> tuple[str, ...]:
         return ()
     command = tuple(given)
     for flag, value in zip(options[::2], options[1::2], strict=True):
+        if flag == "--target":
+            command = tuple(word for word in command if word != "--faithful")  # the target says which
         command = (*_without(command, flag, value.partition("=")[0] if "=" in value else ""), flag, value)
     return ("heatertune", *command)
 

@@ -1,13 +1,17 @@
-"""An export that runs: its own text, input by input, as the PLC that it is loaded into would run it."""
+"""An export that runs: its own text, input by input, as the PLC that it is loaded into would run it.
+
+Where the program is a firmware's, a library's or an instrument's, the text tells what it is set to, and that is read.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
+from heatertune.plc.boost import Boost
 from heatertune.plc.ramp import Number
 
-__all__ = ["Called", "Exported", "Loads"]
+__all__ = ["Called", "Exported", "Loads", "Settings"]
 
 
 class Called(NamedTuple):
@@ -16,6 +20,24 @@ class Called(NamedTuple):
     setpoint: Number
     output: Number
     power_pct: float
+
+
+class Settings(NamedTuple):
+    """What a text sets; None: it tells nothing of that.
+
+    Attributes:
+        values: word name → number.
+        boost: of the program around the words; None: there is none.
+        setpoint_degC: [°C].
+        period_s: of the PWM [s].
+        pulses_s: step, shortest pulse and shortest pause of the PWM that the text's program makes itself [s].
+    """
+
+    values: Mapping[str, Number]
+    boost: Boost | None = None
+    setpoint_degC: float | None = None
+    period_s: float | None = None
+    pulses_s: tuple[float, float, float] | None = None
 
 
 class Exported(Protocol):
@@ -65,6 +87,6 @@ class Exported(Protocol):
         """Return how many ticks on the program counted when the period began; None: it counts none beforehand."""
 
 
-#: file of an export → what loads its program, None where another file holds the same; it raises InputError for what is
-#: not known here
-Loads = Mapping[str, Callable[[], Exported | None]]
+#: file of an export → what loads its program or reads its settings, None where another file holds the same; it raises
+#: InputError for what is not known here
+Loads = Mapping[str, Callable[[], Exported | Settings | None]]

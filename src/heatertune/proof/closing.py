@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final
@@ -205,7 +205,9 @@ class _Search:
 
     def tried(self, frame: Frame, made: Made) -> Closed | None:
         """Return a design with its price where it passes, with the first boost that does where the frame has one."""
-        found = boosts(made[1].words, self.screen, self.framed(frame).conditions) if frame.boosted else [None]
+        found: Iterable[Boost | None] = [None]
+        if frame.boosted:
+            found = boosts(made[1].words, self.screen, self.framed(frame).conditions)
         tried = (self.proven(frame, made, boost) for boost in found)
         return next((mended for mended in tried if mended is not None), None)
 

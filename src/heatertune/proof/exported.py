@@ -1,21 +1,22 @@
 """The exported text, given what the controller saw in a run: it must follow and ask for the same, word for word.
 
-So, call after call, it would have made this very run. A broken sensor has to put the heater off, and all to begin anew.
-What no run sees, as manual, is left open; so is what a program does after the first `_MOST_CALLS` and `_MOST_TICKS`.
+Where it only sets the words of a program that is not in it, it must set what the run had. So, call after call, it would
+have made this very run. A broken sensor has to put the heater off, and all to begin anew. What no run sees, as manual,
+is left open; so is what a program does after the first `_MOST_CALLS` and `_MOST_TICKS`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, cast
 
 import numpy as np
 
 from heatertune.errors import InputError
 from heatertune.model.findings import Finding
 from heatertune.plc.controller import Controller, controller_for
-from heatertune.plc.exported import Called, Exported
+from heatertune.plc.exported import Called, Exported, Settings
 from heatertune.plc.open_points import assumed
 from heatertune.plc.pwm import Actuator, on_time, pulse_ends
 from heatertune.plc.ramp import Number
@@ -28,6 +29,8 @@ from heatertune.proof.trace import Trace
 __all__ = ["Compared", "as_exported", "compared"]
 
 _OF_A_TICK: Final = 1e-6
+#: half a step of the clocks of programs that count in milliseconds [s]
+_OF_A_CLOCK_S: Final = 0.0005 + 1e-9
 #: of a run call by call, of its beginning tick by tick, and of all periods of the PWM: each less than a second, for a
 #: hundred times as many would be waited for
 _MOST_CALLS: Final = 20_000
@@ -94,14 +97,36 @@ def compared(
     for file, load in loads.items():
         try:
             text = load()
-            shown = Compared() if text is None else _Comparison(
-                controller, words, trace, text, load).shown(pulses.setdefault(file, set()))
+            if text is None or isinstance(text, Settings):
+                shown = Compared(text and _set_otherwise(text, words, trace))
+            else:
+                again = cast("Callable[[], Exported | None]", load)
+                shown = _Comparison(controller, words, trace, text, again).shown(pulses.setdefault(file, set()))
         except InputError as problem:
             shown = Compared(str(problem))
         if shown.departs is not None:
             return Compared(f"{file}: {shown.departs}")
         not_run |= dict.fromkeys(shown.not_run)
     return Compared(not_run=tuple(not_run))
+
+
+def _set_otherwise(text: Settings, words: Words, trace: Trace) -> str | None:
+    """Return what a text sets other than a run had it; with the same settings, the same program makes the same run."""
+    held: list[tuple[str, object, object]] = [
+        (name, text.values[name], value) for name, value in words.values.items() if name in text.values]
+    if len(held) == len(words.values):
+        held.append(("boost", text.boost, words.boost))
+    if text.setpoint_degC is not None:
+        held.append(("setpoint [°C]", text.setpoint_degC, trace.setpoint_degC))
+    for name, there, proven in held:
+        if there != proven:
+            return f"{name} is {there}; proven is {proven}"
+    names = "PWM period", "step of the PWM", "shortest pulse", "shortest pause"
+    times = text.period_s, *(text.pulses_s or (None, None, None))
+    for name, time_s, proven_s in zip(names, times, trace.actuator.numbers[:4], strict=True):
+        if time_s is not None and abs(time_s - proven_s) > _OF_A_CLOCK_S:
+            return f"{name} is {time_s:g} s; proven is {proven_s:g} s"
+    return None
 
 
 class _Call(NamedTuple):

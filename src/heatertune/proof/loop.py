@@ -143,7 +143,7 @@ def check_words(controller: Controller, words: Words, scenario: Scenario) -> Non
     low, high = words.scaling.sensor_degC
     for setpoint in scenario.setpoints_degC:
         if not low < setpoint < high:
-            rule = f"> {low:g} and < {high:g}, the sensor's range"
+            rule = f"> {low:g} and < {high:g}, the sensor's range (of a hot end, say: --range 0 300)"
             raise OutOfRange("setpoint_degC", setpoint, rule)
 
 

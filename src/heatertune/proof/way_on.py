@@ -1,4 +1,7 @@
-"""Where nothing mends a design as it was asked for: the nearest question that would be answered with PASS."""
+"""Where nothing mends a design as it was asked for: the nearest question that would be answered with PASS.
+
+Of a program with its source's faults that is the one repaired.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
+from heatertune.errors import HeatertuneError
 from heatertune.model.values import FittedModel
+from heatertune.plc import TARGETS, controller_for
 from heatertune.progress import Told
 from heatertune.proof import price
 from heatertune.proof.asked import Asked, Closed, plainly
@@ -53,14 +58,27 @@ class WayOn:
         first, proof = self.first, self.first.proof
         share, coarse = self._coarse()
         why = coarse if share >= COARSE else None
-        told, options = self.by_settings()
+        repaired = self._by_repair()
+        told, options = ("", repaired) if repaired else self.by_settings()
         if not told:
-            options = self._by_more_scans() or self._by_tolerance() or self._by_limits() or self._by_both()
+            options = (options or self._by_more_scans() or self._by_tolerance() or self._by_limits()
+                       or self._by_both())
             would = f"would pass at {' '.join(options)}" if options else ""
             told = "; ".join(filter(None, (why, would))) or "nothing tried mends it"
         heard = replace(proof.heard, remarks=(*proof.heard.remarks, told))
         note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
         return replace(first, proof=replace(proof, heard=heard), notes=(*first.notes, note), passes_with=options)
+
+    def _by_repair(self) -> tuple[str, ...]:
+        target = next((name for name in TARGETS if controller_for(name).faithful == self.asked.target), None)
+        if target is None:
+            return ()
+        self.progress(f"{price.broken(self.first)} fails: trying the same program repaired, {target}")
+        try:
+            other = self.close(self.fitted, replace(self.asked, target=target), progress=self.progress)
+        except HeatertuneError:  # what was asked for is of the other alone
+            return ()
+        return () if other.proof.verdict == "FAIL" else ("--target", target)
 
     def by_settings(self) -> tuple[str, tuple[str, ...]]:
         """Return what is told where one setting of an open point would do, and its options; nothing where none does."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from heatertune.plc.arduino_pid.export import export_words
+from heatertune.plc.arduino_pid.exported import exported
 from heatertune.plc.arduino_pid.readback import from_text
 from heatertune.plc.arduino_pid.step import FIRST_MS, Assumptions, parameters_of, scan
 from heatertune.plc.arduino_pid.words import (
@@ -20,7 +21,7 @@ from heatertune.plc.arduino_pid.words import (
 )
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
-from heatertune.plc.parallel.step import COLD, PARALLEL
+from heatertune.plc.parallel.step import COLD, PARALLEL, boosted
 from heatertune.plc.words import Words
 
 __all__ = ["ArduinoPid"]
@@ -32,24 +33,26 @@ class ArduinoPid(Controller, name="arduino-pid"):
     title = "Arduino, library PID by Brett Beauregard 1.2.1 (PID_v1.cpp)"
     can = (
         "P, PI, PD and PID, D on the reading; P on the error, or on the measurement where words are read",
-        "exported as a whole sketch: constructor, window of time for a relay, a broken sensor puts the heater off",
+        "exported as a whole sketch: constructor, boost, window of time for a relay; a broken sensor is off",
     )
     cannot = (
         "no derivative filter: noise and steps of the reading reach the output times Kd/SampleTime",
         "the integral part goes on while the output is at a limit; it ends at that limit itself",
         "no coolers (REVERSE), no lower limit but 0, no gains that the sketch changes later",
-        "no setpoint ramp, no boost in the sketch; pulses that make up for others are left to a switch behind it",
+        "no setpoint ramp in the sketch; pulses that make up for others are left to a switch behind it",
     )
     fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, Assumptions
     inputs: ClassVar = {"Setpoint": "REAL", "Input": "REAL", "Mode": "BOOL", "Output": "REAL", "Elapsed": "UINT"}
     derivative_filter = 0.0
     most_power = ("OutMax", FULL)
     tick_s = 0.01
+    boosted = True
     core = PARALLEL
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     consistent, interval_s = staticmethod(consistent), staticmethod(interval_s)
     oddities, text, scan_all = staticmethod(oddities), staticmethod(from_text), staticmethod(scan)
+    exported = staticmethod(exported)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state before SetMode(AUTOMATIC), the output being 0."""
-        return Running(parameters_of(words.values, assume), COLD._replace(waited=FIRST_MS))
+        return Running(boosted(parameters_of(words.values, assume), words.boost), COLD._replace(waited=FIRST_MS))

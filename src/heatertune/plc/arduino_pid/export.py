@@ -17,8 +17,8 @@ PID heaterPid(&Input, &Output, &Setpoint, {kp}, {ki}, {kd}, {pon}, DIRECT);
 
 unsigned long windowBegan = 0;
 unsigned long onMs = 0;
-bool heating = false;          // whether the PID has a reading
-
+bool heating = false;          // whether there is a reading
+{boost_state}
 // TODO: return your sensor's temperature in degC, NAN where it is broken
 double readTemperature() {{
   return NAN;
@@ -51,15 +51,34 @@ void loop() {{
     return;
   }}
   Input = reading;
-  if (!heating) heaterPid.SetMode(AUTOMATIC);
-  heaterPid.Compute();
+{who}  heaterPid.Compute();
   if (!heating || now - windowBegan >= WINDOW_MS) {{
     windowBegan = heating ? windowBegan + WINDOW_MS : now;
-    onMs = pulse(Output);
+    onMs = pulse({asked});
   }}
   heating = true;
   digitalWrite(HEATER_PIN, now - windowBegan < onMs ? HIGH : LOW);
 }}
+"""
+
+_AUTOMATIC = """\
+  if (!heating) heaterPid.SetMode(AUTOMATIC);
+"""
+
+_STATE = """\
+bool boosting = true;
+unsigned long decided = 0;
+"""
+
+_BOOST = """\
+  if (!heating) boosting = true;
+  if (!heating || now - decided >= SAMPLE_MS) {  // far from the setpoint: full power, and the PID by hand at 0
+    decided = heating ? decided + SAMPLE_MS : now;
+    const double away = Setpoint - Input;
+    boosting = away > (boosting ? BOOST_WITHIN : BOOST_AGAIN) && !isinf(away);
+    heaterPid.SetMode(boosting ? MANUAL : AUTOMATIC);
+    if (boosting) Output = 0.0;
+  }
 """
 
 
@@ -71,14 +90,20 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     head = "\n".join(f"// {line}" for line in _head(words, certificate, window))
     body = _LOOP.format(
         setpoint=decimal(setpoint, "LREAL"), kp=text["Kp"], ki=text["Ki"], kd=text["Kd"], outmax=text["OutMax"],
-        pon="P_ON_E" if words.values["POn"] == ON_ERROR else "P_ON_M", sample=words.whole["SampleTime"])
-    return {"arduino_pid.ino": f"{head}\n\n#include <PID_v1.h>\n\n{_constants(text['Full'], window)}{body}"}
+        pon="P_ON_E" if words.values["POn"] == ON_ERROR else "P_ON_M", sample=words.whole["SampleTime"],
+        boost_state=_STATE if words.boost else "", who=_BOOST if words.boost else _AUTOMATIC,
+        asked=f"boosting ? {text['OutMax']} : Output" if words.boost else "Output")
+    return {"arduino_pid.ino": f"{head}\n\n#include <PID_v1.h>\n\n{_constants(words, text['Full'], window)}{body}"}
 
 
-def _constants(full: str, window: Window) -> str:
+def _constants(words: Words, full: str, window: Window) -> str:
     numbers = {"WINDOW_MS": window.period_ms, "STEP_MS": window.step_ms, "LEAST_ON_MS": window.least_on_ms,
                "LEAST_OFF_MS": window.least_off_ms}
     times = "".join(f"const unsigned long {name} = {number};\n" for name, number in numbers.items())
+    if words.boost is not None:
+        times += (f"const unsigned long SAMPLE_MS = {words.whole['SampleTime']};\n"
+                  f"const double BOOST_WITHIN = {decimal(words.boost.within_degC, 'LREAL')};  // degC\n"
+                  f"const double BOOST_AGAIN = {decimal(words.boost.again_degC, 'LREAL')};\n")
     return f"const int HEATER_PIN = 5;  // TODO: yours\nconst double Full = {full};\n{times}"
 
 

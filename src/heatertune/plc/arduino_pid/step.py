@@ -7,7 +7,18 @@ from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.arduino_pid.words import ON_MEASUREMENT
 from heatertune.plc.open_points import Switch
-from heatertune.plc.parallel.step import SUM, Parameters, State, again, called, limited, narrowed_to, scanned, step
+from heatertune.plc.parallel.step import (
+    NOBODY,
+    SUM,
+    Parameters,
+    State,
+    again,
+    called,
+    limited,
+    narrowed_to,
+    scanned,
+    step,
+)
 
 __all__ = ["FIRST_MS", "Assumptions", "parameters_of", "scan"]
 
@@ -46,15 +57,15 @@ def scan(p: Parameters, s: State, inputs: Mapping[str, float]) -> tuple[State, f
     """Compute one pass of loop(): where named, Mode 0 with Output by hand, and Elapsed, ms since the last."""
     if not inputs.get("Mode", 1):
         by_hand = narrowed_to(p.narrow, float(inputs.get("Output", s.output)))
-        return scanned(p, again(s, True, by_hand, s.waited + inputs.get("Elapsed", p.interval)))
+        return scanned(p, again(s, True, by_hand, s.waited + inputs.get("Elapsed", p.interval), NOBODY))
     if s.begins:  # SetMode(AUTOMATIC), at once
         total = limited(s.output, p.low, p.high)
         before = narrowed_to(p.narrow, float(inputs["Input"]))
-        s = State(False, s.calls, total, 0.0, 0.0, before, 0.0, 0.0, s.output, s.waited)
+        s = State(False, s.calls, total, 0.0, 0.0, before, 0.0, 0.0, s.output, s.waited, held=s.held)
     setpoint, reading = (narrowed_to(p.narrow, float(inputs[name])) for name in ("Setpoint", "Input"))
     if "Elapsed" not in inputs:
         return step(p, s, setpoint, reading, True)
     waited = s.waited + inputs["Elapsed"]
     if waited < p.interval:
-        return scanned(p, again(s, False, s.output, waited))
+        return scanned(p, again(s, False, s.output, waited, s.held))
     return scanned(p, called(p, s, setpoint, reading, p.interval))

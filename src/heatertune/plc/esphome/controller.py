@@ -7,10 +7,11 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
 from heatertune.plc.esphome.export import export_words
+from heatertune.plc.esphome.exported import exported
 from heatertune.plc.esphome.readback import from_text
 from heatertune.plc.esphome.step import Assumptions, parameters_of, scan
 from heatertune.plc.esphome.words import COUNTS, FIELDS, TIMER, consistent, design_of, interval_s, oddities, values_of
-from heatertune.plc.parallel.step import COLD, PARALLEL
+from heatertune.plc.parallel.step import COLD, PARALLEL, boosted
 from heatertune.plc.words import Words
 
 __all__ = ["EspHome"]
@@ -23,12 +24,12 @@ class EspHome(Controller, name="esphome"):
     can = (
         "P, PI, PD and PID in single precision by the measured interval, D on the reading",
         "limits of the integral part, mean of up to 8 changes in the derivative part",
-        "exported as YAML: climate with control_parameters, slow_pwm output",
+        "exported as YAML: climate with control_parameters, slow_pwm output, and a boost between",
     )
     cannot = (
         "the integral part goes on while the output is at a limit; its own limits end it",
         "no dead band, no averaged output, no starting integral term, no cool_output",
-        "no setpoint ramp, no boost in the file; slow_pwm knows no shortest pulse",
+        "no setpoint ramp in the file; slow_pwm knows no shortest pulse",
         "a change of the mode keeps the integral part: it goes on summing while the climate is off",
     )
     fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, Assumptions
@@ -36,11 +37,13 @@ class EspHome(Controller, name="esphome"):
         "target_temperature": "REAL", "current_temperature": "REAL", "mode": "BOOL", "elapsed_ms": "UINT"}
     derivative_filter = 0.0
     tick_s = 0.1
+    boosted = True
     core = PARALLEL
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     consistent, interval_s = staticmethod(consistent), staticmethod(interval_s)
     oddities, text, scan_all = staticmethod(oddities), staticmethod(from_text), staticmethod(scan)
+    exported = staticmethod(exported)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after a restart."""
-        return Running(parameters_of(words.values, assume), COLD)
+        return Running(boosted(parameters_of(words.values, assume), words.boost), COLD)

@@ -24,7 +24,7 @@ climate:
     id: heater_climate
     sensor: heater_temperature
     default_target_temperature: {setpoint}°C
-    heat_output: heater_output
+    heat_output: {output}
     control_parameters:
 {parameters}
 output:
@@ -32,6 +32,21 @@ output:
     id: heater_output
     pin: GPIO5  # TODO: yours
     period: {period}ms
+{boost}"""
+
+_BOOST = """\
+  - platform: template
+    id: heater_level
+    type: float
+    write_action:
+      - lambda: |-
+          // far from the setpoint: full power, and no integral part; while it is off nothing is summed up, either
+          static bool boosting = true;
+          const bool off = id(heater_climate).mode == climate::CLIMATE_MODE_OFF;
+          const float away = id(heater_climate).target_temperature - id(heater_climate).current_temperature;
+          if (!std::isnan(away)) boosting = off || (away > (boosting ? {within}f : {again}f) && !std::isinf(away));
+          if (off || boosting) id(heater_climate).reset_integral_term();
+          id(heater_output).set_level(boosting && !off && !std::isnan(away) ? 1.0f : state);
 """
 
 
@@ -43,8 +58,16 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     setpoint = words.scaling.low_degC if certificate.setpoint_degC is None else certificate.setpoint_degC
     head = "\n".join(f"# {line}" for line in _head(words, certificate, window))
     body = _YAML.format(update_interval=words.whole["update_interval"], setpoint=decimal(setpoint, "LREAL"),
-                        parameters=parameters, period=max(window.period_ms, _LEAST_PERIOD_MS))
+                        parameters=parameters, period=max(window.period_ms, _LEAST_PERIOD_MS),
+                        output="heater_output" if words.boost is None else "heater_level", boost=_boost(words))
     return {"esphome_pid.yaml": head + "\n" + body}
+
+
+def _boost(words: Words) -> str:
+    if words.boost is None:
+        return ""
+    within, again = (decimal(each, "REAL") for each in (words.boost.within_degC, words.boost.again_degC))
+    return _BOOST.format(within=within, again=again)
 
 
 def _text(words: Words, name: str) -> str:

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, NamedTuple
 
 from heatertune.plc.open_points import Switch
-from heatertune.plc.parallel.step import SUM_BY_TIME, Parameters, State, again, called, narrowed_to, scanned, step
+from heatertune.plc.parallel.step import (
+    NOBODY,
+    SUM_BY_TIME,
+    Parameters,
+    State,
+    again,
+    called,
+    narrowed_to,
+    scanned,
+    step,
+)
 from heatertune.plc.single import single
 
 __all__ = ["Assumptions", "parameters_of", "scan"]
@@ -37,7 +48,11 @@ def scan(p: Parameters, s: State, inputs: Mapping[str, float]) -> tuple[State, f
         waited = s.waited + inputs["elapsed_ms"]
         broken = setpoint != setpoint or reading != reading  # noqa: PLR0124 - only what is no number is not itself
         interval = narrowed_to(True, single(waited) / 1000.0)
-        after = again(s, s.begins, 0.0, waited) if broken else called(p, s, setpoint, reading, interval)
+        off = again(s, s.begins, 0.0, waited, min(s.held, NOBODY))
+        after = off if broken else called(p, s, setpoint, reading, interval)
     else:
         after = step(p, s, setpoint, reading, True)[0]
-    return scanned(p, after if inputs.get("mode", 1) else after._replace(output=0.0))
+    if inputs.get("mode", 1):
+        return scanned(p, after)
+    anew = after if math.isinf(p.within) else after._replace(integral=0.0, held=NOBODY)  # as the lambda of a boost does
+    return scanned(p, anew._replace(output=0.0))

@@ -8,6 +8,7 @@ from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running
 from heatertune.plc.klipper.export import export_words
+from heatertune.plc.klipper.exported import exported
 from heatertune.plc.klipper.readback import from_text
 from heatertune.plc.klipper.step import COLD, FLAGS, Assumptions, loop_of, measure, step
 from heatertune.plc.klipper.words import FIELDS, REPORT_S, USUAL, design_of, interval_s, oddities, past_of, values_of
@@ -44,6 +45,7 @@ class Klipper(Controller, name="klipper"):
     core = Core(step=step, measure=measure, flags=FLAGS)
     values, design, interval_s = staticmethod(values_of), staticmethod(design_of), staticmethod(interval_s)
     export, text, oddities = staticmethod(export_words), staticmethod(from_text), staticmethod(oddities)
+    exported = staticmethod(exported)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state of a host that has started and read the temperature with its heater off."""

@@ -50,8 +50,9 @@ def _trial(words: Words, certificate: Certificate) -> str:
         return "\n".join([*lines, "; no setpoint was proven: enter yours",
                           f"; SET_HEATER_TEMPERATURE HEATER={SECTION} TARGET="]) + "\n"
     lines += [
-        "M107 ; the part's fan off", f"SET_HEATER_TEMPERATURE HEATER={SECTION} TARGET={target:g} ; the proven setpoint",
-        f"TEMPERATURE_WAIT SENSOR={SECTION} MINIMUM={target - 1.0:g}", "G4 P120000 ; overshoot and settling",
+        "M107 ; the part's fan off",
+        f"SET_HEATER_TEMPERATURE HEATER={SECTION} TARGET={target:.10g} ; the proven setpoint",
+        f"TEMPERATURE_WAIT SENSOR={SECTION} MINIMUM={target - 1.0:.10g}", "G4 P120000 ; overshoot and settling",
         "M106 S255 ; a load: the part's fan", "G4 P60000", "M107", "G4 P60000", "TURN_OFF_HEATERS",
     ]
     return "\n".join(lines) + "\n"

@@ -7,6 +7,7 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
 from heatertune.plc.marlin.export import export_words
+from heatertune.plc.marlin.exported import exported
 from heatertune.plc.marlin.readback import from_text
 from heatertune.plc.marlin.step import Assumptions, parameters_of, scan
 from heatertune.plc.marlin.words import COUNTS, FIELDS, TIMER, design_of, interval_s, oddities, values_of
@@ -40,7 +41,7 @@ class Marlin(Controller, name="marlin"):
     core = PARALLEL
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     interval_s, oddities, text = staticmethod(interval_s), staticmethod(oddities), staticmethod(from_text)
-    scan_all = staticmethod(scan)
+    scan_all, exported = staticmethod(scan), staticmethod(exported)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after power-on."""

@@ -8,6 +8,10 @@
 
 All are one function and one pair of tuples, so that a compiler sees one program. Where `narrow` holds, every operation
 rounds to single precision; else they are those of double precision.
+
+The program around them may have the heater on full power far from the setpoint, see `heatertune.plc.boost`. Until it
+gives it back, PID_v1 is in manual at 0 and simple-pid is none: each begins anew. ESPHome's goes on computing, its
+integral part being put to 0 after each reading. Marlin does that itself.
 """
 
 from __future__ import annotations
@@ -15,17 +19,23 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
+from heatertune.plc.boost import Boost
 from heatertune.plc.core import Core, Sensor, count
 from heatertune.plc.single import single
 
-__all__ = ["COLD", "FLAGS", "PARALLEL", "SUM", "SUM_BY_TIME", "TERMS", "WINDOW", "Parameters", "State", "again",
-           "called", "limited", "narrowed_to", "quotient", "scanned", "step"]
+__all__ = ["COLD", "FLAGS", "NOBODY", "PARALLEL", "SUM", "SUM_BY_TIME", "TERMS", "WINDOW", "Parameters", "State",
+           "again", "boosted", "called", "limited", "narrowed_to", "quotient", "scanned", "step"]
 
 #: what a program does against windup
 WINDOW: Final = 0
 SUM: Final = 1
 SUM_BY_TIME: Final = 2
 TERMS: Final = 3
+
+#: who has the heater: the controller; nobody yet, after a start or while it is off; the program, at full power
+CONTROLLER: Final = 0
+NOBODY: Final = 1
+PROGRAM: Final = 2
 
 #: calls of which one is missed, where they come late
 _TEN: Final = 10
@@ -58,6 +68,8 @@ class Parameters(NamedTuple):
     weight: float = 0.0  # of the new value in the filtered derivative
     samples: int = 1
     inside: bool = False  # the reading before is that of the last call within the window
+    within: float = math.inf  # see `heatertune.plc.boost.Boost`; infinite: there is none
+    far: float = math.inf
 
 
 class State(NamedTuple):
@@ -75,6 +87,7 @@ class State(NamedTuple):
     waited: float = 0.0  # ms since the last call that computed
     kept: int = 0
     slopes: tuple[float, float, float, float, float, float, float, float] = (0.0,) * _SAMPLES
+    held: int = NOBODY  # who has the heater
 
 
 COLD: Final = State()
@@ -91,24 +104,39 @@ def step(p: Parameters, s: State, setpoint: float, reading: float, _begins: bool
         _begins: not looked at: the PWM is behind the output.
     """
     if p.late and s.calls == _TEN - 1:
-        return scanned(p, again(s, s.begins, s.output, 0.0))
-    interval = p.interval + p.interval if p.late and s.calls == _TEN else p.interval
+        return scanned(p, again(s, s.begins, s.output, 0.0, s.held))
+    missed = p.late and s.calls == _TEN and not (p.law == TERMS and s.begins)  # a new object takes its interval as told
+    interval = p.interval + p.interval if missed else p.interval
     return scanned(p, called(p, s, setpoint, reading, interval))
 
 
-def again(s: State, begins: bool, output: float, waited: float) -> State:
-    """Return a state whose memory is as it was."""
+def boosted(p: Parameters, boost: Boost | None) -> Parameters:
+    """Return the parameters with a boost."""
+    return p if boost is None else p._replace(within=boost.within_degC, far=boost.again_degC)
+
+
+def again(s: State, begins: bool, output: float, waited: float, held: int) -> State:
+    """Return a state whose memory is as it was.
+
+    Args:
+        s: before the call.
+        begins: whether nothing is computed since the start or since manual.
+        output: from now on.
+        waited: since the last call that computed [ms].
+        held: who has the heater.
+    """
     return State(begins, s.calls % _TEN + 1, s.integral, s.proportional, s.derivative, s.reading, s.error, s.setpoint,
-                 output, waited, s.kept, s.slopes)
+                 output, waited, s.kept, s.slopes, held)
 
 
 def scanned(p: Parameters, s: State) -> tuple[State, float, float, int]:
     """Return the state, the output as power, the output, and the flags as bits; what is no number is off."""
-    share = s.output / p.full
+    output = p.high if s.held == PROGRAM else s.output
+    share = output / p.full
     power = 100.0 * min(max(share, 0.0), 1.0) if share == share else 0.0  # noqa: PLR0124 - only NaN is not itself
     highest = float(math.floor(p.high / 2.0)) if p.law == WINDOW else p.high
-    bits = int(s.output >= highest) + 2 * int(s.output <= p.low) + 4 * int(s.output != s.output)
-    return s, power, s.output, bits
+    bits = int(output >= highest) + 2 * int(output <= p.low) + 4 * int(math.isnan(output))
+    return s, power, output, bits
 
 
 def called(p: Parameters, s: State, setpoint: float, reading: float, interval: float) -> State:
@@ -123,11 +151,23 @@ def called(p: Parameters, s: State, setpoint: float, reading: float, interval: f
     """
     if p.law == WINDOW:
         return _windowed(p, s, setpoint, reading)
+    away = narrowed_to(p.narrow, setpoint - reading)
+    if (p.far if s.held == CONTROLLER else p.within) < away < math.inf:
+        return _on_full_power(p, s, setpoint, reading, interval)
     if p.law == SUM:
         return _summed(p, s, setpoint, reading)
     if p.law == SUM_BY_TIME:
         return _summed_by_time(p, s, setpoint, reading, interval)
     return _of_terms(p, s, setpoint, reading, interval)
+
+
+def _on_full_power(p: Parameters, s: State, setpoint: float, reading: float, interval: float) -> State:
+    """Return the state after one call in which the program gives full power."""
+    if p.law != SUM_BY_TIME:
+        return State(True, s.calls % _TEN + 1, 0.0, 0.0, 0.0, reading, 0.0, setpoint, 0.0, 0.0, 0, s.slopes, PROGRAM)
+    s = _summed_by_time(p, s, setpoint, reading, interval)
+    return State(False, s.calls, 0.0, 0.0, s.derivative, reading, s.error, setpoint, s.output, 0.0, s.kept, s.slopes,
+                 PROGRAM)
 
 
 def _windowed(p: Parameters, s: State, setpoint: float, reading: float) -> State:
@@ -144,13 +184,14 @@ def _windowed(p: Parameters, s: State, setpoint: float, reading: float) -> State
     both = narrowed_to(p.narrow, narrowed_to(p.narrow, p.kp * error) + narrowed_to(p.narrow, p.ki * total))
     output = limited(narrowed_to(p.narrow, both + lagged), p.low, p.high)
     steps = float(math.floor(output / 2.0)) if output >= 0.0 else 0.0  # a whole number, halved: both cut
-    return State(False, s.calls % _TEN + 1, total, 0.0, lagged, reading, error, target, steps, 0.0, 0, s.slopes)
+    return State(False, s.calls % _TEN + 1, total, 0.0, lagged, reading, error, target, steps, 0.0, 0, s.slopes,
+                 CONTROLLER)
 
 
 def _outside(p: Parameters, s: State, reading: float, output: float) -> State:
     last = s.reading if p.inside else reading
     return State(True, s.calls % _TEN + 1, s.integral, 0.0, s.derivative, last, s.error, s.setpoint, output, 0.0, 0,
-                 s.slopes)
+                 s.slopes, CONTROLLER)
 
 
 def _summed(p: Parameters, s: State, setpoint: float, reading: float) -> State:
@@ -164,12 +205,13 @@ def _summed(p: Parameters, s: State, setpoint: float, reading: float) -> State:
     output = 0.0 if p.on_measurement else narrowed_to(p.narrow, p.kp * error)
     output = narrowed_to(p.narrow, output + narrowed_to(p.narrow, total - narrowed_to(p.narrow, p.kd * change)))
     output = limited(output, p.low, p.high)
-    return State(False, s.calls % _TEN + 1, total, 0.0, 0.0, reading, error, setpoint, output, 0.0, 0, s.slopes)
+    return State(False, s.calls % _TEN + 1, total, 0.0, 0.0, reading, error, setpoint, output, 0.0, 0, s.slopes,
+                 CONTROLLER)
 
 
 def _summed_by_time(p: Parameters, s: State, setpoint: float, reading: float, interval: float) -> State:
     if not (setpoint == setpoint and reading == reading):  # noqa: PLR0124 - no number: off, and no call
-        return again(s, s.begins, 0.0, s.waited)
+        return again(s, s.begins, 0.0, s.waited, min(s.held, NOBODY))
     interval = 0.0 if s.begins else interval
     error = narrowed_to(p.narrow, setpoint - reading)
     growth = narrowed_to(p.narrow, narrowed_to(p.narrow, error * interval) * p.ki)
@@ -187,7 +229,8 @@ def _summed_by_time(p: Parameters, s: State, setpoint: float, reading: float, in
     both = narrowed_to(p.narrow, narrowed_to(p.narrow, p.kp * error) + 0.0 + total)
     output = narrowed_to(p.narrow, both + narrowed_to(p.narrow, p.kd * slope))
     level = limited(output, 0.0, 1.0) if output == output else s.output  # noqa: PLR0124 - neither output is set
-    return State(False, s.calls % _TEN + 1, total, 0.0, slope, reading, error, setpoint, level, 0.0, kept, slopes)
+    return State(False, s.calls % _TEN + 1, total, 0.0, slope, reading, error, setpoint, level, 0.0, kept, slopes,
+                 CONTROLLER)
 
 
 def _mean(p: Parameters, slopes: tuple[float, ...], kept: int) -> float:
@@ -206,7 +249,7 @@ def _of_terms(p: Parameters, s: State, setpoint: float, reading: float, interval
     derivative = p.kd * turned / interval if p.on_error else -p.kd * change / interval
     output = limited(proportional + total + derivative, p.low, p.high)
     return State(False, s.calls % _TEN + 1, total, proportional, derivative, reading, error, setpoint, output, 0.0, 0,
-                 s.slopes)
+                 s.slopes, CONTROLLER)
 
 
 def limited(value: float, low: float, high: float) -> float:

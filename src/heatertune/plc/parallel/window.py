@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Final, NamedTuple
 
+from heatertune.plc.boost import Boost
+from heatertune.plc.exported import Settings
+from heatertune.plc.ramp import Number
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["Window", "window_of"]
+__all__ = ["Window", "settings_of", "window_of"]
+
+_MAKES_UP: Final = "proven was a switch that makes up what it leaves out: this program does not"
 
 
 class Window(NamedTuple):
@@ -28,5 +34,29 @@ def window_of(words: Words, certificate: Certificate) -> Window:
     period, step, on, off = (round(1000.0 * time) for time in switch.numbers[:4])
     told = f"window of {period} ms, pulses in steps of {max(1, step)} ms"
     if switch.numbers[4]:
-        told += "; proven was a switch that makes up what it leaves out: this program does not"
+        told += f"; {_MAKES_UP}"
     return Window(max(1, period), max(1, step), on, off, told)
+
+
+def settings_of(
+    values: Mapping[str, Number], numbers: Mapping[str, float], setpoint_degC: float, boost: tuple[str, str], text: str
+) -> Settings:
+    """Return what a program sets; of a PWM that it tells to be another than proven, nothing.
+
+    Args:
+        values: of the words.
+        numbers: constants of the text by name.
+        setpoint_degC: [°C].
+        boost: names of its two distances.
+        text: of the program.
+
+    Raises:
+        OutOfRange: distances that make no boost.
+        KeyError: a constant is not there.
+    """
+    within, again = (numbers.get(name) for name in boost)
+    distances = None if within is None or again is None else Boost(within_degC=within, again_degC=again)
+    period, *pulses = (numbers[name] / 1000.0 for name in ("WINDOW_MS", "STEP_MS", "LEAST_ON_MS", "LEAST_OFF_MS"))
+    if _MAKES_UP in text:
+        return Settings(values, distances, setpoint_degC)
+    return Settings(values, distances, setpoint_degC, period, (pulses[0], pulses[1], pulses[2]))

@@ -11,6 +11,7 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cycle import Cycle
 from heatertune.plc.pband.export import export_words
+from heatertune.plc.pband.exported import exported
 from heatertune.plc.pband.makes import MAKES, Make, field_of
 from heatertune.plc.pband.readback import from_text
 from heatertune.plc.pband.step import COLD, Assumptions, step
@@ -76,6 +77,7 @@ def _instrument(name: str, make: Make) -> type[Controller]:
         "core": Core(step=step, measure=count, flags=("upper limit", "lower limit")),
         "values": staticmethod(partial(values_of, make)), "design": staticmethod(partial(design_of, make)),
         "export": staticmethod(partial(export_words, name, make)), "text": staticmethod(partial(from_text, make)),
+        "exported": staticmethod(partial(exported, make)),
         "oddities": staticmethod(partial(oddities, make)), "consistent": staticmethod(partial(consistent, make)),
         "tolerated": staticmethod(lambda _words: None), "begin": _begin(make),
     }

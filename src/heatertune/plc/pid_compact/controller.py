@@ -29,7 +29,7 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
 from heatertune.plc.words import Scaling, WordField, Words
 
-__all__ = ["CORE", "COUNTS", "DELAY_S", "INPUTS", "TIMER", "PidCompact"]
+__all__ = ["CORE", "COUNTS", "DELAY_S", "INPUTS", "TIMER", "UNREAD", "PidCompact"]
 
 
 def _measure(sensor: Sensor, temperature_degC: float) -> float:
@@ -45,6 +45,16 @@ TIMER = Timer(shortest_s=0.01, longest_s=600.0, step_s=0.01)
 #: which the outputs go out, whose cycle a CPU watches (150 ms by default) [s]
 DELAY_S = 0.256 + 0.15
 FIELDS: Final[tuple[WordField, ...]] = fields_of(COMPACT)
+_AT_ENDS = "say with --range what 0 and 27648 of Input_PER mean"
+#: PID_Compact scales Input_PER by two points, so the module's own range is told by these
+UNREAD: Mapping[str, str] = {
+    "4-20mA": f"Input_PER of a module set to 4…20 mA goes from 0 to 27648, which the instruction scales: {_AT_ENDS}, "
+              "that is, at 4 and at 20 mA",
+    **dict.fromkeys(
+        ("thermocouple", "rtd", "rtd-climatic"),
+        "such a module counts tenths of a degree from 0 °C on, as --range 0 2764.8 scales it "
+        "(in a climatic range hundredths: --range 0 276.48)"),
+}
 INPUTS: Mapping[str, str] = {"Setpoint": "REAL", "Input": "REAL", "Reset": "BOOL"}
 
 
@@ -64,7 +74,7 @@ class PidCompact(Controller, name="pid-compact"):
     )
     fields = FIELDS
     assumptions, timer, counts, inputs, core = Assumptions, TIMER, COUNTS, INPUTS, CORE
-    tick_s, delay_s = 0.1, DELAY_S
+    tick_s, delay_s, unread = 0.1, DELAY_S, UNREAD
     own_pwm = ("pid-compact", math.inf)
     most_power = ("OutputUpperLimit", 100.0)
     design, consistent, interval_s = staticmethod(design_of), staticmethod(consistent), staticmethod(interval_s)

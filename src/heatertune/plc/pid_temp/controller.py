@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller, Cooling
 from heatertune.plc.core import Running
-from heatertune.plc.pid_compact.controller import CORE, COUNTS, DELAY_S, INPUTS, TIMER
+from heatertune.plc.pid_compact.controller import CORE, COUNTS, DELAY_S, INPUTS, TIMER, UNREAD
 from heatertune.plc.pid_temp.export import (
     cooling_export_words,
     cooling_exported,
@@ -65,7 +65,7 @@ class PidTemp(Controller, name="pid-temp"):
         "no setpoint ramp, no feed-forward (Disturbance), no manual in the proof",
     )
     fields, assumptions, timer, counts, inputs, core = FIELDS, Assumptions, TIMER, COUNTS, INPUTS, CORE
-    tick_s, delay_s = 0.1, DELAY_S
+    tick_s, delay_s, unread = 0.1, DELAY_S, UNREAD
     own_pwm = ("pid-compact", 10.0)
     most_power: ClassVar = ("OutputUpperLimit", 100.0)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
@@ -93,7 +93,7 @@ class PidTempCooling(Controller, name="pid-temp-cooling"):
         "no setpoint below the ambient, no setpoint ramp, no feed-forward (Disturbance), no manual in the proof",
     )
     fields, assumptions, timer, counts, inputs = COOLING_FIELDS, CoolingAssumptions, TIMER, COUNTS, INPUTS
-    core, tick_s, delay_s = COOLING_CORE, 0.1, DELAY_S
+    core, tick_s, delay_s, unread = COOLING_CORE, 0.1, DELAY_S, UNREAD
     own_pwm = ("pid-compact", 10.0)
     most_power: ClassVar = ("OutputUpperLimit", 100.0)
     baseline = None

@@ -6,8 +6,9 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
-from heatertune.plc.parallel.step import COLD, PARALLEL
+from heatertune.plc.parallel.step import COLD, PARALLEL, boosted
 from heatertune.plc.simple_pid.export import export_words
+from heatertune.plc.simple_pid.exported import exported
 from heatertune.plc.simple_pid.readback import from_text
 from heatertune.plc.simple_pid.step import Assumptions, parameters_of, scan
 from heatertune.plc.simple_pid.words import COUNTS, FIELDS, FULL, TIMER, design_of, interval_s, oddities, values_of
@@ -23,24 +24,25 @@ class SimplePid(Controller, name="simple-pid"):
     can = (
         "P, PI, PD and PID in double precision by the measured interval, D on the reading",
         "P on the measurement and D on the error where words are read",
-        "exported as a Python module: the object, and a loop with a window of time; a broken sensor is off",
+        "exported as a Python module: the object, a loop with a boost and a window of time; a broken sensor is off",
     )
     cannot = (
         "no derivative filter: noise and steps of the reading reach the output times Kd/interval",
         "the integral part goes on while the output is at a limit; it ends at that limit itself",
         "no coolers, no lower limit but 0, no error_map, no starting_output",
-        "no setpoint ramp, no boost in the module; pulses that make up for others are left to a switch behind it",
+        "no setpoint ramp in the module; pulses that make up for others are left to a switch behind it",
     )
     fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, Assumptions
     inputs: ClassVar = {"setpoint": "REAL", "input_": "REAL", "auto_mode": "BOOL", "last_output": "REAL", "dt": "REAL"}
     derivative_filter = 0.0
     most_power = ("output_max", FULL)
     tick_s = 0.01
+    boosted = True
     core = PARALLEL
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     interval_s, oddities, text = staticmethod(interval_s), staticmethod(oddities), staticmethod(from_text)
-    scan_all = staticmethod(scan)
+    scan_all, exported = staticmethod(scan), staticmethod(exported)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state of a new object."""
-        return Running(parameters_of(words.values, assume), COLD)
+        return Running(boosted(parameters_of(words.values, assume), words.boost), COLD)

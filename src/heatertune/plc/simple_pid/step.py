@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Annotated, NamedTuple
 
 from heatertune.plc.open_points import Switch
-from heatertune.plc.parallel.step import TERMS, Parameters, State, again, called, limited, scanned, step
+from heatertune.plc.parallel.step import NOBODY, TERMS, Parameters, State, again, called, limited, scanned, step
 
 __all__ = ["Assumptions", "parameters_of", "scan"]
 
@@ -35,7 +35,7 @@ def scan(p: Parameters, s: State, inputs: Mapping[str, float]) -> tuple[State, f
     An interval that is none is refused by the package, and leaves all as it was.
     """
     if not inputs.get("auto_mode", 1):
-        return scanned(p, again(s, True, s.output, 1.0))
+        return scanned(p, again(s, True, s.output, 1.0, NOBODY))
     if s.begins and s.waited:  # back from manual: the I part begins where it is told
         begun = limited(float(inputs.get("last_output", 0.0)), p.least, p.most)
         s = State(True, s.calls, begun, 0.0, 0.0, 0.0, 0.0, 0.0, s.output, 0.0)

@@ -1,0 +1,21 @@
+"""What the lines for Configuration.h and the G-code set in the firmware."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from heatertune.plc.exported import Settings
+from heatertune.plc.marlin.readback import from_text
+from heatertune.plc.marlin.step import Assumptions
+
+__all__ = ["exported"]
+
+
+def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> dict[str, Callable[[], Settings]]:  # noqa: ARG001
+    """Return what reads each file: both set all words."""
+    return {file: partial(_settings, file, str(text)) for file, text in files.items()}
+
+
+def _settings(file: str, text: str) -> Settings:
+    return Settings(from_text(text, None, file).values)
