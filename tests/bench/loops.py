@@ -148,7 +148,7 @@ def _drawn(name, cause, rng, seed):
             tn *= rng.uniform(6.0, 12.0)
             k /= rng.uniform(1.5, 2.5)
     elif cause == "at its limits":
-        setpoint = round(ambient + gain * rng.uniform(97.0, 125.0), 1)
+        setpoint = round(ambient + gain * rng.uniform(103.0, 125.0), 1)
         low = round(ambient + gain * 70.0, 1)
     elif cause == "relay wear":
         switch, pwm = "relay", round(rng.uniform(2.0, 8.0), 1)

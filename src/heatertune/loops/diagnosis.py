@@ -20,6 +20,7 @@ from heatertune.loops.measures import (
     offset_degC,
     swings,
     switchings_per_h,
+    thinned,
 )
 from heatertune.loops.same_day import Day, day, ideal, times_worse
 from heatertune.loops.values import Cause, Found, Loop
@@ -115,7 +116,7 @@ def diagnosed(log: Log, loop: Loop, before: FittedModel | None = None) -> Diagno
     cleared, loads, fitted, why_not = _heater(log)
     worse, lived, possible = None, None, None
     if fitted is not None:
-        possible = quick_tune(fitted.plants)
+        possible = quick_tune(fitted.hypothetical)
         lived = day(course, fitted.hypothetical[0], ideal(possible), possible.sample_time_s)
         worse = times_worse(lived, course)[0]
     dead = 0.0 if fitted is None else fitted.model.dead_time_s
@@ -135,7 +136,7 @@ def _heater(log: Log) -> tuple[Log, tuple[LoadStep, ...], FittedModel | None, st
         return log, (), None, "the power does not change"
     cleared, loads = without_loads(log)
     try:
-        fitted = fit(cleared)
+        fitted = fit(thinned(cleared))
     except InputError as problem:
         return cleared, loads, None, str(problem).removeprefix(f"{log.name}: ")
     if fitted.outcome is Outcome.POOR_FIT:

@@ -35,9 +35,9 @@ _LEAST_PCT: Final = 1.0  # of power: a smaller load is drift or the model's own 
 _LARGEST_PCT: Final = 50.0  # a larger one is no load but another heater
 _LAGS: Final = 10
 _DELAYS: Final = 40
-_EVERY: Final = 5  # of them with loads, and the nearest without: where a loop swings its phase tells the dead time
+_EVERY: Final = 6  # of them with loads, and the nearest without: where a loop swings its phase tells the dead time
 _NEAREST: Final = 3
-_STARTS: Final = 4
+_STARTS: Final = 3
 _APART: Final = 1.4  # ratio of the lags of two starts
 _RATIO: Final = 0.1  # of two lags, to begin with
 
@@ -58,12 +58,14 @@ class _Course:
         power: held from each row to the next [%], shape (n,).
         before: power before the first row [%].
         readings: averages of so many rows each [°C], shape (m,).
+        middle: of the rows of each [s], shape (m,).
     """
 
     time: Array
     power: Array
     before: float
     readings: Array
+    middle: Array
 
     @property
     def step(self) -> float:
@@ -90,10 +92,10 @@ class _Course:
 
     def basis(self, lag: float, ratio: float, delay: float, loads: Sequence[float] | Array) -> Array:
         """Return the columns of power, ambient, state at the start and loads, shape (m, …)."""
-        decays = [np.exp(-self.time / lag)] + ([np.exp(-self.time / (ratio * lag))] if ratio > 0.0 else [])
+        decays = [np.exp(-self.middle / lag)] + ([np.exp(-self.middle / (ratio * lag))] if ratio > 0.0 else [])
         return np.column_stack([
-            self.answer(lag, ratio, delay), np.ones(len(self.readings)), *map(self.mean, decays),
-            *self.mean(_risen(self.time, np.asarray(loads), lag, ratio)).T])
+            self.answer(lag, ratio, delay), np.ones(len(self.readings)), *decays,
+            _risen(self.middle, np.asarray(loads), lag, ratio)])
 
 
 def _risen(time: Array, instants: Array, lag: float, ratio: float) -> Array:
@@ -159,8 +161,8 @@ def _course(log: Log, before: float) -> _Course:
     energy = np.interp(np.append(time, time[-1] + step), since, held)
     power = np.append(np.diff(energy)[:-1] / step, log.power_pct[-1])
     each = max(1, len(time) // _READINGS)
-    course = _Course(time, power, before, np.zeros(len(time) // each))
-    course.readings = course.mean(np.interp(time, since, log.temperature_degC))
+    course = _Course(time, power, before, np.zeros(len(time) // each), np.zeros(0))
+    course.middle, course.readings = course.mean(time), course.mean(np.interp(time, since, log.temperature_degC))
     return course
 
 
@@ -170,7 +172,7 @@ def _searched(course: _Course) -> _Found:
     delays = np.append(0.0, np.geomspace(max(course.step, course.length / 600.0), course.length / 10.0, _DELAYS - 1))
     rough = []
     for lag in np.geomspace(max(3.0 * course.step, course.length / 150.0), course.length / 2.0, _LAGS).tolist():
-        steps = course.mean(_risen(course.time, tried, lag, 0.0))
+        steps = _risen(course.middle, tried, lag, 0.0)
         bases = [course.basis(lag, 0.0, delay, ()) for delay in delays.tolist()]
         left = [np.linalg.norm(course.readings - q @ (q.T @ course.readings)) for q, _ in map(np.linalg.qr, bases)]
         near = {*range(0, _DELAYS, _EVERY), *np.argsort(left)[:_NEAREST].tolist()}
@@ -179,10 +181,9 @@ def _searched(course: _Course) -> _Found:
     for start in sorted(rough, key=lambda one: one[0]):
         if all(max(start[2] / kept[2], kept[2] / start[2]) > _APART for kept in starts):
             starts.append(start)
-    refined = [_refined(course, lag, ratio, delay, instants)
-               for _, instants, lag, delay in starts[:_STARTS] for ratio in (0.0, _RATIO)]
-    best = min(refined, key=_worth)
-    steps = course.mean(_risen(course.time, tried, best.lag, best.ratio))
+    best = min((_refined(course, lag, 0.0, delay, instants) for _, instants, lag, delay in starts[:_STARTS]), key=_worth)
+    best = min(best, _refined(course, best.lag, _RATIO, best.delay, best.instants), key=_worth)
+    steps = _risen(course.middle, tried, best.lag, best.ratio)
     _, instants = _added(
         course, course.basis(best.lag, best.ratio, best.delay, best.instants), steps, tried, best.instants)
     again = best if len(instants) == len(best.instants) else _refined(
@@ -228,7 +229,7 @@ def _refined(course: _Course, lag: float, ratio: float, delay: float, instants: 
     high = [math.log(5.0 * length), 0.25, *([0.98] if two else []), *([_EDGES[1]] * len(instants))]
     start = np.clip([math.log(lag), delay / length, *([ratio] if two else []), *(instants / length)],
                     np.array(low) + 1e-9, np.array(high) - 1e-9)
-    z = least_squares(left, start, bounds=(low, high), x_scale="jac", diff_step=1e-4, max_nfev=60).x
+    z = least_squares(left, start, bounds=(low, high), x_scale="jac", diff_step=1e-4, max_nfev=40).x
     basis = course.basis(*parts(z))
     linear = np.asarray(np.linalg.lstsq(basis, course.readings, rcond=None)[0])
     return _Found(ar1_bic(left(z), len(z) + len(linear)), *parts(z), linear)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
@@ -12,11 +12,12 @@ import numpy.typing as npt
 
 from heatertune.log.values import Log
 
-__all__ = ["Course", "Swings", "at_limit", "course_of", "found_period_s", "offset_degC", "swings", "switchings_per_h"]
+__all__ = ["Course", "Swings", "at_limit", "course_of", "found_period_s", "offset_degC", "swings", "switchings_per_h", "thinned"]
 
 Array = npt.NDArray[np.float64]
 
 _ROWS: Final = 6000
+_OF_FIT: Final = 1500  # rows: more tell no fit more of a heater, but take its time
 _NOISE: Final = 4.0  # standard deviations: as far as the error of a loop at rest goes
 _LEAST: Final = 0.002  # of the rise above the coldest reading: less is nobody's concern
 _ENDS: Final = (1.0, 99.0)  # power that counts as off and on [%]
@@ -25,6 +26,7 @@ _EDGES: Final = 12
 _OF_LARGEST: Final = 0.05  # of the largest error of an event: smaller half cycles are its end
 _EVEN: Final = 2.2  # ratio of a half cycle to the median one
 _MOSTLY: Final = 0.6  # of the half cycles are even
+_LAST: Final = 10  # part of a stretch whose slope tells where it goes: a load before it is over by then
 _STILL: Final = 0.3  # of the log, at least, at a limit
 
 
@@ -172,8 +174,7 @@ def at_limit(course: Course, *, high: bool) -> float:
     share, n = 0, len(held)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], held.astype(int), [0]])))
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        third = max(2, (end - begin) // 3)
-        last = slice(end - third, end)
+        last = slice(end - max(2, (end - begin) // _LAST), end)
         slope = float(np.polyfit(course.time_s[last], course.temperature_degC[last], 1)[0])
         left = float(course.error_degC[end - 1])
         if slope * sign * (course.time_s[end - 1] - course.time_s[begin]) < sign * left:
@@ -209,3 +210,18 @@ def switchings_per_h(log: Log, pwm_period_s: float | None) -> float | None:
         return None
     partly = float(np.mean((log.power_pct > low) & (log.power_pct < high)))
     return 2.0 * 3600.0 / pwm_period_s * partly
+
+
+def thinned(log: Log) -> Log:
+    """Return a log with power at fewer rows, each with the mean power up to the next; a short one as it is."""
+    assert log.power_pct is not None
+    every = len(log.time_s) // _OF_FIT
+    if every < 2:
+        return log
+    rows = np.arange(0, len(log.time_s), every)
+    energy = np.concatenate([[0.0], np.cumsum(log.power_pct[:-1] * np.diff(log.time_s))])
+    power = np.append(np.diff(energy[rows]) / np.diff(log.time_s[rows]), log.power_pct[rows[-1]])
+    return replace(
+        log, time_s=log.time_s[rows], temperature_degC=log.temperature_degC[rows],
+        power_pct=np.clip(power, 0.0, 100.0), disturbance=None,
+        setpoint_degC=None if log.setpoint_degC is None else log.setpoint_degC[rows])
