@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -43,9 +44,10 @@ class Loop:
         setpoint_degC: where the log holds none [°C].
         switch: what switches the heater, one of `heatertune.proof.period.SWITCHES`; None: not known.
         pwm_period_s: of it [s].
+        low_degC, high_degC: range of the sensor [°C]; None: that of its words, or as asked for.
 
     Raises:
-        OutOfRange: a period that is not above zero, a setpoint below the absolute zero.
+        OutOfRange: a period that is not above zero, a setpoint below the absolute zero, half a range or an empty one.
         UnknownName: no such switch.
     """
 
@@ -56,12 +58,17 @@ class Loop:
     setpoint_degC: float | None = None
     switch: str | None = None
     pwm_period_s: float | None = None
+    low_degC: float | None = None
+    high_degC: float | None = None
 
     def __post_init__(self) -> None:
         if self.pwm_period_s is not None:
             check("pwm_period_s", self.pwm_period_s, above=0.0)
         if self.setpoint_degC is not None:
             check("setpoint_degC", self.setpoint_degC, least=-273.15)
+        if self.low_degC is not None or self.high_degC is not None:
+            check("low_degC", math.nan if self.low_degC is None else self.low_degC, least=-273.15)
+            check("high_degC", math.nan if self.high_degC is None else self.high_degC, above=self.low_degC)
         if self.switch is not None and self.switch not in SWITCHES:
             raise UnknownName("switch", self.switch, tuple(SWITCHES))
 
