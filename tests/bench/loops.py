@@ -49,7 +49,7 @@ class Loop:
 
 
 @numba.njit(cache=False)
-def _run(plant, pid, story, times, noise, dt):  # noqa: PLR0915 - one plain simulation
+def _run(plant, pid, story, times, noise, dt):
     gain, lag, second, dead, ambient, step = plant
     k, tn, ta, pwm, memory = pid
     start, low, setpoint, at_setpoint, load, load_on, load_off = story
@@ -119,6 +119,13 @@ def drawn(count=200, seed=1):
     causes = [cause for cause, share in SHARES.items() for _ in range(max(1, round(share * count / 200)))]
     rng.shuffle(causes)
     return [_drawn(f"loop{place:03d}", cause, rng, seed * 1000 + place) for place, cause in enumerate(causes)]
+
+
+def textbook(loop, closed=1.25):
+    """Return K and TN of the rule for a loop's heater, τc so many times what it is late by, hold and scan included."""
+    late = loop.dead + loop.second / 2.0
+    lag, slow = loop.lag + loop.second / 2.0, closed * late + late + loop.ta
+    return lag / loop.gain / slow, min(lag, 4.0 * slow)
 
 
 def _drawn(name, cause, rng, seed):

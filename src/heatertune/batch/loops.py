@@ -167,8 +167,9 @@ def _with_documents(loop: Loop, beside: Path, before: Row | None) -> tuple[Loop,
     if loop.folder is None:
         return loop, None, None if before is None else {name: before[name] for name in _HEATER}
     data = data_folder(beside / loop.folder)
-    words = read_document(data / "words.json", WORDS_SCHEMA)
-    return loop, words, read_document(data / "model.json", model_document.SCHEMA)
+    words = data / "words.json"
+    return (loop, read_document(words, WORDS_SCHEMA) if words.exists() else None,
+            read_document(data / "model.json", model_document.SCHEMA))
 
 
 def _sent(folder: str, case: tuple[Loop, Any, Any]) -> Sent:

@@ -14,7 +14,6 @@ from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words
 from heatertune.proof.closing import Asked, Closed, closed
-from heatertune.proof.period import SWITCHES
 from heatertune.proof.verdict import blocking
 
 __all__ = ["Cure", "cured"]
@@ -50,7 +49,7 @@ def cured(told: Diagnosis, loop: Loop, asked: Asked | None) -> Cure | None:
 
     Args:
         told: what is wrong with it.
-        loop: its switch and PWM period are those of the proof, but for a switch that wears: it gets a longer period.
+        loop: a switch that is known gets the PWM period that suits it; else the period stays.
         asked: controller, range and the rest of the design; None: the controller is not known.
     """
     if told.cause not in _BY_WORDS:
@@ -72,16 +71,18 @@ def _asked(told: Diagnosis, loop: Loop, asked: Asked) -> Asked:
     conditions = asked.conditions
     if conditions.setpoint_degC is None:
         conditions = replace(conditions, setpoint_degC=round(float(told.course.setpoint_degC.max()), 6))
-    wears = any(found.cause is Cause.WEAR for found in told.found)
-    if conditions.pwm_period_s is None:
-        conditions = replace(conditions, pwm_period_s=told.longer_period_s if wears else loop.pwm_period_s)
-    kind = asked.switch_kind or loop.switch
-    return replace(asked, conditions=conditions, switch_kind=kind if kind in SWITCHES else None)
+    kind, tuned = asked.switch_kind or loop.switch, asked.tuned
+    if conditions.pwm_period_s is None and any(found.cause is Cause.WEAR for found in told.found):
+        conditions = replace(conditions, pwm_period_s=told.longer_period_s)
+        tuned = replace(tuned, sample_time_s=tuned.sample_time_s or told.longer_period_s)
+    elif conditions.pwm_period_s is None and kind is None:
+        conditions = replace(conditions, pwm_period_s=loop.pwm_period_s)
+    return replace(asked, conditions=conditions, switch_kind=kind, tuned=tuned)
 
 
 def _lived(told: Diagnosis, fitted: FittedModel, done: Closed) -> Cure:
     proof, words = done.proof, done.proof.words
-    broken = [criterion.name for criterion in proof.criteria if not criterion.ok]
+    broken = [criterion.name.replace("_", " ") for criterion in proof.criteria if not criterion.ok]
     why = [f"not kept: {', '.join(broken)}"] if broken else []
     why += [f"not proven: {point['name']}" for point in blocking(proof.heard.to_document())]
     running = words.controller()

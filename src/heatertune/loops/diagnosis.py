@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -27,6 +27,7 @@ from heatertune.loops.values import Cause, Found, Loop
 from heatertune.model.values import FittedModel, Outcome
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import PidDesign
+from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.period import SWITCHES, propose_period
 
 __all__ = ["Diagnosis", "diagnosed"]
@@ -134,9 +135,9 @@ def _heater(log: Log) -> tuple[Log, tuple[LoadStep, ...], FittedModel | None, st
         return log, (), None, "the power was not logged"
     if float(log.power_pct.max() - log.power_pct.min()) < 1.0:
         return log, (), None, "the power does not change"
-    cleared, loads = without_loads(log)
+    cleared, loads = without_loads(log := thinned(log))
     try:
-        fitted = fit(thinned(cleared))
+        fitted = fit(cleared)
     except InputError as problem:
         return cleared, loads, None, str(problem).removeprefix(f"{log.name}: ")
     if fitted.outcome is Outcome.POOR_FIT:
@@ -149,11 +150,13 @@ def _longer(loop: Loop, fitted: FittedModel | None, course: Course, period_s: fl
     """Return the PWM period that suits a switch with contacts and the heater [s]; None: not known, or none wears."""
     if loop.switch is None or fitted is None or period_s is None or math.isinf(SWITCHES[loop.switch].life):
         return None
-    rest = fitted.model
-    least = min(plant.dead_time_s + sum(plant.lags_s) for plant in fitted.plants)
-    return propose_period(
-        fitted.plants, kind=loop.switch, sample_time_s=least, ambient_degC=rest.ambient_degC or 20.0,
-        setpoint_degC=float(course.setpoint_degC[-1]), ripple_degC_most=_RIPPLE * course.least_degC).period_s
+    most = max(plant.dead_time_s for plant in fitted.plants)
+    shortest = SWITCHES[loop.switch].shortest_s
+    found = propose_period(
+        fitted.plants, kind=loop.switch, sample_time_s=max(most, shortest), setpoint_degC=float(course.setpoint_degC[-1]),
+        ambient_degC=ROOM_DEGC if fitted.model.ambient_degC is None else fitted.model.ambient_degC,
+        ripple_degC_most=_RIPPLE * course.least_degC)
+    return max(shortest, float(math.floor(found.period_s)))
 
 
 def _found(told: Diagnosis, loop: Loop, before: FittedModel | None) -> Iterator[Found]:
@@ -210,14 +213,9 @@ def _error(told: Diagnosis) -> Iterator[Found]:
         return
     rest = offset_degC(course)
     if rest != 0.0 and (worse is None or worse > _WORSE):
-        yield Found(cause=Cause.OFFSET, excess=max(excess, 1.0), told=(
+        yield Found(cause=Cause.OFFSET, excess=excess, told=(
             f"rests {abs(rest):.2g} °C {'below' if rest > 0.0 else 'above'} the setpoint{times}"))
     elif worse is not None and worse > _WORSE:
         yield Found(cause=Cause.SLUGGISH, excess=excess, told=f"comes back slowly{times}")
     elif worse is None and told.fitted is None:
         yield Found(cause=Cause.UNKNOWN, excess=1.0, told=f"not told: {told.why_not}")
-
-
-def told_first(found: Sequence[Found]) -> str:
-    """Return the sentence of the cause; empty where nothing is wrong."""
-    return found[0].told if found else ""

@@ -27,6 +27,8 @@ _OF_LARGEST: Final = 0.05  # of the largest error of an event: smaller half cycl
 _EVEN: Final = 2.2  # ratio of a half cycle to the median one
 _MOSTLY: Final = 0.6  # of the half cycles are even
 _LAST: Final = 10  # part of a stretch whose slope tells where it goes: a load before it is over by then
+_STAYS: Final = 0.95  # of an error, from a fifth of a part to the next
+_MOVES_PCT: Final = 0.5  # of power, likewise: more is an integral part at work
 _STILL: Final = 0.3  # of the log, at least, at a limit
 
 
@@ -185,8 +187,10 @@ def at_limit(course: Course, *, high: bool) -> float:
 def offset_degC(course: Course) -> float:
     """Return the error that stays, its sign kept: of the last fifth before each change the median, the smallest [°C].
 
-    It is 0 where the error of one of them is within the noise, or still falls.
+    It is 0 where the error of one of them is within the noise, still falls, or the power still moves against it.
     """
+    if course.power_pct is None:
+        return 0.0
     rests = []
     for start, end in pairwise([*course.changes_s, float(course.time_s[-1]) + 1.0]):
         last = (course.time_s >= end - (end - start) / 5.0) & (course.time_s < end)
@@ -194,7 +198,9 @@ def offset_degC(course: Course) -> float:
         if np.count_nonzero(last) < 5 or np.count_nonzero(before) < 5:
             continue
         now, then = float(np.median(course.error_degC[last])), float(np.median(course.error_degC[before]))
-        rests.append(now if abs(now) > max(course.least_degC, 0.9 * abs(then)) else 0.0)
+        moved = float(np.median(course.power_pct[last]) - np.median(course.power_pct[before]))
+        stays = abs(now) > max(course.least_degC, _STAYS * abs(then)) and abs(moved) < _MOVES_PCT
+        rests.append(now if stays else 0.0)
     return min(rests, key=abs, default=0.0)
 
 
@@ -213,9 +219,14 @@ def switchings_per_h(log: Log, pwm_period_s: float | None) -> float | None:
 
 
 def thinned(log: Log) -> Log:
-    """Return a log with power at fewer rows, each with the mean power up to the next; a short one as it is."""
+    """Return a log with power at fewer rows, each with the mean power up to the next; a short one as it is.
+
+    Where the power is the switch itself, a row is a whole PWM period: that the switch was on is told to a row of the
+    log, and no better.
+    """
     assert log.power_pct is not None
-    every = len(log.time_s) // _OF_FIT
+    period = found_period_s(log) or 0.0
+    every = max(-(-len(log.time_s) // _OF_FIT), round(period / float(np.median(np.diff(log.time_s)))))
     if every < 2:
         return log
     rows = np.arange(0, len(log.time_s), every)

@@ -10,6 +10,7 @@ from importlib.resources import files
 from typing import Any, Final
 
 from heatertune.report.html import Markup, page, text_of
+from heatertune.units import written
 
 __all__ = ["loops_lines", "loops_page"]
 
@@ -19,8 +20,15 @@ _WIDTH: Final = 80
 _SHOWN: Final = 10  # of the worst, in a terminal
 _LEFT: Final = 4  # of those that were left out, likewise
 _WELL: Final = "well"
+_WHOLE: Final = 0.9  # of the parts of a course lie within its scale
+_SURE: Final = {"high": "3", "medium": "2", "low": "1"}  # to sort by
 _HEADS: Final = ("#", "loop", "course of the error", "cause", "sure", "mean error", "what was found", "what to do",
                  "since last")
+_KEY: Final = (
+    "Worst first; a click on a head sorts by it. Course: temperature minus setpoint, averaged over the PWM period, its "
+    "scale below it. Mean error: as a multiple of what is possible for the heater that the log shows, with the loads, the "
+    "room and the noise of that day. What words would make of it: the logged day lived again with them. Words without "
+    "PASS are not for a plant.")
 
 
 def loops_page(document: Mapping[str, Any]) -> str:
@@ -39,11 +47,7 @@ def _parts(document: Mapping[str, Any]) -> Iterator[str]:
     head = "".join(f'<th scope="col"><button>{name}</button></th>' for name in heads)
     rows = "".join(_row(number, loop, compared=compared) for number, loop in enumerate(loops, 1))
     yield f'<table class="loops"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
-    yield (
-        '<p class="soft">Worst first; a click on a head sorts by it. Course: temperature minus setpoint, averaged over the '
-        "PWM period, each in a scale of its own, which stands beside it. Mean error: as a multiple of what is possible for "
-        "the heater that the log shows, its own loads, room and noise being what they were. With the words: the logged day "
-        "lived again with them. Words without PASS are not for a plant.</p>")
+    yield f'<p class="soft">{_KEY}</p>'
     if document["left_out"]:
         items = "".join(f"<li><b>{text_of(row['name'])}</b> ({text_of(row['outcome'])}): {text_of(row['reason'])}</li>"
                         for row in document["left_out"])
@@ -82,9 +86,6 @@ def _row(number: int, loop: Loop, *, compared: bool) -> str:
     return f'<tr{" class=bad" if bad else ""}>{"".join(cells)}</tr>'
 
 
-_SURE: Final = {"high": "3", "medium": "2", "low": "1"}
-
-
 def _cell(content: str, *, kind: str = "", key: str | None = None) -> str:
     marks = (f' class="{kind}"' if kind else "") + (f' data-key="{text_of(key)}"' if key is not None else "")
     return f"<td{marks}>{text_of(content)}</td>"
@@ -116,14 +117,20 @@ def _sparkline(course: str | None) -> Markup | str:
     if course is None:
         return ""
     parts: Sequence[Sequence[float]] = json.loads(course)
-    size = max((abs(value) for part in parts for value in part), default=0.0) or 1.0
+    peaks = sorted(max(map(abs, part)) for part in parts)
+    size = peaks[int(_WHOLE * (len(peaks) - 1))] or 1.0  # what goes beyond is a heat-up, cut at the edge
+
+    def height(value: float) -> float:
+        return 14.0 - 13.0 * min(max(value / size, -1.0), 1.0)
+
     step = 100.0 / max(1, len(parts) - 1)
-    high = [f"{step * place:.1f},{14.0 - 13.0 * top / size:.1f}" for place, (_, top) in enumerate(parts)]
-    low = [f"{step * place:.1f},{14.0 - 13.0 * bottom / size:.1f}" for place, (bottom, _) in enumerate(parts)]
+    shown = written(size, 2)
+    high = [f"{step * place:.1f},{height(top):.1f}" for place, (_, top) in enumerate(parts)]
+    low = [f"{step * place:.1f},{height(bottom):.1f}" for place, (bottom, _) in enumerate(parts)]
     return Markup(
-        f'<svg viewBox="0 0 122 28" preserveAspectRatio="none" role="img" aria-label="error within ±{size:.2g} °C">'
+        f'<svg viewBox="0 0 100 28" preserveAspectRatio="none" role="img" aria-label="error, ±{shown} °C">'
         f'<line class="zero" x1="0" x2="100" y1="14" y2="14"/><polygon class="curve" points="{" ".join(high)} '
-        f'{" ".join(reversed(low))}"/></svg><span class="soft">±{size:.2g} °C</span>')
+        f'{" ".join(reversed(low))}"/></svg><span class="soft">±{shown} °C</span>')
 
 
 def loops_lines(document: Mapping[str, Any]) -> str:
@@ -141,7 +148,8 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
     yield from [f"   and {len(ill) - _SHOWN} more on the page"] if len(ill) > _SHOWN else []
     left = document["left_out"]
     for row in left[:_LEFT]:
-        yield _cut(f"left out: {row['reason'] if row['name'] in str(row['reason']) else row['name'] + ': ' + row['reason']}")
+        told = row["reason"] if row["reason"].startswith(row["file"]) else f"{row['file']}: {row['reason']}"
+        yield _cut(f"left out: {told}")
     yield from [f"left out: {len(left) - _LEFT} more on the page"] if len(left) > _LEFT else []
     yield _cut(f"written to {document['page']} and {document['table']}")
 
