@@ -20,8 +20,8 @@ def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "health", help="many running loops → which are ill, why, and the words that would cure them", epilog=_EXAMPLE,
-        description="Examine the log of every running loop: swings, slow recovery, limits, wear, drift, and how far it is "
-        "from what is possible for its heater. One page, the worst loop first, with proven words where words cure; "
+        description="Examine the log of every running loop: swings, slow recovery, limits, wear, drift, and how far it "
+        "is from what is possible for its heater. One page, the worst loop first, with proven words where words cure; "
         "a Parquet table beside it. Exit status 0 where the page is written, however ill the loops are.",
     )
     command.add_argument("logs", metavar="LOGS", help="a folder, a pattern in quotation marks, or a list of paths: one "

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
+
 from heatertune.chain.stages import fit
 from heatertune.errors import InputError
 from heatertune.log.values import Log
@@ -32,8 +34,9 @@ from heatertune.proof.period import SWITCHES, propose_period
 
 __all__ = ["Diagnosis", "diagnosed"]
 
-_WORSE: Final = 3.0  # times the mean error that is possible: further off, other words are worth it
+_WORSE: Final = 2.5  # times the mean error that is possible: further off, other words are worth it
 _HALF_CYCLES: Final = 5  # a well-tuned loop is done after three
+_CERTAIN: Final = 9  # where the mean error is as small as it can be
 _SHARE: Final = 0.3  # of the log at a limit
 _LONGER: Final = 2.0  # a PWM period that may be so many times as long wears for nothing
 _DRIFT: Final = 0.25  # of a parameter: less is what two fits of closed loops differ by
@@ -109,12 +112,12 @@ def diagnosed(log: Log, loop: Loop, before: FittedModel | None = None) -> Diagno
         InputError: no setpoint is known.
     """
     if loop.setpoint_degC is not None:
-        log = replace(log, setpoint_degC=[loop.setpoint_degC] * len(log.time_s))
+        log = replace(log, setpoint_degC=np.full(len(log.time_s), loop.setpoint_degC))
     if log.setpoint_degC is None:
         raise InputError(f"{log.name}: the log holds no setpoint; log it, or give setpoint_degC in the list")
     period = loop.pwm_period_s or found_period_s(log)
     course = course_of(log, period)
-    cleared, loads, fitted, why_not = _heater(log)
+    loads, fitted, why_not = _heater(log, period)
     worse, lived, possible = None, None, None
     if fitted is not None:
         possible = quick_tune(fitted.hypothetical)
@@ -129,21 +132,21 @@ def diagnosed(log: Log, loop: Loop, before: FittedModel | None = None) -> Diagno
     return replace(result, found=tuple(_found(result, loop, before)))
 
 
-def _heater(log: Log) -> tuple[Log, tuple[LoadStep, ...], FittedModel | None, str]:
-    """Return the log without its loads, these, the heater, and what is to be said against it."""
+def _heater(log: Log, period_s: float | None) -> tuple[tuple[LoadStep, ...], FittedModel | None, str]:
+    """Return the loads of a log, its heater without them, and what is to be said against it."""
     if log.power_pct is None:
-        return log, (), None, "the power was not logged"
+        return (), None, "the power was not logged"
     if float(log.power_pct.max() - log.power_pct.min()) < 1.0:
-        return log, (), None, "the power does not change"
-    cleared, loads = without_loads(log := thinned(log))
+        return (), None, "the power does not change"
+    cleared, loads = without_loads(thinned(log, period_s))
     try:
         fitted = fit(cleared)
     except InputError as problem:
-        return cleared, loads, None, str(problem).removeprefix(f"{log.name}: ")
+        return loads, None, str(problem).removeprefix(f"{log.name}: ")
     if fitted.outcome is Outcome.POOR_FIT:
-        return cleared, loads, None, "no heater explains the log well"
+        return loads, None, "no heater explains the log well"
     open_points = [finding.kind.short for finding in fitted.findings if finding.kind.effect == "blocks"]
-    return cleared, loads, fitted, "; ".join(open_points)
+    return loads, fitted, "; ".join(open_points)
 
 
 def _longer(loop: Loop, fitted: FittedModel | None, course: Course, period_s: float | None) -> float | None:
@@ -153,7 +156,8 @@ def _longer(loop: Loop, fitted: FittedModel | None, course: Course, period_s: fl
     most = max(plant.dead_time_s for plant in fitted.plants)
     shortest = SWITCHES[loop.switch].shortest_s
     found = propose_period(
-        fitted.plants, kind=loop.switch, sample_time_s=max(most, shortest), setpoint_degC=float(course.setpoint_degC[-1]),
+        fitted.plants, kind=loop.switch, sample_time_s=max(most, shortest),
+        setpoint_degC=float(course.setpoint_degC[-1]),
         ambient_degC=ROOM_DEGC if fitted.model.ambient_degC is None else fitted.model.ambient_degC,
         ripple_degC_most=_RIPPLE * course.least_degC)
     return max(shortest, float(math.floor(found.period_s)))
@@ -206,7 +210,8 @@ def _error(told: Diagnosis) -> Iterator[Found]:
     swung, worse, course = told.swings, told.worse, told.course
     times = "" if worse is None else f"; mean error {worse:.2g} times what is possible"
     excess = 1.0 if worse is None else max(1.0, worse / _WORSE)
-    if swung.count >= _HALF_CYCLES and swung.even:
+    needed = _HALF_CYCLES if worse is None or worse > 1.0 else _CERTAIN
+    if swung.count >= needed and swung.even:
         yield Found(cause=Cause.OSCILLATING, excess=max(excess, swung.count / _HALF_CYCLES), told=(
             f"swings {swung.size_degC:.2g} °C peak to peak, period {swung.period_s:.3g} s, "
             f"{swung.count} half cycles in a row{times}"))

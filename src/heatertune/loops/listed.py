@@ -82,7 +82,8 @@ def _loop(entry: Mapping[str, Any], where: str) -> Loop:
             raise InputError(f"{where}: unknown field {key!r}{suggested(key, _KEYS)}; expected {', '.join(_KEYS)}")
     if "file" not in entry:
         raise InputError(f"{where}: no file; every loop names its log")
-    values = {key: _number(value, key, where) if key in _NUMBERS else str(value) for key, value in entry.items()}
+    values: dict[str, Any] = {
+        key: _number(value, key, where) if key in _NUMBERS else str(value) for key, value in entry.items()}
     values.setdefault("name", str(PurePath(str(entry["file"])).with_suffix("")))
     try:
         if "target" in values:

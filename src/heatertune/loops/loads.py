@@ -1,9 +1,9 @@
 """Loads that nobody logged, found in the log of a running loop together with its heater.
 
-A door, a batch of goods, a draught act like steps of power through the heater's own lags. Taken for what the power did,
-they bend the heater, the more the better its controller answers them. So both are sought at once: for given lags and dead
-time everything else is linear, and the load that explains most of what is left is added, one after the other, as long
-as the criterion of `heatertune.model.statistics.ar1_bic` falls. The readings without the loads then go to the fit.
+A door, a batch of goods, a draught act like steps of power through the heater's own lags. Taken for what the power
+did, they bend the heater, the more the better its controller answers them. So both are sought at once: for given lags
+and dead time everything else is linear, and the load that explains most of what is left is added, one after the other,
+as long as the criterion of `heatertune.model.statistics.ar1_bic` falls. The readings without them then go to the fit.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ def _course(log: Log, before: float) -> _Course:
     assert log.power_pct is not None
     since = log.time_s - log.time_s[0]
     step = max(float(np.median(np.diff(since))), float(since[-1]) / _ROWS)
-    time = step * np.arange(int(since[-1] / step + 1e-9) + 1)
+    time = step * np.arange(int(since[-1] / step + 1e-9) + 1, dtype=np.float64)
     held = np.concatenate([[0.0], np.cumsum(log.power_pct[:-1] * np.diff(since))])
     energy = np.interp(np.append(time, time[-1] + step), since, held)
     power = np.append(np.diff(energy)[:-1] / step, log.power_pct[-1])
@@ -181,7 +181,8 @@ def _searched(course: _Course) -> _Found:
     for start in sorted(rough, key=lambda one: one[0]):
         if all(max(start[2] / kept[2], kept[2] / start[2]) > _APART for kept in starts):
             starts.append(start)
-    best = min((_refined(course, lag, 0.0, delay, instants) for _, instants, lag, delay in starts[:_STARTS]), key=_worth)
+    refined = [_refined(course, lag, 0.0, delay, instants) for _, instants, lag, delay in starts[:_STARTS]]
+    best = min(refined, key=_worth)
     best = min(best, _refined(course, best.lag, _RATIO, best.delay, best.instants), key=_worth)
     steps = _risen(course.middle, tried, best.lag, best.ratio)
     _, instants = _added(

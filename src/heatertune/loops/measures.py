@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -12,12 +13,14 @@ import numpy.typing as npt
 
 from heatertune.log.values import Log
 
-__all__ = ["Course", "Swings", "at_limit", "course_of", "found_period_s", "offset_degC", "swings", "switchings_per_h", "thinned"]
+__all__ = [
+    "Course", "Swings", "at_limit", "course_of", "found_period_s", "offset_degC", "swings", "switchings_per_h", "thinned",
+]
 
 Array = npt.NDArray[np.float64]
 
 _ROWS: Final = 6000
-_OF_FIT: Final = 1500  # rows: more tell no fit more of a heater, but take its time
+_OF_FIT: Final = 1500  # rows: more tell no more of a heater, but take time
 _NOISE: Final = 4.0  # standard deviations: as far as the error of a loop at rest goes
 _LEAST: Final = 0.002  # of the rise above the coldest reading: less is nobody's concern
 _ENDS: Final = (1.0, 99.0)  # power that counts as off and on [%]
@@ -26,7 +29,7 @@ _EDGES: Final = 12
 _OF_LARGEST: Final = 0.05  # of the largest error of an event: smaller half cycles are its end
 _EVEN: Final = 2.2  # ratio of a half cycle to the median one
 _MOSTLY: Final = 0.6  # of the half cycles are even
-_LAST: Final = 10  # part of a stretch whose slope tells where it goes: a load before it is over by then
+_LAST: Final = 10  # part of a stretch whose slope tells where it goes
 _STAYS: Final = 0.95  # of an error, from a fifth of a part to the next
 _MOVES_PCT: Final = 0.5  # of power, likewise: more is an integral part at work
 _STILL: Final = 0.3  # of the log, at least, at a limit
@@ -88,8 +91,11 @@ def found_period_s(log: Log) -> float | None:
     rises = log.time_s[1:][np.diff((log.power_pct > high / 2.0).astype(int)) > 0]
     if len(rises) < _EDGES:
         return None
-    first, period, third = np.percentile(np.diff(rises), [25, 50, 75]).tolist()
-    return float(period) if third - first <= _REGULAR * period else None
+    between = np.diff(rises)
+    first, period, third = np.percentile(between, [25, 50, 75]).tolist()
+    if third - first > _REGULAR * period:
+        return None
+    return float(between[np.abs(between - period) <= _REGULAR * period].mean())  # finer than the log's rows
 
 
 def course_of(log: Log, pwm_period_s: float | None, changes_at_least_degC: float = 0.0) -> Course:
@@ -218,21 +224,29 @@ def switchings_per_h(log: Log, pwm_period_s: float | None) -> float | None:
     return 2.0 * 3600.0 / pwm_period_s * partly
 
 
-def thinned(log: Log) -> Log:
+def thinned(log: Log, pwm_period_s: float | None) -> Log:
     """Return a log with power at fewer rows, each with the mean power up to the next; a short one as it is.
 
-    Where the power is the switch itself, a row is a whole PWM period: that the switch was on is told to a row of the
-    log, and no better.
+    Where the power is the switch itself, a row is a whole PWM period or several: when the switch opened is told to a
+    row of the log, and no better.
+
+    Args:
+        log: with power.
+        pwm_period_s: as far as it is known; of a log whose power is no switch it is not looked at.
     """
     assert log.power_pct is not None
-    period = found_period_s(log) or 0.0
-    every = max(-(-len(log.time_s) // _OF_FIT), round(period / float(np.median(np.diff(log.time_s)))))
-    if every < 2:
+    length = float(log.time_s[-1] - log.time_s[0])
+    step, period = length / _OF_FIT, found_period_s(log)
+    if period is not None:
+        period = pwm_period_s or period
+        step = period * math.ceil(step / period)
+    elif step < 2.0 * float(np.median(np.diff(log.time_s))):
         return log
-    rows = np.arange(0, len(log.time_s), every)
+    time = log.time_s[0] + step * np.arange(int(length / step + 1e-9) + 1, dtype=np.float64)
     energy = np.concatenate([[0.0], np.cumsum(log.power_pct[:-1] * np.diff(log.time_s))])
-    power = np.append(np.diff(energy[rows]) / np.diff(log.time_s[rows]), log.power_pct[rows[-1]])
+    power = np.diff(np.interp(time, log.time_s, energy)) / step
+    held = np.searchsorted(log.time_s, time + 1e-9 * step, side="right") - 1
     return replace(
-        log, time_s=log.time_s[rows], temperature_degC=log.temperature_degC[rows],
-        power_pct=np.clip(power, 0.0, 100.0), disturbance=None,
-        setpoint_degC=None if log.setpoint_degC is None else log.setpoint_degC[rows])
+        log, time_s=time, temperature_degC=np.interp(time, log.time_s, log.temperature_degC), disturbance=None,
+        power_pct=np.clip(np.append(power, power[-1]), 0.0, 100.0),
+        setpoint_degC=None if log.setpoint_degC is None else log.setpoint_degC[held])

@@ -1,7 +1,8 @@
 """The logged day once more with another controller: what a linear heater lets a log say of words that never ran there.
 
-temperature = heater[power] + rest: what the fitted heater does not make of the logged power is the rest, loads, room and
-noise of that day. Under another controller the rest is the same and the heater is known, so the day can be lived again.
+temperature = heater[power] + rest: what the fitted heater does not make of the logged power is the rest, loads, room
+and noise of that day. Under another controller the rest is the same and the heater is known: the day can be lived
+again.
 """
 
 from __future__ import annotations
@@ -134,9 +135,9 @@ def _relived(
 def times_worse(lived: Day, course: Course) -> tuple[float, float, float]:
     """Return how many times the mean error of a day is what it would have been, and both means [°C].
 
-    After a change of the setpoint the comparison begins where the other controller is near it: until then both
-    can but heat. Errors that are noise count as nothing, and a quarter of one is added to both means, so that a loop that
-    is never off its setpoint is as good as any.
+    After a change of the setpoint the comparison begins where the other controller is near it: until then both can
+    but heat. Errors that are noise count as nothing, and a quarter of one is added to both means: a loop that is never
+    off its setpoint is as good as any.
     """
     counted = np.ones(len(lived.time_s), dtype=bool)
     ends = [*course.changes_s[1:], np.inf]

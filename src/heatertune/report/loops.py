@@ -26,9 +26,9 @@ _HEADS: Final = ("#", "loop", "course of the error", "cause", "sure", "mean erro
                  "since last")
 _KEY: Final = (
     "Worst first; a click on a head sorts by it. Course: temperature minus setpoint, averaged over the PWM period, its "
-    "scale below it. Mean error: as a multiple of what is possible for the heater that the log shows, with the loads, the "
-    "room and the noise of that day. What words would make of it: the logged day lived again with them. Words without "
-    "PASS are not for a plant.")
+    "scale below it. Mean error: as a multiple of what is possible for the heater that the log shows, with the loads, "
+    "the room and the noise of that day. What words would make of it: the logged day lived again with them. Words "
+    "without PASS are not for a plant.")
 
 
 def loops_page(document: Mapping[str, Any]) -> str:
