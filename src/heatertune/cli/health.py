@@ -13,7 +13,7 @@ from heatertune.settings import ReadSettings, WordSettings
 
 __all__ = ["add_to"]
 
-_EXAMPLE = "example: heatertune health logs/ --loops loops.csv --target s7-300 -o health.html"
+_EXAMPLE = "example: heatertune health logs/ --target s7-300 -o health.html"
 
 
 def add_to(commands: Any) -> None:

@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 
-from heatertune.chain.stages import fit
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.loops.loads import LoadStep, without_loads
@@ -26,6 +25,7 @@ from heatertune.loops.measures import (
 )
 from heatertune.loops.same_day import Day, day, ideal, times_worse
 from heatertune.loops.values import Cause, Found, Loop
+from heatertune.model.fit import fit
 from heatertune.model.values import FittedModel, Outcome
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import PidDesign

@@ -14,7 +14,8 @@ import numpy.typing as npt
 from heatertune.log.values import Log
 
 __all__ = [
-    "Course", "Swings", "at_limit", "course_of", "found_period_s", "offset_degC", "swings", "switchings_per_h", "thinned",
+    "Course", "Swings", "at_limit", "course_of", "found_period_s", "offset_degC", "swings", "switchings_per_h",
+    "thinned",
 ]
 
 Array = npt.NDArray[np.float64]
