@@ -124,7 +124,7 @@ def test_a_list_says_what_is_wrong_with_it(tmp_path):
         with pytest.raises(InputError, match=said.replace("(", r"\(")):
             read_list(path)
     path.write_text("file;switch\na.csv;ssr\n")
-    with pytest.raises(InputError, match="names 'a.csv', which is no log"):
+    with pytest.raises(InputError, match="which is no log of the folder"):
         listed(["b.csv"], read_list(path))
     toml = tmp_path / "list.toml"
     toml.write_text("[[loop]]\nfile = 'a.csv'\npwm_period_s = 10\n")

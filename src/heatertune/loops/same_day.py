@@ -28,7 +28,8 @@ Controller = Callable[[float, float], float]
 
 _MOST_SCANS: Final = 20_000
 _WARM: Final = 10.0  # errors that are noise: nearer than so many to its setpoint a loop was at work before the log
-_TO_REST: Final = 12.0  # lags and dead times: as long as a loop gets to come to rest before the log begins
+_TO_REST: Final = 12.0  # lags and dead times: as long, at least, as a loop gets to come to rest before the log begins
+_NEAR: Final = 0.2  # errors that are noise: a slower loop gets longer, until it is so near
 _BAND: Final = 0.1  # of a step: there its end begins
 
 
@@ -111,19 +112,21 @@ def day(course: Course, model: HeaterModel, controller: Controller, scan_s: floa
     warm = abs(float(course.error_degC[0])) <= _WARM * course.least_degC
     was = _Plant(model, h, float(course.power_pct[0]) if warm else 0.0)
     rest = measured - np.array([was.share, *(was.step(each) for each in power[:-1].tolist())])
-    relived = _relived(model, controller, h, rest, setpoint, warm=warm)
+    relived = _relived(model, controller, h, rest, setpoint, course.least_degC if warm else None)
     return Day(time_s=time, setpoint_degC=setpoint, measured_degC=measured, relived_degC=relived)
 
 
 def _relived(
-    model: HeaterModel, controller: Controller, h: float, rest: Array, setpoint: Array, *, warm: bool
+    model: HeaterModel, controller: Controller, h: float, rest: Array, setpoint: Array, warm_degC: float | None
 ) -> Array:
     plant = _Plant(model, h, 0.0)
-    if warm:
+    if warm_degC is not None:
         settle = int(_TO_REST * (sum(model.lags_s) + model.dead_time_s) / h)
         quiet = float(np.median(rest[:max(1, len(rest) // 200)]))
         now = float(setpoint[0])
-        for _ in range(min(settle, _MOST_SCANS)):
+        for count in range(_MOST_SCANS):
+            if count > settle and abs(plant.share + quiet - now) < _NEAR * warm_degC:
+                break
             plant.step(controller(plant.share + quiet, now))
     temperatures, share = [], plant.share
     for other, asked in zip(rest.tolist(), setpoint.tolist(), strict=True):
