@@ -7,7 +7,11 @@ HeatertuneError
 │   ├── UnknownName            a target, rule or table that does not exist
 │   └── OutOfRange             a value outside its physical or logical range
 ├── NotRepresentable           a design the PLC's words cannot hold
-└── ExportRefused              words whose proof failed, without --force
+├── ExportRefused              words whose proof failed, without --force
+└── LinkError                  a PLC that was asked over a network
+    ├── PlcRefused             it answered: no; nothing has changed
+    ├── LinkDown               it was not asked: there is no connection
+    └── ReplyLost              it was asked, and what it did is not known
 """
 
 from __future__ import annotations
@@ -23,9 +27,13 @@ __all__ = [
     "ExportRefused",
     "HeatertuneError",
     "InputError",
+    "LinkDown",
+    "LinkError",
     "LogError",
     "NotRepresentable",
     "OutOfRange",
+    "PlcRefused",
+    "ReplyLost",
     "UnknownName",
     "one_line",
     "suggested",
@@ -138,3 +146,19 @@ class NotRepresentable(HeatertuneError, ValueError):
 
 class ExportRefused(HeatertuneError):
     """Raised when the proof of the words ended in FAIL and the export was not forced."""
+
+
+class LinkError(HeatertuneError):
+    """Raised when a PLC that was asked over a network does not do it; which kind says what is known afterwards."""
+
+
+class PlcRefused(LinkError):
+    """Raised when the PLC answered that it does not; nothing has changed."""
+
+
+class LinkDown(LinkError):
+    """Raised when there is no connection: the PLC was not asked, and nothing has changed."""
+
+
+class ReplyLost(LinkError):
+    """Raised when a request was sent and no answer came: whether a write arrived is not known."""

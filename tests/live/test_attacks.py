@@ -144,7 +144,7 @@ def test_whole_random_blocks_stop_no_plc(target):
 
 @given(number=st.integers(-1, 2000), start=st.integers(-5, 120), content=st.binary(max_size=120))
 def test_a_write_is_whole_or_refused(number, start, content):
-    memory = Memory(DB, bytes(range(LENGTH)))
+    memory = Memory(DB, bytes(range(LENGTH)), 1.0)
     try:
         memory.write(number, start, content)
     except Refusal:
@@ -154,7 +154,7 @@ def test_a_write_is_whole_or_refused(number, start, content):
 
 
 def test_what_a_client_writes_during_a_scan_stays():
-    memory = Memory(DB, bytes(LENGTH))
+    memory = Memory(DB, bytes(LENGTH), 1.0)
     before = memory.image()
     memory.write(DB, 2, b"\1\2")
     after = bytearray(before)

@@ -12,7 +12,7 @@ from tests.live.conftest import CONDITIONS, DB, LENGTH, client, stepped, words_o
 from heatertune import InputError, Scenario
 from heatertune import simulate as simulate_words
 from heatertune.live.faults import FAULTS
-from heatertune.live.memory import OWN, Told
+from heatertune.live.memory import OWN, OWN_LENGTH, Told
 from heatertune.plc import controller_for
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.s5_ob251.image import from_image
@@ -82,7 +82,7 @@ def test_both_protocols_serve_one_memory(served):
         assert other.read(DB, 2, 2) == struct.pack(">h", 1234)
         other.write(OWN, 8, struct.pack(">I", 3))
         assert plc.wait(0.0) is False
-        while Told(one.read(OWN, 0, 48)).intervals < 3:
+        while Told(one.read(OWN, 0, OWN_LENGTH)).intervals < 3:
             pass
         assert one.read(DB, 0, LENGTH) == other.read(DB, 0, LENGTH)
 
@@ -220,8 +220,8 @@ def test_a_controller_that_is_not_served_is_told(served):
 
 
 def test_without_its_library_a_protocol_names_the_extra(served, monkeypatch):
-    monkeypatch.setattr("heatertune.live.serve.find_spec", lambda _: None)
-    with pytest.raises(InputError, match=r'--serve modbus needs pymodbus: pip install "heatertune\[modbus\]"'):
+    monkeypatch.setattr("heatertune.live.client.client.find_spec", lambda _: None)
+    with pytest.raises(InputError, match=r'modbus needs pymodbus: pip install "heatertune\[modbus\]"'):
         served(serve="modbus")
 
 

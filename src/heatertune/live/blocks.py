@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from typing import Any, Final, Protocol
 
+from heatertune.live.cells import Signal
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import assumed
@@ -20,11 +22,13 @@ class Block(Protocol):
         number: of the block; for an S7-200, whose V memory it is, 1.
         told: what it is, a few words.
         manual: whether clients can put the controller in manual.
+        signals: where it shows temperature [°C], power [%] and setpoint [°C], by these names.
     """
 
     number: int
     told: str
     manual: bool
+    signals: Mapping[str, Signal]
 
     def image(self) -> bytes:
         """Return its bytes before the first scan."""
@@ -56,6 +60,20 @@ class Block(Protocol):
     def into_automatic(self, cells: bytearray) -> None:
         """Put the controller back in automatic."""
 
+    def by_hand(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
+        """Return what a client writes to put the controller in manual with a power.
+
+        Args:
+            cells: the block as it stands.
+            power_pct: 0…100 [%].
+
+        Returns:
+            First byte, and the bytes, of one request; the bytes that stood there before bring back what was.
+
+        Raises:
+            InputError: the controller has no manual mode that clients can reach.
+        """
+
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word, as somebody at a programming unit does.
 
@@ -64,21 +82,9 @@ class Block(Protocol):
         """
 
 
-def _ob251(controller: Controller, words: Words, assume: Any) -> Block:
-    from heatertune.live.ob251 import Ob251Block  # noqa: PLC0415 - only what is served is loaded
-
-    return Ob251Block(controller, words, assume)
-
-
-def _s7_200_pid(controller: Controller, words: Words, assume: Any) -> Block:
-    from heatertune.live.s7_200 import VMemory  # noqa: PLC0415
-
-    return VMemory(controller, words, assume)
-
-
-#: target → what makes its block
-SERVED: Final[Mapping[str, Callable[[Controller, Words, Any], Block]]] = {
-    "s5-ob251": _ob251, "s7-200-pid": _s7_200_pid,
+#: target → module and class of its block; only what is served is loaded
+SERVED: Final[Mapping[str, tuple[str, str]]] = {
+    "s5-ob251": ("ob251", "Ob251Block"), "s7-200-pid": ("s7_200", "VMemory"),
 }
 
 
@@ -89,4 +95,6 @@ def block_for(controller: Controller, words: Words, switches: Mapping[str, str])
         KeyError: it is none of those that can be served.
         UnknownName: no such switch or setting.
     """
-    return SERVED[controller.name](controller, words, assumed(controller.assumptions, switches))
+    module, name = SERVED[controller.name]
+    made: Callable[[Controller, Words, Any], Block] = getattr(import_module(f"heatertune.live.{module}"), name)
+    return made(controller, words, assumed(controller.assumptions, switches))

@@ -1,19 +1,47 @@
-"""One word of a block as bytes, as somebody at a programming unit writes it."""
+"""One word of a block as bytes, as somebody at a programming unit writes it, or as a client reads it."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.plc.single import single
 from heatertune.plc.words import FORMATS, WordField
 
-__all__ = ["bytes_of", "field_of"]
+__all__ = ["STRUCTS", "Signal", "bytes_of", "field_of"]
 
 #: format → how its bytes stand, the high one first
-_STRUCTS: Final = {"INT": ">h", "KF": ">h", "KM": ">H", "WORD": ">H", "UINT": ">H", "REAL": ">f", "TIME": ">i"}
+STRUCTS: Final = {"INT": ">h", "KF": ">h", "KM": ">H", "WORD": ">H", "UINT": ">H", "REAL": ">f", "TIME": ">i",
+                  "DINT": ">i", "UDINT": ">I", "LREAL": ">d"}
+
+
+class Signal(NamedTuple):
+    """A quantity that a block shows.
+
+    Attributes:
+        start: its first byte.
+        format: of `STRUCTS`.
+        raw: two numbers as they stand there.
+        shown: what they mean, in the quantity's unit; the scale is straight.
+    """
+
+    start: int
+    format: str
+    raw: tuple[float, float] = (0.0, 1.0)
+    shown: tuple[float, float] = (0.0, 1.0)
+
+    @property
+    def size(self) -> int:
+        """Its bytes."""
+        return struct.calcsize(STRUCTS[self.format])
+
+    def of(self, content: bytes, begin: int = 0) -> float:
+        """Return the quantity in bytes of the block that begin at one of its bytes."""
+        found: float = struct.unpack_from(STRUCTS[self.format], content, self.start - begin)[0]
+        (raw_0, raw_1), (shown_0, shown_1) = self.raw, self.shown
+        return shown_0 + (found - raw_0) * (shown_1 - shown_0) / (raw_1 - raw_0)
 
 
 def field_of(fields: Sequence[WordField], name: str) -> WordField:
@@ -39,4 +67,4 @@ def bytes_of(field: WordField, value: float) -> bytes:
     if not low <= value <= high or (whole and value != int(value)):
         kind = "a whole number" if whole else "a number"
         raise OutOfRange(f"word {field.name}", value, f"{kind} {low:.9g}…{high:.9g}")
-    return struct.pack(_STRUCTS[field.format], int(value) if whole else single(value))
+    return struct.pack(STRUCTS[field.format], int(value) if whole else single(value))

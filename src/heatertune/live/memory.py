@@ -14,11 +14,15 @@ __all__ = ["OWN", "OWN_LENGTH", "Access", "Memory", "Refusal", "Told"]
 OWN: Final = 1000
 
 #: of that block, high byte first: intervals over, scans run, intervals released (written by clients), heartbeat
-#: (written by clients), status; what the sensor sees [°C], the power asked for [%], setpoint and reading in units
-_TOLD: Final = struct.Struct(">IIIHHdddd")
+#: (written by clients), status; what the sensor sees [°C], the power asked for [%], setpoint and reading in units; the
+#: mark, the interval whose scan the controller's block shows, length of an interval [s]
+_TOLD: Final = struct.Struct(">IIIHHdddd4sId")
 OWN_LENGTH: Final = _TOLD.size
 _RELEASED: Final = slice(8, 12)
 _HEARTBEAT: Final = slice(12, 14)
+_SHOWN: Final = slice(52, 56)
+#: what makes a block the simulator's own, and not a machine's that has the same number
+_MARK: Final = b"HTVP"
 
 
 class Access(Enum):
@@ -49,15 +53,19 @@ class Told:
         temperature_degC: that the sensor sees, noise included [°C].
         power_pct: asked for [%].
         setpoint, reading: in the controller's units.
+        marked: whether this is a simulator's block at all.
+        shown: the interval, counted from 1, whose scan the controller's block shows; 0: none yet.
+        interval_s: how long an interval is [s].
     """
 
-    __slots__ = ("heartbeat", "intervals", "power_pct", "reading", "released", "scans", "setpoint", "status",
-                 "temperature_degC")
+    __slots__ = ("heartbeat", "interval_s", "intervals", "marked", "power_pct", "reading", "released", "scans",
+                 "setpoint", "shown", "status", "temperature_degC")
 
     def __init__(self, content: bytes) -> None:
         """Take the bytes of the block."""
         (self.intervals, self.scans, self.released, self.heartbeat, self.status, self.temperature_degC, self.power_pct,
-         self.setpoint, self.reading) = _TOLD.unpack(content)
+         self.setpoint, self.reading, mark, self.shown, self.interval_s) = _TOLD.unpack(content)
+        self.marked = mark == _MARK
 
 
 class Memory:
@@ -70,19 +78,23 @@ class Memory:
         length: of the controller's block as clients see it [bytes].
     """
 
-    def __init__(self, main: int, content: bytes, also: Mapping[int, int] | None = None) -> None:
+    def __init__(
+        self, main: int, content: bytes, interval_s: float, also: Mapping[int, int] | None = None
+    ) -> None:
         """Lay out the blocks.
 
         Args:
             main: number of the controller's block.
             content: of that block.
+            interval_s: time between two scans [s].
             also: other numbers under which it is known.
         """
         self.changed = Condition()
-        self.main, self.length = main, len(content)
+        self.main, self.length, self._interval_s = main, len(content), interval_s
         self.missing = self.protected = False
         self._blocks = {main: bytearray(content), OWN: bytearray(OWN_LENGTH)}
         self._names = {main: main, OWN: OWN, **(also or {})}
+        self.tell(0, 0, 0, (0.0, 0.0, 0.0, 0.0))
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -122,17 +134,22 @@ class Memory:
         with self.changed:
             return bytes(self._blocks[self.main])
 
-    def put(self, before: bytes, after: bytes | bytearray, part: slice = slice(None)) -> None:
+    def put(
+        self, before: bytes, after: bytes | bytearray, part: slice = slice(None), *, scan_of: int | None = None
+    ) -> None:
         """Write what a scan has changed, and nothing else: what clients wrote meanwhile stays.
 
         Args:
             before: as the scan found the controller's block.
             after: as it left it.
             part: of it.
+            scan_of: the interval whose scan it was, which is told at the same instant.
         """
-        if before == after:
-            return
         with self.changed:
+            if scan_of is not None:
+                self._blocks[OWN][_SHOWN] = (scan_of & 0xFFFFFFFF).to_bytes(4, "big")
+            if before == after:
+                return
             block = self._blocks[self.main]
             for at in range(*part.indices(len(block))):
                 if before[at] != after[at]:
@@ -149,9 +166,11 @@ class Memory:
         """
         with self.changed:
             own = self._blocks[OWN]
-            released, heartbeat = own[_RELEASED], own[_HEARTBEAT]
-            own[:] = _TOLD.pack(intervals & 0xFFFFFFFF, scans & 0xFFFFFFFF, 0, 0, status, *seen)
-            own[_RELEASED], own[_HEARTBEAT] = released, heartbeat
+            kept = [(part, own[part]) for part in (_RELEASED, _HEARTBEAT, _SHOWN)]
+            own[:] = _TOLD.pack(intervals & 0xFFFFFFFF, scans & 0xFFFFFFFF, 0, 0, status, *seen, _MARK, 0,
+                                self._interval_s)
+            for part, content in kept:
+                own[part] = content
 
     @property
     def released(self) -> int:

@@ -11,13 +11,24 @@ import math
 import struct
 from typing import Final
 
-from heatertune.live.cells import bytes_of, field_of
+from heatertune.live.cells import Signal, bytes_of, field_of
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.ramp import Number
 from heatertune.plc.s5_ob251.blocks import DB
 from heatertune.plc.s5_ob251.image import LENGTH, PLACES, from_cells, to_image
-from heatertune.plc.s5_ob251.step import AUTO, COLD, Assumptions, Parameters, State, restarted, scan
+from heatertune.plc.s5_ob251.step import (
+    AUTO,
+    COLD,
+    FULL_SCALE,
+    GESCHW,
+    HANDART,
+    Assumptions,
+    Parameters,
+    State,
+    restarted,
+    scan,
+)
 from heatertune.plc.s5_ob251.words import parameters_of
 
 __all__ = ["Ob251Block"]
@@ -28,8 +39,9 @@ _ONE: Final = struct.Struct(">h")
 _STATE: Final = struct.Struct(">ii2xbb2xihh2xdd20xh")
 _BEGIN: Final = 2 * 18
 #: places of setpoint, reading, disturbance variable and of what the D part may act on
-_W, _X, _Z, _XZ = 2 * PLACES["W"], 2 * 22, 2 * 24, 2 * 29
-_STEU: Final = 2 * PLACES["STEU"] + 1  # its low byte
+_W, _X, _Z, _XZ, _YA = 2 * PLACES["W"], 2 * 22, 2 * 24, 2 * 29, 2 * 48
+_CONTROL: Final = 2 * PLACES["STEU"]
+_STEU: Final = _CONTROL + 1  # its low byte
 #: no call gives a number beyond it: what is found there was never one
 _MOST: Final = 1e15
 _CALLS: Final = 4
@@ -50,6 +62,10 @@ class Ob251Block:
             assume: what the manual leaves open.
         """
         self._fields, self._image, self._assume = controller.fields, to_image(words), assume
+        degC = words.scaling.low_degC, words.scaling.high_degC
+        self.signals = {
+            name: Signal(place, "INT", (0, FULL_SCALE), shown)
+            for name, place, shown in (("temperature", _X, degC), ("power", _YA, (0, 100)), ("setpoint", _W, degC))}
         self._asked: Number | None = None
         self._words, self._parameters = b"", parameters_of(words.whole)
         self._kept = b""
@@ -95,6 +111,11 @@ class Ob251Block:
     def into_automatic(self, cells: bytearray) -> None:
         """Set that bit."""
         cells[_STEU] |= AUTO
+
+    def by_hand(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
+        """Return STEU, its bit 0 clear, and YH, which follows it; see `heatertune.live.blocks.Block`."""
+        steu = int.from_bytes(cells[_CONTROL : _CONTROL + 2], "big") & ~(AUTO | HANDART | GESCHW)
+        return _CONTROL, struct.pack(">Hh", steu, round(power_pct / 100.0 * FULL_SCALE))
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word; errors as `heatertune.live.cells`."""

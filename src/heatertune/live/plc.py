@@ -74,7 +74,7 @@ class VirtualPlc:
                 it stays.
         """
         self._plan, self._block, self._measured, self._pace = plan, block, measure, pace
-        self.memory = Memory(block.number, block.image())
+        self.memory = Memory(block.number, block.image(), plan.loop.scan_s)
         self._scan_s, self._ambient, self._dead_man = plan.loop.scan_s, plan.row[4], dead_man_scans
         self._intervals = self._scans = self._silent = self._status = 0
         self._seen = (plan.row[5], 0.0, 0.0, 0.0)
@@ -237,10 +237,9 @@ class VirtualPlc:
         cells = bytearray(before)
         self._watch_host(cells)
         state, power, output, flags = self._block.scan(cells, state, setpoint, reading)
-        if self.link("torn") is None:
-            self.memory.put(before, cells)
-        else:
-            self.memory.put(before, cells, slice(None, len(before) // 2))
+        whole = self.link("torn") is None
+        self.memory.put(before, cells, slice(None if whole else len(before) // 2), scan_of=self._intervals)
+        if not whole:
             self._late = before, bytes(cells)
         self._scans += 1
         self._seen = (self._seen[0], power, float(setpoint), float(reading))

@@ -9,7 +9,8 @@ from __future__ import annotations
 import struct
 from typing import Final
 
-from heatertune.live.cells import bytes_of, field_of
+from heatertune.errors import InputError
+from heatertune.live.cells import Signal, bytes_of, field_of
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.cpu.s7_200 import State
@@ -19,13 +20,16 @@ from heatertune.plc.cpu.s7_200.memory import put_word
 from heatertune.plc.cpu.s7_200.state import own, restarted
 from heatertune.plc.ramp import Number
 from heatertune.plc.s7_200_pid.step import Assumptions
-from heatertune.plc.s7_200_pid.words import FULL, SETPOINT
+from heatertune.plc.s7_200_pid.words import FULL, SETPOINT, TABLE
 from heatertune.plc.single import divided
 
 __all__ = ["VMemory"]
 
 _READING: Final = cell("AIW0", 2).start
 _SETPOINT: Final = cell(SETPOINT, 4).start - V_BEGIN
+#: process variable and output in the loop table, as shares (System Manual, table 9-19)
+_VARIABLE: Final = TABLE
+_OUTPUT: Final = TABLE + 8
 _WIDTHS: Final = {"VD": 4, "VW": 2}
 _V: Final = slice(V_BEGIN, V_END)
 
@@ -47,6 +51,9 @@ class VMemory:
         self._fields = controller.fields
         self._timed, self._cold = controller.begin(words, assume)
         self._asked: Number | None = None
+        degC = words.scaling.low_degC, words.scaling.high_degC
+        shown = {"temperature": (_VARIABLE, degC), "power": (_OUTPUT, (0.0, 100.0)), "setpoint": (_SETPOINT, degC)}
+        self.signals = {name: Signal(place, "REAL", shown=scale) for name, (place, scale) in shown.items()}
 
     def image(self) -> bytes:
         """Return the memory before the first scan."""
@@ -79,6 +86,14 @@ class VMemory:
 
     def into_automatic(self, _cells: bytearray) -> None:
         """Do nothing."""
+
+    def by_hand(self, _cells: bytes, _power_pct: float) -> tuple[int, bytes]:
+        """Return nothing.
+
+        Raises:
+            InputError: always: this program has no manual mode.
+        """
+        raise InputError("the exported program of s7-200-pid has no manual mode: switch by hand, and record it")
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word that stands in V memory; errors as `heatertune.live.cells`."""

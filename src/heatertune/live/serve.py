@@ -7,14 +7,14 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from heatertune.documents import data_folder, read_document
+from heatertune.documents import data_folder
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.live.blocks import SERVED, Block, block_for
+from heatertune.live.client.client import LIBRARIES, demand_library
 from heatertune.live.faults import LINK, Fault, fault_of
 from heatertune.live.memory import OWN, Told
 from heatertune.live.plan import Plan, plan_for
@@ -22,14 +22,12 @@ from heatertune.live.plc import Pace, VirtualPlc
 from heatertune.model.values import FittedModel
 from heatertune.pid.document import read_design
 from heatertune.plc import Words, controller_for
-from heatertune.proof.words_file import WORDS_SCHEMA, words_of
+from heatertune.proof.words_file import words_in
 from heatertune.settings import Conditions
 from heatertune.units import check
 
-__all__ = ["PROTOCOLS", "Simulation", "VirtualPlcServed", "read_folder", "virtual_plc"]
+__all__ = ["Simulation", "VirtualPlcServed", "read_folder", "virtual_plc"]
 
-#: protocol → the module that it needs, of the extra of the same name
-PROTOCOLS: Final[Mapping[str, str]] = {"s7": "snap7", "modbus": "pymodbus"}
 _LOOPBACK: Final = "127.0.0.1"
 _MOST_PORT: Final = 65535
 _RELEASED: Final = 8
@@ -40,7 +38,7 @@ class Simulation:
     """How a virtual PLC is served and what happens to it.
 
     Attributes:
-        serve: protocols, of `PROTOCOLS`.
+        serve: protocols, of `heatertune.live.client.client.LIBRARIES`.
         ports: for them, in turn; 0, or none: one that is free.
         rate: so many times as fast as a real heater; infinite: as fast as it can.
         step: whether a client releases each interval.
@@ -68,10 +66,10 @@ class Simulation:
 
     def __post_init__(self) -> None:
         for protocol in self.serve:
-            if protocol not in PROTOCOLS:
-                raise UnknownName("protocol", protocol, PROTOCOLS)
+            if protocol not in LIBRARIES:
+                raise UnknownName("protocol", protocol, LIBRARIES)
         if not self.serve or len(set(self.serve)) != len(self.serve):
-            raise InputError(f"--serve needs each protocol once, of {', '.join(PROTOCOLS)}")
+            raise InputError(f"--serve needs each protocol once, of {', '.join(LIBRARIES)}")
         if len(self.ports) > len(self.serve):
             raise InputError(f"{len(self.ports)} ports for {len(self.serve)} protocols")
         for port in self.ports:
@@ -200,7 +198,7 @@ def virtual_plc(
     """
     given = replace(settings or Simulation(), **_tuples(changed))
     for protocol in given.serve:
-        _demand_library(protocol)
+        demand_library(protocol)
     if not isinstance(source, Words):
         words, model, made_for = read_folder(source)
         conditions = made_for if conditions is None else conditions
@@ -247,9 +245,7 @@ def read_folder(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
         OutOfRange: a word that the controller cannot hold.
     """
     place = data_folder(folder)
-    path = place / "words.json"
-    document = read_document(path, WORDS_SCHEMA)
-    words = words_of(document, str(document.get("target")), path)
+    words, document = words_in(folder)
     beside = Path(folder) / "pid.json"  # where tune was told to write it, words having been exported later
     design = beside if beside.is_file() else place / "pid.json"
     _, fitted, recipe = read_design(design)
@@ -260,11 +256,6 @@ def read_folder(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
     if own.setpoint_degC is None and isinstance(proven, float | int):
         own = replace(own, setpoint_degC=float(proven))
     return words, fitted, own
-
-
-def _demand_library(protocol: str) -> None:
-    if find_spec(PROTOCOLS[protocol]) is None:
-        raise InputError(f'--serve {protocol} needs {PROTOCOLS[protocol]}: pip install "heatertune[{protocol}]"')
 
 
 def _server_of(protocol: str) -> Callable[[VirtualPlc, socket.socket], Any]:

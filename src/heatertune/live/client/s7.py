@@ -1,0 +1,84 @@
+"""S7 (ISO on TCP), by rack and slot or, for an S7-200, by TSAPs."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import suppress
+from typing import Any, Final
+
+from snap7.client import Client
+from snap7.error import S7Error, S7ProtocolError
+from snap7.logo import Logo
+
+from heatertune.errors import LinkDown
+from heatertune.live.client.address import Address
+from heatertune.live.client.base import Asking
+
+__all__ = ["S7Client", "connected"]
+
+#: what fits into one message of 240 bytes, the smallest that PLCs agree to, both ways
+_MOST: Final = 212
+
+logging.getLogger("snap7").addHandler(logging.NullHandler())  # errors tell what happened
+
+
+class S7Client(Asking):
+    """See `heatertune.live.client.client.Client`."""
+
+    most = _MOST
+
+    def __init__(self, address: Address, library: Any) -> None:
+        """Take a client of the library's that is connected."""
+        super().__init__(address)
+        self._library = library
+
+    def read(self, number: int, start: int, count: int) -> bytes:
+        """Return bytes of a block."""
+        what = f"reading {count} bytes of DB{number} from byte {start} on"
+
+        def ask() -> bytes:
+            try:
+                return bytes(self._library.db_read(number, start, count))
+            except S7ProtocolError as problem:
+                raise self._refused(what, _why(problem)) from None
+
+        return self._asked(ask, what)
+
+    def write(self, number: int, start: int, content: bytes) -> None:
+        """Write bytes of a block."""
+        what = f"writing {len(content)} bytes of DB{number} from byte {start} on"
+
+        def ask() -> None:
+            try:
+                self._library.db_write(number, start, bytearray(content))
+            except S7ProtocolError as problem:
+                raise self._refused(what, _why(problem)) from None
+
+        self._asked(ask, what)
+
+    def _close(self) -> None:
+        with suppress(S7Error, OSError):
+            self._library.disconnect()
+
+
+def _why(problem: S7ProtocolError) -> str:
+    """Return what the PLC says, and what most often is behind it."""
+    return (f"{problem} (there is no such block, it is shorter, write-protected, or, in an S7-1200/1500, an optimized "
+            f"block or PUT/GET not permitted)")
+
+
+def connected(address: Address, timeout_s: float) -> S7Client:
+    """Return a client that is connected.
+
+    Raises:
+        LinkDown: nobody is there.
+    """
+    library: Any = Logo() if address.by_tsap else Client()
+    try:
+        library.connect(address.host, *address.way, address.port)
+        # the library takes a time for the connection alone, and waits 5 s for any answer
+        library.connection.timeout = timeout_s
+        library.connection.socket.settimeout(timeout_s)
+    except (S7Error, OSError) as problem:
+        raise LinkDown(f"{address.text}: no S7 connection to {address.host}:{address.port}: {problem}") from None
+    return S7Client(address, library)

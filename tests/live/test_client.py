@@ -1,0 +1,173 @@
+"""Addresses, and the client that asks a PLC; the PLC is the virtual one, whose bytes other tests hold against `verify`."""
+
+import socket
+import struct
+import threading
+
+import pytest
+from tests.live.conftest import DB, LENGTH
+
+from heatertune.errors import DocumentError, InputError, LinkDown, LinkError, PlcRefused, ReplyLost, UnknownName
+from heatertune.live.cells import Signal
+from heatertune.live.client.address import address_of
+from heatertune.live.client.client import connect
+from heatertune.live.memory import OWN, OWN_LENGTH, Told
+from heatertune.live.places import places_in, places_of
+
+PROTOCOLS = ("s7", "modbus")
+
+
+def way(plc, protocol):
+    host, port = plc.addresses[protocol]
+    return address_of(f"{protocol}://{host}:{port}" + {"s7": "/0/2/db30", "modbus": "/1"}[protocol])
+
+
+@pytest.mark.parametrize(("text", "protocol", "host", "port", "how", "block"), [
+    ("s7://10.0.0.1/0/2/db30", "s7", "10.0.0.1", 102, (0, 2), 30),
+    ("S7://plc.local:1102/0/3", "s7", "plc.local", 1102, (0, 3), None),
+    ("s7://[::1]:102/10.00/10.01/DB1", "s7", "::1", 102, (0x1000, 0x1001), 1),
+    ("modbus://10.0.0.1/1", "modbus", "10.0.0.1", 502, (1,), 0),
+    ("modbus://10.0.0.1:1502/7/400", "modbus", "10.0.0.1", 1502, (7,), 400)])
+def test_an_address_is_read(text, protocol, host, port, how, block):
+    address = address_of(text)
+    assert (address.protocol, address.host, address.port, address.way, address.block) == (protocol, host, port, how, block)
+    assert address.by_tsap == (how[0] > 255)
+
+
+@pytest.mark.parametrize(("text", "parts"), [
+    ("10.0.0.1", ("expected", "s7://")), ("s7://", ("no host",)), ("s7://a", ("no rack and slot", "s7://")),
+    ("s7://a/0/db30", ("no rack and slot",)), ("s7://a/9/2", ("rack '9'", "0…7")), ("s7://a/0/x", ("slot 'x'",)),
+    ("s7://a:99999/0/2", ("Port out of range", "expected")), ("s7://a:0/0/2", ("port 0",)), ("s7://a/0/2/db99999", ("db99999",)),
+    ("s7://me@a/0/2", ("more than host",)), ("modbus://a", ("no unit",)), ("modbus://a/1/2/3", ("more than unit",)),
+    ("modbus://a/256", ("unit '256'", "0…255")), ("modbus://a/1/70000", ("register '70000'",)), ("s7://[a/0/2", ("expected",))])
+def test_a_bad_address_is_told(text, parts):
+    with pytest.raises(InputError) as refused:
+        address_of(text)
+    assert all(part in str(refused.value) for part in (text, *parts)), refused.value
+
+
+def test_an_unknown_protocol_is_told():
+    with pytest.raises(UnknownName, match="s7, modbus"):
+        address_of("opc://a/1")
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_block_is_read_and_written(served, protocol):
+    plc = served(serve=protocol)
+    with connect(way(plc, protocol)) as client:
+        before = client.read(DB, 0, LENGTH)
+        client.write(DB, 2, b"\x0f\xa0")
+        assert client.read(DB, 0, LENGTH) == before[:2] + b"\x0f\xa0" + before[4:]
+        assert client.read(DB, 3, 2) == b"\xa0" + before[4:5]  # of a register, too, a half
+        told = Told(client.read(OWN, 0, OWN_LENGTH))
+        assert (told.marked, told.interval_s, told.shown) == (True, plc.scan_s, 0)
+        plc.release(3)
+        assert Told(client.read(OWN, 0, OWN_LENGTH)).shown == 3
+        with pytest.raises(PlcRefused, match="refused"):
+            client.read(DB, LENGTH, 2)
+        assert client.read(DB, 0, 2) == before[:2]  # a refusal ends no connection
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize(("fault", "arrives"), [("lost-reply", {1}), ("black-hole", {0}), ("cut", {0, 1})])
+def test_a_write_without_an_answer_is_unknown_and_never_sent_twice(served, monkeypatch, protocol, fault, arrives):
+    plc = served(serve=protocol, faults=f"t=0 {fault}")
+    client, written, write = connect(way(plc, protocol), 0.3), [], plc.plc.memory.write
+    plc.release(1)
+    monkeypatch.setattr(plc.plc.memory, "write", lambda *given: (written.append(given), write(*given)))
+    with pytest.raises(ReplyLost, match="no answer"):
+        client.write(DB, 2, b"\x0f\xa0")
+    with pytest.raises(LinkDown, match="closed"):  # a late answer would be taken for another's
+        client.read(DB, 0, 2)
+    assert len(written) in arrives
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_nobody_there_is_told(protocol):
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        port = door.getsockname()[1]
+    with pytest.raises(LinkDown, match=f"127.0.0.1:{port}"):
+        connect(address_of(f"{protocol}://127.0.0.1:{port}" + {"s7": "/0/2", "modbus": "/1"}[protocol]), 0.3)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("says", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\x03\x00\x00\x04", b"\x00" * 64])
+def test_somebody_else_there_is_told(protocol, says):
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        def answer():
+            one, _ = door.accept()
+            with one:
+                one.recv(64)
+                one.sendall(says)
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        port = door.getsockname()[1]
+        with pytest.raises(LinkError), connect(
+                address_of(f"{protocol}://127.0.0.1:{port}" + {"s7": "/0/2", "modbus": "/1"}[protocol]), 0.5) as client:
+            client.read(DB, 0, 2)
+        thread.join()
+
+
+def test_the_places_of_the_block_show_what_the_plc_sees(served, words):
+    plc, places = served(), places_of(words)
+    told = plc.release(40)
+    begin, count = places.span
+    content = plc.plc.memory.image()[begin:begin + count]
+    seen = {role: signal.of(content, begin) for role, signal in places.signals.items()}
+    assert seen["temperature"] == pytest.approx(told.temperature_degC, abs=100.0 / 2047)
+    assert seen["power"] == pytest.approx(told.power_pct)
+    assert seen["setpoint"] == pytest.approx(50.0, abs=100.0 / 2047)
+
+
+GOOD = """
+block = 12
+[temperature]
+byte = 4
+format = "INT"
+raw = [0, 27648]
+range = [-50, 150.0]
+[power]
+register = 5
+format = "REAL"
+raw = [0, 1]
+range = [0, 100]
+[counter]
+byte = 0
+format = "UDINT"
+interval_s = 0.5
+"""
+
+
+def test_a_file_says_the_places(tmp_path):
+    path = tmp_path / "oven.toml"
+    path.write_text(GOOD)
+    places = places_in(path)
+    assert (places.block, places.span, places.counter.interval_s, places.counter.turn) == (12, (0, 14), 0.5, 1 << 32)
+    content = struct.pack(">Ihxxxxf", 7, 13824, 0.25)
+    assert places.signals["temperature"].of(content) == 50.0
+    assert places.signals["power"] == Signal(10, "REAL", (0.0, 1.0), (0.0, 100.0))
+    assert places.signals["power"].of(content) == 25.0
+
+
+@pytest.mark.parametrize(("find", "put", "parts"), [
+    ("block = 12", "block = 0", ("block = 0", "1…65535")), ("block = 12", "blok = 12", ("'blok'",)),
+    ("block = 12", "block =", ("no TOML",)), ("byte = 4\n", "", ("[temperature]", "no byte")),
+    ("byte = 4\n", "byte = 4\nregister = 2\n", ("byte and register",)), ("byte = 4", "byte = -1", ("byte = -1",)),
+    ('"INT"', '"int16"', ("format = 'int16'", "INT")), ("raw = [0, 27648]", "raw = [1, 1]", ("raw = [1, 1]",)),
+    ("raw = [0, 27648]", "raw = 5", ("raw = 5",)), ("range = [-50, 150.0]", "range = [nan, 1]", ("range",)),
+    ("[temperature]", "[temp]", ("'temp'",)), ("interval_s = 0.5", "interval_s = 0", ("interval_s = 0",)),
+    ('"UDINT"', '"REAL"', ("[counter]", "whole")), ("raw = [0, 27648]", "raws = [0, 1]", ("'raws'",)),
+    ("[power]\n", "[power]\nhigh = 3\n", ("'high'", "[power]"))])
+def test_a_bad_entry_is_told(tmp_path, find, put, parts):
+    path = tmp_path / "oven.toml"
+    assert find in GOOD
+    path.write_text(GOOD.replace(find, put, 1))
+    with pytest.raises(DocumentError) as refused:
+        places_in(path)
+    assert all(part in str(refused.value) for part in ("oven.toml", *parts)), refused.value
+
+
+def test_no_file_is_told(tmp_path):
+    with pytest.raises(DocumentError, match="cannot be read"):
+        places_in(tmp_path / "none.toml")
