@@ -52,8 +52,8 @@ __all__ = ["main"]
 
 COMMANDS = (
     design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, supervise, feed_forward, compare, advise,
-    study, fleet, health, report, decode, diff, replay, targets, terms, studio, simulate, record, experiment, doctor, bench,
-    completion,
+    study, fleet, health, report, decode, diff, replay, targets, terms, studio, simulate, record, experiment, doctor,
+    bench, completion,
 )
 
 #: those that most people need, in the order in which they do, and what they are for
