@@ -12,7 +12,7 @@ from typing import Any, Final
 from heatertune.batch.values import Column, Row
 from heatertune.errors import InputError
 
-__all__ = ["demand_parquet", "read_note", "write_table"]
+__all__ = ["demand_parquet", "read_note", "read_rows", "write_table"]
 
 _GROUP: Final = 4096  # rows: a few hundred kB
 _NOTE: Final = b"heatertune"
@@ -70,6 +70,19 @@ def read_note(path: Path) -> dict[str, Any] | None:
     except (OSError, arrow.ArrowInvalid):
         return None
     return dict(json.loads(notes[_NOTE])) if _NOTE in notes else None
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Return the rows of a table.
+
+    Raises:
+        InputError: it cannot be read, or is no Parquet file; pyarrow is missing.
+    """
+    arrow = demand_parquet()
+    try:
+        return list(arrow.parquet.read_table(path).to_pylist())
+    except (OSError, arrow.ArrowInvalid) as problem:
+        raise InputError(f"{path}: no table: {problem}") from problem
 
 
 def _groups(rows: Iterable[Row]) -> Iterator[list[Row]]:

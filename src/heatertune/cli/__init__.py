@@ -25,6 +25,7 @@ from heatertune.cli import (
     feed_forward,
     fit,
     fleet,
+    health,
     pareto,
     plan,
     read,
@@ -54,8 +55,8 @@ __all__ = ["main"]
 
 COMMANDS = (
     design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, supervise, feed_forward, compare, advise,
-    study, fleet, report, decode, diff, replay, targets, terms, studio, simulate, record, experiment, write, rollback,
-    watch, doctor, bench, completion,
+    study, fleet, health, report, decode, diff, replay, targets, terms, studio, simulate, record, experiment, write,
+    rollback, watch, doctor, bench, completion,
 )
 
 #: those that most people need, in the order in which they do, and what they are for

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from heatertune.errors import InputError
 
@@ -15,11 +15,13 @@ if TYPE_CHECKING:
 __all__ = ["Bar", "add_table_options", "workers"]
 
 
-def add_table_options(command: argparse.ArgumentParser) -> None:
-    """Add the table, and who does the work."""
+_TABLE: Final = "Parquet table; FILE.parts beside it holds what is done until all is"
+
+
+def add_table_options(command: argparse.ArgumentParser, out: str = _TABLE) -> None:
+    """Add the table, and who does the work; `out` says what is written."""
     group = command.add_argument_group("the table, and who does the work")
-    group.add_argument("-o", "--out", metavar="FILE", required=True,
-                       help="Parquet table; FILE.parts beside it holds what is done until all is")
+    group.add_argument("-o", "--out", metavar="FILE", required=True, help=out)
     group.add_argument("--resume", action="store_true", help="go on where a run was stopped or killed")
     group.add_argument("--jobs", type=int, metavar="N", help="processes on this machine (default: one per processor)")
     group.add_argument("--scheduler", metavar="tcp://HOST:PORT",

@@ -1,0 +1,1 @@
+"""Loops that run: what a log of one says of its health, why, and which words would cure it."""

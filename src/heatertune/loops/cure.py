@@ -1,0 +1,92 @@
+"""The words that would cure a loop: designed for the heater that its log shows, proven, and lived through its day."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from heatertune import cache
+from heatertune.errors import HeatertuneError
+from heatertune.loops.diagnosis import Diagnosis
+from heatertune.loops.same_day import day, times_worse
+from heatertune.loops.values import Cause, Loop
+from heatertune.model.values import FittedModel
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Words
+from heatertune.proof.closing import Asked, Closed, closed
+from heatertune.proof.verdict import blocking
+
+__all__ = ["Cure", "cured"]
+
+#: causes that other words cure, as far as words can
+_BY_WORDS: Final = (Cause.OSCILLATING, Cause.OFFSET, Cause.SLUGGISH, Cause.DRIFTED, Cause.WEAR)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cure:
+    """What would be typed in.
+
+    Attributes:
+        words: of the target; None: there are none, see `why`.
+        verdict: of their proof.
+        why: what the proof does not keep, or why there are no words.
+        design: what the words make.
+        pwm_period_s: that they were proven with.
+        was_degC, would_degC: mean error of the logged day, as it was and with them, noise left out; None: not lived.
+    """
+
+    words: Words | None
+    verdict: str
+    why: str
+    design: PidDesign | None = None
+    pwm_period_s: float | None = None
+    was_degC: float | None = None
+    would_degC: float | None = None
+
+
+def cured(told: Diagnosis, loop: Loop, asked: Asked | None) -> Cure | None:
+    """Return the words that would cure a loop, None where words are not what it needs.
+
+    Args:
+        told: what is wrong with it.
+        loop: a switch that is known gets the PWM period that suits it; else the period stays.
+        asked: controller, range and the rest of the design; None: the controller is not known.
+    """
+    if told.cause not in _BY_WORDS:
+        return None
+    if told.fitted is None:
+        return Cure(words=None, verdict="", why=f"no heater to design for: {told.why_not}")
+    if asked is None:
+        return Cure(words=None, verdict="", why="name the controller: --target, or target in the list")
+    try:
+        with cache.unused():
+            done = closed(told.fitted, _asked(told, loop, asked))
+    except HeatertuneError as problem:
+        return Cure(words=None, verdict="", why=str(problem))
+    return _lived(told, told.fitted, done)
+
+
+def _asked(told: Diagnosis, loop: Loop, asked: Asked) -> Asked:
+    """Return what is asked for, with what is known of the loop in the place of what nobody said."""
+    conditions = asked.conditions
+    if conditions.setpoint_degC is None:
+        conditions = replace(conditions, setpoint_degC=round(float(told.course.setpoint_degC.max()), 6))
+    kind, tuned = asked.switch_kind or loop.switch, asked.tuned
+    if conditions.pwm_period_s is None and any(found.cause is Cause.WEAR for found in told.found):
+        conditions = replace(conditions, pwm_period_s=told.longer_period_s)
+        tuned = replace(tuned, sample_time_s=tuned.sample_time_s or told.longer_period_s)
+    elif conditions.pwm_period_s is None and kind is None:
+        conditions = replace(conditions, pwm_period_s=loop.pwm_period_s)
+    return replace(asked, conditions=conditions, switch_kind=kind, tuned=tuned)
+
+
+def _lived(told: Diagnosis, fitted: FittedModel, done: Closed) -> Cure:
+    proof, words = done.proof, done.proof.words
+    broken = [criterion.name.replace("_", " ") for criterion in proof.criteria if not criterion.ok]
+    why = [f"not kept: {', '.join(broken)}"] if broken else []
+    why += [f"not proven: {point['name']}" for point in blocking(proof.heard.to_document())]
+    running = words.controller()
+    lived = day(told.course, fitted.hypothetical[0], running, running.scan_s)
+    _, was, would = times_worse(lived, told.course)
+    return Cure(words=words, verdict=proof.verdict, why="; ".join(why), design=done.wished,
+                pwm_period_s=proof.actuator.pwm_period_s, was_degC=was, would_degC=would)

@@ -1,0 +1,226 @@
+"""The log of a loop → what is wrong with it, how badly, and how sure that is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from heatertune.errors import InputError
+from heatertune.log.values import Log
+from heatertune.loops.loads import LoadStep, without_loads
+from heatertune.loops.measures import (
+    Course,
+    Swings,
+    at_limit,
+    course_of,
+    found_period_s,
+    offset_degC,
+    swings,
+    switchings_per_h,
+    thinned,
+)
+from heatertune.loops.same_day import Day, day, ideal, times_worse
+from heatertune.loops.values import Cause, Found, Loop
+from heatertune.model.fit import fit
+from heatertune.model.values import FittedModel, Outcome
+from heatertune.pid.search.quick import quick_tune
+from heatertune.pid.values import PidDesign
+from heatertune.proof.heaters import ROOM_DEGC
+from heatertune.proof.period import SWITCHES, propose_period
+
+__all__ = ["Diagnosis", "diagnosed"]
+
+_WORSE: Final = 2.5  # times the mean error that is possible: further off, other words are worth it
+_HALF_CYCLES: Final = 5  # a well-tuned loop is done after three
+_CERTAIN: Final = 9  # where the mean error is as small as it can be
+_SHARE: Final = 0.3  # of the log at a limit
+_LONGER: Final = 2.0  # a PWM period that may be so many times as long wears for nothing
+_DRIFT: Final = 0.25  # of a parameter: less is what two fits of closed loops differ by
+_LATER: Final = 0.4  # of the dead time, which a loop tells less well
+_RIPPLE: Final = 2.0  # errors that are noise: ripple, peak to peak, that a longer PWM period may have
+_SURE: Final = 1.5  # times what is accepted
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Diagnosis:
+    """What is known of one loop.
+
+    Attributes:
+        course: as it went.
+        loads: that the log shows.
+        fitted: the heater; None where the log does not tell.
+        why_not: why there is no heater, or why it is not to be trusted; empty: it is.
+        possible: the design that it is measured against.
+        lived: the day with that.
+        worse: times the mean error that is possible; None without a heater.
+        swings: of the error.
+        switchings_per_h: of the switch; None: not known.
+        pwm_period_s: in force; None: not known.
+        longer_period_s: that would do as well [s]; None: not known, or nothing wears.
+        found: what is wrong, the cause first.
+    """
+
+    course: Course
+    loads: tuple[LoadStep, ...]
+    fitted: FittedModel | None
+    why_not: str
+    possible: PidDesign | None
+    lived: Day | None
+    worse: float | None
+    swings: Swings
+    switchings_per_h: float | None
+    pwm_period_s: float | None
+    longer_period_s: float | None
+    found: tuple[Found, ...]
+
+    @property
+    def cause(self) -> Cause:
+        """What is wrong first of all."""
+        return self.found[0].cause if self.found else Cause.WELL
+
+    @property
+    def excess(self) -> float:
+        """How far the loop is beyond what is accepted; below 1 it is well."""
+        if self.found:
+            return max(found.excess for found in self.found)
+        return min(0.99, (self.worse or 1.0) / _WORSE)
+
+    @property
+    def confidence(self) -> str:
+        """How sure the cause is: high, medium or low."""
+        if self.cause is Cause.UNKNOWN:
+            return "low"
+        if self.cause in (Cause.FULL_POWER, Cause.NO_POWER):
+            return "high"
+        clear = self.excess >= _SURE or self.cause is Cause.WELL
+        return ("high" if clear else "medium") if not self.why_not else ("medium" if clear else "low")
+
+
+def diagnosed(log: Log, loop: Loop, before: FittedModel | None = None) -> Diagnosis:
+    """Return what is wrong with a loop.
+
+    Args:
+        log: with its setpoint, and with its power where that is known.
+        loop: what else is known of it.
+        before: the heater that its words were made for.
+
+    Raises:
+        InputError: no setpoint is known.
+    """
+    if loop.setpoint_degC is not None:
+        log = replace(log, setpoint_degC=np.full(len(log.time_s), loop.setpoint_degC))
+    if log.setpoint_degC is None:
+        raise InputError(f"{log.name}: the log holds no setpoint; log it, or give setpoint_degC in the list")
+    period = loop.pwm_period_s or found_period_s(log)
+    course = course_of(log, period)
+    loads, fitted, why_not = _heater(log, period)
+    worse, lived, possible = None, None, None
+    if fitted is not None:
+        possible = quick_tune(fitted.hypothetical)
+        lived = day(course, fitted.hypothetical[0], ideal(possible), possible.sample_time_s)
+        worse = times_worse(lived, course)[0]
+    dead = 0.0 if fitted is None else fitted.model.dead_time_s
+    swung = swings(course, [*course.changes_s, *(load.instant_s for load in loads)], dead)
+    result = Diagnosis(
+        course=course, loads=loads, fitted=fitted, why_not=why_not, possible=possible, lived=lived, worse=worse,
+        swings=swung, switchings_per_h=switchings_per_h(log, period), pwm_period_s=period,
+        longer_period_s=_longer(loop, fitted, course, period), found=())
+    return replace(result, found=tuple(_found(result, loop, before)))
+
+
+def _heater(log: Log, period_s: float | None) -> tuple[tuple[LoadStep, ...], FittedModel | None, str]:
+    """Return the loads of a log, its heater without them, and what is to be said against it."""
+    if log.power_pct is None:
+        return (), None, "the power was not logged"
+    if float(log.power_pct.max() - log.power_pct.min()) < 1.0:
+        return (), None, "the power does not change"
+    cleared, loads = without_loads(thinned(log, period_s))
+    try:
+        fitted = fit(cleared)
+    except InputError as problem:
+        return loads, None, str(problem).removeprefix(f"{log.name}: ")
+    if fitted.outcome is Outcome.POOR_FIT:
+        return loads, None, "no heater explains the log well"
+    open_points = [finding.kind.short for finding in fitted.findings if finding.kind.effect == "blocks"]
+    return loads, fitted, "; ".join(open_points)
+
+
+def _longer(loop: Loop, fitted: FittedModel | None, course: Course, period_s: float | None) -> float | None:
+    """Return the PWM period that suits a switch with contacts and the heater [s]; None: not known, or none wears."""
+    if loop.switch is None or fitted is None or period_s is None or math.isinf(SWITCHES[loop.switch].life):
+        return None
+    most = max(plant.dead_time_s for plant in fitted.plants)
+    shortest = SWITCHES[loop.switch].shortest_s
+    found = propose_period(
+        fitted.plants, kind=loop.switch, sample_time_s=max(most, shortest),
+        setpoint_degC=float(course.setpoint_degC[-1]),
+        ambient_degC=ROOM_DEGC if fitted.model.ambient_degC is None else fitted.model.ambient_degC,
+        ripple_degC_most=_RIPPLE * course.least_degC)
+    return max(shortest, float(math.floor(found.period_s)))
+
+
+def _found(told: Diagnosis, loop: Loop, before: FittedModel | None) -> Iterator[Found]:
+    """Yield what is wrong, the cause before what follows from it."""
+    limits = list(_limits(told.course))
+    yield from limits
+    if before is not None and told.fitted is not None and not limits:
+        yield from _drift(told.fitted, before)
+    if not limits:
+        yield from _error(told)
+    if told.longer_period_s is not None and told.switchings_per_h and told.pwm_period_s:
+        ratio = told.longer_period_s / told.pwm_period_s
+        if ratio > _LONGER:
+            assert loop.switch is not None
+            life = SWITCHES[loop.switch].life / told.switchings_per_h / 24.0
+            yield Found(cause=Cause.WEAR, excess=ratio / _LONGER, told=(
+                f"{told.switchings_per_h:.0f} switchings an hour: the {loop.switch} is due after {life:.0f} days; "
+                f"a PWM period of {told.longer_period_s:g} s would do in place of {told.pwm_period_s:.3g} s"))
+
+
+def _limits(course: Course) -> Iterator[Found]:
+    for cause, high, what in ((Cause.FULL_POWER, True, "at full power"), (Cause.NO_POWER, False, "without power")):
+        share = at_limit(course, high=high)
+        if share >= _SHARE:
+            error = float(course.error_degC[-len(course.error_degC) // 5:].mean())
+            yield Found(cause=cause, excess=share / (0.5 * _SHARE), told=(
+                f"{100.0 * share:.0f} % of the time {what} and the setpoint not in reach, "
+                f"{abs(error):.3g} °C {'below' if error > 0.0 else 'above'} it at the end"))
+
+
+def _drift(now: FittedModel, before: FittedModel) -> Iterator[Found]:
+    """Yield the parameter that moved most, where that is more than two fits differ by."""
+    moved = []
+    for name, most in (("gain_degC_per_pct", _DRIFT), ("time_constant_s", _DRIFT), ("dead_time_s", _LATER)):
+        was, is_ = getattr(before.model, name), getattr(now.model, name)
+        if was > 0.0 and is_ > 0.0:
+            moved.append((abs(math.log(is_ / was)) / math.log1p(most), name, was, is_))
+    excess, name, was, is_ = max(moved, default=(0.0, "", 0.0, 0.0))
+    if excess > 1.0:
+        yield Found(cause=Cause.DRIFTED, excess=excess, told=(
+            f"{name.rpartition('_degC')[0].replace('_', ' ') if 'degC' in name else name[:-2].replace('_', ' ')} "
+            f"{was:.3g} → {is_:.3g} since the words were made ({100.0 * (is_ / was - 1.0):+.0f} %)"))
+
+
+def _error(told: Diagnosis) -> Iterator[Found]:
+    """Yield what the error says: swings, a rest that stays, or slow recovery."""
+    swung, worse, course = told.swings, told.worse, told.course
+    times = "" if worse is None else f"; mean error {worse:.2g} times what is possible"
+    excess = 1.0 if worse is None else max(1.0, worse / _WORSE)
+    needed = _HALF_CYCLES if worse is None or worse > 1.0 else _CERTAIN
+    if swung.count >= needed and swung.even:
+        yield Found(cause=Cause.OSCILLATING, excess=max(excess, swung.count / _HALF_CYCLES), told=(
+            f"swings {swung.size_degC:.2g} °C peak to peak, period {swung.period_s:.3g} s, "
+            f"{swung.count} half cycles in a row{times}"))
+        return
+    rest = offset_degC(course)
+    if rest != 0.0 and (worse is None or worse > _WORSE):
+        yield Found(cause=Cause.OFFSET, excess=excess, told=(
+            f"rests {abs(rest):.2g} °C {'below' if rest > 0.0 else 'above'} the setpoint{times}"))
+    elif worse is not None and worse > _WORSE:
+        yield Found(cause=Cause.SLUGGISH, excess=excess, told=f"comes back slowly{times}")
+    elif worse is None and told.fitted is None:
+        yield Found(cause=Cause.UNKNOWN, excess=1.0, told=f"not told: {told.why_not}")

@@ -1,0 +1,246 @@
+"""Loads that nobody logged, found in the log of a running loop together with its heater.
+
+A door, a batch of goods, a draught act like steps of power through the heater's own lags. Taken for what the power
+did, they bend the heater, the more the better its controller answers them. So both are sought at once: for given lags
+and dead time everything else is linear, and the load that explains most of what is left is added, one after the other,
+as long as the criterion of `heatertune.model.statistics.ar1_bic` falls. The readings without them then go to the fit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+
+from heatertune.log.values import Log
+from heatertune.model.statistics import ar1_bic
+
+__all__ = ["LoadStep", "without_loads"]
+
+Array = npt.NDArray[np.float64]
+
+_ROWS: Final = 3000  # of the power's course
+_READINGS: Final = 400  # averages that are explained
+_INSTANTS: Final = 120  # tried for a load
+_EDGES: Final = (0.08, 0.97)  # of the log: what happens before is the start's, and after it nobody sees it answered
+_MOST: Final = 6
+_GAIN: Final = 20.0  # BIC points a load has to be worth: its instant is chosen among many
+_LEAST_PCT: Final = 1.0  # of power: a smaller load is drift or the model's own fault
+_LARGEST_PCT: Final = 50.0  # a larger one is no load but another heater
+_LAGS: Final = 10
+_DELAYS: Final = 40
+_EVERY: Final = 6  # of them with loads, and the nearest without: where a loop swings its phase tells the dead time
+_NEAREST: Final = 3
+_STARTS: Final = 3
+_APART: Final = 1.4  # ratio of the lags of two starts
+_RATIO: Final = 0.1  # of two lags, to begin with
+
+
+class LoadStep(NamedTuple):
+    """A load: when it sets in, in the log's time [s], and the power that does the same [%]; below 0 it cools."""
+
+    instant_s: float
+    power_pct: float
+
+
+@dataclass(slots=True)
+class _Course:
+    """What is to be explained.
+
+    Attributes:
+        time: of the rows, from 0 on [s], shape (n,); equally spaced.
+        power: held from each row to the next [%], shape (n,).
+        before: power before the first row [%].
+        readings: averages of so many rows each [°C], shape (m,).
+        middle: of the rows of each [s], shape (m,).
+    """
+
+    time: Array
+    power: Array
+    before: float
+    readings: Array
+    middle: Array
+
+    @property
+    def step(self) -> float:
+        return float(self.time[1])
+
+    @property
+    def length(self) -> float:
+        return float(self.time[-1])
+
+    def mean(self, rows: Array) -> Array:
+        """Return averages of (n,) or (n, p), shape (m,) or (m, p)."""
+        m = len(self.readings)
+        each = len(self.time) // m
+        return np.asarray(rows[:m * each].reshape(m, each, *rows.shape[1:]).mean(axis=1))
+
+    def answer(self, lag: float, ratio: float, delay: float) -> Array:
+        """Return the power behind its lags and dead time [%], shape (m,)."""
+        keep = math.exp(-self.step / lag)
+        moved = lfilter([0.0, 1.0 - keep], [1.0, -keep], self.power - self.before)
+        if ratio > 0.0:
+            keep = math.exp(-self.step / (ratio * lag))
+            moved = lfilter([1.0 - keep], [1.0, -keep], moved)
+        return self.mean(np.interp(self.time - delay, self.time, moved, left=0.0))
+
+    def basis(self, lag: float, ratio: float, delay: float, loads: Sequence[float] | Array) -> Array:
+        """Return the columns of power, ambient, state at the start and loads, shape (m, …)."""
+        decays = [np.exp(-self.middle / lag)] + ([np.exp(-self.middle / (ratio * lag))] if ratio > 0.0 else [])
+        return np.column_stack([
+            self.answer(lag, ratio, delay), np.ones(len(self.readings)), *decays,
+            _risen(self.middle, np.asarray(loads), lag, ratio)])
+
+
+def _risen(time: Array, instants: Array, lag: float, ratio: float) -> Array:
+    """Return unit steps at the instants (p,) behind the lags, shape (n, p)."""
+    since = np.maximum(time[:, None] - instants[None, :], 0.0)
+    if ratio <= 0.0:
+        return np.asarray(1.0 - np.exp(-since / lag))
+    return np.asarray(1.0 - (np.exp(-since / lag) - ratio * np.exp(-since / (ratio * lag))) / (1.0 - ratio))
+
+
+class _Found(NamedTuple):
+    """Lags, dead time and loads with their criterion; `linear` as the columns of `_Course.basis`."""
+
+    bic: float
+    lag: float
+    ratio: float
+    delay: float
+    instants: Array
+    linear: Array
+
+    @property
+    def sizes(self) -> Array:
+        """Of the loads, as power [%]."""
+        return np.asarray(self.linear[len(self.linear) - len(self.instants):] / self.linear[0])
+
+    @property
+    def sensible(self) -> bool:
+        return bool(self.linear[0] > 0.0 and np.all(np.abs(self.sizes) <= _LARGEST_PCT))
+
+
+def without_loads(log: Log) -> tuple[Log, tuple[LoadStep, ...]]:
+    """Return a log with power as it would be without the loads, and these; without any it is the log itself.
+
+    Args:
+        log: of a heater in its loop, with power that changes.
+    """
+    found = min((_searched(_course(log, before)) for before in _befores(log)), key=_worth)
+    if not found.sensible or not len(found.instants):
+        return log, ()
+    since = log.time_s - log.time_s[0]
+    done = _risen(since, found.instants, found.lag, found.ratio) @ found.linear[-len(found.instants):]
+    loads = sorted(LoadStep(float(log.time_s[0] + at), float(size))
+                   for at, size in zip(found.instants, found.sizes, strict=True))
+    return replace(log, temperature_degC=log.temperature_degC - done), tuple(loads)
+
+
+def _worth(found: _Found) -> tuple[bool, float]:
+    return not found.sensible, found.bic
+
+
+def _befores(log: Log) -> list[float]:
+    """Return what the power may have been before the first reading: that of the first row, or none [%]."""
+    assert log.power_pct is not None
+    return list(dict.fromkeys((float(log.power_pct[0]), 0.0)))
+
+
+def _course(log: Log, before: float) -> _Course:
+    assert log.power_pct is not None
+    since = log.time_s - log.time_s[0]
+    step = max(float(np.median(np.diff(since))), float(since[-1]) / _ROWS)
+    time = step * np.arange(int(since[-1] / step + 1e-9) + 1, dtype=np.float64)
+    held = np.concatenate([[0.0], np.cumsum(log.power_pct[:-1] * np.diff(since))])
+    energy = np.interp(np.append(time, time[-1] + step), since, held)
+    power = np.append(np.diff(energy)[:-1] / step, log.power_pct[-1])
+    each = max(1, len(time) // _READINGS)
+    course = _Course(time, power, before, np.zeros(len(time) // each), np.zeros(0))
+    course.middle, course.readings = course.mean(time), course.mean(np.interp(time, since, log.temperature_degC))
+    return course
+
+
+def _searched(course: _Course) -> _Found:
+    """Return the best heater with its loads."""
+    tried = np.linspace(*_EDGES, _INSTANTS) * course.length
+    delays = np.append(0.0, np.geomspace(max(course.step, course.length / 600.0), course.length / 10.0, _DELAYS - 1))
+    rough = []
+    for lag in np.geomspace(max(3.0 * course.step, course.length / 150.0), course.length / 2.0, _LAGS).tolist():
+        steps = _risen(course.middle, tried, lag, 0.0)
+        bases = [course.basis(lag, 0.0, delay, ()) for delay in delays.tolist()]
+        left = [np.linalg.norm(course.readings - q @ (q.T @ course.readings)) for q, _ in map(np.linalg.qr, bases)]
+        near = {*range(0, _DELAYS, _EVERY), *np.argsort(left)[:_NEAREST].tolist()}
+        rough += [(*_added(course, bases[place], steps, tried), lag, float(delays[place])) for place in sorted(near)]
+    starts: list[tuple[float, Array, float, float]] = []
+    for start in sorted(rough, key=lambda one: one[0]):
+        if all(max(start[2] / kept[2], kept[2] / start[2]) > _APART for kept in starts):
+            starts.append(start)
+    refined = [_refined(course, lag, 0.0, delay, instants) for _, instants, lag, delay in starts[:_STARTS]]
+    best = min(refined, key=_worth)
+    best = min(best, _refined(course, best.lag, _RATIO, best.delay, best.instants), key=_worth)
+    steps = _risen(course.middle, tried, best.lag, best.ratio)
+    _, instants = _added(
+        course, course.basis(best.lag, best.ratio, best.delay, best.instants), steps, tried, best.instants)
+    again = best if len(instants) == len(best.instants) else _refined(
+        course, best.lag, best.ratio, best.delay, instants)
+    return _pruned(course, min(best, again, key=_worth))
+
+
+def _added(
+    course: _Course, basis: Array, steps: Array, tried: Array, instants: Array | None = None
+) -> tuple[float, Array]:
+    """Return the criterion and the instants of the loads that are worth it, added one by one to those given."""
+    kept = np.zeros(0) if instants is None else instants
+    best, chosen, at_best = math.inf, kept, 0
+    size = np.sum(steps**2, axis=0)
+    for count in range(len(kept), _MOST + 1):
+        q, _ = np.linalg.qr(basis)
+        left = course.readings - q @ (q.T @ course.readings)
+        bic = ar1_bic(left, basis.shape[1] + len(chosen))
+        if bic < best - _GAIN:
+            best, at_best, kept = bic, count, chosen
+        elif count > at_best + 1:  # a pulse is two loads, of which the first alone explains little
+            break
+        fresh = steps - q @ (q.T @ steps)
+        free = np.sum(fresh**2, axis=0)
+        score = np.where(free > 1e-6 * size, (fresh.T @ left) ** 2 / np.maximum(free, 1e-12), 0.0)
+        place = int(np.argmax(score))
+        chosen, basis = np.append(chosen, tried[place]), np.column_stack([basis, steps[:, place]])
+    return best, kept
+
+
+def _refined(course: _Course, lag: float, ratio: float, delay: float, instants: Array) -> _Found:
+    """Return what least squares makes of a start: all that is not linear, the instants of the loads included."""
+    two, length = ratio > 0.0, course.length
+
+    def parts(z: Array) -> tuple[float, float, float, Array]:
+        return math.exp(z[0]), float(z[2]) if two else 0.0, float(z[1]) * length, z[2 + two:] * length
+
+    def left(z: Array) -> Array:
+        basis = course.basis(*parts(z))
+        return np.asarray(basis @ np.linalg.lstsq(basis, course.readings, rcond=None)[0] - course.readings)
+
+    low = [math.log(0.5 * course.step), 0.0, *([0.005] if two else []), *([_EDGES[0]] * len(instants))]
+    high = [math.log(5.0 * length), 0.25, *([0.98] if two else []), *([_EDGES[1]] * len(instants))]
+    start = np.clip([math.log(lag), delay / length, *([ratio] if two else []), *(instants / length)],
+                    np.array(low) + 1e-9, np.array(high) - 1e-9)
+    z = least_squares(left, start, bounds=(low, high), x_scale="jac", diff_step=1e-4, max_nfev=40).x
+    basis = course.basis(*parts(z))
+    linear = np.asarray(np.linalg.lstsq(basis, course.readings, rcond=None)[0])
+    return _Found(ar1_bic(left(z), len(z) + len(linear)), *parts(z), linear)
+
+
+def _pruned(course: _Course, found: _Found) -> _Found:
+    """Return what was found without the loads that are too small to be one."""
+    while len(found.instants):
+        smallest = int(np.argmin(np.abs(found.sizes)))
+        if abs(found.sizes[smallest]) >= _LEAST_PCT:
+            break
+        found = _refined(course, found.lag, found.ratio, found.delay, np.delete(found.instants, smallest))
+    return found

@@ -1,0 +1,253 @@
+"""What the log of a loop shows by itself, no heater being known: swings, limits, switchings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.log.values import Log
+
+__all__ = [
+    "Course", "Swings", "at_limit", "course_of", "found_period_s", "offset_degC", "swings", "switchings_per_h",
+    "thinned",
+]
+
+Array = npt.NDArray[np.float64]
+
+_ROWS: Final = 6000
+_OF_FIT: Final = 1500  # rows: more tell no more of a heater, but take time
+_NOISE: Final = 4.0  # standard deviations: as far as the error of a loop at rest goes
+_LEAST: Final = 0.002  # of the rise above the coldest reading: less is nobody's concern
+_ENDS: Final = (1.0, 99.0)  # power that counts as off and on [%]
+_REGULAR: Final = 0.15  # of a period between its quartiles: a PWM is a clock
+_EDGES: Final = 12
+_OF_LARGEST: Final = 0.05  # of the largest error of an event: smaller half cycles are its end
+_EVEN: Final = 2.2  # ratio of a half cycle to the median one
+_MOSTLY: Final = 0.6  # of the half cycles are even
+_LAST: Final = 10  # part of a stretch whose slope tells where it goes
+_STAYS: Final = 0.95  # of an error, from a fifth of a part to the next
+_MOVES_PCT: Final = 0.5  # of power, likewise: more is an integral part at work
+_STILL: Final = 0.3  # of the log, at least, at a limit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """A log at equal steps, averaged over the PWM period: without that a good loop swings with its PWM.
+
+    Attributes:
+        time_s: [s], shape (n,).
+        temperature_degC, setpoint_degC, power_pct: likewise; None: the power is not known.
+        changes_s: when the setpoint changes, the begin of the log being the first [s].
+        least_degC: an error that is noise, or too small for anyone to care [°C].
+    """
+
+    time_s: Array
+    temperature_degC: Array
+    setpoint_degC: Array
+    power_pct: Array | None
+    changes_s: tuple[float, ...]
+    least_degC: float
+
+    @property
+    def error_degC(self) -> Array:
+        """Setpoint minus temperature [°C]."""
+        return self.setpoint_degC - self.temperature_degC
+
+    @property
+    def hours(self) -> float:
+        """How long it is [h]."""
+        return float(np.ptp(self.time_s)) / 3600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Swings:
+    """The half cycles of the error that follow one event.
+
+    Attributes:
+        count: how many there are, one after the other on either side.
+        period_s: of a whole cycle; 0 where there are fewer than two [s].
+        size_degC: median peak to peak [°C].
+        even: whether most are of one length.
+    """
+
+    count: int
+    period_s: float
+    size_degC: float
+    even: bool
+
+
+def found_period_s(log: Log) -> float | None:
+    """Return the PWM period where the logged power is the switch itself, on or off in even periods; else None [s]."""
+    if log.power_pct is None:
+        return None
+    low, high = _ENDS
+    if np.mean((log.power_pct <= low) | (log.power_pct >= high)) < 1.0 - low / 100.0:
+        return None
+    rises = log.time_s[1:][np.diff((log.power_pct > high / 2.0).astype(int)) > 0]
+    if len(rises) < _EDGES:
+        return None
+    between = np.diff(rises)
+    first, period, third = np.percentile(between, [25, 50, 75]).tolist()
+    if third - first > _REGULAR * period:
+        return None
+    return float(between[np.abs(between - period) <= _REGULAR * period].mean())  # finer than the log's rows
+
+
+def course_of(log: Log, pwm_period_s: float | None, changes_at_least_degC: float = 0.0) -> Course:
+    """Return a log's course, averaged over the PWM period.
+
+    Args:
+        log: with a setpoint.
+        pwm_period_s: None: nothing is averaged but what many rows ask for.
+        changes_at_least_degC: smaller changes of the setpoint are none [°C].
+    """
+    assert log.setpoint_degC is not None
+    length = float(log.time_s[-1] - log.time_s[0])
+    step = max(float(np.median(np.diff(log.time_s))), length / _ROWS)
+    time = np.arange(log.time_s[0], log.time_s[-1] + 1e-9 * length, step)
+    width = max(1, round((pwm_period_s or 0.0) / step))
+
+    def mean(values: Array) -> Array:
+        rows = np.interp(time, log.time_s, values)
+        summed = np.cumsum(np.concatenate([np.full(width, rows[0]), rows]))
+        return np.asarray((summed[width:] - summed[:-width]) / width)
+
+    held = np.maximum(np.searchsorted(log.time_s, time + 1e-9 * step, side="right") - 1, 0)
+    setpoint = log.setpoint_degC[held]
+    readings = np.interp(time, log.time_s, log.temperature_degC)
+    bends = np.diff(readings, 2)
+    noise = 1.4826 * float(np.median(np.abs(bends - np.median(bends)))) / np.sqrt(6.0)
+    levels = np.diff(np.unique(log.temperature_degC))
+    least = max(_NOISE * noise, float(np.min(levels)) if len(levels) else 0.0, _LEAST * float(np.ptp(readings)))
+    moved = np.flatnonzero(np.abs(np.diff(setpoint)) > max(changes_at_least_degC, least)) + 1
+    return Course(
+        time_s=time, temperature_degC=mean(log.temperature_degC), setpoint_degC=setpoint,
+        power_pct=None if log.power_pct is None else mean(log.power_pct),
+        changes_s=(float(time[0]), *time[moved].tolist()), least_degC=least)
+
+
+def swings(course: Course, events_s: Sequence[float], shortest_s: float = 0.0) -> Swings:
+    """Return the longest row of half cycles that follows one of the events.
+
+    Args:
+        course: of the loop.
+        events_s: changes of the setpoint and loads, from the begin of the log on [s].
+        shortest_s: half a cycle that is shorter is not the loop's: nothing answers within its dead time [s].
+    """
+    bounds = [*sorted(set(events_s)), float(course.time_s[-1])]
+    found = [_half_cycles(course, start, end, shortest_s) for start, end in pairwise(bounds)]
+    return max(found, key=lambda one: one.count * one.even, default=Swings(
+        count=0, period_s=0.0, size_degC=0.0, even=False))
+
+
+def _half_cycles(course: Course, start_s: float, end_s: float, shortest_s: float) -> Swings:
+    inside = (course.time_s >= start_s) & (course.time_s < end_s)
+    error, time = course.error_degC[inside], course.time_s[inside]
+    none = Swings(count=0, period_s=0.0, size_degC=0.0, even=False)
+    sides = np.where(error > course.least_degC, 1, np.where(error < -course.least_degC, -1, 0))
+    told = np.flatnonzero(sides)
+    if not len(told):
+        return none
+    turns = told[np.flatnonzero(np.diff(sides[told])) + 1]  # first row beyond the band on the other side
+    edges = [int(told[0]), *turns.tolist(), len(error)]
+    parts = [(time[end - 1] - time[begin], float(np.max(np.abs(error[begin:end])))) for begin, end in pairwise(edges)]
+    largest = max(peak for _, peak in parts)
+    parts = [part for part in parts if part[1] >= _OF_LARGEST * largest and part[0] >= shortest_s]
+    if len(parts) < 3:  # the first comes from the event itself, the last may be cut short
+        return none
+    lengths = np.array([length for length, _ in parts[1:-1]])
+    median = float(np.median(lengths))
+    even = float(np.mean((lengths < _EVEN * median) & (lengths * _EVEN > median))) >= _MOSTLY
+    return Swings(count=len(parts), period_s=2.0 * median, even=even,
+                  size_degC=2.0 * float(np.median([peak for _, peak in parts[1:]])))
+
+
+def at_limit(course: Course, *, high: bool) -> float:
+    """Return the share of the log at full power (or none) with the setpoint out of reach that way, 0…1.
+
+    Where the temperature still comes nearer, as it does in a heat-up, nothing is at its limits: it would get there
+    within the time that it has been at the limit so far.
+    """
+    if course.power_pct is None:
+        return 0.0
+    low, full = _ENDS
+    sign = 1.0 if high else -1.0
+    held = (course.power_pct >= full if high else course.power_pct <= low) & (
+        sign * course.error_degC > course.least_degC)
+    share, n = 0, len(held)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], held.astype(int), [0]])))
+    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        last = slice(end - max(2, (end - begin) // _LAST), end)
+        slope = float(np.polyfit(course.time_s[last], course.temperature_degC[last], 1)[0])
+        left = float(course.error_degC[end - 1])
+        if slope * sign * (course.time_s[end - 1] - course.time_s[begin]) < sign * left:
+            share += end - begin
+    return share / n if share >= _STILL * n else 0.0
+
+
+def offset_degC(course: Course) -> float:
+    """Return the error that stays, its sign kept: of the last fifth before each change the median, the smallest [°C].
+
+    It is 0 where the error of one of them is within the noise, still falls, or the power still moves against it.
+    """
+    if course.power_pct is None:
+        return 0.0
+    rests = []
+    for start, end in pairwise([*course.changes_s, float(course.time_s[-1]) + 1.0]):
+        last = (course.time_s >= end - (end - start) / 5.0) & (course.time_s < end)
+        before = (course.time_s >= end - 2.0 * (end - start) / 5.0) & (course.time_s < end - (end - start) / 5.0)
+        if np.count_nonzero(last) < 5 or np.count_nonzero(before) < 5:
+            continue
+        now, then = float(np.median(course.error_degC[last])), float(np.median(course.error_degC[before]))
+        moved = float(np.median(course.power_pct[last]) - np.median(course.power_pct[before]))
+        stays = abs(now) > max(course.least_degC, _STAYS * abs(then)) and abs(moved) < _MOVES_PCT
+        rests.append(now if stays else 0.0)
+    return min(rests, key=abs, default=0.0)
+
+
+def switchings_per_h(log: Log, pwm_period_s: float | None) -> float | None:
+    """Return how often the switch opens or closes in an hour, None where neither log nor period tells."""
+    if log.power_pct is None:
+        return None
+    low, high = _ENDS
+    hours = float(log.time_s[-1] - log.time_s[0]) / 3600.0
+    if found_period_s(log) is not None:
+        return float(np.count_nonzero(np.diff((log.power_pct > high / 2.0).astype(int)))) / hours
+    if pwm_period_s is None:
+        return None
+    partly = float(np.mean((log.power_pct > low) & (log.power_pct < high)))
+    return 2.0 * 3600.0 / pwm_period_s * partly
+
+
+def thinned(log: Log, pwm_period_s: float | None) -> Log:
+    """Return a log with power at fewer rows, each with the mean power up to the next; a short one as it is.
+
+    Where the power is the switch itself, a row is a whole PWM period or several: when the switch opened is told to a
+    row of the log, and no better.
+
+    Args:
+        log: with power.
+        pwm_period_s: as far as it is known; of a log whose power is no switch it is not looked at.
+    """
+    assert log.power_pct is not None
+    length = float(log.time_s[-1] - log.time_s[0])
+    step, period = length / _OF_FIT, found_period_s(log)
+    if period is not None:
+        period = pwm_period_s or period
+        step = period * math.ceil(step / period)
+    elif step < 2.0 * float(np.median(np.diff(log.time_s))):
+        return log
+    time = log.time_s[0] + step * np.arange(int(length / step + 1e-9) + 1, dtype=np.float64)
+    energy = np.concatenate([[0.0], np.cumsum(log.power_pct[:-1] * np.diff(log.time_s))])
+    power = np.diff(np.interp(time, log.time_s, energy)) / step
+    held = np.searchsorted(log.time_s, time + 1e-9 * step, side="right") - 1
+    return replace(
+        log, time_s=time, temperature_degC=np.interp(time, log.time_s, log.temperature_degC), disturbance=None,
+        power_pct=np.clip(np.append(power, power[-1]), 0.0, 100.0),
+        setpoint_degC=None if log.setpoint_degC is None else log.setpoint_degC[held])

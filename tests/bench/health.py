@@ -1,0 +1,155 @@
+"""Is the cause right, and do the words cure? python -m tests.bench.health [-n 200] [--words 40].
+
+Loops of `tests.bench.loops`, whose causes are known, go through `heatertune.batch.loops` as `heatertune health` runs it.
+The words that are proposed are then typed into PID_v1 as `tests.witness.arduino_pid` has it, in front of this bench's own
+plant, and judged beside the textbook PI that the loop would have had, had nobody spoilt it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from heatertune.batch import in_processes
+from heatertune.batch.loops import HealthSettings, health
+from heatertune.plc import Scaling
+from heatertune.proof.asked import Asked
+from heatertune.settings import ReadSettings
+from tests.bench.loops import Loop, drawn, textbook, traced, write
+from tests.witness.arduino_pid import ArduinoPid
+
+#: what this bench calls a cause → what heatertune may call it
+RIGHT = {"good": {"well"}, "gain too high": {"oscillating"}, "TN too short": {"oscillating"}, "sluggish": {"sluggish"},
+         "at its limits": {"full power"}, "relay wear": {"wear"}, "drifted": {"drifted"}}
+ILL = ("gain too high", "TN too short", "sluggish")
+NO_WORSE = 2.0  # times the mean error of the textbook's PI
+
+
+def examined(loops, folder, *, target=""):
+    """Return the document of `heatertune health` on these loops' logs and their list."""
+    folder = Path(folder)
+    (folder / "logs").mkdir()
+    entries = []
+    for loop in loops:
+        write(loop, folder / "logs")
+        made_for = None
+        if loop.before:
+            made_for = folder / "made_for" / loop.name
+            made_for.mkdir(parents=True)
+        entries.append(f"[[loop]]\nfile = '{loop.name}.csv'\nswitch = '{loop.switch}'\npwm_period_s = {loop.pwm}\n" + (
+            "" if made_for is None else _model(loop, made_for)))
+    (folder / "loops.toml").write_text("\n".join(entries), encoding="utf-8")
+    asked = Asked(target=target, scaling=Scaling(low_degC=0.0, high_degC=500.0))
+    return health(folder / "logs", HealthSettings(asked=asked, read=ReadSettings()), out=folder / "health.parquet",
+                  workers=in_processes(), loops=folder / "loops.toml", progress=lambda done, of: print(
+                      f"{done} of {of}", file=sys.stderr, flush=True))
+
+
+def _model(loop, folder):
+    """Write the heater that a loop's words were made for, as the user gave it by hand; return its entry of the list."""
+    from heatertune.model.by_hand import model_by_hand  # noqa: PLC0415 - only drifted loops have one
+    from heatertune.model.document import to_document  # noqa: PLC0415
+    from heatertune.model.values import Fopdt  # noqa: PLC0415
+
+    gain, lag = loop.before
+    model = model_by_hand(Fopdt(gain_degC_per_pct=gain, time_constant_s=lag + loop.second / 2.0,
+                                dead_time_s=loop.dead + loop.second / 2.0, ambient_degC=loop.ambient))
+    (folder / "model.json").write_text(json.dumps(to_document(model)), encoding="utf-8")
+    return f"folder = 'made_for/{loop.name}'\n"
+
+
+def lived(loop: Loop, words, pwm):
+    """Return time, true temperature and setpoint of a loop whose PID_v1 holds these words; arrays of shape (n,)."""
+    ta = words["SampleTime"] / 1000.0
+    pid = ArduinoPid(words["Kp"], words["Ki"], words["Kd"], on_measurement=words["POn"] == 0)
+    pid.set_sample_time(int(words["SampleTime"]))
+    pid.set_tunings(words["Kp"], words["Ki"], words["Kd"])
+    pid.set_output_limits(0, words["OutMax"])
+    start = loop.ambient if loop.cold else loop.low
+    memory = 0.0 if loop.cold else (loop.low - loop.ambient) / loop.gain
+    pid.output, pid.input = np.float64(memory * words["Full"] / 100.0), np.float64(start)
+    pid.set_mode(automatic=True)
+    rng, dt = np.random.default_rng(loop.seed), min(pwm / 50.0, ta)
+    n, delay = int(loop.duration / dt), round(loop.dead / dt)
+    ring, temperature, between, duty, due = [memory] * (delay + 1), start, start, memory, 0.0
+    keeps = np.exp(-dt / loop.lag), np.exp(-dt / loop.second) if loop.second else 0.0
+    each, rows, asked_of = max(1, round(pwm / dt)), np.zeros(n), np.zeros(n)
+    for j in range(n):
+        t = j * dt
+        asked = loop.low if not loop.cold and t < 0.06 * loop.duration else loop.setpoint
+        if t >= due - 1e-9:
+            pid.setpoint = np.float64(asked)
+            pid.input = np.float64(round((temperature + loop.noise * rng.standard_normal()) / loop.step) * loop.step)
+            pid.compute(round(1000.0 * due))
+            due += ta
+        if j % each == 0:
+            duty = float(pid.output) / words["Full"] * 100.0
+        ring[j % (delay + 1)] = 100.0 if j % each < round(duty / 100.0 * each) else 0.0
+        drive = ring[(j + 1) % (delay + 1)] - (
+            loop.load if 0.4 * loop.duration <= t < 0.7 * loop.duration else 0.0)
+        target = loop.ambient + loop.gain * drive
+        between = target + keeps[1] * (between - target)
+        temperature = between + keeps[0] * (temperature - between)
+        rows[j], asked_of[j] = temperature, asked
+    return dt * np.arange(n), rows, asked_of
+
+
+def mean_error(time, temperature, asked, pwm):
+    """Return the mean error of the last 80 % of a story, averaged over the PWM period [°C]."""
+    width = max(1, round(pwm / (time[1] - time[0])))
+    off = np.convolve(temperature - asked, np.full(width, 1.0 / width), mode="valid")
+    return float(np.abs(off[int(0.2 * len(off)):]).mean())
+
+
+def cures(loop, row):
+    """Return the mean errors of the ill loop, of its words, and of the textbook's PI, and whether that is a cure."""
+    words = json.loads(row["words"])
+    pwm = row["words_pwm_period_s"]
+    k, tn = textbook(loop)
+    ill, right = (traced(one) for one in (loop, replace(loop, k=k, tn=tn)))
+    was, best = (mean_error(one[0], one[4], one[2], loop.pwm) for one in (ill, right))
+    now = mean_error(*lived(loop, words, pwm), pwm)
+    return was, now, best, now <= NO_WORSE * max(best, loop.step) and now < was
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-n", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--words", action="store_true", help="design and try the words of the ill-tuned ones, too")
+    settings = parser.parse_args()
+    loops = {loop.name: loop for loop in drawn(settings.n, settings.seed)}
+    with tempfile.TemporaryDirectory() as folder:
+        document = examined(list(loops.values()), folder, target="arduino-pid" if settings.words else "")
+    right, of, cured, tried, proven = Counter(), Counter(), 0, 0, 0
+    for row in document["loops"] + document["left_out"]:
+        loop = loops[row["name"]]
+        hit = row["outcome"] in RIGHT[loop.cause]
+        right[loop.cause] += hit
+        of[loop.cause] += 1
+        if not hit:
+            print(f"{loop.name}: {loop.cause}, told {row['outcome']}: {row['reason']}")
+        if settings.words and loop.cause in ILL:
+            tried += 1
+            done = cures(loop, row) if row.get("words") else None
+            cured += done is not None and done[-1]
+            proven += row.get("verdict") == "PASS"
+            if done is None or not done[-1] or row["verdict"] != "PASS":
+                print(f"{loop.name}: {loop.cause}, {row.get('verdict')} {row.get('why')}, mean error {done}")
+    worst = [loops[row["name"]].cause for row in document["loops"][:10]]
+    for cause, count in of.items():
+        print(f"{cause:15} {right[cause]:3} of {count}")
+    print(f"together        {right.total():3} of {of.total()}; good ones among the worst ten: {worst.count('good')}")
+    if settings.words:
+        print(f"words: {tried} ill-tuned, {proven} proven PASS, {cured} cured in this bench's own plant")
+
+
+if __name__ == "__main__":
+    main()

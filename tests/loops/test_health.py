@@ -1,0 +1,189 @@
+"""Few of the loops of `tests.bench.health`; all of them with their shares: python -m tests.bench.health."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.bench.loops import drawn, traced
+
+from heatertune.batch.loops import ranked
+from heatertune.cli import main
+from heatertune.errors import InputError
+from heatertune.log.values import Log
+from heatertune.loops.listed import listed, read_list
+from heatertune.loops.loads import without_loads
+from heatertune.loops.measures import (
+    at_limit,
+    course_of,
+    found_period_s,
+    offset_degC,
+    swings,
+    switchings_per_h,
+    thinned,
+)
+from heatertune.loops.same_day import day, ideal, times_worse
+from heatertune.model.values import Fopdt
+from heatertune.pid.search.quick import quick_tune
+from heatertune.report.loops import loops_lines, loops_page
+
+LOOPS = drawn(60, seed=3)
+
+
+def of(cause, **changed):
+    return replace(next(loop for loop in LOOPS if loop.cause == cause), **changed)
+
+
+def log_of(loop):
+    time, seen, asked, power, _ = traced(loop)
+    return Log(name=loop.name, source="bench", time_s=time, temperature_degC=seen, setpoint_degC=asked, power_pct=power)
+
+
+def sine(period_s, size, *, n=2000, noise=0.0):
+    rng = np.random.default_rng(1)
+    time = np.arange(float(n))
+    return Log(name="sine", source="test", time_s=time, setpoint_degC=np.full(n, 50.0), power_pct=np.full(n, 40.0),
+               temperature_degC=50.0 + size * np.sin(2 * np.pi * time / period_s) + noise * rng.standard_normal(n))
+
+
+def test_a_sine_has_its_period_and_size_and_its_half_cycles_are_counted():
+    course = course_of(sine(200.0, 1.0, noise=0.01), None)
+    swung = swings(course, course.changes_s)
+    assert swung.count == 20  # 2,000 s of half cycles of 100 s
+    assert swung.even
+    assert swung.period_s == pytest.approx(200.0, rel=0.05)
+    assert swung.size_degC == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_ripple_of_the_pwm_is_none_of_the_loops_swings_once_averaged_over_the_period():
+    log = sine(10.0, 1.0, noise=0.01)
+    rippled, averaged = course_of(log, None), course_of(log, 10.0)
+    assert swings(rippled, rippled.changes_s).count > 100
+    assert swings(averaged, averaged.changes_s).count == 0
+
+
+def test_a_switch_tells_its_period_and_how_often_it_switches():
+    time = np.arange(0.0, 3600.0, 0.5)
+    log = Log(name="switch", source="test", time_s=time, temperature_degC=50.0 + 0.1 * np.sin(time), power_pct=np.where(
+        time % 7.3 < 3.0, 100.0, 0.0), setpoint_degC=np.full(len(time), 50.0))
+    assert found_period_s(log) == pytest.approx(7.3, rel=0.005)
+    assert switchings_per_h(log, None) == pytest.approx(2 * 3600 / 7.3, rel=0.01)
+    thin = thinned(log, 7.3)
+    assert np.diff(thin.time_s) == pytest.approx(7.3)
+    assert thin.power_pct[:-1] == pytest.approx(300.0 / 7.3, abs=8.0)  # a row of 0.5 s is 7 % of the period
+    assert thin.power_pct.mean() == pytest.approx(300.0 / 7.3, abs=1.0)
+
+
+@pytest.mark.parametrize("cause", ["good", "gain too high", "sluggish"])
+def test_loads_are_found_where_and_as_large_as_they_are(cause):
+    loop = of(cause, cold=False, duty=True)
+    cleared, loads = without_loads(log_of(loop))
+    large = [load for load in loads if abs(load.power_pct) > 0.5 * loop.load]
+    assert [round(load.instant_s / loop.duration, 1) for load in large] == [0.4, 0.7]
+    assert [abs(load.power_pct) for load in large] == pytest.approx([loop.load] * 2, rel=0.25)
+    assert len(cleared.time_s) == loop.duration // loop.interval + 1
+
+
+def test_a_heater_that_is_too_weak_is_at_its_limit_and_a_heat_up_is_not():
+    weak = course_of(log_of(of("at its limits")), None)
+    assert at_limit(weak, high=True) > 0.5
+    assert at_limit(course_of(log_of(of("good", cold=True)), None), high=True) == 0.0
+
+
+def test_an_error_that_stays_is_an_offset_only_while_the_power_rests():
+    n = np.arange(1000.0)
+    still = Log(name="p", source="test", time_s=n, temperature_degC=48.0 + 0.01 * (n % 2), setpoint_degC=np.full(1000, 50.0),
+                power_pct=np.full(1000, 40.0))
+    assert offset_degC(course_of(still, None)) == pytest.approx(2.0, abs=0.02)
+    assert offset_degC(course_of(replace(still, power_pct=20.0 + 0.05 * n), None)) == 0.0
+
+
+def test_the_day_lived_again_with_the_very_controller_that_ran_is_the_day_itself():
+    """Bench's own plant and PI against the day lived again with the same gains: they share no line."""
+    loop = of("sluggish", cold=False, duty=True, second=0.0, noise=0.0, step=0.001)
+    log = log_of(loop)
+    heater = Fopdt(gain_degC_per_pct=loop.gain, time_constant_s=loop.lag, dead_time_s=loop.dead, ambient_degC=loop.ambient)
+    own = replace(quick_tune([heater]), gain_pct_per_degC=loop.k, integral_time_s=loop.tn, sample_time_s=loop.ta)
+    course = course_of(log, loop.pwm)
+    lived = day(course, heater, ideal(own), loop.ta)
+    off = np.abs(lived.relived_degC - lived.measured_degC)
+    assert off.max() < 0.05 * np.ptp(log.temperature_degC)
+    assert times_worse(lived, course)[0] == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_list_says_what_is_wrong_with_it(tmp_path):
+    path = tmp_path / "list.csv"
+    for text, said in (
+        ("file,swich\na.csv,ssr\n", "unknown field 'swich'"), ("name\nx\n", "line 2: no file"),
+        ("file,pwm_period_s\na.csv,ten\n", "line 2, field pwm_period_s: no number: 'ten'"),
+        ("file,pwm_period_s\na.csv,-1\n", "line 2: pwm_period_s"), ("file,switch\na.csv,valve\n", "line 2: "),
+        ("file\na.csv\na.csv\n", "line 3: the log 'a.csv' is listed twice"), ("file,name\na.csv\n", "line 2: 1 cells; expected 2"),
+        ("file,target\na.csv,s7-333\n", "line 2: "), ("file,low_degC\na.csv,5\n", "line 2: high_degC"),
+    ):
+        path.write_text(text)
+        with pytest.raises(InputError, match=said.replace("(", r"\(")):
+            read_list(path)
+    path.write_text("file;switch\na.csv;ssr\n")
+    with pytest.raises(InputError, match="which is no log of the folder"):
+        listed(["b.csv"], read_list(path))
+    toml = tmp_path / "list.toml"
+    toml.write_text("[[loop]]\nfile = 'a.csv'\npwm_period_s = 10\n")
+    assert listed(["a.csv", "b.csv"], read_list(toml))[0].pwm_period_s == 10.0
+
+
+def row(name, outcome, excess, **more):
+    names = ("reason", "also", "doubt", "times_worse", "words", "verdict", "why", "course")
+    return dict.fromkeys(names) | {"name": name, "file": f"{name}.csv", "outcome": outcome, "excess": excess,
+                                   "confidence": "high", "what_to_do": "…", "was": None, "change": None} | more
+
+
+def test_the_worst_stands_first_and_names_are_escaped_on_the_page_and_the_terminal_has_thirty_lines():
+    rows = ranked([row(f"loop{k}", "sluggish", 1.0 + k, reason="slow " * 40) for k in range(40)] + [row("<b>", "well", 0.5)])
+    assert rows[0]["name"] == "loop39"
+    assert rows[-1]["name"] == "<b>"
+    document = {"loops": rows, "left_out": [{"name": f"x{k}", "file": f"x{k}.csv", "outcome": "no log", "reason": "torn"}
+                                            for k in range(9)],
+                "gone": [], "compared": False, "page": "health.html", "table": "health.parquet"}
+    page = loops_page(document)
+    assert "<b>" not in page.partition("<tbody>")[2].partition("</tbody>")[0]
+    assert "http" not in page
+    lines = loops_lines(document).splitlines()
+    assert len(lines) <= 30
+    assert max(map(len, lines)) <= 80
+    assert lines[-1] == "written to health.html and health.parquet"
+
+
+@pytest.mark.long(seconds=120)
+def test_the_command_ranks_cures_and_compares_and_tells_the_torn_one(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    for name, loop in (("well", of("good", duty=True)), ("wild", of("gain too high", duty=True)),
+                       ("slow", of("sluggish", duty=True))):
+        time, seen, asked, power, _ = traced(loop)
+        lines = [f"{t:.2f},{y:.3f},{r},{u:.2f}" for t, y, r, u in zip(time, seen, asked, power, strict=True)]
+        (folder / f"{name}.csv").write_text("\n".join(["time_s,temperature_degC,setpoint_degC,power_pct", *lines]))
+    (folder / "torn.csv").write_text("time_s,temperature_degC,setpoint_degC,power_pct\n0,20,50,oops\n")
+    given = ["health", "logs", "--target", "arduino-pid", "--range", "0", "500", "-o", "health.html", "--quiet", "--json",
+             "--jobs", "1"]
+    assert main(given) == 0
+    first = json.loads(capsys.readouterr().out)
+    told = {loop["name"]: loop for loop in first["loops"]}
+    assert {name: loop["outcome"] for name, loop in told.items()} == {
+        "well": "well", "wild": "oscillating", "slow": "sluggish"}
+    assert first["loops"][-1]["name"] == "well"
+    assert "torn.csv, line 2" in first["left_out"][0]["reason"]
+    for name in ("wild", "slow"):
+        assert told[name]["words"] is not None
+        assert told[name]["would_degC"] < 0.5 * told[name]["was_degC"]
+    assert main([*given, "--since", "last"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert {loop["change"] for loop in again["loops"]} == {"same"}
+    assert (tmp_path / "health.html").read_text(encoding="utf-8").count("<tr") == 4
+
+
+def test_without_an_earlier_run_there_is_no_last(tmp_path, capsys):
+    assert main(["health", str(tmp_path), "-o", str(tmp_path / "h.html"), "--since", "last"]) == 2
+    assert "no" in capsys.readouterr().err
+    assert main(["health", str(tmp_path), "-o", str(tmp_path / "h.parquet")]) == 2
+    assert "expected the name of a page" in capsys.readouterr().err
