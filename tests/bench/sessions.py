@@ -191,7 +191,7 @@ def judged(done, before, after, events, last, faults):  # noqa: C901, PLR0912 - 
             looked = False
             changed = {name for name in now if now[name] != was[name]}
             mine |= {name: now[name] for name in changed}
-            if wrong := [name for name in changed if now[name] not in (before[name], after[name])]:
+            if wrong := [name for name in changed if now[name] not in {before[name], after[name]} | others[name]]:
                 yield f"{wrong} were given values of neither side"
             if alone and not is_stable(now):
                 yield f"an unstable set of words in between: {now}"

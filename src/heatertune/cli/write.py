@@ -139,8 +139,9 @@ def _of_plan(settings: argparse.Namespace, wanted: Wanted, plan: Planned, open_:
 def _of_block(difference: Mapping[str, Any]) -> dict[str, Any]:
     """Return what differs without what no block tells, or the program around writes."""
     terms = [term for term in difference["terms"] if term["name"] in _IN_BLOCK]
-    words = [word for word in difference["words"] if word["written"]]
-    return {**difference, "terms": terms, "words": words, "proofs": []}
+    words = [word for word in difference["words"] if not word["written"]]
+    a, b = difference["a"] | {"source": "in the PLC"}, difference["b"] | {"source": "proven"}
+    return {**difference, "a": a, "b": b, "terms": terms, "words": words, "proofs": []}
 
 
 def _of_applied(done: Applied) -> Iterator[str]:
