@@ -20,6 +20,7 @@ from heatertune.cli import (
     design,
     diff,
     doctor,
+    experiment,
     export_db,
     feed_forward,
     fit,
@@ -27,6 +28,7 @@ from heatertune.cli import (
     pareto,
     plan,
     read,
+    record,
     replay,
     report,
     rollback,
@@ -51,7 +53,7 @@ __all__ = ["main"]
 
 COMMANDS = (
     design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, supervise, feed_forward, compare, advise,
-    study, fleet, report, decode, diff, replay, targets, terms, studio, simulate, write, rollback,
+    study, fleet, report, decode, diff, replay, targets, terms, studio, simulate, record, experiment, write, rollback,
     doctor, bench, completion,
 )
 

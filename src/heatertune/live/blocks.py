@@ -24,7 +24,7 @@ class Block(Protocol):
         manual: whether clients can put the controller in manual.
         signals: where it shows temperature [°C], power [%] and setpoint [°C], by these names.
         words: word → where it stands; a word that stands elsewhere in the PLC is none of them.
-        by_hand: words that are the operator's while the controller is in manual.
+        operators: words that are the operator's while the controller is in manual.
         undone_by: what in the PLC writes its own words over those of a client, a few words; nothing does where empty.
     """
 
@@ -33,7 +33,7 @@ class Block(Protocol):
     manual: bool
     signals: Mapping[str, Signal]
     words: Mapping[str, Signal]
-    by_hand: tuple[str, ...]
+    operators: tuple[str, ...]
     undone_by: str
 
     def image(self) -> bytes:
@@ -65,6 +65,20 @@ class Block(Protocol):
 
     def into_automatic(self, cells: bytearray) -> None:
         """Put the controller back in automatic."""
+
+    def by_hand(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
+        """Return what a client writes to put the controller in manual with a power.
+
+        Args:
+            cells: the block as it stands.
+            power_pct: 0…100 [%].
+
+        Returns:
+            First byte, and the bytes, of one request; the bytes that stood there before bring back what was.
+
+        Raises:
+            InputError: the controller has no manual mode that clients can reach.
+        """
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word, as somebody at a programming unit does.

@@ -93,7 +93,7 @@ def planned(wanted: Wanted, peer: Peer) -> Planned:
     looks = first, peer.later(first, _SCANS)
     look, found = looks[1], checks(proven, there, looks, wanted.said)
     is_block = found[0].ok is True
-    kept = there.block.by_hand if wanted.said.in_manual else ()
+    kept = there.block.operators if wanted.said.in_manual else ()
     after = {**look.values, **{name: proven.words.values[name] for name in there.own if name not in kept}}
     parts, no_order = there.parts(look.content, after) if is_block else [], ""
     if not wanted.said.in_manual:
