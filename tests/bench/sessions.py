@@ -65,15 +65,15 @@ class Known(Proven):
         return self.found[key]
 
 
-def folder_in(place):
+def folder_in(place, target="s5-ob251"):
     """Return a folder with words and their proof, as the commands make it."""
     out = Path(place) / "out"
-    heater = ("--gain", str(GAIN), "--time-constant", str(LAG_S), "--dead-time", str(DEAD_S), "--ambient", "22")
+    heater = ("--gain", str(GAIN), "--time-constant", str(LAG_S), "--dead-time", str(DEAD_S), "--ambient", "22", "--target", target)
     out.mkdir()
     stdout, sys.stdout = sys.stdout, Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - closed below
     try:
         assert command(["tune", *heater, "-o", str(out / "pid.json"), "--quiet"]) == 0
-        assert command(["export-db", str(out / "pid.json"), "--target", "s5-ob251", "--setpoint", "50", "-o", str(out),
+        assert command(["export-db", str(out / "pid.json"), "--target", target, "--setpoint", "50", "-o", str(out),
                         "--quiet"]) == 0
     finally:
         sys.stdout.close()

@@ -4,6 +4,7 @@ Where words stand is the manual's (table 11-11), as `tests.bench.sessions` reads
 """
 
 import json
+import struct
 import subprocess
 import sys
 import threading
@@ -36,6 +37,11 @@ def made(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def own_state(tmp_path, monkeypatch):
     monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+
+
+@pytest.fixture(scope="session")
+def made_200(tmp_path_factory):
+    return sessions.folder_in(tmp_path_factory.mktemp("proven"), "s7-200-pid")
 
 
 class Plant:
@@ -117,6 +123,24 @@ def test_words_are_written_read_back_watched_and_put_back(plant, protocol, capsy
     assert here.words == before
     assert here.rollback() == 0
     assert "nothing to put back" in capsys.readouterr().out
+
+
+def test_the_loop_table_of_an_s7_200_is_written(made_200, tmp_path, capsys):
+    words, model, conditions = read_folder(made_200)
+    found = replace(words, values={**words.values, "KC": 2.0, "TI": 2.5})
+    with virtual_plc(found, model, conditions, serve="s7", rate=1500) as plc:
+        while plc.told.intervals < 3:
+            plc.plc.wait(0.001)
+        address = f"s7://127.0.0.1:{plc.addresses['s7'][1]}/10.00/10.01/db1"
+        assert main(["write", str(made_200), address]) == 0
+        shown = capsys.readouterr().out
+        assert "first scan after a start-up" in shown
+        assert main(["write", str(made_200), address, *RANGE, "--apply", "--yes", shown.split()[-1], "--no-watch", "--record",
+                     str(tmp_path / "r.jsonl")]) == 0
+        # loop table at VB100: gain at 12, sample time at 16, Ti at 20, Td at 24 (System Manual, table 9-19)
+        table = struct.unpack_from(">4f", plc.plc.memory.image(), 112)
+    assert table == tuple(words.values[name] for name in ("KC", "TS", "TI", "TD"))
+    assert "DONE" in capsys.readouterr().out
 
 
 def test_words_that_stand_there_are_not_written_again(plant, capsys):

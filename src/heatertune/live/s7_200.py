@@ -50,7 +50,8 @@ class VMemory:
             assume: what the manual leaves open.
         """
         self._fields = [field for field in controller.fields if field.address[:2] in _WIDTHS]
-        self.words = {field.name: Signal(int(field.address[2:]), field.format) for field in self._fields}
+        self.words = {field.name: Signal(int(field.address[2:]), field.format) for field in self._fields
+                      if field.format == "REAL"}  # the program has its ticks as constants
         self._timed, self._cold = controller.begin(words, assume)
         self._asked: Number | None = None
         degC = words.scaling.low_degC, words.scaling.high_degC
@@ -100,5 +101,5 @@ class VMemory:
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word that stands in V memory; errors as `heatertune.live.cells`."""
         field = field_of(self._fields, name)
-        content, place = bytes_of(field, value), self.words[name].start
+        content, place = bytes_of(field, value), int(field.address[2:])
         cells[place : place + len(content)] = content
