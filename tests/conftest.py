@@ -55,6 +55,7 @@ _CACHE = "heatertune"
 def pytest_configure(config):
     """Keep machine code from run to run, and fits for this run: of its processes and of the commands that tests start."""
     os.environ["HEATERTUNE_CACHE"] = str(config.cache.mkdir(_CACHE))
+    os.environ["HEATERTUNE_STATE"] = str(config.cache.mkdir(f"{_CACHE}-state"))
 
 
 def pytest_sessionstart(session):

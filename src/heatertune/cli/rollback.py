@@ -56,7 +56,7 @@ def _lines(settings: argparse.Namespace, before: Before, ended: Ended) -> Iterat
     if settings.apply:
         yield from ended_lines(ended)
     else:
-        yield from wrapped(ended.told, f"{before.address.text}: ")
+        yield from wrapped(f"{before.address.text}: {ended.told}")
         back = [name for part in before.parts for name in part.names
                 if (ended.stands or {}).get(name) == before.after[name]]
         was = ", ".join(f"{name} = {before.before[name]:g}" for name in back)

@@ -129,6 +129,8 @@ def _of_plan(settings: argparse.Namespace, wanted: Wanted, plan: Planned, open_:
         yield f"{number}. {', '.join(part.names)}: {part.before.hex(' ')} -> {part.after.hex(' ')}"
     if plan.no_order:
         yield from wrapped(plan.no_order, "- ")
+    if plan.undone_by:
+        yield from wrapped(f"{plan.undone_by}: load the exported one, too", "- ")
     yield from (f"- a write that never ended: heatertune rollback {path}" for path in open_)
     if all(check.ok is not False for check in plan.checks) and plan.parts and not plan.no_order:
         said = [check.option for check in plan.checks if check.ok is None and check.option]
@@ -139,8 +141,9 @@ def _of_plan(settings: argparse.Namespace, wanted: Wanted, plan: Planned, open_:
 def _of_block(difference: Mapping[str, Any]) -> dict[str, Any]:
     """Return what differs without what no block tells, or the program around writes."""
     terms = [term for term in difference["terms"] if term["name"] in _IN_BLOCK]
-    words = [word for word in difference["words"] if word["written"]]
-    return {**difference, "terms": terms, "words": words, "proofs": []}
+    words = [word for word in difference["words"] if not word["written"]]
+    a, b = difference["a"] | {"source": "in the PLC"}, difference["b"] | {"source": "proven"}
+    return {**difference, "a": a, "b": b, "terms": terms, "words": words, "proofs": []}
 
 
 def _of_applied(done: Applied) -> Iterator[str]:

@@ -27,7 +27,7 @@ class Block(Protocol):
         registers: where Modbus finds its words; none: word w is register w.
         signals: where it shows temperature [°C], power [%] and setpoint [°C], by these names.
         words: word → where it stands; a word that stands elsewhere in the PLC is none of them.
-        by_hand: words that are the operator's while the controller is in manual.
+        operators: words that are the operator's while the controller is in manual.
         undone_by: what in the PLC writes its own words over those of a client, a few words; nothing does where empty.
     """
 
@@ -38,7 +38,7 @@ class Block(Protocol):
     manual: bool
     signals: Mapping[str, Signal]
     words: Mapping[str, Signal]
-    by_hand: tuple[str, ...]
+    operators: tuple[str, ...]
     undone_by: str
 
     def image(self) -> bytes:

@@ -134,7 +134,7 @@ class Experiment:
     def _demand_words(self, image: bytes) -> None:
         read = controller_for(self._words.target).read_image(
             image, sample_time_s=self._words.sample_time_s, scaling=self._words.scaling, source=self.mode.address.text)
-        operated = {_SETPOINT, *self.mode.block.by_hand}
+        operated = {_SETPOINT, *self.mode.block.operators}
         other = [f"{name} = {read.values[name]:g}, not {value:g}" for name, value in self._words.values.items()
                  if name not in operated and read.values[name] != value]
         if other:

@@ -176,7 +176,7 @@ class Laid:
         self.speaks, self.registers = layout.speaks, layout.registers
         self.signals = self._signals((words.scaling.low_degC, words.scaling.high_degC))
         self.words, self.undone_by = dict[str, Signal](), ""  # heatertune write does not know it yet
-        self.by_hand: tuple[str, ...] = ()
+        self.operators: tuple[str, ...] = ()
         self._controller, self._words, self._assume = controller, words, assume
         self._running = controller.begin(words, assume)
         self._asked: Number | None = None

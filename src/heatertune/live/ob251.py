@@ -55,7 +55,7 @@ class Ob251Block:
 
     number, manual = DB, True
     told, undone_by = "49 words", ""
-    by_hand = ("STEU", "YH")
+    operators = ("STEU", "YH")
     speaks = BOTH
     registers: Sequence[Run] = ()
 

@@ -39,7 +39,7 @@ class _VMemory:
     """512 bytes of V memory, which S7 clients find as DB 1; see `heatertune.live.blocks.Block`."""
 
     number, manual = 1, False
-    told, by_hand = "V memory", ()
+    told, operators = "V memory", ()
     undone_by = "the first scan after a start-up types in the words of the program that is loaded"
     speaks = BOTH
     registers: Sequence[Run] = ()
@@ -53,7 +53,8 @@ class _VMemory:
             assume: what the manual leaves open.
         """
         self._fields = [field for field in controller.fields if field.address[:2] in _WIDTHS]
-        self.words = {field.name: Signal(int(field.address[2:]), field.format) for field in self._fields}
+        self.words = {field.name: Signal(int(field.address[2:]), field.format) for field in self._fields
+                      if field.format == "REAL"}  # the program has its ticks as constants
         self._timed, self._cold = controller.begin(words, assume)
         self._asked: Number | None = None
         self.signals = self._signals((words.scaling.low_degC, words.scaling.high_degC))
@@ -93,7 +94,7 @@ class _VMemory:
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word that stands in V memory; errors as `heatertune.live.cells`."""
         field = field_of(self._fields, name)
-        content, place = bytes_of(field, value), self.words[name].start
+        content, place = bytes_of(field, value), int(field.address[2:])
         cells[place : place + len(content)] = content
 
 

@@ -42,7 +42,11 @@ class Budget:
         self._where, self._most = where, most
 
     def counts(self) -> Counter[str]:
-        """Return how often each word was written."""
+        """Return how often each word was written.
+
+        Raises:
+            InputError: the count cannot be read.
+        """
         try:
             lines = self.path.read_text(encoding="utf-8", errors="replace").splitlines()
         except FileNotFoundError:

@@ -100,7 +100,7 @@ def _interval(proven: Proven, standing: Standing, look: Look, said: Said) -> Che
     found, by = said.called_every_s, "as said"
     if look.told is not None:
         found, by = look.told.interval_s, "as the simulator says"
-    if controller.interval_s is not None:
+    if controller.interval_s is not None and all(field.name in standing.block.words for field in controller.fields):
         found, by = controller.interval_s(standing.words(look.content, proven.words).values), "by its words"
     if found is None:
         return Check("TA", None, f"{own:g} s was proven; the block does not hold it", f"--called-every {own:g}")

@@ -57,6 +57,7 @@ class Planned:
         parts: what differs, in the order in which it is written.
         no_order: why there is none; nothing where there is one.
         difference: of both word sets; None: the block holds no words.
+        undone_by: as of `heatertune.live.blocks.Block`.
     """
 
     look: Look
@@ -66,12 +67,14 @@ class Planned:
     parts: Sequence[Part]
     no_order: str
     difference: Mapping[str, Any] | None
+    undone_by: str
 
     def to_document(self) -> dict[str, Any]:
         """Return it as the command prints it."""
         return {
             "checks": [check.to_document() for check in self.checks], "difference": self.difference,
             "parts": [part.to_document() for part in self.parts], "no_order": self.no_order or None,
+            "undone_by": self.undone_by or None,
         }
 
 
@@ -93,7 +96,7 @@ def planned(wanted: Wanted, peer: Peer) -> Planned:
     looks = first, peer.later(first, _SCANS)
     look, found = looks[1], checks(proven, there, looks, wanted.said)
     is_block = found[0].ok is True
-    kept = there.block.by_hand if wanted.said.in_manual else ()
+    kept = there.block.operators if wanted.said.in_manual else ()
     after = {**look.values, **{name: proven.words.values[name] for name in there.own if name not in kept}}
     parts, no_order = there.parts(look.content, after) if is_block else [], ""
     if not wanted.said.in_manual:
@@ -109,4 +112,4 @@ def planned(wanted: Wanted, peer: Peer) -> Planned:
         then = Side(source=proven.directory, kind="words", words=proven.words, proof=proven.proof)
         apart = difference(now, then)
     return Planned(look=look, checks=found, before=look.values, after=after, parts=parts, no_order=no_order,
-                   difference=apart)
+                   difference=apart, undone_by=there.block.undone_by)

@@ -77,7 +77,11 @@ class Proven:
                              f"read, as {self.yes}")
 
     def open_in_between(self, values: Mapping[str, Number]) -> str:
-        """Return why other values of the words are not stable on each possible heater; nothing where they are."""
+        """Return why other values of the words are not stable on each possible heater; nothing where they are.
+
+        Raises:
+            InputError: the proof was made on other heaters than the folder has.
+        """
         words = replace(self.words, values={**self.words.values, **values})
         view, heaters = self.view, dict(labelled(self.fitted))
         ran = [(run.model, dict(run.switches)) for run in view.runs]

@@ -212,7 +212,7 @@ class Writer:
         others = self._unlike(look.values, change.before)
         seen = f"; besides, somebody has changed the words: {others}" if others else ""
         if not tried:
-            return Ended(Outcome.NOT_DONE, f"{why}; nothing was changed{seen}", look.values)
+            return Ended(Outcome.NOT_DONE, f"{why}; nothing that was written stands there{seen}", look.values)
         return Ended(Outcome.ROLLED_BACK, f"{why}; what was written is taken back{seen}", look.values)
 
     def _noted(self, step: str, **what: Any) -> None:

@@ -1,0 +1,398 @@
+"""Proven words into a PLC and back: what stands in the virtual PLC's own memory says whether it was right.
+
+Where words stand is the manual's (table 11-11), as `tests.bench.sessions` reads it; sessions with faults are there.
+"""
+
+import json
+import struct
+import subprocess
+import sys
+import threading
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+from tests.bench import sessions
+from tests.bench.sessions import is_stable, words_in
+from tests.live.conftest import CONDITIONS
+
+from heatertune import virtual_plc
+from heatertune.cli import main
+from heatertune.errors import DocumentError
+from heatertune.live.change.cells import Part
+from heatertune.live.change.order import NoOrder, in_order
+from heatertune.live.change.record import Record, read_lines
+from heatertune.live.serve import read_folder
+from heatertune.proof.document import digested
+
+OLD = {"K": 3000, "TI": 30, "YH": 200}
+RANGE = ("--range", "0", "100")
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory):
+    return sessions.folder_in(tmp_path_factory.mktemp("proven"))
+
+
+@pytest.fixture(autouse=True)
+def own_state(tmp_path, monkeypatch):
+    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+
+
+@pytest.fixture(scope="session")
+def made_200(tmp_path_factory):
+    return sessions.folder_in(tmp_path_factory.mktemp("proven"), "s7-200-pid")
+
+
+class Plant:
+    """A virtual PLC that runs old words, and the command on it."""
+
+    def __init__(self, made, folder, protocol="s7", found=OLD, **asked):
+        words, model, conditions = read_folder(made)
+        self.new = words.values
+        self.made, self.record, self.protocol = made, folder / "record.jsonl", protocol
+        old = replace(words, values={**words.values, **found})
+        self.served = virtual_plc(old, model, conditions, **{"serve": protocol, "rate": 1500} | asked)
+        host, port = self.served.addresses[protocol]
+        self.address = f"{protocol}://{host}:{port}" + {"s7": "/0/2/db30", "modbus": "/1"}[protocol]
+        self.yes = json.loads((made / "data" / "proof.json").read_text())["digest"].partition(":")[2][:8]
+
+    @property
+    def words(self):
+        return words_in(self.served.plc.memory.image())
+
+    def write(self, *more, yes=None, said=RANGE):
+        return main(["write", str(self.made), self.address, *said, "--apply", "--yes", yes or self.yes, "--record",
+                     str(self.record), "--reconnect", "2", "--timeout", "0.3", "--quiet", *more])
+
+    def rollback(self, *more):
+        return main(["rollback", str(self.record), "--quiet", "--timeout", "0.3", *more])
+
+    @property
+    def lines(self):
+        return [json.loads(line) for line in self.record.read_text().splitlines()]
+
+    @property
+    def digest_before(self):
+        return self.lines[0]["sha256"][:8]
+
+
+@pytest.fixture
+def plant(made, tmp_path):
+    begun = []
+
+    def begin(protocol="s7", **asked):
+        begun.append(Plant(made, tmp_path, protocol, **asked))
+        return begun[-1]
+
+    yield begin
+    for each in begun:
+        each.served.close()
+
+
+def test_without_apply_nothing_is_written_anywhere(plant, capsys):
+    here = plant()
+    before, files = here.words, sorted(here.made.rglob("*"))
+    assert main(["write", str(here.made), here.address]) == 0
+    shown = capsys.readouterr().out
+    for part in ("2.93 %/°C", "5.547 %/°C", "105.8 s", "55.69 s", "DW5      TI        30     57", "--range 0", here.yes):
+        assert part in shown, shown
+    lines = shown.splitlines()
+    assert len(lines) <= 30
+    assert max(map(len, lines)) <= 80
+    assert (here.words, sorted(here.made.rglob("*"))) == (before, files)
+
+
+@pytest.mark.parametrize("protocol", ["s7", "modbus"])
+def test_words_are_written_read_back_watched_and_put_back(plant, protocol, capsys):
+    here = plant(protocol)
+    before = here.words
+    image = here.served.plc.memory.image()
+    assert here.write() == 0
+    assert "DONE" in capsys.readouterr().out
+    assert here.words == {name: here.new[name] for name in before}
+    steps = Counter(line["step"] for line in here.lines)
+    assert (steps["begin"], steps["writing"], steps["written"], steps["read back"], steps["end"]) == (1, 3, 3, 2, 1)
+    # the slowest heater has T + L = 167 + 12 s: 5 times that, a reading each 3.1 s at the most
+    assert here.lines[-2]["s"] >= 5 * 179 > here.lines[-3]["s"]
+    saved = here.record.with_suffix(".before.bin").read_bytes()
+    assert words_in(bytes(2) + saved) == words_in(image) == before
+    assert here.rollback() == 0
+    assert f"--yes {here.digest_before}" in " ".join(capsys.readouterr().out.split())
+    assert here.rollback("--apply", "--yes", here.digest_before) == 0
+    assert here.words == before
+    assert here.rollback() == 0
+    assert "nothing to put back" in capsys.readouterr().out
+
+
+def test_the_loop_table_of_an_s7_200_is_written(made_200, tmp_path, capsys):
+    words, model, conditions = read_folder(made_200)
+    found = replace(words, values={**words.values, "KC": 2.0, "TI": 2.5})
+    with virtual_plc(found, model, conditions, serve="s7", rate=1500) as plc:
+        while plc.told.intervals < 3:
+            plc.plc.wait(0.001)
+        address = f"s7://127.0.0.1:{plc.addresses['s7'][1]}/10.00/10.01/db1"
+        assert main(["write", str(made_200), address]) == 0
+        shown = capsys.readouterr().out
+        assert "first scan after a start-up" in shown
+        assert main(["write", str(made_200), address, *RANGE, "--apply", "--yes", shown.split()[-1], "--no-watch", "--record",
+                     str(tmp_path / "r.jsonl")]) == 0
+        # loop table at VB100: gain at 12, sample time at 16, Ti at 20, Td at 24 (System Manual, table 9-19)
+        table = struct.unpack_from(">4f", plc.plc.memory.image(), 112)
+    assert table == tuple(words.values[name] for name in ("KC", "TS", "TI", "TD"))
+    assert "DONE" in capsys.readouterr().out
+
+
+def test_words_that_stand_there_are_not_written_again(plant, capsys):
+    here = plant(found={})
+    assert here.write() == 0
+    assert "nothing was sent" in capsys.readouterr().out
+    assert not here.record.exists()
+
+
+@pytest.mark.parametrize("yes", ["abcdef01", "", "fe6"])
+def test_another_yes_than_the_proofs_is_refused(plant, yes, capsys):
+    here = plant()
+    assert here.write(yes=yes or " ") == 2
+    assert here.yes in capsys.readouterr().err
+    assert here.words == {**here.words, **OLD}
+
+
+def test_what_the_block_does_not_hold_has_to_be_said(plant, capsys):
+    here = plant()
+    assert here.write(said=()) == 2
+    assert "--range 0 100" in capsys.readouterr().err
+    assert here.write(said=("--range", "0", "200")) == 1
+    assert "0 to 200 °C, as said; 0 to 100 °C was proven" in " ".join(capsys.readouterr().out.split())
+    assert here.words["K"] == OLD["K"]
+
+
+@pytest.mark.parametrize(("asked", "told"), [
+    ({"found": {**OLD, "STEU": 32}}, "mode manual"), ({"faults": "t=3 sensor-off"}, "wire broken"),
+    ({"faults": "t=3 cpu-stop"}, "is in STOP"), ({"faults": "t=3 word TI=-5"}, "holds no words"),
+    ({"faults": "t=3 word W=1500"}, "setpoint 73.28 °C"), ({"faults": "t=3 db-missing"}, "nothing was sent"),
+    ({"faults": "t=3 write-protected"}, "NOT DONE"),
+])
+def test_a_plc_that_is_another_is_not_written_to(plant, asked, told, capsys):
+    here = plant(**asked)
+    while here.served.told.intervals < 3:
+        here.served.plc.wait(0.001)
+    before = here.served.plc.memory.image()[2:34]
+    assert here.write() == 1
+    assert told in " ".join(capsys.readouterr().out.split())
+    assert here.served.plc.memory.image()[2:34] == before
+
+
+def test_another_interval_than_the_proven_one_is_seen(made, tmp_path, capsys):
+    words, model, conditions = read_folder(made)
+    slower = replace(words, sample_time_s=6.2, values={**words.values, "K": 2000})
+    with virtual_plc(slower, model, conditions, rate=2000) as plc:
+        port = plc.addresses["s7"][1]
+        yes = json.loads((made / "data" / "proof.json").read_text())["digest"][7:15]
+        assert main(["write", str(made), f"s7://127.0.0.1:{port}/0/2/db30", *RANGE, "--apply", "--yes", yes, "--record",
+                     str(tmp_path / "r.jsonl")]) == 1
+        assert "TA 6.2 s, as the simulator says; 3.1 s was proven" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_proof_that_was_changed_or_does_not_pass_is_refused(made, tmp_path, plant, capsys):
+    here, proof = plant(), json.loads((made / "data" / "proof.json").read_text())
+    for name, changed in (("K", {**proof, "words": {**proof["words"], "K": 9000}}),
+                          ("pass", digested({**proof, "verdict": "FAIL"}))):
+        folder = tmp_path / name
+        (folder / "data").mkdir(parents=True)
+        for file in ("data/words.json", "pid.json"):
+            (folder / file).write_bytes((made / file).read_bytes())
+        (folder / "data" / "proof.json").write_text(json.dumps(changed))
+        assert main(["write", str(folder), here.address]) == 2
+        assert "prove the words again" in capsys.readouterr().err
+
+
+def test_the_order_keeps_what_stands_in_between_stable(plant):
+    here = plant(found={"K": 1200, "TI": 110})
+    assert not is_stable({**here.words, "K": here.new["K"]})
+    assert here.write("--no-watch") == 0
+    assert [line["names"] for line in here.lines if line["step"] == "written"] == [["TI"], ["K"]]
+
+
+def test_an_order_is_found_where_there_is_one_and_else_it_is_said_why():
+    parts = [Part((name,), 0, b"", b"") for name in "abc"]
+    before, after = dict.fromkeys("abc", 0), dict.fromkeys("abc", 1)
+    good = {(0, 0, 1), (1, 0, 1)}
+    found = in_order(parts, before, after, lambda v: "" if (v["a"], v["b"], v["c"]) in good else "bad")
+    assert [part.names[0] for part in found] == ["c", "a", "b"]
+    with pytest.raises(NoOrder, match="a = 1 first, bad"):
+        in_order(parts, before, after, lambda _: "bad")
+    assert in_order(parts[:1], before, after, lambda _: "bad") == parts[:1]
+
+
+def test_in_manual_words_are_written_in_any_order_and_the_mode_stays(plant, capsys):
+    here = plant(found={**OLD, "STEU": 32})
+    assert here.write("--in-manual") == 0
+    assert here.words == {**here.words, "K": here.new["K"], "TI": here.new["TI"], "STEU": 32, "YH": 200}
+    assert "watched for" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("protocol", ["s7", "modbus"])
+def test_a_write_whose_answer_is_lost_goes_once_and_is_found_out(plant, protocol, monkeypatch, capsys):
+    here = plant(protocol, faults="t=1e9 cut")
+    memory, written, fault = here.served.plc.memory, [], sessions.fault_of("t=0 lost-reply")
+    write, plc = memory.write, here.served.plc
+
+    def lose(number, start, content):
+        write(number, start, content)
+        written.append((start, bytes(content)))
+        if len(written) == 1:
+            now = plc.intervals * 3.1
+            lost = replace(fault, begins_s=now, ends_s=now + 1500)  # a third of a second: the answer, and a try or two
+            plc._plan = replace(plc._plan, faults=(*plc._plan.faults, lost))
+            plc._there = (*plc._there, lost)
+
+    monkeypatch.setattr(memory, "write", lose)
+    assert here.write("--no-watch", "--reconnect", "9") == 0
+    assert [line["arrived"] for line in here.lines if line["step"] == "asked"] == [True]
+    assert len(written) == len(set(written)) == 3
+    assert here.words == {**here.words, "K": here.new["K"], "TI": here.new["TI"], "YH": 0}
+    assert "DONE" in capsys.readouterr().out
+
+
+def test_a_link_that_stays_down_after_a_write_leaves_it_unknown_and_rollback_finds_out(plant, capsys):
+    here = plant(faults="t=1e9 cut")
+    memory, plc = here.served.plc.memory, here.served.plc
+    write, plan, fault = memory.write, here.served.plc._plan, sessions.fault_of("t=0 cut")
+
+    def lose(number, start, content):
+        write(number, start, content)
+        plc._plan = replace(plan, faults=(*plan.faults, fault))
+        plc._there = (fault,)
+
+    memory.write = lose
+    assert here.write() == 1
+    shown = " ".join(capsys.readouterr().out.split())
+    assert shown.startswith("UNKNOWN: ")
+    assert "heatertune rollback" in shown
+    memory.write, plc._plan = write, plan
+    while plc.link("cut") is not None:
+        plc.wait(0.001)
+    assert here.rollback() == 0
+    assert "the words stand there as before" not in (shown := " ".join(capsys.readouterr().out.split()))
+    assert " as written" in shown
+    assert here.rollback("--apply", "--yes", here.digest_before) == 0
+    assert here.words == {**here.words, **OLD}
+
+
+def test_a_response_outside_the_proven_band_is_taken_back(plant, capsys):
+    here = plant(faults="t=1500 stuck-on")
+    while here.served.told.intervals < 400:
+        here.served.plc.wait(0.001)
+    assert here.write() == 1
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "ROLLED BACK" in shown
+    assert "outside of the proven band" in shown
+    assert here.words == {**here.words, **OLD}
+    watched = [line for line in here.lines if line["step"] == "watched"]
+    outside = [line for line in watched if not line["low_degC"] <= line["temperature_degC"] <= line["high_degC"]]
+    assert watched[-2:] == outside
+
+
+def test_what_somebody_else_has_changed_since_stays(plant, capsys):
+    here = plant()
+    assert here.write("--no-watch") == 0
+    here.served.plc.memory.write(30, 2, (4444).to_bytes(2, "big"))
+    assert here.rollback("--apply", "--yes", here.digest_before) == 1
+    assert here.words == {**here.words, **OLD, "K": 4444}
+    assert "K is 4444" in capsys.readouterr().out
+
+
+def test_writes_of_a_word_are_counted_and_end_at_the_budget(plant, capsys):
+    here = plant()
+    assert here.write("--no-watch") == 0
+    assert here.rollback("--apply", "--yes", here.digest_before) == 0
+    here.record = here.record.with_name("second.jsonl")
+    assert here.write("--no-watch", "--most-writes", "2") == 1
+    assert "was written 2 times from here" in " ".join(capsys.readouterr().out.split())
+    assert here.words == {**here.words, **OLD}
+
+
+def test_a_second_write_at_the_same_time_waits_its_turn(plant, capsys):
+    here = plant(rate=60)
+    ends = []
+    first = threading.Thread(target=lambda: ends.append(here.write()))
+    first.start()
+    while not here.record.exists():
+        here.served.plc.wait(0.001)
+    second = here.record.with_name("second.jsonl")
+    assert main(["write", str(here.made), here.address, *RANGE, "--apply", "--yes", here.yes, "--record", str(second)]) == 2
+    assert "another run" in capsys.readouterr().err
+    first.join()
+    assert ends == [0]
+
+
+def test_a_line_that_a_kill_left_is_left_out_and_a_damaged_one_told(tmp_path, plant):
+    here = plant()
+    assert here.write("--no-watch") == 0
+    whole = here.record.read_bytes()
+    count = len(here.lines)
+    for cut in range(len(whole) - 40, len(whole)):
+        here.record.write_bytes(whole[:cut])
+        lines = read_lines(here.record)
+        assert (len(lines.steps) + 1, lines.torn, lines.ended) == (count - 1, cut < len(whole), False)
+    with Record(here.record, torn=True) as record:
+        record.put("end", outcome="done", told="", stands=None)
+    assert read_lines(here.record).ended
+    here.record.write_bytes(whole.replace(b'"step": "written"', b'"stop": "written"', 1))
+    with pytest.raises(DocumentError, match="line 4"):
+        read_lines(here.record)
+
+
+@pytest.mark.long
+def test_300_sessions_leave_no_wrong_word_and_no_unknown_untold(tmp_path):
+    ends, wrong = sessions.run(300, 17, tmp_path, told=lambda _: None)
+    assert not wrong
+    assert ends.keys() >= {"done", "not done", "rolled back", "unknown"}
+
+
+@pytest.mark.long
+def test_a_command_that_is_killed_leaves_what_is_stable_and_the_next_start_says_what_happened(plant, capsys):
+    import random  # noqa: PLC0415 - beside its only use
+
+    chance = random.Random(3)
+    for number in range(30):
+        here = plant(found={"K": 1200, "TI": 110, "YH": 200})
+        here.record = here.record.with_name(f"kill{number}.jsonl")
+        dies_at, memory, seen = chance.randint(1, 40), here.served.plc.memory, []
+        command = ["write", here.made, here.address, *RANGE, "--apply", "--yes", here.yes, "--record", here.record, "--quiet"]
+        process = subprocess.Popen([sys.executable, "-m", "heatertune", *map(str, command)], stdout=subprocess.DEVNULL)
+        kill_at(process, memory, dies_at, seen)
+        process.wait()
+        stands = here.words
+        assert all(stands[name] in (before, here.new[name]) for name, before in {"K": 1200, "TI": 110, "YH": 200}.items())
+        assert is_stable(stands)
+        if here.record.exists() and here.record.stat().st_size:
+            assert here.rollback() == 0
+            told = " ".join(capsys.readouterr().out.split())
+            assert "it broke off at" in told or process.returncode == 0
+            assert here.rollback("--apply", "--yes", here.digest_before) == 0
+        else:
+            assert stands["K"] == 1200
+        assert here.words == {**stands, "K": 1200, "TI": 110, "YH": 200}
+        here.served.close()
+
+
+def kill_at(process, memory, number, seen):
+    """Kill a process at its request of that number."""
+    read, write = memory.read, memory.write
+
+    def asked(act):
+        def request(*given):
+            seen.append(given)
+            if len(seen) == number:
+                process.kill()
+                process.wait()
+            return act(*given)
+        return request
+
+    memory.read, memory.write = asked(read), asked(write)
+
+
+def test_the_conditions_of_the_fixtures_are_those_of_the_proof(made):
+    assert read_folder(made)[2].setpoint_degC == CONDITIONS.setpoint_degC
