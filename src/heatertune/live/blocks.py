@@ -23,12 +23,14 @@ class Block(Protocol):
         told: what it is, a few words.
         manual: whether clients can put the controller in manual.
         signals: where it shows temperature [°C], power [%] and setpoint [°C], by these names.
+        words: where its words stand, by name.
     """
 
     number: int
     told: str
     manual: bool
     signals: Mapping[str, Signal]
+    words: Mapping[str, Signal]
 
     def image(self) -> bytes:
         """Return its bytes before the first scan."""

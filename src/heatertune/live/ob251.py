@@ -54,6 +54,7 @@ class Ob251Block:
         self.signals = {
             name: Signal(place, "INT", (0, FULL_SCALE), shown)
             for name, place, shown in (("temperature", _X, degC), ("power", _YA, (0, 100)), ("setpoint", _W, degC))}
+        self.words = {field.name: Signal(2 * PLACES[field.name], field.format) for field in controller.fields}
         self._asked: Number | None = None
         self._words, self._parameters = b"", parameters_of(words.whole)
         self._kept = b""

@@ -47,7 +47,8 @@ class VMemory:
             words: that its program types in at the first scan.
             assume: what the manual leaves open.
         """
-        self._fields = controller.fields
+        self._fields = [field for field in controller.fields if field.address[:2] in _WIDTHS]
+        self.words = {field.name: Signal(int(field.address[2:]), field.format) for field in self._fields}
         self._timed, self._cold = controller.begin(words, assume)
         self._asked: Number | None = None
         degC = words.scaling.low_degC, words.scaling.high_degC
@@ -88,6 +89,5 @@ class VMemory:
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word that stands in V memory; errors as `heatertune.live.cells`."""
-        field = field_of([field for field in self._fields if field.address[:2] in _WIDTHS], name)
-        content, place = bytes_of(field, value), int(field.address[2:])
+        content, place = bytes_of(field_of(self._fields, name), value), self.words[name].start
         cells[place : place + len(content)] = content

@@ -1,4 +1,8 @@
-"""Where a PLC is, as one line says it: `s7://HOST:PORT/RACK/SLOT/dbN` or `modbus://HOST:PORT/UNIT/REGISTER`."""
+"""Where a PLC is, as one line says it.
+
+`s7://HOST:PORT/RACK/SLOT/dbN`, `modbus://HOST:PORT/UNIT/REGISTER`, `opc.tcp://HOST:PORT/PATH/NODE` or
+`as511://DEVICE/dbN`.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +16,16 @@ from heatertune.errors import InputError, UnknownName
 
 __all__ = ["EXAMPLES", "Address", "address_of"]
 
-#: protocol → an address of it
+#: scheme → an address of it
 EXAMPLES: Final[Mapping[str, str]] = {
     "s7": "s7://192.168.0.10/0/2/db30 (rack, slot, block) or s7://192.168.0.10/10.00/10.01/db1 (an S7-200's TSAPs)",
     "modbus": "modbus://192.168.0.10/1/0 (unit, first register of the block)",
+    "opc.tcp": "'opc.tcp://192.168.0.10/ns=3;s=\"Recipe\".\"Block\"' (node of the block's bytes) or "
+               "opc.tcp://127.0.0.1:4840/db30 (of a virtual PLC)",
+    "as511": "as511:///dev/ttyUSB0/db30 or as511://COM3/db30 (serial line, block)",
 }
-_PORTS: Final = {"s7": 102, "modbus": 502}
+_PROTOCOLS: Final = {"opc.tcp": "opcua"}  # the others are called as their scheme
+_PORTS: Final = {"s7": 102, "modbus": 502, "opcua": 4840}
 _TSAP: Final = re.compile(r"([0-9a-fA-F]{1,2})\.([0-9a-fA-F]{1,2})")
 _BLOCK: Final = re.compile(r"db([1-9]\d{0,4})", re.IGNORECASE)
 _MOST_BLOCK: Final = 65535

@@ -13,8 +13,9 @@ from heatertune.live.client.address import Address
 
 __all__ = ["LIBRARIES", "Client", "connect", "demand_library"]
 
-#: protocol → the module that it needs, of the extra of the same name
-LIBRARIES: Final[Mapping[str, str]] = {"s7": "snap7", "modbus": "pymodbus"}
+#: protocol → the module that it needs, and the extra that brings it
+LIBRARIES: Final[Mapping[str, tuple[str, str]]] = {
+    "s7": ("snap7", "s7"), "modbus": ("pymodbus", "modbus"), "opcua": ("asyncua", "opcua"), "as511": ("serial", "serial")}
 _TIMEOUT_S: Final = 2.0
 
 
@@ -86,5 +87,6 @@ def demand_library(protocol: str) -> None:
     Raises:
         InputError: it is not; the message names the extra.
     """
-    if find_spec(LIBRARIES[protocol]) is None:
-        raise InputError(f'{protocol} needs {LIBRARIES[protocol]}: pip install "heatertune[{protocol}]"')
+    module, extra = LIBRARIES[protocol]
+    if find_spec(module) is None:
+        raise InputError(f'{protocol} needs {module}: pip install "heatertune[{extra}]"')
