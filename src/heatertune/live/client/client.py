@@ -25,16 +25,18 @@ class Client(Protocol):
     After `LinkDown` or `ReplyLost` it is closed for good: a late answer must not be taken for another one's.
 
     Attributes:
-        most: bytes that one request reads or writes at once; only so many are sure to be of one instant.
+        most: bytes that one request reads or writes.
+        whole: whether these are of one instant; if not, a scan may run between two of the words.
     """
 
     most: int
+    whole: bool
 
     def read(self, number: int, start: int, count: int) -> bytes:
         """Return bytes of a block, in one request.
 
         Args:
-            number: of the block; over Modbus, the simulator's own or any other for the controller's.
+            number: of the block; over Modbus and OPC UA, the simulator's own or any other for the controller's.
             start: of its first byte.
             count: of bytes, at most `most`.
 

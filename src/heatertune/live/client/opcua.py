@@ -92,13 +92,13 @@ class OpcuaClient(Asking):
     async def _value(self, number: int, index_range: str | None = None) -> ua.DataValue:
         wanted = ua.ReadValueId(ua.NodeId.from_string(self._node(number)), ua.AttributeIds.Value, index_range)
         found, = await self._library.uaclient.session.read(ua.ReadParameters(
-            TimestampsToReturn_=ua.TimestampsToReturn.Neither, NodesToRead=[wanted]))
+            TimestampsToReturn=ua.TimestampsToReturn.Neither, NodesToRead=[wanted]))
         return found
 
     def _content(self, found: ua.DataValue, what: str) -> bytes:
         """Return the bytes of a value."""
-        if found.StatusCode_.value != _GOOD:
-            raise self._refused(what, f"{found.StatusCode_.name}, {found.StatusCode_.doc}")
+        if found.StatusCode.value != _GOOD:
+            raise self._refused(what, f"{found.StatusCode.name}, {found.StatusCode.doc}")
         value = found.Value
         if value is None or value.VariantType not in (ua.VariantType.ByteString, ua.VariantType.Byte):
             kind = "nothing" if value is None else value.VariantType.name

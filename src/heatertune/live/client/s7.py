@@ -26,6 +26,7 @@ class S7Client(Asking):
     """See `heatertune.live.client.client.Client`."""
 
     most = _MOST
+    whole = True
 
     def __init__(self, address: Address, library: Any) -> None:
         """Take a client of the library's that is connected."""
