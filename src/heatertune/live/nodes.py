@@ -151,6 +151,6 @@ def _quantity(name: str, block: int, signal: Signal, unit: str, *, written: bool
         except OutOfRange:
             raise ua.uaerrors.BadOutOfRange from None
 
-    return Cell(name=name, block=block, part=slice(signal.start, signal.start + signal.size), type=ua.VariantType.Double,
-                of=lambda found: signal.of(found, signal.start), to=to if written else None, unit=unit,
-                span=signal.shown)
+    part = slice(signal.start, signal.start + signal.size)
+    return Cell(name=name, block=block, part=part, type=ua.VariantType.Double, unit=unit, span=signal.shown,
+                of=lambda found: signal.of(found, signal.start), to=to if written else None)

@@ -46,7 +46,7 @@ class _Loop(asyncio.SelectorEventLoop):
         self._listener = listener
         super().__init__()
 
-    async def create_server(self, factory: Any, *_: Any, **__: Any) -> Any:
+    async def create_server(self, factory: Any, *_: Any, **__: Any) -> Any:  # type: ignore[override]
         return await super().create_server(factory, sock=self._listener)
 
 

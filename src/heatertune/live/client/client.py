@@ -15,7 +15,9 @@ __all__ = ["LIBRARIES", "Client", "connect", "demand_library"]
 
 #: protocol → the module that it needs, and the extra that brings it
 LIBRARIES: Final[Mapping[str, tuple[str, str]]] = {
-    "s7": ("snap7", "s7"), "modbus": ("pymodbus", "modbus"), "opcua": ("asyncua", "opcua"), "as511": ("serial", "serial")}
+    "s7": ("snap7", "s7"), "modbus": ("pymodbus", "modbus"), "opcua": ("asyncua", "opcua"),
+    "as511": ("serial", "serial"),
+}
 _TIMEOUT_S: Final = 2.0
 
 
