@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.live.conftest import CONDITIONS, DB, LENGTH, client, stepped, words_of
+from tests.live.conftest import CONDITIONS, DB, LENGTH, PROTOCOLS, client, stepped, words_of
 
 from heatertune import InputError, Scenario
 from heatertune import simulate as simulate_words
@@ -39,14 +39,14 @@ def _as(rows, trace):
         np.testing.assert_array_equal([each.temperature_degC for each in told], trace.temperature_degC[:len(rows)])
 
 
-@pytest.mark.parametrize("protocol", ["s7", "modbus"])
+@pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_a_stepped_run_is_that_of_the_proof_bit_for_bit(served, heater, words, protocol):
     with client(served(serve=protocol), protocol) as asking:
         _as(stepped(asking, 200), _quiet(heater, words, 200))
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("protocol", ["s7", "modbus"])
+@pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_stepped_scans_twice_are_the_same_bytes_and_the_proofs(served, heater, words, protocol):
     """A thousand here; `python -m tests.bench.served` has ten thousand."""
     noisy = replace(CONDITIONS, noise_degC=0.3)
@@ -180,7 +180,7 @@ def test_a_rate_keeps_the_clock(served):
 
 
 @pytest.mark.parametrize(("changed", "said"), [
-    ({"serve": "profinet"}, "unknown protocol 'profinet'; known: s7, modbus"),
+    ({"serve": "profinet"}, "unknown protocol 'profinet'; known: s7, modbus, opcua, as511"),
     ({"serve": ("s7", "s7")}, "each protocol once"),
     ({"ports": (1, 2)}, "2 ports for 1 protocols"),
     ({"ports": 70000}, "port = 70000 is out of range"),

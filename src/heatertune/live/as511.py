@@ -28,6 +28,7 @@ _STX: Final = b"\x02"
 _ACK, _NAK, _EOT, _ETX = b"\x10\x06", b"\x10\x15", b"\x10\x04", b"\x10\x03"
 _GO, _END = b"\x16" + _ETX, b"\x12" + _ETX
 _DLE: Final = 0x10
+_WRITE: Final = 0x03
 _BEGIN: Final = 0x1000  # of the first block's header
 _COMPRESSED: Final = 0x0E10  # where it begins after the memory was compressed
 _HEADER: Final = 10
@@ -66,7 +67,7 @@ class As511Server:
         self.device, self.spoilt = os.ttyname(self._far), list[tuple[int, bytes]]()
         self._plc, self._memory = plc, plc.memory
         self._numbers = {self._memory.main: self._memory.main, OWN_DB: OWN}
-        self._functions = {0x1A: self._info, 0x04: self._read, 0x03: self._write}
+        self._functions = {0x1A: self._info, 0x04: self._read, _WRITE: self._write}
         self._heard = bytearray()
         self._woken, self._wake = os.pipe()
         self._thread = Thread(target=self._serve, name="AS511", daemon=True)
@@ -92,7 +93,8 @@ class As511Server:
     def _function(self) -> None:
         """Run one function, from the acknowledgement of its beginning on."""
         self._say(_ACK)
-        function = self._functions.get(self._hear())
+        code = self._hear()
+        function = self._functions.get(code)
         if function is None:
             self._say(_NAK)
             return
@@ -103,7 +105,7 @@ class As511Server:
         except Refusal:
             self._say(_NAK)
             return
-        self._delay()
+        self._delay(code)
         self._say(_ACK)
         if reply:
             self._say(_STX, _ACK)
@@ -150,9 +152,12 @@ class As511Server:
     def _dead(self) -> bool:
         return self._plc.link("cut") is not None or self._plc.link("black-hole") is not None
 
-    def _delay(self) -> None:
-        """Wait, or be silent for good, where the timetable has the reply late or lost."""
-        if self._plc.link("lost-reply") is not None:
+    def _delay(self, code: int) -> None:
+        """Wait, or say nothing more, where the timetable has the reply late or lost.
+
+        Without any reply no request could arrive here: what is lost is that to a write.
+        """
+        if code == _WRITE and self._plc.link("lost-reply") is not None:
             raise _Silence
         late = self._plc.link("late-reply")
         if late is not None:

@@ -183,7 +183,7 @@ class As511Client(Asking):
             if found == _NO and not accepted:
                 self._again = time.monotonic() + PAUSE_S
                 raise _Refused
-            if not wanted.startswith(found) and not _NO.startswith(found):
+            if not wanted.startswith(found) and (accepted or not _NO.startswith(found)):
                 raise ConnectionError(f"{found.hex(' ')} came, {wanted.hex(' ')} was due")
 
     def _data(self) -> bytes:

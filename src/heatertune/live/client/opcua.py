@@ -17,7 +17,7 @@ from typing import Any, Final, TypeVar
 
 from asyncua import Client, ua
 
-from heatertune.errors import LinkDown
+from heatertune.errors import LinkDown, ReplyLost
 from heatertune.live.client.address import Address
 from heatertune.live.client.base import Asking
 from heatertune.live.memory import OWN
@@ -69,9 +69,12 @@ class OpcuaClient(Asking):
         """Write bytes of a block."""
         span = f"{start}" if len(content) == 1 else f"{start}:{start + len(content) - 1}"
         what = f"writing {self._node(number)}, bytes {span}"
+        try:
+            kind = self._ranged(number, what)
+        except ReplyLost as problem:
+            raise LinkDown(f"{problem}, which was to be asked before {what}") from None
 
         async def ask() -> None:
-            kind = await self._ranged(number, what)
             value = ua.Variant(content if kind == ua.VariantType.ByteString else list(content), kind)
             wanted = ua.WriteValue(ua.NodeId.from_string(self._node(number)), ua.AttributeIds.Value, span,
                                    ua.DataValue(value))
@@ -105,13 +108,17 @@ class OpcuaClient(Asking):
             raise self._refused(what, f"it holds {kind}, not a ByteString or an array of Byte")
         return bytes(value.Value or b"")
 
-    async def _ranged(self, number: int, what: str) -> ua.VariantType:
+    def _ranged(self, number: int, what: str) -> ua.VariantType:
         """Return the type of a block's variable; refuse where its server pays no heed to index ranges."""
-        if number not in self._ranges:
+
+        async def ask() -> ua.VariantType:
             found = await self._value(number, "0")
             if len(self._content(found, what)) != 1:
                 raise self._refused(what, "the server pays no heed to index ranges: it would write the whole block")
-            self._ranges[number] = found.Value.VariantType
+            return found.Value.VariantType
+
+        if number not in self._ranges:
+            self._ranges[number] = self._run(ask, f"reading byte 0 of {self._node(number)}")
         return self._ranges[number]
 
     def _run(self, ask: Callable[[], Awaitable[Answer]], what: str) -> Answer:
