@@ -92,14 +92,16 @@ def test_the_client_says_what_the_descriptions_say(quick):
 
 def test_the_server_says_what_the_descriptions_say(served, quick):
     """The same bytes at the addresses that the server has: its DB 30 is at 100Ah."""
+
+    def there(text):
+        return _bytes(text.replace("1010 16", "1010 0A").replace("1010 18", "1010 0C").replace("1010 19", "1010 0D"))
+
     plc = served(serve="as511")
     plc.plc.memory.write(DB, 2, b"\x10\x02")
     line = As511(*plc.addresses["as511"])
     try:
-        for script in (INFO, READ, WRITE):
-            for say, due in script:
-                say, due = (each.replace("1010 16", "1010 0A").replace("1010 18", "1010 0C").replace("1010 19", "1010 0D") for each in (say, due))
-                line.step(_bytes(say), _bytes(due))
+        for say, due in (*INFO, *READ, *WRITE):
+            line.step(there(say), there(due))
     finally:
         line.close()
     assert plc.plc.memory.read(DB, 2, 2) == b"\x10\x03"
@@ -211,29 +213,29 @@ def test_a_wrong_byte_ends_it_and_tells_whether_the_write_was_sent(quick, due, r
 
 @pytest.mark.parametrize("at", range(len(WRITE)))
 def test_silence_at_any_step_ends_it_and_tells_whether_the_write_was_sent(quick, at):
-    with _scripted(*INFO, *INFO, *WRITE[:at]) as (address, _), connect(address, 0.3) as client:
-        with pytest.raises(LinkDown if at < 4 else ReplyLost, match="silence"):
-            client.write(DB, 2, b"\x10\x03")
+    error = LinkDown if at < 3 else ReplyLost
+    with (_scripted(*INFO, *INFO, *WRITE[:at]) as (address, _), connect(address, 0.3) as client,
+          pytest.raises(error, match="silence")):
+        client.write(DB, 2, b"\x10\x03")
 
 
 def test_a_refusal_where_a_write_was_accepted_is_none(quick):
     """From then on it may have been written."""
-    with _scripted(*INFO, *INFO, *WRITE[:3], (WRITE[3][0], _ACK + "1015")) as (address, _), connect(address, 0.5) as client:
-        with pytest.raises(ReplyLost, match="10 came, 02 was due"):
-            client.write(DB, 2, b"\x10\x03")
+    with (_scripted(*INFO, *INFO, *WRITE[:3], (WRITE[3][0], _ACK + "1015")) as (address, _),
+          connect(address, 0.5) as client, pytest.raises(ReplyLost, match="10 came, 02 was due")):
+        client.write(DB, 2, b"\x10\x03")
 
 
 @pytest.mark.parametrize("reply", ["00 1010 16 70 70 41 1F 0000 0000 0036 1003", "00 1003", "1005"])
 def test_an_answer_that_is_not_about_the_block_is_told(quick, reply):
-    with _scripted(*INFO, *INFO[:4], (_ACK, reply), *INFO[5:]) as (address, _), connect(address, 0.5) as client:
-        with pytest.raises(ReplyLost, match="is not where DB30 is|10 05 came"):
-            client.read(DB, 2, 2)
+    with (_scripted(*INFO, *INFO[:4], (_ACK, reply), *INFO[5:]) as (address, _), connect(address, 0.5) as client,
+          pytest.raises(ReplyLost, match=r"is not where DB30 is|10 05 came")):
+        client.read(DB, 2, 2)
 
 
 def test_nobody_at_the_line_is_told(quick):
-    with _scripted() as (address, _):
-        with pytest.raises(LinkDown, match=r"as511:///.*silence for 0\.1 s"):
-            connect(address, 0.1)
+    with _scripted() as (address, _), pytest.raises(LinkDown, match=r"as511:///.*silence for 0\.1 s"):
+        connect(address, 0.1)
 
 
 def test_a_line_that_is_not_there_or_anothers_is_told(served, quick):
