@@ -27,6 +27,7 @@ from heatertune.cli import (
     pareto,
     plan,
     read,
+    record,
     replay,
     report,
     simulate,
@@ -49,7 +50,7 @@ __all__ = ["main"]
 
 COMMANDS = (
     design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, supervise, feed_forward, compare, advise,
-    study, fleet, report, decode, diff, replay, targets, terms, studio, simulate, doctor, bench, completion,
+    study, fleet, report, decode, diff, replay, targets, terms, studio, simulate, record, doctor, bench, completion,
 )
 
 #: those that most people need, in the order in which they do, and what they are for

@@ -15,7 +15,7 @@ __all__ = ["STRUCTS", "Signal", "bytes_of", "field_of"]
 
 #: format → how its bytes stand, the high one first
 STRUCTS: Final = {"INT": ">h", "KF": ">h", "KM": ">H", "WORD": ">H", "UINT": ">H", "REAL": ">f", "TIME": ">i",
-                  "DINT": ">i", "UDINT": ">I"}
+                  "DINT": ">i", "UDINT": ">I", "LREAL": ">d"}
 
 
 class Signal(NamedTuple):

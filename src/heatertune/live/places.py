@@ -20,6 +20,7 @@ from heatertune.files import read_text
 from heatertune.live.blocks import SERVED, block_for
 from heatertune.live.cells import STRUCTS, Signal
 from heatertune.plc import Words, controller_for
+from heatertune.plc.words import FLOATS
 
 __all__ = ["ROLES", "Counter", "Places", "places_in", "places_of"]
 
@@ -106,8 +107,8 @@ def places_in(path: str | Path) -> Places:
 
 def _counter(path: str | Path, said: Any) -> Counter:
     signal = _signal(path, "counter", said, ("interval_s",))
-    if signal.format == "REAL":
-        raise DocumentError(f"{path}: [counter] format = 'REAL': expected a whole number, as UINT or UDINT")
+    if signal.format in FLOATS:
+        raise DocumentError(f"{path}: [counter] format = {signal.format!r}: expected a whole number, as UINT or UDINT")
     interval: Any = said.get("interval_s")
     if type(interval) not in (int, float) or not 0.0 < interval < math.inf:
         raise DocumentError(f"{path}: [counter] interval_s = {interval!r}: expected seconds > 0")

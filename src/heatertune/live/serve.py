@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from heatertune.documents import data_folder, read_document
+from heatertune.documents import data_folder
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.live.blocks import SERVED, Block, block_for
 from heatertune.live.client.client import LIBRARIES, demand_library
@@ -22,7 +22,7 @@ from heatertune.live.plc import Pace, VirtualPlc
 from heatertune.model.values import FittedModel
 from heatertune.pid.document import read_design
 from heatertune.plc import Words, controller_for
-from heatertune.proof.words_file import WORDS_SCHEMA, words_of
+from heatertune.proof.words_file import words_in
 from heatertune.settings import Conditions
 from heatertune.units import check
 
@@ -262,9 +262,7 @@ def read_folder(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
         OutOfRange: a word that the controller cannot hold.
     """
     place = data_folder(folder)
-    path = place / "words.json"
-    document = read_document(path, WORDS_SCHEMA)
-    words = words_of(document, str(document.get("target")), path)
+    words, document = words_in(folder)
     beside = Path(folder) / "pid.json"  # where tune was told to write it, words having been exported later
     design = beside if beside.is_file() else place / "pid.json"
     _, fitted, recipe = read_design(design)

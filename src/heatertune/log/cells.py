@@ -15,6 +15,7 @@ from heatertune.files import read_bytes
 from heatertune.log.header import count, take_header
 from heatertune.log.klippy import Printed, printed
 from heatertune.log.quantities import is_number, restored
+from heatertune.log.record import MARK, without_torn
 
 __all__ = ["Sheet", "count", "is_number", "plain_cells", "read_sheet"]
 
@@ -62,6 +63,8 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
         LogError: the file cannot be read, is empty, is no text, or a row has another number of cells than the others.
     """
     text, repairs = _text(path, content)
+    if text.startswith(MARK):
+        text = without_torn(text, repairs)
     numbered = [(i, line.rstrip("\n")) for i, line in enumerate(io.StringIO(text, newline=None), start=1)][skip_rows:]
     log = printed(path, numbered, tag)
     if log is not None:

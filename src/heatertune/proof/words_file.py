@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune.codec import LEFT_OUT, built, decode, registered
-from heatertune.documents import peek_schema, read_document
+from heatertune.documents import data_folder, peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused
 from heatertune.pid.recipe import BoostView
 from heatertune.plc import Boost, Certificate, Ramp, Scaling, Words, controller_for
@@ -29,7 +29,7 @@ from heatertune.proof.verdict import (
 )
 
 __all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_again", "export_first",
-           "read_words", "words_of"]
+           "read_words", "words_in", "words_of"]
 
 WORDS_SCHEMA: Final = "heatertune/words/1"
 
@@ -125,6 +125,18 @@ def read_words(path: str | Path, target: str) -> Words | None:
     if peek_schema(path) != WORDS_SCHEMA:
         return None
     return words_of(read_document(path, WORDS_SCHEMA), target, path)
+
+
+def words_in(directory: str | Path) -> tuple[Words, dict[str, Any]]:
+    """Return the words of a folder that an export wrote, and the document they stand in.
+
+    Raises:
+        DocumentError: there is none, or it holds no words.
+        OutOfRange: as `read_words`.
+    """
+    path = data_folder(directory) / "words.json"
+    document = read_document(path, WORDS_SCHEMA)
+    return words_of(document, str(document.get("target")), path), document
 
 
 def words_of(document: Mapping[str, Any], target: str, path: str | Path) -> Words:

@@ -1,0 +1,131 @@
+"""`heatertune record`: a running loop → a log, read only."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from heatertune.cli import printing
+from heatertune.cli.line import LINE
+from heatertune.errors import InputError
+
+if TYPE_CHECKING:
+    from heatertune.live.places import Places
+    from heatertune.live.recorder import Recorded
+
+__all__ = ["add_to"]
+
+_EXAMPLE: Final = "example: heatertune record s7://192.168.0.10/0/2/db30 --design out/ -o log.csv"
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "record", help="a running loop → a log that fit takes; the PLC is only read", epilog=_EXAMPLE,
+        description="Read temperature, power and setpoint of a running controller, scan by scan, into a CSV file. Each "
+                    "row is on the disk before the next; what a kill tears, who reads it knows. Ctrl-C ends it.",
+    )
+    command.add_argument("address", metavar="ADDRESS", help="s7://HOST:PORT/RACK/SLOT/dbN, s7://HOST/10.00/10.01/db1 "
+                         "(TSAPs of an S7-200) or modbus://HOST:PORT/UNIT/REGISTER")
+    command.add_argument("-o", "--out", required=True, metavar="FILE", help="the log to write")
+    where = command.add_mutually_exclusive_group()
+    where.add_argument("--design", metavar="DIR", help="folder that heatertune design wrote: its controller runs there")
+    where.add_argument("--map", metavar="FILE", help="small TOML file that says where temperature and power stand")
+    command.add_argument("--every", type=float, metavar="S",
+                         help="least time between two rows (default: each scan where the PLC counts them, else 1 s)")
+    command.add_argument("--for", dest="for_s", type=float, metavar="S", help="end when the log is so long")
+    command.add_argument("--append", action="store_true", help="continue a log that is there")
+    command.add_argument("--timeout", type=float, default=2.0, metavar="S",
+                         help="after which an answer is lost (default: 2)")
+    printing.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune.live.client.address import address_of  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.live.recorder import Recording, record  # noqa: PLC0415
+
+    address = address_of(settings.address)
+    how = Recording(every_s=settings.every, for_s=settings.for_s, append=settings.append, timeout_s=settings.timeout)
+    places, begun = _places(settings), time.monotonic()
+    with _until_told() as told:
+        def shown(so_far: Recorded) -> None:
+            if not settings.quiet:
+                LINE.show(lambda: _live(so_far, time.monotonic() - begun))
+
+        so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(told))
+    LINE.end()
+    document = _document(settings, so_far)
+    printing.output(settings, document, lambda: _lines(document))
+    return 0
+
+
+@contextmanager
+def _until_told() -> Iterator[list[int]]:
+    """Give a list that is filled when somebody asks for the end: Ctrl-C, or whoever ends services."""
+    told: list[int] = []
+    before = {number: signal.signal(number, lambda number, _: told.append(number))
+              for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield told
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _places(settings: argparse.Namespace) -> Places | None:
+    from heatertune.live.places import places_in, places_of  # noqa: PLC0415
+
+    if settings.map is not None:
+        return places_in(settings.map)
+    if settings.design is None:
+        return None
+    from heatertune.proof.words_file import words_in  # noqa: PLC0415
+
+    words, _ = words_in(settings.design)
+    places = places_of(words)
+    if places is None:
+        raise InputError(f"{settings.design}: where {words.target} shows its temperature is not known here; say it in "
+                         "a small file: --map FILE.toml")
+    return places
+
+
+def _live(so_far: Recorded, wall_s: float) -> str:
+    if so_far.trouble:
+        return f"{so_far.rows} rows; no answer, trying again: {so_far.trouble}"[:78]
+    if so_far.last is None:
+        return f"waiting for the first scan, {wall_s:.0f} s"
+    seen = so_far.last.seen
+    parts = [f"{so_far.last.time_s:.0f} s", f"{seen['temperature']:.2f} °C"]
+    parts += [f"{seen['power']:.1f} %"] if "power" in seen else []
+    parts += [f"setpoint {seen['setpoint']:.1f} °C"] if "setpoint" in seen else []
+    return f"{so_far.rows} rows: {', '.join(parts)}; Ctrl-C ends it"[:78]
+
+
+def _document(settings: argparse.Namespace, so_far: Recorded) -> dict[str, Any]:
+    return {
+        "schema": "heatertune/record/1", "address": settings.address, "log": settings.out, "rows": so_far.rows,
+        "until_s": None if so_far.last is None else so_far.last.time_s,
+        "clock": "this machine" if so_far.interval_s is None else "scans of the PLC", "interval_s": so_far.interval_s,
+        "gaps": so_far.gaps, "torn_looks": so_far.torn,
+        "last": None if so_far.last is None else dict(so_far.last.seen),
+    }
+
+
+def _lines(document: Mapping[str, Any]) -> str:
+    log, rows = document["log"], document["rows"]
+    if not rows:
+        return f"{log}: nothing was recorded"
+    clock = ("time is this machine's clock" if document["interval_s"] is None
+             else f"time is the PLC's own count of scans, each {document['interval_s']:.6g} s")
+    lines = [f"{log}: {rows} rows, until {document['until_s']:.6g} s; {clock}"]
+    if document["gaps"]:
+        lines.append(f"- {document['gaps']} times without readings: each is a comment in the log")
+    if document["torn_looks"]:
+        lines.append(f"- {document['torn_looks']} looks that a scan fell into were left out")
+    return "\n".join([*lines, f"next: heatertune read {Path(log)}"])

@@ -1,0 +1,276 @@
+"""A running loop → a log, row by row: what was written stays, whatever kills the program or the link.
+
+Each row is one write at the end of the file. A kill can tear the last line at most: it has no line's end, and who reads
+or continues the file knows it by that. What is no reading is a comment: a gap, a new connection, a PLC that began anew.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+from heatertune.errors import InputError, LinkError
+from heatertune.files import read_bytes
+from heatertune.live.client.address import Address
+from heatertune.live.looking import Look, Looking
+from heatertune.live.places import ROLES, Places
+from heatertune.log.record import MARK, TORN
+from heatertune.units import check
+
+__all__ = ["Recorded", "Recording", "record"]
+
+_UNITS: Final = {"temperature": "temperature_degC", "power": "power_pct", "setpoint": "setpoint_degC"}
+_SYNCED_S: Final = 0.1  # so often at most the disk is waited for
+_PAUSES_S: Final = (0.0, 0.1, 0.3, 1.0, 3.0)  # before each try of a new connection; the last for ever
+_SHORTEST_S: Final = 0.001
+_GAP: Final = 3.5  # so many times the usual step are one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """How a loop is recorded.
+
+    Attributes:
+        every_s: least time between two rows [s]; None: each scan where the PLC counts them, else 1 s.
+        for_s: the log ends when it is so long [s]; None: it goes on.
+        append: whether to continue a file that is there.
+        timeout_s: after which an answer is lost [s].
+
+    Raises:
+        OutOfRange: a time that is none.
+    """
+
+    every_s: float | None = None
+    for_s: float | None = None
+    append: bool = False
+    timeout_s: float = 2.0
+
+    def __post_init__(self) -> None:
+        for name in ("every_s", "for_s", "timeout_s"):
+            if getattr(self, name) is not None:
+                check(name, getattr(self, name), above=0.0)
+
+
+@dataclass(slots=True, kw_only=True)
+class Recorded:
+    """What has been recorded so far.
+
+    Attributes:
+        rows: written.
+        gaps: times without readings, each also a comment in the file.
+        torn: looks that a scan fell into, and that were left out.
+        last: the latest look.
+        interval_s: of the PLC's scans, whose count is the log's clock [s]; None: this machine's clock is.
+        trouble: of the link just now, empty where there is none.
+    """
+
+    rows: int = 0
+    gaps: int = 0
+    torn: int = 0
+    last: Look | None = None
+    interval_s: float | None = None
+    trouble: str = ""
+
+
+class _File:
+    """The log on the disk; `with` closes it."""
+
+    def __init__(self, path: Path, heads: str, append: bool) -> None:
+        """Open, and write or check the heads; errors as in `record`."""
+        self._path, self._synced = path, 0.0
+        self.rows_before = 0
+        self.last_s: float | None = None
+        flags = os.O_WRONLY | os.O_APPEND
+        if append and path.exists():
+            end = self._checked(heads.splitlines()[-1])
+            self._number = self._opened(flags)
+            self.write(end + f"# continued {_now()}\n")
+        else:
+            self._number = self._opened(flags | os.O_CREAT | os.O_EXCL)
+            self.write(heads)
+            self._sync_folder()
+
+    def _opened(self, flags: int) -> int:
+        try:
+            return os.open(self._path, flags, 0o644)
+        except FileExistsError:
+            raise InputError(f"{self._path}: is there already; --append continues it, or take another name") from None
+        except OSError as problem:
+            raise InputError(f"{self._path}: cannot be written: {problem.strerror}") from None
+
+    def _checked(self, columns: str) -> str:
+        """Return what the last line lacks; raise InputError where the file is not one to continue."""
+        try:
+            text = read_bytes(self._path).decode(errors="replace")
+        except OSError as problem:
+            raise InputError(f"{self._path}: cannot be continued: {problem.strerror}") from None
+        lines = text.splitlines()
+        if not lines or not lines[0].startswith(MARK):
+            raise InputError(f"{self._path}: was not begun by heatertune record; take another name")
+        found = next((line for line in lines if not line.startswith("#")), None)
+        if found is not None and found != columns:
+            raise InputError(f"{self._path}: has the columns {found}; now they would be {columns}")
+        whole = [line for line in lines if line[:1].isdigit() and not line.endswith(TORN)]
+        torn = not text.endswith("\n")
+        if torn and whole and whole[-1] == lines[-1]:
+            del whole[-1]
+        self.rows_before = len(whole)
+        self.last_s = float(whole[-1].split(",")[0]) if whole else None
+        return (f"{TORN}\n" if torn else "") + (f"{columns}\n" if found is None else "")
+
+    def _sync_folder(self) -> None:
+        folder = os.open(self._path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+    def write(self, text: str) -> None:
+        """Write at the end; raise InputError where the disk does not take it."""
+        content, now = text.encode(), time.monotonic()
+        try:
+            while content:  # a disk that is nearly full takes a part
+                content = content[os.write(self._number, content):]
+            if now - self._synced > _SYNCED_S:
+                os.fsync(self._number)
+                self._synced = now
+        except OSError as problem:
+            raise InputError(f"{self._path}: cannot be written on: {problem.strerror}; what is there stays") from None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.fsync(self._number)
+        os.close(self._number)
+
+
+def record(
+    address: Address, path: str | Path, places: Places | None = None, settings: Recording | None = None, *,
+    shown: Callable[[Recorded], object] = lambda _: None, ended: Callable[[], bool] = lambda: False,
+) -> Recorded:
+    """Record a running loop until its time is over.
+
+    Args:
+        address: of the PLC, which is only read.
+        path: of the log.
+        places: where the PLC shows what; see `heatertune.live.looking.Looking`.
+        settings: how; None: each scan, without an end.
+        shown: called after each look.
+        ended: asked after each look whether it is enough.
+
+    Returns:
+        What was recorded; the file is whole, also where this raises.
+
+    Raises:
+        InputError: as `heatertune.live.looking.Looking`; a file that is there or cannot be written.
+        LinkError: nobody is there at the beginning; later ones are waited for.
+        OutOfRange: a time that is none.
+    """
+    given = settings or Recording()
+    with Looking(address, places, given.timeout_s) as looking:
+        signals = looking.roles
+        columns = ["time_s", *(_UNITS[role] for role in ROLES if role in signals)]
+        clock = ("this machine's clock" if looking.interval_s is None
+                 else f"scans of the PLC, each {looking.interval_s:.9g} s")
+        heads = f"{MARK}; {address.text}; begun {_now()}; time: {clock}\n{','.join(columns)}\n"
+        with _File(Path(path), heads, given.append) as file:
+            return _Rows(looking, file, given).run(shown, ended)
+
+
+class _Rows:
+    """Looks → rows, and what is between them."""
+
+    def __init__(self, looking: Looking, file: _File, settings: Recording) -> None:
+        self._looking, self._file, self._settings = looking, file, settings
+        self._every_s = settings.every_s or (0.0 if looking.interval_s is not None else 1.0)
+        self.so_far = Recorded(interval_s=looking.interval_s)
+        self._shift_s: float | None = None if file.last_s is not None else 0.0
+        self._first_s: float | None = None
+        self._last_s: float | None = file.last_s
+        self._step_s, self._pause_s, self._new_at = 0.0, 0.01, time.monotonic()
+        self._reason = ""
+
+    def run(self, shown: Callable[[Recorded], object], ended: Callable[[], bool]) -> Recorded:
+        """Look until it is enough."""
+        while not ended():
+            look = self._looked(shown, ended)
+            if look is not None:
+                self._take(look)
+            self.so_far.torn = self._looking.torn
+            shown(self.so_far)
+            if look is not None and self._enough():
+                break
+            if look is None or self._looking.interval_s is None:
+                time.sleep(self._pause_s)
+        return self.so_far
+
+    def _enough(self) -> bool:
+        return (self._settings.for_s is not None and self._first_s is not None and self._last_s is not None
+                and self._last_s - self._first_s >= self._settings.for_s * (1.0 - 1e-9))
+
+    def _looked(self, shown: Callable[[Recorded], object], ended: Callable[[], bool]) -> Look | None:
+        """Return a look; where the link is lost, wait for it."""
+        try:
+            return self._looking.look()
+        except LinkError as problem:
+            self._reason = self.so_far.trouble = str(problem)
+        tries = 0
+        while not ended():
+            shown(self.so_far)
+            time.sleep(_PAUSES_S[min(tries, len(_PAUSES_S) - 1)])
+            tries += 1
+            try:
+                self._looking.again()
+                look = self._looking.look()
+            except LinkError as problem:
+                self.so_far.trouble = str(problem)
+            else:
+                self.so_far.trouble = ""
+                return look
+        return None
+
+    def _take(self, look: Look) -> None:
+        """Write a look as a row, unless it is too early for one."""
+        now = time.monotonic()
+        if self._shift_s is None:  # a file is continued: by the PLC's own count, if that has gone on
+            assert self._last_s is not None
+            goes_on = look.time_s > self._last_s
+            self._shift_s = 0.0 if goes_on else self._last_s + max(self._every_s, self._looking.interval_s or 0.0)
+            self._reason = "continued" if goes_on else "continued; how long the gap is, is not known"
+        at = look.time_s + self._shift_s
+        if self._last_s is not None and at < self._last_s + self._every_s * (1.0 - 1e-6):
+            return
+        self._tell_gap(at, look)
+        values = [look.seen[role] for role in ROLES if role in look.seen]
+        self._file.write(",".join([f"{at:.9g}", *(f"{value:.7g}" for value in values)]) + "\n")
+        self.so_far.rows += 1
+        self.so_far.last = look._replace(time_s=at)
+        self._first_s = at if self._first_s is None else self._first_s
+        self._last_s, self._reason = at, ""
+        self._pause_s = min(max(0.25 * (now - self._new_at), _SHORTEST_S), max(0.25 * self._every_s, 0.05))
+        self._new_at = now
+
+    def _tell_gap(self, at: float, look: Look) -> None:
+        if self._last_s is None:
+            return
+        step = at - self._last_s
+        usual = max(self._step_s, self._every_s, self._looking.interval_s or 0.0)
+        why = "the PLC has begun to count anew; how long the gap is, is not known" if look.restarted else self._reason
+        if why or step > _GAP * usual:
+            self.so_far.gaps += 1
+            self._file.write(f"# gap before {at:.9g} s: {why or 'no new reading'}\n")
+        else:
+            self._step_s = step
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

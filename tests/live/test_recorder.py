@@ -1,0 +1,302 @@
+"""The recorder: its rows are the scans of the proof's own simulation; kills, lost links and full disks lose nothing else.
+
+What the rows should be comes from `heatertune.simulate`, which runs the compiled loop and knows of no network.
+"""
+
+import errno
+import json
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.live.conftest import CONDITIONS
+from tests.live.test_client import way
+from tests.live.test_served import _quiet
+
+from heatertune import InputError, read_log
+from heatertune.cli import main
+from heatertune.errors import LinkDown, OutOfRange, PlcRefused
+from heatertune.live.cells import Signal
+from heatertune.live.client.address import address_of
+from heatertune.live.memory import OWN
+from heatertune.live.places import Counter, Places, places_of
+from heatertune.live.recorder import Recording, record
+from heatertune.log.cells import read_sheet
+
+PROTOCOLS = ("s7", "modbus")
+#: a scan in a millisecond, some of which a client misses, and as fast as it goes, of which it sees a few
+FAST = {"step": False, "rate": 4000.0}
+MAX = {"step": False, "rate": float("inf")}
+
+
+@pytest.fixture
+def places(words):
+    return places_of(words)
+
+
+def rows_of(path):
+    lines = path.read_text().splitlines()
+    assert lines[0].startswith("# heatertune record; ")
+    return np.array([[float(cell) for cell in line.split(",")] for line in lines if line[0].isdigit()])
+
+
+class Until:
+    """Enough after so many looks, or when the virtual PLC has ended and was looked at again."""
+
+    def __init__(self, plc):
+        self.plc, self.more = plc, 3
+
+    def __call__(self):
+        self.more -= self.plc.plc.ended
+        return self.more < 0
+
+
+@pytest.mark.parametrize("pace", [FAST, MAX], ids=["fast", "max"])
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_each_row_is_a_scan_of_the_simulation(served, heater, words, places, tmp_path, protocol, pace):
+    noisy = replace(CONDITIONS, noise_degC=0.3)
+    plc = served(conditions=noisy, serve=protocol, intervals=1500, **pace)
+    told = record(way(plc, protocol), tmp_path / "log.csv", places, ended=Until(plc))
+    rows = rows_of(tmp_path / "log.csv")
+    assert told.rows == len(rows) > (10 if pace is FAST else 0)
+    trace = _quiet(heater, words, 1500, noise=0.3)
+    scans = np.rint(rows[:, 0] / plc.scan_s).astype(int)
+    np.testing.assert_allclose(rows[:, 0], scans * plc.scan_s, rtol=1e-8)
+    np.testing.assert_allclose(rows[:, 1], trace.reading_degC[scans], rtol=1e-6)
+    limited = np.clip(trace.power_asked_pct[scans], 0.0, 100.0)
+    np.testing.assert_allclose(rows[:, 2], limited, atol=1e-4)
+
+
+def test_without_places_a_simulated_plc_tells_itself(served, tmp_path):
+    plc = served(intervals=600, **FAST)
+    record(way(plc, "s7"), tmp_path / "log.csv", ended=Until(plc))
+    log = read_log(tmp_path / "log.csv")
+    assert log.setpoint_degC is None
+    assert log.temperature_degC[-1] == pytest.approx(50.0, abs=0.5)
+
+
+def test_a_real_plc_needs_places(served, monkeypatch, tmp_path):
+    plc = served()
+    plc.plc.memory.write(OWN, 48, b"NONE")
+    monkeypatch.setattr(plc.plc.memory, "tell", lambda *_: None)
+    with pytest.raises(InputError, match=r"--design DIR .* or --map FILE"):
+        record(way(plc, "s7"), tmp_path / "log.csv")
+    assert not (tmp_path / "log.csv").exists()
+
+
+def test_without_a_number_of_a_block_it_is_asked_for(served, places, tmp_path):
+    plc = served()
+    host, port = plc.addresses["s7"]
+    with pytest.raises(InputError, match="which block"):
+        record(address_of(f"s7://{host}:{port}/0/2"), tmp_path / "log.csv", replace(places, block=None))
+
+
+def test_places_too_far_apart_for_one_request_are_told(served, tmp_path):
+    far = Places(block=30, signals={"temperature": Signal(0, "INT"), "power": Signal(300, "INT")}, told="far.toml")
+    plc = served()
+    with pytest.raises(InputError, match=r"far.toml: 302 bytes .* one request reads 212"):
+        record(way(plc, "s7"), tmp_path / "log.csv", far)
+
+
+def test_this_machines_clock_where_nothing_counts(served, monkeypatch, places, tmp_path):
+    """A real PLC: no block of the simulator's, no counter; 1 s apart by this machine's clock, which the test turns."""
+    plc, now = served(), [0.0]
+    plc.release(5)
+    plc.plc.memory.write(OWN, 48, b"NONE")
+
+    def slept(seconds):
+        now[0] += max(seconds, 0.01)
+
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    monkeypatch.setattr("time.sleep", slept)
+    told = record(way(plc, "s7"), tmp_path / "log.csv", places, Recording(for_s=20.0))
+    rows = rows_of(tmp_path / "log.csv")
+    assert told.interval_s is None
+    assert "time: this machine's clock" in (tmp_path / "log.csv").read_text().splitlines()[0]
+    assert np.all(np.diff(rows[:, 0]) >= 1.0 - 1e-6)
+    assert np.all(np.diff(rows[:, 0]) < 1.5)
+    assert rows[-1, 0] - rows[0, 0] >= 20.0 - 1e-6
+
+
+def test_a_counter_of_the_program_is_the_clock_and_wraps(monkeypatch, tmp_path):
+    """16 bits that turn, one look that finds nothing new, and a PLC that begins anew."""
+    counts = [65533, 65535, 65535, 3, 4, 0, 1]
+    places = Places(block=5, signals={"temperature": Signal(2, "INT")}, counter=Counter(signal=Signal(0, "UINT"), interval_s=0.5))
+
+    class Fake:
+        most = 200
+
+        def read(self, number, start, count):
+            if number == OWN:
+                raise PlcRefused("no such block")
+            assert (number, start, count) == (5, 0, 4)
+            return counts.pop(0).to_bytes(2, "big") + (20).to_bytes(2, "big")
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr("heatertune.live.looking.connect", lambda *_: Fake())
+    record(address_of("s7://10.0.0.1/0/2/db5"), tmp_path / "log.csv", places, ended=lambda: not counts)
+    text = (tmp_path / "log.csv").read_text()
+    assert rows_of(tmp_path / "log.csv")[:, 0].tolist() == [0.0, 1.0, 3.0, 3.5, 4.0, 4.5]
+    assert re.findall(r"# gap before (\S+) s: the PLC has begun to count anew; how long the gap is, is not known", text) == ["4"]
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("fault", ["cut", "lost-reply", "black-hole"])
+def test_a_lost_link_is_a_marked_gap_and_the_log_goes_on(served, places, tmp_path, protocol, fault):
+    plc = served(serve=protocol, faults=f"t=1200 {fault} until=2400", intervals=1200, step=False, rate=2000.0)
+    told = record(way(plc, protocol), tmp_path / "log.csv", places, Recording(timeout_s=0.2), ended=Until(plc))
+    text, rows = (tmp_path / "log.csv").read_text(), rows_of(tmp_path / "log.csv")
+    gaps = re.findall(r"# gap before (\S+) s: (.*)", text)
+    assert told.gaps == len(gaps) >= 1
+    marked = [float(at) for at, why in gaps if "no answer" in why or "connection" in why]
+    assert any(at > 2390.0 for at in marked)
+    assert not np.any((rows[:, 0] > 1250.0) & (rows[:, 0] < 2390.0))
+    assert rows[-1, 0] > 2400.0
+    log = read_log(tmp_path / "log.csv")
+    assert any(f"The recording marks {len(gaps)} gap" in repair for repair in log.repairs)
+    assert any("gap" in doubt for doubt in log.doubts)
+
+
+def test_in_stop_there_are_no_rows(served, places, tmp_path):
+    plc = served(faults="t=1000 cpu-stop until=2000", intervals=1000, **FAST)
+    record(way(plc, "s7"), tmp_path / "log.csv", places, ended=Until(plc))
+    rows = rows_of(tmp_path / "log.csv")
+    assert not np.any((rows[:, 0] > 1010.0) & (rows[:, 0] < 1990.0))
+    assert "# gap before" in (tmp_path / "log.csv").read_text()
+
+
+def test_every_is_the_least_time_between_rows(served, places, tmp_path):
+    plc = served(intervals=900, **FAST)
+    record(way(plc, "s7"), tmp_path / "log.csv", places, Recording(every_s=60.0), ended=Until(plc))
+    assert np.diff(rows_of(tmp_path / "log.csv")[:, 0]).min() >= 60.0 - 1e-6
+
+
+def test_a_log_that_is_there_is_not_touched(served, places, tmp_path):
+    plc = served()
+    (tmp_path / "log.csv").write_text("mine")
+    with pytest.raises(InputError, match="--append continues it"):
+        record(way(plc, "s7"), tmp_path / "log.csv", places)
+    with pytest.raises(InputError, match="was not begun by heatertune record"):
+        record(way(plc, "s7"), tmp_path / "log.csv", places, Recording(append=True))
+    assert (tmp_path / "log.csv").read_text() == "mine"
+
+
+def test_a_torn_log_is_read_without_its_torn_line_and_continued(served, places, tmp_path):
+    """Cut after each of its last bytes, as a kill does it; some of these logs are continued, too."""
+    plc, path = served(intervals=1000, **FAST), tmp_path / "log.csv"
+    record(way(plc, "s7"), path, places, Recording(for_s=300.0), ended=Until(plc))
+    whole = path.read_bytes()
+    for cut in range(min(80, len(whole) // 2)):
+        left = whole[:len(whole) - cut]
+        path.write_bytes(left)
+        last = left.decode().split("\n")[-1]
+        assert _read(path).endswith(f"{last!r}.") == bool(last)
+        if cut % 8 == 3:
+            record(way(plc, "s7"), path, places, Recording(append=True), ended=Until(plc))
+            assert path.read_bytes().startswith(left)  # appended only
+            assert (last + "#torn\n" in path.read_text()) == bool(last)
+            _read(path)
+
+
+def _read(path):
+    """Return what is said of a torn line; the log has each whole row, and no other."""
+    sheet = read_sheet(path)
+    assert sheet.rows == [line.split(",") for line in whole_rows(path)]
+    return next((repair for repair in sheet.repairs if "was torn" in repair), "")
+
+
+def whole_rows(path):
+    return [line for line in path.read_text().split("\n")[:-1] if line[:1].isdigit() and not line.endswith("#torn")]
+
+
+def test_other_columns_are_not_mixed_in(served, places, tmp_path):
+    plc = served(intervals=300, **FAST)
+    record(way(plc, "s7"), tmp_path / "log.csv", places, ended=Until(plc))
+    with pytest.raises(InputError, match="has the columns time_s,temperature_degC,power_pct,setpoint_degC; now they would be"):
+        record(way(plc, "s7"), tmp_path / "log.csv", None, Recording(append=True))
+
+
+def test_a_full_disk_is_told_and_what_is_there_stays(served, places, monkeypatch, tmp_path):
+    plc, write, left = served(intervals=1200, **FAST), os.write, [700]
+
+    def filling(number, content):
+        if not left[0]:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        taken = bytes(content)[:left[0]]
+        left[0] -= len(taken)
+        return write(number, taken)
+
+    monkeypatch.setattr("heatertune.live.recorder.os.write", filling)
+    with pytest.raises(InputError, match="No space left on device; what is there stays"):
+        record(way(plc, "s7"), tmp_path / "log.csv", places, ended=Until(plc))
+    assert len((tmp_path / "log.csv").read_bytes()) == 700
+    assert "was torn" in _read(tmp_path / "log.csv")
+
+
+@pytest.mark.parametrize("field", ["every_s", "for_s", "timeout_s"])
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
+def test_a_time_that_is_none_is_told(field, value):
+    with pytest.raises(OutOfRange, match=field):
+        Recording(**{field: value})
+
+
+def test_nobody_there_leaves_no_file(tmp_path):
+    with pytest.raises(LinkDown):
+        record(address_of("modbus://127.0.0.1:1/1"), tmp_path / "log.csv")
+    assert not list(tmp_path.iterdir())
+
+
+def _recording(plc, folder, path, *more):
+    host, port = plc.addresses["s7"]
+    return [sys.executable, "-m", "heatertune", "record", f"s7://{host}:{port}/0/2/db30", "--design", str(folder), "-o", str(path), *more]
+
+
+def test_the_command_says_what_it_has(served, design_folder, tmp_path, capsys):
+    plc = served(intervals=None, step=False, rate=3000.0)
+    arguments = _recording(plc, design_folder, tmp_path / "log.csv", "--for", "900", "--quiet")[3:]
+    assert main(arguments) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"log.csv: \d+ rows, until \d+(\.\d+)? s; time is the PLC's own count of scans, each 4 s", said)
+    assert f"next: heatertune read {tmp_path / 'log.csv'}" in said
+    assert main([*arguments, "--append", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["schema"], document["clock"], document["interval_s"]) == ("heatertune/record/1", "scans of the PLC", 4.0)
+    assert main(["read", str(tmp_path / "log.csv")]) == 0
+
+
+def test_ctrl_c_ends_it_and_says_what_it_has(served, design_folder, tmp_path):
+    plc = served(intervals=None, step=False, rate=1000.0)
+    command = _recording(plc, design_folder, tmp_path / "log.csv")
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+        while not (tmp_path / "log.csv").exists() or len((tmp_path / "log.csv").read_text().splitlines()) < 10:
+            assert running.poll() is None
+        running.send_signal(signal.SIGINT)
+        said, _ = running.communicate()
+    assert running.returncode == 0
+    assert "next: heatertune read" in said
+    assert len(whole_rows(tmp_path / "log.csv")) > 5
+
+
+@pytest.mark.long
+def test_killed_at_any_moment_it_has_one_torn_line_at_most(served, design_folder, tmp_path):
+    """Ten kills, each continuing the file; `python -m tests.bench.recorded` makes more."""
+    plc, path, chance = served(intervals=None, step=False, rate=2000.0), tmp_path / "log.csv", random.Random(7)
+    for number in range(10):
+        with subprocess.Popen(_recording(plc, design_folder, path, "--append", "--quiet")) as running:
+            size = path.stat().st_size if path.exists() else 0
+            grown = chance.randrange(1, 3000)
+            while not path.exists() or path.stat().st_size < size + grown:
+                assert running.poll() is None
+            running.kill()
+        _read(path)
+        rows = [line.split(",") for line in whole_rows(path)]
+        assert {len(row) for row in rows} <= {4}, number
+        assert np.all(np.diff([float(row[0]) for row in rows]) > 0.0)
