@@ -157,7 +157,7 @@ class OpcuaServer:
         server.set_server_name("heatertune simulate")
         server.set_endpoint(f"opc.tcp://127.0.0.1:{self._port}/")
         server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
-        server.set_security_IDs(["Anonymous"])
+        server.set_identity_tokens([ua.AnonymousIdentityToken])
         _tell_time(server)
         await _lay_out(server, service)
         return server, service

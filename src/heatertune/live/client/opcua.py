@@ -150,7 +150,8 @@ def connected(address: Address, timeout_s: float) -> OpcuaClient:
         loop.run_until_complete(_opened(library))
     except Exception as problem:  # whatever the library raises
         _end(library, loop)
-        raise LinkDown(f"{address.text}: no OPC UA connection to {url}: {problem or type(problem).__name__}") from None
+        why = str(problem) or type(problem).__name__
+        raise LinkDown(f"{address.text}: no OPC UA connection to {url}: {why}") from None
     return OpcuaClient(address, library, loop)
 
 
