@@ -119,14 +119,20 @@ def test_what_is_not_to_be_written_is_refused_and_changes_nothing(one, node, val
 
 
 @pytest.fixture(scope="module")
-def one(heater):
+def still(heater):
     """A virtual PLC that stands still, for many questions."""
     from tests.live.conftest import CONDITIONS  # noqa: PLC0415
 
     from heatertune import virtual_plc  # noqa: PLC0415
 
-    with virtual_plc(words_of("s5-ob251"), heater, CONDITIONS, serve="opcua", step=True) as plc, asking(plc) as client:
-        yield plc, client
+    with virtual_plc(words_of("s5-ob251"), heater, CONDITIONS, serve="opcua", step=True) as plc:
+        yield plc
+
+
+@pytest.fixture
+def one(still):
+    with asking(still) as client:
+        yield still, client
 
 
 @pytest.mark.parametrize(("text", "expected"), [
@@ -232,7 +238,7 @@ class _Ranges(opcua.AttributeService):
 
     def read(self, params):
         found, wanted = super().read(params), params.NodesToRead
-        if wanted[0].IndexRange and found[0].Value.is_array:
+        if wanted[0].IndexRange and isinstance(found[0].Value.Value, list):
             at = [int(each) for each in wanted[0].IndexRange.split(":")]
             return [ua.DataValue(ua.Variant(found[0].Value.Value[at[0]:at[-1] + 1], found[0].Value.VariantType))]
         return found
@@ -242,7 +248,7 @@ class _Ranges(opcua.AttributeService):
         if self.says is not None and wanted.IndexRange:
             return [ua.StatusCode(self.says)]
         held = self._aspace.read_attribute_value(wanted.NodeId, wanted.AttributeId).Value
-        if wanted.IndexRange and held.is_array:
+        if wanted.IndexRange and isinstance(held.Value, list):
             first = int(wanted.IndexRange.split(":")[0])
             new = wanted.Value.Value.Value
             wanted.Value = ua.DataValue(ua.Variant([*held.Value[:first], *new, *held.Value[first + len(new):]], held.VariantType))
