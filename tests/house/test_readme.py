@@ -15,7 +15,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(sh|python)\n(.*?)```", README, re.DOTALL)
 SHELL = [line for kind, block in BLOCKS if kind == "sh" for line in block.splitlines()]
 #: do not end by themselves, or ask a PLC: tests/studio/test_browser.py and tests/live start them
-SERVES = ("studio", "simulate", "record")
+SERVES = ("studio", "simulate", "record", "experiment")
 EXAMPLES = [command._EXAMPLE.removeprefix("example: ").splitlines()[0] for command in COMMANDS]
 COMMAND_LINES = [line[line.index("heatertune") :] for line in SHELL if "heatertune " in line]
 

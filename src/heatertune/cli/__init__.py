@@ -20,6 +20,7 @@ from heatertune.cli import (
     design,
     diff,
     doctor,
+    experiment,
     export_db,
     feed_forward,
     fit,
@@ -50,7 +51,8 @@ __all__ = ["main"]
 
 COMMANDS = (
     design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, supervise, feed_forward, compare, advise,
-    study, fleet, report, decode, diff, replay, targets, terms, studio, simulate, record, doctor, bench, completion,
+    study, fleet, report, decode, diff, replay, targets, terms, studio, simulate, record, experiment, doctor, bench,
+    completion,
 )
 
 #: those that most people need, in the order in which they do, and what they are for

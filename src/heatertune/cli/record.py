@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from heatertune.live.places import Places
     from heatertune.live.recorder import Recorded
 
-__all__ = ["add_to"]
+__all__ = ["add_to", "asked_to_end", "live_line"]
 
 _EXAMPLE: Final = "example: heatertune record s7://192.168.0.10/0/2/db30 --design out/ -o log.csv"
 
@@ -54,12 +54,12 @@ def _run(settings: argparse.Namespace) -> int:
     address = address_of(settings.address)
     how = Recording(every_s=settings.every, for_s=settings.for_s, append=settings.append, timeout_s=settings.timeout)
     places, begun = _places(settings), time.monotonic()
-    with _until_told() as told:
+    with asked_to_end() as asked:
         def shown(so_far: Recorded) -> None:
             if not settings.quiet:
-                LINE.show(lambda: _live(so_far, time.monotonic() - begun))
+                LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}; Ctrl-C ends it")
 
-        so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(told))
+        so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(asked))
     LINE.end()
     document = _document(settings, so_far)
     printing.output(settings, document, lambda: _lines(document))
@@ -67,13 +67,13 @@ def _run(settings: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _until_told() -> Iterator[list[int]]:
+def asked_to_end() -> Iterator[list[int]]:
     """Give a list that is filled when somebody asks for the end: Ctrl-C, or whoever ends services."""
-    told: list[int] = []
-    before = {number: signal.signal(number, lambda number, _: told.append(number))
+    asked: list[int] = []
+    before = {number: signal.signal(number, lambda number, _: asked.append(number))
               for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield told
+        yield asked
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -96,16 +96,23 @@ def _places(settings: argparse.Namespace) -> Places | None:
     return places
 
 
-def _live(so_far: Recorded, wall_s: float) -> str:
+def live_line(so_far: Recorded, wall_s: float, hand: str = "") -> str:
+    """Return what is recorded just now, on one line of a terminal.
+
+    Args:
+        so_far: recorded.
+        wall_s: since the beginning, by this machine's clock [s].
+        hand: what is done to the controller, a few words.
+    """
     if so_far.trouble:
-        return f"{so_far.rows} rows; no answer, trying again: {so_far.trouble}"[:78]
+        return f"{so_far.rows} rows; no answer, trying again: {so_far.trouble}"[:60]
     if so_far.last is None:
         return f"waiting for the first scan, {wall_s:.0f} s"
     seen = so_far.last.seen
     parts = [f"{so_far.last.time_s:.0f} s", f"{seen['temperature']:.2f} °C"]
     parts += [f"{seen['power']:.1f} %"] if "power" in seen else []
-    parts += [f"setpoint {seen['setpoint']:.1f} °C"] if "setpoint" in seen else []
-    return f"{so_far.rows} rows: {', '.join(parts)}; Ctrl-C ends it"[:78]
+    parts += [hand] if hand else [f"setpoint {seen['setpoint']:.1f} °C"] if "setpoint" in seen else []
+    return f"{so_far.rows} rows: {', '.join(parts)}"[:60]
 
 
 def _document(settings: argparse.Namespace, so_far: Recorded) -> dict[str, Any]:

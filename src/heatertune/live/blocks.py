@@ -62,6 +62,20 @@ class Block(Protocol):
     def into_automatic(self, cells: bytearray) -> None:
         """Put the controller back in automatic."""
 
+    def by_hand(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
+        """Return what a client writes to put the controller in manual with a power.
+
+        Args:
+            cells: the block as it stands.
+            power_pct: 0…100 [%].
+
+        Returns:
+            First byte, and the bytes, of one request; the bytes that stood there before bring back what was.
+
+        Raises:
+            InputError: the controller has no manual mode that clients can reach.
+        """
+
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word, as somebody at a programming unit does.
 

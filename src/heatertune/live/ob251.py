@@ -17,7 +17,18 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.ramp import Number
 from heatertune.plc.s5_ob251.blocks import DB
 from heatertune.plc.s5_ob251.image import LENGTH, PLACES, from_cells, to_image
-from heatertune.plc.s5_ob251.step import AUTO, COLD, FULL_SCALE, Assumptions, Parameters, State, restarted, scan
+from heatertune.plc.s5_ob251.step import (
+    AUTO,
+    COLD,
+    FULL_SCALE,
+    GESCHW,
+    HANDART,
+    Assumptions,
+    Parameters,
+    State,
+    restarted,
+    scan,
+)
 from heatertune.plc.s5_ob251.words import parameters_of
 
 __all__ = ["Ob251Block"]
@@ -29,7 +40,8 @@ _STATE: Final = struct.Struct(">ii2xbb2xihh2xdd20xh")
 _BEGIN: Final = 2 * 18
 #: places of setpoint, reading, disturbance variable and of what the D part may act on
 _W, _X, _Z, _XZ, _YA = 2 * PLACES["W"], 2 * 22, 2 * 24, 2 * 29, 2 * 48
-_STEU: Final = 2 * PLACES["STEU"] + 1  # its low byte
+_CONTROL: Final = 2 * PLACES["STEU"]
+_STEU: Final = _CONTROL + 1  # its low byte
 #: no call gives a number beyond it: what is found there was never one
 _MOST: Final = 1e15
 _CALLS: Final = 4
@@ -100,6 +112,11 @@ class Ob251Block:
     def into_automatic(self, cells: bytearray) -> None:
         """Set that bit."""
         cells[_STEU] |= AUTO
+
+    def by_hand(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
+        """Return STEU, its bit 0 clear, and YH, which follows it; see `heatertune.live.blocks.Block`."""
+        steu = int.from_bytes(cells[_CONTROL : _CONTROL + 2], "big") & ~(AUTO | HANDART | GESCHW)
+        return _CONTROL, struct.pack(">Hh", steu, round(power_pct / 100.0 * FULL_SCALE))
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word; errors as `heatertune.live.cells`."""

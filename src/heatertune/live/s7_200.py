@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from typing import Final
 
+from heatertune.errors import InputError
 from heatertune.live.cells import Signal, bytes_of, field_of
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
@@ -86,6 +87,14 @@ class VMemory:
 
     def into_automatic(self, _cells: bytearray) -> None:
         """Do nothing."""
+
+    def by_hand(self, _cells: bytes, _power_pct: float) -> tuple[int, bytes]:
+        """Return nothing.
+
+        Raises:
+            InputError: always: this program has no manual mode.
+        """
+        raise InputError("the exported program of s7-200-pid has no manual mode: switch by hand, and record it")
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word that stands in V memory; errors as `heatertune.live.cells`."""

@@ -1,0 +1,171 @@
+"""`heatertune experiment`: a plan, run on a controller in manual, watched, and given back as it was found."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+from heatertune.cli import printing
+from heatertune.cli.line import LINE
+from heatertune.cli.record import asked_to_end, live_line
+from heatertune.errors import InputError
+
+if TYPE_CHECKING:
+    from heatertune.live.experiment import Ended, Experiment
+    from heatertune.live.recorder import Recorded
+    from heatertune.live.schedule import Aims
+
+__all__ = ["add_to"]
+
+_EXAMPLE: Final = ("example: heatertune experiment plan.csv s7://192.168.0.10/0/2/db30 --design out/ "
+                   "--limit-temperature 70 -o log.csv")
+_FIELDS: Final = {"gain": "gain_degC_per_pct", "time-constant": "time_constant_s", "dead-time": "dead_time_s"}
+
+
+def add_to(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "experiment", help="run what plan designed on the controller, watched, and give it back", epilog=_EXAMPLE,
+        description="Put the controller in manual, set the plan's powers, and record. It begins after checks and a "
+                    "yes, ends at once beyond a limit, and brings back mode and manual value, whatever ended it.",
+    )
+    command.add_argument("plan", metavar="PLAN", nargs="?", help="CSV file that heatertune plan wrote")
+    command.add_argument("address", metavar="ADDRESS", nargs="?", help="as for heatertune record")
+    command.add_argument("--design", metavar="DIR", help="folder whose controller runs there")
+    command.add_argument("-o", "--out", required=True, metavar="FILE", help="the log to write")
+    limits = command.add_argument_group("what ends it at once")
+    limits.add_argument("--limit-temperature", type=float, metavar="°C", help="a temperature as high as this")
+    limits.add_argument("--limit-rate", type=float, metavar="°C/MIN", help="a faster change, up or down")
+    command.add_argument("--until", action="append", default=[], metavar="NAME=SHARE%",
+                         help="end as soon as it is known so well: gain=5%%, time-constant=10%%, dead-time=20%%; may "
+                              "be repeated (default: the whole plan)")
+    command.add_argument("--yes", action="store_true", help="begin without asking")
+    command.add_argument("--without-dead-man", action="store_true",
+                         help="begin though the PLC would hold the last power if this machine died")
+    command.add_argument("--restore", action="store_true",
+                         help="bring back what stood there before an experiment that was cut off (-o its log)")
+    printing.add_output_options(command)
+    command.set_defaults(run=_run)
+
+
+def _run(settings: argparse.Namespace) -> int:
+    from heatertune.proof.words_file import words_in  # noqa: PLC0415 - the help must not wait for it
+
+    if settings.design is None:
+        raise InputError("experiment needs --design DIR: the folder whose controller runs there")
+    words, _ = words_in(settings.design)
+    if settings.restore:
+        return _restored(settings, words)
+    if settings.plan is None or settings.address is None or settings.limit_temperature is None:
+        raise InputError("experiment needs PLAN, ADDRESS and --limit-temperature")
+    from heatertune.live.client.address import address_of  # noqa: PLC0415
+    from heatertune.live.experiment import Experiment, Watching  # noqa: PLC0415
+    from heatertune.live.schedule import Limits, read_plan  # noqa: PLC0415
+
+    plan, address, aims = read_plan(settings.plan), address_of(settings.address), _aims(settings.until)
+    limits = Limits(temperature_degC=settings.limit_temperature, rate_degC_per_min=settings.limit_rate)
+    whole = Experiment(plan, address, words, limits)
+    found = whole.check()
+    _agree(settings, whole, found)
+    with asked_to_end() as asked:
+        ended = whole.run(settings.out, aims, Watching(
+            shown=_shown(settings, whole), key=lambda: bool(asked), fit=_fit if aims.shares else None))
+    LINE.end()
+    document = _document(settings, ended)
+    printing.output(settings, document, lambda: _lines(document))
+    return 0 if ended.why in ("plan", "known") and ended.restored else 1
+
+
+def _aims(said: list[str]) -> Aims:
+    from heatertune.live.schedule import Aims  # noqa: PLC0415
+
+    shares = {}
+    for text in said:
+        name, _, share = text.partition("=")
+        try:
+            number = float(share.removesuffix("%")) / 100.0
+        except ValueError:
+            number = 0.0
+        if name not in _FIELDS or not 0.0 < number < 1.0:
+            raise InputError(f"--until {text!r}: expected one of {', '.join(_FIELDS)}, =, and a share as 5%")
+        shares[_FIELDS[name]] = number
+    return Aims(shares=shares)
+
+
+def _agree(settings: argparse.Namespace, whole: Experiment, found: tuple[str, ...]) -> None:
+    """Ask for the yes."""
+    if not whole.has_dead_man and not settings.without_dead_man:
+        raise InputError("no dead man is known of this PLC: if this machine died, the power would stay as it is; "
+                         "--without-dead-man begins all the same")
+    if settings.yes:
+        return
+    if not sys.stdin.isatty():
+        raise InputError("experiment asks before it begins: answer at a terminal, or say --yes")
+    print(*(f"- {each}" for each in found), sep="\n", file=sys.stderr)
+    plan = whole.plan
+    print(f"Up to {max(plan.powers):g} % by hand for {plan.ends_s:.0f} s; ends at {settings.limit_temperature:g} °C. "
+          "Begin? Type yes: ", end="", flush=True, file=sys.stderr)
+    if sys.stdin.readline().strip().lower() != "yes":
+        raise InputError("not begun: nothing has been changed")
+
+
+def _shown(settings: argparse.Namespace, whole: Experiment) -> Callable[[Recorded, str], object]:
+    begun = time.monotonic()
+    first: list[float] = []
+
+    def shown(so_far: Recorded, hand: str) -> None:
+        if settings.quiet:
+            return
+        if so_far.last is not None and not first:
+            first.append(so_far.last.time_s)
+        left = whole.plan.ends_s - (so_far.last.time_s - first[0]) if so_far.last is not None else whole.plan.ends_s
+        LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun, hand)}; {left:.0f} s left")
+
+    return shown
+
+
+def _fit(log: Any) -> Any:
+    from heatertune import chain  # noqa: PLC0415 - loaded beside the first looks
+
+    return chain.fit(log)
+
+
+def _restored(settings: argparse.Namespace, words: Any) -> int:
+    from heatertune.live.experiment import restore  # noqa: PLC0415
+
+    restored, address = restore(settings.out, words)
+    document = {"schema": "heatertune/experiment/1", "address": address, "log": settings.out, "restored": restored}
+    printing.output(settings, document, lambda: f"{address}: {_OF_RESTORED[restored]}")
+    return 0 if restored else 1
+
+
+_OF_RESTORED: Final = {
+    True: "mode and manual value stand there as before",
+    False: "somebody else has changed mode or manual value since: they were left alone",
+    None: "NOT KNOWN what stands there: no answer. Go and look; then heatertune experiment --restore",
+}
+
+
+def _document(settings: argparse.Namespace, ended: Ended) -> dict[str, Any]:
+    fitted = ended.fitted
+    return {
+        "schema": "heatertune/experiment/1", "address": settings.address, "log": settings.out, "ended": ended.why,
+        "told": ended.told, "restored": ended.restored, "rows": ended.recorded.rows if ended.recorded else 0,
+        "gaps": ended.recorded.gaps if ended.recorded else 0,
+        "model": None if fitted is None else {name: getattr(fitted.model, field) for name, field in _FIELDS.items()},
+    }
+
+
+def _lines(document: Mapping[str, Any]) -> str:
+    good = document["ended"] in ("plan", "known")
+    lines = [f"{'ended' if good else 'BROKEN OFF'}: {document['told']}",
+             f"{document['address']}: {_OF_RESTORED[document['restored']]}",
+             f"{document['log']}: {document['rows']} rows"]
+    if document["model"] is not None:
+        lines[-1] += "; " + ", ".join(f"{name} {value:.4g}" for name, value in document["model"].items())
+    if document["restored"] is None:
+        lines.insert(0, "LOOK AT THE PLC NOW: it may still be in manual.")
+    return "\n".join([*lines, f"next: heatertune fit {document['log']}"])

@@ -1,0 +1,251 @@
+"""The experiment: it begins only where all is as it was said, and whatever ends it, what stood there stands there again.
+
+What stands in the PLC is read from the simulator's memory, not over the protocol that the experiment uses.
+"""
+
+import json
+import random
+import struct
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+from tests.live.conftest import DB, client, words_of
+from tests.live.test_client import way
+from tests.live.test_recorder import rows_of
+
+from heatertune import InputError
+from heatertune.cli import main
+from heatertune.errors import DocumentError, OutOfRange
+from heatertune.live.experiment import Experiment, Watching, before_of, restore
+from heatertune.live.schedule import Aims, Limits, Relay, Steps, read_plan
+from heatertune.model.intervals import Interval
+
+FAST = {"step": False, "rate": 2000.0, "dead_man": 500}
+PLAN = Steps(steps=((0.0, 0.0), (100.0, 60.0), (500.0, 20.0)))
+WARM = Limits(temperature_degC=90.0)
+#: STEU and YH in OB251's block (S5-115U manual, table 11-9: DW11, DW12)
+CELLS = slice(22, 26)
+
+
+def cells(plc):
+    return plc.plc.memory.image()[CELLS]
+
+
+def ran(plc, words, tmp_path, plan=PLAN, limits=WARM, protocol="s7", aims=None, **watching):
+    """Run an experiment; return how it ended, and what stood there before."""
+    whole = Experiment(plan, way(plc, protocol), words, limits, timeout_s=0.3)
+    whole.check()
+    before = cells(plc)
+    ended = whole.run(tmp_path / "log.csv", aims, Watching(**watching))
+    return ended, before
+
+
+@pytest.mark.parametrize("protocol", ["s7", "modbus"])
+def test_a_plan_is_run_and_all_is_given_back(served, words, tmp_path, protocol):
+    plc = served(serve=protocol, **FAST)
+    ended, before = ran(plc, words, tmp_path, protocol=protocol)
+    assert (ended.why, ended.restored) == ("plan", True)
+    assert cells(plc) == before
+    assert not before_of(tmp_path / "log.csv").exists()
+    rows = rows_of(tmp_path / "log.csv")
+    after_s = rows[:, 0] - rows[0, 0]
+    for begins, ends, power in ((60.0, 100.0, 0.0), (160.0, 500.0, 60.0), (560.0, 890.0, 20.0)):
+        within = rows[(after_s > begins) & (after_s < ends), 2]
+        assert within == pytest.approx(power, abs=100.0 / 2047)  # a whole unit of YH
+    assert after_s[-1] >= 900.0
+
+
+def test_a_relay_is_run(served, words, tmp_path):
+    plan = Relay(rest_s=40.0, on_degC=44.0, off_degC=46.0, high_pct=80.0, low_pct=0.0, duration_s=2500.0)
+    ended, _ = ran(served(**FAST), words, tmp_path, plan)
+    assert ended.why == "plan"
+    rows = rows_of(tmp_path / "log.csv")
+    swings = rows[rows[:, 0] > rows[0, 0] + 800.0]
+    assert swings[:, 1].min() < 44.5
+    assert swings[:, 1].max() > 45.5
+    assert (swings[swings[:, 1] > 46.0, 2] < 41.0).mean() > 0.8  # but for the calls on the way to YH
+
+
+def test_the_limit_ends_it_at_the_second_look(served, words, tmp_path):
+    plan = Steps(steps=((0.0, 100.0), (3000.0, 100.0)))
+    ended, before = ran(plc := served(**FAST), words, tmp_path, plan, Limits(temperature_degC=60.0))
+    assert (ended.why, ended.restored, cells(plc)) == ("limit", True, before)
+    rows = rows_of(tmp_path / "log.csv")
+    assert rows[:-1, 1].max() < 60.0 <= rows[-1, 1]
+
+
+@pytest.mark.parametrize(("fault", "why"), [("sensor-off", "sensor"), ("cpu-stop", "silence"), ("db-missing", "link"), ("cut", "link"),
+                                            ("black-hole", "link"), ("lost-reply", "link")])
+def test_what_goes_wrong_ends_it(served, words, tmp_path, fault, why):
+    plc = served(faults=f"t=1600 {fault} until=4000", **FAST)
+    limits = Limits(temperature_degC=95.0, silence_s=0.5)
+    ended, before = ran(plc, words, tmp_path, Steps(steps=((0.0, 10.0), (6000.0, 20.0))), limits)
+    assert ended.why == why, ended
+    assert ended.restored, ended
+    assert cells(plc) == before
+    assert not before_of(tmp_path / "log.csv").exists()
+
+
+def test_a_rate_that_is_too_fast_ends_it(served, words, tmp_path):
+    limits = Limits(temperature_degC=95.0, rate_degC_per_min=5.0)
+    ended, _ = ran(served(**FAST), words, tmp_path, Steps(steps=((0.0, 100.0), (900.0, 0.0))), limits)
+    assert ended.why == "rate"
+
+
+def test_somebody_elses_hand_ends_it_and_is_left_alone(served, words, tmp_path):
+    plc, theirs = served(**FAST), struct.pack(">Hh", 33, 777)
+
+    def shown(so_far, _):
+        if so_far.rows == 30:
+            plc.plc.memory.write(DB, CELLS.start, theirs)
+
+    ended, _ = ran(plc, words, tmp_path, Steps(steps=((0.0, 10.0), (6000.0, 20.0))), shown=shown)
+    assert (ended.why, ended.restored) == ("hand", False)
+    assert cells(plc) == theirs
+
+
+def test_a_key_ends_it(served, words, tmp_path):
+    pressed = []
+
+    def shown(so_far, _):
+        pressed.extend([1] * (so_far.rows > 20))
+
+    plc = served(**FAST)
+    ended, before = ran(plc, words, tmp_path, shown=shown, key=lambda: bool(pressed))
+    assert (ended.why, ended.restored, cells(plc)) == ("key", True, before)
+
+
+def test_it_ends_as_soon_as_enough_is_known(served, words, tmp_path):
+    known = SimpleNamespace(model=SimpleNamespace(gain_degC_per_pct=0.9), ci95={"gain_degC_per_pct": Interval(low=0.85, high=0.95)})
+    aims = Aims(shares={"gain_degC_per_pct": 0.06}, every_rows=10)
+    ended, _ = ran(served(**FAST), words, tmp_path, Steps(steps=((0.0, 10.0), (90000.0, 20.0))), aims=aims, fit=lambda _: known)
+    assert (ended.why, ended.fitted) == ("known", known)
+
+
+@pytest.mark.parametrize(("low", "high", "reached"), [(0.85, 0.95, True), (0.8, 0.95, False), (None, 0.95, False), (0.85, None, False)])
+def test_an_open_interval_is_not_narrow(low, high, reached):
+    fitted = SimpleNamespace(model=SimpleNamespace(time_constant_s=0.9), ci95={"time_constant_s": Interval(low=low, high=high)})
+    assert Aims(shares={"time_constant_s": 0.06}).reached(fitted) is reached
+    assert not Aims(shares={"time_constant_s": 0.9, "dead_time_s": 0.9}).reached(fitted)
+
+
+def test_it_begins_on_no_other_words_no_hot_heater_no_stop_and_no_broken_sensor(served, words, tmp_path):
+    def refused(plc, limits=WARM):
+        with pytest.raises(InputError) as said:
+            ran(plc, words, tmp_path, limits=limits)
+        assert not list(tmp_path.iterdir())
+        return str(said.value)
+
+    plc = served()
+    plc.release(60)
+    assert "the limit is 30 °C" in refused(plc, Limits(temperature_degC=30.0))
+    plc.plc.memory.write(DB, 2, struct.pack(">h", 1234))
+    assert "holds other words: K = 1234, not 6144" in refused(plc)
+    stopped = served(faults="t=0 cpu-stop")
+    stopped.release(2)
+    assert "is in STOP" in refused(stopped)
+    broken = served(faults="t=0 sensor-off")
+    broken.release(2)
+    assert "is the sensor there?" in refused(broken)
+
+
+def test_a_controller_without_manual_is_told(served, tmp_path):
+    with pytest.raises(InputError, match="no manual mode"):
+        Experiment(PLAN, way(served(), "s7"), words_of("s7-200-pid"), WARM)
+
+
+def test_a_log_that_is_there_is_not_touched(served, words, tmp_path):
+    (tmp_path / "log.csv").write_text("mine")
+    with pytest.raises(InputError, match="is there already; take another name"):
+        ran(served(**FAST), words, tmp_path)
+    assert (tmp_path / "log.csv").read_text() == "mine"
+
+
+@pytest.mark.parametrize(("text", "parts"), [
+    ("", ("line 1", "expected time_s,power_pct")), ("t,p\n0,1\n", ("line 1", "'t,p'")), ("time_s,power_pct\n0,20\n", ("1 steps",)),
+    ("time_s,power_pct\n0,20\n5,x\n", ("line 3", "'5,x'")), ("time_s,power_pct\n0,20\n\n5,120\n", ("line 4", "power 120")),
+    ("time_s,power_pct\n1,20\n5,10\n", ("line 2", "0 s first")), ("time_s,power_pct\n0,20\n0,10\n", ("line 3", "more than")),
+    ("time_s,power_pct\n0,20\n5,nan\n", ("line 3", "2 numbers")), ("time_s,power_pct\n0,20\n5,10,3\n", ("line 3", "2 numbers")),
+    ("rest_s,on_degC,off_degC,high_pct,low_pct,duration_s\n1,2\n", ("line 2", "6 numbers", "rest_s"))])
+def test_a_bad_plan_is_told(tmp_path, text, parts):
+    (tmp_path / "plan.csv").write_text(text)
+    with pytest.raises(InputError) as refused:
+        read_plan(tmp_path / "plan.csv")
+    assert all(part in str(refused.value) for part in ("plan.csv", *parts)), refused.value
+
+
+def test_a_relay_that_cannot_be_is_told(tmp_path):
+    (tmp_path / "plan.csv").write_text("rest_s,on_degC,off_degC,high_pct,low_pct,duration_s\n31,36,35,85,0,600\n")
+    with pytest.raises(OutOfRange, match="off_degC"):
+        read_plan(tmp_path / "plan.csv")
+
+
+def test_no_plan_is_told(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        read_plan(tmp_path / "none.csv")
+
+
+def _command(plc, folder, path, *more):
+    host, port = plc.addresses["s7"]
+    return [sys.executable, "-m", "heatertune", "experiment", str(path.with_name("plan.csv")), f"s7://{host}:{port}/0/2/db30",
+            "--design", str(folder), "--limit-temperature", "90", "-o", str(path), *more]
+
+
+def test_the_command_asks_first_and_ends_with_what_is_next(served, design_folder, tmp_path, capsys):
+    (tmp_path / "plan.csv").write_text("time_s,power_pct\n0,10\n200,60\n")
+    plc = served(**FAST)
+    before, arguments = cells(plc), _command(plc, design_folder, tmp_path / "log.csv")[3:]
+    assert main(arguments) == 2
+    assert "answer at a terminal, or say --yes" in capsys.readouterr().err
+    assert cells(plc) == before
+    assert main([*arguments, "--yes", "--quiet"]) == 0
+    said = capsys.readouterr().out
+    assert "mode and manual value stand there as before" in said
+    assert f"next: heatertune fit {tmp_path / 'log.csv'}" in said
+    assert main([*arguments[:-1], str(tmp_path / "other.csv"), "--until", "gain=0%"]) == 2
+    assert "--until 'gain=0%'" in capsys.readouterr().err
+
+
+def test_without_a_dead_man_it_wants_to_be_told_so(served, design_folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("heatertune.live.experiment._own", lambda _: None)
+    (tmp_path / "plan.csv").write_text("time_s,power_pct\n0,10\n200,60\n")
+    plc = served(**FAST)
+    arguments = _command(plc, design_folder, tmp_path / "log.csv", "--yes", "--quiet")[3:]
+    assert main(arguments) == 2
+    assert "--without-dead-man begins all the same" in capsys.readouterr().err
+    assert main([*arguments, "--without-dead-man"]) == 0
+
+
+@pytest.mark.long
+def test_killed_at_any_moment_the_dead_man_acts_and_the_next_start_gives_back(served, design_folder, words, tmp_path):
+    (tmp_path / "plan.csv").write_text("time_s,power_pct\n0,10\n100,60\n100000,20\n")
+    chance = random.Random(3)
+    for number in range(3):
+        plc, path = served(**FAST | {"dead_man": 200}), tmp_path / f"{number}.csv"
+        before, wanted = cells(plc), chance.randrange(0, 4000)
+        with subprocess.Popen(_command(plc, design_folder, path, "--yes", "--quiet")) as running:
+            while not path.exists() or path.stat().st_size < wanted:
+                assert running.poll() is None
+            running.kill()
+        with client(plc) as asking:  # 200 scans without a heartbeat
+            while not asking.read(DB, 22, 2)[1] & 1:
+                pass
+        assert before_of(path).exists()
+        assert main(_command(plc, design_folder, path, "--yes", "--quiet")[3:]) == 2  # it says what happened
+        assert restore(path, words)[0] is True
+        assert cells(plc) == before
+        assert not before_of(path).exists()
+        plc.close()
+
+
+@pytest.mark.parametrize(("field", "value"), [("before", "zz"), ("block", 31), ("start", None), ("puts", ["00"]), ("address", "x")])
+def test_a_damaged_file_of_before_is_told(served, words, tmp_path, field, value):
+    path = tmp_path / "log.csv"
+    document = {"schema": "heatertune/experiment-before/1", "address": way(served(), "s7").text, "target": "s5-ob251",
+                "block": 30, "start": 22, "before": "00210000", "puts": ["00200000"]}
+    before_of(path).write_text(json.dumps(document | {field: value}))
+    with pytest.raises((DocumentError, InputError)):
+        restore(path, words)
+    assert before_of(path).exists()
