@@ -87,6 +87,19 @@ def test_both_protocols_serve_one_memory(served):
         assert one.read(DB, 0, LENGTH) == other.read(DB, 0, LENGTH)
 
 
+@pytest.mark.long
+def test_all_protocols_that_are_there_serve_one_memory(served):
+    there = [each.values[0] for each in PROTOCOLS if not each.marks[0].args[0]]
+    plc = served(serve=there)
+    assert list(plc.addresses) == list(plc.urls) == there
+    for number, writer in enumerate(there):
+        with client(plc, writer) as one:
+            one.write(DB, 2, struct.pack(">h", 1000 + number))
+        for reader in there:
+            with client(plc, reader) as other:
+                assert other.read(DB, 2, 2) == struct.pack(">h", 1000 + number), (writer, reader)
+
+
 def test_the_block_is_the_exported_one_and_x_w_and_ya_stand_in_their_cells(served, words):
     plc = served()
     with client(plc) as asking:
@@ -219,10 +232,12 @@ def test_a_controller_that_is_not_served_is_told(served):
         served(words_of("fb41"))
 
 
-def test_without_its_library_a_protocol_names_the_extra(served, monkeypatch):
+@pytest.mark.parametrize(("protocol", "library", "extra"), [
+    ("s7", "snap7", "s7"), ("modbus", "pymodbus", "modbus"), ("opcua", "asyncua", "opcua"), ("as511", "serial", "serial")])
+def test_without_its_library_a_protocol_names_the_extra(served, monkeypatch, protocol, library, extra):
     monkeypatch.setattr("heatertune.live.client.client.find_spec", lambda _: None)
-    with pytest.raises(InputError, match=r'modbus needs pymodbus: pip install "heatertune\[modbus\]"'):
-        served(serve="modbus")
+    with pytest.raises(InputError, match=rf'{protocol} needs {library}: pip install "heatertune\[{extra}\]"'):
+        served(serve=protocol)
 
 
 def test_each_fault_is_one_that_some_test_has():
