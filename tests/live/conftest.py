@@ -69,6 +69,11 @@ def served(words, heater):
         each.close()
 
 
+@pytest.fixture(autouse=True)
+def a_busy_machine_is_no_silence(monkeypatch):
+    monkeypatch.setattr("heatertune.live.as511.SILENCE_S", 60.0)
+
+
 class S7:
     """What a test asks of a PLC over S7; a block is read and written as bytes."""
 

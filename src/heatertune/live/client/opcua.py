@@ -66,7 +66,11 @@ class OpcuaClient(Asking):
         return self._run(ask, what)
 
     def write(self, number: int, start: int, content: bytes) -> None:
-        """Write bytes of a block."""
+        """Write bytes of a block.
+
+        Raises:
+            LinkDown: it was not sent, as what is asked before it had no answer.
+        """
         span = f"{start}" if len(content) == 1 else f"{start}:{start + len(content) - 1}"
         what = f"writing {self._node(number)}, bytes {span}"
         try:
