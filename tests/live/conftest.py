@@ -1,8 +1,11 @@
 import json
+import os
 import struct
 import subprocess
 import sys
 from contextlib import contextmanager
+from importlib.util import find_spec
+from select import select
 
 import pytest
 
@@ -17,6 +20,19 @@ from heatertune.settings import Conditions
 snap7 = pytest.importorskip("snap7.client", reason="python-snap7 is not installed")
 S7Error = pytest.importorskip("snap7.error").S7Error
 pymodbus = pytest.importorskip("pymodbus.client", reason="pymodbus is not installed")
+try:
+    from asyncua import ua
+    from asyncua.sync import Client as UaClient
+except ImportError:
+    UA_ERRORS = ()
+else:
+    UA_ERRORS = (ua.UaError,)
+
+_NEEDED = {"s7": True, "modbus": True, "opcua": UA_ERRORS, "as511": find_spec("serial") and hasattr(os, "openpty")}
+#: each protocol as a parameter; an OPC UA server takes most of a second to stand
+PROTOCOLS = [pytest.param(name, marks=[pytest.mark.skipif(not there, reason=f"what {name} needs is not installed"),
+                                       *([pytest.mark.long] if name == "opcua" else [])])
+             for name, there in _NEEDED.items()]
 
 #: of OB251's block
 DB, LENGTH = 30, 98
@@ -53,6 +69,11 @@ def served(words, heater):
     yield serve
     for each in begun:
         each.close()
+
+
+@pytest.fixture(autouse=True)
+def a_busy_machine_is_no_silence(monkeypatch):
+    monkeypatch.setattr("heatertune.live.as511.SILENCE_S", 60.0)
 
 
 class S7:
@@ -101,10 +122,79 @@ class Modbus:
         self.client.close()
 
 
-#: what a client meets where the PLC or the link refuses
-FAILED = (AssertionError, OSError, S7Error)
+class OpcUa:
+    """The same over OPC UA: a block is a ByteString, of which an index range names the bytes that are written."""
 
-CLIENTS = {"s7": S7, "modbus": Modbus}
+    def __init__(self, host, port):
+        self.client = UaClient(f"opc.tcp://{host}:{port}/", timeout=5)
+        self.client.connect()
+
+    def read(self, number, start, count):
+        return self.client.get_node(f"ns=2;s=DB{number}").read_value()[start:start + count]
+
+    def write(self, number, start, content):
+        span = f"{start}:{start + len(content) - 1}" if len(content) > 1 else f"{start}"
+        value = ua.DataValue(ua.Variant(content, ua.VariantType.ByteString))
+        self.client.get_node(f"ns=2;s=DB{number}").write_attribute(ua.AttributeIds.Value, value, span)
+
+    def close(self):
+        self.client.disconnect()
+
+
+class As511:
+    """The same over AS511, as its public descriptions write the bytes down, one step below the other."""
+
+    def __init__(self, device, _):
+        self.line = os.open(device, os.O_RDWR | os.O_NOCTTY)
+
+    def step(self, say, due=b""):
+        """Say bytes, and take those that are due."""
+        os.write(self.line, say)
+        return self.take(len(due), due)
+
+    def take(self, count, due=None):
+        found = b""
+        while len(found) < count:
+            assert select([self.line], [], [], 5)[0], f"silence after {found}"
+            found += os.read(self.line, count - len(found))
+        assert due is None or found == due, (found, due)
+        return found
+
+    def function(self, code, body, replies):
+        """Run a function, and return what it replies."""
+        self.step(b"\x02", b"\x10\x06")
+        self.step(bytes([code]), b"\x02")
+        self.step(b"\x10\x06", b"\x16\x10\x03")
+        self.step(b"\x10\x06" + body.replace(b"\x10", b"\x10\x10") + b"\x10\x04", b"\x10\x06")
+        self.take(1, b"\x02")
+        data = b""
+        if replies:
+            os.write(self.line, b"\x10\x06")
+            while not data.replace(b"\x10\x10", b"").endswith(b"\x10\x03"):
+                data += self.take(1)
+            self.step(b"\x10\x06", b"\x02")
+        self.step(b"\x10\x06", b"\x12\x10\x03")
+        os.write(self.line, b"\x10\x06")
+        return data[:-2].replace(b"\x10\x10", b"\x10")
+
+    def _address(self, number):
+        return int.from_bytes(self.function(0x1A, bytes([1, 255 if number == OWN else number]), True)[1:3], "big")
+
+    def read(self, number, start, count):
+        first = self._address(number) + start
+        return self.function(0x04, struct.pack(">HH", first, first + count - 1), True)[5:]
+
+    def write(self, number, start, content):
+        self.function(0x03, struct.pack(">H", self._address(number) + start) + content, False)
+
+    def close(self):
+        os.close(self.line)
+
+
+#: what a client meets where the PLC or the link refuses
+FAILED = (AssertionError, OSError, S7Error, *UA_ERRORS)
+
+CLIENTS = {"s7": S7, "modbus": Modbus, "opcua": OpcUa, "as511": As511}
 
 
 @contextmanager

@@ -28,7 +28,7 @@ def _garbage(chance, number):
     return bytes(content[: chance.randrange(1, len(content))] if kind == 1 else content)
 
 
-@pytest.mark.parametrize("protocol", ["s7", "modbus"])
+@pytest.mark.parametrize("protocol", ["s7", "modbus", "opcua"])
 def test_garbage_on_the_port_leaves_a_plc_that_answers(served, protocol):
     plc, chance = served(serve=protocol), random.Random(5)
     with client(plc, protocol) as asking:

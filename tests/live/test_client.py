@@ -5,7 +5,7 @@ import struct
 import threading
 
 import pytest
-from tests.live.conftest import DB, LENGTH
+from tests.live.conftest import DB, LENGTH, PROTOCOLS
 
 from heatertune.errors import DocumentError, InputError, LinkDown, LinkError, PlcRefused, ReplyLost, UnknownName
 from heatertune.live.cells import Signal
@@ -14,12 +14,16 @@ from heatertune.live.client.client import connect
 from heatertune.live.memory import OWN, OWN_LENGTH, Told
 from heatertune.live.places import places_in, places_of
 
-PROTOCOLS = ("s7", "modbus")
+NETWORKS = PROTOCOLS[:3]
 
 
 def way(plc, protocol):
-    host, port = plc.addresses[protocol]
-    return address_of(f"{protocol}://{host}:{port}" + {"s7": "/0/2/db30", "modbus": "/1"}[protocol])
+    return address_of(plc.urls[protocol])
+
+
+def at(port, protocol):
+    return address_of({"s7": "s7://127.0.0.1:{}/0/2", "modbus": "modbus://127.0.0.1:{}/1", "opcua": "opc.tcp://127.0.0.1:{}/db30"}[
+        protocol].format(port))
 
 
 @pytest.mark.parametrize(("text", "protocol", "host", "port", "how", "block"), [
@@ -27,11 +31,22 @@ def way(plc, protocol):
     ("S7://plc.local:1102/0/3", "s7", "plc.local", 1102, (0, 3), None),
     ("s7://[::1]:102/10.00/10.01/DB1", "s7", "::1", 102, (0x1000, 0x1001), 1),
     ("modbus://10.0.0.1/1", "modbus", "10.0.0.1", 502, (1,), 0),
-    ("modbus://10.0.0.1:1502/7/400", "modbus", "10.0.0.1", 1502, (7,), 400)])
+    ("modbus://10.0.0.1:1502/7/400", "modbus", "10.0.0.1", 1502, (7,), 400),
+    ("opc.tcp://10.0.0.1/db30", "opcua", "10.0.0.1", 4840, (), 30),
+    ("OPC.TCP://[::1]:4841/DB12", "opcua", "::1", 4841, (), 12),
+    ("as511:///dev/ttyUSB0/db30", "as511", "/dev/ttyUSB0", 0, (), 30), ("as511://COM3/DB255", "as511", "COM3", 0, (), 255)])
 def test_an_address_is_read(text, protocol, host, port, how, block):
     address = address_of(text)
     assert (address.protocol, address.host, address.port, address.way, address.block) == (protocol, host, port, how, block)
-    assert address.by_tsap == (how[0] > 255)
+    assert address.by_tsap == any(each > 255 for each in how)
+
+
+@pytest.mark.parametrize(("text", "path", "node"), [
+    ("opc.tcp://a/db30", "", "ns=2;s=DB30"), ("opc.tcp://a:1/ns=4;i=17", "", "ns=4;i=17"),
+    ("opc.tcp://a/UA/Server/ns=3;s=Oven/Block", "/UA/Server", "ns=3;s=Oven/Block"),
+    ('opc.tcp://a/ns=3;s="Oven"."Block #1?"', "", 'ns=3;s="Oven"."Block #1?"')])
+def test_the_node_of_an_address_is_read(text, path, node):
+    assert (address_of(text).path, address_of(text).node) == (path, node)
 
 
 @pytest.mark.parametrize(("text", "parts"), [
@@ -39,6 +54,9 @@ def test_an_address_is_read(text, protocol, host, port, how, block):
     ("s7://a/0/db30", ("no rack and slot",)), ("s7://a/9/2", ("rack '9'", "0…7")), ("s7://a/0/x", ("slot 'x'",)),
     ("s7://a:99999/0/2", ("Port out of range", "expected")), ("s7://a:0/0/2", ("port 0",)), ("s7://a/0/2/db99999", ("db99999",)),
     ("s7://me@a/0/2", ("more than host",)), ("modbus://a", ("no unit",)), ("modbus://a/1/2/3", ("more than unit",)),
+    ("opc.tcp://a", ("no node", "ns=3;s=NAME")), ("opc.tcp://a/ns=x;s=B", ("no node",)), ("opc.tcp:///db30", ("no host",)),
+    ("opc.tcp://a:0/db30", ("port 0",)), ("opc.tcp://a/db70000", ("beyond db65535",)), ("opc.tcp://me@a/db30", ("more than host",)),
+    ("as511:///dev/ttyUSB0", ("no block", "COM3")), ("as511://db30", ("no serial line",)), ("as511://COM3/db256", ("beyond db255",)),
     ("modbus://a/256", ("unit '256'", "0…255")), ("modbus://a/1/70000", ("register '70000'",)), ("s7://[a/0/2", ("expected",))])
 def test_a_bad_address_is_told(text, parts):
     with pytest.raises(InputError) as refused:
@@ -47,7 +65,7 @@ def test_a_bad_address_is_told(text, parts):
 
 
 def test_an_unknown_protocol_is_told():
-    with pytest.raises(UnknownName, match="s7, modbus"):
+    with pytest.raises(UnknownName, match=r"s7, modbus, opc\.tcp, as511"):
         address_of("opc://a/1")
 
 
@@ -66,31 +84,36 @@ def test_a_block_is_read_and_written(served, protocol):
         with pytest.raises(PlcRefused, match="refused"):
             client.read(DB, LENGTH, 2)
         assert client.read(DB, 0, 2) == before[:2]  # a refusal ends no connection
+        with pytest.raises(PlcRefused, match="refused"):
+            client.write(DB, LENGTH - 2, bytes(4))
+        assert client.whole == (protocol != "as511")
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize(("fault", "arrives"), [("lost-reply", {1}), ("black-hole", {0}), ("cut", {0, 1})])
 def test_a_write_without_an_answer_is_unknown_and_never_sent_twice(served, monkeypatch, protocol, fault, arrives):
     plc = served(serve=protocol, faults=f"t=0 {fault}")
-    client, written, write = connect(way(plc, protocol), 0.3), [], plc.plc.memory.write
+    client, written, write = connect(way(plc, protocol), 0.5), [], plc.plc.memory.write
+    client.write(DB, 2, b"\x0f\x9f")
     plc.release(1)
     monkeypatch.setattr(plc.plc.memory, "write", lambda *given: (written.append(given), write(*given)))
-    with pytest.raises(ReplyLost, match="no answer"):
+    with pytest.raises((ReplyLost, LinkDown), match="no answer") as lost:
         client.write(DB, 2, b"\x0f\xa0")
+    assert isinstance(lost.value, ReplyLost) or not written  # who knows that it was not sent may say so
     with pytest.raises(LinkDown, match="closed"):  # a late answer would be taken for another's
         client.read(DB, 0, 2)
     assert len(written) in arrives
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("protocol", NETWORKS)
 def test_nobody_there_is_told(protocol):
     with socket.create_server(("127.0.0.1", 0)) as door:
         port = door.getsockname()[1]
     with pytest.raises(LinkDown, match=f"127.0.0.1:{port}"):
-        connect(address_of(f"{protocol}://127.0.0.1:{port}" + {"s7": "/0/2", "modbus": "/1"}[protocol]), 0.3)
+        connect(at(port, protocol), 0.3)
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("protocol", NETWORKS)
 @pytest.mark.parametrize("says", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\x03\x00\x00\x04", b"\x00" * 64])
 def test_somebody_else_there_is_told(protocol, says):
     with socket.create_server(("127.0.0.1", 0)) as door:
@@ -104,7 +127,7 @@ def test_somebody_else_there_is_told(protocol, says):
         thread.start()
         port = door.getsockname()[1]
         with pytest.raises(LinkError), connect(
-                address_of(f"{protocol}://127.0.0.1:{port}" + {"s7": "/0/2", "modbus": "/1"}[protocol]), 0.5) as client:
+                at(port, protocol), 0.5) as client:
             client.read(DB, 0, 2)
         thread.join()
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from threading import Thread
 
 import pytest
-from tests.live.conftest import DB, FAILED, LENGTH, S7, client
+from tests.live.conftest import DB, FAILED, LENGTH, PROTOCOLS, S7, client
 
 from heatertune.live.faults import Fault, fault_of, heater_events
 from heatertune.live.memory import OWN, Access, Refusal
@@ -177,6 +177,17 @@ def test_a_late_reply_comes_so_many_scans_later(served):
             plc.release(1)
             passed += 1
         assert passed >= 3
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS[3:])
+def test_a_compressed_memory_has_its_blocks_elsewhere(served, protocol):
+    plc = served(serve=protocol, faults="t=4 compressed until=8")
+    with client(plc, protocol) as asking:
+        found = []
+        for _ in range(3):
+            found.append((asking.function(0x1A, bytes([1, DB]), True)[1:3].hex(), asking.read(DB, 0, LENGTH) == plc.plc.memory.image()))
+            plc.release(1)
+    assert found == [("100a", True), ("100a", True), ("0e1a", True)]
 
 
 def test_a_torn_block_has_halves_of_two_scans(served):

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.live.conftest import CONDITIONS
+from tests.live.conftest import CONDITIONS, PROTOCOLS
 from tests.live.test_client import way
 from tests.live.test_served import _quiet
 
@@ -29,7 +29,8 @@ from heatertune.live.places import Counter, Places, places_of
 from heatertune.live.recorder import Recording, record
 from heatertune.log.cells import read_sheet
 
-PROTOCOLS = ("s7", "modbus")
+#: those that can be read within a scan of the fast ones here
+QUICK = PROTOCOLS[:2]
 #: a scan in a millisecond, some of which a client misses, and as fast as it goes, of which it sees a few
 FAST = {"step": False, "rate": 4000.0}
 MAX = {"step": False, "rate": float("inf")}
@@ -58,7 +59,7 @@ class Until:
 
 
 @pytest.mark.parametrize("pace", [FAST, MAX], ids=["fast", "max"])
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("protocol", QUICK)
 def test_each_row_is_a_scan_of_the_simulation(served, heater, words, places, tmp_path, protocol, pace):
     noisy = replace(CONDITIONS, noise_degC=0.3)
     plc = served(conditions=noisy, serve=protocol, intervals=1500, **pace)
@@ -71,6 +72,30 @@ def test_each_row_is_a_scan_of_the_simulation(served, heater, words, places, tmp
     np.testing.assert_allclose(rows[:, 1], trace.reading_degC[scans], rtol=1e-6)
     limited = np.clip(trace.power_asked_pct[scans], 0.0, 100.0)
     np.testing.assert_allclose(rows[:, 2], limited, atol=1e-4)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("protocol", PROTOCOLS[2:])
+def test_each_row_of_a_slower_protocol_is_a_scan_of_the_simulation(served, heater, words, places, tmp_path, protocol):
+    plc = served(serve=protocol, intervals=60, step=False, rate=80.0)  # a scan in 50 milliseconds
+    record(way(plc, protocol), tmp_path / "log.csv", places, Recording(timeout_s=10.0), ended=Until(plc))
+    rows = rows_of(tmp_path / "log.csv")
+    assert len(rows) > 10
+    trace = _quiet(heater, words, 60)
+    scans = np.rint(rows[:, 0] / plc.scan_s).astype(int)
+    np.testing.assert_allclose(rows[:, 1], trace.reading_degC[scans], rtol=1e-6)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("protocol", PROTOCOLS[2:])
+def test_a_link_of_a_slower_protocol_that_is_cut_is_a_marked_gap_and_the_log_goes_on(served, places, tmp_path, protocol):
+    plc = served(serve=protocol, faults="t=80 cut until=160", intervals=80, step=False, rate=80.0)
+    told = record(way(plc, protocol), tmp_path / "log.csv", places, Recording(timeout_s=1.0), ended=Until(plc))
+    rows = rows_of(tmp_path / "log.csv")
+    assert told.gaps >= 1
+    assert not np.any((rows[:, 0] > 90.0) & (rows[:, 0] < 150.0))
+    assert rows[0, 0] < 80.0
+    assert rows[-1, 0] > 160.0
 
 
 def test_without_places_a_simulated_plc_tells_itself(served, tmp_path):
@@ -148,7 +173,7 @@ def test_a_counter_of_the_program_is_the_clock_and_wraps(monkeypatch, tmp_path):
     assert re.findall(r"# gap before (\S+) s: the PLC has begun to count anew; how long the gap is, is not known", text) == ["4"]
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("protocol", QUICK)
 @pytest.mark.parametrize("fault", ["cut", "lost-reply", "black-hole"])
 def test_a_lost_link_is_a_marked_gap_and_the_log_goes_on(served, places, tmp_path, protocol, fault):
     plc = served(serve=protocol, faults=f"t=1200 {fault} until=2400", intervals=1200, step=False, rate=2000.0)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.live.conftest import CONDITIONS, DB, LENGTH, client, stepped, words_of
+from tests.live.conftest import CONDITIONS, DB, LENGTH, PROTOCOLS, client, stepped, words_of
 
 from heatertune import InputError, Scenario
 from heatertune import simulate as simulate_words
@@ -39,14 +39,14 @@ def _as(rows, trace):
         np.testing.assert_array_equal([each.temperature_degC for each in told], trace.temperature_degC[:len(rows)])
 
 
-@pytest.mark.parametrize("protocol", ["s7", "modbus"])
+@pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_a_stepped_run_is_that_of_the_proof_bit_for_bit(served, heater, words, protocol):
     with client(served(serve=protocol), protocol) as asking:
         _as(stepped(asking, 200), _quiet(heater, words, 200))
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("protocol", ["s7", "modbus"])
+@pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_stepped_scans_twice_are_the_same_bytes_and_the_proofs(served, heater, words, protocol):
     """A thousand here; `python -m tests.bench.served` has ten thousand."""
     noisy = replace(CONDITIONS, noise_degC=0.3)
@@ -87,6 +87,19 @@ def test_both_protocols_serve_one_memory(served):
         while Told(one.read(OWN, 0, OWN_LENGTH)).intervals < 3:
             pass
         assert one.read(DB, 0, LENGTH) == other.read(DB, 0, LENGTH)
+
+
+@pytest.mark.long
+def test_all_protocols_that_are_there_serve_one_memory(served):
+    there = [each.values[0] for each in PROTOCOLS if not each.marks[0].args[0]]
+    plc = served(serve=there)
+    assert list(plc.addresses) == list(plc.urls) == there
+    for number, writer in enumerate(there):
+        with client(plc, writer) as one:
+            one.write(DB, 2, struct.pack(">h", 1000 + number))
+        for reader in there:
+            with client(plc, reader) as other:
+                assert other.read(DB, 2, 2) == struct.pack(">h", 1000 + number), (writer, reader)
 
 
 def test_the_block_is_the_exported_one_and_x_w_and_ya_stand_in_their_cells(served, words):
@@ -173,7 +186,7 @@ def test_a_rate_keeps_the_clock(served):
 
 
 @pytest.mark.parametrize(("changed", "said"), [
-    ({"serve": "profinet"}, "unknown protocol 'profinet'; known: s7, modbus"),
+    ({"serve": "profinet"}, "unknown protocol 'profinet'; known: s7, modbus, opcua, as511"),
     ({"serve": ("s7", "s7")}, "each protocol once"),
     ({"ports": (1, 2)}, "2 ports for 1 protocols"),
     ({"ports": 70000}, "port = 70000 is out of range"),
@@ -212,10 +225,12 @@ def test_a_controller_that_is_not_served_is_told(served):
         served(words_of("klipper"))
 
 
-def test_without_its_library_a_protocol_names_the_extra(served, monkeypatch):
+@pytest.mark.parametrize(("protocol", "library", "extra"), [
+    ("s7", "snap7", "s7"), ("modbus", "pymodbus", "modbus"), ("opcua", "asyncua", "opcua"), ("as511", "serial", "serial")])
+def test_without_its_library_a_protocol_names_the_extra(served, monkeypatch, protocol, library, extra):
     monkeypatch.setattr("heatertune.live.client.client.find_spec", lambda _: None)
-    with pytest.raises(InputError, match=r'modbus needs pymodbus: pip install "heatertune\[modbus\]"'):
-        served(serve="modbus")
+    with pytest.raises(InputError, match=rf'{protocol} needs {library}: pip install "heatertune\[{extra}\]"'):
+        served(serve=protocol)
 
 
 def test_each_fault_is_one_that_some_test_has():

@@ -31,7 +31,8 @@ def add_to(commands: Any) -> None:
                     "row is on the disk before the next; what a kill tears, who reads it knows. Ctrl-C ends it.",
     )
     command.add_argument("address", metavar="ADDRESS", help="s7://HOST:PORT/RACK/SLOT/dbN, s7://HOST/10.00/10.01/db1 "
-                         "(TSAPs of an S7-200) or modbus://HOST:PORT/UNIT/REGISTER")
+                         "(TSAPs of an S7-200), modbus://HOST:PORT/UNIT/REGISTER, opc.tcp://HOST:PORT/NODE or "
+                         "as511://DEVICE/dbN")
     command.add_argument("-o", "--out", required=True, metavar="FILE", help="the log to write")
     where = command.add_mutually_exclusive_group()
     where.add_argument("--design", metavar="DIR", help="folder that heatertune design wrote: its controller runs there")

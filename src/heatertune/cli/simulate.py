@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["add_to"]
 
 _EXAMPLE = "example: heatertune simulate out/ --serve s7 --rate 100"
-_SERVED: Final = ("s7", "modbus")
+_SERVED: Final = ("s7", "modbus", "opcua", "as511")
 
 
 def add_to(commands: Any) -> None:
@@ -97,7 +97,8 @@ def _rate(text: str) -> float:
 
 
 def _document(settings: argparse.Namespace, served: VirtualPlcServed, simulation: Any) -> dict[str, Any]:
-    addresses = {protocol: {"host": host, "port": port} for protocol, (host, port) in served.addresses.items()}
+    addresses = {protocol: {"host": host, "port": port, "url": served.urls[protocol]}
+                 for protocol, (host, port) in served.addresses.items()}
     return {
         "schema": "heatertune/simulate/1", "target": served.target, "directory": settings.directory,
         "addresses": addresses, "block": served.number, "bytes": served.length, "told": served.block,
@@ -116,7 +117,7 @@ def _lines(document: Mapping[str, Any]) -> str:
     heater = "the model's heater" if sample is None else f"heater {sample} of the model set"
     lines = [f"virtual PLC: {document['target']} with the words of {document['directory']}, {heater} behind it"]
     for protocol, where in document["addresses"].items():
-        lines.append(f"{protocol:8}{where['host']}:{where['port']}  {_found(protocol, document)}")
+        lines.append(f"{protocol:8}{where['url']}  {_found(protocol, document)}")
     lines += [f"fault   {fault}" for fault in document["faults"]]
     return "\n".join([*lines, f"scans   every {document['scan_s']:g} s, {document['pace']}; Ctrl-C ends it"])
 
@@ -126,4 +127,8 @@ def _found(protocol: str, document: Mapping[str, Any]) -> str:
     if protocol == "modbus":
         runs = ", ".join(f"{first}" if first == last else f"{first}…{last}" for first, last in document["registers"])
         return f"unit 1, registers {runs} ({document['told']}); its own from 1000 on"
+    if protocol == "opcua":
+        return f"ns=2;s=DB{document['block']} ({document['told']}); its own: ns=2;s=DB1000"
+    if protocol == "as511":
+        return f"8N1, DB{document['block']} ({document['told']}); its own: DB255"
     return f"rack 0, slot 2, DB{document['block']} ({document['told']}); its own: DB1000"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -45,6 +46,21 @@ class Signal(NamedTuple):
         found: float = struct.unpack(STRUCTS[self.format], own[2:] + own[:2] if self.turned else own)[0]
         (raw_0, raw_1), (shown_0, shown_1) = self.raw, self.shown
         return shown_0 + (found - raw_0) * (shown_1 - shown_0) / (raw_1 - raw_0)
+
+    def bytes_of(self, quantity: float) -> bytes:
+        """Return the bytes that show a quantity, or that nearest to it.
+
+        Raises:
+            OutOfRange: the format does not hold it.
+        """
+        (raw_0, raw_1), (shown_0, shown_1) = self.raw, self.shown
+        raw = raw_0 + (quantity - shown_0) * (raw_1 - raw_0) / (shown_1 - shown_0)
+        try:
+            if not math.isfinite(raw):
+                raise OverflowError
+            return struct.pack(STRUCTS[self.format], raw if self.format == "REAL" else round(raw))
+        except (struct.error, OverflowError):
+            raise OutOfRange("quantity", quantity, f"one that {self.format} holds") from None
 
 
 def field_of(fields: Sequence[WordField], name: str) -> WordField:

@@ -34,6 +34,7 @@ PEOPLE: Final[Mapping[str, str]] = {
     "db-missing": "the block is deleted, which stops the CPU",
     "db-short": "the block is half as long, which stops the CPU",
     "write-protected": "the block cannot be written",
+    "compressed": "somebody compresses the memory: over AS511 the blocks stand elsewhere",
 }
 LINK: Final[Mapping[str, str]] = {
     "cut": "connections are closed, and new ones too",

@@ -15,10 +15,10 @@ from heatertune.plc.core import Running
 from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
 
-__all__ = ["ALL", "BOTH", "MODBUS", "WORDS", "Laid", "Layout", "Place", "Run", "members", "registers"]
+__all__ = ["ALL", "BLOCKS", "MODBUS", "WORDS", "Laid", "Layout", "Place", "Run", "members", "registers"]
 
 #: protocols of a PLC whose block is a data block; Modbus has it word by word, as gateways give it
-BOTH: Final = ("s7", "modbus")
+BLOCKS: Final = ("s7", "modbus", "opcua")
 #: of one that only Modbus reaches
 MODBUS: Final = ("modbus",)
 
@@ -138,7 +138,7 @@ class Layout:
 
     number: int = 1
     told: str
-    speaks: tuple[str, ...] = BOTH
+    speaks: tuple[str, ...] = BLOCKS
     registers: Sequence[Run] = ()
     length: int
     setpoint: Place
@@ -175,7 +175,8 @@ class Laid:
         self.number, self.told, self.manual = layout.number, layout.told, layout.mode is not None
         self.speaks, self.registers = layout.speaks, layout.registers
         self.signals = self._signals((words.scaling.low_degC, words.scaling.high_degC))
-        self.words, self.undone_by = dict[str, Signal](), ""  # heatertune write does not know it yet
+        self.words, self.undone_by = {name: self._signal(place) for name, place in layout.words.items()
+                                      if place.format in STRUCTS}, ""
         self.operators: tuple[str, ...] = ()
         self._controller, self._words, self._assume = controller, words, assume
         self._running = controller.begin(words, assume)

@@ -8,19 +8,39 @@ from enum import Enum
 from threading import Condition
 from typing import Final
 
-__all__ = ["OWN", "OWN_LENGTH", "Access", "Memory", "Refusal", "Told"]
+__all__ = ["OWN", "OWN_CELLS", "OWN_LENGTH", "Access", "Memory", "Refusal", "Told"]
 
 #: number of the simulator's own block, which no real PLC has
 OWN: Final = 1000
 
-#: of that block, high byte first: intervals over, scans run, intervals released (written by clients), heartbeat
-#: (written by clients), status; what the sensor sees [°C], the power asked for [%], setpoint and reading in units; the
-#: mark, the interval whose scan the controller's block shows, length of an interval [s]
-_TOLD: Final = struct.Struct(">IIIHHdddd4sId")
+#: what stands in that block, in turn, high byte first, as `Told` has it; clients write `released` and `heartbeat`
+_FORMATS: Final = {
+    "intervals": "I", "scans": "I", "released": "I", "heartbeat": "H", "status": "H", "temperature_degC": "d",
+    "power_pct": "d", "setpoint": "d", "reading": "d", "mark": "4s", "shown": "I", "interval_s": "d"}
+_TOLD: Final = struct.Struct(">" + "".join(_FORMATS.values()))
 OWN_LENGTH: Final = _TOLD.size
-_RELEASED: Final = slice(8, 12)
-_HEARTBEAT: Final = slice(12, 14)
-_SHOWN: Final = slice(52, 56)
+
+
+def _cells() -> dict[str, tuple[int, str]]:
+    found, start = dict[str, tuple[int, str]](), 0
+    for name, code in _FORMATS.items():
+        found[name] = start, f">{code}"
+        start += struct.calcsize(f">{code}")
+    return found
+
+
+#: name → its first byte in that block, and its format as `struct` has it
+OWN_CELLS: Final[Mapping[str, tuple[int, str]]] = _cells()
+
+
+def _part(name: str) -> slice:
+    start, code = OWN_CELLS[name]
+    return slice(start, start + struct.calcsize(code))
+
+
+_RELEASED: Final = _part("released")
+_HEARTBEAT: Final = _part("heartbeat")
+_SHOWN: Final = _part("shown")
 #: what makes a block the simulator's own, and not a machine's that has the same number
 _MARK: Final = b"HTVP"
 
@@ -105,6 +125,10 @@ class Memory:
         """Return how long a block is, whatever is wrong with it [bytes]."""
         return len(self._blocks[number])
 
+    def found(self, number: int) -> int:
+        """Return how long a client finds a block [bytes]."""
+        return self.length if number == self.main else self.size(number)
+
     def read(self, number: int, start: int, count: int) -> bytes:
         """Return bytes of a block, for a client; raise `Refusal` where the PLC would refuse."""
         with self.changed:
@@ -124,8 +148,7 @@ class Memory:
         if known is None or (self.missing and known == self.main):
             raise Refusal(Access.MISSING)
         block = self._blocks[known]
-        end = self.length if known == self.main else len(block)
-        if start < 0 or count < 0 or start + count > end:
+        if start < 0 or count < 0 or start + count > self.found(known):
             raise Refusal(Access.OUTSIDE)
         return block
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from heatertune.live.cells import Signal, bytes_of, field_of
-from heatertune.live.layout import BOTH, Run
+from heatertune.live.layout import BLOCKS, Run
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.ramp import Number
@@ -56,7 +56,7 @@ class Ob251Block:
     number, manual = DB, True
     told, undone_by = "49 words", ""
     operators = ("STEU", "YH")
-    speaks = BOTH
+    speaks = (*BLOCKS, "as511")
     registers: Sequence[Run] = ()
 
     def __init__(self, controller: Controller, words: Words, assume: Assumptions) -> None:

@@ -58,6 +58,7 @@ class VirtualPlc:
     """A PLC with a heater behind it; protocols serve its `memory`.
 
     Attributes:
+        block: of the controller.
         memory: what clients read and write.
         registers: where Modbus finds the words of the controller's block.
         failed: what ended the loop by a fault of heatertune's own, else None.
@@ -75,7 +76,7 @@ class VirtualPlc:
             dead_man_scans: scans in manual without a new heartbeat, after which the controller goes to automatic; 0:
                 it stays.
         """
-        self._plan, self._block, self._measured, self._pace = plan, block, measure, pace
+        self._plan, self.block, self._measured, self._pace = plan, block, measure, pace
         self.memory = Memory(block.number, block.image(), plan.loop.scan_s)
         self.registers = block.registers or [Run(0, 0, self.memory.size(block.number) // 2)]
         self._scan_s, self._ambient, self._dead_man = plan.loop.scan_s, plan.row[4], dead_man_scans
@@ -96,6 +97,11 @@ class VirtualPlc:
     def intervals(self) -> int:
         """How many intervals are over."""
         return self._intervals
+
+    @property
+    def elapsed_s(self) -> float:
+        """How much of the plant's time is over [s]."""
+        return self._intervals * self._scan_s
 
     @property
     def runs(self) -> bool:
@@ -158,7 +164,7 @@ class VirtualPlc:
             plan.row[3] + 3.0 * self._scan_s + plan.actuator.pwm_period_s, plan.actuator))
         nothing: Any = [0.0]
         record = Record(False, *([nothing] * 9))
-        return (self, self._block.begin(), self, self._scan_s, program_of(plan.loop, plan.scenario), batch,
+        return (self, self.block.begin(), self, self._scan_s, program_of(plan.loop, plan.scenario), batch,
                 plan.actuator.switches, math.inf, ring, record, no_meter())
 
     def look(self, temperature: float) -> Any:
@@ -225,7 +231,7 @@ class VirtualPlc:
                     self._written.add(number)
                     before = memory.image()
                     cells = bytearray(before)
-                    self._block.put_word(cells, fault.word, fault.value)
+                    self.block.put_word(cells, fault.word, fault.value)
                     memory.put(before, cells)
 
     def scan(self, state: Any, setpoint: Any, reading: Any) -> tuple[Any, float, Any, int]:
@@ -235,11 +241,11 @@ class VirtualPlc:
             self._seen = (self._seen[0], 0.0, *self._seen[2:])
             return state, 0.0, 0, 0
         if self._was_stopped:
-            self._was_stopped, state = False, self._block.restarted(state)
+            self._was_stopped, state = False, self.block.restarted(state)
         before = self.memory.image()
         cells = bytearray(before)
         self._watch_host(cells)
-        state, power, output, flags = self._block.scan(cells, state, setpoint, reading)
+        state, power, output, flags = self.block.scan(cells, state, setpoint, reading)
         whole = self.link("torn") is None
         self.memory.put(before, cells, slice(None if whole else len(before) // 2), scan_of=self._intervals)
         if not whole:
@@ -252,17 +258,17 @@ class VirtualPlc:
         """Count the scans in manual without a heartbeat, and put the controller in automatic after too many."""
         if not self._dead_man:
             return
-        beat, manual = self.memory.heartbeat, self._block.in_manual(cells)
+        beat, manual = self.memory.heartbeat, self.block.in_manual(cells)
         self._silent = self._silent + 1 if manual and beat == self._beat else 0
         if beat != self._beat:
             self._beat, self._status = beat, self._status & ~DEAD_MAN
         if self._silent >= self._dead_man:
-            self._block.into_automatic(cells)
+            self.block.into_automatic(cells)
             self._status, self._silent = self._status | DEAD_MAN, 0
 
     def restarted(self, state: Any) -> Any:
         """Return the controller's state after the PLC had no supply."""
-        return self._block.restarted(state)
+        return self.block.restarted(state)
 
 
 def _step(plc: VirtualPlc, state: Any, setpoint: Any, reading: Any, _begins: bool) -> tuple[Any, float, Any, int]:

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from heatertune.errors import InputError
 from heatertune.live.cells import Signal, bytes_of, field_of
-from heatertune.live.layout import BOTH, Place, Run
+from heatertune.live.layout import BLOCKS, Place, Run
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.cpu.s7_200 import State
@@ -41,7 +41,7 @@ class _VMemory:
     number, manual = 1, False
     told, operators = "V memory", ()
     undone_by = "the first scan after a start-up types in the words of the program that is loaded"
-    speaks = BOTH
+    speaks = BLOCKS
     registers: Sequence[Run] = ()
 
     def __init__(self, controller: Controller, words: Words, assume: Any) -> None:

@@ -31,6 +31,9 @@ __all__ = ["Simulation", "VirtualPlcServed", "read_folder", "virtual_plc"]
 _LOOPBACK: Final = "127.0.0.1"
 _MOST_PORT: Final = 65535
 _RELEASED: Final = 8
+#: protocol → address as `heatertune.live.client.address` reads it
+_URLS: Final = {"s7": "s7://{}:{}/0/2/db{}", "modbus": "modbus://{}:{}/1/0", "opcua": "opc.tcp://{}:{}/db{}",
+                "as511": "as511://{0}/db{2}"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +96,7 @@ class VirtualPlcServed:
 
     Attributes:
         plc: the PLC itself.
-        addresses: protocol → host and port.
+        addresses: protocol → host and port; AS511: the serial device, and 0.
         block: of the controller, a few words.
         number, length: of that block, and its bytes.
         registers: where Modbus finds its words.
@@ -121,6 +124,15 @@ class VirtualPlcServed:
         self.plc.start()
 
     def _serve(self, protocol: str, port: int, *, linked: bool) -> None:
+        if protocol == "as511":
+            from heatertune.live.as511 import As511Server  # noqa: PLC0415 - only what is served is loaded
+
+            if port:
+                raise InputError(f"as511 is served at a line, not at port {port}: give 0 in its turn")
+            line = As511Server(self.plc)
+            self.addresses[protocol] = line.device, 0
+            self._ends.append(line.stop)
+            return
         server_of = _server_of(protocol)
         front = _listening(port)
         try:
@@ -135,6 +147,11 @@ class VirtualPlcServed:
             from heatertune.live.link import Link  # noqa: PLC0415 - only a failing link needs it
 
             self._ends.append(Link(self.plc, front, inner.getsockname()).stop)
+
+    @property
+    def urls(self) -> dict[str, str]:
+        """Protocol → the address that `heatertune record` and its like take."""
+        return {protocol: _URLS[protocol].format(*where, self.number) for protocol, where in self.addresses.items()}
 
     @property
     def told(self) -> Told:

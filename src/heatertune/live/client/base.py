@@ -22,12 +22,15 @@ class Asking:
         self._address, self._open = address, True
 
     def _asked(self, ask: Callable[[], Answer], what: str) -> Answer:
-        """Return what a request answers; `ask` raises `PlcRefused`, or anything of the library's own."""
+        """Return what a request answers; `ask` raises `PlcRefused`, `LinkDown` or anything of the library's own."""
         if not self._open:
             raise LinkDown(f"{self._address.text}: the connection is closed")
         try:
             return ask()
         except PlcRefused:
+            raise
+        except LinkDown:
+            self.close()
             raise
         except Exception as problem:  # whatever the library raises: what the PLC did is not known
             self.close()

@@ -13,8 +13,11 @@ from heatertune.live.client.address import Address
 
 __all__ = ["LIBRARIES", "Client", "connect", "demand_library"]
 
-#: protocol → the module that it needs, of the extra of the same name
-LIBRARIES: Final[Mapping[str, str]] = {"s7": "snap7", "modbus": "pymodbus"}
+#: protocol → the module that it needs, and the extra that brings it
+LIBRARIES: Final[Mapping[str, tuple[str, str]]] = {
+    "s7": ("snap7", "s7"), "modbus": ("pymodbus", "modbus"), "opcua": ("asyncua", "opcua"),
+    "as511": ("serial", "serial"),
+}
 _TIMEOUT_S: Final = 2.0
 
 
@@ -24,16 +27,18 @@ class Client(Protocol):
     After `LinkDown` or `ReplyLost` it is closed for good: a late answer must not be taken for another one's.
 
     Attributes:
-        most: bytes that one request reads or writes at once; only so many are sure to be of one instant.
+        most: bytes that one request reads or writes.
+        whole: whether these are of one instant; if not, a scan may run between two of the words.
     """
 
     most: int
+    whole: bool
 
     def read(self, number: int, start: int, count: int) -> bytes:
         """Return bytes of a block, in one request.
 
         Args:
-            number: of the block; over Modbus, the simulator's own or any other for the controller's.
+            number: of the block; over Modbus and OPC UA, the simulator's own or any other for the controller's.
             start: of its first byte.
             count: of bytes, at most `most`.
 
@@ -86,5 +91,6 @@ def demand_library(protocol: str) -> None:
     Raises:
         InputError: it is not; the message names the extra.
     """
-    if find_spec(LIBRARIES[protocol]) is None:
-        raise InputError(f'{protocol} needs {LIBRARIES[protocol]}: pip install "heatertune[{protocol}]"')
+    module, extra = LIBRARIES[protocol]
+    if find_spec(module) is None:
+        raise InputError(f'{protocol} needs {module}: pip install "heatertune[{extra}]"')

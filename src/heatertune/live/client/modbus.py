@@ -30,6 +30,7 @@ class ModbusClient(Asking):
     """See `heatertune.live.client.client.Client`."""
 
     most = 2 * _MOST
+    whole = True
 
     def __init__(self, address: Address, library: Any) -> None:
         """Take a client of the library's that is connected."""

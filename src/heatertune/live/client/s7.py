@@ -26,6 +26,7 @@ class S7Client(Asking):
     """See `heatertune.live.client.client.Client`."""
 
     most = _MOST
+    whole = True
 
     def __init__(self, address: Address, library: Any) -> None:
         """Take a client of the library's that is connected."""
@@ -64,7 +65,7 @@ class S7Client(Asking):
 def _why(problem: S7ProtocolError) -> str:
     """Return what the PLC says, and what most often is behind it."""
     return (f"{problem} (there is no such block, it is shorter, write-protected, or, in an S7-1200/1500, an optimized "
-            f"block or PUT/GET not permitted)")
+            f"block or PUT/GET not permitted: OPC UA needs neither)")
 
 
 def connected(address: Address, timeout_s: float) -> S7Client:
