@@ -287,7 +287,11 @@ class Laid:
             self.layout.mode.write(cells, 1 - self.layout.manual_is)
 
     def put_in_manual(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
-        """Return mode and power, side by side; see `heatertune.live.blocks.Block`."""
+        """Return mode and power, side by side; see `heatertune.live.blocks.Block`.
+
+        Raises:
+            InputError: there is no manual mode, or no one request writes mode and power.
+        """
         mode, hand = self.layout.mode, self.layout.hand
         if mode is None or hand is None:
             why = "no manual mode here" if mode is None else "mode and power in manual where no one request writes both"

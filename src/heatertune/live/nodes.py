@@ -23,8 +23,8 @@ __all__ = ["Cell", "cells_of", "range_of"]
 
 #: format of `struct` → type of a value
 _TYPES: Final = {"B": ua.VariantType.Byte, "h": ua.VariantType.Int16, "H": ua.VariantType.UInt16,
-                 "i": ua.VariantType.Int32, "I": ua.VariantType.UInt32, "f": ua.VariantType.Float, "d": ua.VariantType.Double,
-                 "4s": ua.VariantType.ByteString}
+                 "i": ua.VariantType.Int32, "I": ua.VariantType.UInt32, "f": ua.VariantType.Float,
+                 "d": ua.VariantType.Double, "4s": ua.VariantType.ByteString}
 _WRITTEN: Final = ("released", "heartbeat")  # by clients, of the simulator's own block
 #: quantity of `Block.signals` → its name, its unit, and whether clients write it
 _ZONE: Final = {

@@ -56,7 +56,7 @@ class Course:
 
     @property
     def error_degC(self) -> Array:
-        """Setpoint minus temperature [°C]."""
+        """Setpoint minus temperature, shape (n,) [°C]."""
         return self.setpoint_degC - self.temperature_degC
 
     @property
