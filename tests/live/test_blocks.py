@@ -21,9 +21,8 @@ from heatertune import simulate as simulate_words
 from heatertune.live.blocks import SERVED, block_for
 from heatertune.live.client.address import address_of
 from heatertune.live.client.client import connect
-from heatertune.live.memory import OWN, OWN_LENGTH
+from heatertune.live.memory import DEAD_MAN, OWN, OWN_LENGTH
 from heatertune.live.places import places_of
-from heatertune.live.plc import DEAD_MAN
 from heatertune.plc import Certificate, controller_for
 from heatertune.plc.boost import Boost
 from heatertune.plc.core import Running

@@ -76,13 +76,14 @@ def test_the_limit_ends_it_at_the_second_look(served, words, tmp_path):
     assert rows[:-1, 1].max() < 60.0 <= rows[-1, 1]
 
 
-@pytest.mark.parametrize(("fault", "why"), [("sensor-off", "sensor"), ("cpu-stop", "silence"), ("db-missing", "link"), ("cut", "link"),
-                                            ("black-hole", "link"), ("lost-reply", "link")])
+@pytest.mark.parametrize(("fault", "why"), [
+    ("sensor-off", {"sensor"}), ("cpu-stop", {"silence"}), ("cut", {"link"}), ("black-hole", {"link"}), ("lost-reply", {"link"}),
+    ("db-missing", {"silence", "link"})])  # that stops the CPU, too: which is seen first is a matter of the moment
 def test_what_goes_wrong_ends_it(served, words, tmp_path, fault, why):
     plc = served(faults=f"t=4000 {fault} until=7000", **FAST)
     limits = Limits(temperature_degC=95.0, silence_s=0.5)
     ended, before = ran(plc, words, tmp_path, Steps(steps=((0.0, 10.0), (20000.0, 20.0))), limits)
-    assert ended.why == why, ended
+    assert ended.why in why, ended
     assert ended.restored, ended
     assert cells(plc) == before
     assert not before_of(tmp_path / "log.csv").exists()
@@ -209,7 +210,7 @@ def test_the_command_asks_first_and_ends_with_what_is_next(served, design_folder
 
 
 def test_without_a_dead_man_it_wants_to_be_told_so(served, design_folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("heatertune.live.experiment._own", lambda _: None)
+    monkeypatch.setattr("heatertune.live.experiment.told_by", lambda _: None)
     (tmp_path / "plan.csv").write_text("time_s,power_pct\n0,10\n200,60\n")
     plc = served(**FAST)
     arguments = _command(plc, design_folder, tmp_path / "log.csv", "--yes", "--quiet")[3:]

@@ -8,8 +8,7 @@ import pytest
 from tests.live.conftest import DB, FAILED, LENGTH, PROTOCOLS, S7, client
 
 from heatertune.live.faults import Fault, fault_of, heater_events
-from heatertune.live.memory import OWN, Access, Refusal
-from heatertune.live.plc import DEAD_MAN, FAULTY, RUNS
+from heatertune.live.memory import DEAD_MAN, FAULTY, OWN, RUNS, Access, Refusal
 from heatertune.proof.kernel import LOAD, MAINS
 
 _MANUAL = 32  # STEU: no Z, not automatic

@@ -18,12 +18,13 @@ from threading import Thread
 from typing import Any, Final
 
 from heatertune.documents import read_document
-from heatertune.errors import DocumentError, HeatertuneError, InputError, LinkError, PlcRefused
+from heatertune.errors import DocumentError, HeatertuneError, InputError, LinkError
 from heatertune.live.client.address import Address, address_of
 from heatertune.live.client.client import Client
+from heatertune.live.client.simulator import told_by
 from heatertune.live.looking import Look
 from heatertune.live.manual import ManualMode
-from heatertune.live.memory import OWN, OWN_LENGTH, Told
+from heatertune.live.memory import OWN, OWN_CELLS, RUNS
 from heatertune.live.places import places_of
 from heatertune.live.recorder import Recorded, Recording, record
 from heatertune.live.schedule import RATE_ROWS, Aims, Limits, Relay, Steps
@@ -34,9 +35,6 @@ from heatertune.writing import write_files
 __all__ = ["BEFORE_SCHEMA", "Ended", "Experiment", "Watching", "before_of", "restore"]
 
 BEFORE_SCHEMA: Final = "heatertune/experiment-before/1"
-#: of the simulator's own block: place of the heartbeat, and the bit of its status that says RUN
-_HEARTBEAT: Final = 12
-_RUNS: Final = 1
 #: word of the setpoint, which an operator changes
 _SETPOINT: Final = "W"
 
@@ -118,9 +116,9 @@ class Experiment:
         """
         where = self.mode.address.text
         with self.mode.connected() as client:
-            image, own = self.mode.image(client), _own(client)
+            image, own = self.mode.image(client), told_by(client)
         self._demand_words(image)
-        if own is not None and not own.status & _RUNS:
+        if own is not None and not own.status & RUNS:
             raise InputError(f"{where}: the CPU is in STOP")
         degC = self.mode.block.signals["temperature"].of(image)
         broken = self.limits.broken([(0.0, degC)], self.sensor_degC)
@@ -183,14 +181,6 @@ class Experiment:
             "start": start, "before": before.hex(), "puts": sorted(put.hex() for put in puts)}, indent=2) + "\n"
 
 
-def _own(client: Client) -> Told | None:
-    try:
-        told = Told(client.read(OWN, 0, OWN_LENGTH))
-    except PlcRefused:
-        return None
-    return told if told.marked else None
-
-
 class _Hand:
     """The hand on the controller while the recorder looks; it has a connection of its own."""
 
@@ -233,7 +223,7 @@ class _Hand:
             self._new(so_far.last)
         if self.ended is None and self._whole.has_dead_man:
             self._beats = (self._beats + 1) % 65536
-            self._asked().write(OWN, _HEARTBEAT, self._beats.to_bytes(2, "big"))
+            self._asked().write(OWN, OWN_CELLS["heartbeat"][0], self._beats.to_bytes(2, "big"))
 
     def _new(self, look: Look) -> None:
         """Act on a new reading."""

@@ -7,17 +7,19 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Final, NamedTuple, Self
 
-from heatertune.errors import InputError, PlcRefused
+from heatertune.errors import InputError
 from heatertune.live.cells import Signal
 from heatertune.live.client.address import Address
 from heatertune.live.client.client import Client, connect
-from heatertune.live.memory import OWN, OWN_LENGTH, Told
+from heatertune.live.client.simulator import told_by
+from heatertune.live.memory import OWN, OWN_CELLS
 from heatertune.live.places import Places
 
 __all__ = ["Look", "Looking"]
 
 #: what the simulator's own block shows itself, where nobody says what stands in the controller's
-_OWN_SIGNALS: Final = {"temperature": Signal(16, "LREAL"), "power": Signal(24, "LREAL")}
+_OWN_SIGNALS: Final = {"temperature": Signal(OWN_CELLS["temperature_degC"][0], "LREAL"),
+                       "power": Signal(OWN_CELLS["power_pct"][0], "LREAL")}
 _TURN: Final = 1 << 32
 
 
@@ -63,7 +65,7 @@ class Looking:
         self._time_s = 0.0
         self._client: Client = connect(address, timeout_s)
         try:
-            own = self._own()
+            own = told_by(self._client)
             self._places = places or Places(block=OWN, signals=_OWN_SIGNALS, told="what the simulator tells")
             self._block = self._settled(own is not None, places)
         except BaseException:
@@ -99,7 +101,7 @@ class Looking:
             LinkError: no answer; `again` connects anew.
         """
         begin, count = self._places.span
-        before = self._own() if self._counts_scans else None
+        before = told_by(self._client) if self._counts_scans else None
         if before is not None and before.shown in (0, self._count):
             return None
         asked = time.monotonic()
@@ -107,7 +109,7 @@ class Looking:
         middle = 0.5 * (asked + time.monotonic())
         seen = {role: signal.of(content, begin) for role, signal in self._places.signals.items()}
         if before is not None:
-            after = self._own()
+            after = told_by(self._client)
             whole = after is not None and after.shown == before.shown and (
                 self._block != OWN or after.intervals == before.intervals == before.shown)
             if not whole:
@@ -130,14 +132,6 @@ class Looking:
         else:
             self._time_s += self.interval_s * (1 if restarted else passed)
         return Look(self._time_s, seen, restarted)
-
-    def _own(self) -> Told | None:
-        """Return what the simulator's own block says; None: it is no simulator."""
-        try:
-            told = Told(self._client.read(OWN, 0, OWN_LENGTH))
-        except PlcRefused:
-            return None
-        return told if told.marked else None
 
     def again(self) -> None:
         """Connect anew.

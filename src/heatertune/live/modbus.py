@@ -5,16 +5,17 @@ Where a block says no other registers, its word w is register w.
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import socket
-from threading import Event, Thread
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any, Final
 
 from pymodbus.constants import ExcCodes
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
+from heatertune.live.aside import AsideServer
 from heatertune.live.layout import Run
 from heatertune.live.memory import OWN, Access, Refusal
 from heatertune.live.plc import VirtualPlc
@@ -33,8 +34,8 @@ _HOLDING: Final = (3, 6, 16, 22, 23)
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())
 
 
-class ModbusServer:
-    """The library's server in a thread of its own; its registers are the memory of the virtual PLC."""
+class ModbusServer(AsideServer):
+    """The library's server; its registers are the memory of the virtual PLC."""
 
     def __init__(self, plc: VirtualPlc, listener: socket.socket) -> None:
         """Serve on a socket that listens.
@@ -45,42 +46,18 @@ class ModbusServer:
         """
         self._memory, self._address = plc.memory, listener.getsockname()
         self._runs = {OWN: [Run(FIRST, 0, self._memory.size(OWN) // 2)], self._memory.main: plc.registers}
-        self._ready, self._problem = Event(), ""
-        self._listener = listener
-        self._loop = asyncio.new_event_loop()
-        self._thread = Thread(target=self._serve, name="Modbus", daemon=True)
-        self._thread.start()
-        self._ready.wait()
+        super().__init__("Modbus", listener)
 
-    def stop(self) -> None:
-        """Close all connections, and the door."""
-        if self._thread.is_alive():
-            self._loop.call_soon_threadsafe(self._end.set)
-        self._thread.join()
-
-    def _serve(self) -> None:
-        asyncio.set_event_loop(self._loop)
-        try:
-            self._loop.run_until_complete(self._until_stopped())
-        finally:
-            self._loop.close()
-
-    async def _until_stopped(self) -> None:
-        self._end = asyncio.Event()
+    @asynccontextmanager
+    async def serving(self) -> AsyncIterator[None]:
+        """Serve; see `heatertune.live.aside.AsideServer`."""
         runs = sorted(run for each in self._runs.values() for run in each)
         device = SimDevice(id=UNIT, action=self._accessed, simdata=[
             SimData(run.first, count=run.size, values=0, datatype=DataType.REGISTERS) for run in runs])
         server = ModbusTcpServer(device, address=self._address)
-        create = self._loop.create_server
-        server.call_create = lambda: create(server.handle_new_connection, sock=self._listener)
         await server.serve_forever(background=True)
-        self._ready.set()
-        await self._end.wait()
+        yield
         await server.shutdown()
-        rest = asyncio.all_tasks() - {asyncio.current_task()}
-        for task in rest:
-            task.cancel()
-        await asyncio.gather(*rest, return_exceptions=True)
 
     async def _accessed(
         self, function: int, start: int, address: int, count: int, registers: list[int], values: Any

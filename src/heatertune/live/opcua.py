@@ -15,13 +15,15 @@ import copy
 import gc
 import logging
 import socket
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from datetime import UTC, datetime, timedelta
-from threading import Event, Thread
 from typing import Any, Final
 
 from asyncua import Server, ua
 from asyncua.server.address_space import AttributeService
 
+from heatertune.live.aside import AsideServer
 from heatertune.live.memory import Access, Refusal
 from heatertune.live.nodes import Cell, cells_of
 from heatertune.live.plc import VirtualPlc
@@ -37,17 +39,6 @@ _MOST_S: Final = 2e11  # a date ends with the year 9999
 _UNITS: Final = {"°C": b"CEL", "%": b"P1"}
 
 logging.getLogger("asyncua").addHandler(logging.NullHandler())  # what a client does wrong is no message of the PLC
-
-
-class _Loop(asyncio.SelectorEventLoop):
-    """A loop whose server takes a socket that listens over, where the library would open one of its own."""
-
-    def __init__(self, listener: socket.socket) -> None:
-        self._listener = listener
-        super().__init__()
-
-    async def create_server(self, factory: Any, *_: Any, **__: Any) -> Any:  # type: ignore[override]
-        return await super().create_server(factory, sock=self._listener)
 
 
 class _Attributes(AttributeService):  # type: ignore[misc]
@@ -98,8 +89,8 @@ def _code(refused: Refusal | ua.UaStatusCodeError) -> int:
     return int(_CODES[refused.why] if isinstance(refused, Refusal) else refused.code)
 
 
-class OpcuaServer:
-    """The library's server in a thread of its own."""
+class OpcuaServer(AsideServer):
+    """The library's server."""
 
     def __init__(self, plc: VirtualPlc, listener: socket.socket) -> None:
         """Serve on a socket that listens; return when the address space stands.
@@ -109,38 +100,16 @@ class OpcuaServer:
             listener: on loopback.
         """
         self._plc, self._port = plc, listener.getsockname()[1]
-        self._ready = Event()
-        self._loop = _Loop(listener)
-        self._thread = Thread(target=self._serve, name="OPC UA", daemon=True)
-        self._thread.start()
-        self._ready.wait()
+        super().__init__("OPC UA", listener)
 
-    def stop(self) -> None:
-        """Close all connections, and the door."""
-        if self._thread.is_alive():
-            self._loop.call_soon_threadsafe(self._end.set)
-        self._thread.join()
-
-    def _serve(self) -> None:
-        asyncio.set_event_loop(self._loop)
-        try:
-            self._loop.run_until_complete(self._until_stopped())
-        finally:
-            self._ready.set()
-            self._loop.close()
-
-    async def _until_stopped(self) -> None:
-        self._end = asyncio.Event()
+    @asynccontextmanager
+    async def serving(self) -> AsyncIterator[None]:
+        """Serve; see `heatertune.live.aside.AsideServer`."""
         server, service = await self._made()
         async with server:
-            self._ready.set()
             publishing = asyncio.create_task(_publish(service))
-            await self._end.wait()
+            yield
             publishing.cancel()
-        rest = asyncio.all_tasks() - {asyncio.current_task()}
-        for task in rest:
-            task.cancel()
-        await asyncio.gather(*rest, return_exceptions=True)
 
     async def _made(self) -> tuple[Server, _Attributes]:
         """Return a server with all its nodes."""

@@ -18,7 +18,7 @@ from typing import Any, Final
 from heatertune.live.blocks import Block
 from heatertune.live.faults import Fault
 from heatertune.live.layout import Run
-from heatertune.live.memory import Memory
+from heatertune.live.memory import DEAD_MAN, FAULTY, RUNS, Memory
 from heatertune.live.plan import Plan
 from heatertune.plc.core import Core
 from heatertune.proof.kernel import Batch, Record
@@ -26,11 +26,6 @@ from heatertune.proof.loop import program_of, pulses_of, ring_size, run_plainly
 from heatertune.proof.meter import no_meter
 
 __all__ = ["Pace", "VirtualPlc"]
-
-#: bits of the status word
-RUNS: Final = 1
-DEAD_MAN: Final = 2
-FAULTY: Final = 4
 
 _STOPPING: Final = ("cpu-stop", "db-missing", "db-short")
 

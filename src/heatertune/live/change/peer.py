@@ -12,8 +12,8 @@ from heatertune.errors import LinkDown, LinkError, PlcRefused, ReplyLost
 from heatertune.live.change.cells import Part, Standing
 from heatertune.live.client.address import Address
 from heatertune.live.client.client import Client, connect
-from heatertune.live.memory import OWN, OWN_LENGTH, Told
-from heatertune.live.plc import RUNS
+from heatertune.live.client.simulator import told_by
+from heatertune.live.memory import RUNS, Told
 from heatertune.plc.ramp import Number
 
 __all__ = ["Link", "Look", "Peer", "runs"]
@@ -105,12 +105,9 @@ class Peer:
     def _told(self, client: Client) -> Told | None:
         if self._simulated is False:
             return None
-        try:
-            told = Told(client.read(OWN, 0, OWN_LENGTH))
-        except PlcRefused:
-            told = None
-        self._simulated = told is not None and told.marked
-        return told if self._simulated else None
+        told = told_by(client)
+        self._simulated = told is not None
+        return told
 
     def _connected(self) -> Client:
         if self._client is None:
