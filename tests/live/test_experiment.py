@@ -44,14 +44,14 @@ def ran(plc, words, tmp_path, plan=PLAN, limits=WARM, protocol="s7", aims=None, 
 
 @pytest.mark.parametrize("protocol", ["s7", "modbus"])
 def test_a_plan_is_run_and_all_is_given_back(served, words, tmp_path, protocol):
-    plc = served(serve=protocol, **FAST)
+    plc = served(serve=protocol, **FAST | {"rate": 300.0})
     ended, before = ran(plc, words, tmp_path, protocol=protocol)
     assert (ended.why, ended.restored) == ("plan", True)
     assert cells(plc) == before
     assert not before_of(tmp_path / "log.csv").exists()
     rows = rows_of(tmp_path / "log.csv")
     after_s = rows[:, 0] - rows[0, 0]
-    for begins, ends, power in ((60.0, 100.0, 0.0), (160.0, 500.0, 60.0), (560.0, 890.0, 20.0)):
+    for begins, ends, power in ((70.0, 100.0, 0.0), (200.0, 500.0, 60.0), (600.0, 890.0, 20.0)):
         within = rows[(after_s > begins) & (after_s < ends), 2]
         assert within == pytest.approx(power, abs=100.0 / 2047)  # a whole unit of YH
     assert after_s[-1] >= 900.0
@@ -59,7 +59,7 @@ def test_a_plan_is_run_and_all_is_given_back(served, words, tmp_path, protocol):
 
 def test_a_relay_is_run(served, words, tmp_path):
     plan = Relay(rest_s=40.0, on_degC=44.0, off_degC=46.0, high_pct=80.0, low_pct=0.0, duration_s=2500.0)
-    ended, _ = ran(served(**FAST), words, tmp_path, plan)
+    ended, _ = ran(served(**FAST | {"rate": 500.0}), words, tmp_path, plan)
     assert ended.why == "plan"
     rows = rows_of(tmp_path / "log.csv")
     swings = rows[rows[:, 0] > rows[0, 0] + 800.0]

@@ -301,7 +301,7 @@ def test_ctrl_c_ends_it_and_says_what_it_has(served, design_folder, tmp_path):
     plc = served(intervals=None, step=False, rate=1000.0)
     command = _recording(plc, design_folder, tmp_path / "log.csv")
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
-        while not (tmp_path / "log.csv").exists() or len((tmp_path / "log.csv").read_text().splitlines()) < 10:
+        while not (tmp_path / "log.csv").exists() or len(whole_rows(tmp_path / "log.csv")) < 10:
             assert running.poll() is None
         running.send_signal(signal.SIGINT)
         said, _ = running.communicate()

@@ -13,7 +13,7 @@ from heatertune.live.looking import Look
 from heatertune.live.watching import Beside
 from heatertune.model.intervals import Interval
 
-FAST = {"step": False, "rate": 3000.0, "intervals": 4000}
+FAST = {"step": False, "rate": 1500.0, "intervals": 4000}
 
 
 @pytest.fixture(scope="session")
