@@ -1,76 +1,91 @@
-"""Kills a fleet and a study at random moments, many times each, and holds what they write against undisturbed runs.
+"""Kill -9 of `record` and `experiment` at random moments: whole rows, one torn line at most, and the PLC as it was found.
 
-    python tests/bench/kills.py LOGS [--kills 20] [--seed 1]
+    python -m tests.bench.kills [KILLS [SEED]]
 
-LOGS is what `heatertune fleet` takes. The tests do the same with the machinery under both commands, and kill each command
-once. Ends with status 1 where a byte differs.
+What the PLC holds is read from the simulator's memory. `tests/bench/sessions.py` does the same with `write`.
 """
 
-import argparse
-import itertools
 import random
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-LONGEST_S = 8.0  # until a kill; the first seconds are start-up
-FLEET = ("--target", "s7-300", "--method", "simc", "--setpoint", "45")
-STUDY = """\
-[fixed]
-gain_degC_per_pct = 0.37
-time_constant_s = 167
-dead_time_s = 12
-ambient_degC = 22
-method = "simc"
-setpoint_degC = 40
-[grid]
-target = ["s5-ob251", "s7-300", "weg"]
-pwm_period_s = [2, 5, 10, 10.5]
-closed_loop_s = [12, 20, 30, 40, 60]
-"""
+from heatertune import Fopdt, model_by_hand, virtual_plc
+from heatertune.live.experiment import before_of, restore
+from heatertune.log.cells import read_sheet
+from tests.live.conftest import CONDITIONS, words_of, write_design
+
+#: STEU and YH in OB251's block (S5-115U manual, table 11-9: DW11, DW12), and the bit that says automatic
+CELLS = slice(22, 26)
+AUTOMATIC = 1
 
 
-def run_through(command, table, kills, chance):
-    """Start a command, killed so many times at the most, until it ends; return how often it was killed, and its bytes."""
-    for killed in itertools.count():
-        process = subprocess.Popen([*command, "-o", str(table), "--quiet", "--resume"], stdout=subprocess.DEVNULL)
-        try:
-            process.wait(timeout=chance.uniform(0.0, LONGEST_S) if killed < kills else None)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-            continue
-        if process.returncode:
-            sys.exit(f"{' '.join(command)}: exit status {process.returncode}")
-        found = table.read_bytes()
-        table.unlink()
-        return killed, found
-    raise AssertionError
+def command(name, plc, folder, path, *more):
+    """Return the command line; `more` comes before the address."""
+    host, port = plc.addresses["s7"]
+    return [sys.executable, "-m", "heatertune", name, *more, f"s7://{host}:{port}/0/2/db30", "--design", str(folder),
+            "-o", str(path), "--quiet"]
 
 
-def main():
-    """Run both; return the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("logs", metavar="LOGS")
-    parser.add_argument("--kills", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=1)
-    settings = parser.parse_args()
-    chance, same = random.Random(settings.seed), True
+def killed(line, path, grown):
+    """Run a command, and kill it when its log has grown by so many bytes."""
+    size = path.stat().st_size if path.exists() else 0
+    with subprocess.Popen(line) as running:
+        while not path.exists() or path.stat().st_size < size + grown:
+            assert running.poll() is None, "it ended by itself"
+        running.kill()
+
+
+def of_record(plc, folder, path, kills, chance):
+    """Kill a recorder that continues its file each time."""
+    for _ in range(kills):
+        killed([*command("record", plc, folder, path), "--append"], path, chance.randrange(1, 3000))
+        whole = [line.split(",") for line in path.read_text().split("\n")[:-1] if line[:1].isdigit() and not line.endswith("#torn")]
+        assert read_sheet(path).rows == whole
+        assert {len(row) for row in whole} <= {4}
+        times = [float(row[0]) for row in whole]
+        assert times == sorted(set(times))
+
+
+def of_experiment(begun, folder, words, place, kills, chance):
+    """Kill experiments; `begun` begins a PLC that `close` ends."""
+    plan = place / "plan.csv"
+    plan.write_text("time_s,power_pct\n0,10\n100,60\n100000,20\n")
+    for number in range(kills):
+        plc, path = begun(), place / f"{number}.csv"
+        before = plc.plc.memory.image()[CELLS]
+        line = [*command("experiment", plc, folder, path, str(plan)), "--limit-temperature", "90", "--yes"]
+        killed(line, path, chance.randrange(0, 4000))
+        while not plc.plc.memory.image()[CELLS][1] & AUTOMATIC:  # the dead man
+            pass
+        assert before_of(path).exists()
+        again = subprocess.run(line, capture_output=True, text=True, check=False)
+        assert again.returncode == 2
+        assert "was cut off; bring back" in again.stderr
+        assert restore(path, words)[0] is True
+        assert plc.plc.memory.image()[CELLS] == before
+        assert not before_of(path).exists()
+        plc.close()
+
+
+def main(kills, seed):
+    """Kill each command so many times."""
+    chance, words = random.Random(seed), words_of("s5-ob251")
+    heater = model_by_hand(Fopdt(gain_degC_per_pct=0.9, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0))
+
+    def begun(**changed):
+        return virtual_plc(words, heater, CONDITIONS, **{"rate": 2000.0} | changed)
+
     with tempfile.TemporaryDirectory() as folder:
-        study, table = Path(folder, "study.toml"), Path(folder, "table.parquet")
-        study.write_text(STUDY)
-        for name, given in (("fleet", (settings.logs, *FLEET)), ("study", (str(study),))):
-            command = [sys.executable, "-m", "heatertune", name, *given]
-            _, whole = run_through(command, table, 0, chance)
-            killed, runs, equal = 0, 0, True
-            while killed < settings.kills:
-                times, found = run_through(command, table, settings.kills - killed, chance)
-                killed, runs, equal = killed + times, runs + 1, equal and found == whole
-            print(f"{name}: killed {killed} times in {runs} runs, {'the same bytes' if equal else 'OTHER bytes'}", flush=True)
-            same &= equal
-    return 0 if same else 1
+        place = Path(folder)
+        write_design(place)
+        with begun() as plc:
+            of_record(plc, place, place / "log.csv", kills, chance)
+        of_experiment(lambda: begun(dead_man=200), place, words, place, kills, chance)
+    print(f"{kills} kills of record, {kills} of experiment: rows whole, the PLC as it was found")
+    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 30, int(sys.argv[2]) if len(sys.argv) > 2 else 1))

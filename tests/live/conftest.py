@@ -217,16 +217,21 @@ def stepped(asking, scans, upto=0, block=(DB, LENGTH)):
     return rows
 
 
-@pytest.fixture(scope="session")
-def design_folder(tmp_path_factory):
-    """A folder with a design as `tune` writes it, and words."""
-    folder = tmp_path_factory.mktemp("design")
+def write_design(folder):
+    """Write a design as `tune` writes it, and words, into a folder."""
     heater = ("--gain", "0.9", "--time-constant", "167", "--dead-time", "12", "--ambient", "22")
     assert main(["tune", *heater, "-o", str(folder / "pid.json"), "--quiet"]) == 0
     words = words_of("s5-ob251")
     (folder / "words.json").write_text(json.dumps({
         "schema": WORDS_SCHEMA, "target": words.target, "words": dict(words.values), "sample_time_s": words.sample_time_s,
         "scaling": {"low_degC": 0.0, "high_degC": 100.0}, "setpoint_ramp": None}))
+
+
+@pytest.fixture(scope="session")
+def design_folder(tmp_path_factory):
+    """A folder with a design as `tune` writes it, and words."""
+    folder = tmp_path_factory.mktemp("design")
+    write_design(folder)
     return folder
 
 

@@ -6,12 +6,12 @@ What stands in the PLC is read from the simulator's memory, not over the protoco
 import json
 import random
 import struct
-import subprocess
 import sys
 from types import SimpleNamespace
 
 import pytest
-from tests.live.conftest import DB, client, words_of
+from tests.bench.kills import CELLS, of_experiment
+from tests.live.conftest import DB, words_of
 from tests.live.test_client import way
 from tests.live.test_recorder import rows_of
 
@@ -22,11 +22,9 @@ from heatertune.live.experiment import Experiment, Watching, before_of, restore
 from heatertune.live.schedule import Aims, Limits, Relay, Steps, read_plan
 from heatertune.model.intervals import Interval
 
-FAST = {"step": False, "rate": 2000.0, "dead_man": 500}
+FAST = {"step": False, "rate": 2000.0, "dead_man": 3000}
 PLAN = Steps(steps=((0.0, 0.0), (100.0, 60.0), (500.0, 20.0)))
 WARM = Limits(temperature_degC=90.0)
-#: STEU and YH in OB251's block (S5-115U manual, table 11-9: DW11, DW12)
-CELLS = slice(22, 26)
 
 
 def cells(plc):
@@ -221,24 +219,8 @@ def test_without_a_dead_man_it_wants_to_be_told_so(served, design_folder, tmp_pa
 
 @pytest.mark.long
 def test_killed_at_any_moment_the_dead_man_acts_and_the_next_start_gives_back(served, design_folder, words, tmp_path):
-    (tmp_path / "plan.csv").write_text("time_s,power_pct\n0,10\n100,60\n100000,20\n")
-    chance = random.Random(3)
-    for number in range(3):
-        plc, path = served(**FAST | {"dead_man": 200}), tmp_path / f"{number}.csv"
-        before, wanted = cells(plc), chance.randrange(0, 4000)
-        with subprocess.Popen(_command(plc, design_folder, path, "--yes", "--quiet")) as running:
-            while not path.exists() or path.stat().st_size < wanted:
-                assert running.poll() is None
-            running.kill()
-        with client(plc) as asking:  # 200 scans without a heartbeat
-            while not asking.read(DB, 22, 2)[1] & 1:
-                pass
-        assert before_of(path).exists()
-        assert main(_command(plc, design_folder, path, "--yes", "--quiet")[3:]) == 2  # it says what happened
-        assert restore(path, words)[0] is True
-        assert cells(plc) == before
-        assert not before_of(path).exists()
-        plc.close()
+    """`python -m tests.bench.kills` makes thirty."""
+    of_experiment(lambda: served(**FAST | {"dead_man": 200}), design_folder, words, tmp_path, 2, random.Random(3))
 
 
 @pytest.mark.parametrize(("field", "value"), [("before", "zz"), ("block", 31), ("start", None), ("puts", ["00"]), ("address", "x")])

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.bench.kills import of_record
 from tests.live.conftest import CONDITIONS, PROTOCOLS
 from tests.live.test_client import way
 from tests.live.test_served import _quiet
@@ -312,16 +313,5 @@ def test_ctrl_c_ends_it_and_says_what_it_has(served, design_folder, tmp_path):
 
 @pytest.mark.long
 def test_killed_at_any_moment_it_has_one_torn_line_at_most(served, design_folder, tmp_path):
-    """Each next one continues the file."""
-    plc, path, chance = served(intervals=None, step=False, rate=2000.0), tmp_path / "log.csv", random.Random(7)
-    for number in range(4):
-        with subprocess.Popen(_recording(plc, design_folder, path, "--append", "--quiet")) as running:
-            size = path.stat().st_size if path.exists() else 0
-            grown = chance.randrange(1, 3000)
-            while not path.exists() or path.stat().st_size < size + grown:
-                assert running.poll() is None
-            running.kill()
-        _read(path)
-        rows = [line.split(",") for line in whole_rows(path)]
-        assert {len(row) for row in rows} <= {4}, number
-        assert np.all(np.diff([float(row[0]) for row in rows]) > 0.0)
+    """`python -m tests.bench.kills` makes thirty."""
+    of_record(served(step=False, rate=2000.0), design_folder, tmp_path / "log.csv", 4, random.Random(7))
