@@ -15,6 +15,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Words
 from heatertune.proof.closing import Asked, Closed, closed
 from heatertune.proof.verdict import NOT_PROVEN, blocking, combined
+from heatertune.units import written
 
 __all__ = ["Cure", "cured"]
 
@@ -90,7 +91,7 @@ def _lived(told: Diagnosis, fitted: FittedModel, done: Closed) -> Cure:
     _, was, would = times_worse(lived, told.course)
     open_points += [RATIO_ONLY] if told.heater is None else []
     if would > was + told.course.least_degC:
-        open_points.append(f"the logged day lived with them is worse, mean error {was:.2g} → {would:.2g} °C")
+        open_points.append(f"the logged day lived with them is worse, mean error {written(was, 2)} → {written(would, 2)} °C")
     why += [f"not proven: {point}" for point in open_points]
     verdict = combined([proof.verdict, *([NOT_PROVEN] if open_points else [])])
     return Cure(words=words, verdict=verdict, why="; ".join(why), design=done.wished,
