@@ -63,7 +63,7 @@ _COLUMNS: Final = (
     Column(name="pwm_period_s", kind="float", what="in force [s]"),
     Column(name="hours", kind="float", what="length of the log [h]"),
     Column(name="loads", kind="int", what="loads found in it"),
-    *(Column(name=name, kind="float", what=f"{what} of the heater found; empty: not known") for name, what in _HEATER.items()),
+    *(Column(name=name, kind="float", what=f"{what} of the heater found") for name, what in _HEATER.items()),
     Column(name="fit_pct", kind="float", what="how much of the log it explains [%]"),
     Column(name="target", kind="text", what="controller of the words that would cure it"),
     Column(name="words", kind="text", what="these words, as JSON"),
@@ -229,7 +229,7 @@ def _asked(asked: Asked, loop: Loop, words: Words | None) -> Asked | None:
 
 
 def _told(told: Diagnosis) -> Row:
-    heater = told.heater
+    heater = None if told.fitted is None else told.fitted.model
     return {
         "outcome": told.cause.told, "reason": told.found[0].told if told.found else None,
         "also": "; ".join(found.told for found in told.found[1:]) or None, "excess": float(told.excess),

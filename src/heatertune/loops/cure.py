@@ -7,7 +7,7 @@ from typing import Final
 
 from heatertune import cache
 from heatertune.errors import HeatertuneError
-from heatertune.loops.diagnosis import RATIO_ONLY, Diagnosis
+from heatertune.loops.diagnosis import Diagnosis
 from heatertune.loops.same_day import day, times_worse
 from heatertune.loops.values import Cause, Loop
 from heatertune.model.values import FittedModel
@@ -29,7 +29,7 @@ class Cure:
 
     Attributes:
         words: of the target; None: there are none, see `why`.
-        verdict: of their proof; no PASS where the log leaves the heater open, or its day lived with them is worse.
+        verdict: of their proof; no PASS where the logged day lived with them is worse.
         why: what the proof does not keep, what is not proven, or why there are no words.
         design: what the words make.
         pwm_period_s: that they were proven with.
@@ -89,9 +89,9 @@ def _lived(told: Diagnosis, fitted: FittedModel, done: Closed) -> Cure:
     running = words.controller()
     lived = day(told.course, fitted.hypothetical[0], running, running.scan_s)
     _, was, would = times_worse(lived, told.course)
-    open_points += [RATIO_ONLY] if told.heater is None else []
     if would > was + told.course.least_degC:
-        open_points.append(f"the logged day lived with them is worse, mean error {written(was, 2)} → {written(would, 2)} °C")
+        open_points.append(
+            f"the logged day lived with them is worse, mean error {written(was, 2)} → {written(would, 2)} °C")
     why += [f"not proven: {point}" for point in open_points]
     verdict = combined([proof.verdict, *([NOT_PROVEN] if open_points else [])])
     return Cure(words=words, verdict=verdict, why="; ".join(why), design=done.wished,

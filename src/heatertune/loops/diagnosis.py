@@ -26,16 +26,14 @@ from heatertune.loops.measures import (
 from heatertune.loops.same_day import Day, day, ideal, times_worse
 from heatertune.loops.values import Cause, Found, Loop
 from heatertune.model.fit import fit
-from heatertune.model.values import FittedModel, Fopdt, Outcome
+from heatertune.model.intervals import Interval
+from heatertune.model.values import FittedModel, Outcome
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import PidDesign
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.period import SWITCHES, propose_period
 
-__all__ = ["RATIO_ONLY", "Diagnosis", "diagnosed"]
-
-#: what is said against a heater whose gain is open: nobody knows the power that holds its setpoint
-RATIO_ONLY: Final = "the log tells gain and time constant only as a ratio"
+__all__ = ["Diagnosis", "diagnosed"]
 
 _WORSE: Final = 2.5  # times the mean error that is possible: further off, other words are worth it
 _HALF_CYCLES: Final = 5  # a well-tuned loop is done after three
@@ -79,12 +77,6 @@ class Diagnosis:
     pwm_period_s: float | None
     longer_period_s: float | None
     found: tuple[Found, ...]
-
-    @property
-    def heater(self) -> Fopdt | None:
-        """The heater where the log tells gain and time constant, and not their ratio alone; else None."""
-        fitted = self.fitted
-        return None if fitted is None or fitted.outcome is Outcome.COMBINATIONS_ONLY else fitted.model
 
     @property
     def cause(self) -> Cause:
@@ -154,9 +146,14 @@ def _heater(log: Log, period_s: float | None) -> tuple[tuple[LoadStep, ...], Fit
         return loads, None, str(problem).removeprefix(f"{log.name}: ")
     if fitted.outcome is Outcome.POOR_FIT:
         return loads, None, "no heater explains the log well"
-    open_points = [RATIO_ONLY] if fitted.outcome is Outcome.COMBINATIONS_ONLY else []
-    open_points += [finding.kind.short for finding in fitted.findings if finding.kind.effect == "blocks"]
+    if any(_open(fitted.ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s")):
+        return loads, None, "the log leaves gain or time constant open: nobody knows the power that holds the setpoint"
+    open_points = [finding.kind.short for finding in fitted.findings if finding.kind.effect == "blocks"]
     return loads, fitted, "; ".join(open_points)
+
+
+def _open(interval: Interval | None) -> bool:
+    return interval is None or interval.low is None or interval.high is None
 
 
 def _longer(loop: Loop, fitted: FittedModel | None, course: Course, period_s: float | None) -> float | None:
@@ -177,8 +174,8 @@ def _found(told: Diagnosis, loop: Loop, before: FittedModel | None) -> Iterator[
     """Yield what is wrong, the cause before what follows from it."""
     limits = list(_limits(told.course))
     yield from limits
-    if before is not None and told.heater is not None and not limits:
-        yield from _drift(told.heater, before)
+    if before is not None and told.fitted is not None and not limits:
+        yield from _drift(told.fitted, before)
     if not limits:
         yield from _error(told)
     if told.longer_period_s is not None and told.switchings_per_h and told.pwm_period_s:
@@ -201,11 +198,11 @@ def _limits(course: Course) -> Iterator[Found]:
                 f"{abs(error):.3g} °C {'below' if error > 0.0 else 'above'} it at the end"))
 
 
-def _drift(now: Fopdt, before: FittedModel) -> Iterator[Found]:
+def _drift(now: FittedModel, before: FittedModel) -> Iterator[Found]:
     """Yield the parameter that moved most, where that is more than two fits differ by."""
     moved = []
     for name, most in (("gain_degC_per_pct", _DRIFT), ("time_constant_s", _DRIFT), ("dead_time_s", _LATER)):
-        was, is_ = getattr(before.model, name), getattr(now, name)
+        was, is_ = getattr(before.model, name), getattr(now.model, name)
         if was > 0.0 and is_ > 0.0:
             moved.append((abs(math.log(is_ / was)) / math.log1p(most), name, was, is_))
     excess, name, was, is_ = max(moved, default=(0.0, "", 0.0, 0.0))
