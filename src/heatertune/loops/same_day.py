@@ -146,8 +146,8 @@ def times_worse(lived: Day, course: Course) -> tuple[float, float, float]:
     """Return how many times the mean error of a day is what it would have been, and both means [°C].
 
     After a change of the setpoint the comparison begins where the other controller is near it: until then both can
-    but heat. Where it never is, it begins where the day as it was is near. Errors that are noise count as nothing, and a
-    quarter of one is added to both means: a loop that is never off its setpoint is as good as any.
+    but heat. Where it never is, it begins where the day as it was is near. Errors that are noise count as nothing, and
+    a quarter of one is added to both means: a loop that is never off its setpoint is as good as any.
     """
     counted = np.ones(len(lived.time_s), dtype=bool)
     ends = [*course.changes_s[1:], np.inf]
