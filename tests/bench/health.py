@@ -128,7 +128,7 @@ def main():
     loops = {loop.name: loop for loop in drawn(settings.n, settings.seed)}
     with tempfile.TemporaryDirectory() as folder:
         document = examined(list(loops.values()), folder, target="arduino-pid" if settings.words else "")
-    right, of, cured, tried, proven = Counter(), Counter(), 0, 0, 0
+    right, of, cured, tried, proven, false = Counter(), Counter(), 0, 0, 0, 0
     for row in document["loops"] + document["left_out"]:
         loop = loops[row["name"]]
         hit = row["outcome"] in RIGHT[loop.cause]
@@ -141,6 +141,7 @@ def main():
             done = cures(loop, row) if row.get("words") else None
             cured += done is not None and done[-1]
             proven += row.get("verdict") == "PASS"
+            false += row.get("verdict") == "PASS" and done[1] >= done[0]
             if done is None or not done[-1] or row["verdict"] != "PASS":
                 print(f"{loop.name}: {loop.cause}, {row.get('verdict')} {row.get('why')}, mean error {done}")
     worst = [loops[row["name"]].cause for row in document["loops"][:10]]
@@ -148,7 +149,8 @@ def main():
         print(f"{cause:15} {right[cause]:3} of {count}")
     print(f"together        {right.total():3} of {of.total()}; good ones among the worst ten: {worst.count('good')}")
     if settings.words:
-        print(f"words: {tried} ill-tuned, {proven} proven PASS, {cured} cured in this bench's own plant")
+        print(f"words: {tried} ill-tuned, {proven} proven PASS, {cured} cured in this bench's own plant, "
+              f"{false} made worse in spite of PASS")
 
 
 if __name__ == "__main__":

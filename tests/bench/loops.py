@@ -94,7 +94,8 @@ def traced(loop, *, k=None, tn=None, ta=None, pwm=None):
     times = np.arange(0.0, loop.duration, loop.interval)
     memory = 0.0 if loop.cold else min(max((loop.low - loop.ambient) / loop.gain, 0.0), 100.0)
     start = loop.ambient if loop.cold else loop.low
-    noise = loop.noise * rng.standard_normal(int(loop.duration / ta) + 10)
+    scan = max(1, round(ta / dt)) * dt  # in whole steps, so there may be more of them than the duration over TA
+    noise = loop.noise * rng.standard_normal(int(loop.duration / min(scan, ta)) + 10)
     rows = _run((loop.gain, loop.lag, loop.second, loop.dead, loop.ambient, loop.step), (k, tn, ta, pwm, memory),
                 (start, loop.low, loop.setpoint, 0.0 if loop.cold else 0.06 * loop.duration, loop.load,
                  0.4 * loop.duration, 0.7 * loop.duration), times, noise, dt)

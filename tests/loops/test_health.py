@@ -11,6 +11,8 @@ from heatertune.batch.loops import ranked
 from heatertune.cli import main
 from heatertune.errors import InputError
 from heatertune.log.values import Log
+from heatertune.loops.cure import cured
+from heatertune.loops.diagnosis import diagnosed
 from heatertune.loops.listed import listed, read_list
 from heatertune.loops.loads import without_loads
 from heatertune.loops.measures import (
@@ -23,11 +25,16 @@ from heatertune.loops.measures import (
     thinned,
 )
 from heatertune.loops.same_day import day, ideal, times_worse
+from heatertune.loops.values import Cause, Loop
+from heatertune.model.fit import fit
 from heatertune.model.values import Fopdt
 from heatertune.pid.search.quick import quick_tune
+from heatertune.plc import Scaling
+from heatertune.proof.asked import Asked
 from heatertune.report.loops import loops_lines, loops_page
 
 LOOPS = drawn(60, seed=3)
+ARDUINO = Asked(target="arduino-pid", scaling=Scaling(low_degC=0.0, high_degC=500.0))
 
 
 def of(cause, **changed):
@@ -109,6 +116,46 @@ def test_the_day_lived_again_with_the_very_controller_that_ran_is_the_day_itself
     off = np.abs(lived.relived_degC - lived.measured_degC)
     assert off.max() < 0.05 * np.ptp(log.temperature_degC)
     assert times_worse(lived, course)[0] == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_day_that_never_comes_to_its_setpoint_is_as_bad_as_it_is():
+    """A controller that gives no power: the mean error is the way down to the room, by the heater's own formula."""
+    loop = of("good", cold=False, duty=True, second=0.0)
+    heater = Fopdt(gain_degC_per_pct=loop.gain, time_constant_s=loop.lag, dead_time_s=loop.dead, ambient_degC=loop.ambient)
+    course = course_of(log_of(loop), loop.pwm)
+    worse, was, would = times_worse(day(course, heater, lambda *_: 0.0, loop.ta), course)
+    assert worse < 0.1
+    assert was < 0.1 * would
+    assert would == pytest.approx(loop.setpoint - loop.ambient, rel=0.15)  # a load cools it further for a third of the day
+
+
+def left_open():
+    """Return a loop whose fit ends at 63 °C/% and 35,000 s where the bench has 0.89 and 454, and what is known of it."""
+    loop = next(loop for loop in drawn(24, seed=7) if loop.name == "loop021")
+    return log_of(loop), Loop(name=loop.name, file="loop021.csv", switch=loop.switch, pwm_period_s=loop.pwm)
+
+
+def test_a_heater_that_the_log_leaves_open_gets_no_words():
+    log, loop = left_open()
+    told = diagnosed(log, loop)
+    assert told.cause is Cause.OSCILLATING
+    assert told.confidence != "high"
+    assert told.worse is None
+    cure = cured(told, loop, ARDUINO)
+    assert cure.words is None
+    assert cure.why == ("no heater to design for: the log leaves gain or time constant open: nobody knows the power that "
+                        "holds the setpoint")
+
+
+@pytest.mark.long(seconds=60)
+def test_words_with_which_the_logged_day_is_worse_are_not_proven():
+    """The heater left open, believed: its proof keeps every limit, with words that hold no setpoint in bench's plant."""
+    log, loop = left_open()
+    fitted = fit(without_loads(thinned(log, loop.pwm_period_s))[0])
+    cure = cured(replace(diagnosed(log, loop), fitted=fitted, why_not=""), loop, ARDUINO)
+    assert cure.would_degC > 100.0 * cure.was_degC
+    assert cure.verdict == "NOT PROVEN"
+    assert cure.why.startswith("not proven: the logged day lived with them is worse, mean error 2.2 → 10")
 
 
 def test_a_list_says_what_is_wrong_with_it(tmp_path):

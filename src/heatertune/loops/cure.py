@@ -14,7 +14,8 @@ from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words
 from heatertune.proof.closing import Asked, Closed, closed
-from heatertune.proof.verdict import blocking
+from heatertune.proof.verdict import NOT_PROVEN, blocking, combined
+from heatertune.units import written
 
 __all__ = ["Cure", "cured"]
 
@@ -28,8 +29,8 @@ class Cure:
 
     Attributes:
         words: of the target; None: there are none, see `why`.
-        verdict: of their proof.
-        why: what the proof does not keep, or why there are no words.
+        verdict: of their proof; no PASS where the logged day lived with them is worse.
+        why: what the proof does not keep, what is not proven, or why there are no words.
         design: what the words make.
         pwm_period_s: that they were proven with.
         was_degC, would_degC: mean error of the logged day, as it was and with them, noise left out; None: not lived.
@@ -84,9 +85,14 @@ def _lived(told: Diagnosis, fitted: FittedModel, done: Closed) -> Cure:
     proof, words = done.proof, done.proof.words
     broken = [criterion.name.replace("_", " ") for criterion in proof.criteria if not criterion.ok]
     why = [f"not kept: {', '.join(broken)}"] if broken else []
-    why += [f"not proven: {point['name']}" for point in blocking(proof.heard.to_document())]
+    open_points = [point["name"] for point in blocking(proof.heard.to_document())]
     running = words.controller()
     lived = day(told.course, fitted.hypothetical[0], running, running.scan_s)
     _, was, would = times_worse(lived, told.course)
-    return Cure(words=words, verdict=proof.verdict, why="; ".join(why), design=done.wished,
+    if would > was + told.course.least_degC:
+        open_points.append(
+            f"the logged day lived with them is worse, mean error {written(was, 2)} → {written(would, 2)} °C")
+    why += [f"not proven: {point}" for point in open_points]
+    verdict = combined([proof.verdict, *([NOT_PROVEN] if open_points else [])])
+    return Cure(words=words, verdict=verdict, why="; ".join(why), design=done.wished,
                 pwm_period_s=proof.actuator.pwm_period_s, was_degC=was, would_degC=would)

@@ -26,6 +26,7 @@ from heatertune.loops.measures import (
 from heatertune.loops.same_day import Day, day, ideal, times_worse
 from heatertune.loops.values import Cause, Found, Loop
 from heatertune.model.fit import fit
+from heatertune.model.intervals import Interval
 from heatertune.model.values import FittedModel, Outcome
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import PidDesign
@@ -145,8 +146,14 @@ def _heater(log: Log, period_s: float | None) -> tuple[tuple[LoadStep, ...], Fit
         return loads, None, str(problem).removeprefix(f"{log.name}: ")
     if fitted.outcome is Outcome.POOR_FIT:
         return loads, None, "no heater explains the log well"
+    if any(_open(fitted.ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s")):
+        return loads, None, "the log leaves gain or time constant open: nobody knows the power that holds the setpoint"
     open_points = [finding.kind.short for finding in fitted.findings if finding.kind.effect == "blocks"]
     return loads, fitted, "; ".join(open_points)
+
+
+def _open(interval: Interval | None) -> bool:
+    return interval is None or interval.low is None or interval.high is None
 
 
 def _longer(loop: Loop, fitted: FittedModel | None, course: Course, period_s: float | None) -> float | None:

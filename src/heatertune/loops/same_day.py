@@ -135,21 +135,27 @@ def _relived(
     return np.array(temperatures)
 
 
+def _near(error: Array, least_degC: float) -> int | None:
+    """Return the first row of a stretch that is near its setpoint, None where none is."""
+    off = np.abs(error)
+    near = np.flatnonzero(off <= np.maximum(least_degC, _BAND * off[:1]))
+    return int(near[0]) if len(near) else None
+
+
 def times_worse(lived: Day, course: Course) -> tuple[float, float, float]:
     """Return how many times the mean error of a day is what it would have been, and both means [°C].
 
     After a change of the setpoint the comparison begins where the other controller is near it: until then both can
-    but heat. Errors that are noise count as nothing, and a quarter of one is added to both means: a loop that is never
-    off its setpoint is as good as any.
+    but heat. Where it never is, it begins where the day as it was is near. Errors that are noise count as nothing, and
+    a quarter of one is added to both means: a loop that is never off its setpoint is as good as any.
     """
     counted = np.ones(len(lived.time_s), dtype=bool)
     ends = [*course.changes_s[1:], np.inf]
     for start, end in zip(course.changes_s, ends, strict=True):
         part = np.flatnonzero((lived.time_s >= start) & (lived.time_s < end))
-        off = np.abs(lived.setpoint_degC[part] - lived.relived_degC[part])
-        if len(part):
-            near = np.flatnonzero(off <= max(course.least_degC, _BAND * float(off[0])))
-            counted[part[:int(near[0]) if len(near) else len(part)]] = False
+        near = [first for day_degC in (lived.relived_degC, lived.measured_degC)
+                if (first := _near(lived.setpoint_degC[part] - day_degC[part], course.least_degC)) is not None]
+        counted[part[:near[0] if near else len(part)]] = False
     if not np.any(counted):
         return 1.0, 0.0, 0.0
 

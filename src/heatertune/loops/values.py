@@ -23,7 +23,7 @@ class Cause(Enum):
     OFFSET = "take words with an integral part"
     SLUGGISH = "take faster words"
     WEAR = "take a longer PWM period"
-    UNKNOWN = "log the power, or name the controller and its words in the list"
+    UNKNOWN = "log the power and a change of the setpoint until it rests, or list the controller and its words"
     WELL = "nothing"
 
     @property
