@@ -26,7 +26,11 @@ SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
 COMMON = "common"
 #: the folders in plc, which have a page of their own
 FOLDERS = "controllers"
-ROOMS = ("chain", "log", "heater", "model", "pid", "plc", FOLDERS, "proof", "report", "batch", "live", COMMON)
+SUPERVISION = "supervision"
+ROOMS = ("chain", "log", "heater", "model", "pid", "plc", FOLDERS, "proof", SUPERVISION, "report", "batch", "loops",
+         "live", COMMON)
+#: room → its folder, where that has another name
+_FOLDERS = {FOLDERS: "plc", SUPERVISION: "proof/supervision"}
 #: what is no folder of its own → what it is for
 _TOLD = {COMMON: "What all rooms may use: settings, options, units, terms, errors.",
          FOLDERS: "The folder of each controller, and the machines that run what is exported."}
@@ -100,7 +104,7 @@ def service(target: str) -> str:
 
 def python(room: str) -> str:
     """Return the directives from which mkdocstrings draws a room of the Python reference."""
-    within = f"{_folder(room)}."
+    within = f"{_folder(room).replace('/', '.')}."
     return "\n".join(f"::: heatertune.{name}\n    options:\n      toc_label: {name.rpartition(within)[2]}\n"
                      for name in modules(room))
 
@@ -111,14 +115,14 @@ def rooms() -> str:
     for room in ROOMS:
         told = _TOLD.get(room)
         if told is None:
-            text = (SOURCE / room / "__init__.py").read_text(encoding="utf-8")
+            text = (SOURCE / _folder(room) / "__init__.py").read_text(encoding="utf-8")
             told = (ast.get_docstring(ast.parse(text)) or "").partition("\n")[0]
         lines.append((f"[{room}](python_{room}.md)", told))
     return _table(("room", "what it is for"), lines)
 
 
 def _folder(room: str) -> str:
-    return "plc" if room == FOLDERS else room
+    return _FOLDERS.get(room, room)
 
 
 def modules(room: str) -> list[str]:
@@ -127,8 +131,9 @@ def modules(room: str) -> list[str]:
         return ["settings", "options", "units", "terms", "errors"]
     found, folder = [], SOURCE / _folder(room)
     of_room = {"plc": folder.glob("*.py"), FOLDERS: folder.glob("*/**/*.py")}
+    apart = SOURCE / _FOLDERS[SUPERVISION] if room == "proof" else None
     for path in sorted(of_room.get(room, folder.rglob("*.py"))):
-        if path.name != "__init__.py" and "__all__" in path.read_text(encoding="utf-8"):
+        if path.name != "__init__.py" and apart not in path.parents and "__all__" in path.read_text(encoding="utf-8"):
             found.append(".".join(path.relative_to(SOURCE).with_suffix("").parts))
     return found
 

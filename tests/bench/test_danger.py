@@ -112,7 +112,8 @@ def test_words_mean_what_the_manuals_say():
     for target, full in (("arduino-pid", 255.0), ("simple-pid", 100.0), ("esphome", 1.0)):
         names = ("kp", "ki", "kd") if target == "esphome" else ("Kp", "Ki", "Kd")
         gains = dict(zip(names, (full / 100.0, full / 8000.0, 0.15 * full), strict=True))
-        assert truth.law_of(target, gains, 0.0, 200.0, 5.0) == Law(1.0, pytest.approx(5.0 / 80.0), 0.0, pytest.approx(3.0), 0.0, 5.0)
+        assert truth.law_of(target, gains, 0.0, 200.0, 5.0) == Law(
+            pytest.approx(1.0), pytest.approx(5.0 / 80.0), 0.0, pytest.approx(3.0), 0.0, 5.0)
     assert truth.law_of("iec-pid", {"KP": 1.0, "TR": 80.0, "TD": 0.0}, 0.0, 200.0, 5.0) == Law(1.0, 5.0 / 80.0, 0.0, 0.0, 0.0, 5.0)
     band = truth.law_of("pband", {"Pb": 1000, "ti": 80, "td": 15}, 0.0, 200.0, 5.0)
     assert band == Law(1.0, 5.0 / 80.0, 0.0, 3.0, pytest.approx(1.875 / 6.875), 5.0)

@@ -170,7 +170,8 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
         "noise_degC": 0.1, "tolerance_degC": 0.7, "pwm_period_s": 8.0, "pwm_resolution_s": 0.25, "minimum_on_s": 0.5,
         "minimum_off_s": 0.75, "pwm_rule": "pid-compact", "interlock": "heater-fan", "limit_degC": 80.0,
         "fan_stops_s": 99.0, "samples": 3, "spec": "oven", "robust": "none", "step_power_pct": 9.0,
-        "profile": "/any/firing.csv", "input": "4-20mA",
+        "profile": "/any/firing.csv", "input": "4-20mA", "cooling_gain": 0.4, "cooling_minimum_on_s": 0.2,
+        "cooling_minimum_off_s": 0.3,
     }
     assert {*settings, "log", "model", *options_of(FitSettings)} == {*KEYS, "cooler"}, "no key is forgotten here"
     seen = {}

@@ -409,7 +409,7 @@ def test_power_is_0_to_100_percent_of_the_output_and_flags_are_bits():
     for output, power in ((-60.0, 0.0), (0.5, 0.5), (99.5, 99.5), (300.0, 100.0)):
         for upper, lower, over, bits in ((False, False, False, 0), (True, False, False, 1), (False, True, True, 6), (False, False, True, 4), (True, False, True, 5)):
             state = fb41.State(output=output, at_upper=upper, at_lower=lower, overflow=over)
-            assert fb41._outcome(state)[1:] == (power, output, bits)
+            assert fb41.outcome(state)[1:] == (power, output, bits)
     words = {"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "TauSetPoint": 0.0, "MinimumOutput": 5.0, "MaximumOutput": 60.0, "Type": 0, "Action": 0, "Ts": 1000}
     block = weg.block_of(words, weg.Assumptions())
     for output, power, bits in ((-5.0, 0.0, 2), (5.0, 5.0, 2), (5.5, 5.5, 0), (60.0, 60.0, 1), (100.5, 100.0, 1)):

@@ -55,7 +55,7 @@ def test_each_word_has_its_name_its_exact_type_and_its_place(served, words):
         assert image == plc.plc.memory.image()
         for name, value in words.values.items():
             found = client.get_node(f"{BLOCK}.{name}").read_data_value().Value
-            assert found.VariantType == (Kind.UInt16 if name == "STEU" else Kind.Int16)
+            assert found.VariantType == (Kind.Byte if name == "STEU" else Kind.Int16)  # its high byte is the system's
             assert found.Value == (1023 if name == "W" else value)  # 50 °C of 0…100 °C in 2047 units
         own = Told(client.get_node(f"ns=2;s=DB{OWN}").read_value())
         for name in ("intervals", "scans", "released", "heartbeat", "status", "power_pct", "reading", "shown", "interval_s"):

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["add_to"]
 
-_EXAMPLE: Final = ("example: heatertune experiment plan.csv s7://192.168.0.10/0/2/db30 --design out/ "
-                   "--limit-temperature 70 -o log.csv")
+_EXAMPLE: Final = ("example: heatertune experiment plan.csv s7://plc/0/2/db30 --limit-temperature 70 "
+                   "--design out/ -o log.csv")
 _FIELDS: Final = {"gain": "gain_degC_per_pct", "time-constant": "time_constant_s", "dead-time": "dead_time_s"}
 
 
