@@ -207,14 +207,28 @@ def test_the_command_asks_first_and_ends_with_what_is_next(served, design_folder
     assert "--until 'gain=0%'" in capsys.readouterr().err
 
 
-def test_without_a_dead_man_it_wants_to_be_told_so(served, design_folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("heatertune.live.experiment.told_by", lambda _: None)
+def test_without_a_dead_man_it_wants_to_be_told_so(served, design_folder, tmp_path, capsys):
     (tmp_path / "plan.csv").write_text("time_s,power_pct\n0,10\n200,60\n")
-    plc = served(**FAST)
+    plc = served(**FAST | {"dead_man": 0})
     arguments = _command(plc, design_folder, tmp_path / "log.csv", "--yes", "--quiet")[3:]
     assert main(arguments) == 2
     assert "--without-dead-man begins all the same" in capsys.readouterr().err
     assert main([*arguments, "--without-dead-man"]) == 0
+
+
+def test_a_fit_that_takes_long_does_not_keep_the_controller_in_manual(served, words, tmp_path):
+    """The fit ends only when it sees the controller given back; it would wait for ever."""
+    plc = served(**FAST)
+    before = cells(plc)
+
+    def fit(_log):
+        while cells(plc) != before:
+            pass
+        raise InputError("too little")
+
+    aims = Aims(shares={"gain_degC_per_pct": 0.01}, every_rows=10)
+    ended, _ = ran(plc, words, tmp_path, aims=aims, fit=fit)
+    assert (ended.why, ended.restored) == ("plan", True)
 
 
 @pytest.mark.long

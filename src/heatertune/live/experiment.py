@@ -24,7 +24,7 @@ from heatertune.live.client.client import Client
 from heatertune.live.client.simulator import told_by
 from heatertune.live.looking import Look
 from heatertune.live.manual import ManualMode
-from heatertune.live.memory import OWN, OWN_CELLS, RUNS
+from heatertune.live.memory import GUARDED, OWN, OWN_CELLS, RUNS
 from heatertune.live.places import places_of
 from heatertune.live.recorder import Recorded, Recording, record
 from heatertune.live.schedule import RATE_ROWS, Aims, Limits, Relay, Steps
@@ -124,10 +124,10 @@ class Experiment:
         broken = self.limits.broken([(0.0, degC)], self.sensor_degC)
         if broken is not None:
             raise InputError(f"{where}: {broken[1]}")
-        self.has_dead_man = own is not None
+        self.has_dead_man = own is not None and bool(own.status & GUARDED)
         mode = "manual" if self.mode.block.in_manual(image) else "automatic"
-        return (f"the block holds the words of {self._words.target}", f"{mode}, {degC:.2f} °C",
-                "dead man: the simulator's, by its heartbeat" if own else "no dead man is known of this PLC")
+        dead_man = "dead man: the simulator's, by its heartbeat" if self.has_dead_man else "no dead man is known here"
+        return f"the block holds the words of {self._words.target}", f"{mode}, {degC:.2f} °C", dead_man
 
     def _demand_words(self, image: bytes) -> None:
         read = controller_for(self._words.target).read_image(
@@ -170,6 +170,7 @@ class Experiment:
             restored = self.mode.give_back(before, puts)
             if restored is not None:
                 kept.unlink(missing_ok=True)
+            hand.join()
         assert hand.ended is not None
         hand.ended.restored, hand.ended.recorded, hand.ended.fitted = restored, recorded, hand.fitted
         return hand.ended
@@ -273,9 +274,12 @@ class _Hand:
             self.fitted = fit(self._log)
 
     def let_go(self) -> None:
-        """Close the connection; a fit that is under way comes to its end."""
+        """Close the connection."""
         if self._client is not None:
             self._client.close()
+
+    def join(self) -> None:
+        """Wait for a fit that is under way: the controller has been given back by then."""
         if self._fitting is not None:
             self._fitting.join()
 

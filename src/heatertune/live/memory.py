@@ -8,7 +8,8 @@ from enum import Enum
 from threading import Condition
 from typing import Final
 
-__all__ = ["DEAD_MAN", "FAULTY", "OWN", "OWN_CELLS", "OWN_LENGTH", "RUNS", "Access", "Memory", "Refusal", "Told"]
+__all__ = ["DEAD_MAN", "FAULTY", "GUARDED", "OWN", "OWN_CELLS", "OWN_LENGTH", "RUNS", "Access", "Memory", "Refusal",
+           "Told"]
 
 #: number of the simulator's own block, which no real PLC has
 OWN: Final = 1000
@@ -41,10 +42,11 @@ def _part(name: str) -> slice:
 _RELEASED: Final = _part("released")
 _HEARTBEAT: Final = _part("heartbeat")
 _SHOWN: Final = _part("shown")
-#: bits of `status`: the CPU is in RUN, the dead man has acted, a fault of the timetable is there
+#: bits of `status`: the CPU is in RUN, the dead man has acted, a fault of the timetable is there, a dead man watches
 RUNS: Final = 1
 DEAD_MAN: Final = 2
 FAULTY: Final = 4
+GUARDED: Final = 8
 #: what makes a block the simulator's own, and not a machine's that has the same number
 _MARK: Final = b"HTVP"
 
@@ -73,7 +75,7 @@ class Told:
         scans: that the CPU ran in them; it runs none in STOP.
         released: up to how many intervals may pass, with `--step`.
         heartbeat: as the host wrote it last.
-        status: `RUNS`, `DEAD_MAN` and `FAULTY`.
+        status: `RUNS`, `DEAD_MAN`, `FAULTY` and `GUARDED`.
         temperature_degC: that the sensor sees, noise included [°C].
         power_pct: asked for [%].
         setpoint, reading: in the controller's units.

@@ -18,7 +18,7 @@ from typing import Any, Final
 from heatertune.live.blocks import Block
 from heatertune.live.faults import Fault
 from heatertune.live.layout import Run
-from heatertune.live.memory import DEAD_MAN, FAULTY, RUNS, Memory
+from heatertune.live.memory import DEAD_MAN, FAULTY, GUARDED, RUNS, Memory
 from heatertune.live.plan import Plan
 from heatertune.plc.core import Core
 from heatertune.proof.kernel import Batch, Record
@@ -190,7 +190,7 @@ class VirtualPlc:
 
     def _over(self) -> None:
         """Tell clients which intervals are over."""
-        status = RUNS * self.runs | self._status | FAULTY * bool(self._there)
+        status = RUNS * self.runs | self._status | FAULTY * bool(self._there) | GUARDED * bool(self._dead_man)
         self.memory.tell(self._intervals, self._scans, status, self._seen)
         with self.memory.changed:
             self.memory.changed.notify_all()
