@@ -82,6 +82,8 @@ def test_each_row_of_a_slower_protocol_is_a_scan_of_the_simulation(served, heate
     record(way(plc, protocol), tmp_path / "log.csv", places, Recording(timeout_s=10.0), ended=Until(plc))
     rows = rows_of(tmp_path / "log.csv")
     assert len(rows) > 10
+    head = (tmp_path / "log.csv").read_text().splitlines()[0]
+    assert head.endswith("a row may hold quantities of two scans") == (protocol == "as511")
     trace = _quiet(heater, words, 60)
     scans = np.rint(rows[:, 0] / plc.scan_s).astype(int)
     np.testing.assert_allclose(rows[:, 1], trace.reading_degC[scans], rtol=1e-6)
@@ -156,7 +158,7 @@ def test_a_counter_of_the_program_is_the_clock_and_wraps(monkeypatch, tmp_path):
     places = Places(block=5, signals={"temperature": Signal(2, "INT")}, counter=Counter(signal=Signal(0, "UINT"), interval_s=0.5))
 
     class Fake:
-        most = 200
+        most, whole = 200, True
 
         def read(self, number, start, count):
             if number == OWN:

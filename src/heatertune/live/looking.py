@@ -80,6 +80,11 @@ class Looking:
         """What is seen, and where it stands."""
         return self._places.signals
 
+    @property
+    def whole(self) -> bool:
+        """Whether a look is of one scan."""
+        return self._client.whole
+
     def _settled(self, simulated: bool, places: Places | None) -> int:
         """Return the number of the block."""
         if places is None and not simulated:

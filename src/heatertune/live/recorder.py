@@ -84,7 +84,6 @@ class _File:
     def __init__(self, path: Path, heads: str, append: bool) -> None:
         """Open, and write or check the heads; errors as in `record`."""
         self._path, self._synced = path, 0.0
-        self.rows_before = 0
         self.last_s: float | None = None
         flags = os.O_WRONLY | os.O_APPEND
         if append and path.exists():
@@ -120,7 +119,6 @@ class _File:
         torn = not text.endswith("\n")
         if torn and whole and whole[-1] == lines[-1]:
             del whole[-1]
-        self.rows_before = len(whole)
         self.last_s = float(whole[-1].split(",")[0]) if whole else None
         return (f"{TORN}\n" if torn else "") + (f"{columns}\n" if found is None else "")
 
@@ -181,7 +179,8 @@ def record(
         columns = ["time_s", *(_UNITS[role] for role in ROLES if role in signals)]
         clock = ("this machine's clock" if looking.interval_s is None
                  else f"scans of the PLC, each {looking.interval_s:.9g} s")
-        heads = f"{MARK}; {address.text}; begun {_now()}; time: {clock}\n{','.join(columns)}\n"
+        mixed = "" if looking.whole else "; a row may hold quantities of two scans"
+        heads = f"{MARK}; {address.text}; begun {_now()}; time: {clock}{mixed}\n{','.join(columns)}\n"
         with _File(Path(path), heads, given.append) as file:
             return _Rows(looking, file, given).run(shown, ended)
 
