@@ -6,9 +6,12 @@ import asyncio
 import socket
 from contextlib import AbstractAsyncContextManager
 from threading import Event, Thread
-from typing import Any
+from typing import Any, Final
 
 __all__ = ["AsideServer"]
+
+#: of ending what is left: a request of the last moment may have begun something yet
+_ROUNDS: Final = 10
 
 
 class _Loop(asyncio.SelectorEventLoop):
@@ -61,7 +64,9 @@ class AsideServer:
         async with self.serving():
             self._ready.set()
             await self._end.wait()
-        rest = asyncio.all_tasks() - {asyncio.current_task()}
-        for task in rest:
-            task.cancel()
-        await asyncio.gather(*rest, return_exceptions=True)
+        for _ in range(_ROUNDS):
+            await asyncio.sleep(0)
+            rest = asyncio.all_tasks() - {asyncio.current_task()}
+            for task in rest:
+                task.cancel()
+            await asyncio.gather(*rest, return_exceptions=True)
