@@ -222,12 +222,14 @@ def test_a_torn_log_is_read_without_its_torn_line_and_continued(served, places, 
     plc, path = served(intervals=1000, **FAST), tmp_path / "log.csv"
     record(way(plc, "s7"), path, places, Recording(for_s=300.0), ended=Until(plc))
     whole = path.read_bytes()
-    for cut in range(min(80, len(whole) // 2)):
+    heads = whole.index(b"\n", whole.index(b"\n") + 1)
+    for cut in [*range(min(80, len(whole) // 2)), len(whole) - heads, len(whole) - heads + 3]:
         left = whole[:len(whole) - cut]
         path.write_bytes(left)
         last = left.decode().split("\n")[-1]
-        assert _read(path).endswith(f"{last!r}.") == bool(last)
-        if cut % 8 == 3:
+        begun = len(left) > heads + 1  # else there is nothing to be read yet
+        assert not begun or _read(path).endswith(f"{last!r}.") == bool(last)
+        if cut % 8 == 3 or not begun:
             record(way(plc, "s7"), path, places, Recording(append=True), ended=Until(plc))
             assert path.read_bytes().startswith(left)  # appended only
             assert (last + "#torn\n" in path.read_text()) == bool(last)
@@ -243,6 +245,15 @@ def _read(path):
 
 def whole_rows(path):
     return [line for line in path.read_text().split("\n")[:-1] if line[:1].isdigit() and not line.endswith("#torn")]
+
+
+def test_a_log_whose_last_row_is_damaged_is_not_continued(served, places, tmp_path):
+    plc, path = served(intervals=300, **FAST), tmp_path / "log.csv"
+    record(way(plc, "s7"), path, places, ended=Until(plc))
+    path.write_text(damaged := path.read_text() + "oh,1,2,3\n")
+    with pytest.raises(InputError, match="ends in 'oh,1,2,3'; expected a row"):
+        record(way(plc, "s7"), path, places, Recording(append=True))
+    assert path.read_text() == damaged
 
 
 def test_other_columns_are_not_mixed_in(served, places, tmp_path):

@@ -1,6 +1,7 @@
 """The watch: a loop in order is told nothing of; a fault that the virtual PLC has on its timetable is told as what it is."""
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 
 import pytest
@@ -80,3 +81,10 @@ def test_a_refit_says_which_parameter_has_moved(folder, tmp_path, capsys, monkey
 def test_a_folder_without_a_proof_is_told(design_folder, capsys):
     assert main(["watch", "s7://127.0.0.1:1/0/2/db30", "--design", str(design_folder)]) == 2
     assert "proof.json" in capsys.readouterr().err
+
+
+def test_who_has_seen_nothing_says_so_and_is_not_well(folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("heatertune.cli.watch.asked_to_end", lambda: nullcontext([1]))  # Ctrl-C before the first look
+    with virtual_plc(folder, **FAST) as plc:
+        status = main(["watch", way(plc, "s7").text, "--design", str(folder), "-o", str(tmp_path / "log.csv"), "--quiet"])
+    assert (status, "nothing was seen" in capsys.readouterr().out) == (1, True)

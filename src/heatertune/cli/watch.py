@@ -58,11 +58,12 @@ def _run(settings: argparse.Namespace) -> int:
         so_far = record(address, log, places, Recording(for_s=settings.for_s), shown=_shown(settings, beside),
                         ended=lambda: bool(asked))
     LINE.end()
+    well = beside.seen.readings > 0 and beside.seen.well  # who has seen nothing knows nothing
     document = {"schema": "heatertune/watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
-                "gaps": so_far.gaps, "well": beside.seen.well, **beside.seen.to_document(),
+                "gaps": so_far.gaps, "well": well, **beside.seen.to_document(),
                 "refit": _refitted(log, proven) if settings.refit else None}
     printing.output(settings, document, lambda: _lines(document))
-    return 0 if beside.seen.well else 1
+    return 0 if well else 1
 
 
 def _shown(settings: argparse.Namespace, beside: Beside) -> Callable[[Recorded], object]:

@@ -20,8 +20,9 @@ from heatertune.files import read_bytes
 from heatertune.live.client.address import Address
 from heatertune.live.looking import Look, Looking
 from heatertune.live.places import ROLES, Places
-from heatertune.log.record import MARK, TORN
+from heatertune.log.record import MARK, TORN, without_torn
 from heatertune.units import check
+from heatertune.writing import settle
 
 __all__ = ["Recorded", "Recording", "record"]
 
@@ -93,7 +94,7 @@ class _File:
         else:
             self._number = self._opened(flags | os.O_CREAT | os.O_EXCL)
             self.write(heads)
-            self._sync_folder()
+            settle(self._path.parent)
 
     def _opened(self, flags: int) -> int:
         try:
@@ -109,25 +110,17 @@ class _File:
             text = read_bytes(self._path).decode(errors="replace")
         except OSError as problem:
             raise InputError(f"{self._path}: cannot be continued: {problem.strerror}") from None
-        lines = text.splitlines()
-        if not lines or not lines[0].startswith(MARK):
+        if not text.startswith(MARK):
             raise InputError(f"{self._path}: was not begun by heatertune record; take another name")
-        found = next((line for line in lines if not line.startswith("#")), None)
+        lines = [line for line in without_torn(text, []).split("\n") if line and not line.startswith("#")]
+        found = lines[0] if lines else None
         if found is not None and found != columns:
             raise InputError(f"{self._path}: has the columns {found}; now they would be {columns}")
-        whole = [line for line in lines if line[:1].isdigit() and not line.endswith(TORN)]
-        torn = not text.endswith("\n")
-        if torn and whole and whole[-1] == lines[-1]:
-            del whole[-1]
-        self.last_s = float(whole[-1].split(",")[0]) if whole else None
-        return (f"{TORN}\n" if torn else "") + (f"{columns}\n" if found is None else "")
-
-    def _sync_folder(self) -> None:
-        folder = os.open(self._path.parent, os.O_RDONLY)
         try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+            self.last_s = float(lines[-1].split(",")[0]) if len(lines) > 1 else None
+        except ValueError:
+            raise InputError(f"{self._path}: ends in {lines[-1]!r}; expected a row: {columns}") from None
+        return ("" if text.endswith("\n") else f"{TORN}\n") + (f"{columns}\n" if found is None else "")
 
     def write(self, text: str) -> None:
         """Write at the end; raise InputError where the disk does not take it."""
