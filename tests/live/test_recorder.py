@@ -280,6 +280,20 @@ def test_a_full_disk_is_told_and_what_is_there_stays(served, places, monkeypatch
     assert "was torn" in _read(tmp_path / "log.csv")
 
 
+def test_a_disk_that_fails_at_the_end_is_told(served, places, monkeypatch, tmp_path):
+    plc = served(intervals=1200, **FAST)
+
+    def failing(_number):
+        raise OSError(errno.EIO, "Input/output error")
+
+    def enough():
+        monkeypatch.setattr("heatertune.live.recorder.os.fsync", failing)
+        return True
+
+    with pytest.raises(InputError, match="Input/output error; what is there stays"):
+        record(way(plc, "s7"), tmp_path / "log.csv", places, ended=enough)
+
+
 @pytest.mark.parametrize("field", ["every_s", "for_s", "timeout_s"])
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
 def test_a_time_that_is_none_is_told(field, value):

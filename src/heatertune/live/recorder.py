@@ -132,7 +132,10 @@ class _File:
                 os.fsync(self._number)
                 self._synced = now
         except OSError as problem:
-            raise InputError(f"{self._path}: cannot be written on: {problem.strerror}; what is there stays") from None
+            raise self._broken(problem) from None
+
+    def _broken(self, problem: OSError) -> InputError:
+        return InputError(f"{self._path}: cannot be written on: {problem.strerror}; what is there stays")
 
     def __enter__(self) -> Self:
         return self
@@ -140,8 +143,13 @@ class _File:
     def __exit__(
         self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
     ) -> None:
-        os.fsync(self._number)
-        os.close(self._number)
+        try:
+            os.fsync(self._number)
+        except OSError as broken:
+            if problem is None:
+                raise self._broken(broken) from None
+        finally:
+            os.close(self._number)
 
 
 def record(
