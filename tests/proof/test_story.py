@@ -89,6 +89,19 @@ def test_two_lags_take_the_time_of_their_own_answer():
     assert phases[0].limit_s == pytest.approx(10.0 + 68.82 + 5.0 * 110.0, abs=5.0)
 
 
+def test_an_open_circuit_lasts_until_a_boost_nearly_takes_the_heater_back_whatever_the_dead_time():
+    # 8 of the 40 °C are lost after T·ln(40/32) of cooling by itself; with two scans in hand, and not a scan more. The dead
+    # time lets the reading fall for as long after the circuit is closed as it waited before
+    fast, slow = (replace(HEATER, time_constant_s=lag, dead_time_s=50.0) for lag in (100.0, 200.0))
+    scenario = _story(fast, slow, loop=replace(LOOP, again_degC=8.0)).scenario
+    cut = [later.time_s - each.time_s for each, later in pairwise(scenario.disturbances) if isinstance(each, Mains) and each.share == 0.0]
+    assert cut[1:] == pytest.approx([_up(lag * math.log(40.0 / 32.0) - 10.0) for lag in (100.0, 200.0)])
+    for heater, opened in zip((fast, slow), cut[1:], strict=True):
+        assert 7.0 < 40.0 * (1.0 - math.exp(-opened / heater.time_constant_s)) < 8.0
+    assert len(_story(fast, loop=replace(LOOP, again_degC=8.0)).scenario.disturbances) == len(_story(fast).scenario.disturbances) + 2
+    assert len(_story(fast, loop=replace(LOOP, again_degC=40.0)).scenario.disturbances) == len(_story(fast).scenario.disturbances)
+
+
 def test_a_ramp_and_a_slow_switch_get_their_time():
     plain, ramped = _story(), _story(loop=replace(LOOP, ramp_degC_per_min=4.0))
     assert _part(ramped, 0)[0] - _part(plain, 0)[0] == pytest.approx(600.0, abs=5.0)  # 40 °C

@@ -18,7 +18,7 @@ from heatertune.plc.words import FLOATS
 from heatertune.proof import Proof
 from heatertune.proof.closing import Asked, closed
 from heatertune.proof.drawn import sample_document
-from heatertune.proof.verdict import blocking, combined
+from heatertune.proof.verdict import blocking, combined, sampled
 
 __all__ = ["HEAD", "RESULT", "lost_row", "word_columns", "zone_row"]
 
@@ -179,6 +179,5 @@ def _sampled(row: Row, samples: Mapping[str, Any]) -> Row:
     }
     if samples["verdict"] == "PASS":
         return columns
-    few = f"{100.0 * samples['passing']:.3g} % of {samples['count']} samples keep every limit"
-    reason = "; ".join(filter(None, (row["reason"], few)))
+    reason = "; ".join(filter(None, (row["reason"], *sampled({"samples": samples}))))
     return columns | {"outcome": combined([row["outcome"], samples["verdict"]]), "reason": reason}

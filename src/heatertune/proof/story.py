@@ -167,8 +167,8 @@ class _Teller:
         if self.story.opens:
             yield self._off(Mains(time_s=1.0, share=0.0), max(2.0 * self.integral_time_s, self.heater_s))
             yield self._part(Mains(time_s=1.0, share=1.0), self.way_s)
-            if self._nearly_again_s > 0.0:
-                yield self._off(Mains(time_s=1.0, share=0.0), self._nearly_again_s)
+            for seconds in self._nearly_again_s:
+                yield self._off(Mains(time_s=1.0, share=0.0), seconds)
                 yield self._part(Mains(time_s=1.0, share=1.0), self.way_s)
         if self.low_degC is not None:
             yield _Part(event=NewSetpoint(time_s=1.0, setpoint_degC=self.low_degC),
@@ -325,13 +325,21 @@ class _Teller:
         return _Part(event=event, limit_s=seconds, rest_s=0.0)
 
     @property
-    def _nearly_again_s(self) -> float:
-        """How long an open circuit winds the controller up most: a boost is about to take the slowest heater back."""
+    def _nearly_again_s(self) -> list[float]:
+        """How long an open circuit winds the controller up most: a boost is about to take the heater back, but does not.
+
+        The fastest heater's time and the slowest one's. The dead time is no part of it: a circuit that closes again
+        lets the reading fall for as long as it took to begin.
+        """
         if self.loop.again_degC is None or self.loop.again_degC >= abs(self.step_degC):
-            return 0.0
+            return []
         step_s = max(self.loop.scan_s, self.loop.pwm_period_s, self.loop.sample_time_s)
-        shares = (self.loop.again_degC / abs(self.setpoint_degC - ambient) for ambient in self.ambients_degC)
-        return self._longest_s(share if share < 1.0 else _COLD for share in shares) - 2.0 * step_s
+        falls = []
+        for model, ambient in zip(self.models, self.ambients_degC, strict=True):
+            share = self.loop.again_degC / abs(self.setpoint_degC - ambient)
+            falls.append(time_to(share if share < 1.0 else _COLD, *model.lags_s) - 2.0 * step_s)
+        ends = sorted({min(falls), max(falls)})
+        return [seconds for seconds in (ends if ends[-1] - ends[0] > step_s else ends[-1:]) if seconds > 0.0]
 
     @property
     def _mains_tested(self) -> bool:

@@ -148,10 +148,16 @@ def derived(proof: Mapping[str, Any]) -> str:
 
 
 def _under(drawn: Mapping[str, Any]) -> str:
-    """Return under which setting of what the manual leaves open the fewest samples pass, where there are several."""
-    shares = {", ".join(f"{name} = {setting}" for name, setting in one["switches"].items()): one["passing"]
-              for one in drawn["settings"] if one["passing"] is not None}
-    return f" under {min(shares, key=lambda setting: shares[setting])}" if len(shares) > 1 else ""
+    """Return under which setting of what the manual leaves open the fewest samples pass, where there are several.
+
+    Of the setting it is what is other than assumed, which is the first one's.
+    """
+    ran = [one for one in drawn["settings"] if one["passing"] is not None]
+    if len(ran) < 2:
+        return ""
+    assumed, least = ran[0]["switches"], min(ran, key=lambda one: one["passing"])["switches"]
+    other = {name: setting for name, setting in least.items() if setting != assumed[name]} or assumed
+    return f" under {', '.join(f'{name} = {setting}' for name, setting in other.items())}"
 
 
 def extent(proof: Mapping[str, Any]) -> str:
