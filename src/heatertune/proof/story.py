@@ -326,7 +326,7 @@ class _Teller:
 
     @property
     def _nearly_again_s(self) -> list[float]:
-        """How long an open circuit winds the controller up most: a boost is about to take the heater back, but does not.
+        """How long an open circuit winds the controller up most: a boost nearly takes the heater back, but does not.
 
         The fastest heater's time and the slowest one's. The dead time is no part of it: a circuit that closes again
         lets the reading fall for as long as it took to begin.
