@@ -57,15 +57,16 @@ def _up(seconds):
 def test_everything_that_goes_wrong_is_told_in_order():
     course = _story()
     what = [type(each).__name__ for each in course.scenario.disturbances]
-    assert what == ["TemperatureStep", "Load", "Load", "Mains", "Mains", "NewSetpoint", "NewSetpoint", *3 * ["Mains"], *4 * ["PlcPower"]]
-    jump, load, gone, opened, closed, low, high, *mains, off, on, cold, again = course.scenario.disturbances
+    assert what == ["TemperatureStep", "Load", "Load", *4 * ["Mains"], "NewSetpoint", "NewSetpoint", *3 * ["Mains"], *4 * ["PlcPower"]]
+    jump, load, gone, opened, closed, at_night, by_day, low, high, *mains, off, on, cold, again = course.scenario.disturbances
     assert (jump.temperature_degC, load.power_pct, gone.power_pct) == pytest.approx((-0.3 * 40.0, -10.0, 10.0))
     assert (opened.share, closed.share, low.setpoint_degC, high.setpoint_degC) == (0.0, 1.0, 52.0, 60.0)
+    assert (at_night.share, by_day.share) == (0.0, 1.0)
     assert [each.share for each in mains] == pytest.approx([0.81, 1.21, 1.0])
     assert [each.on for each in (off, on, cold, again)] == [False, True, False, True]
     assert (course.not_tested, course.told) == ((), ())
     assert [kind for kind, *_ in kinds_of(course.scenario)] == [
-        "heat-up", *3 * ["recovery"], "off", "reheat", "change", "change", *3 * ["recovery"], "off", "restart", "off", "restart"]
+        "heat-up", *3 * ["recovery"], "off", "reheat", "off", "reheat", "change", "change", *3 * ["recovery"], "off", "restart", "off", "restart"]
 
 
 def test_parts_last_as_long_as_the_heater_needs_and_a_rest():
@@ -77,9 +78,10 @@ def test_parts_last_as_long_as_the_heater_needs_and_a_rest():
     assert _part(course, 4) == pytest.approx((_up(2.0 * 80.0), 0.0)), "open for 2 TN"
     assert _part(course, 5) == pytest.approx((_up(full + 5.0 * heater + slowest), slowest))
     cooling = 10.0 - 100.0 * math.log(32.0 / 40.0)  # by itself from 40 to 32 °C above the ambient
-    assert _part(course, 6) == pytest.approx((_up(cooling + 5.0 * heater + 10.0 * slowest), 10.0 * slowest))
-    assert _part(course, 11)[0] == pytest.approx(_up(0.1 * heater))
-    assert _part(course, 13)[0] == pytest.approx(_up(10.0 + 100.0 * math.log(20.0))), "5 % of the way are left"
+    assert _part(course, 6) == pytest.approx((_up(10.0 * 80.0), 0.0)), "open for 10 TN: 310 s are cold"
+    assert _part(course, 8) == pytest.approx((_up(cooling + 5.0 * heater + 10.0 * slowest), 10.0 * slowest))
+    assert _part(course, 13)[0] == pytest.approx(_up(0.1 * heater))
+    assert _part(course, 15)[0] == pytest.approx(_up(10.0 + 100.0 * math.log(20.0))), "5 % of the way are left"
 
 
 def test_two_lags_take_the_time_of_their_own_answer():
@@ -95,8 +97,8 @@ def test_an_open_circuit_lasts_until_a_boost_nearly_takes_the_heater_back_whatev
     fast, slow = (replace(HEATER, time_constant_s=lag, dead_time_s=50.0) for lag in (100.0, 200.0))
     scenario = _story(fast, slow, loop=replace(LOOP, again_degC=8.0)).scenario
     cut = [later.time_s - each.time_s for each, later in pairwise(scenario.disturbances) if isinstance(each, Mains) and each.share == 0.0]
-    assert cut[1:] == pytest.approx([_up(lag * math.log(40.0 / 32.0) - 10.0) for lag in (100.0, 200.0)])
-    for heater, opened in zip((fast, slow), cut[1:], strict=True):
+    assert cut[2:] == pytest.approx([_up(lag * math.log(40.0 / 32.0) - 10.0) for lag in (100.0, 200.0)])
+    for heater, opened in zip((fast, slow), cut[2:], strict=True):
         assert 5.0 < 40.0 * (1.0 - math.exp(-opened / heater.time_constant_s)) < 8.0
     assert len(_story(fast, loop=replace(LOOP, again_degC=8.0)).scenario.disturbances) == len(_story(fast).scenario.disturbances) + 2
     assert len(_story(fast, loop=replace(LOOP, again_degC=40.0)).scenario.disturbances) == len(_story(fast).scenario.disturbances)

@@ -48,6 +48,8 @@ _RESERVE_PCT: Final = 5.0
 _LOW_MAINS: Final = 0.9**2
 _HIGH_MAINS: Final = 1.1**2
 _HOT_OFF: Final = 0.1  # of the sum of lags and dead time: a PLC that is restarted while the heater is hot
+_OPENED_TN: Final = 2.0  # for which the circuit is open
+_NIGHT_TN: Final = 10.0
 _COLD: Final = 0.95  # share of the way to the ambient after which a heater is cold
 _LOW_SHARE: Final = 0.2  # of the setpoint step, where nobody tells the lower end of the setpoints of use
 _ROUNDED: Final = 1e-9
@@ -165,9 +167,7 @@ class _Teller:
             yield self._part(TemperatureStep(time_s=1.0, temperature_degC=-self.story.step_share * self.step_degC))
         yield from self._loads()
         if self.story.opens:
-            yield self._off(Mains(time_s=1.0, share=0.0), max(2.0 * self.integral_time_s, self.heater_s))
-            yield self._part(Mains(time_s=1.0, share=1.0), self.way_s)
-            for seconds in self._nearly_again_s:
+            for seconds in (*self._opened_s, *self._nearly_again_s):
                 yield self._off(Mains(time_s=1.0, share=0.0), seconds)
                 yield self._part(Mains(time_s=1.0, share=1.0), self.way_s)
         if self.low_degC is not None:
@@ -323,6 +323,15 @@ class _Teller:
 
     def _off(self, event: Disturbance, seconds: float) -> _Part:
         return _Part(event=event, limit_s=seconds, rest_s=0.0)
+
+    @property
+    def _opened_s(self) -> list[float]:
+        """How long the circuit is open: the I part asks for much, the heater is warm; and for a night.
+
+        For what it winds up without a limit, that is how it is found out.
+        """
+        cold_s = self._longest_s(_COLD for _ in self.models)
+        return [max(_OPENED_TN * self.integral_time_s, self.heater_s), max(_NIGHT_TN * self.integral_time_s, cold_s)]
 
     @property
     def _nearly_again_s(self) -> list[float]:
