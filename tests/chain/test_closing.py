@@ -112,7 +112,7 @@ def test_a_boost_leaves_the_gains_and_what_a_load_costs_and_comes_before_a_ramp(
     model = model_by_hand(plant)
     plain, found, led = plainly(model, asked), closed(model, asked), closed(model, replace(asked, boost="none"))
     words = found.proof.words
-    assert [each.proof.verdict for each in (plain, found, led)] == ["FAIL", "PASS", "PASS"]
+    assert [each.proof.verdict for each in (plain, found, led)] == ["FAIL", "PASS", "NOT PROVEN"], "a ramp winds up, too"
     assert words.boosted(None) == plain.proof.words
     assert led.proof.words.ramp is not None
     # nearer than what the P part alone asks for full power at, and sooner by a tenth than on the ramp
@@ -181,7 +181,7 @@ def test_a_pwm_of_a_solid_state_relay_is_a_whole_part_of_ta_and_no_shorter_than_
 def _fast(**changed):
     """Half power, a second of PWM: a = b = exp(−1/32), ripple 700 °C·(1 − a)²/(1 − a²); 10 ms of it are 1 %, 7 °C."""
     plant = Fopdt(gain_degC_per_pct=7.0, time_constant_s=16.0, dead_time_s=14.0, ambient_degC=20.0)
-    conditions = Conditions(setpoint_degC=370.0, tolerance_degC=5.0)
+    conditions = Conditions(setpoint_degC=370.0, tolerance_degC=5.0, accept=("winds-up",))  # no night with an open circuit
     return model_by_hand(plant), _asked(
         target="s7-300", scaling=Scaling(low_degC=0.0, high_degC=600.0), conditions=conditions, **changed)
 

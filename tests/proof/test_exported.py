@@ -314,12 +314,14 @@ def test_an_analog_output_makes_no_pulses():
     assert controller.exported(files, controller.assumptions())["fb41_cont_c.awl"]().begin(50.0, 300) is None
 
 
-def test_a_program_with_known_faults_passes_only_where_they_are_accepted():
+def test_a_program_with_known_faults_passes_only_where_they_are_accepted(tmp_path):
     """As the standard prints it, the PID is a PID while it runs in automatic and nothing limits it: its limits are kept here."""
     fitted = model_by_hand(Fopdt(gain_degC_per_pct=0.4, time_constant_s=200.0, dead_time_s=10.0, ambient_degC=22.0))
     design = PidDesign(gain_pct_per_degC=2.273, integral_time_s=200.0, derivative_time_s=0.0, sample_time_s=20.0, structure="pi", method="")
     words = chain.encode(design, "iec-pid-text")
-    asked = Conditions(setpoint_degC=27.0, limit=("overshoot=300%", "reheat-overshoot=600%"), switches={"time_unit": "s"})
+    spec = tmp_path / "spec.toml"
+    spec.write_text('[limits]\novershoot = "300 %"\n[story]\nopen-circuit = false\n')
+    asked = Conditions(setpoint_degC=27.0, spec=str(spec), switches={"time_unit": "s"})
     for accepted, verdict in (((), "NOT PROVEN"), (("known-faults",), "PASS")):
         proof = as_exported(chain.prove(words, fitted, replace(asked, accept=accepted)))
         assert (proof.verdict, [finding.name for finding in proof.heard.findings]) == (verdict, ["known-faults"])

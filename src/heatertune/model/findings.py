@@ -56,6 +56,9 @@ KINDS: Final[dict[str, Kind]] = {
     "coarse-sensor": Kind(
         "blocks", "the sensor is too coarse for the tolerance asked for",
         "take a narrower sensor range (--range) or a finer input module, or ask for less (--tolerance)"),
+    "winds-up": Kind(
+        "blocks", "it winds up the more, the longer the heater's circuit is open",
+        "find out what your controller does at its limit (--switch), or keep it in manual while the circuit is open"),
     "known-faults": Kind(
         "blocks", "the program is known to be wrong where no run of a proof leads",
         "take the same program repaired (heatertune targets)"),

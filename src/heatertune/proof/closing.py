@@ -23,6 +23,7 @@ from heatertune.proof.fitted import aimed
 from heatertune.proof.frames import OF_WINDUP, WAVE_S, Frame, frames, unwinds
 from heatertune.proof.gains import Family, Place
 from heatertune.proof.nearest import broken_names, settings_told
+from heatertune.proof.night import winds_up
 from heatertune.proof.screen import NOTICEABLE, Look, Screen
 from heatertune.proof.setpoint_ramp import BY_RAMP
 from heatertune.proof.way_on import WayOn
@@ -103,9 +104,9 @@ class _Search:
     def cheapest(self) -> Closed | None:
         """Return the first that passes and is not dear, else the least dear; None where nothing passes.
 
-        What helps without passing stays for what follows.
+        What helps without passing stays for what follows; what winds up the longer, the more, is taken where all does.
         """
-        asked, words, dear = self.asked, self.first.proof.words, list[Closed]()
+        asked, words, dear, wound = self.asked, self.first.proof.words, list[Closed](), list[Closed]()
         for frame in frames(
             self.first.proof, self.fitted.plants, asked.tuned, ramp_open=asked.setpoint_ramp is None,
             boost_open=asked.boost == "auto" and asked.setpoint_ramp in (None, "none"),
@@ -114,13 +115,15 @@ class _Search:
             least_interval_s=min(self.fitted.log_interval_s, words.sample_time_s),
         ):
             mended = next(filter(None, map(self._changed, self._wholes(frame))), None)
-            if mended is not None:
+            if mended is not None and winds_up(mended.proof.heard):
+                wound.append(mended)
+            elif mended is not None:
                 dear.append(mended)
                 if price.more_iae(self.first, mended) <= _DEAR:
                     return mended
         more = partial(price.more_iae, self.first)
-        best = min(dear, key=more, default=None)
-        return dear[0] if best and more(best) > _CHEAPER * more(dear[0]) else best
+        best = min(dear or wound, key=more, default=None)
+        return dear[0] if best and dear and more(best) > _CHEAPER * more(dear[0]) else best
 
     def sooner(self) -> Closed | None:
         """Return a control without gains that passes as it scans more often; None where it does not, or must not."""

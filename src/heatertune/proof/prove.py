@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache as remember
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 from heatertune.codec import built, encode
 from heatertune.errors import InputError
@@ -26,6 +26,7 @@ from heatertune.proof.document import OutcomeView, ProofView, RunView, digested
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge, of_words
 from heatertune.proof.measured import band_of
+from heatertune.proof.night import night_of, wound_up
 from heatertune.proof.noise import drawn, nearest
 from heatertune.proof.runs import Runs
 from heatertune.proof.scenario import Scenario
@@ -35,6 +36,8 @@ from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, combined
 from heatertune.show import Shown
 
 __all__ = ["Proof", "RunResult", "prove_models"]
+
+_AFTER: Final = "reheat_overshoot"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,6 +210,8 @@ def prove_models(
             results[run] = _ran(results[run], judge(traced(run), limits, where=results[run].label))
     seeds, remarks = _with_draws(runs, results, judged) if coverage.draws else ({}, [])
     heard = replace(heard, remarks=(*heard.remarks, *remarks))
+    if coverage.whole and all(result.verdict == "PASS" for result in results):
+        heard = replace(heard, findings=(*heard.findings, *_after_a_night(runs, results, models, coverage)))
     return Proof(
         words=words,
         design=design,
@@ -255,6 +260,20 @@ def _with_draws(
                   seed=scenario.seed, scans=runs.scans, noise_degC=scenario.noise_degC)
     results[run] = _ran(results[run], draws.criteria)
     return {run: draws.seed}, [draws.told]
+
+
+def _after_a_night(
+    runs: Runs, results: Sequence[RunResult], models: Sequence[tuple[str, HeaterModel]], coverage: Coverage
+) -> list[Finding]:
+    """Return what a longer open circuit shows, on the run that overshoots most after that of the story."""
+    night = night_of(runs.scenario)
+    if night is None:
+        return []
+    hardest = max(results, key=lambda result: max(each.strain for each in result.criteria if each.name == _AFTER))
+    again = Runs.of(runs.controller, runs.words, models, night.scenario, runs.actuator, runs.limits,
+                    replace(coverage, only=[(hardest.model, hardest.switches)]), interlock=runs.interlock)
+    after = next(each for each in again.judged()[0] if each.name == _AFTER)
+    return [] if after.ok else [wound_up(night, after.value)]
 
 
 def _with_band(heard: Heard, limits: Limits, resolution_degC: float) -> Heard:

@@ -1,0 +1,66 @@
+"""What passes, when the heater's circuit is open for longer than in the story.
+
+Most controllers stop summing somewhere, and how long it is open changes nothing. One that does not asks for more power
+the longer it waits, so no story is long enough: what it does after a longer one leaves its words unproven.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+from heatertune.model.findings import Finding
+from heatertune.proof.scenario import Mains, Scenario
+from heatertune.proof.verdict import Heard
+
+__all__ = ["Night", "night_of", "winds_up", "wound_up"]
+
+_NAME: Final = "winds-up"
+_TIMES: Final = 4.0  # as long as in the story
+
+
+class Night(NamedTuple):
+    """A longer open circuit.
+
+    Attributes:
+        scenario: all until then, and the way back.
+        proven_s: how long the circuit was open in the story [s].
+        open_s: how long it is now [s].
+    """
+
+    scenario: Scenario
+    proven_s: float
+    open_s: float
+
+
+def night_of(scenario: Scenario) -> Night | None:
+    """Return the longest open circuit of a story made longer; None: there is none."""
+    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
+    opened = {number: ends[number + 1] - ends[number] for number, event in enumerate(scenario.disturbances)
+              if isinstance(event, Mains) and event.share == 0.0}
+    if not opened:
+        return None
+    number = max(opened, key=lambda one: opened[one])
+    later_s = (_TIMES - 1.0) * opened[number]
+    events = list(scenario.disturbances[:number + 2])
+    events[-1] = replace(events[-1], time_s=events[-1].time_s + later_s)
+    longer = replace(scenario, disturbances=tuple(events), rests_s=scenario.rests_s[:number + 3],
+                     duration_s=ends[number + 2] + later_s)
+    return Night(longer, opened[number], _TIMES * opened[number])
+
+
+def wound_up(night: Night, overshoot_pct: float) -> Finding:
+    """Return what an overshoot after the longer time means.
+
+    Args:
+        night: which time.
+        overshoot_pct: above the setpoint [% of its step].
+    """
+    return Finding(name=_NAME, told=(
+        f"After {night.open_s / 3600.0:.2g} h with an open circuit it overshoots by {overshoot_pct:.0f} %; the limit "
+        f"is kept after {night.proven_s / 3600.0:.2g} h."))
+
+
+def winds_up(heard: Heard) -> bool:
+    """Return whether that was found, and the user has not accepted it."""
+    return _NAME not in heard.accepted and any(finding.name == _NAME for finding in heard.findings)
