@@ -175,8 +175,10 @@ class Laid:
         self.number, self.told, self.manual = layout.number, layout.told, layout.mode is not None
         self.speaks, self.registers = layout.speaks, layout.registers
         self.signals = self._signals((words.scaling.low_degC, words.scaling.high_degC))
-        self.words, self.undone_by = {name: self._signal(place) for name, place in layout.words.items()
-                                      if place.format in STRUCTS}, ""
+        self.words = {name: self._signal(place) for name, place in layout.words.items() if place.format in STRUCTS}
+        self.bits = {name: (place.byte, place.bit) for name, place in layout.words.items() if place.format == "BOOL"}
+        self.mode = layout.mode.part if layout.mode is not None else slice(0)
+        self.undone_by = "a start-up of the CPU loads the words of its program" if layout.anew else ""
         self.operators: tuple[str, ...] = ()
         self._controller, self._words, self._assume = controller, words, assume
         self._running = controller.begin(words, assume)
