@@ -346,9 +346,11 @@ def test_a_line_that_a_kill_left_is_left_out_and_a_damaged_one_told(tmp_path, pl
 
 @pytest.mark.long
 def test_300_sessions_leave_no_wrong_word_and_no_unknown_untold(tmp_path):
-    ends, wrong = sessions.run(300, 17, tmp_path, told=lambda _: None)
-    assert not wrong
-    assert ends.keys() >= {"done", "not done", "rolled back", "unknown"}
+    figures = sessions.run(300, 17, tmp_path, told=lambda _: None)
+    assert not figures.wrong
+    assert figures.ends.keys() >= {"done", "not done", "rolled back", "unknown"}
+    assert figures.looks.keys() <= {"2"}
+    assert figures.round_trips.keys() <= {"2"}
 
 
 @pytest.mark.long

@@ -99,7 +99,14 @@ class Standing:
 
     def words(self, content: bytes, others: Words) -> Words:
         """Return what a PLC runs; what does not stand in the block is as in other words."""
-        return replace(others, values={**others.values, **self.values(content), **self.bits(content)})
+        held = self.interval_s(content)
+        return replace(others, values={**others.values, **self.values(content), **self.bits(content)},
+                       sample_time_s=others.sample_time_s if held is None else held)
+
+    def interval_s(self, content: bytes) -> float | None:
+        """Return the interval at which the controller is called, where words in the block tell it [s]."""
+        found, told = {**self.values(content), **self.bits(content)}, self.controller.interval_s
+        return None if told is None or any(field.name not in found for field in self.controller.fields) else told(found)
 
     def shown(self, content: bytes, role: str) -> float:
         """Return a signal of the block, see `heatertune.live.blocks.Block.signals`."""

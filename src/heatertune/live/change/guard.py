@@ -104,13 +104,12 @@ def _moves(looks: tuple[Look, Look]) -> Check:
 
 
 def _interval(proven: Proven, standing: Standing, look: Look, said: Said) -> Check:
-    own, controller = proven.words.sample_time_s, standing.controller
+    own = proven.words.sample_time_s
     found, by = said.called_every_s, "as said"
     if look.told is not None:
         found, by = look.told.interval_s, "as the simulator says"
-    if controller.interval_s is not None and all(
-            field.name in {*standing.block.words, *standing.block.bits} for field in controller.fields):
-        found, by = controller.interval_s(standing.words(look.content, proven.words).values), "by its words"
+    if (held := standing.interval_s(look.content)) is not None:
+        found, by = held, "by its words"
     if found is None:
         return Check("TA", None, f"{own:g} s was proven; the block does not hold it", f"--called-every {own:g}")
     same = abs(found - own) <= _NEAR * own
