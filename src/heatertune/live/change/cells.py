@@ -10,6 +10,7 @@ from heatertune.errors import InputError
 from heatertune.live.blocks import SERVED, Block, block_for
 from heatertune.live.cells import Signal, bytes_of, field_of
 from heatertune.live.client.address import Address
+from heatertune.live.client.client import Client
 from heatertune.plc import Controller, Words, controller_for
 from heatertune.plc.ramp import Number
 
@@ -85,6 +86,10 @@ class Standing:
                 return before + start - begin
             before += count
         raise ValueError(f"byte {start} is not read")
+
+    def read(self, client: Client) -> bytes:
+        """Return what stands there; errors as `Client.read`."""
+        return b"".join(client.read(self.number, begin, count) for begin, count in self.spans)
 
     def values(self, content: bytes) -> dict[str, Number]:
         """Return every word in the bytes of the block; a whole number is one."""
@@ -171,19 +176,18 @@ def standing(words: Words, address: Address, switches: Mapping[str, str]) -> Sta
     """Return where words stand in the PLC of an address.
 
     Raises:
-        InputError: heatertune does not know where this controller keeps them, or the protocol does not reach them.
+        InputError: heatertune does not know where this controller keeps them, or the protocol does not reach it.
     """
     why = _OUT_OF_REACH.get(words.target, "" if words.target in SERVED else
-                            "which cells of a PLC hold them is not known")
+                            "which cells of a PLC hold its words is not known")
     controller = controller_for(words.target)
     if not why:
         block = block_for(controller, words, switches)
         if address.protocol not in block.speaks:
-            why = f"they are reached over {' and '.join(block.speaks)}, not over {address.protocol}"
+            why = f"it is reached over {' and '.join(block.speaks)}, not over {address.protocol}"
     if why:
         typed = ", ".join(f"{field.name} = {words.values[field.name]:.9g}" for field in controller.fields)
-        raise InputError(f"words of {words.target} are not written to this address: {why}; type them in by hand: "
-                         f"{typed}")
+        raise InputError(f"{words.target} at {address.text}: {why}; type its words in by hand: {typed}")
     number = block.number if address.protocol != "s7" or address.block is None else address.block
     return Standing(controller=controller, block=block, number=number, spans=_spans(block),
                     whole=2 if address.protocol == "modbus" else 1, together=address.protocol != _WORD_BY_WORD)
