@@ -143,10 +143,10 @@ class Written:
         own = [path for path in self.made.glob("write_*.jsonl") if self.address in path.read_text()]
         return own[0] if own else None
 
-    def killed(self, line, chance):
-        """Run a command, and kill it at one of its requests; return whether that ended it."""
+    def killed(self, line, at):
+        """Run a command, and kill it at its request of that number; return whether that ended it."""
         process = subprocess.Popen([sys.executable, "-m", "heatertune", *map(str, line)], stdout=subprocess.DEVNULL)
-        asked(process, self.plc.plc.memory, chance.randint(1, 40))
+        asked(process, self.plc.plc.memory, at)
         return process.wait() < 0
 
     def judged(self):
@@ -172,7 +172,7 @@ def of_write(made, kills, chance, begun=virtual_plc):
     died = 0
     for _ in range(kills):
         here = Written(made, begun)
-        ended = here.killed(here.line, chance)
+        ended = here.killed(here.line, chance.randint(1, 40))
         died += ended
         stands = here.judged()
         if here.record is None:
@@ -192,7 +192,7 @@ def of_rollback(made, kills, chance, begun=virtual_plc):
         here = Written(made, begun)
         assert told(*here.line, "--no-watch")[0] == 0
         digest = read_lines(here.record).begin["sha256"]
-        ended = here.killed(["rollback", here.record, "--apply", "--yes", digest[:8], "--quiet"], chance)
+        ended = here.killed(["rollback", here.record, "--apply", "--yes", digest[:8], "--quiet"], chance.randint(1, 15))
         died += ended
         here.judged()
         here.put_back(ended)
