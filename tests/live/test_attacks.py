@@ -112,7 +112,7 @@ def test_several_items_or_a_bit_in_one_write_are_refused_not_half_done(served):
 def test_clients_that_come_as_it_closes_leave_no_socket_to_the_garbage_collector(served):
     with warnings.catch_warnings(record=True) as left:
         warnings.simplefilter("always")
-        for _ in range(8):
+        for _ in range(4):
             plc, came = served(serve="modbus"), Semaphore(0)
 
             def knock(at=plc.addresses["modbus"], came=came):
