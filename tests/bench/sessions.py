@@ -513,7 +513,7 @@ def run(sessions, seed, place, told=print, path=None):
         begun, chance = time.monotonic(), random.Random(f"{seed} {number}")
         (target, protocol), = chance.choices(list(SHARES), list(SHARES.values()))
         if target not in made:
-            out = folder_in(place / target, target)
+            out = folder_in(place / target, target) if not (place / target).exists() else place / target / "out"
             whole = read_proven(out)
             known = Known(**{field.name: getattr(whole, field.name) for field in dataclasses.fields(whole)})
             made[target] = known, *read_folder(out)[1:]
