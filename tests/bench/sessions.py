@@ -380,7 +380,8 @@ def took_back(story, done, times):
     """Return what it took to take words back that left the proven band; nothing where none did.
 
     Looks: readings outside of the band until it was decided. Round trips to the controller's block from then on, until the
-    first word is put back; seconds of this machine until the last one is.
+    first word is put back (a third, where somebody else has changed the first to be put back); seconds of this machine until
+    the last one is.
     """
     if done.record is None:
         return {}
@@ -391,7 +392,9 @@ def took_back(story, done, times):
     outside = [not line["low_degC"] <= line["temperature_degC"] <= line["high_degC"] for line in lines[:back] if line["step"] == "watched"]
     looks = next((number for number, out in enumerate(reversed(outside)) if not out), len(outside))
     asked = [(at, event) for at, event in zip(times, story.events, strict=True) if event[0] == "client" or story.looks(event)]
-    seen = max(number for number, (_, event) in enumerate(asked) if event[0] == "read" and lines[back - 1]["bytes"] in event[-1].hex())
+    wrote = [number for number, (_, event) in enumerate(asked) if event[0] == "client"][:sum(line["step"] == "writing" for line in lines[:back])]
+    first = next((number for number, (_, event) in enumerate(asked) if event[0] == "client" and number > wrote[-1]), len(asked))
+    seen = max((number for number, (_, event) in enumerate(asked[: first - 1]) if lines[back - 1]["bytes"] in event[-1].hex()), default=first)
     sent = [number for number, (_, event) in enumerate(asked) if event[0] == "client" and number > seen]
     if not sent:
         return {"looks": looks}
@@ -416,7 +419,7 @@ def judged(story):  # noqa: C901, PLR0912 - a list of what must hold
             mine |= {name: now[name] for name in changed}
             if wrong := [name for name in changed if now[name] not in {before[name], after[name]} | others[name]]:
                 yield f"{wrong} were given values of neither side"
-            if alone and not is_stable(now, kind):
+            if alone and now != before and not is_stable(now, kind):  # as it was found may be somebody's, and none of ours
                 yield f"an unstable set of words in between: {now}"
         elif event[0] == "other":
             alone = False

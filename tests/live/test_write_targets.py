@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 from tests.bench.kills import told
 from tests.bench.sessions import KINDS, SHARES, folder_in, words_in
+from tests.live.conftest import words_of
 
 from heatertune import virtual_plc
 from heatertune.errors import InputError
@@ -18,7 +19,6 @@ from heatertune.live.client.address import address_of
 from heatertune.live.serve import read_folder
 from heatertune.plc.single import single
 from heatertune.plc.targets import NAMES
-from tests.live.conftest import words_of
 
 #: target and protocol → words that are found, and where they stand: first register in the block, format
 INSTRUMENTS = {
