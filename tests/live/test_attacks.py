@@ -1,12 +1,15 @@
 """What clients do to a virtual PLC that no client should, and what becomes of it."""
 
+import gc
 import random
 import signal
 import socket
 import struct
 import subprocess
 import sys
-from threading import Thread
+import warnings
+from contextlib import suppress
+from threading import Semaphore, Thread
 
 import pytest
 from hypothesis import given
@@ -104,6 +107,28 @@ def test_several_items_or_a_bit_in_one_write_are_refused_not_half_done(served):
         with pytest.raises(FAILED):
             asking.client.write_area(Area.DB, DB, 8 * 2, bytearray(b"\1"), WordLen.Bit)
         assert asking.read(DB, 0, 36) == before
+
+
+def test_clients_that_come_as_it_closes_leave_no_socket_to_the_garbage_collector(served):
+    with warnings.catch_warnings(record=True) as left:
+        warnings.simplefilter("always")
+        for _ in range(4):
+            plc, came = served(serve="modbus"), Semaphore(0)
+
+            def knock(at=plc.addresses["modbus"], came=came):
+                with suppress(OSError):
+                    while True:
+                        socket.create_connection(at, timeout=5).close()
+                        came.release()
+                came.release()
+
+            knocking = Thread(target=knock)
+            knocking.start()
+            came.acquire()
+            plc.close()
+            knocking.join()
+        gc.collect()
+    assert not [str(each.message) for each in left]
 
 
 @given(number=st.integers(-1, 2000), start=st.integers(-5, 120), content=st.binary(max_size=120))

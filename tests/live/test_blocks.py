@@ -277,7 +277,7 @@ def test_one_request_puts_it_in_manual_and_the_bytes_before_bring_back_what_was(
 
 
 @pytest.mark.parametrize(("target", "why"), [
-    ("fb41", "mode and power in manual where no one request writes both"), ("s7-300", "mode and power in manual where no one request writes both"),
+    ("fb41", "told mode and power in manual by its program"), ("s7-300", "told mode and power in manual by its program"),
     ("pid-compact", "no manual mode here"), ("omron-e5cc", "no manual mode here"), ("s7-200", "have no manual mode")])
 def test_without_manual_in_one_request_there_is_no_experiment(target, why):
     _, _, block = _made(target)

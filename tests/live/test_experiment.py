@@ -40,12 +40,26 @@ def ran(plc, words, tmp_path, plan=PLAN, limits=WARM, protocol="s7", aims=None, 
     return ended, before
 
 
-@pytest.mark.parametrize("protocol", ["s7", "modbus"])
-def test_a_plan_is_run_and_all_is_given_back(served, words, tmp_path, protocol):
-    plc = served(serve=protocol, **FAST | {"rate": 300.0})
-    ended, before = ran(plc, words, tmp_path, protocol=protocol)
+#: target and protocol → bytes of mode and power in manual. OB251: manual, table 11-9. WEG: the interface in the manual's order, a
+#: REAL in two registers: ManualSetPoint 3 and 4, SelectSetPoint 5. The PID of IEC 61131-3: X0 and AUTO, fourth and fifth of two each
+BY_HAND = {("s5-ob251", "s7"): CELLS, ("s5-ob251", "modbus"): CELLS, ("weg", "modbus"): slice(6, 12), ("iec-pid", "modbus"): slice(12, 20)}
+
+
+@pytest.fixture(params=BY_HAND, ids=" ".join)
+def by_hand(request, served):
+    """Return a way to serve a controller that has a manual mode, its words, its protocol, and the bytes of the mode."""
+    target, protocol = request.param
+    words = words_of(target)
+    return (lambda **more: served(words, serve=protocol, **FAST | more)), words, protocol, BY_HAND[request.param]
+
+
+def test_a_plan_is_run_and_all_is_given_back(by_hand, tmp_path):
+    serve, words, protocol, part = by_hand
+    plc = serve(rate=300.0)
+    before = plc.plc.memory.image()[part]
+    ended, _ = ran(plc, words, tmp_path, protocol=protocol)
     assert (ended.why, ended.restored) == ("plan", True)
-    assert cells(plc) == before
+    assert plc.plc.memory.image()[part] == before
     assert not before_of(tmp_path / "log.csv").exists()
     rows = rows_of(tmp_path / "log.csv")
     after_s = rows[:, 0] - rows[0, 0]
@@ -53,6 +67,53 @@ def test_a_plan_is_run_and_all_is_given_back(served, words, tmp_path, protocol):
         within = rows[(after_s > begins) & (after_s < ends), 2]
         assert within == pytest.approx(power, abs=100.0 / 2047)  # a whole unit of YH
     assert after_s[-1] >= 900.0
+
+
+def test_limit_link_and_somebody_elses_hand_end_it_on_each_controller(by_hand, tmp_path):
+    serve, words, protocol, part = by_hand
+    hot, mild = (Steps(steps=((0.0, power), (30000.0, power))) for power in (100.0, 20.0))
+
+    def cut_off(name, plc, plan=mild, **more):
+        (tmp_path / name).mkdir()
+        before = plc.plc.memory.image()[part]
+        ended, _ = ran(plc, words, tmp_path / name, plan, Limits(temperature_degC=60.0, silence_s=0.5), protocol=protocol, **more)
+        return ended.why, ended.restored, plc.plc.memory.image()[part] == before
+
+    assert cut_off("limit", serve(), hot) == ("limit", True, True)
+    rows = rows_of(tmp_path / "limit" / "log.csv")
+    assert rows[:-2, 1].max() < 60.0 <= rows[-1, 1]
+    assert cut_off("link", serve(faults="t=3000 cut until=5000")) == ("link", True, True)
+    plc = serve()
+
+    def other(so_far, _):
+        if so_far.rows == 20:
+            plc.plc.memory.write(plc.number, part.start, b"\1" * (part.stop - part.start))
+
+    assert cut_off("hand", plc, shown=other)[:2] == ("hand", False)
+    assert plc.plc.memory.image()[part] == b"\1" * (part.stop - part.start)
+
+
+def test_a_host_that_is_silent_is_followed_by_the_dead_man_and_the_next_start_gives_back(by_hand, tmp_path):
+    serve, words, protocol, part = by_hand
+    plc = serve(dead_man=40)
+    before, block = plc.plc.memory.image()[part], plc.plc.block
+
+    class Dead(BaseException):
+        pass
+
+    def dies(so_far, _):
+        if so_far.rows == 20:
+            raise Dead
+
+    whole = Experiment(PLAN, way(plc, protocol), words, WARM, timeout_s=0.3)
+    whole.check()
+    whole.mode.give_back = lambda *_: None  # a host that is dead does nothing
+    with pytest.raises(Dead):
+        whole.run(tmp_path / "log.csv", watching=Watching(shown=dies))
+    while block.in_manual(plc.plc.memory.image()):
+        pass
+    assert restore(tmp_path / "log.csv", words)[0] is True
+    assert plc.plc.memory.image()[part] == before
 
 
 def test_a_relay_is_run(served, words, tmp_path):

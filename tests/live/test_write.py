@@ -4,15 +4,16 @@ Where words stand is the manual's (table 11-11), as `tests.bench.sessions` reads
 """
 
 import json
+import random
+import shutil
 import struct
-import subprocess
-import sys
 import threading
 from collections import Counter
 from dataclasses import replace
 
 import pytest
 from tests.bench import sessions
+from tests.bench.kills import of_rollback, of_write
 from tests.bench.sessions import is_stable, words_in
 from tests.live.conftest import CONDITIONS
 
@@ -346,52 +347,31 @@ def test_a_line_that_a_kill_left_is_left_out_and_a_damaged_one_told(tmp_path, pl
 
 @pytest.mark.long
 def test_300_sessions_leave_no_wrong_word_and_no_unknown_untold(tmp_path):
-    ends, wrong = sessions.run(300, 17, tmp_path, told=lambda _: None)
-    assert not wrong
-    assert ends.keys() >= {"done", "not done", "rolled back", "unknown"}
+    figures = sessions.run(300, 17, tmp_path, told=lambda _: None)
+    assert not figures.wrong
+    assert figures.ends.keys() >= {"done", "not done", "rolled back", "unknown"}
+    assert figures.looks.keys() <= {"2"}
+    assert figures.round_trips.keys() <= {"2", "3"}  # the third where somebody else has changed a word, which stays
+    assert figures.longest_s < sessions.TA_S  # of a scan
 
 
 @pytest.mark.long
-def test_a_command_that_is_killed_leaves_what_is_stable_and_the_next_start_says_what_happened(plant, capsys):
-    import random  # noqa: PLC0415 - beside its only use
+def test_a_command_that_is_killed_leaves_what_is_stable_and_the_next_start_says_what_happened(made, tmp_path):
+    """`python -m tests.bench.kills` makes thirty of each command."""
+    folder = tmp_path / "made"
+    shutil.copytree(made, folder)
+    chance, begun = random.Random(3), []
 
-    chance = random.Random(3)
-    for number in range(30):
-        here = plant(found={"K": 1200, "TI": 110, "YH": 200})
-        here.record = here.record.with_name(f"kill{number}.jsonl")
-        dies_at, memory, seen = chance.randint(1, 40), here.served.plc.memory, []
-        command = ["write", here.made, here.address, *RANGE, "--apply", "--yes", here.yes, "--record", here.record, "--quiet"]
-        process = subprocess.Popen([sys.executable, "-m", "heatertune", *map(str, command)], stdout=subprocess.DEVNULL)
-        kill_at(process, memory, dies_at, seen)
-        process.wait()
-        stands = here.words
-        assert all(stands[name] in (before, here.new[name]) for name, before in {"K": 1200, "TI": 110, "YH": 200}.items())
-        assert is_stable(stands)
-        if here.record.exists() and here.record.stat().st_size:
-            assert here.rollback() == 0
-            told = " ".join(capsys.readouterr().out.split())
-            assert "it broke off at" in told or process.returncode == 0
-            assert here.rollback("--apply", "--yes", here.digest_before) == 0
-        else:
-            assert stands["K"] == 1200
-        assert here.words == {**stands, "K": 1200, "TI": 110, "YH": 200}
-        here.served.close()
+    def begin(*given, **asked):
+        begun.append(virtual_plc(*given, **asked))
+        return begun[-1]
 
-
-def kill_at(process, memory, number, seen):
-    """Kill a process at its request of that number."""
-    read, write = memory.read, memory.write
-
-    def asked(act):
-        def request(*given):
-            seen.append(given)
-            if len(seen) == number:
-                process.kill()
-                process.wait()
-            return act(*given)
-        return request
-
-    memory.read, memory.write = asked(read), asked(write)
+    try:
+        of_write(folder, 4, chance, begin)
+        of_rollback(folder, 2, chance, begin)
+    finally:
+        for each in begun:
+            each.close()
 
 
 def test_the_conditions_of_the_fixtures_are_those_of_the_proof(made):

@@ -36,6 +36,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("--design", metavar="DIR", required=True, help="folder whose words run there, and their proof")
     command.add_argument("-o", "--out", metavar="FILE", help="the log (default: DIR/watch_TIME.csv)")
     command.add_argument("--for", dest="for_s", type=float, metavar="S", help="end after so long (default: never)")
+    command.add_argument("--append", action="store_true", help="continue a log that is there")
     command.add_argument("--refit", action="store_true", help="identify the heater from what was seen, at the end")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
@@ -55,8 +56,8 @@ def _run(settings: argparse.Namespace) -> int:
     log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
     beside = Beside(proven)
     with asked_to_end() as asked:
-        so_far = record(address, log, places, Recording(for_s=settings.for_s), shown=_shown(settings, beside),
-                        ended=lambda: bool(asked))
+        so_far = record(address, log, places, Recording(for_s=settings.for_s, append=settings.append),
+                        shown=_shown(settings, beside), ended=lambda: bool(asked))
     LINE.end()
     well = beside.seen.readings > 0 and beside.seen.well  # who has seen nothing knows nothing
     document = {"schema": "heatertune/watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,

@@ -35,8 +35,8 @@ def add_to(commands: Any) -> None:
         "is proven stable; read them back, watch the response, and take them back where it leaves the proven band.",
     )
     command.add_argument("directory", metavar="DIR", help="folder that heatertune design wrote")
-    command.add_argument("address", metavar="ADDRESS", help="s7://HOST:PORT/RACK/SLOT/dbN or "
-                         "modbus://HOST:PORT/UNIT/REGISTER")
+    command.add_argument("address", metavar="ADDRESS", help="s7://HOST:PORT/RACK/SLOT/dbN, "
+                         "modbus://HOST:PORT/UNIT/REGISTER or opc.tcp://HOST:PORT/ns=3;s=NAME")
     add_guard(command, "the proof that you have read")
     said = command.add_argument_group("what no block holds")
     said.add_argument("--called-every", type=float, metavar="S", help="interval TA at which the PLC calls it [s]")

@@ -26,7 +26,9 @@ class Block(Protocol):
         speaks: the protocols that reach it, the first without being asked for.
         registers: where Modbus finds its words; none: word w is register w.
         signals: where it shows temperature [°C], power [%] and setpoint [°C], by these names.
-        words: word → where it stands; a word that stands elsewhere in the PLC is none of them.
+        words: word → where it stands; a word that stands elsewhere in the PLC, or in one bit, is none of them.
+        bits: word of one bit → its byte, and which of that it is.
+        mode: bytes that tell manual from automatic; none where nothing does.
         operators: words that are the operator's while the controller is in manual.
         undone_by: what in the PLC writes its own words over those of a client, a few words; nothing does where empty.
     """
@@ -38,6 +40,8 @@ class Block(Protocol):
     manual: bool
     signals: Mapping[str, Signal]
     words: Mapping[str, Signal]
+    bits: Mapping[str, tuple[int, int]]
+    mode: slice
     operators: tuple[str, ...]
     undone_by: str
 

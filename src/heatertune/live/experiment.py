@@ -19,6 +19,7 @@ from typing import Any, Final
 
 from heatertune.documents import read_document
 from heatertune.errors import DocumentError, HeatertuneError, InputError, LinkError
+from heatertune.live.change.cells import standing
 from heatertune.live.client.address import Address, address_of
 from heatertune.live.client.client import Client
 from heatertune.live.client.simulator import told_by
@@ -29,14 +30,12 @@ from heatertune.live.places import places_of
 from heatertune.live.recorder import Recorded, Recording, record
 from heatertune.live.schedule import RATE_ROWS, Aims, Limits, Relay, Steps
 from heatertune.model.values import FittedModel
-from heatertune.plc import Words, controller_for
+from heatertune.plc import Words
 from heatertune.writing import write_files
 
 __all__ = ["BEFORE_SCHEMA", "Ended", "Experiment", "Watching", "before_of", "restore"]
 
 BEFORE_SCHEMA: Final = "heatertune/experiment-before/1"
-#: word of the setpoint, which an operator changes
-_SETPOINT: Final = "W"
 
 
 @dataclass(slots=True, kw_only=True)
@@ -103,7 +102,7 @@ class Experiment:
         Raises:
             InputError: the controller's block is not known, or has no manual mode.
         """
-        self.mode = ManualMode(address, words, timeout_s)
+        self.mode, self._standing = ManualMode(address, words, timeout_s), standing(words, address, {})
         self.plan, self._words, self.limits, self._timeout_s = plan, words, limits, timeout_s
         self.sensor_degC, self.has_dead_man = words.scaling.sensor_degC, False
 
@@ -116,8 +115,8 @@ class Experiment:
         """
         where = self.mode.address.text
         with self.mode.connected() as client:
+            self._demand_words(client)
             image, own = self.mode.image(client), told_by(client)
-        self._demand_words(image)
         if own is not None and not own.status & RUNS:
             raise InputError(f"{where}: the CPU is in STOP")
         degC = self.mode.block.signals["temperature"].of(image)
@@ -129,12 +128,13 @@ class Experiment:
         dead_man = "dead man: the simulator's, by its heartbeat" if self.has_dead_man else "no dead man is known here"
         return f"the block holds the words of {self._words.target}", f"{mode}, {degC:.2f} °C", dead_man
 
-    def _demand_words(self, image: bytes) -> None:
-        read = controller_for(self._words.target).read_image(
-            image, sample_time_s=self._words.sample_time_s, scaling=self._words.scaling, source=self.mode.address.text)
-        operated = {_SETPOINT, *self.mode.block.operators}
-        other = [f"{name} = {read.values[name]:g}, not {value:g}" for name, value in self._words.values.items()
-                 if name not in operated and read.values[name] != value]
+    def _demand_words(self, client: Client) -> None:
+        there = self._standing
+        content = there.read(client)
+        found = {**{name: value for name, value in there.values(content).items() if name in there.own},
+                 **there.bits(content)}
+        other = [f"{name} = {value:g}, not {self._words.values[name]:g}" for name, value in found.items()
+                 if name not in there.block.operators and value != self._words.values[name]]
         if other:
             raise InputError(f"{self.mode.address.text} holds other words: {', '.join(other[:3])}; give the folder of "
                              "the controller that runs there")

@@ -128,7 +128,7 @@ class Layout:
         setpoint, reading, power: places of setpoint, reading and output.
         mode: place of what tells manual from automatic; None: it has none.
         manual_is: what stands there in manual, 0 or 1; in automatic it is the other.
-        hand: place of the power in manual [%]; None: there is none, or not beside the mode.
+        hand: place of the power in manual [%], beside the mode; None: there is none, or the program writes it.
         words: word → its place.
         inputs: what the controller's `scan_all` reads → its place.
         state: field of the controller's state → its place, as far as the real block keeps it where clients reach it.
@@ -175,8 +175,10 @@ class Laid:
         self.number, self.told, self.manual = layout.number, layout.told, layout.mode is not None
         self.speaks, self.registers = layout.speaks, layout.registers
         self.signals = self._signals((words.scaling.low_degC, words.scaling.high_degC))
-        self.words, self.undone_by = {name: self._signal(place) for name, place in layout.words.items()
-                                      if place.format in STRUCTS}, ""
+        self.words = {name: self._signal(place) for name, place in layout.words.items() if place.format in STRUCTS}
+        self.bits = {name: (place.byte, place.bit) for name, place in layout.words.items() if place.format == "BOOL"}
+        self.mode = layout.mode.part if layout.mode is not None else slice(0)
+        self.undone_by = "a start-up of the CPU loads the words of its program" if layout.anew else ""
         self.operators: tuple[str, ...] = ()
         self._controller, self._words, self._assume = controller, words, assume
         self._running = controller.begin(words, assume)
@@ -290,12 +292,14 @@ class Laid:
         """Return mode and power, side by side; see `heatertune.live.blocks.Block`.
 
         Raises:
-            InputError: there is no manual mode, or no one request writes mode and power.
+            InputError: there is no manual mode, or the program around writes mode and power at each call.
         """
         mode, hand = self.layout.mode, self.layout.hand
         if mode is None or hand is None:
-            why = "no manual mode here" if mode is None else "mode and power in manual where no one request writes both"
-            raise InputError(f"{self._controller.name} has {why}: set the powers by hand, and record")
+            why = "has no manual mode here" if mode is None else (
+                "is told mode and power in manual by its program at each call (the exported one has them in DB101), so "
+                "that what a client writes into the instance does not stay")
+            raise InputError(f"{self._controller.name} {why}: set the powers by hand, and record")
         image = bytearray(cells)
         mode.write(image, self.layout.manual_is)
         hand.write(image, power_pct)

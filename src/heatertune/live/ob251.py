@@ -55,7 +55,7 @@ class Ob251Block:
 
     number, manual = DB, True
     told, undone_by = "49 words", ""
-    operators = ("STEU", "YH")
+    operators, mode = ("STEU", "YH"), slice(_STEU, _STEU + 1)
     speaks = (*BLOCKS, "as511")
     registers: Sequence[Run] = ()
 
@@ -74,6 +74,7 @@ class Ob251Block:
             for name, place, shown in (("temperature", _X, degC), ("power", _YA, (0, 100)), ("setpoint", _W, degC))}
         self.words = {field.name: Signal(2 * PLACES[field.name], field.format) for field in self._fields}
         self.words["STEU"] = Signal(_STEU, "BYTE")  # the high byte belongs to the operating system
+        self.bits: dict[str, tuple[int, int]] = {}
         self._asked: Number | None = None
         self._words, self._parameters = b"", parameters_of(words.whole)
         self._kept = self._image[_BEGIN:]

@@ -100,9 +100,22 @@ class _File:
         try:
             return os.open(self._path, flags, 0o644)
         except FileExistsError:
-            raise InputError(f"{self._path}: is there already; --append continues it, or take another name") from None
+            raise InputError(f"{self._path}: is there already{self._left()}; --append continues it, or take another "
+                             "name") from None
         except OSError as problem:
             raise InputError(f"{self._path}: cannot be written: {problem.strerror}") from None
+
+    def _left(self) -> str:
+        """Return what a recording has left there; nothing where it is none."""
+        try:
+            text = read_bytes(self._path).decode(errors="replace")
+        except OSError:
+            return ""
+        rows = [line for line in without_torn(text, []).split("\n") if line[:1].isdigit()]
+        if not text.startswith(MARK) or not rows:
+            return ""
+        torn = "" if text.endswith("\n") else ", and a line that was torn as it ended"
+        return f", with {len(rows)} rows until {rows[-1].split(',')[0]} s{torn}"
 
     def _checked(self, columns: str) -> str:
         """Return what the last line lacks; raise InputError where the file is not one to continue."""

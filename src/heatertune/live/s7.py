@@ -60,6 +60,8 @@ class S7Server(Server):  # type: ignore[misc]
         if self.running:
             self._plc = None  # so that the library's own last state is not the CPU's
         self.running = False
+        if self.server_socket is not None:
+            _shut(self.server_socket)  # so that the library does not wait for a client first, where the system tells it
         if self.server_thread is not None:
             self.server_thread.join()
         for one in list(self._sockets):

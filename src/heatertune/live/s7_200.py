@@ -39,7 +39,7 @@ class _VMemory:
     """512 bytes of V memory, which S7 clients find as DB 1; see `heatertune.live.blocks.Block`."""
 
     number, manual = 1, False
-    told, operators = "V memory", ()
+    told, operators, mode = "V memory", (), slice(0)
     undone_by = "the first scan after a start-up types in the words of the program that is loaded"
     speaks = BLOCKS
     registers: Sequence[Run] = ()
@@ -55,6 +55,7 @@ class _VMemory:
         self._fields = [field for field in controller.fields if field.address[:2] in _WIDTHS]
         self.words = {field.name: Signal(int(field.address[2:]), field.format) for field in self._fields
                       if field.format == "REAL"}  # the program has its ticks as constants
+        self.bits: dict[str, tuple[int, int]] = {}
         self._timed, self._cold = controller.begin(words, assume)
         self._asked: Number | None = None
         self.signals = self._signals((words.scaling.low_degC, words.scaling.high_degC))

@@ -32,7 +32,7 @@ _LOOPBACK: Final = "127.0.0.1"
 _MOST_PORT: Final = 65535
 _RELEASED: Final = 8
 #: protocol → address as `heatertune.live.client.address` reads it
-_URLS: Final = {"s7": "s7://{}:{}/0/2/db{}", "modbus": "modbus://{}:{}/1/0", "opcua": "opc.tcp://{}:{}/db{}",
+_URLS: Final = {"s7": "s7://{}:{}/0/2/db{}", "modbus": "modbus://{}:{}/1/{first}", "opcua": "opc.tcp://{}:{}/db{}",
                 "as511": "as511://{0}/db{2}"}
 
 
@@ -151,7 +151,9 @@ class VirtualPlcServed:
     @property
     def urls(self) -> dict[str, str]:
         """Protocol → the address that `heatertune record` and its like take."""
-        return {protocol: _URLS[protocol].format(*where, self.number) for protocol, where in self.addresses.items()}
+        first = self.registers[0].first if len(self.registers) == 1 else 0
+        return {protocol: _URLS[protocol].format(*where, self.number, first=first)
+                for protocol, where in self.addresses.items()}
 
     @property
     def told(self) -> Told:

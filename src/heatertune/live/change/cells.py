@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from heatertune.errors import InputError
-from heatertune.live.blocks import Block, block_for
+from heatertune.live.blocks import SERVED, Block, block_for
 from heatertune.live.cells import Signal, bytes_of, field_of
 from heatertune.live.client.address import Address
+from heatertune.live.client.client import Client
 from heatertune.plc import Controller, Words, controller_for
 from heatertune.plc.ramp import Number
 
 __all__ = ["Part", "Standing", "standing"]
 
-#: controllers whose words all stand in whole cells, which one look reads
-_KNOWN: Final = ("s5-ob251", "s7-200-pid")
+#: target → why its words are not written, though a virtual PLC serves it
+_OUT_OF_REACH: Final[Mapping[str, str]] = {
+    "s7-200": "the program types its words in itself, and keeps setpoint, scale and ticks where no client reaches them"}
+#: protocol over which words of one request do not reach the CPU together
+_WORD_BY_WORD: Final = "as511"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,36 +51,74 @@ class Standing:
         controller: whose words these are.
         block: as a virtual PLC has it, too.
         number: of the block in the PLC.
-        begin, count: bytes of it that hold all words and what is watched.
+        spans: first byte, and how many, of what has to be read: all words and what is watched.
         whole: bytes that are written together at least: 2 where there are registers.
-        most: bytes of one request.
+        together: whether neighbours that one request writes reach the CPU together.
     """
 
     controller: Controller
     block: Block
     number: int
-    begin: int
-    count: int
+    spans: tuple[tuple[int, int], ...]
     whole: int
+    together: bool
+
+    @property
+    def begin(self) -> int:
+        """First byte that is read."""
+        return self.spans[0][0]
+
+    @property
+    def count(self) -> int:
+        """Bytes that are read."""
+        return sum(count for _, count in self.spans)
 
     @property
     def own(self) -> list[str]:
         """The words that the program around does not write."""
         return [name for name in self.block.words if name not in self.controller.written]
 
+    def at(self, start: int) -> int:
+        """Return where a byte of the block stands in what is read."""
+        before = 0
+        for begin, count in self.spans:
+            if begin <= start < begin + count:
+                return before + start - begin
+            before += count
+        raise ValueError(f"byte {start} is not read")
+
+    def read(self, client: Client) -> bytes:
+        """Return what stands there; errors as `Client.read`."""
+        return b"".join(client.read(self.number, begin, count) for begin, count in self.spans)
+
     def values(self, content: bytes) -> dict[str, Number]:
         """Return every word in the bytes of the block; a whole number is one."""
-        found = {name: signal.of(content, self.begin) for name, signal in self.block.words.items()}
+        found = {name: self._of(content, signal) for name, signal in self.block.words.items()}
         return {name: value if self.block.words[name].format == "REAL" else int(value)
                 for name, value in found.items()}
 
+    def bits(self, content: bytes) -> dict[str, int]:
+        """Return the words of one bit that the program around does not write; they are looked at alone."""
+        return {name: content[self.at(byte)] >> bit & 1 for name, (byte, bit) in self.block.bits.items()
+                if name not in self.controller.written}
+
     def words(self, content: bytes, others: Words) -> Words:
         """Return what a PLC runs; what does not stand in the block is as in other words."""
-        return replace(others, values={**others.values, **self.values(content)})
+        held = self.interval_s(content)
+        return replace(others, values={**others.values, **self.values(content), **self.bits(content)},
+                       sample_time_s=others.sample_time_s if held is None else held)
+
+    def interval_s(self, content: bytes) -> float | None:
+        """Return the interval at which the controller is called, where words in the block tell it [s]."""
+        found, told = {**self.values(content), **self.bits(content)}, self.controller.interval_s
+        return None if told is None or any(field.name not in found for field in self.controller.fields) else told(found)
 
     def shown(self, content: bytes, role: str) -> float:
         """Return a signal of the block, see `heatertune.live.blocks.Block.signals`."""
-        return self.block.signals[role].of(content, self.begin)
+        return self._of(content, self.block.signals[role])
+
+    def _of(self, content: bytes, signal: Signal) -> float:
+        return signal.of(content, signal.start - self.at(signal.start))
 
     def typed(self, content: bytes, values: Mapping[str, Number]) -> bytes:
         """Return bytes of the block with words in them.
@@ -88,8 +130,8 @@ class Standing:
         for name, value in values.items():
             signal = self.block.words[name]
             field = field_of(self.controller.fields, name)
-            one = bytes_of(replace(field, format=signal.format), value)
-            cells[signal.start - self.begin : signal.start - self.begin + signal.size] = one
+            one, at = bytes_of(replace(field, format=signal.format), value), self.at(signal.start)
+            cells[at : at + signal.size] = one[2:] + one[:2] if signal.turned else one
         return bytes(cells)
 
     def parts(self, content: bytes, values: Mapping[str, Number]) -> list[Part]:
@@ -106,13 +148,13 @@ class Standing:
         runs: list[tuple[list[str], int, int]] = []
         for name, signal in sorted(self._changed(now, values), key=lambda one: one[1].start):
             begin, end = self._around(signal)
-            if runs and runs[-1][2] >= begin:
+            if runs and runs[-1][2] >= begin and self.together:
                 names, first, last = runs[-1]
                 runs[-1] = [*names, name], first, max(last, end)
             else:
                 runs.append(([name], begin, end))
-        return [Part(tuple(names), first, content[first - self.begin : last - self.begin],
-                     then[first - self.begin : last - self.begin]) for names, first, last in runs]
+        return [Part(tuple(names), first, content[self.at(first) : self.at(first) + last - first],
+                     then[self.at(first) : self.at(first) + last - first]) for names, first, last in runs]
 
     def _changed(self, now: Mapping[str, Number], values: Mapping[str, Number]) -> Iterator[tuple[str, Signal]]:
         return ((name, self.block.words[name]) for name, value in values.items() if now[name] != value)
@@ -123,27 +165,41 @@ class Standing:
 
     def in_manual(self, content: bytes) -> bool:
         """Return whether the controller is in manual."""
-        return self.block.manual and self.block.in_manual(bytes(self.begin) + content)
+        mode = self.block.mode
+        if not self.block.manual:
+            return False
+        at = self.at(mode.start)
+        return self.block.in_manual(bytes(mode.start) + content[at : at + mode.stop - mode.start])
 
 
 def standing(words: Words, address: Address, switches: Mapping[str, str]) -> Standing:
     """Return where words stand in the PLC of an address.
 
     Raises:
-        InputError: heatertune does not know where this controller keeps them.
+        InputError: heatertune does not know where this controller keeps them, or the protocol does not reach it.
     """
-    if words.target not in _KNOWN:
-        raise InputError(f"words of {words.target} are not written to a PLC: which of its cells hold them all is not "
-                         f"known; known: {', '.join(_KNOWN)}")
+    why = _OUT_OF_REACH.get(words.target, "" if words.target in SERVED else
+                            "which cells of a PLC hold its words is not known")
     controller = controller_for(words.target)
-    block = block_for(controller, words, switches)
-    begin, end = _hull([*block.words.values(), *block.signals.values()])
+    if not why:
+        block = block_for(controller, words, switches)
+        if address.protocol not in block.speaks:
+            why = f"it is reached over {' and '.join(block.speaks)}, not over {address.protocol}"
+    if why:
+        typed = ", ".join(f"{field.name} = {words.values[field.name]:.9g}" for field in controller.fields)
+        raise InputError(f"{words.target} at {address.text}: {why}; type its words in by hand: {typed}")
     number = block.number if address.protocol != "s7" or address.block is None else address.block
-    return Standing(controller=controller, block=block, number=number, begin=begin, count=end - begin,
-                    whole=2 if address.protocol == "modbus" else 1)
+    return Standing(controller=controller, block=block, number=number, spans=_spans(block),
+                    whole=2 if address.protocol == "modbus" else 1, together=address.protocol != _WORD_BY_WORD)
 
 
-def _hull(signals: Sequence[Signal]) -> tuple[int, int]:
-    """Return the first byte of signals, and the one behind the last; whole registers."""
-    begin, end = min(each.start for each in signals), max(each.start + each.size for each in signals)
-    return begin - begin % 2, end + end % 2
+def _spans(block: Block) -> tuple[tuple[int, int], ...]:
+    """Return what has to be read: all at once, or, of registers that are not in a row, run by run."""
+    if len(block.registers) > 1:
+        return tuple((2 * run.first, 2 * run.size) for run in block.registers)
+    cells = [slice(each.start, each.start + each.size) for each in (*block.words.values(), *block.signals.values())]
+    cells += [slice(byte, byte + 1) for byte, _ in block.bits.values()]
+    cells += [block.mode] if block.manual else []
+    begin, end = min(each.start for each in cells), max(each.stop for each in cells)
+    begin -= begin % 2  # whole registers
+    return ((begin, end + end % 2 - begin),)

@@ -67,9 +67,9 @@ def checks(proven: Proven, standing: Standing, looks: tuple[Look, Look], said: S
     """
     look = looks[1]
     return [
-        _block(proven, standing, look), _moves(looks), _interval(proven, standing, look, said),
-        _range(proven, said), *_program(proven, said), _mode(standing, look, said), _reading(proven, standing, look),
-        _setpoint(proven, standing, look),
+        _block(proven, standing, look), *_bits(proven, standing, look), _moves(looks),
+        _interval(proven, standing, look, said), _range(proven, said), *_program(proven, said),
+        _mode(standing, look, said), _reading(proven, standing, look), _setpoint(proven, standing, look),
     ]
 
 
@@ -80,6 +80,14 @@ def _block(proven: Proven, standing: Standing, look: Look) -> Check:
     except OutOfRange as problem:
         return Check(name, False, f"holds no words of {standing.controller.name}: {problem}")
     return Check(name, True, f"{standing.controller.name}, {standing.block.told}")
+
+
+def _bits(proven: Proven, standing: Standing, look: Look) -> Iterator[Check]:
+    """Yield words of one bit that are not as proven: none is written, as its byte holds what is others', too."""
+    found = standing.bits(look.content)
+    if other := [f"{name} is {value}; {proven.words.values[name]:g} was proven" for name, value in found.items()
+                 if value != proven.words.values[name]]:
+        yield Check("bits", False, f"{', '.join(other)}: set them by hand")
 
 
 def _moves(looks: tuple[Look, Look]) -> Check:
@@ -96,12 +104,12 @@ def _moves(looks: tuple[Look, Look]) -> Check:
 
 
 def _interval(proven: Proven, standing: Standing, look: Look, said: Said) -> Check:
-    own, controller = proven.words.sample_time_s, standing.controller
+    own = proven.words.sample_time_s
     found, by = said.called_every_s, "as said"
     if look.told is not None:
         found, by = look.told.interval_s, "as the simulator says"
-    if controller.interval_s is not None and all(field.name in standing.block.words for field in controller.fields):
-        found, by = controller.interval_s(standing.words(look.content, proven.words).values), "by its words"
+    if (held := standing.interval_s(look.content)) is not None:
+        found, by = held, "by its words"
     if found is None:
         return Check("TA", None, f"{own:g} s was proven; the block does not hold it", f"--called-every {own:g}")
     same = abs(found - own) <= _NEAR * own

@@ -97,7 +97,7 @@ class Peer:
 
     def _look(self) -> Look:
         client, at = self._connected(), self.standing
-        content = client.read(at.number, at.begin, at.count)
+        content = at.read(client)
         told = self._told(client)
         seen = time.monotonic() if told is None else told.intervals * told.interval_s
         return Look(content, at.values(content), told, seen)

@@ -174,7 +174,7 @@ class Writer:
     def _decide(self, part: Part, problem: str) -> None:
         """Ask the PLC whether a part arrived; raise `_Stopped` where it did not."""
         look = self._peer.later(self._peer.look(), _SCANS)
-        begin = part.start - self._standing.begin
+        begin = self._standing.at(part.start)
         arrived = look.content[begin : begin + len(part.after)] == part.after
         self._record.put("asked", arrived=arrived, **look.to_document())
         if not arrived:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from contextlib import suppress
+from functools import partial
 from typing import Any, Final
 
 from snap7.client import Client
@@ -68,18 +69,27 @@ def _why(problem: S7ProtocolError) -> str:
             f"block or PUT/GET not permitted: OPC UA needs neither)")
 
 
+def _waiting(kind: Any, timeout_s: float) -> Any:
+    """Return a class of the library's whose connections wait so long for any answer, where its own wait 5 s."""
+
+    class Waiting(kind):  # type: ignore[misc]
+        def __setattr__(self, name: str, value: Any) -> None:
+            if name == "connection" and value is not None:
+                value.connect = partial(value.connect, timeout_s)
+            super().__setattr__(name, value)
+
+    return Waiting
+
+
 def connected(address: Address, timeout_s: float) -> S7Client:
     """Return a client that is connected.
 
     Raises:
         LinkDown: nobody is there.
     """
-    library: Any = Logo() if address.by_tsap else Client()
+    library: Any = _waiting(Logo if address.by_tsap else Client, timeout_s)()
     try:
         library.connect(address.host, *address.way, address.port)
-        # the library takes a time for the connection alone, and waits 5 s for any answer
-        library.connection.timeout = timeout_s
-        library.connection.socket.settimeout(timeout_s)
     except (S7Error, OSError) as problem:
         raise LinkDown(f"{address.text}: no S7 connection to {address.host}:{address.port}: {problem}") from None
     return S7Client(address, library)
