@@ -44,7 +44,7 @@ def in_plc(values: Mapping[str, float] | None, words: Document) -> str:
     """Return the words that stood in a PLC, each as it is typed in; those that the program writes are left out."""
     if values is None:
         return _NOT_KNOWN
-    return ", ".join(f"{name} {as_typed(values[name], form)}" for _, name, form, _, _ in _own(words) if name in values)
+    return ", ".join(f"{name} {as_typed(values[name], form)}" for _, name, form, _ in _own(words) if name in values)
 
 
 def _passage(one: Document, words: Document) -> str:
@@ -53,13 +53,12 @@ def _passage(one: Document, words: Document) -> str:
             ("by", BLANK)]
     facts = "".join(f"<dt>{name}</dt><dd>{text_of(value)}</dd>" for name, value in rows)
     mark = "pass" if one["outcome"] == "done" else "fail"
-    heads = ["", "as found", "proven", "as left", ""]
+    heads = ["", "as found", "proven", "as left"]
     source = f"{one['record']}; proven: the proof of these words"
     watch = one["watch"]
     drawn = "<p>The response was not watched.</p>" if watch is None else picture(
-        plot_watch(watch), "Measured against proven: the response over the band in which the proof has it; shaded "
-        "red: outside of it.")
-    seen = f"<p>Looked at before. {text_of('; '.join(one['seen']))}.</p>" if one["seen"] else ""
+        plot_watch(watch), "Measured against proven: the response, and the band in which the proof has it.")
+    seen = f"<p>Looked at before: {text_of('; '.join(one['seen']))}.</p>" if one["seen"] else ""
     return (
         f'<section><h3>{_KINDS[one["kind"]]}: <span class="{mark}">{_outcome(one)}</span></h3>'
         f'<dl class="identity">{facts}</dl><p>{_sentence(one["told"])}</p>{seen}{bullets(one["notes"])}'
@@ -93,34 +92,29 @@ def _quantities(one: Document) -> Iterator[list[str]]:
         if any(value is not None for value in values):
             shown = [_shown(value, each["unit"], known=one[of] is not None)
                      for value, of in zip(values, ("found", "quantities", "left"), strict=True)]
-            yield [each["name"], *shown, _judged(values[2], values[1], known=one["left"] is not None)]
+            yield [each["name"], *shown]
 
 
 def _shown(value: float | None, unit: str, *, known: bool) -> str:
     return _NOT_KNOWN if not known else "none" if value is None else f"{figure(value)} {unit}"
 
 
-def _judged(left: object, proven: object, *, known: bool) -> str:
-    return "" if not known else "as proven" if left == proven else "not as proven"
-
-
 def _words(one: Document, words: Document) -> Iterator[list[str]]:
     """Yield the words that are not the same in all three sets."""
-    for address, name, form, proven, meaning in _own(words):
+    for address, name, form, proven in _own(words):
         values = [proven if of is None else None if one[of] is None else one[of].get(name)
                   for of in ("found", None, "left")]
         if any(value != proven for value in values):
-            place = name if address == name else f"{address} {name}"
-            shown = [_NOT_KNOWN if value is None else as_typed(value, form) for value in values]
-            yield [f"{place}, {meaning}", *shown, _judged(values[2], proven, known=values[2] is not None)]
+            yield [name if address == name else f"{address} {name}",
+                   *(_NOT_KNOWN if value is None else as_typed(value, form) for value in values)]
 
 
-def _own(words: Document) -> Iterator[tuple[str, str, str, float, str]]:
-    """Yield address, name, format, value and meaning of the words that the program does not write."""
+def _own(words: Document) -> Iterator[tuple[str, str, str, float]]:
+    """Yield address, name, format and proven value of the words that the program does not write."""
     live = controller_for(words["target"]).written
     for row in typed(words):
         if row.name not in live:
-            yield row.address, row.name, row.format, row.then, row.meaning
+            yield row.address, row.name, row.format, row.then
 
 
 def plot_watch(watch: Document) -> Figure:
