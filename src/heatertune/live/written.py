@@ -116,8 +116,8 @@ def _passages(before: Before, words: Words) -> list[Passage]:
         groups[-1].append(step)
     for group in groups:
         if any(step["step"] == "end" for step in group[:-1]):
-            raise DocumentError(f"{before.lines.path}: step {group[-1]['step']!r} of {group[-1].get('at')}: comes after "
-                                "the end")
+            late = f"step {group[-1]['step']!r} of {group[-1].get('at')}"
+            raise DocumentError(f"{before.lines.path}: {late}: comes after the end")
     made = [_passage(before, words, group) for group in groups]
     for number, group in enumerate(groups[1:]):
         if made[number].ended is None:  # nobody asked what became of it until it was taken back
