@@ -71,8 +71,10 @@ def live_charts(trace: Trace) -> tuple[Options, Options | None]:
     def line(name: str, values: Array, look: str) -> dict[str, Any]:
         return _with_gaps(_line(name, trace.time_s, values, look), trace.part)
 
-    named = [("temperature", trace.temperature_degC, "log"), ("setpoint", trace.setpoint_degC, "limit")]
-    lines = [_named(line(name, values, look), look) for name, values, look in named if np.isfinite(values).all()]
+    lines = [line("temperature", trace.temperature_degC, "log")]
+    if np.isfinite(trace.setpoint_degC).all():
+        asked = line("setpoint", trace.setpoint_degC, "limit") | {"step": "end"}
+        lines.append(_named(asked, "limit", lower=-1))
     power = _chart("time [s]", "power [%]", [line("power", trace.power_pct, "log")])
     power["yAxis"] |= {"min": 0 if np.min(trace.power_pct) >= 0.0 else -100, "max": 100}
     return _chart("time [s]", "temperature [°C]", lines), power if np.isfinite(trace.power_pct).all() else None

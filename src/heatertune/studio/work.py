@@ -309,7 +309,7 @@ class Work:
 
     async def end_recording(self) -> None:
         """End the recording, and wait for it; its file is whole then."""
-        if self.live is not None and self._recording is not None:
+        if self.live is not None and self._recording is not None and not self.live.is_over:
             self.live.stop()
             self._each(lambda page: page.show_live())
             await asyncio.wait([self._recording])
