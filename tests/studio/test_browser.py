@@ -10,6 +10,7 @@ import sys
 import urllib.error
 import urllib.request
 import zipfile
+from contextlib import contextmanager
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -17,6 +18,7 @@ from pathlib import Path
 import pytest
 from tests.studio.conftest import MALFORMED
 
+from heatertune import virtual_plc
 from heatertune.plc import TARGETS
 from heatertune.report.html import text_of
 from heatertune.studio import views
@@ -39,9 +41,9 @@ SMALL = """() => [...document.querySelectorAll('button, select, summary, .card i
 pytestmark = pytest.mark.long
 
 
-@pytest.fixture(scope="module")
-def address():
-    """The address a started studio prints."""
+@contextmanager
+def started():
+    """A studio of its own: its process, and the address that it prints."""
     environment = dict(os.environ)
     environment.pop("PYTEST_CURRENT_TEST", None)  # NiceGUI would start its own test server where it sees this
     with subprocess.Popen([sys.executable, "-m", "heatertune", "studio", "--no-browser"], stdout=subprocess.PIPE,
@@ -49,9 +51,16 @@ def address():
         try:
             said = server.stdout.readline()
             assert re.fullmatch(r"heatertune studio: http://127\.0\.0\.1:\d+/\?token=[\w-]{43}\n", said)
-            yield said.split(": ")[1].strip()
+            yield server, said.split(": ")[1].strip()
         finally:
             server.terminate()
+
+
+@pytest.fixture(scope="module")
+def address():
+    """The address a started studio prints."""
+    with started() as (_, said):
+        yield said
 
 
 def status(url, **headers):
@@ -287,6 +296,50 @@ def _zip_holds_the_words_on_the_page(page, content):
     assert shown.pop("W") == int(2047 * (proof["scenario"]["setpoint_degC"] - proof["scaling"]["low_degC"]) / span)
     for name, value in shown.items():
         assert words[name] == value, name
+
+
+@pytest.mark.long(seconds=30)
+def test_a_running_loop_is_recorded_read_and_left_whole_by_a_server_that_ends(browser, heater, tmp_path):
+    pytest.importorskip("snap7.client", reason="python-snap7 is not installed")
+    from tests.live.conftest import CONDITIONS, words_of, write_design  # noqa: PLC0415 - skips where a library is missing
+
+    write_design(tmp_path)
+    with virtual_plc(words_of("s5-ob251"), heater, CONDITIONS, serve="s7", rate=200.0) as plc, started() as (server, here), \
+            browser.new_context(viewport={"width": 1280, "height": 720}) as context:
+        page, (host, port) = context.new_page(), plc.addresses["s7"]
+        page.goto(here)
+        page.get_by_role("button", name="Record a running loop").click()
+        demand_accessible(page)
+        demand_whole(page)
+        page.get_by_label("Address of the PLC").fill("s7://oven")
+        page.get_by_label("Log to write").fill(str(tmp_path / "one.csv"))
+        page.get_by_label("Folder of its design, or map (TOML)").fill(str(tmp_path))
+        page.get_by_role("button", name="Start").click()
+        page.get_by_role("alert").filter(has_text="no rack and slot; expected s7://").wait_for()
+        page.get_by_label("Address of the PLC").fill(f"s7://{host}:{port}/0/2/db30")
+        page.get_by_role("button", name="Start").click()
+        page.locator("[data-field=live-state]").filter(has_text="the PLC is only read").wait_for()
+        page.locator("[data-field=live-now]").filter(has_text=re.compile(r"setpoint .*; \d\d+ rows")).wait_for()
+        demand_accessible(page)
+        demand_whole(page)
+        assert "temperature [°C]" in page.locator(".live .chart").first.inner_text()
+        page.reload()  # another window, which finds it running
+        page.get_by_role("button", name="Stop and read the log").click()
+        page.get_by_role("heading", name="The file as read: one.csv").wait_for()
+        page.locator("[data-field=live-state]").filter(has_text="Ended: ").wait_for()
+        assert page.locator(".sheet").get_by_label(re.compile("^role of column")).count() == 4
+        page.get_by_role("button", name="Use this log").wait_for()
+        page.get_by_label("Address of the PLC").fill(f"s7://{host}:{port}/0/2/db30")
+        page.get_by_label("Folder of its design, or map (TOML)").fill(str(tmp_path))
+        page.get_by_label("Log to write").fill(str(tmp_path / "two.csv"))
+        page.get_by_role("button", name="Start").click()
+        page.locator("[data-field=live-now]").filter(has_text="rows").wait_for()
+        server.terminate()
+        server.wait(timeout=30)
+    for name in ("one.csv", "two.csv"):
+        content = (tmp_path / name).read_text()
+        assert content.startswith("# heatertune record; ")
+        assert content.endswith("\n")
 
 
 def test_every_word_of_every_controller_stands_whole_in_its_cell(browser, heater):

@@ -15,6 +15,7 @@ from heatertune.progress import Told
 from heatertune.proof.as_left import AS_LEFT_SCHEMA, AsLeft, as_left
 from heatertune.proof.document import ProofView
 from heatertune.proof.words_file import words_of
+from heatertune.proof.written import WRITTEN_SCHEMA, Written
 
 __all__ = ["as_left_in", "beside", "files_of"]
 
@@ -42,18 +43,19 @@ def as_left_in(
 
 
 def beside(directory: str | Path, proof: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return what lies beside the documents of a design: "as_left", where it is of this proof, and "record".
+    """Return what lies beside the documents of a design: "as_left" and "written" of this proof, and "record".
 
     Raises:
         DocumentError: one of them is not whole.
     """
     folder, found = data_folder(directory), {}
-    for name, schema, kind in (("as_left", AS_LEFT_SCHEMA, AsLeft), ("record", RECORD_SCHEMA, RecordSettings)):
+    for name, schema, kind in (("as_left", AS_LEFT_SCHEMA, AsLeft), ("written", WRITTEN_SCHEMA, Written),
+                               ("record", RECORD_SCHEMA, RecordSettings)):
         path = folder / f"{name}.json"
         if path.exists():
             document = read_document(path, schema)
             decode(kind, document, path)
-            if name != "as_left" or document["digest"] == proof["digest"]:
+            if name == "record" or document["digest"] == proof["digest"]:
                 found[name] = document
     return found
 
@@ -61,5 +63,5 @@ def beside(directory: str | Path, proof: Mapping[str, Any]) -> dict[str, dict[st
 def files_of(directory: str | Path, documents: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     """Return what is written of them beside the documents of a design, name → content."""
     folder = data_folder(directory).relative_to(directory)
-    return {str(folder / f"{name}.json"): to_json(documents[name]) for name in ("as_left", "record")
+    return {str(folder / f"{name}.json"): to_json(documents[name]) for name in ("as_left", "written", "record")
             if name in documents}

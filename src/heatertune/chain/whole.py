@@ -29,6 +29,7 @@ from heatertune.proof.closing import Asked, Closed, closed
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.proof.pictures import pictures
 from heatertune.proof.views import ComparisonView
+from heatertune.proof.written import Written
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.writing import write_files
 
@@ -152,7 +153,7 @@ def dossier(
 
 def redraw(
     directory: str | Path, trace: Log | None = None, about: AsLeftSettings | None = None,
-    record: RecordSettings | None = None, progress: Told = str,
+    record: RecordSettings | None = None, progress: Told = str, *, written: Written | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Draw `report.html` anew from the documents in a directory; return them.
 
@@ -162,6 +163,7 @@ def redraw(
         about: what is known beside the trace.
         record: what the record calls the plant and itself; what it does not say is as before.
         progress: told how far the runs for the trace are.
+        written: what was written into the PLC, of this proof; None: as before.
 
     Raises:
         DocumentError: a document is missing or is none.
@@ -174,7 +176,9 @@ def redraw(
         documents["record"] = encode(RecordSettings()) | documents.get("record", {}) | own
     if trace is not None:
         documents["as_left"] = plain(encode(as_left_in(directory, documents, trace, about, progress)))
-    given = files_of(directory, documents) if trace is not None or record is not None else {}
+    if written is not None:
+        documents["written"] = encode(written)
+    given = files_of(directory, documents) if (trace, record, written) != (None, None, None) else {}
     write_files(directory, {"report.html": _page(documents), **given})
     return documents
 

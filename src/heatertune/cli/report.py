@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.commissioned import AsLeftSettings, RecordSettings
 from heatertune.errors import InputError
 from heatertune.settings import ReadSettings
+
+if TYPE_CHECKING:
+    from heatertune.proof.written import Written
 
 __all__ = ["add_to"]
 
@@ -23,7 +26,8 @@ def add_to(commands: Any) -> None:
         "report", help="draw report.html anew, with what the commissioned loop does", epilog=_EXAMPLE,
         description="Make report.html from the JSON documents that `heatertune design` wrote. With --as-left a trace "
                     "of the commissioned loop is held against the proof, which is run anew from where the trace "
-                    "begins: exit status 1 where the loop is not as proven.",
+                    "begins: exit status 1 where the loop is not as proven. With --record the report tells what was "
+                    "written into the PLC: exit status 1 where that did not end in DONE.",
     )
     command.add_argument("directory", metavar="DIR", help="directory that `heatertune design` wrote")
     options.add(command.add_argument_group("the record"), RecordSettings)
@@ -32,6 +36,9 @@ def add_to(commands: Any) -> None:
                        "setpoint and power where it has them")
     options.add(group, AsLeftSettings)
     options.add(command.add_argument_group("reading the trace"), ReadSettings)
+    command.add_argument_group("written into the PLC").add_argument(
+        "--record", action="extend", nargs="+", metavar="RECORD", help="records of heatertune write with these words: "
+        "as found, as left and the watched response, in order of time; they take the place of those before")
     printing.add_output_options(command, brief=True)
     command.set_defaults(run=_run)
 
@@ -47,16 +54,32 @@ def _run(settings: argparse.Namespace) -> int:
     about, progress = options.of(AsLeftSettings, settings), printing.Progress(settings)
     if settings.as_left is None and about != AsLeftSettings():
         raise InputError("--setpoint, --ambient, --begins-at and --load-at are of a trace: say --as-left TRACE, too")
+    written = _written(settings)
     trace = None if settings.as_left is None else read_log(settings.as_left, common.reading(settings), errata=True)
     printing.tell_taken(settings, [] if trace is None else [trace], progress)
-    documents = redraw(settings.directory, trace, about, options.of(RecordSettings, settings), progress)
+    documents = redraw(settings.directory, trace, about, options.of(RecordSettings, settings), progress,
+                       written=written)
     page = Path(settings.directory) / "report.html"
+    is_done = written is None or written.passages[-1].outcome == "done"
     if trace is not None:
         left, target = documents["as_left"], documents["words"]["target"]
         printing.output(settings, left, lambda: as_left_brief(left, target, str(page), whole=True),
                         brief=lambda: as_left_brief(left, target, str(page)),
                         short=lambda: {name: part for name, part in left.items() if name not in CURVES})
-        return 0 if left["verdict"] == "AS PROVEN" else 1
+        return 0 if left["verdict"] == "AS PROVEN" and is_done else 1
+    if written is not None:
+        from heatertune.report.written import written_brief  # noqa: PLC0415
+
+        printing.output(settings, documents["written"], lambda: written_brief(documents["written"], str(page)))
+        return 0 if is_done else 1
     printing.output(settings, documents, lambda: f"{summary(documents)}\n{page}",
                     brief=lambda: design_brief(documents, settings.directory), short=lambda: without_curves(documents))
     return 0 if documents["proof"]["verdict"] == "PASS" else 1
+
+
+def _written(settings: argparse.Namespace) -> Written | None:
+    if settings.record is None:
+        return None
+    from heatertune.live.written import written_in  # noqa: PLC0415
+
+    return written_in(settings.record, settings.directory)

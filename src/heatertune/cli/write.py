@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.cli import printing
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 __all__ = ["add_guard", "add_to", "ended_lines", "link_of", "not_read"]
 
-#: quantities that the words in a block make
-_IN_BLOCK: Final = ("K", "TN", "TV", "largest power")
 _EXAMPLE = "example: heatertune write out/ s7://192.168.0.10/0/2/db30"
 
 
@@ -140,7 +138,9 @@ def _of_plan(settings: argparse.Namespace, wanted: Wanted, plan: Planned, open_:
 
 def _of_block(difference: Mapping[str, Any]) -> dict[str, Any]:
     """Return what differs without what no block tells, or the program around writes."""
-    terms = [term for term in difference["terms"] if term["name"] in _IN_BLOCK]
+    from heatertune.proof.written import IN_BLOCK  # noqa: PLC0415
+
+    terms = [term for term in difference["terms"] if term["name"] in IN_BLOCK]
     words = [word for word in difference["words"] if not word["written"]]
     a, b = difference["a"] | {"source": "in the PLC"}, difference["b"] | {"source": "proven"}
     return {**difference, "a": a, "b": b, "terms": terms, "words": words, "proofs": []}

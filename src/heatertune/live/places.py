@@ -15,14 +15,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.errors import DocumentError
+from heatertune.errors import DocumentError, InputError
 from heatertune.files import read_text
 from heatertune.live.blocks import SERVED, block_for
 from heatertune.live.cells import STRUCTS, Signal
 from heatertune.plc import Words, controller_for
 from heatertune.plc.words import FLOATS
+from heatertune.proof.words_file import words_in
 
-__all__ = ["ROLES", "Counter", "Places", "places_in", "places_of"]
+__all__ = ["ROLES", "Counter", "Places", "places_for", "places_in", "places_of"]
 
 #: what is recorded, in the order of a log's columns
 ROLES: Final = ("temperature", "power", "setpoint")
@@ -77,6 +78,26 @@ def places_of(words: Words) -> Places | None:
         return None
     block = block_for(controller_for(words.target), words, {})
     return Places(block=block.number, signals=block.signals, told=f"the block of {words.target}")
+
+
+def places_for(design: str | Path | None, file: str | Path | None) -> Places | None:
+    """Return where a PLC shows what, as a file says, else as the block of a design's controller; None: nobody says it.
+
+    Raises:
+        DocumentError: as `places_in`, or the folder holds no words.
+        InputError: heatertune does not know the block of the design's controller.
+        OutOfRange: as `heatertune.proof.words_file.words_in`.
+    """
+    if file is not None:
+        return places_in(file)
+    if design is None:
+        return None
+    words, _ = words_in(design)
+    places = places_of(words)
+    if places is None:
+        raise InputError(f"{design}: where {words.target} shows its temperature is not known here; say it in a small "
+                         "file: --map FILE.toml")
+    return places
 
 
 def places_in(path: str | Path) -> Places:

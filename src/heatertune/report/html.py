@@ -12,7 +12,7 @@ from typing import Any, Final
 from heatertune.report import live
 from heatertune.report.style import to_svg
 
-__all__ = ["Markup", "bullets", "coded", "page", "picture", "steps", "table", "text_of", "tick"]
+__all__ = ["BLANK", "Markup", "bullets", "coded", "page", "picture", "steps", "table", "text_of", "tick"]
 
 _CODE: Final = re.compile(r"`([^`]+)`")
 
@@ -23,6 +23,10 @@ class Markup(str):
     """Text that is HTML already."""
 
     __slots__ = ()
+
+
+#: to be filled in by hand
+BLANK: Final = Markup('<span class="blank"></span>')
 
 
 def page(title: str, body: str, *, mark: str = "", foot: str = "") -> str:

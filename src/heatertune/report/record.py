@@ -13,8 +13,9 @@ from heatertune.plc.inputs import described
 from heatertune.plc.typed import TypedWord, as_typed, word_text
 from heatertune.proof.verdict import blocking, told_of
 from heatertune.report.as_left import judged_text, measured_text, plot_as_left, worst_text
-from heatertune.report.html import Markup, bullets, coded, picture, steps, table, text_of, tick
+from heatertune.report.html import BLANK, Markup, bullets, coded, picture, steps, table, text_of, tick
 from heatertune.report.text import figure, limit_text, ramp_note, search_notes, spaced, typed
+from heatertune.report.written import in_plc, written
 
 __all__ = ["head", "record", "remedies"]
 
@@ -25,7 +26,6 @@ Documents = Mapping[str, Document]
 _INTO_SERVICE: Final = ("Where the words go", "The first minutes")
 #: criteria that no plant shows: they are of the words, or of flags in the PLC
 _OF_WORDS: Final = ("stability", "ms", "gain_margin", "phase_margin", "step_power", "overflow", "interlock_trips")
-_BLANK: Final = Markup('<span class="blank"></span>')
 _SHORT: Final = 160  # characters of all words in one cell
 _SIDE_BY_SIDE: Final = 5  # words from which on they stand in two columns
 _MOST_LETTERS: Final = 46  # of address and name of a word, for two columns to stand side by side
@@ -41,8 +41,8 @@ def head(documents: Documents) -> str:
 
 def record(documents: Documents) -> str:
     """Return all that is read, typed, ticked and signed."""
-    parts = (_identity, _verdict, _words, _site, _safety, _acceptance, _as_left, _signatures)
-    return "\n".join(f"<section>{part(documents)}</section>" for part in parts)
+    parts = (_identity, _verdict, _words, _site, _safety, _acceptance, _as_left, written, _signatures)
+    return "\n".join(f"<section>{text}</section>" for part in parts if (text := part(documents)))
 
 
 def _identity(documents: Documents) -> str:
@@ -51,7 +51,7 @@ def _identity(documents: Documents) -> str:
             ("version", about.get("revision")), ("controller", controller_for(proof["target"]).title),
             ("log", documents["log"]["name"]), ("proof", Markup(f"<code>{text_of(proof['digest'])}</code>")),
             ("made by", f"heatertune {__version__}")]
-    cells = "".join(f"<dt>{name}</dt><dd>{_BLANK if value is None else text_of(value)}</dd>" for name, value in rows)
+    cells = "".join(f"<dt>{name}</dt><dd>{BLANK if value is None else text_of(value)}</dd>" for name, value in rows)
     return f'<dl class="identity">{cells}</dl>'
 
 
@@ -137,14 +137,14 @@ def _steps(found: Mapping[str, Sequence[str]], titles: Sequence[str]) -> str:
 
 def _safety(documents: Documents) -> str:
     watch, scale = documents["proof"]["interlock"], documents["words"]["scaling"]
-    limit = _BLANK if watch is None else Markup(text_of(f"{figure(watch['limit_degC'])} °C ({watch['name']})"))
+    limit = BLANK if watch is None else Markup(text_of(f"{figure(watch['limit_degC'])} °C ({watch['name']})"))
     rows = [
         [tick("safety-limit", "limit temperature checked"), "Limit temperature of plant and goods", limit],
         [tick("safety-cut-out", "independent cut-out checked"),
-         "Independent cut-out, with its own sensor and its own contact: switches off at", _BLANK],
+         "Independent cut-out, with its own sensor and its own contact: switches off at", BLANK],
         [tick("safety-tried", "cut-out tried"), "Cut-out tried on the plant: heater off, and off until it is reset",
-         _BLANK],
-        [tick("safety-sensor", "broken sensor tried"), "Sensor unplugged: heater off", _BLANK],
+         BLANK],
+        [tick("safety-sensor", "broken sensor tried"), "Sensor unplugged: heater off", BLANK],
     ]
     return (
         "<h2>Safety</h2><p>Nothing in this record stands in for a cut-out that is independent of the PLC. Readings go "
@@ -162,7 +162,7 @@ def _acceptance(documents: Documents) -> str:
         if name in _OF_WORDS or (one["limit"] is None and not measured):
             continue
         rows.append([tick(f"test-{name}", f"{spaced(name)} accepted"), spaced(name), limit_text(one),
-                     worst_text(_line(name, one)), measured_text(line) if measured and line is not None else _BLANK,
+                     worst_text(_line(name, one)), measured_text(line) if measured and line is not None else BLANK,
                      "" if line is None else judged_text(line)])
     ends = proof["criteria"].get("settling_time", {}).get("limit")
     long_enough = "" if ends is None else f" for at least {2.0 * ends:.0f} s"
@@ -180,10 +180,15 @@ def _as_left(documents: Documents) -> str:
     values = ", ".join(f"{row.name} {as_typed(row.then, row.format)}" for row in typed(words))
     if _refused(words):
         values = "not to be typed in"
-    rows = [["words", _BLANK, values if len(values) <= _SHORT else "as above, each ticked"],
-            ["setpoint", _BLANK, f"{figure(words['setpoint_degC'])} °C"],
-            ["trace", _BLANK, _BLANK if left is None else left["trace"]],
-            ["what it shows", _BLANK, _BLANK if left is None else left["verdict"]]]
+    now: list[str] = [BLANK, values if len(values) <= _SHORT else "as above, each ticked"]
+    if "written" in documents:
+        passages = documents["written"]["passages"]
+        now = [text if len(text) <= _SHORT else "see below" for text in (
+            in_plc(passages[0]["found"], words), in_plc(passages[-1]["left"], words))]
+    rows = [["words", *now],
+            ["setpoint", BLANK, f"{figure(words['setpoint_degC'])} °C"],
+            ["trace", BLANK, BLANK if left is None else left["trace"]],
+            ["what it shows", BLANK, BLANK if left is None else left["verdict"]]]
     told = ""
     if left is not None:
         told = f"{bullets([*left['told'], *left['notes']])}" + picture(
@@ -192,7 +197,7 @@ def _as_left(documents: Documents) -> str:
 
 
 def _signatures(_: Documents) -> str:
-    rows = [[who, _BLANK, _BLANK, _BLANK] for who in ("prepared", "checked", "accepted")]
+    rows = [[who, BLANK, BLANK, BLANK] for who in ("prepared", "checked", "accepted")]
     return (f'<div class="sign"><h2>Signed</h2>{table(["", "name", "date", "signature"], rows)}'
             '<p>Remarks</p><p class="remarks"></p></div>')
 

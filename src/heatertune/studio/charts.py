@@ -15,12 +15,13 @@ from heatertune.log.values import Log
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.search.uncertain import interval_ends
 from heatertune.report.style import LOOK
+from heatertune.studio.live_log import Trace
 from heatertune.studio.loop import Look
 from heatertune.studio.picture import Line, Picture, course_of
 from heatertune.studio.session import Pinned
 from heatertune.studio.thinned import stepped, straight, thinned
 
-__all__ = ["Options", "heater_chart", "key_of", "log_chart", "loop_chart", "zooms"]
+__all__ = ["Options", "heater_chart", "key_of", "live_charts", "log_chart", "loop_chart", "zooms"]
 
 Array = npt.NDArray[np.float64]
 Options = dict[str, Any]
@@ -63,6 +64,28 @@ def log_chart(log: Log, fitted: FittedModel) -> Options:
         model = _line("model", time, simulated, "model")
         lines += [*_band(time, simulated - wide, simulated + wide), _named(model, "model")]
     return _chart("time [s]", "temperature [°C]", lines)
+
+
+def live_charts(trace: Trace) -> tuple[Options, Options | None]:
+    """Return temperature and setpoint of a loop that is being recorded, and its power, None where it shows none."""
+    def line(name: str, values: Array, look: str) -> dict[str, Any]:
+        return _with_gaps(_line(name, trace.time_s, values, look), trace.part)
+
+    lines = [line("temperature", trace.temperature_degC, "log")]
+    if np.isfinite(trace.setpoint_degC).all():
+        asked = line("setpoint", trace.setpoint_degC, "limit") | {"step": "end"}
+        lines.append(_named(asked, "limit", lower=-1))
+    power = _chart("time [s]", "power [%]", [line("power", trace.power_pct, "log")])
+    power["yAxis"] |= {"min": 0 if np.min(trace.power_pct) >= 0.0 else -100, "max": 100}
+    return _chart("time [s]", "temperature [°C]", lines), power if np.isfinite(trace.power_pct).all() else None
+
+
+def _with_gaps(line: dict[str, Any], part: Array) -> dict[str, Any]:
+    """Return a line that is broken where its part changes."""
+    data = line["data"]
+    for place in reversed(np.flatnonzero(np.diff(part)) + 1):
+        data.insert(int(place), [None, None])
+    return line | {"connectNulls": False}
 
 
 def heater_chart(fitted: FittedModel) -> Options:

@@ -17,6 +17,7 @@ from heatertune.studio.controls import Controls
 from heatertune.studio.gate import LARGEST_LOG
 from heatertune.studio.grey import NUMBER_SEEN, Grey
 from heatertune.studio.left_card import LeftCard
+from heatertune.studio.live_card import LiveCard
 from heatertune.studio.loop_card import LoopCard
 from heatertune.studio.mend import assumed_told
 from heatertune.studio.parts import card, chart, draw, html
@@ -60,6 +61,7 @@ class Page:
                 auto_upload=True, max_file_size=LARGEST_LOG, on_upload=self._dropped,
                 on_rejected=lambda: self._tell_error("the file is larger than 50 MB"),
             ).classes("hidden")
+            ui.button("Record a running loop", on_click=self._ask_live).props("outline dense color=white")
             choose = ui.button("Drop a log here, or choose a file").props("dense").classes("choose")
             choose.on("click", js_handler=f"() => runMethod({self._upload.id}, 'pickFiles', [])")
         with ui.element("div").classes("studio"):
@@ -77,6 +79,7 @@ class Page:
     def _build_results(self) -> None:
         self._error = ui.label().classes("card error wide").props("role=alert data-field=error")
         self._progress = ui.label().classes("card wide").props("role=status data-field=progress")
+        self._live = LiveCard(self.work, self._read)
         self._sheet = SheetCard(self._use, self._hold)
         self._verdict = ui.label().classes("card verdict wide").props("role=status aria-live=polite data-field=verdict")
         with ui.element("div").classes("card mend wide").props("role=status data-field=mend") as self._mend:
@@ -130,6 +133,10 @@ class Page:
         if self.session.verdict == "proving…":
             self._verdict.set_text(views.proving_text(self.work.proving))
 
+    def show_live(self) -> None:
+        """Show the loop that is being recorded."""
+        self._live.show()
+
     def _tell_error(self, message: str) -> None:
         self.session.refuse_file(InputError(message))
         self.work.tell()
@@ -150,10 +157,16 @@ class Page:
     async def _open(self, source: str) -> None:
         await self.work.open(source)
 
+    def _ask_live(self) -> None:
+        self._live.ask()
+
+    async def _read(self, name: str, content: bytes) -> None:
+        await self._sheet.open(name, content)
+
     async def _dropped(self, event: events.UploadEventArguments) -> None:
         name, content = event.file.name, await event.file.read()
         self._upload.reset()
-        await self._sheet.open(name, content)
+        await self._read(name, content)
 
     async def _use(self, dropped: Dropped) -> None:
         log, known = dropped.taken()

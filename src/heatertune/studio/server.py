@@ -41,6 +41,7 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
 
     work = Work(session)
     app.on_exception(work.fault)
+    app.on_shutdown(work.end_recording)
 
     def page() -> None:
         Page(work)

@@ -16,6 +16,10 @@ _SENTENCES: Final = (
     (re.compile(r"\(--power-full-scale tells another reading at full power\)"), "(or another reading at full power)"),
     (re.compile(r"--power-full-scale would have to tell the reading"), "you would have to type the reading"),
     (re.compile(r"--run reads another"), "another can be chosen"),
+    (re.compile(r"--append continues it"), "tick that it is continued"),
+    (re.compile(r"Say --design DIR \(whose controller runs there\), or --map FILE\.toml"),
+     "Type the folder of its design, or the map that says it"),
+    (re.compile(r"say it in a small file: --map FILE\.toml"), "say it in a small file, the map (TOML)"),
     (re.compile(r"--log-interval with the seconds"), "the log's interval: the seconds"),
 )
 _NO_COLUMN: Final = re.compile(r"--([a-z]+)-(?:column|tag) none\b")

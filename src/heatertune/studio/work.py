@@ -19,6 +19,7 @@ from heatertune.progress import Told
 from heatertune.settings import FitSettings
 from heatertune.studio.downloads import export_zip, report_page
 from heatertune.studio.left import held_against
+from heatertune.studio.live_log import Asked, LiveLog
 from heatertune.studio.loop import designed, first_look, full_proof
 from heatertune.studio.session import Session
 from heatertune.studio.sources import fit_log, read_source
@@ -30,6 +31,7 @@ __all__ = ["Follower", "Work"]
 _REST_S: Final = 0.15  # a slider that moves on within this time wants no proof yet
 _SEEK_S: Final = 1.0  # who looks at a FAIL for so long may want to know what would pass
 _TICK_S: Final = 0.1
+_LIVE_S: Final = 0.5  # between two pictures of a loop that is being recorded
 
 _log: Final = logging.getLogger(__name__)
 
@@ -42,6 +44,9 @@ class Follower(Protocol):
 
     def show_progress(self) -> object:
         """Show how far the work is."""
+
+    def show_live(self) -> object:
+        """Show the loop that is being recorded."""
 
 
 class _Abandoned(Exception):
@@ -57,11 +62,15 @@ class Work:
     Attributes:
         busy: what takes long and how far it is, a few words; "" where nothing does.
         proving: how far the proof of the design in front is, as "18 of 54 runs"; "" before it begins.
+        live: the loop that is being recorded, or was; None: none.
+        live_error: why it is not, one line; "" where it is.
     """
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.busy = self.proving = ""
+        self.busy = self.proving = self.live_error = ""
+        self.live: LiveLog | None = None
+        self._recording: asyncio.Task[None] | None = None
         self._pages: list[Follower] = []
         self._fitting = self._looking = self._proving = self._seeking = False
         self._moved_at = 0.0
@@ -269,6 +278,48 @@ class Work:
         """Forget the trace beside the design in front, on every page."""
         self.session.put_trace_away()
         self.tell()
+
+    async def record(self, asked: Asked) -> None:
+        """Record a running loop until its end is asked for; why that cannot be is told where it was asked for.
+
+        Where one is being recorded already, by another window, that one goes on.
+        """
+        if self.live is not None and not self.live.is_over:
+            return
+        self.live_error = ""
+        try:
+            self.live = live = LiveLog(asked)
+        except HeatertuneError as problem:
+            self.tell_recording(problem)
+            return
+        self._recording = task = asyncio.create_task(asyncio.to_thread(live.run))
+        while not task.done():
+            self._each(lambda page: page.show_live())
+            await asyncio.wait([task], timeout=_LIVE_S)
+        try:
+            await task
+        except Exception as problem:
+            self.tell_recording(self._kind(problem))
+        self._each(lambda page: page.show_live())
+
+    def tell_recording(self, problem: Exception) -> None:
+        """Tell on every page why a loop is not recorded, or its log not read."""
+        self.live_error = str(problem)
+        self._each(lambda page: page.show_live())
+
+    async def end_recording(self) -> None:
+        """End the recording, and wait for it; its file is whole then."""
+        if self.live is not None and self._recording is not None and not self.live.is_over:
+            self.live.stop()
+            self._each(lambda page: page.show_live())
+            await asyncio.wait([self._recording])
+
+    def put_recording_away(self) -> None:
+        """Forget a recording that is over, on every page; its file stays."""
+        if self.live is not None and self.live.is_over:
+            self.live = None
+        self.live_error = ""
+        self._each(lambda page: page.show_live())
 
     async def _told(self, run: Callable[[Told], Any], what: str, wanted: Callable[[], bool]) -> Any:
         """Return what a thread gives, how far it is shown meanwhile.
