@@ -98,7 +98,7 @@ class Ours:
             meter = Meter(True, np.array([CASE.setpoint]), 1.0, yardsticks.PERIOD_S, 0, phases, totals, *ends)
         edges = np.empty(ring_size(pulses_of(CASE.dead + 15.0, pwm)))
         c, asked = self.controller, np.array(self.controller.asked)
-        program = Program(asked, np.ones(1, dtype=np.int64), c.ramp_step, c.ramp_calls, c.ramp_hold, asked.copy())
+        program = Program(asked, np.ones(1, dtype=np.int64), c.ramp_step, c.ramp_calls, c.ramp_hold)
         return c.parameters, c.state, c.sensor, c.scan_s, program, batch, pwm.switches, np.inf, edges, record, meter
 
     def absolute(self, run):

@@ -63,7 +63,7 @@ def logarithm_beside_1(share: float) -> float:
 
 def _split(power: float) -> tuple[float, float]:
     """Return 2ⁿ and e^r − 1, whose sum and product make e^power."""
-    x = power if power > _LEAST else _LEAST  # noqa: FURB136 - what is no number is nothing, too
+    x = power if power > _LEAST else _LEAST
     whole = x * _BY_LN2 + _TO_WHOLE
     n = whole - _TO_WHOLE
     r = (x - n * _LN2) - n * _LN2_REST
@@ -77,7 +77,7 @@ def _split(power: float) -> tuple[float, float]:
 
 def _two_to_in_bits(whole: float) -> float:
     bits = (np.float64(whole).view(np.int64) + _BIAS) << _MANTISSA
-    return np.int64(bits).view(np.float64)  # type: ignore[no-any-return]  # a float
+    return np.int64(bits).view(np.float64)
 
 
 @runs_compiled_as(_two_to_in_bits)

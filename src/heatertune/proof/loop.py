@@ -344,7 +344,7 @@ def program_of(controller: InLoop, scenario: Scenario) -> Program:
     if len(asked) != len(scenario.setpoints_degC):
         raise ValueError(f"{len(asked)} setpoints for {len(scenario.setpoints_degC)} phases")
     return Program(asked, np.array(scenario.supplied, dtype=np.int64), controller.ramp_step, controller.ramp_calls,
-                   controller.ramp_hold, asked[:1].copy())
+                   controller.ramp_hold)
 
 
 def pulses_of(seconds: float, actuator: Actuator) -> int:

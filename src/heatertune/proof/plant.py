@@ -9,6 +9,7 @@ y is the temperature [°C], behind the larger lag; x the state of the smaller la
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from heatertune.compiled import bound
@@ -21,8 +22,8 @@ __all__ = ["Flow", "Plant", "area", "factors", "moved", "reached", "turn"]
 _NEAR: Final = 1e-9  # a root is followed until it moves by no more [s]
 _MOST_ROUNDS: Final = 200
 
-factors_of = bound(exact.factors, exp=decay, expm1=decayed)
-turning_time = bound(exact.turning_time, log1p=logarithm_beside_1)
+factors_of: Callable[[float, float, float], Factors] = bound(exact.factors, exp=decay, expm1=decayed)
+turning_time: Callable[..., float] = bound(exact.turning_time, log1p=logarithm_beside_1)
 
 
 class Plant(NamedTuple):
