@@ -31,7 +31,7 @@ from heatertune.proof.meter import (
     seen_on,
 )
 from heatertune.proof.plant import Flow, Plant, factors, moved, turn
-from heatertune.proof.program import Program, asked_now
+from heatertune.proof.program import Program, asked_now, moves
 from heatertune.proof.switch import edge_at, heat_after, period_of, switched_off, times_on
 
 __all__ = [
@@ -195,7 +195,7 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
                 state = restarted(parameters, cold, state)
             program.asked[phase] = (
                 measure(sensor, led_to(leads, phase, t)) if is_led(leads, phase) else program.asked[phase])
-            word = asked_now(program, program.asked[phase], calls, word, reading)
+            word = asked_now(program, program.asked[phase], calls == 0, moves(program, calls), word, reading)
             calls += 1
             state, power, _, flags = step(parameters, state, word, reading, cycle_start)
             _counted(meter, power, least, flags)

@@ -35,7 +35,7 @@ from heatertune.proof.meter import (
 )
 from heatertune.proof.meter import begin as seen_at
 from heatertune.proof.plant import Flow, Plant, factors, moved
-from heatertune.proof.program import Program, asked_now
+from heatertune.proof.program import Program, asked_now, moves
 from heatertune.proof.rows import LANES, rows_of
 
 __all__ = ["PERIODS", "ROWS", "law_loaded", "law_stored", "run_in_lanes"]
@@ -170,6 +170,11 @@ def step(_parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_st
 
 def measure(_sensor: Any, _temperature: float) -> Any:
     """Stand in likewise."""
+    raise NotImplementedError
+
+
+def fixed(_parameters: Any) -> Any:
+    """Stand in for what gives a controller's parameters, see `heatertune.proof.rows.fixed`."""
     raise NotImplementedError
 
 
@@ -465,15 +470,15 @@ def computed(
         cycle_start: whether a PWM period begins.
         wrong: see `Meter`.
     """
+    due, parameters = moves(program, calls), fixed(parameters)
     for lane in range(LANES):
-        stretch, point, under = loaded_stretch(rows, lane), loaded_point(rows, lane), loaded_under(rows, lane)
         state, word = law_loaded(rows, lane)
-        counts = loaded_counts(rows, lane)
-        reading = measure(sensor, point.y + counts.noise)
-        word = asked_now(program, asked, calls, word, reading)
+        reading = measure(sensor, loaded_point(rows, lane).y + loaded_counts(rows, lane).noise)
+        word = asked_now(program, asked, calls == 0, due, word, reading)
         state, power, _, flags = step(parameters, state, word, reading, cycle_start)
         law_stored(rows, lane, (state, word))
-        none = math.isnan(power)
+        stretch, point, under = loaded_stretch(rows, lane), loaded_point(rows, lane), loaded_under(rows, lane)
+        none, counts = math.isnan(power), loaded_counts(rows, lane)
         stored_counts(rows, lane, Counts(
             counts.noise, counts.limited + (1.0 if power <= 0.0 or power >= 100.0 else 0.0),
             counts.faults + (1.0 if none else 0.0) + faults(flags & wrong)))

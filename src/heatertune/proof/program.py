@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from heatertune.proof.meter import Places
 
-__all__ = ["Program", "asked_now", "stored"]
+__all__ = ["Program", "asked_now", "moves", "stored"]
 
 
 class Program(NamedTuple):
@@ -34,26 +34,32 @@ def stored(_setpoint: Any) -> Any:
     raise NotImplementedError
 
 
-def asked_now(program: Program, asked: Any, calls: int, word: Any, reading: Any) -> Any:
+def moves(program: Program, calls: int) -> bool:
+    """Return whether the ramp makes a step at a call of the controller, `calls` others being before it."""
+    return program.ramp_calls > 0 and (calls + 1) % program.ramp_calls == 0
+
+
+def asked_now(program: Program, asked: Any, first: bool, due: bool, word: Any, reading: Any) -> Any:
     """Return the setpoint word for a call of the controller.
 
     Args:
         program: around it.
         asked: setpoint of the phase.
-        calls: of the controller since the start-up, before this one.
+        first: whether it is the first call since the start-up.
+        due: whether the ramp makes a step, see `moves`.
         word: of the call before.
         reading: at this call.
     """
     if program.ramp_calls == 0:
         return asked
-    word = reading if calls == 0 else word
+    word = reading if first else word
     hold, cools = program.ramp_hold, program.ramp_hold < 0
     if cools:
         hold, word, asked, reading = -hold, -word, -asked, -reading
     lowest = asked
     if hold > 0 and stored(reading - hold) > asked:
         lowest = stored(reading - hold)
-    if (calls + 1) % program.ramp_calls == 0:
+    if due:
         if word < asked:
             word = min(stored(word + program.ramp_step), asked)
         elif word > lowest:

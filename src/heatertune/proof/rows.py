@@ -7,13 +7,14 @@ load and store a tuple are made from its shape: each field stands in a row of it
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Iterator
 from functools import cache
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 
-__all__ = ["LANES", "Rows", "rows_of"]
+__all__ = ["LANES", "Rows", "fixed", "rows_of"]
 
 #: loops side by side: with fewer a compiler unrolls them first and then sees none, with more one waits for all others
 LANES: Final = 32
@@ -48,31 +49,50 @@ def rows_of(value: Any, first: int = 0) -> Rows:
     Raises:
         TypeError: a shape that has no rows: an array, say.
     """
-    lines, types = list[str](), dict[str, type]()
-    load, end = _written(value, "value", first, lines, types)
-    return Rows(*_made(load, "\n    ".join(lines), tuple(types.items())), end)
+    stores, types = list[str](), dict[str, type]()
+
+    def place(each: Any, name: str) -> str:
+        kind = next((kind for kind in _LOAD if isinstance(each, kind)), None)
+        if kind is None:
+            raise TypeError(f"{name} is of type {type(each).__name__}, which has no row")
+        there = f"rows[{(first + len(stores)) * LANES} + lane]"
+        stores.append(f"{there} = {_STORE.get(kind, '{0}').format(name)}")
+        return _LOAD[kind].format(there)
+
+    load = _rebuilt(value, "value", types, place)
+    text = (f"def loaded(rows, lane):\n    return {load}\n\n"
+            f"def stored(rows, lane, value):\n    {f'{chr(10)}    '.join(stores)}\n")
+    return Rows(*_made(text, ("loaded", "stored"), tuple(types.items())), first + len(stores))
 
 
-def _written(value: Any, name: str, row: int, lines: list[str], types: dict[str, type]) -> tuple[str, int]:
-    """Return how a value is loaded, and the first row behind it; add how it is stored."""
-    if isinstance(value, tuple):
-        parts = list[str]()
-        for place, (each, field) in enumerate(zip(value, _fields(value, name), strict=True)):
-            part, row = _written(each, field, row, lines, types)
-            parts.append(part)
-            del place
-        inside = "".join(f"{part}, " for part in parts)
-        if not hasattr(value, "_fields"):
-            return f"({inside})", row
-        kind = f"{type(value).__name__}_{len(types)}"
-        types[kind] = type(value)
-        return f"{kind}({inside})", row
-    kind_ = next((each for each in _LOAD if isinstance(value, each)), None)
-    if kind_ is None:
-        raise TypeError(f"{type(value).__name__} of {name} has no rows")
-    place_ = f"rows[{row * LANES} + lane]"
-    lines.append(f"{place_} = {_STORE.get(kind_, '{0}').format(name)}")
-    return _LOAD[kind_].format(place_), row + 1
+def fixed(value: Any) -> Callable[[Any], Any]:
+    """Return a function of such a value that gives it back, its infinite numbers as constants.
+
+    With them is said that there is something not at all, and a compiler then leaves out what would be done with it.
+    """
+    types = dict[str, type]()
+
+    def field(each: Any, name: str) -> str:
+        infinite = isinstance(each, float | np.float32) and math.isinf(each)
+        sign = "PLUS" if infinite and each > 0.0 else "MINUS"
+        constant = f"np.float32({sign})" if isinstance(each, np.float32) else sign
+        return constant if infinite else name
+
+    text = f"def given(value):\n    return {_rebuilt(value, 'value', types, field)}\n"
+    return cast("Callable[[Any], Any]", _made(text, ("given",), tuple(types.items()))[0])
+
+
+def _rebuilt(value: Any, name: str, types: dict[str, type], each: Callable[[Any, str], str]) -> str:
+    """Return the text that makes a tuple anew of what `each` makes of its numbers and their names."""
+    if not isinstance(value, tuple):
+        return each(value, name)
+    inside = "".join(f"{_rebuilt(part, field, types, each)}, "
+                     for part, field in zip(value, _fields(value, name), strict=True))
+    if not hasattr(value, "_fields"):
+        return f"({inside})"
+    kind = f"{type(value).__name__}_{len(types)}"
+    types[kind] = type(value)
+    return f"{kind}({inside})"
 
 
 def _fields(value: tuple[Any, ...], name: str) -> Iterator[str]:
@@ -82,11 +102,11 @@ def _fields(value: tuple[Any, ...], name: str) -> Iterator[str]:
 
 
 @cache
-def _made(load: str, store: str, types: tuple[tuple[str, type], ...]) -> tuple[Any, Any]:
-    text = f"def loaded(rows, lane):\n    return {load}\n\ndef stored(rows, lane, value):\n    {store}\n"
-    scope: dict[str, Any] = {"np": np, "__name__": __name__, **dict(types)}
-    exec(compile(text, __file__, "exec"), scope)  # noqa: S102 - of names of fields alone; a file a compiler looks for
+def _made(text: str, names: tuple[str, ...], types: tuple[tuple[str, type], ...]) -> tuple[Any, ...]:
+    """Return functions made from their text, which only names fields."""
+    scope: dict[str, Any] = {"np": np, "PLUS": np.inf, "MINUS": -np.inf, "__name__": __name__, **dict(types)}
+    exec(compile(text, __file__, "exec"), scope)  # noqa: S102 - see above; the file's name is for the compiler's cache
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-    for name in ("loaded", "stored"):
+    for name in names:
         scope[name].__qualname__ = f"{name}_{digest}"  # by which `compiled` tells it from that of another shape
-    return scope["loaded"], scope["stored"]
+    return tuple(scope[name] for name in names)
