@@ -8,8 +8,9 @@ import numpy.typing as npt
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.criteria import Limits
 from heatertune.proof.kernel import REST, Batch, Record
+from heatertune.proof.lanes.choice import fitting, run_side_by_side
 from heatertune.proof.loop import InLoop, events_of, program_of, pulses_of, ring_size, run_with, scans_of
-from heatertune.proof.measured import Measured, band_of, periods_at_rest, phases_measured
+from heatertune.proof.measured import Measured, band_of, joined, ordered, periods_at_rest, phases_measured
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter
 from heatertune.proof.scenario import Scenario
 
@@ -18,9 +19,9 @@ __all__ = ["metered"]
 Array = npt.NDArray[np.float64]
 
 
-def metered(
+def metered(  # noqa: PLR0913 - what differs from loop to loop stands in arrays of its own
     controller: InLoop, rows: Array, scenario: Scenario, actuator: Actuator, limits: Limits, noise_degC: Array,
-    late_s: Array, sizes: Array | None = None,
+    late_s: Array, sizes: Array | None = None, *, side_by_side: bool = False,
 ) -> Measured:
     """Run a controller on heaters and return what the kernel's meter found.
 
@@ -33,7 +34,28 @@ def metered(
         noise_degC: of the readings, see `Clock`; a row for each heater, or one for all.
         late_s: of the scans, likewise.
         sizes: by what each disturbance is multiplied, a row for each heater; None: by nothing.
+        side_by_side: whether loops that fit run so, see `heatertune.proof.lanes`; it changes no bit.
     """
+    fits = np.zeros(len(rows), dtype=np.bool_)
+    if side_by_side:
+        fits = fitting(controller, rows, scenario, actuator, late_s)
+    together = np.flatnonzero(fits)[np.argsort(rows[fits, 3], kind="stable")]  # their edges come in the same scans
+    alone = np.flatnonzero(~fits)
+    parts = [
+        _metered(controller, rows[own], scenario, actuator, limits, _own(noise_degC, own), _own(late_s, own),
+                 None if sizes is None else sizes[own], side_by_side=own is together)
+        for own in (together, alone) if len(own)]
+    return ordered(joined(parts), np.argsort(np.concatenate([together, alone])))
+
+
+def _own(values: Array, own: npt.NDArray[np.intp]) -> Array:
+    return values if len(values) == 1 else values[own]
+
+
+def _metered(  # noqa: PLR0913 - as `metered`
+    controller: InLoop, rows: Array, scenario: Scenario, actuator: Actuator, limits: Limits, noise_degC: Array,
+    late_s: Array, sizes: Array | None, *, side_by_side: bool,
+) -> Measured:
     scans, period, count = scans_of(controller, scenario), actuator.pwm_period_s, len(rows)
     phases = phases_measured(scenario, limits, (scans - 1) * controller.scan_s, period)
     marks = [(phase.rest_s, REST) for phase in phases if phase.rest_s < phase.end_s]
@@ -45,12 +67,16 @@ def metered(
     wrong = sum(1 << place for place, name in enumerate(controller.core.flags) if name in limits.overflow_flags)
     leads = np.array(scenario.leads)
     meter = Meter(True, np.array(scenario.setpoints_degC), band, period, wrong, table, totals, high, low, leads)
-    edges = np.empty(ring_size(pulses_of(max(dead) + 3.0 * controller.scan_s + period, actuator)))  # those under way
-    none = np.empty(0)
-    record = Record(False, none, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
+    program = program_of(controller, scenario)
     batch = Batch(scans, noise_degC, late_s, rows, *events_of(scenario, dead, sizes, marks), leads)
-    given = (program_of(controller, scenario), batch, actuator.switches, np.inf, edges, record, meter)
-    run_with(controller, given, count * scans)
+    if side_by_side:
+        run_side_by_side(controller, program, batch, actuator, meter)
+    else:
+        edges = np.empty(ring_size(pulses_of(max(dead) + 3.0 * controller.scan_s + period, actuator)))  # under way
+        none = np.empty(0)
+        record = Record(False, none, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
+        given = (program, batch, actuator.switches, np.inf, edges, record, meter)
+        run_with(controller, given, count * scans)
     ripple = _medians(np.where(high >= low, high - low, np.nan))
     return Measured(
         scenario=scenario, band_degC=band, phases=phases, rows=rows, table=table.reshape(count, -1, COLUMNS),

@@ -37,6 +37,7 @@ from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Limits
+from heatertune.proof.lanes.choice import pays
 from heatertune.proof.loop import InLoop, actuator_of, in_loop, plant_row, scans_of, traced
 from heatertune.proof.measured import Measured, joined, ordered
 from heatertune.proof.metered import metered
@@ -52,6 +53,8 @@ _WORD: Final = (1 << 64) - 1
 _NOT_BEGUN: Final[dict[str, Any]] = dict(np.random.Philox(key=0).state)
 
 _CHUNK: Final = 32  # samples in one call: some hundred kilobytes of noise
+_MOST_CHUNK: Final = 512  # of loops side by side: the more, the more have like dead times
+_MOST_NUMBERS: Final = 2_000_000  # of noise in such a call: 16 MB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,15 +198,19 @@ def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, work
     """
     check("samples", count, least=1)
     check("seed", seed, least=0)
-    begins = range(seed, seed + count, _CHUNK)
-    sizes = [min(_CHUNK, seed + count - begin) for begin in begins]
+    scans, first = scans_of(drawing.controllers[0], drawing.scenario), drawing.controllers[0]
+    side_by_side = pays(first, count * scans)
+    chunk = max(_CHUNK, min(_MOST_CHUNK, _MOST_NUMBERS // scans)) if side_by_side else _CHUNK
+    begins = range(seed, seed + count, chunk)
+    sizes = [min(chunk, seed + count - begin) for begin in begins]
     # threads, as a compiled kernel gives up Python's lock
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        parts = list(pool.map(lambda begin, size: _chunk(drawing, limits, begin, size), begins, sizes))
+        parts = list(pool.map(lambda begin, size: _chunk(drawing, limits, begin, size, side_by_side=side_by_side),
+                              begins, sizes))
     return joined(parts)
 
 
-def _chunk(drawing: Drawing, limits: Limits, seed: int, count: int) -> Measured:
+def _chunk(drawing: Drawing, limits: Limits, seed: int, count: int, *, side_by_side: bool) -> Measured:
     scans = scans_of(drawing.controllers[0], drawing.scenario)
     generator = np.random.Generator(np.random.Philox(key=0))
     samples = [drawing.sample(drawn, scans, generator) for drawn in range(seed, seed + count)]
@@ -214,7 +221,7 @@ def _chunk(drawing: Drawing, limits: Limits, seed: int, count: int) -> Measured:
         own = np.flatnonzero(settings == number)
         places.append(own)
         parts.append(metered(drawing.controllers[number], rows[own], drawing.scenario, drawing.actuator, limits,
-                             noise[own], late[own], sizes[own]))
+                             noise[own], late[own], sizes[own], side_by_side=side_by_side))
     return ordered(joined(parts), np.argsort(np.concatenate(places)))
 
 

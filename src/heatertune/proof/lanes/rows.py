@@ -62,7 +62,8 @@ def rows_of(value: Any, first: int = 0) -> Rows:
     load = _rebuilt(value, "value", types, place)
     text = (f"def loaded(rows, lane):\n    return {load}\n\n"
             f"def stored(rows, lane, value):\n    {f'{chr(10)}    '.join(stores)}\n")
-    return Rows(*_made(text, ("loaded", "stored"), tuple(types.items())), first + len(stores))
+    loaded, stored = _made(text, ("loaded", "stored"), tuple(types.items()))
+    return Rows(loaded, stored, first + len(stores))
 
 
 def fixed(value: Any) -> Callable[[Any], Any]:
@@ -105,7 +106,7 @@ def _fields(value: tuple[Any, ...], name: str) -> Iterator[str]:
 def _made(text: str, names: tuple[str, ...], types: tuple[tuple[str, type], ...]) -> tuple[Any, ...]:
     """Return functions made from their text, which only names fields."""
     scope: dict[str, Any] = {"np": np, "PLUS": np.inf, "MINUS": -np.inf, "__name__": __name__, **dict(types)}
-    exec(compile(text, __file__, "exec"), scope)  # noqa: S102 - see above; the file's name is for the compiler's cache
+    exec(compile(text, __file__, "exec"), scope)
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
     for name in names:
         scope[name].__qualname__ = f"{name}_{digest}"  # by which `compiled` tells it from that of another shape
