@@ -122,6 +122,7 @@ loaded_counts, stored_counts, ROWS = rows_of(Counts(0.0, 0.0, 0.0), _end)
 
 
 def plant_of(line: Line) -> Plant:
+    """Return the heater as the kernel has it."""
     return Plant(line.gain, line.lag, 0.0, line.dead, line.ambient)
 
 
