@@ -73,7 +73,7 @@ def test_whatever_is_measured_is_the_same(scenario, actuator, ramp, monkeypatch)
 
 def test_loops_that_do_not_fit_are_left_to_the_kernel():
     drawing = drawing_of("s5-ob251")
-    rows = np.array([drawing.sample(seed, 1)[0] for seed in range(8)])
+    rows = drawing.heaters_of(range(8))[0]
     calm, late = np.zeros((1, 1)), np.full((1, 1), 0.1)
     controller = drawing.controllers[0]
     one_lag = fitting(controller, rows, SCENARIO, PWM, calm)
@@ -100,7 +100,7 @@ def test_the_scan_of_all_controllers_is_vector_instructions(target, monkeypatch)
     parts = []
     monkeypatch.setattr(choice, "bound", lambda function, **given: parts.append((function, given)) or bound(function, **given))
     choice._made(controller)
-    scan = compiled(bound(parts[1][0], **parts[1][1]))
+    scan = machine._machine(bound(parts[1][0], **parts[1][1]), allocates=False)  # what is kept on disk has no text
     state, program, parameters = (
         choice._held(controller, each) for each in (controller.state, choice.Program(
             np.array(controller.asked), np.ones(1, dtype=np.int64), controller.ramp_step, 0, controller.ramp_hold), controller.parameters))

@@ -7,10 +7,11 @@ import numpy.typing as npt
 
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.criteria import Limits
+from heatertune.proof.happening import events_of
 from heatertune.proof.kernel import REST, Batch, Record
-from heatertune.proof.lanes.choice import fitting, run_side_by_side
-from heatertune.proof.loop import InLoop, events_of, program_of, pulses_of, ring_size, run_with, scans_of
-from heatertune.proof.measured import Measured, band_of, joined, ordered, periods_at_rest, phases_measured
+from heatertune.proof.lanes.choice import run_side_by_side
+from heatertune.proof.loop import InLoop, program_of, pulses_of, ring_size, run_with, scans_of
+from heatertune.proof.measured import Measured, band_of, periods_at_rest, phases_measured
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter
 from heatertune.proof.scenario import Scenario
 
@@ -34,28 +35,8 @@ def metered(  # noqa: PLR0913 - what differs from loop to loop stands in arrays 
         noise_degC: of the readings, see `Clock`; a row for each heater, or one for all.
         late_s: of the scans, likewise.
         sizes: by what each disturbance is multiplied, a row for each heater; None: by nothing.
-        side_by_side: whether loops that fit run so, see `heatertune.proof.lanes`; it changes no bit.
+        side_by_side: whether they run so, all of them fitting (`heatertune.proof.lanes`); it changes no bit.
     """
-    fits = np.zeros(len(rows), dtype=np.bool_)
-    if side_by_side:
-        fits = fitting(controller, rows, scenario, actuator, late_s)
-    together = np.flatnonzero(fits)[np.argsort(rows[fits, 3], kind="stable")]  # their edges come in the same scans
-    alone = np.flatnonzero(~fits)
-    parts = [
-        _metered(controller, rows[own], scenario, actuator, limits, _own(noise_degC, own), _own(late_s, own),
-                 None if sizes is None else sizes[own], side_by_side=own is together)
-        for own in (together, alone) if len(own)]
-    return ordered(joined(parts), np.argsort(np.concatenate([together, alone])))
-
-
-def _own(values: Array, own: npt.NDArray[np.intp]) -> Array:
-    return values if len(values) == 1 else values[own]
-
-
-def _metered(  # noqa: PLR0913 - as `metered`
-    controller: InLoop, rows: Array, scenario: Scenario, actuator: Actuator, limits: Limits, noise_degC: Array,
-    late_s: Array, sizes: Array | None, *, side_by_side: bool,
-) -> Measured:
     scans, period, count = scans_of(controller, scenario), actuator.pwm_period_s, len(rows)
     phases = phases_measured(scenario, limits, (scans - 1) * controller.scan_s, period)
     marks = [(phase.rest_s, REST) for phase in phases if phase.rest_s < phase.end_s]
