@@ -205,10 +205,10 @@ def test_noise_is_of_a_philox_generator_of_the_seeds_key_whatever_was_drawn_befo
     generator = np.random.Generator(np.random.Philox(key=seed))  # drawn from in the order that samples.py tells
     used = np.random.Generator(np.random.Philox(key=3))
     used.integers(2**32, dtype=np.uint32)  # leaves half a number in its buffer
-    noise, late = drawing.scans_of(seed, 9, used)
-    assert np.array_equal(noise, generator.normal(0.0, 0.1, 9))
-    assert np.array_equal(late, generator.uniform(0.0, 0.1, 9))
-    assert np.array_equal(drawing.scans_of(seed, 9)[0], noise)
+    noise, late = drawing.scans_of([seed + 1, seed], 9, used)
+    assert np.array_equal(noise[1], generator.normal(0.0, 0.1, 9))
+    assert np.array_equal(late[1], generator.uniform(0.0, 0.1, 9))
+    assert np.array_equal(drawing.scans_of([seed], 9)[0], noise[1:])
 
 
 def test_a_heater_is_drawn_alike_alone_and_among_others():

@@ -111,7 +111,7 @@ def plan_for(
         drawing = drawing_for(words, fitted, spread or {}, conditions)
         generator = np.random.Generator(np.random.Philox(key=0))
         (row,), (factors,) = (part.tolist() for part in drawing.heaters_of([sample]))
-        drawing.scans_of(sample, 0, generator)  # which begins its noise
+        drawing.scans_of([sample], 0, generator)  # which begins its noise
         switches = dict(drawing.controllers[drawing.setting(sample)].switches)
         scenario = replace(drawing.scenario, ambient_degC=row[4], start_degC=row[5], seed=sample)
     if not story:

@@ -174,24 +174,27 @@ class Drawing:
         return rows, 1.0 + self.spread.disturbance_pct / 100.0 * even[:, 2:]
 
     def scans_of(
-        self, seed: int, scans: int, generator: np.random.Generator | None = None
+        self, seeds: Sequence[int], scans: int, generator: np.random.Generator | None = None
     ) -> tuple[Array, Array]:
-        """Return noise [°C] and delay [s] of a sample's scans, shapes (1,) or (scans,).
+        """Return noise [°C] and delay [s] of the scans of samples, shape (n, scans), or (1, 1) where none is.
 
         Args:
-            seed: of the sample.
+            seeds: of the n samples.
             scans: how many.
-            generator: on Philox, whatever it drew before; to make one takes as long as to draw some hundred numbers.
+            generator: on Philox, whatever it drew before; it goes on with the numbers of the last sample.
         """
         noisy = self.scenario.noise_degC > 0.0
         shaken = self.spread.jitter_s > 0.0 and not self.controllers[0].pwm_period_s
-        if not noisy and not shaken:
-            return np.zeros(1), np.zeros(1)
+        noise, late = (np.empty((len(seeds), scans)) if drawn else np.zeros((1, 1)) for drawn in (noisy, shaken))
         generator = generator or np.random.Generator(np.random.Philox(key=0))
-        generator.bit_generator.state = _begun(seed)
-        noise = self.scenario.noise_degC * generator.standard_normal(scans) if noisy else np.zeros(1)
-        late = generator.uniform(0.0, self.spread.jitter_s, scans) if shaken else np.zeros(1)
-        return noise, late
+        for place, seed in enumerate(seeds):
+            if noisy or shaken:
+                generator.bit_generator.state = _begun(seed)
+            if noisy:
+                generator.standard_normal(out=noise[place])
+            if shaken:
+                late[place] = generator.uniform(0.0, self.spread.jitter_s, scans)
+        return noise * self.scenario.noise_degC, late
 
 
 def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, workers: int | None = None) -> Measured:
@@ -213,15 +216,14 @@ def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, work
     rows, sizes = drawing.heaters_of(seeds)
 
     def run(part: _Part) -> Measured:
-        generator = np.random.Generator(np.random.Philox(key=0))
-        drawn = [drawing.scans_of(seeds[place], scans, generator) for place in part.places]
-        noise, late = (np.array(same) for same in zip(*drawn, strict=True))
+        noise, late = drawing.scans_of([seeds[place] for place in part.places], scans)
         return metered(drawing.controllers[part.setting], rows[part.places], drawing.scenario, drawing.actuator, limits,
                        noise, late, sizes[part.places], side_by_side=part.side_by_side)
 
-    parts = _parts(drawing, seeds, rows, side_by_side=pays(drawing.controllers[0], count * scans))
+    workers = workers or os.cpu_count() or 1
+    parts = _parts(drawing, seeds, rows, side_by_side=pays(drawing.controllers[0], count * scans // workers))
     # threads, as a compiled kernel gives up Python's lock
-    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(workers) as pool:
         measured = joined(list(pool.map(run, parts)))
     return ordered(measured, np.argsort(np.concatenate([part.places for part in parts])))
 
@@ -262,7 +264,7 @@ def replay(drawing: Drawing, seed: int) -> Trace:
     check("seed", seed, least=0)
     controller = drawing.controllers[drawing.setting(seed)]
     (row,), (factors,) = drawing.heaters_of([seed])
-    noise, late = drawing.scans_of(seed, scans_of(controller, drawing.scenario))
+    (noise,), (late,) = drawing.scans_of([seed], scans_of(controller, drawing.scenario))
     gain, first, second, dead, ambient, start = row.tolist()
     known = {"gain_degC_per_pct": gain, "time_constant_s": first, "dead_time_s": dead, "ambient_degC": ambient}
     model = TwoLag(**known, second_time_constant_s=second) if second else Fopdt(**known)

@@ -26,14 +26,14 @@ __all__ = ["fitting", "pays", "run_side_by_side"]
 
 Array = npt.NDArray[np.float64]
 
-#: scans from which on it pays to compile the loop once more (some 4 s, for some 15 ns less a scan), and to load it
-_MOST: Final = 250_000_000
-_MOST_KEPT: Final = 10_000_000
+#: scans from which on it pays to compile the loop once more (some 5 s, for some 15 ns less a scan), and to load it
+_MOST: Final = 300_000_000
+_MOST_KEPT: Final = 2_000_000
 _MOST_FLAGS: Final = 8  # of which `meter.faults` counts
 
 
 def pays(controller: InLoop, scans: int) -> bool:
-    """Return whether so many scans of a controller are worth what it takes to run loops side by side."""
+    """Return whether so many scans on one processor are worth what it takes to run a controller's loops side by side."""
     return _has_rows(controller) and worth_a_second(scans, _made(controller)[0], most=_MOST, most_kept=_MOST_KEPT)
 
 
