@@ -30,6 +30,7 @@ from heatertune.plc import Scaling, controller_for
 from heatertune.plc.core import Core
 from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, TemperatureStep
 from heatertune.proof.kernel import LOAD, Batch, Record
+from heatertune.proof.lanes import choice
 from heatertune.proof.lanes.choice import run_side_by_side
 from heatertune.proof.loop import InLoop, in_loop, pulses_of, ring_size, run_compiled, run_plainly
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter, no_meter
@@ -237,6 +238,7 @@ def main():
     parser.add_argument("rooms", nargs="*", default=["weg", "s5-ob251"])
     settings = parser.parse_args()
     compiled._PLAIN_SCANS = -1
+    choice._MOST = choice._MOST_KEPT = 0  # as where machine code is kept: all samples that fit run side by side
     with tempfile.TemporaryDirectory() as folder:
         others = rivals(yardsticks.Compiled(folder), settings.slow)
     check(others)

@@ -33,7 +33,7 @@ _MOST_FLAGS: Final = 8  # of which `meter.faults` counts
 
 
 def pays(controller: InLoop, scans: int) -> bool:
-    """Return whether so many scans on one processor are worth what it takes to run a controller's loops side by side."""
+    """Return whether so many scans on one processor are worth the machine code that runs loops side by side."""
     return _has_rows(controller) and worth_a_second(scans, _made(controller)[0], most=_MOST, most_kept=_MOST_KEPT)
 
 
