@@ -20,6 +20,7 @@ from heatertune.compiled import runs_compiled_as
 __all__ = ["decay", "decayed", "logarithm", "logarithm_beside_1"]
 
 _LEAST: Final = -700.0  # below, e^x is nothing beside any temperature
+_NEAR: Final = -0.34  # above −½·ln 2
 _BY_LN2: Final = 1.4426950408889634
 _LN2: Final = 0.6931471803691238  # 32 bits of it
 _LN2_REST: Final = 1.9082149292705877e-10
@@ -63,16 +64,18 @@ def logarithm_beside_1(share: float) -> float:
 
 def _split(power: float) -> tuple[float, float]:
     """Return 2ⁿ and e^r − 1, whose sum and product make e^power."""
-    x = power if power > _LEAST else _LEAST
-    whole = x * _BY_LN2 + _TO_WHOLE
-    n = whole - _TO_WHOLE
-    r = (x - n * _LN2) - n * _LN2_REST
+    scale, r = 1.0, power
+    if not power > _NEAR:  # else n = 0, and this would give just that
+        x = power if power > _LEAST else _LEAST  # noqa: FURB136 - what is no number is nothing, too
+        whole = x * _BY_LN2 + _TO_WHOLE
+        n = whole - _TO_WHOLE
+        scale, r = _two_to(whole), (x - n * _LN2) - n * _LN2_REST
     z = r * r
     w = z * z
     low = (1.0 / 2.0 + r * (1.0 / 6.0)) + z * (1.0 / 24.0 + r * (1.0 / 120.0))
     high = (1.0 / 720.0 + r * (1.0 / 5040.0)) + z * (1.0 / 40320.0 + r * (1.0 / 362880.0))
     top = (1.0 / 3628800.0 + r * (1.0 / 39916800.0)) + z * (1.0 / 479001600.0 + r * (1.0 / 6227020800.0))
-    return _two_to(whole), r + z * (low + w * (high + w * top))
+    return scale, r + z * (low + w * (high + w * top))
 
 
 def _two_to_in_bits(whole: float) -> float:
