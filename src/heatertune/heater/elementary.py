@@ -66,7 +66,7 @@ def _split(power: float) -> tuple[float, float]:
     """Return 2ⁿ and e^r − 1, whose sum and product make e^power."""
     scale, r = 1.0, power
     if not power > _NEAR:  # else n = 0, and this would give just that
-        x = power if power > _LEAST else _LEAST  # noqa: FURB136 - what is no number is nothing, too
+        x = power if power > _LEAST else _LEAST
         whole = x * _BY_LN2 + _TO_WHOLE
         n = whole - _TO_WHOLE
         scale, r = _two_to(whole), (x - n * _LN2) - n * _LN2_REST

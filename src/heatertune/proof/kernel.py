@@ -285,7 +285,15 @@ def _apart(begin: float, starts: float, period: float) -> bool:
 
 
 def ticked_on(origin: float, ticked: int, tick: float, now: float, period: float) -> tuple[int, float]:
-    """Return how many PWM periods have begun up to an instant, and when the next one begins."""
+    """Return how many PWM periods have begun up to an instant, and when the next one begins.
+
+    Args:
+        origin: begin of the first PWM period [s].
+        ticked: periods begun so far.
+        tick: begin of the next one [s].
+        now: what is common to the loops.
+        period: PWM period [s].
+    """
     while tick <= now + INSTANT_S:
         ticked += 1
         tick = origin + ticked * period
@@ -333,7 +341,16 @@ def _begin(meter: Meter, start: float) -> tuple[Seen, Rest]:
 def measured(
     meter: Meter, seen: Seen, rest: Rest, plant: Plant, before: Flow, after: Flow
 ) -> tuple[Seen, Rest]:
-    """Measure the time between two instants, up to the turn and from it on where there is one."""
+    """Measure the time between two instants, up to the turn and from it on where there is one.
+
+    Args:
+        meter: what is measured.
+        seen: the phase so far.
+        rest: the rest so far.
+        plant: the heater.
+        before: at the stretch's begin.
+        after: at its end.
+    """
     if not meter.measures:
         return seen, rest
     turned = turn(before, after, plant)
@@ -347,7 +364,15 @@ def measured(
 
 
 def divided(meter: Meter, seen: Seen, rest: Rest, flow: Flow, kind: int) -> tuple[Seen, Rest]:
-    """End a phase and begin the next one, or begin the rest, where an event does so."""
+    """End a phase and begin the next one, or begin the rest, where an event does so.
+
+    Args:
+        meter: what is measured.
+        seen: the phase so far.
+        rest: the rest so far.
+        flow: the heater.
+        kind: of the event.
+    """
     if not meter.measures:
         return seen, rest
     if kind == REST:

@@ -146,7 +146,18 @@ def seen_on(meter: Meter, seen: Seen, plant: Plant, before: Flow, after: Flow) -
 def seen_from(
     seen: Seen, setpoint: float, band: float, lag: float, plant: Plant, before: Flow, after: Flow, crosses: bool
 ) -> Seen:
-    """Return the phase after a stretch, see `seen_on`; without `crosses` it must be none that `crossing` tells of."""
+    """Return the phase after a stretch, see `seen_on`; without `crosses` it must be none that `crossing` tells of.
+
+    Args:
+        seen: the phase so far.
+        setpoint: of the phase [°C].
+        band: how far from it is still right [°C].
+        lag: distance from a setpoint that moves [°C].
+        plant: the heater.
+        before: at the stretch's begin.
+        after: at its end.
+        crosses: whether limits may be crossed.
+    """
     later = after.y - setpoint
     outside, settled = abs(later) > band, seen.settled
     if crosses and seen.outside and not outside:
@@ -157,7 +168,15 @@ def seen_from(
 
 
 def crossing(seen: Seen, setpoint: float, band: float, before: Flow, after: Flow) -> bool:
-    """Return whether the temperature comes to the setpoint on a stretch, or into its band."""
+    """Return whether the temperature comes to the setpoint on a stretch, or into its band.
+
+    Args:
+        seen: the phase so far.
+        setpoint: of the phase [°C].
+        band: how far from it is still right [°C].
+        before: at the stretch's begin.
+        after: at its end.
+    """
     error, later = before.y - setpoint, after.y - setpoint
     return error * later < 0.0 or (seen.outside and not abs(later) > band)
 
@@ -218,7 +237,15 @@ def rested(meter: Meter, phase: int, rest: Rest, plant: Plant, before: Flow, aft
 
 
 def rested_from(rest: Rest, setpoint: float, plant: Plant, before: Flow, after: Flow) -> Rest:
-    """Return the rest after a stretch, see `rested`, but for what is kept of each PWM period."""
+    """Return the rest after a stretch, see `rested`, but for what is kept of each PWM period.
+
+    Args:
+        rest: the rest so far.
+        setpoint: of the phase [°C].
+        plant: the heater.
+        before: at the stretch's begin.
+        after: at its end.
+    """
     error = after.y - setpoint
     return Rest(
         rest.lasts, rest.start, rest.integral + _integral(setpoint, plant, before, after),

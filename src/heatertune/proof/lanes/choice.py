@@ -60,7 +60,15 @@ def fitting(
 
 
 def run_side_by_side(controller: InLoop, program: Program, batch: Batch, actuator: Actuator, meter: Meter) -> None:
-    """Run loops that fit; what they amount to is in the meter. Heaters of like dead times should stand together."""
+    """Run loops that fit; what they amount to is in the meter. Heaters of like dead times should stand together.
+
+    Args:
+        controller: the words, running.
+        program: around the controllers.
+        batch: what differs from loop to loop.
+        actuator: the switch.
+        meter: what is measured.
+    """
     run, end = _made(controller)
     parameters, state = _held(controller, controller.parameters), _held(controller, controller.state)
     run_compiled = compiled(run)

@@ -77,7 +77,15 @@ def fixed(_parameters: Any) -> Any:
 
 
 def quickly(rows: Places, setpoint: float, band: float, t: float, lasts: bool) -> None:
-    """Bring all heaters to a scan before which nothing happens but edges."""
+    """Bring all heaters to a scan before which nothing happens but edges.
+
+    Args:
+        rows: places.
+        setpoint: of the phase [°C].
+        band: how far from it is still right [°C].
+        t: instant of the scan [s].
+        lasts: whether the rest of the phase lasts.
+    """
     quiet = True
     due = _due(rows, t)
     while due > 0:

@@ -109,5 +109,6 @@ def _made(text: str, names: tuple[str, ...], types: tuple[tuple[str, type], ...]
     exec(compile(text, __file__, "exec"), scope)
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
     for name in names:
+        scope[name].__doc__ = "Made by `heatertune.proof.lanes.rows`: see `Rows` and `fixed`."
         scope[name].__qualname__ = f"{name}_{digest}"  # by which `compiled` tells it from that of another shape
     return tuple(scope[name] for name in names)

@@ -62,7 +62,20 @@ def group(  # noqa: PLR0913 - as `kernel.run`
     parameters: Any, state: Any, sensor: Any, scan_s: float, program: Program, batch: Batch, pwm: Switches,
     rows: Places, meter: Meter, first: int,
 ) -> None:
-    """Run 32 loops from the first one on, the last of all once more where there are fewer; see `run_in_lanes`."""
+    """Run 32 loops from the first one on, the last of all once more where there are fewer; see `run_in_lanes`.
+
+    Args:
+        parameters: of the controller.
+        state: at the start.
+        sensor: what `measure` takes.
+        scan_s: interval between two scans [s].
+        program: around the controllers.
+        batch: what differs from loop to loop.
+        pwm: of the heater.
+        rows: places.
+        meter: what is measured.
+        first: number of the first of the 32 loops.
+    """
     period, end, noisy = pwm.heat[0], (batch.scans - 1) * scan_s, len(batch.noise[0]) > 1
     begin, tick, begun, ticked, t = 0.0, 0.0, 0, 0, 0.0
     now = Now(0.0, 0, False, NEVER, 0)  # an event is due, so the first scan is no quick one

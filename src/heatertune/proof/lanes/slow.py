@@ -55,7 +55,16 @@ def meter_of(meter: Meter, i: int) -> Meter:
 
 
 def started(rows: Places, lane: int, row: Places, scan_s: float, meter: Meter, noise: float) -> None:
-    """Put a loop at its start; `row` is one of `Batch.plants`."""
+    """Put a loop at its start; `row` is one of `Batch.plants`.
+
+    Args:
+        rows: places.
+        lane: number of the loop among the 32.
+        row: one of `Batch.plants`.
+        scan_s: interval between two scans [s].
+        meter: what is measured.
+        noise: of the first scan [°C].
+    """
     plant, y = Plant(row[0], row[1], 0.0, row[3], row[4]), row[5]
     stored_line(rows, lane, Line(plant.gain, plant.first, plant.dead, plant.ambient, factors(scan_s, plant).outer))
     stored_stretch(rows, lane, Stretch(0.0, y, plant.ambient, 0.0, 0.0, 1.0))
@@ -82,7 +91,17 @@ def kept(rows: Places, lane: int, own: Meter, now: Now) -> None:
 
 
 def slowly(rows: Places, batch: Batch, meter: Meter, first: int, t: float, steady: bool, now: Now) -> Now:
-    """Bring all heaters to a scan, whatever happens before it, one after the other; `steady`: not the first scan."""
+    """Bring all heaters to a scan, whatever happens before it, one after the other; `steady`: not the first scan.
+
+    Args:
+        rows: places.
+        batch: what differs from loop to loop.
+        meter: what is measured.
+        first: number of the first of the 32 loops.
+        t: instant of the scan [s].
+        steady: whether it is not the first scan.
+        now: what is common to the loops.
+    """
     listed = NEVER
     for lane in range(LANES):
         i = loop_of(batch, first, lane)
