@@ -28,7 +28,8 @@ from heatertune.cache import folder
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["bound", "compiled", "decide", "machine_code", "runs_compiled_as", "worth_compiling"]
+__all__ = ["bound", "compiled", "decide", "machine_code", "runs_compiled_as", "worth_a_second",
+           "worth_compiling"]
 
 _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 
@@ -104,6 +105,20 @@ def worth_compiling(
         if _is_kept(function):
             _scans_asked[work] = most + 1
     return _scans_asked[work] > most
+
+
+def worth_a_second(scans: int, function: Callable[..., Any], *, most: int, most_kept: int) -> bool:
+    """Return whether so many scans are worth a second, faster machine code beside what is there to run them.
+
+    Args:
+        scans: that are asked for at once.
+        function: the faster one.
+        most: scans that take as long as to compile it.
+        most_kept: scans that take as long as to load it where its machine code is kept.
+    """
+    if _decided[0] is False or scans <= most_kept:
+        return False
+    return (scans > most and _decided[0] != "kept") or _is_kept(function)
 
 
 @remember

@@ -5,7 +5,8 @@
 First every rival and the loop of the proof run the same heater, PI and PWM (`yardsticks.Case`) and must find the same
 sum of |e|. Then their times stand beside those of rooms, in nanoseconds of processor time per scan of 1 s: alone,
 measured as a sample is, and on all processors; with them how the cost grows with the horizon, the PWM's resolution and
-the number of samples. `--slow` also runs the rivals that take seconds to minutes.
+the number of samples. Heaters that are drawn and sorted by dead time, as samples are, run one after the other and side by
+side, which must find the same. `--slow` also runs the rivals that take seconds to minutes.
 """
 
 import argparse
@@ -29,12 +30,15 @@ from heatertune.plc import Scaling, controller_for
 from heatertune.plc.core import Core
 from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, TemperatureStep
 from heatertune.proof.kernel import LOAD, Batch, Record
+from heatertune.proof.lanes import choice
+from heatertune.proof.lanes.choice import run_side_by_side
 from heatertune.proof.loop import InLoop, in_loop, pulses_of, ring_size, run_compiled, run_plainly
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter, no_meter
 from heatertune.proof.program import Program
 from heatertune.proof.samples import measure
 
 CASE = yardsticks.Case()
+PWM = Actuator(pwm_period_s=yardsticks.PERIOD_S, resolution_s=yardsticks.RESOLUTION_S)
 LOOPS = 32
 DESIGN = PidDesign(gain_pct_per_degC=3.0, integral_time_s=150.0, derivative_time_s=0.0, sample_time_s=1.0, structure="pi",
                    method="")
@@ -98,8 +102,30 @@ class Ours:
             meter = Meter(True, np.array([CASE.setpoint]), 1.0, yardsticks.PERIOD_S, 0, phases, totals, *ends)
         edges = np.empty(ring_size(pulses_of(CASE.dead + 15.0, pwm)))
         c, asked = self.controller, np.array(self.controller.asked)
-        program = Program(asked, np.ones(1, dtype=np.int64), c.ramp_step, c.ramp_calls, c.ramp_hold, asked.copy())
+        program = Program(asked, np.ones(1, dtype=np.int64), c.ramp_step, c.ramp_calls, c.ramp_hold)
         return c.parameters, c.state, c.sensor, c.scan_s, program, batch, pwm.switches, np.inf, edges, record, meter
+
+    def drawn(self, loops=4 * LOOPS):
+        """Return `given` for drawn heaters: gain and lag by 10 %, dead time by 20 %, mains even within ±10 %."""
+        chance, (*given, meter) = np.random.default_rng(1), self.given(loops=loops, measures=True)
+        gain, lag, dead = np.exp([[0.1], [0.1], [0.2]] * chance.standard_normal((3, loops)))
+        plants = given[5].plants * np.column_stack([gain * (1.0 + 0.1 * chance.uniform(-1.0, 1.0, loops)) ** 2, lag, np.ones(loops), dead,
+                                                    np.ones((loops, 2))])
+        given[5] = given[5]._replace(plants=plants[np.argsort(plants[:, 3])])
+        given[8] = np.empty(ring_size(pulses_of(plants[:, 3].max() + 15.0, PWM)))
+        return *given, meter
+
+    def both_ways(self):
+        """Return nanoseconds per scan of drawn heaters, one after the other and side by side, in turn."""
+        alone, together = self.drawn(), self.drawn()
+        ways = (lambda: run_compiled(self.controller.core, alone),
+                lambda: run_side_by_side(self.controller, together[4], together[5], PWM, together[-1]))
+        for way in ways:
+            way()
+        assert np.array_equal(alone[-1].phases, together[-1].phases)
+        assert np.array_equal(alone[-1].totals, together[-1].totals)
+        times = [[elapsed(way) for way in ways] for _ in range(15)]
+        return np.min(times, axis=0) / len(alone[5].plants) / CASE.calls
 
     def absolute(self, run):
         """Return the sum of |e| at the calls."""
@@ -127,6 +153,13 @@ def least(task, repeats=9, clock=time.process_time):
         task()
         best = min(best, clock() - begun)
     return 1e9 * best
+
+
+def elapsed(task):
+    """Return the processor time of a task in this thread [ns]."""
+    begun = time.thread_time()
+    task()
+    return 1e9 * (time.thread_time() - begun)
 
 
 def rivals(c, slow):
@@ -158,7 +191,7 @@ def check(others):
 
 
 def samples(target, count, workers):
-    """Return seconds of wall clock that many samples take, drawn, run and measured."""
+    """Return seconds of wall clock that many samples take, drawn, run and measured, side by side where they fit."""
     which = controller_for(target)
     drawing = Drawing.of(which, which.encode(DESIGN, Scaling()), [HEATER], SCENARIO, Spread(heater=(0.1, 0.1, 0.2)),
                          Actuator(pwm_period_s=10.0))
@@ -205,6 +238,7 @@ def main():
     parser.add_argument("rooms", nargs="*", default=["weg", "s5-ob251"])
     settings = parser.parse_args()
     compiled._PLAIN_SCANS = -1
+    choice._MOST = choice._MOST_KEPT = 0  # as where machine code is kept: all samples that fit run side by side
     with tempfile.TemporaryDirectory() as folder:
         others = rivals(yardsticks.Compiled(folder), settings.slow)
     check(others)
@@ -215,6 +249,10 @@ def main():
                  (f"{name}: compiled and measured", own.ns(measures=True))]
     print("| closed loop | ns per scan | times C |\n| --- | --- | --- |")
     print("\n".join(starmap("| {0} | {1:.3g} | {2:.3g} |".format, ((name, ns, ns / unit) for name, ns in rows))))
+    print("\n| ns per scan, measured, drawn heaters | one after the other | side by side | times |\n" + "| --- " * 4 + "|")
+    for name, own in all_ours.items():
+        alone, together = own.both_ways()
+        print(f"| {name} | {alone:.3g} | {together:.3g} | {alone / together:.2f} |")
     print("\n| ns per scan, measured | 1500 s | 3000 s | 6000 s | PWM in 0.1 s | 0.01 s | 0.001 s |\n" + "| --- " * 7 + "|")
     for name, own in all_ours.items():
         horizons = [own.ns(calls=calls, measures=True) for calls in (1500, 3000, 6000)]

@@ -198,20 +198,30 @@ def test_a_sample_depends_on_its_seed_alone():
 
 
 @pytest.mark.parametrize("seed", [0, 7, 2**64 + 5])
-def test_what_is_drawn_is_of_a_philox_generator_of_the_seeds_key_whatever_was_drawn_before(seed):
+def test_noise_is_of_a_philox_generator_of_the_seeds_key_whatever_was_drawn_before(seed):
     which = controller_for("s5-ob251")
     noisy = replace(SCENARIO, noise_degC=0.1, disturbances=())
-    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], noisy, Spread(heater=(0.1, 0.2, 0.3)), PWM)
+    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], noisy, Spread(jitter_s=0.1), PWM)
     generator = np.random.Generator(np.random.Philox(key=seed))  # drawn from in the order that samples.py tells
-    factors, even = np.exp(generator.standard_normal(3) * (0.1, 0.2, 0.3)), generator.uniform(-1.0, 1.0, 2)
     used = np.random.Generator(np.random.Philox(key=3))
     used.integers(2**32, dtype=np.uint32)  # leaves half a number in its buffer
-    row, sizes, noise, late = drawing.sample(seed, 9, used)
-    assert row[1] == 166.0 * factors[1]
-    assert row[4] == 24.0 + 5.0 * even[1]
-    assert np.array_equal(noise, generator.normal(0.0, 0.1, 9))
-    assert (len(sizes), late.tolist()) == (0, [0.0])
-    assert np.array_equal(drawing.sample(seed, 9)[2], noise)
+    noise, late = drawing.scans_of([seed + 1, seed], 9, used)
+    assert np.array_equal(noise[1], generator.normal(0.0, 0.1, 9))
+    assert np.array_equal(late[1], generator.uniform(0.0, 0.1, 9))
+    assert np.array_equal(drawing.scans_of([seed], 9)[0], noise[1:])
+
+
+def test_a_heater_is_drawn_alike_alone_and_among_others():
+    which = controller_for("s5-ob251")
+    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(heater=(0.1, 0.2, 0.3)), PWM)
+    for first in (0, 2**32 - 5, 2**64 - 5):
+        seeds = range(first, first + 37)
+        rows, sizes = drawing.heaters_of(seeds)
+        assert len(np.unique(rows[:, 0])) == len(seeds)
+        for place in (0, 5, 36):
+            row, size = drawing.heaters_of([seeds[place]])
+            assert np.array_equal(row[0], rows[place])
+            assert np.array_equal(size[0], sizes[place])
 
 
 def test_late_scans_read_the_temperature_of_their_own_instants():
@@ -252,8 +262,8 @@ def test_the_draw_has_the_spread_that_it_tells():
     which = controller_for("s5-ob251")
     spread = Spread(heater=(0.1, 0.2, 3.0), least_dead_time_s=9.0)
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], SCENARIO, spread, PWM)
-    rows, factors = zip(*((row, sizes) for row, sizes, _, _ in (drawing.sample(seed, 1) for seed in range(4000))), strict=True)
-    gain, lag, _, dead, ambient, start = np.array(rows).T
+    rows, factors = drawing.heaters_of(range(4000))
+    gain, lag, _, dead, ambient, start = rows.T
     assert np.std(np.log(lag)) == pytest.approx(0.2, rel=0.05)
     dead = dead - 0.48  # the controller's own delay comes on top
     # the dead time is normal around 14.3 s, but for what would lie below 9 s: 3.9 % of the draws, −1.767 deviations
@@ -268,7 +278,7 @@ def test_the_draw_has_the_spread_that_it_tells():
     assert np.array_equal(start, ambient)
     assert [np.min(factors), np.max(factors)] == pytest.approx([0.5, 1.5], abs=0.005)
     calm = replace(drawing, spread=Spread(mains_pct=0.0, ambient_degC=0.0, disturbance_pct=0.0))
-    assert calm.sample(7, 1)[0] == [0.41, 166.0, 0.0, 14.3 + 0.48, 24.0, 24.0]
+    assert calm.heaters_of([7])[0].tolist() == [[0.41, 166.0, 0.0, 14.3 + 0.48, 24.0, 24.0]]
 
 
 @pytest.mark.long

@@ -141,7 +141,7 @@ def test_a_cut_ends_the_pulse_that_runs_and_switches_nothing_on_afterwards():
         never = Events([math.inf], [LOAD], [0.0])
         heater = Plant(0.5, 150.0, 0.0, 1.0, 20.0)
         half = bound(run, step=lambda *_: (None, 50.0, 50.0, 0), measure=lambda _, y: y)
-        record, program = Record(False, *9 * [[]]), Program([40.0], [1], 0.0, 0, 0.0, [0.0])
+        record, program = Record(False, *9 * [[]]), Program([40.0], [1], 0.0, 0, 0.0)
         switched, _ = half(None, None, None, Clock(1.0, 11, none, none), program, heater, 20.0, never, PWM.switches, cut, ring,
                            record, no_meter())
         return ring[:switched]

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from math import exp, expm1, log1p  # names that the proof's loop gives its own functions, see `proof.plant`
 from typing import NamedTuple
 
 import numpy as np
@@ -46,13 +47,13 @@ class Factors(NamedTuple):
 
 def factors(t: float, outer: float, inner: float) -> Factors:
     """Return the factors of `t` seconds, not negative."""
-    left = math.exp(-t / outer)
+    left = exp(-t / outer)
     if inner == 0.0:
         return Factors(left, 0.0, 1.0)
-    other = math.exp(-t / inner)
+    other = exp(-t / inner)
     slow = left if outer >= inner else other
     rate = 1.0 / max(outer, inner) - 1.0 / min(outer, inner)
-    stretch = t if rate == 0.0 else math.expm1(rate * t) / rate
+    stretch = t if rate == 0.0 else expm1(rate * t) / rate
     return Factors(left, slow * stretch / outer, other)
 
 
@@ -77,7 +78,7 @@ def turning_time(y: float, x: float, target: float, outer: float, inner: float) 
     """
     rate = 1.0 / outer - 1.0 / inner
     stretch = inner * (x - y) / (x - target)
-    return stretch if rate == 0.0 else math.log1p(rate * stretch) / rate
+    return stretch if rate == 0.0 else log1p(rate * stretch) / rate
 
 
 def advance(y: Array, x: Array, target: Array, t: Array, outer: float, inner: float) -> Array:

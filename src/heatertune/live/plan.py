@@ -18,9 +18,10 @@ from heatertune.plc.pwm import Actuator
 from heatertune.proof.drawn import drawing_for
 from heatertune.proof.events import Led
 from heatertune.proof.fitted import actuator_for, course_for, setpoints_for
+from heatertune.proof.happening import events_of
 from heatertune.proof.heaters import holding
 from heatertune.proof.kernel import LOAD, MAINS
-from heatertune.proof.loop import InLoop, actuator_of, check_words, events_of, in_loop, plant_row
+from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop, plant_row
 from heatertune.proof.scenario import Load, Mains, PlcPower, Scenario, TemperatureStep, delayed
 from heatertune.settings import Conditions
 from heatertune.units import check
@@ -109,7 +110,8 @@ def plan_for(
         check("sample", sample, least=0)
         drawing = drawing_for(words, fitted, spread or {}, conditions)
         generator = np.random.Generator(np.random.Philox(key=0))
-        row, factors, _, _ = drawing.sample(sample, 0, generator)
+        (row,), (factors,) = (part.tolist() for part in drawing.heaters_of([sample]))
+        drawing.scans_of([sample], 0, generator)  # which begins its noise
         switches = dict(drawing.controllers[drawing.setting(sample)].switches)
         scenario = replace(drawing.scenario, ambient_degC=row[4], start_degC=row[5], seed=sample)
     if not story:

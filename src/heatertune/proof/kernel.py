@@ -23,6 +23,7 @@ from heatertune.proof.meter import (
     Seen,
     begin,
     close,
+    faults,
     is_led,
     led_to,
     rest_begins,
@@ -30,12 +31,12 @@ from heatertune.proof.meter import (
     seen_on,
 )
 from heatertune.proof.plant import Flow, Plant, factors, moved, turn
-from heatertune.proof.program import Program, asked_now
+from heatertune.proof.program import Program, asked_now, moves
 from heatertune.proof.switch import edge_at, heat_after, period_of, switched_off, times_on
 
 __all__ = [
-    "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Batch", "Clock", "Events", "Record", "measure", "restarted",
-    "run", "run_all", "started", "step",
+    "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Batch", "Clock", "Events", "Record", "changed", "divided",
+    "measure", "measured", "restarted", "run", "run_all", "started", "step", "ticked_on",
 ]
 
 #: what an event does: all lags jump, the load grows, the mains change, the heater is switched, a phase begins (as it
@@ -164,7 +165,7 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
     flow = Flow(0.0, start, start, plant.ambient, 0.0, 0.0, 1.0)
     owed, begin, tick, origin = (0.0, 0.0), 0.0, 0.0, 0.0
     begun = ticked = switched = arrived = happened = phase = calls = 0
-    rows, t, following = _stretch(record, 0, flow), late[0], 0.0
+    rows, t, following, word = _stretch(record, 0, flow), late[0], 0.0, program.asked[0]
     seen, rest = _begin(meter, start)
     due, kind = _next(plant, events, happened, edges, arrived, switched)
     for k in range(clock.scans):
@@ -173,33 +174,34 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
         while due <= t:
             quiet = False
             before = moved(flow, due, factors(due - flow.now, plant))
-            seen, rest = _measured(meter, seen, rest, plant, flow, before)
+            seen, rest = measured(meter, seen, rest, plant, flow, before)
             value = heat_after(edges, arrived, pwm.cooling) if kind == HEAT else events.value[happened]
-            flow = _changed(plant, before, kind, value)
-            seen, rest = _divided(meter, seen, rest, flow, kind)
+            flow = changed(plant, before, kind, value)
+            seen, rest = divided(meter, seen, rest, flow, kind)
             arrived, happened = arrived + (kind == HEAT), happened + (kind != HEAT)
             phase += _begins_phase(kind)
             rows = _stretch(record, rows, flow) if kind <= HEAT else rows
             due, kind = _next(plant, events, happened, edges, arrived, switched)
         before, flow = flow, moved(flow, t, whole if quiet else factors(t - flow.now, plant))
-        seen, rest = _measured(meter, seen, rest, plant, before, flow)
+        seen, rest = measured(meter, seen, rest, plant, before, flow)
         reading = measure(sensor, flow.y + (noise[k] if noisy else noise[0]))
         if calls == 0 and k > 0 and program.supplied[phase] and _apart(begin, k * scan_s, period):
             origin, begin, tick, begun, ticked = t, t, t, 0, 0
         cycle_start = tick <= t + INSTANT_S
-        ticked, tick = _ticked(origin, ticked, tick, t, period)
+        ticked, tick = ticked_on(origin, ticked, tick, t, period)
         power, flags = 0.0, 0
         if program.supplied[phase]:
             if calls == 0 and k > 0:
                 state = restarted(parameters, cold, state)
             program.asked[phase] = (
                 measure(sensor, led_to(leads, phase, t)) if is_led(leads, phase) else program.asked[phase])
-            calls = asked_now(program, phase, calls, reading)
-            state, power, _, flags = step(parameters, state, program.word[0], reading, cycle_start)
+            word = asked_now(program, program.asked[phase], calls == 0, moves(program, calls), word, reading)
+            calls += 1
+            state, power, _, flags = step(parameters, state, word, reading, cycle_start)
             _counted(meter, power, least, flags)
         else:
             switched, calls = switched_off(edges, switched, t), 0
-        _scanned(record, k, flow.y, program.word[0], reading, power, flags)
+        _scanned(record, k, flow.y, word, reading, power, flags)
         power = 0.0 if math.isnan(power) else power  # which the meter has counted as a fault
         following = (k + 1) * scan_s + (late[min(k + 1, len(late) - 1)] if shaken else late[0])
         while begin < following - INSTANT_S:
@@ -258,7 +260,7 @@ def _next(
     return due, kind
 
 
-def _changed(plant: Plant, flow: Flow, kind: int, value: float) -> Flow:
+def changed(plant: Plant, flow: Flow, kind: int, value: float) -> Flow:
     """Return the heater just after an event; the mains are those of the heater, not of a cooler."""
     heat, load, mains, jump = flow.heat, flow.load, flow.mains, 0.0
     if kind == HEAT:
@@ -282,8 +284,16 @@ def _apart(begin: float, starts: float, period: float) -> bool:
     return min(abs(begin - starts), abs(begin - starts - period)) > INSTANT_S
 
 
-def _ticked(origin: float, ticked: int, tick: float, now: float, period: float) -> tuple[int, float]:
-    """Return how many PWM periods have begun up to an instant, and when the next one begins."""
+def ticked_on(origin: float, ticked: int, tick: float, now: float, period: float) -> tuple[int, float]:
+    """Return how many PWM periods have begun up to an instant, and when the next one begins.
+
+    Args:
+        origin: begin of the first PWM period [s].
+        ticked: periods begun so far.
+        tick: begin of the next one [s].
+        now: what is common to the loops.
+        period: PWM period [s].
+    """
     while tick <= now + INSTANT_S:
         ticked += 1
         tick = origin + ticked * period
@@ -318,10 +328,8 @@ def _counted(meter: Meter, power: float, least: float, flags: int) -> None:
             meter.totals[LIMITED] += 1.0
         if math.isnan(power):
             meter.totals[FAULTS] += 1.0
-        wrong = flags & meter.wrong
-        while wrong:
-            meter.totals[FAULTS] += 1.0
-            wrong &= wrong - 1
+        if flags & meter.wrong:
+            meter.totals[FAULTS] += faults(flags & meter.wrong)
 
 
 def _begin(meter: Meter, start: float) -> tuple[Seen, Rest]:
@@ -330,10 +338,19 @@ def _begin(meter: Meter, start: float) -> tuple[Seen, Rest]:
     return begin(meter, 0, 0.0, error), Rest(False, 0.0, 0.0, 0.0, 0.0)
 
 
-def _measured(
+def measured(
     meter: Meter, seen: Seen, rest: Rest, plant: Plant, before: Flow, after: Flow
 ) -> tuple[Seen, Rest]:
-    """Measure the time between two instants, up to the turn and from it on where there is one."""
+    """Measure the time between two instants, up to the turn and from it on where there is one.
+
+    Args:
+        meter: what is measured.
+        seen: the phase so far.
+        rest: the rest so far.
+        plant: the heater.
+        before: at the stretch's begin.
+        after: at its end.
+    """
     if not meter.measures:
         return seen, rest
     turned = turn(before, after, plant)
@@ -346,8 +363,16 @@ def _measured(
     return seen, rested(meter, seen.phase, rest, plant, before, after) if rest.lasts else rest
 
 
-def _divided(meter: Meter, seen: Seen, rest: Rest, flow: Flow, kind: int) -> tuple[Seen, Rest]:
-    """End a phase and begin the next one, or begin the rest, where an event does so."""
+def divided(meter: Meter, seen: Seen, rest: Rest, flow: Flow, kind: int) -> tuple[Seen, Rest]:
+    """End a phase and begin the next one, or begin the rest, where an event does so.
+
+    Args:
+        meter: what is measured.
+        seen: the phase so far.
+        rest: the rest so far.
+        flow: the heater.
+        kind: of the event.
+    """
     if not meter.measures:
         return seen, rest
     if kind == REST:

@@ -20,16 +20,13 @@ from heatertune.plc.pwm import INSTANT_S, Actuator
 from heatertune.plc.ramp import Number
 from heatertune.plc.single import narrowed, single
 from heatertune.plc.words import Words
+from heatertune.proof.happening import events_of
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.kernel import JUMP, LOAD, MAINS, PHASE, Batch, Record, run, run_all
+from heatertune.proof.kernel import Batch, Record, run, run_all
 from heatertune.proof.meter import Meter, no_meter
 from heatertune.proof.program import Program, asked_now
 from heatertune.proof.scenario import (
-    Disturbance,
-    Load,
-    NewSetpoint,
     Scenario,
-    TemperatureStep,
     conditions,
     temperatures,
 )
@@ -39,7 +36,6 @@ __all__ = [
     "InLoop",
     "actuator_of",
     "check_words",
-    "events_of",
     "in_loop",
     "noise_of",
     "plant_row",
@@ -299,52 +295,13 @@ def plant_row(model: HeaterModel, scenario: Scenario) -> list[float]:
     return [model.gain_degC_per_pct, first, rest[0] if rest else 0.0, model.dead_time_s, ambient, start]
 
 
-def events_of(
-    scenario: Scenario, dead_times_s: Sequence[float], sizes: Array | None = None,
-    marks: Sequence[tuple[float, int]] = (),
-) -> tuple[Array, npt.NDArray[np.int64], Array]:
-    """Return the disturbances as three arrays of a `Batch`: instants, kinds and values, each of shape (n, events).
-
-    Args:
-        scenario: whose disturbances.
-        dead_times_s: of the n heaters [s].
-        sizes: by what each disturbance is multiplied, shape (n, disturbances); None: by nothing.
-        marks: (instant, kind) of what divides what is measured.
-    """
-    rows = []
-    for number, dead in enumerate(dead_times_s):
-        factors = [1.0] * len(scenario.disturbances) if sizes is None else sizes[number].tolist()
-        happening = zip(scenario.disturbances, _powers(scenario), factors, strict=True)
-        acting = [event for what, power, factor in happening for event in _acting(what, power, factor, dead)]
-        rows.append(sorted([*acting, *((time, kind, 0.0) for time, kind in marks), (math.inf, LOAD, 0.0)]))
-    table = np.array(rows)
-    return table[..., 0].copy(), table[..., 1].astype(np.int64), table[..., 2].copy()
-
-
-def _powers(scenario: Scenario) -> list[float]:
-    """Return what full power is from each disturbance on, as a share of the rated one: none while the PLC is off."""
-    return [mains * supplied for mains, supplied in zip(scenario.mains, scenario.supplied, strict=True)][1:]
-
-
-def _acting(event: Disturbance, power: float, factor: float, dead_s: float) -> list[tuple[float, int, float]]:
-    """Return what the kernel is told of a disturbance; only temperature steps and loads have a size."""
-    if isinstance(event, TemperatureStep):
-        return [(event.time_s, JUMP, factor * event.temperature_degC)]
-    begins = (event.time_s, PHASE, 0.0)
-    if isinstance(event, Load):
-        return [begins, (event.time_s + dead_s, LOAD, factor * event.power_pct)]
-    if isinstance(event, NewSetpoint):
-        return [begins]
-    return [begins, (event.time_s + dead_s, MAINS, power)]  # also of a led setpoint, with which a PLC gets its supply
-
-
 def program_of(controller: InLoop, scenario: Scenario) -> Program:
     """Return the program around a controller, phase by phase; raise ValueError where it is asked for other phases."""
     asked = np.array(controller.asked)
     if len(asked) != len(scenario.setpoints_degC):
         raise ValueError(f"{len(asked)} setpoints for {len(scenario.setpoints_degC)} phases")
     return Program(asked, np.array(scenario.supplied, dtype=np.int64), controller.ramp_step, controller.ramp_calls,
-                   controller.ramp_hold, asked[:1].copy())
+                   controller.ramp_hold)
 
 
 def pulses_of(seconds: float, actuator: Actuator) -> int:

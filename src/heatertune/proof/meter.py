@@ -18,7 +18,8 @@ from heatertune.proof.plant import Flow, Plant, area, reached
 __all__ = [
     "ABSOLUTE", "COLUMNS", "FAULTS", "HIGHEST", "LAG", "LIMITED", "LOWEST", "MEAN", "NOT_LED", "REST_HIGHEST",
     "REST_LOWEST", "SCANS", "SETTLED", "SWITCHINGS", "TOTALS", "Meter", "Places", "Rest", "Seen", "begin", "close",
-    "is_led", "led_to", "no_meter", "rest_begins", "rested", "seen_on",
+    "crossing", "faults", "in_period", "is_led", "led_to", "no_meter", "rest_begins", "rested", "rested_from",
+    "seen_from", "seen_on",
 ]
 
 #: places for numbers: an array where the loop is compiled, a list in plain Python
@@ -138,15 +139,46 @@ def seen_on(meter: Meter, seen: Seen, plant: Plant, before: Flow, after: Flow) -
         after: at its end.
     """
     setpoint = meter.setpoints[seen.phase]
+    lag = _lag(meter, seen.phase, after.now, after.y - setpoint)
+    return seen_from(seen, setpoint, meter.band, lag, plant, before, after, True)
+
+
+def seen_from(
+    seen: Seen, setpoint: float, band: float, lag: float, plant: Plant, before: Flow, after: Flow, crosses: bool
+) -> Seen:
+    """Return the phase after a stretch, see `seen_on`; without `crosses` it must be none that `crossing` tells of.
+
+    Args:
+        seen: the phase so far.
+        setpoint: of the phase [°C].
+        band: how far from it is still right [°C].
+        lag: distance from a setpoint that moves [°C].
+        plant: the heater.
+        before: at the stretch's begin.
+        after: at its end.
+        crosses: whether limits may be crossed.
+    """
+    later = after.y - setpoint
+    outside, settled = abs(later) > band, seen.settled
+    if crosses and seen.outside and not outside:
+        settled = reached(before, after, setpoint + math.copysign(band, before.y - setpoint), plant).now
+    absolute = _absolute(setpoint, plant, before, after) if crosses else abs(_integral(setpoint, plant, before, after))
+    return Seen(seen.phase, max(seen.highest, later), min(seen.lowest, later), seen.absolute + absolute, outside,
+                settled, max(seen.lag, lag))
+
+
+def crossing(seen: Seen, setpoint: float, band: float, before: Flow, after: Flow) -> bool:
+    """Return whether the temperature comes to the setpoint on a stretch, or into its band.
+
+    Args:
+        seen: the phase so far.
+        setpoint: of the phase [°C].
+        band: how far from it is still right [°C].
+        before: at the stretch's begin.
+        after: at its end.
+    """
     error, later = before.y - setpoint, after.y - setpoint
-    outside, settled = abs(later) > meter.band, seen.settled
-    if seen.outside and not outside:
-        settled = reached(before, after, setpoint + math.copysign(meter.band, error), plant).now
-    return Seen(
-        seen.phase, max(seen.highest, later), min(seen.lowest, later),
-        seen.absolute + _absolute(setpoint, plant, before, after), outside, settled,
-        max(seen.lag, _lag(meter, seen.phase, after.now, later)),
-    )
+    return error * later < 0.0 or (seen.outside and not abs(later) > band)
 
 
 def _absolute(setpoint: float, plant: Plant, before: Flow, after: Flow) -> float:
@@ -199,17 +231,42 @@ def rested(meter: Meter, phase: int, rest: Rest, plant: Plant, before: Flow, aft
         after: at its end.
     """
     setpoint = meter.setpoints[phase]
-    error = after.y - setpoint
     if phase == 0:
-        _in_period(meter, rest.start, after.now, error)
+        _in_period(meter, rest.start, after.now, after.y - setpoint)
+    return rested_from(rest, setpoint, plant, before, after)
+
+
+def rested_from(rest: Rest, setpoint: float, plant: Plant, before: Flow, after: Flow) -> Rest:
+    """Return the rest after a stretch, see `rested`, but for what is kept of each PWM period.
+
+    Args:
+        rest: the rest so far.
+        setpoint: of the phase [°C].
+        plant: the heater.
+        before: at the stretch's begin.
+        after: at its end.
+    """
+    error = after.y - setpoint
     return Rest(
         rest.lasts, rest.start, rest.integral + _integral(setpoint, plant, before, after),
         max(rest.highest, error), min(rest.lowest, error),
     )
 
 
+def in_period(start: float, time: float, period: float, periods: int) -> int:
+    """Return the PWM period at rest that an instant belongs to, the last one being as long as it takes."""
+    return min(int((time - start) / period), periods - 1)
+
+
+def faults(bits: int) -> float:
+    """Return how many of eight bits are set."""
+    pairs = bits - (bits >> 1 & 0x55)
+    fours = (pairs & 0x33) + (pairs >> 2 & 0x33)
+    return float((fours + (fours >> 4)) & 0x0F)
+
+
 def _in_period(meter: Meter, start: float, time: float, error: float) -> None:
     """Enter an error in the PWM period at rest that it belongs to."""
-    number = min(int((time - start) / meter.period), len(meter.high) - 1)
+    number = in_period(start, time, meter.period, len(meter.high))
     meter.high[number] = max(meter.high[number], error)
     meter.low[number] = min(meter.low[number], error)

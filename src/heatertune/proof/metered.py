@@ -7,8 +7,10 @@ import numpy.typing as npt
 
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.criteria import Limits
+from heatertune.proof.happening import events_of
 from heatertune.proof.kernel import REST, Batch, Record
-from heatertune.proof.loop import InLoop, events_of, program_of, pulses_of, ring_size, run_with, scans_of
+from heatertune.proof.lanes.choice import run_side_by_side
+from heatertune.proof.loop import InLoop, program_of, pulses_of, ring_size, run_with, scans_of
 from heatertune.proof.measured import Measured, band_of, periods_at_rest, phases_measured
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter
 from heatertune.proof.scenario import Scenario
@@ -18,9 +20,9 @@ __all__ = ["metered"]
 Array = npt.NDArray[np.float64]
 
 
-def metered(
+def metered(  # noqa: PLR0913 - what differs from loop to loop stands in arrays of its own
     controller: InLoop, rows: Array, scenario: Scenario, actuator: Actuator, limits: Limits, noise_degC: Array,
-    late_s: Array, sizes: Array | None = None,
+    late_s: Array, sizes: Array | None = None, *, side_by_side: bool = False,
 ) -> Measured:
     """Run a controller on heaters and return what the kernel's meter found.
 
@@ -33,6 +35,7 @@ def metered(
         noise_degC: of the readings, see `Clock`; a row for each heater, or one for all.
         late_s: of the scans, likewise.
         sizes: by what each disturbance is multiplied, a row for each heater; None: by nothing.
+        side_by_side: whether they run so, all of them fitting (`heatertune.proof.lanes`); it changes no bit.
     """
     scans, period, count = scans_of(controller, scenario), actuator.pwm_period_s, len(rows)
     phases = phases_measured(scenario, limits, (scans - 1) * controller.scan_s, period)
@@ -45,12 +48,16 @@ def metered(
     wrong = sum(1 << place for place, name in enumerate(controller.core.flags) if name in limits.overflow_flags)
     leads = np.array(scenario.leads)
     meter = Meter(True, np.array(scenario.setpoints_degC), band, period, wrong, table, totals, high, low, leads)
-    edges = np.empty(ring_size(pulses_of(max(dead) + 3.0 * controller.scan_s + period, actuator)))  # those under way
-    none = np.empty(0)
-    record = Record(False, none, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
+    program = program_of(controller, scenario)
     batch = Batch(scans, noise_degC, late_s, rows, *events_of(scenario, dead, sizes, marks), leads)
-    given = (program_of(controller, scenario), batch, actuator.switches, np.inf, edges, record, meter)
-    run_with(controller, given, count * scans)
+    if side_by_side:
+        run_side_by_side(controller, program, batch, actuator, meter)
+    else:
+        edges = np.empty(ring_size(pulses_of(max(dead) + 3.0 * controller.scan_s + period, actuator)))  # under way
+        none = np.empty(0)
+        record = Record(False, none, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
+        given = (program, batch, actuator.switches, np.inf, edges, record, meter)
+        run_with(controller, given, count * scans)
     ripple = _medians(np.where(high >= low, high - low, np.nan))
     return Measured(
         scenario=scenario, band_degC=band, phases=phases, rows=rows, table=table.reshape(count, -1, COLUMNS),

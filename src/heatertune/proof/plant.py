@@ -1,20 +1,29 @@
 """The heater between two switching instants: `heatertune.heater.exact` with the values of the proof.
 
+Its exponentials and logarithms are those of `heatertune.heater.elementary`, so that all ways of running the loop give
+the same bits.
+
 y is the temperature [°C], behind the larger lag; x the state of the smaller lag before it, unused with one lag.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from heatertune.heater.exact import Factors, advanced, turning_time
-from heatertune.heater.exact import factors as factors_of
+from heatertune.compiled import bound
+from heatertune.heater import exact
+from heatertune.heater.elementary import decay, decayed, logarithm, logarithm_beside_1
+from heatertune.heater.exact import Factors, advanced
 
 __all__ = ["Flow", "Plant", "area", "factors", "moved", "reached", "turn"]
 
 _NEAR: Final = 1e-9  # a root is followed until it moves by no more [s]
 _MOST_ROUNDS: Final = 200
+
+factors_of: Callable[[float, float, float], Factors] = bound(exact.factors, exp=decay, expm1=decayed)
+turning_time: Callable[..., float] = bound(exact.turning_time, log1p=logarithm_beside_1)
 
 
 class Plant(NamedTuple):
@@ -90,6 +99,6 @@ def reached(before: Flow, after: Flow, level: float, plant: Plant) -> Flow:
 
 def _reached_by_one_lag(before: Flow, after: Flow, level: float, plant: Plant) -> Flow:
     left, ahead = level - before.target, before.y - before.target
-    seconds = plant.first * math.log(ahead / left) if left * ahead > 0.0 else math.inf
+    seconds = plant.first * logarithm(ahead / left) if left * ahead > 0.0 else math.inf
     now = min(max(before.now + seconds, before.now), after.now)  # by rounding alone it lies outside
     return Flow(now, level, before.x, before.target, before.heat, before.load, before.mains)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from heatertune.proof.meter import Places
 
-__all__ = ["Program", "asked_now", "stored"]
+__all__ = ["Program", "asked_now", "moves", "stored"]
 
 
 class Program(NamedTuple):
@@ -19,9 +19,7 @@ class Program(NamedTuple):
         asked: setpoint of each phase.
         supplied: whether the PLC has its supply in each phase; where it has it again, it starts up.
         ramp_step, ramp_calls, ramp_hold: of the words' setpoint ramp, see `heatertune.plc.ramp.Ramp`; no calls: no
-            ramp; a hold of 0: none; one below zero: a
-            cooler's, the mirror image.
-        word: one place, for the setpoint word.
+            ramp; a hold of 0: none; one below zero: a cooler's, the mirror image.
     """
 
     asked: Places
@@ -29,7 +27,6 @@ class Program(NamedTuple):
     ramp_step: Any
     ramp_calls: int
     ramp_hold: Any
-    word: Places
 
 
 def stored(_setpoint: Any) -> Any:
@@ -37,22 +34,32 @@ def stored(_setpoint: Any) -> Any:
     raise NotImplementedError
 
 
-def asked_now(program: Program, phase: int, calls: int, reading: Any) -> int:
-    """Set the setpoint word for a call of the controller; return how many there were since the start-up."""
-    asked = program.asked[phase]
+def moves(program: Program, calls: int) -> bool:
+    """Return whether the ramp makes a step at a call of the controller, `calls` others being before it."""
+    return program.ramp_calls > 0 and (calls + 1) % program.ramp_calls == 0
+
+
+def asked_now(program: Program, asked: Any, first: bool, due: bool, word: Any, reading: Any) -> Any:
+    """Return the setpoint word for a call of the controller.
+
+    Args:
+        program: around it.
+        asked: setpoint of the phase.
+        first: whether it is the first call since the start-up.
+        due: whether the ramp makes a step, see `moves`.
+        word: of the call before.
+        reading: at this call.
+    """
     if program.ramp_calls == 0:
-        program.word[0] = asked
-        return 1
-    if calls == 0:
-        program.word[0] = reading
-    calls += 1
-    hold, word, cools = program.ramp_hold, program.word[0], program.ramp_hold < 0
+        return asked
+    word = reading if first else word
+    hold, cools = program.ramp_hold, program.ramp_hold < 0
     if cools:
         hold, word, asked, reading = -hold, -word, -asked, -reading
     lowest = asked
     if hold > 0 and stored(reading - hold) > asked:
         lowest = stored(reading - hold)
-    if calls % program.ramp_calls == 0:
+    if due:
         if word < asked:
             word = min(stored(word + program.ramp_step), asked)
         elif word > lowest:
@@ -61,5 +68,4 @@ def asked_now(program: Program, phase: int, calls: int, reading: Any) -> int:
             word = asked
     if hold > 0 and word > stored(reading + hold):
         word = stored(reading + hold)
-    program.word[0] = -word if cools else word
-    return calls
+    return -word if cools else word

@@ -2,9 +2,10 @@
 
 The settings of what the manual leaves open are taken in turn, so that each gets as many samples.
 
-Sample number i of a run with seed S has the seed S + i, and all that is drawn for it comes from a Philox generator of
-that key (J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC11, 2011). So a sample depends neither
-on how many there are nor on how many workers share them, and its seed alone brings it back, with its trace.
+Sample number i of a run with seed S has the seed S + i, and all that is drawn for it comes from Philox generators of
+that key: heater and disturbances of all samples at once (`heatertune.proof.philox`), the noise of each from NumPy's. So
+a sample depends neither on how many there are nor on how many workers share them, and its seed alone brings it back,
+with its trace.
 
 What is drawn, each independently:
 
@@ -25,7 +26,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -37,9 +38,11 @@ from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Limits
+from heatertune.proof.lanes.choice import fitting, pays
 from heatertune.proof.loop import InLoop, actuator_of, in_loop, plant_row, scans_of, traced
 from heatertune.proof.measured import Measured, joined, ordered
 from heatertune.proof.metered import metered
+from heatertune.proof.philox import normal, uniform
 from heatertune.proof.scenario import Disturbance, Load, Scenario, TemperatureStep
 from heatertune.proof.trace import Trace
 from heatertune.units import check
@@ -51,6 +54,7 @@ Array = npt.NDArray[np.float64]
 _WORD: Final = (1 << 64) - 1
 _NOT_BEGUN: Final[dict[str, Any]] = dict(np.random.Philox(key=0).state)
 
+_NORMAL: Final = 4  # uniform numbers of which those of the heater are made
 _CHUNK: Final = 32  # samples in one call: some hundred kilobytes of noise
 
 
@@ -150,34 +154,47 @@ class Drawing:
         """Return the number of the controller that the sample of a seed runs."""
         return seed % len(self.controllers)
 
-    def sample(
-        self, seed: int, scans: int, generator: np.random.Generator | None = None
-    ) -> tuple[list[float], Array, Array, Array]:
-        """Return a row of `Batch.plants`, factors of the disturbances, noise [°C] and delay [s] of the scans.
-
-        Their shapes are (6,), (disturbances,), and (1,) or (scans,).
+    def heaters_of(self, seeds: Sequence[int]) -> tuple[Array, Array]:
+        """Return rows of `Batch.plants` and factors of the disturbances, shapes (n, 6) and (n, disturbances).
 
         Args:
-            seed: of the sample.
-            scans: how many.
-            generator: on Philox, whatever it drew before; to make one takes as long as to draw a heater.
+            seeds: of the n samples.
         """
-        generator = generator or np.random.Generator(np.random.Philox(key=0))
-        generator.bit_generator.state = _begun(seed)
-        normal = generator.standard_normal(3) * self.spread.heater
-        heater, moved = np.exp(normal[:2]), float(normal[2])
-        even = generator.uniform(-1.0, 1.0, 2 + len(self.scenario.disturbances))
-        gain, first, second, dead, ambient, start = self.rows[seed // len(self.controllers) % len(self.rows)]
-        power = (1.0 + self.spread.mains_pct / 100.0 * even[0]) ** 2
-        shift = self.spread.ambient_degC * even[1]
-        row = [gain * heater[0] * power, first * heater[1], second * heater[1],
-               max(dead + moved, self.spread.least_dead_time_s) + self.delay_s, ambient + shift,
-               start + shift if self.scenario.start_degC is None else start]
+        even = uniform(seeds, _NORMAL + 2 + len(self.scenario.disturbances))
+        drawn, even = normal(even[:, :_NORMAL])[:, :3] * self.spread.heater, 2.0 * even[:, _NORMAL:] - 1.0
+        turns = [seed // len(self.controllers) % len(self.rows) for seed in seeds]
+        gain, first, second, dead, ambient, start = np.array(self.rows)[turns].T
+        power = (1.0 + self.spread.mains_pct / 100.0 * even[:, 0]) ** 2
+        shift = self.spread.ambient_degC * even[:, 1]
+        lags = np.exp(drawn[:, 1])
+        rows = np.column_stack([
+            gain * np.exp(drawn[:, 0]) * power, first * lags, second * lags,
+            np.maximum(dead + drawn[:, 2], self.spread.least_dead_time_s) + self.delay_s, ambient + shift,
+            start + shift if self.scenario.start_degC is None else start])
+        return rows, 1.0 + self.spread.disturbance_pct / 100.0 * even[:, 2:]
+
+    def scans_of(
+        self, seeds: Sequence[int], scans: int, generator: np.random.Generator | None = None
+    ) -> tuple[Array, Array]:
+        """Return noise [°C] and delay [s] of the scans of samples, shape (n, scans), or (1, 1) where none is.
+
+        Args:
+            seeds: of the n samples.
+            scans: how many.
+            generator: on Philox, whatever it drew before; it goes on with the numbers of the last sample.
+        """
         noisy = self.scenario.noise_degC > 0.0
         shaken = self.spread.jitter_s > 0.0 and not self.controllers[0].pwm_period_s
-        noise = generator.normal(0.0, self.scenario.noise_degC, scans) if noisy else np.zeros(1)
-        late = generator.uniform(0.0, self.spread.jitter_s, scans) if shaken else np.zeros(1)
-        return row, 1.0 + self.spread.disturbance_pct / 100.0 * even[2:], noise, late
+        noise, late = (np.empty((len(seeds), scans)) if drawn else np.zeros((1, 1)) for drawn in (noisy, shaken))
+        generator = generator or np.random.Generator(np.random.Philox(key=0))
+        for place, seed in enumerate(seeds):
+            if noisy or shaken:
+                generator.bit_generator.state = _begun(seed)
+            if noisy:
+                generator.standard_normal(out=noise[place])
+            if shaken:
+                late[place] = generator.uniform(0.0, self.spread.jitter_s, scans)
+        return noise * self.scenario.noise_degC, late
 
 
 def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, workers: int | None = None) -> Measured:
@@ -195,27 +212,41 @@ def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, work
     """
     check("samples", count, least=1)
     check("seed", seed, least=0)
-    begins = range(seed, seed + count, _CHUNK)
-    sizes = [min(_CHUNK, seed + count - begin) for begin in begins]
+    seeds, scans = range(seed, seed + count), scans_of(drawing.controllers[0], drawing.scenario)
+    rows, sizes = drawing.heaters_of(seeds)
+
+    def run(part: _Part) -> Measured:
+        noise, late = drawing.scans_of([seeds[place] for place in part.places], scans)
+        return metered(drawing.controllers[part.setting], rows[part.places], drawing.scenario, drawing.actuator, limits,
+                       noise, late, sizes[part.places], side_by_side=part.side_by_side)
+
+    workers = workers or os.cpu_count() or 1
+    parts = _parts(drawing, seeds, rows, side_by_side=pays(drawing.controllers[0], count * scans // workers))
     # threads, as a compiled kernel gives up Python's lock
-    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        parts = list(pool.map(lambda begin, size: _chunk(drawing, limits, begin, size), begins, sizes))
-    return joined(parts)
+    with ThreadPoolExecutor(workers) as pool:
+        measured = joined(list(pool.map(run, parts)))
+    return ordered(measured, np.argsort(np.concatenate([part.places for part in parts])))
 
 
-def _chunk(drawing: Drawing, limits: Limits, seed: int, count: int) -> Measured:
-    scans = scans_of(drawing.controllers[0], drawing.scenario)
-    generator = np.random.Generator(np.random.Philox(key=0))
-    samples = [drawing.sample(drawn, scans, generator) for drawn in range(seed, seed + count)]
-    rows, sizes, noise, late = (np.array(same) for same in zip(*samples, strict=True))
-    settings = np.array([drawing.setting(drawn) for drawn in range(seed, seed + count)])
-    parts, places = [], []
-    for number in np.unique(settings):
+class _Part(NamedTuple):
+    """Samples of one call: their setting, their places among all, and whether they run side by side."""
+
+    setting: int
+    places: npt.NDArray[np.intp]
+    side_by_side: bool
+
+
+def _parts(drawing: Drawing, seeds: Sequence[int], rows: Array, *, side_by_side: bool) -> list[_Part]:
+    """Return all samples in parts; those side by side have like dead times, so that edges come in the same scans."""
+    settings, parts = np.array([drawing.setting(seed) for seed in seeds]), list[_Part]()
+    shaken = np.full((1, 1), drawing.spread.jitter_s)
+    for number, controller in enumerate(drawing.controllers):
         own = np.flatnonzero(settings == number)
-        places.append(own)
-        parts.append(metered(drawing.controllers[number], rows[own], drawing.scenario, drawing.actuator, limits,
-                             noise[own], late[own], sizes[own]))
-    return ordered(joined(parts), np.argsort(np.concatenate(places)))
+        fits = fitting(controller, rows[own], drawing.scenario, drawing.actuator, shaken) & side_by_side
+        together, alone = own[fits], own[~fits]
+        for places, beside in ((together[np.argsort(rows[together, 3], kind="stable")], True), (alone, False)):
+            parts += [_Part(number, places[begin:begin + _CHUNK], beside) for begin in range(0, len(places), _CHUNK)]
+    return parts
 
 
 def _begun(seed: int) -> dict[str, Any]:
@@ -232,8 +263,9 @@ def replay(drawing: Drawing, seed: int) -> Trace:
     """
     check("seed", seed, least=0)
     controller = drawing.controllers[drawing.setting(seed)]
-    row, factors, noise, late = drawing.sample(seed, scans_of(controller, drawing.scenario))
-    gain, first, second, dead, ambient, start = row
+    (row,), (factors,) = drawing.heaters_of([seed])
+    (noise,), (late,) = drawing.scans_of([seed], scans_of(controller, drawing.scenario))
+    gain, first, second, dead, ambient, start = row.tolist()
     known = {"gain_degC_per_pct": gain, "time_constant_s": first, "dead_time_s": dead, "ambient_degC": ambient}
     model = TwoLag(**known, second_time_constant_s=second) if second else Fopdt(**known)
     disturbances = tuple(map(_sized, drawing.scenario.disturbances, factors.tolist()))

@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from heatertune.compiled import bound
 from heatertune.plc.pwm import Actuator
+from heatertune.proof.happening import events_of
 from heatertune.proof.kernel import LOAD, MAINS, Batch, Record
-from heatertune.proof.loop import InLoop, events_of, program_of, pulses_of, ring_size, run_with, scans_of
+from heatertune.proof.loop import InLoop, program_of, pulses_of, ring_size, run_with, scans_of
 from heatertune.proof.meter import Places, no_meter
 from heatertune.proof.scenario import Scenario
 

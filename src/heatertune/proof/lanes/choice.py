@@ -1,0 +1,103 @@
+"""Which loops are run side by side, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.compiled import bound, compiled, worth_a_second
+from heatertune.plc.core import as_it_is, started_as_it_is
+from heatertune.plc.pwm import INSTANT_S, Actuator
+from heatertune.plc.single import narrowed
+from heatertune.proof.kernel import Batch
+from heatertune.proof.lanes.parts import PERIODS, ROWS
+from heatertune.proof.lanes.passes import computed
+from heatertune.proof.lanes.rows import LANES, fixed, rows_of
+from heatertune.proof.lanes.side_by_side import group, run_in_lanes
+from heatertune.proof.loop import InLoop
+from heatertune.proof.meter import Meter
+from heatertune.proof.program import Program, asked_now
+from heatertune.proof.scenario import Scenario
+
+__all__ = ["fitting", "pays", "run_side_by_side"]
+
+Array = npt.NDArray[np.float64]
+
+#: scans from which on it pays to compile the loop once more (some 5 s, for some 15 ns less a scan), and to load it
+_MOST: Final = 300_000_000
+_MOST_KEPT: Final = 2_000_000
+_MOST_FLAGS: Final = 8  # of which `meter.faults` counts
+
+
+def pays(controller: InLoop, scans: int) -> bool:
+    """Return whether so many scans on one processor are worth the machine code that runs loops side by side."""
+    return _has_rows(controller) and worth_a_second(scans, _made(controller)[0], most=_MOST, most_kept=_MOST_KEPT)
+
+
+def fitting(
+    controller: InLoop, rows: Array, scenario: Scenario, actuator: Actuator, late_s: Array
+) -> npt.NDArray[np.bool_]:
+    """Return for each heater whether its loop can be one of those that run side by side, see `run_in_lanes`.
+
+    Args:
+        controller: the words, running.
+        rows: of `Batch.plants`, shape (n, 6).
+        scenario: what happens.
+        actuator: the switch.
+        late_s: see `Clock`.
+    """
+    calm = late_s.shape[1] == 1 and not late_s.any()
+    alike = all(scenario.supplied) and not any(scenario.leads[2::4]) and actuator.cooling_gain is None
+    if not (calm and alike and _has_rows(controller)):
+        return np.zeros(len(rows), dtype=np.bool_)
+    period, scan = actuator.pwm_period_s, controller.scan_s
+    in_step = abs(period / scan - round(period / scan)) < INSTANT_S  # then no period begins between two scans
+    longest = period * (PERIODS - 1) - (0.0 if in_step else scan)
+    return np.asarray((rows[:, 2] == 0.0) & (rows[:, 3] <= longest))
+
+
+def run_side_by_side(controller: InLoop, program: Program, batch: Batch, actuator: Actuator, meter: Meter) -> None:
+    """Run loops that fit; what they amount to is in the meter. Heaters of like dead times should stand together.
+
+    Args:
+        controller: the words, running.
+        program: around the controllers.
+        batch: what differs from loop to loop.
+        actuator: the switch.
+        meter: what is measured.
+    """
+    run, end = _made(controller)
+    parameters, state = _held(controller, controller.parameters), _held(controller, controller.state)
+    run_compiled = compiled(run)
+    run_compiled(parameters, state, controller.sensor, controller.scan_s, _held(controller, program), batch,
+                 actuator.switches, np.zeros(end * LANES), meter)
+
+
+def _held(controller: InLoop, value: Any) -> Any:
+    return narrowed(value) if controller.core.singles else value
+
+
+def _has_rows(controller: InLoop) -> bool:
+    """Return whether a controller is one of those whose scan a compiler makes vector instructions of."""
+    core = controller.core
+    if not (core.compiles and core.own is as_it_is and core.started is started_as_it_is
+            and len(core.flags) <= _MOST_FLAGS):
+        return False
+    try:
+        rows_of(controller.state)
+    except TypeError:
+        return False
+    return True
+
+
+def _made(controller: InLoop) -> tuple[Callable[..., None], int]:
+    """Return the loop for a controller, and how many rows it needs."""
+    core = controller.core
+    asked = _held(controller, np.array(controller.asked))[0]
+    law = rows_of((_held(controller, controller.state), asked if core.singles else asked.item()), ROWS)
+    scan = bound(computed, step=core.step, measure=core.measure, law_loaded=law.loaded, law_stored=law.stored,
+                 fixed=fixed(_held(controller, controller.parameters)), asked_now=bound(asked_now, stored=core.stored))
+    return bound(run_in_lanes, group=bound(group, computed=scan, law_stored=law.stored)), law.end

@@ -1,0 +1,153 @@
+"""What a loop keeps in rows, and what all loops have in common."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+from heatertune.proof.lanes.rows import rows_of
+from heatertune.proof.meter import Rest, Seen
+from heatertune.proof.plant import Flow, Plant
+
+__all__ = [
+    "NEVER", "NONE", "PERIODS", "ROWS", "Counts", "Extremes", "Line", "Now", "Point", "Stretch", "Under", "felt_at",
+    "flow_of", "left_of", "loaded_counts", "loaded_extremes", "loaded_line", "loaded_point", "loaded_rest",
+    "loaded_seen", "loaded_stretch", "loaded_under", "other", "plant_of", "stored_counts", "stored_extremes",
+    "stored_line", "stored_point", "stored_rest", "stored_seen", "stored_stretch", "stored_under",
+]
+
+#: PWM periods that may be on their way to the heater
+PERIODS: Final = 4
+
+
+class Line(NamedTuple):
+    """A heater of one lag; `Plant` says what its numbers are."""
+
+    gain: float
+    lag: float
+    dead: float
+    ambient: float
+    whole: float  # what a whole interval leaves
+
+
+class Stretch(NamedTuple):
+    """The heater at the begin of a stretch, see `Flow`."""
+
+    now: float
+    y: float
+    target: float
+    heat: float
+    load: float
+    mains: float
+
+
+class Point(NamedTuple):
+    """Where the stretch ends: instant [s] and temperature [°C]; and whether an edge came in this scan."""
+
+    now: float
+    y: float
+    busy: bool
+
+
+class Under(NamedTuple):
+    """Switch and edges under way.
+
+    Attributes:
+        due: instant at which the next edge is felt; infinite: there is none [s].
+        edge: instant at which it was made [s].
+        last: instant at which the edge that was felt last was made [s].
+        power: asked for last [%].
+        owed: by the heater [s].
+        on: whether the last edge made switches on.
+        times: how often was switched on until the end.
+        edges: on and off of the last periods, the last period at the end; infinite: none [s].
+        happened: how many events.
+    """
+
+    due: float
+    edge: float
+    last: float
+    power: float
+    owed: float
+    on: bool
+    times: float
+    edges: tuple[float, ...]
+    happened: int
+
+
+class Extremes(NamedTuple):
+    """Largest and smallest error in this PWM period at rest, as far as `Meter` has not got them [°C]."""
+
+    high: float
+    low: float
+
+
+class Counts(NamedTuple):
+    """Noise of this scan [°C], scans at a limit, faults."""
+
+    noise: float
+    limited: float
+    faults: float
+
+
+class Now(NamedTuple):
+    """What is common to 32 loops at a scan.
+
+    Attributes:
+        listed: when something beside edges comes next to one of them [s].
+        phase: its number.
+        lasts: whether its rest lasts.
+        resting: since when, where it is the rest of the first phase, else infinite [s].
+        number: of the PWM period of that rest.
+    """
+
+    listed: float
+    phase: int
+    lasts: bool
+    resting: float
+    number: int
+
+
+NEVER: Final = math.inf
+NONE: Final = (NEVER,) * 2 * PERIODS
+loaded_line, stored_line, _end = rows_of(Line(0.0, 0.0, 0.0, 0.0, 0.0))
+loaded_stretch, stored_stretch, _end = rows_of(Stretch(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _end)
+loaded_point, stored_point, _end = rows_of(Point(0.0, 0.0, False), _end)
+loaded_under, stored_under, _end = rows_of(Under(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0, NONE, 0), _end)
+loaded_seen, stored_seen, _end = rows_of(Seen(0, 0.0, 0.0, 0.0, False, 0.0, 0.0), _end)
+loaded_rest, stored_rest, _end = rows_of(Rest(False, 0.0, 0.0, 0.0, 0.0), _end)
+loaded_extremes, stored_extremes, _end = rows_of(Extremes(0.0, 0.0), _end)
+#: number of the first row of the controller's state and setpoint word
+loaded_counts, stored_counts, ROWS = rows_of(Counts(0.0, 0.0, 0.0), _end)
+
+
+def plant_of(line: Line) -> Plant:
+    """Return the heater as the kernel has it."""
+    return Plant(line.gain, line.lag, 0.0, line.dead, line.ambient)
+
+
+def flow_of(stretch: Stretch, now: float, y: float) -> Flow:
+    """Return the heater at an instant of its stretch; nobody asks for the state of a second lag."""
+    return Flow(now, y, 0.0, stretch.target, stretch.heat, stretch.load, stretch.mains)
+
+
+def other(heat: float) -> float:
+    """Return the power after an edge: edges alternate."""
+    return 0.0 if heat > 0.0 else 100.0
+
+
+def felt_at(under: Under, edge: float, dead: float) -> Under:
+    """Return what is under way after an edge that was made at an instant."""
+    e = under.edges
+    following = min(_behind(e[0], edge), _behind(e[1], edge), _behind(e[2], edge), _behind(e[3], edge),
+                    _behind(e[4], edge), _behind(e[5], edge), _behind(e[6], edge), _behind(e[7], edge))
+    return Under(following + dead, following, edge, under.power, under.owed, under.on, under.times, e, under.happened)
+
+
+def _behind(edge: float, last: float) -> float:
+    return edge if edge > last else NEVER
+
+
+def left_of(y: float, target: float, left: float) -> float:
+    """Return the temperature where a part of its way to the target is left."""
+    return target + left * (y - target)

@@ -1,0 +1,109 @@
+"""The closed loop of `heatertune.proof.kernel` for 32 heaters of one lag side by side, the same bit for bit.
+
+All that a loop keeps stands in rows of one flat array (`heatertune.proof.rows`), and each part of a scan is a plain
+`for` over the loops without a call or a jump, of which a compiler makes vector instructions; the text of controller,
+switch, heater and meter is that of the kernel. Scans and PWM periods are common to all. Edges come to the heaters at
+instants of their own: passes go on until none is due. What is rare (disturbances, the time at rest) is left to the
+kernel's own functions, loop by loop.
+
+A pass without branches is one for all loops: what only some need is computed for all and chosen. So instants at which
+the temperature crosses a limit are looked for only in passes in which it does so in some loop.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heatertune.plc.pwm import INSTANT_S, Switches
+from heatertune.proof.kernel import Batch, ticked_on
+from heatertune.proof.lanes.parts import (
+    NEVER,
+    Counts,
+    Now,
+    loaded_counts,
+    loaded_rest,
+    loaded_seen,
+    loaded_under,
+    stored_counts,
+)
+from heatertune.proof.lanes.passes import computed, law_stored, quickly, switched
+from heatertune.proof.lanes.rows import LANES
+from heatertune.proof.lanes.slow import kept, loop_of, meter_of, number_at, slowly, started
+from heatertune.proof.meter import FAULTS, LIMITED, SCANS, SWITCHINGS, Meter, Places, close
+from heatertune.proof.program import Program
+
+__all__ = ["group", "run_in_lanes"]
+
+
+def run_in_lanes(  # noqa: PLR0913 - as `kernel.run_all`
+    parameters: Any, state: Any, sensor: Any, scan_s: float, program: Program, batch: Batch, pwm: Switches,
+    rows: Places, meter: Meter,
+) -> None:
+    """Run many loops, 32 at a time in the order given; arguments as of `kernel.run_all`.
+
+    Args:
+        parameters: as there.
+        state: likewise.
+        sensor: likewise.
+        scan_s: [s].
+        program: whose setpoint is not led and whose PLC is always supplied.
+        batch: heaters of one lag, no scan late, no more dead time than `PERIODS` allows.
+        pwm: without a cooler.
+        rows: places, `LANES` for each row.
+        meter: that measures.
+    """
+    first = 0
+    while first < len(batch.plants):
+        group(parameters, state, sensor, scan_s, program, batch, pwm, rows, meter, first)
+        first += LANES
+
+
+def group(  # noqa: PLR0913 - as `kernel.run`
+    parameters: Any, state: Any, sensor: Any, scan_s: float, program: Program, batch: Batch, pwm: Switches,
+    rows: Places, meter: Meter, first: int,
+) -> None:
+    """Run 32 loops from the first one on, the last of all once more where there are fewer; see `run_in_lanes`.
+
+    Args:
+        parameters: of the controller.
+        state: at the start.
+        sensor: what `measure` takes.
+        scan_s: interval between two scans [s].
+        program: around the controllers.
+        batch: what differs from loop to loop.
+        pwm: of the heater.
+        rows: places.
+        meter: what is measured.
+        first: number of the first of the 32 loops.
+    """
+    period, end, noisy = pwm.heat[0], (batch.scans - 1) * scan_s, len(batch.noise[0]) > 1
+    begin, tick, begun, ticked, t = 0.0, 0.0, 0, 0, 0.0
+    now = Now(0.0, 0, False, NEVER, 0)  # an event is due, so the first scan is no quick one
+    for lane in range(LANES):
+        i = loop_of(batch, first, lane)
+        started(rows, lane, batch.plants[i], scan_s, meter, batch.noise[i % len(batch.noise)][0])
+        law_stored(rows, lane, (state, program.asked[0]))
+    for k in range(batch.scans):
+        if now.listed <= t or number_at(meter, now.resting, t) != now.number:
+            now = slowly(rows, batch, meter, first, t, k > 0, now)
+        else:
+            quickly(rows, meter.setpoints[now.phase], meter.band, t, now.lasts)
+        if noisy:
+            for lane in range(LANES):
+                i = loop_of(batch, first, lane)
+                counts = loaded_counts(rows, lane)
+                stored_counts(rows, lane, Counts(batch.noise[i % len(batch.noise)][k], counts.limited, counts.faults))
+        cycle_start = tick <= t + INSTANT_S
+        ticked, tick = ticked_on(0.0, ticked, tick, t, period)
+        computed(rows, parameters, sensor, program, program.asked[now.phase], k, cycle_start, meter.wrong)
+        t = (k + 1) * scan_s
+        while begin < t - INSTANT_S:
+            switched(rows, pwm, begin, end)
+            begun += 1
+            begin = begun * period
+    for lane in range(min(LANES, len(batch.plants) - first)):
+        own, counts = meter_of(meter, first + lane), loaded_counts(rows, lane)
+        kept(rows, lane, own, now)
+        close(own, loaded_seen(rows, lane), loaded_rest(rows, lane))
+        own.totals[SCANS], own.totals[LIMITED] = float(batch.scans), counts.limited
+        own.totals[FAULTS], own.totals[SWITCHINGS] = counts.faults, loaded_under(rows, lane).times

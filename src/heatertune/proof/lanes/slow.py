@@ -1,0 +1,141 @@
+"""What is rare in a loop, done loop by loop by the kernel's own functions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heatertune.proof.kernel import HEAT, Batch, changed, divided, measured
+from heatertune.proof.lanes.parts import (
+    NEVER,
+    NONE,
+    Counts,
+    Extremes,
+    Line,
+    Now,
+    Point,
+    Stretch,
+    Under,
+    felt_at,
+    flow_of,
+    left_of,
+    loaded_extremes,
+    loaded_line,
+    loaded_rest,
+    loaded_seen,
+    loaded_stretch,
+    loaded_under,
+    other,
+    plant_of,
+    stored_counts,
+    stored_extremes,
+    stored_line,
+    stored_point,
+    stored_rest,
+    stored_seen,
+    stored_stretch,
+    stored_under,
+)
+from heatertune.proof.lanes.rows import LANES
+from heatertune.proof.meter import Meter, Places, Rest, in_period
+from heatertune.proof.meter import begin as seen_at
+from heatertune.proof.plant import Flow, Plant, factors, moved
+
+__all__ = ["kept", "loop_of", "meter_of", "number_at", "slowly", "started"]
+
+
+def loop_of(batch: Batch, first: int, lane: int) -> int:
+    """Return the number of a loop of the 32 from the first one on: the last of all once more where there are fewer."""
+    return min(first + lane, len(batch.plants) - 1)
+
+
+def meter_of(meter: Meter, i: int) -> Meter:
+    """Return the meter of one loop."""
+    return Meter(meter.measures, meter.setpoints, meter.band, meter.period, meter.wrong, meter.phases[i],
+                 meter.totals[i], meter.high[i], meter.low[i], meter.leads)
+
+
+def started(rows: Places, lane: int, row: Places, scan_s: float, meter: Meter, noise: float) -> None:
+    """Put a loop at its start; `row` is one of `Batch.plants`.
+
+    Args:
+        rows: places.
+        lane: number of the loop among the 32.
+        row: one of `Batch.plants`.
+        scan_s: interval between two scans [s].
+        meter: what is measured.
+        noise: of the first scan [°C].
+    """
+    plant, y = Plant(row[0], row[1], 0.0, row[3], row[4]), row[5]
+    stored_line(rows, lane, Line(plant.gain, plant.first, plant.dead, plant.ambient, factors(scan_s, plant).outer))
+    stored_stretch(rows, lane, Stretch(0.0, y, plant.ambient, 0.0, 0.0, 1.0))
+    stored_point(rows, lane, Point(0.0, y, False))
+    stored_under(rows, lane, Under(NEVER, NEVER, -1.0, 0.0, 0.0, False, 0.0, NONE, 0))
+    stored_seen(rows, lane, seen_at(meter, 0, 0.0, y - meter.setpoints[0]))
+    stored_rest(rows, lane, Rest(False, 0.0, 0.0, 0.0, 0.0))
+    stored_extremes(rows, lane, Extremes(-NEVER, NEVER))
+    stored_counts(rows, lane, Counts(noise, 0.0, 0.0))
+
+
+def number_at(meter: Meter, resting: float, t: float) -> int:
+    """Return the number of the PWM period at rest at an instant, 0 where none is counted."""
+    return in_period(resting, t, meter.period, len(meter.high[0])) if resting <= t else 0
+
+
+def kept(rows: Places, lane: int, own: Meter, now: Now) -> None:
+    """Write down the extremes of a PWM period at rest, and begin anew."""
+    if now.resting < NEVER:
+        extremes = loaded_extremes(rows, lane)
+        own.high[now.number] = max(own.high[now.number], extremes.high)
+        own.low[now.number] = min(own.low[now.number], extremes.low)
+    stored_extremes(rows, lane, Extremes(-NEVER, NEVER))
+
+
+def slowly(rows: Places, batch: Batch, meter: Meter, first: int, t: float, steady: bool, now: Now) -> Now:
+    """Bring all heaters to a scan, whatever happens before it, one after the other; `steady`: not the first scan.
+
+    Args:
+        rows: places.
+        batch: what differs from loop to loop.
+        meter: what is measured.
+        first: number of the first of the 32 loops.
+        t: instant of the scan [s].
+        steady: whether it is not the first scan.
+        now: what is common to the loops.
+    """
+    listed = NEVER
+    for lane in range(LANES):
+        i = loop_of(batch, first, lane)
+        own = meter_of(meter, i)
+        kept(rows, lane, own, now)
+        listed = min(listed, batch.event_time[i][_lived(rows, lane, batch, own, i, t, steady)])
+    seen, rest = loaded_seen(rows, 0), loaded_rest(rows, 0)
+    resting = rest.start if rest.lasts and seen.phase == 0 else NEVER
+    return Now(listed, seen.phase, rest.lasts, resting, number_at(meter, resting, t))
+
+
+def _lived(rows: Places, lane: int, batch: Batch, own: Meter, i: int, t: float, steady: bool) -> Any:
+    """Bring one heater to a scan as `kernel.run` does; return how many events there were so far."""
+    line, under, stretch = loaded_line(rows, lane), loaded_under(rows, lane), loaded_stretch(rows, lane)
+    plant, flow = plant_of(line), flow_of(stretch, stretch.now, stretch.y)
+    seen, rest, happened = loaded_seen(rows, lane), loaded_rest(rows, lane), under.happened
+    times, kinds = batch.event_time[i], batch.event_kind[i]
+    while min(times[happened], under.due) <= t:
+        steady = False
+        felt = under.due < times[happened] or (under.due == times[happened] and kinds[happened] > HEAT)
+        due, kind = (under.due, HEAT) if felt else (times[happened], kinds[happened])
+        before = moved(flow, due, factors(due - flow.now, plant))
+        seen, rest = measured(own, seen, rest, plant, flow, before)
+        flow = changed(plant, before, kind, other(flow.heat) if felt else batch.event_value[i][happened])
+        seen, rest = divided(own, seen, rest, flow, kind)
+        under, happened = felt_at(under, under.edge if felt else under.last, line.dead), happened + (not felt)
+    left = line.whole if steady else factors(t - flow.now, plant).outer
+    y = left_of(flow.y, flow.target, left)
+    after = Flow(t, y, 0.0, flow.target, flow.heat, flow.load, flow.mains)
+    seen, rest = measured(own, seen, rest, plant, flow, after)
+    stored_seen(rows, lane, seen)
+    stored_rest(rows, lane, rest)
+    stored_stretch(rows, lane, Stretch(t, y, flow.target, flow.heat, flow.load, flow.mains))
+    stored_point(rows, lane, Point(t, y, False))
+    stored_under(rows, lane, Under(under.due, under.edge, under.last, under.power, under.owed, under.on, under.times,
+                                   under.edges, happened))
+    return happened

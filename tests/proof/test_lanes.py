@@ -1,0 +1,124 @@
+"""Loops side by side against the same loops one after the other, bit for bit; and that they are vector instructions."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heatertune import compiled as machine
+from heatertune.compiled import bound, compiled
+from heatertune.model.values import Fopdt, TwoLag
+from heatertune.pid.values import PidDesign
+from heatertune.plc import TARGETS, Scaling, controller_for
+from heatertune.plc.core import as_it_is
+from heatertune.proof import Actuator, Limits, Load, Mains, NewSetpoint, Scenario, TemperatureStep
+from heatertune.proof.lanes import choice
+from heatertune.proof.lanes.choice import fitting
+from heatertune.proof.lanes.rows import LANES, fixed, rows_of
+from heatertune.proof.samples import Drawing, Spread, measure
+
+HEATER = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.3, ambient_degC=24.0)
+TWO_LAGS = TwoLag(gain_degC_per_pct=0.5, time_constant_s=120.0, second_time_constant_s=30.0, dead_time_s=6.5, ambient_degC=20.0)
+SCENARIO = Scenario(
+    setpoint_degC=50.0, duration_s=1500.0, noise_degC=0.05,
+    disturbances=(TemperatureStep(time_s=700.3, temperature_degC=-8.8), Load(time_s=900.0, power_pct=-7.0),
+                  NewSetpoint(time_s=1100.0, setpoint_degC=55.0), Mains(time_s=1300.0, share=0.9)),
+)
+SPREAD = Spread(heater=(0.1, 0.1, 4.0))
+PWM = Actuator(pwm_period_s=10.0)
+PI = PidDesign(gain_pct_per_degC=1.4, integral_time_s=150.0, derivative_time_s=4.0, sample_time_s=2.0, structure="pid",
+               method="")
+ROOMS = [name for name in TARGETS if controller_for(name).core.own is as_it_is]
+
+
+def drawing_of(target, scenario=SCENARIO, heaters=(HEATER, TWO_LAGS), actuator=PWM, ramp=None):
+    which = controller_for(target)
+    words = which.encode(replace(PI, sample_time_s=which.timer.round(PI.sample_time_s)), Scaling())
+    words = words if ramp is None else replace(words, ramp=which.ramp(words, ramp))
+    settings = {each.name: each.default for each in which.switches}
+    return Drawing.of(which, words, heaters, scenario, SPREAD, actuator, settings)
+
+
+def ran(drawing, monkeypatch, *, side_by_side, compile_at_once=True, count=70):
+    monkeypatch.setattr(machine, "_PLAIN_SCANS", -1 if compile_at_once else 10**12)
+    monkeypatch.setattr("heatertune.proof.samples.pays", lambda *_: side_by_side)
+    return measure(drawing, Limits(), count, workers=1)
+
+
+def same(one, other, count=None):
+    for name in ("rows", "table", "totals", "ripple"):
+        assert np.array_equal(getattr(one, name)[:count], getattr(other, name)[:count], equal_nan=True), name
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("target", ROOMS)
+def test_loops_side_by_side_are_those_one_after_the_other_bit_for_bit(target, monkeypatch):
+    drawing = drawing_of(target, replace(SCENARIO, noise_degC=0.0))
+    together = ran(drawing, monkeypatch, side_by_side=True)
+    same(together, ran(drawing, monkeypatch, side_by_side=False))
+    same(together, ran(drawing, monkeypatch, side_by_side=False, compile_at_once=False, count=3), 3)
+
+
+@pytest.mark.parametrize(("scenario", "actuator", "ramp"), [
+    (SCENARIO, PWM, None),
+    (replace(SCENARIO, noise_degC=1.0), replace(PWM, minimum_on_s=0.3, minimum_off_s=0.3, minimum_rule="carry"), 2.0),
+    (SCENARIO, replace(PWM, pwm_period_s=7.3, resolution_s=0.1), None),  # periods begin between two scans
+    (replace(SCENARIO, disturbances=(), duration_s=600.0), Actuator(pwm_period_s=1.0), None),  # deep dead times
+], ids=["noise", "minimum times and a ramp", "other period", "deep"])
+def test_whatever_is_measured_is_the_same(scenario, actuator, ramp, monkeypatch):
+    drawing = drawing_of("s5-ob251", scenario, actuator=actuator, ramp=ramp)
+    same(ran(drawing, monkeypatch, side_by_side=True), ran(drawing, monkeypatch, side_by_side=False))
+
+
+def test_loops_that_do_not_fit_are_left_to_the_kernel():
+    drawing = drawing_of("s5-ob251")
+    rows = drawing.heaters_of(range(8))[0]
+    calm, late = np.zeros((1, 1)), np.full((1, 1), 0.1)
+    controller = drawing.controllers[0]
+    one_lag = fitting(controller, rows, SCENARIO, PWM, calm)
+    assert one_lag.tolist() == [True, False] * 4
+    assert not fitting(controller, rows, SCENARIO, PWM, late).any()
+    assert not fitting(controller, rows, SCENARIO, replace(PWM, cooling_gain=1.0), calm).any()
+    rows[0, 3], rows[2, 3] = 30.0, 30.1
+    assert fitting(controller, rows, SCENARIO, PWM, calm).tolist() == [True, False, False, False] + [True, False] * 2
+
+
+def test_only_work_that_pays_for_the_compiler_is_done_side_by_side(monkeypatch):
+    controller = drawing_of("s5-ob251").controllers[0]
+    assert [choice.pays(controller, scans) for scans in (10**6, 10**9)] == [False, True]
+    monkeypatch.setattr(machine, "_is_kept", lambda _: True)
+    assert [choice.pays(controller, scans) for scans in (10**6, 3 * 10**7)] == [False, True]
+    monkeypatch.setattr(machine, "_decided", [False])
+    assert not choice.pays(controller, 10**9)
+
+
+@pytest.mark.parametrize("target", ["s5-ob251", "weg"])
+def test_the_scan_of_all_controllers_is_vector_instructions(target, monkeypatch):
+    """A change that looks harmless can make a compiler give up: the results stay right, and take twice the time."""
+    controller = drawing_of(target).controllers[0]
+    parts = []
+    monkeypatch.setattr(choice, "bound", lambda function, **given: parts.append((function, given)) or bound(function, **given))
+    choice._made(controller)
+    scan = machine._machine(bound(parts[1][0], **parts[1][1]), allocates=False)  # what is kept on disk has no text
+    state, program, parameters = (
+        choice._held(controller, each) for each in (controller.state, choice.Program(
+            np.array(controller.asked), np.ones(1, dtype=np.int64), controller.ramp_step, 0, controller.ramp_hold), controller.parameters))
+    end = rows_of((state, program.asked[0].item()), choice.ROWS).end
+    scan(np.zeros(end * LANES), parameters, controller.sensor, program, program.asked[0], 1, True, 3)
+    text = next(iter(scan.inspect_llvm().values()))
+    alone, together = (len(re.findall(rf"= f(?:mul|add|sub|div) {kind}", text)) for kind in ("(?:float|double)", r"<\d+ x"))
+    assert alone <= 2 < together, "but for products of parameters, made once"
+
+
+def test_a_tuple_is_held_in_rows_as_it_is():
+    value = (3, (True, -2.5, np.float32(0.1)), -(2**62))
+    rows = rows_of(value, first=2)
+    places = np.zeros(7 * LANES)
+    compiled(rows.stored)(places, 5, value)
+    assert compiled(rows.loaded)(places, 5) == value
+    assert rows.end == 7
+    assert np.flatnonzero(places).tolist() == [LANES * row + 5 for row in range(2, 7)]
+    with pytest.raises(TypeError, match="value\\[0\\] is of type ndarray"):
+        rows_of((np.zeros(2),))
+    assert fixed((1.0, (float("inf"), -np.inf)))((2.0, (3.0, 4.0))) == (2.0, (np.inf, -np.inf))
