@@ -70,6 +70,7 @@ def _may_be(power: Array) -> bool:
 
 def _bic_of_mean(log: Log, problem: PowerProblem, count: int) -> float:
     """Return the criterion of one lag driven by the power's mean over so many readings around each."""
+    assert log.power_pct is not None
     mean = _running_mean(log.power_pct, count)
     before = -0.5 * count * float(np.median(np.diff(log.time_s)))
     driven = replace(
