@@ -58,7 +58,8 @@ def _medians(values: Array, begun: npt.NDArray[np.intp] | None) -> Array:
 def _median(values: Array, neighbours: int = _NEIGHBOURS) -> Array:
     beside = np.pad(values, (neighbours // 2, neighbours - 1 - neighbours // 2), mode="edge")
     # of an even number the upper one of the middle two, as SciPy's median_filter, whose import takes longer than this
-    return np.partition(np.lib.stride_tricks.sliding_window_view(beside, neighbours), neighbours // 2)[:, neighbours // 2]
+    windows = np.lib.stride_tricks.sliding_window_view(beside, neighbours)
+    return np.partition(windows, neighbours // 2)[:, neighbours // 2]
 
 
 def sensor_step(measured: Array) -> float | None:
