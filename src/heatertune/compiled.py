@@ -71,12 +71,13 @@ def runs_compiled_as(twin: Callable[..., Any]) -> Callable[[_Plain], _Plain]:
     return register
 
 
-def decide(compile_all: bool | Literal["kept"] | None) -> None:
+def decide(compile_all: bool | Literal["kept"] | None) -> bool | Literal["kept"] | None:
     """Let this process run all its work compiled (True), plainly (False), or compiled where machine code is "kept".
 
-    None, as at the start: whatever pays.
+    None, as at the start: whatever pays. Returns what was decided before.
     """
-    _decided[0] = compile_all
+    before, _decided[0] = _decided[0], compile_all
+    return before
 
 
 def worth_compiling(
