@@ -9,9 +9,8 @@ import pytest
 from heatertune.chain import ahead
 from heatertune.chain.ahead import compiling
 from heatertune.compiled import machine_code
-from heatertune.proof.closing import Asked
 
-ASKED = Asked(target="on-off")
+TARGET = "on-off"
 
 
 @pytest.fixture
@@ -23,7 +22,7 @@ def place(tmp_path, monkeypatch):
 
 @pytest.mark.long(20)
 def test_the_process_beside_leaves_the_loop_s_machine_code_on_disk(place):
-    with compiling(ASKED) as beside:
+    with compiling(TARGET) as beside:
         beside.begin()
         beside.wait()
         assert beside._process.returncode == 0
@@ -32,11 +31,11 @@ def test_the_process_beside_leaves_the_loop_s_machine_code_on_disk(place):
 
 def test_none_is_begun_where_nothing_can_be_kept_or_all_is(place, monkeypatch):
     monkeypatch.setattr(subprocess, "Popen", pytest.fail)
-    with compiling(ASKED) as beside, monkeypatch.context() as without:
+    with compiling(TARGET) as beside, monkeypatch.context() as without:
         without.setenv("HEATERTUNE_CACHE", "")
         beside.begin()
     monkeypatch.setattr(ahead, "is_compiled", lambda _: True)
-    with compiling(ASKED) as beside:
+    with compiling(TARGET) as beside:
         beside.begin()
         beside.wait()
 
@@ -49,7 +48,7 @@ def test_a_process_that_fails_or_hangs_holds_nothing_up(program, place, monkeypa
     for name in ("PIPE", "DEVNULL", "TimeoutExpired"):
         setattr(begun, name, getattr(subprocess, name))
     monkeypatch.setattr(ahead, "subprocess", begun)
-    with compiling(ASKED) as beside:
+    with compiling(TARGET) as beside:
         beside.begin()
         beside.wait()
     assert beside._process.returncode is not None
@@ -60,6 +59,6 @@ def test_where_no_process_can_be_begun_the_design_goes_on(place, monkeypatch):
         raise OSError("no more processes")
 
     monkeypatch.setattr(ahead.subprocess, "Popen", refused)
-    with compiling(ASKED) as beside:
+    with compiling(TARGET) as beside:
         beside.begin()
         beside.wait()

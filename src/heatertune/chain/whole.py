@@ -88,7 +88,7 @@ def design(
     controller_for(asked.target)  # an unknown target is refused before the long part
     log = source if isinstance(source, Log) else read_log(source, read, errata=True)
     progress(_told("fit"))
-    with compiling(asked) as beside:
+    with compiling(asked.target) as beside:
         fitted = fit(log, fitted_with, companions=True, progress=progress, slow=beside.begin)
         beside.wait()
     result = closed(fitted, asked, progress=progress, stage=lambda name: progress(_told(name)))
