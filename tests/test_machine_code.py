@@ -113,6 +113,7 @@ def test_what_is_kept_on_disk_is_loaded_for_less_work(tmp_path, place, monkeypat
     monkeypatch.setattr(machine, "_scans_asked", Counter())
     monkeypatch.setattr(machine, "_PLAIN_SCANS", 50_000)
     monkeypatch.setattr(machine, "_PLAIN_SCANS_KEPT", 15_000)
+    monkeypatch.setattr(machine, "_PLAIN_SCANS_READY", 3_000)
     module = _started_anew(tmp_path)
     assert not machine.worth_compiling(15_001, "new", function=module.outer)
     compiled(module.outer)(3.0)

@@ -33,11 +33,11 @@ __all__ = ["bound", "compiled", "decide", "is_kept", "machine_code", "runs_compi
 _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 
 #: scans after which a process that ran them plainly has spent as long as the compiler's start takes
-_PLAIN_SCANS: Final = 50_000
+_PLAIN_SCANS: Final = 80_000
 
 #: the same where machine code of this work is kept, so that it need only be loaded, before and after the compiler was
-_PLAIN_SCANS_KEPT: Final = 15_000
-_PLAIN_SCANS_READY: Final = 3_000
+_PLAIN_SCANS_KEPT: Final = 30_000
+_PLAIN_SCANS_READY: Final = 6_000
 
 _scans_asked: Final[Counter[str]] = Counter()
 

@@ -50,7 +50,7 @@ def metered(
     record = Record(False, none, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
     batch = Batch(scans, noise_degC, late_s, rows, *events_of(scenario, dead, sizes, marks), leads)
     given = (program_of(controller, scenario), batch, actuator.switches, np.inf, edges, record, meter)
-    run_with(controller, given, count * scans)
+    run_with(controller, given, 2 * count * scans)  # plain, a scan that is measured takes as long as two that are not
     ripple = _medians(np.where(high >= low, high - low, np.nan))
     return Measured(
         scenario=scenario, band_degC=band, phases=phases, rows=rows, table=table.reshape(count, -1, COLUMNS),
