@@ -113,6 +113,7 @@ def test_what_is_kept_on_disk_is_loaded_for_less_work(tmp_path, place, monkeypat
     monkeypatch.setattr(machine, "_scans_asked", Counter())
     monkeypatch.setattr(machine, "_PLAIN_SCANS", 50_000)
     monkeypatch.setattr(machine, "_PLAIN_SCANS_KEPT", 15_000)
+    monkeypatch.setattr(machine, "_PLAIN_SCANS_READY", 3_000)
     module = _started_anew(tmp_path)
     assert not machine.worth_compiling(15_001, "new", function=module.outer)
     compiled(module.outer)(3.0)
@@ -121,6 +122,6 @@ def test_what_is_kept_on_disk_is_loaded_for_less_work(tmp_path, place, monkeypat
     assert [machine.worth_compiling(scans, "kept", function=module.outer) for scans in (15_000, 1)] == [False, True]
     assert not machine.worth_compiling(15_001, "other", function=module.inner), "only what was compiled by itself"
     looks = []
-    monkeypatch.setattr(machine, "_is_kept", looks.append)
+    monkeypatch.setattr(machine, "is_kept", looks.append)
     assert not any(machine.worth_compiling(4_000, "cold", function=module.outer) for _ in range(9))
     assert len(looks) == 1, "looked for once, not in every run"

@@ -28,17 +28,17 @@ from heatertune.cache import folder
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["bound", "compiled", "decide", "machine_code", "runs_compiled_as", "worth_a_second",
+__all__ = ["bound", "compiled", "decide", "is_kept", "machine_code", "runs_compiled_as", "worth_a_second",
            "worth_compiling"]
 
 _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 
 #: scans after which a process that ran them plainly has spent as long as the compiler's start takes
-_PLAIN_SCANS: Final = 50_000
+_PLAIN_SCANS: Final = 80_000
 
 #: the same where machine code of this work is kept, so that it need only be loaded, before and after the compiler was
-_PLAIN_SCANS_KEPT: Final = 15_000
-_PLAIN_SCANS_READY: Final = 3_000
+_PLAIN_SCANS_KEPT: Final = 30_000
+_PLAIN_SCANS_READY: Final = 6_000
 
 _scans_asked: Final[Counter[str]] = Counter()
 
@@ -72,12 +72,13 @@ def runs_compiled_as(twin: Callable[..., Any]) -> Callable[[_Plain], _Plain]:
     return register
 
 
-def decide(compile_all: bool | Literal["kept"] | None) -> None:
+def decide(compile_all: bool | Literal["kept"] | None) -> bool | Literal["kept"] | None:
     """Let this process run all its work compiled (True), plainly (False), or compiled where machine code is "kept".
 
-    None, as at the start: whatever pays.
+    None, as at the start: whatever pays. Returns what was decided before.
     """
-    _decided[0] = compile_all
+    before, _decided[0] = _decided[0], compile_all
+    return before
 
 
 def worth_compiling(
@@ -94,7 +95,7 @@ def worth_compiling(
     """
     decided = _decided[0]
     if decided == "kept":
-        return function is not None and _is_kept(function)
+        return function is not None and is_kept(function)
     if decided is not None:
         return decided
     _scans_asked[work] += scans
@@ -102,7 +103,7 @@ def worth_compiling(
     kept = _PLAIN_SCANS_READY if "numba" in sys.modules else _PLAIN_SCANS_KEPT
     if kept < _scans_asked[work] <= most and function is not None and work not in _looked_for:
         _looked_for.add(work)
-        if _is_kept(function):
+        if is_kept(function):
             _scans_asked[work] = most + 1
     return _scans_asked[work] > most
 
@@ -118,7 +119,7 @@ def worth_a_second(scans: int, function: Callable[..., Any], *, most: int, most_
     """
     if _decided[0] is False or scans <= most_kept:
         return False
-    return (scans > most and _decided[0] != "kept") or _is_kept(function)
+    return (scans > most and _decided[0] != "kept") or is_kept(function)
 
 
 @remember
@@ -177,7 +178,7 @@ def _place(function: Callable[..., Any]) -> Path | None:
     return None if base is None or digest is None else base / f"compiled-{digest[:16]}"
 
 
-def _is_kept(function: Callable[..., Any]) -> bool:
+def is_kept(function: Callable[..., Any]) -> bool:
     """Return whether machine code of a function is on disk, of arguments of whatever types."""
     if function not in _found:
         place, name = _place(function), f".{function.__qualname__}-"

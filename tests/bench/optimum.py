@@ -22,6 +22,7 @@ from heatertune.pid.continuous.optimum import ContinuousProblem, margins, optimu
 from heatertune.pid.specs import Specs
 
 MS = 1.6
+FAR = 20.0  # SLSQP wanders: beyond these powers of e, as ratios to the heater's own numbers, there is no controller
 
 
 def timed(function, times=1):
@@ -40,11 +41,12 @@ def start(dead, structure):
 
 
 def settings(x):
-    gain, *times = (math.exp(min(value, 50.0)) for value in x)  # SLSQP tries steps far out
+    gain, *times = (math.exp(min(max(value, -FAR), FAR)) for value in x)
     return gain, times[0], times[1] if len(times) > 1 else 0.0
 
 
-def by_slsqp(problem, dead, structure):
+def slsqp_asks(problem, structure):
+    """Return what SLSQP minimises and what it keeps above 0, each of the logarithms of K, TN and TV."""
     omega, response = response_grid(problem.plants, structure == "pid", 2.0)
 
     def cost(x):
@@ -55,6 +57,11 @@ def by_slsqp(problem, dead, structure):
         gain, tn, tv = settings(x)
         return 1.0 - np.max(1.0 / np.abs(1.0 + gain * response * continuous.controller(omega, tn, tv))) / MS
 
+    return cost, room
+
+
+def by_slsqp(problem, dead, structure):
+    cost, room = slsqp_asks(problem, structure)
     found = minimize(cost, start(dead, structure), method="SLSQP", constraints={"type": "ineq", "fun": room},
                      options={"maxiter": 200, "ftol": 1e-9})
     return settings(found.x)

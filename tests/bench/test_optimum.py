@@ -1,8 +1,10 @@
 """The optimum beside CasADi/IPOPT on a transcription of its own, and on random heaters."""
 
+import math
+
 import pytest
 
-from tests.bench.optimum import beside, case, from_ours, judged, random_heaters
+from tests.bench.optimum import beside, case, from_ours, judged, random_heaters, slsqp_asks
 
 
 @pytest.mark.long
@@ -16,6 +18,16 @@ def test_ipopt_on_its_own_transcription_finds_the_same_cost(dead, structure):
     assert abs(beside(problem, design, found)) < 1e-5
     trapped = (0.5 * design.gain_pct_per_degC, *found[1:])
     assert beside(problem, design, trapped) > 0.5, "the comparison would see nothing"
+
+
+@pytest.mark.parametrize("far", [50.0, 1e3, 1e300, math.inf])
+@pytest.mark.parametrize("signs", [(1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0, 1.0)])
+def test_a_solver_that_wanders_gets_a_price(signs, far):
+    structure = "pid" if len(signs) == 3 else "pi"
+    cost, room = slsqp_asks(case(0.3, structure)[0], structure)
+    asked = [sign * far for sign in signs]
+    assert math.isfinite(cost(asked))
+    assert not math.isnan(room(asked))
 
 
 @pytest.mark.long

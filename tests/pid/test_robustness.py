@@ -96,7 +96,8 @@ def test_a_loop_that_keeps_an_offset_or_diverges_has_no_finite_iae():
 def test_a_response_is_the_same_plain_and_compiled_bit_for_bit(plant, design, monkeypatch):
     found = []
     for most_plain in (10**12, -1):
-        monkeypatch.setattr(response, "_PLAIN_SAMPLES", most_plain)
+        for name in ("_PLAIN_SAMPLES", "_PLAIN_SAMPLES_READY"):
+            monkeypatch.setattr(response, name, most_plain)
         found.append(respond(plant, design, 700, setpoint_degC=1.0, load_pct=2.0).tobytes())
     assert found[0] == found[1]
 

@@ -10,7 +10,7 @@ from heatertune.options import one_of
 from heatertune.plc import NAMES
 
 if TYPE_CHECKING:
-    from heatertune.bench import Speed
+    from heatertune.bench import Speed, Times
 
 __all__ = ["add_to"]
 
@@ -21,13 +21,15 @@ def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "bench", help="how fast this machine runs the closed loop, a proof on samples and a fit", epilog=_EXAMPLE,
-        description="Time the closed loop of a controller, plain and compiled, a proof on samples and a fit. It takes "
-        "some ten seconds; the first time a loop is compiled, some more.",
+        description="Time the closed loop of a controller, plain and compiled, a proof on samples and a fit, in turn "
+        "with yardsticks; tell the least, the median and the most of each. It takes some twenty seconds; the first "
+        "time a loop is compiled, some more.",
     )
     command.add_argument("--target", default="s5-ob251", metavar="NAME", type=one_of(NAMES),
                          help=f"one of {', '.join(NAMES)}")
     command.add_argument("--samples", type=int, default=1000, metavar="N",
                          help="how many samples of 3,000 s are run on one processor and on all (default 1000)")
+    command.add_argument("--rounds", type=int, default=7, metavar="N", help="how many runs of each (default 7)")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
@@ -36,7 +38,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.bench import speed  # noqa: PLC0415 - the help must not wait for it
     from heatertune.codec import encode  # noqa: PLC0415
 
-    measured = speed(settings.target, settings.samples, progress=printing.Progress(settings))
+    measured = speed(settings.target, settings.samples, rounds=settings.rounds, progress=printing.Progress(settings))
     printing.output(settings, encode(measured), lambda: _told(measured))
     return 0
 
@@ -44,15 +46,21 @@ def _run(settings: argparse.Namespace) -> int:
 def _told(speed: Speed) -> str:
     from heatertune.report.layout import table  # noqa: PLC0415
 
-    loop, rate = speed.loop, speed.samples_per_s
+    def row(what: str, times: Times, form: str, meaning: str) -> tuple[str, ...]:
+        return (what, *(format(each, form) for each in (times.least, times.median, times.most)), meaning)
+
+    loop, rate, beside = speed.loop, speed.samples_per_s, speed.yardsticks
     rows = [
-        ("", "time", ""),
-        ("closed loop, plain Python", f"{loop.plain_ns_per_scan:,.0f} ns", "per scan"),
-        ("closed loop, compiled", f"{loop.compiled_ns_per_scan:.1f} ns", "per scan, drawn and measured"),
-        ("samples on 1 processor", f"{rate.one:,.0f}", "per second, 3,000 s each"),
-        (f"samples on {speed.processors} processors", f"{rate.all:,.0f}", "per second"),
-        ("first samples", f"{loop.first_samples_s:.2f} s", "compiled, or read from the cache"),
+        ("", "min", "median", "max", ""),
+        row("closed loop, compiled", loop.compiled_ns_per_scan, ",.1f", "ns per scan, drawn and measured"),
+        row("closed loop, plain Python", loop.plain_ns_per_scan, ",.0f", "ns per scan"),
+        row("beside it: a PI in plain Python", beside.python_ns_per_scan, ",.0f", "ns per scan, no words, no PWM"),
+        row("beside it: SciPy's lfilter", beside.lfilter_ns_per_value, ",.1f", "ns per value, first order"),
+        row("samples on 1 processor", rate.one, ",.0f", "per second, 3,000 s each"),
+        row(f"samples on {speed.processors} processors", rate.all, ",.0f", "per second"),
     ]
-    rows += [(f"fit of {int(rows):,} rows", f"{ms:,.0f} ms", "all candidates and intervals")
-             for rows, ms in speed.fit_ms.items()]
-    return f"{speed.target}, a PI every second, PWM of 10 s\n\n{table(rows)}"
+    rows += [row(f"fit of {int(count):,} rows", times, ",.0f", "ms, all candidates and intervals")
+             for count, times in speed.fit_ms.items()]
+    first = f"first samples: {speed.loop.first_samples_s:.2f} s, compiled or read from the cache"
+    return (f"{speed.target}, a PI every second, PWM of 10 s; each of {speed.rounds} runs in turn\n\n{table(rows)}\n\n"
+            f"{first}")

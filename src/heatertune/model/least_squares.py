@@ -98,7 +98,8 @@ def _step(
     moved[:, np.arange(q), free] += sign * _DIFFERENCE * width
     shifted = residuals(moved.reshape(n * q, -1), np.repeat(rows, q)).reshape(n, q, -1)
     shifted = np.where(np.isfinite(shifted), shifted, r[:, None, :])  # beside a row that is no model: slope unknown
-    jacobian = (shifted - r[:, None, :]) / (sign * _DIFFERENCE)[:, :, None]
+    # in C's order whatever the residuals' was: one kernel to compile
+    jacobian = np.ascontiguousarray((shifted - r[:, None, :]) / (sign * _DIFFERENCE)[:, :, None])
     gradient, normal = np.empty((n, q)), np.empty((n, q, q))
     compiled(_normal_equations)(jacobian, r, gradient, normal)
     held = ((z[:, free] <= low[free]) & (gradient > 0)) | ((z[:, free] >= high[free]) & (gradient < 0))

@@ -10,7 +10,7 @@ import math
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq, least_squares
+import numpy.typing as npt
 
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
@@ -20,6 +20,9 @@ __all__ = ["crossover_rad_s", "matched"]
 _CUT_DEG: Final = 120.0
 _OCTAVES: Final = 0.5
 _POINTS: Final = 60
+_LEAST: Final = 1e-4  # share of a step below which none gains
+
+Array = npt.NDArray[np.float64]
 
 
 def crossover_rad_s(model: HeaterModel) -> float:
@@ -32,7 +35,10 @@ def crossover_rad_s(model: HeaterModel) -> float:
     low, high = math.log(1e-3 / slowest), math.log(1e3 / quickest)
     if beyond(high) < 0.0:  # one lag without dead time never lags by so much
         return math.exp(high)
-    return math.exp(brentq(beyond, low, high, xtol=1e-10))
+    while high - low > 1e-12:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if beyond(middle) > 0.0 else (middle, high)
+    return math.exp(low)
 
 
 def _lag_deg(model: HeaterModel, omega: float) -> float:
@@ -54,20 +60,24 @@ def matched(model: HeaterModel) -> Fopdt:
     weight = np.exp(-0.5 * spread**2)
     response = model.frequency_response(omega)
 
-    def candidate(z: np.ndarray) -> Fopdt:
-        return Fopdt(
-            gain_degC_per_pct=model.gain_degC_per_pct, time_constant_s=math.exp(z[0]), dead_time_s=float(z[1]),
-            ambient_degC=model.ambient_degC,
-        )
-
-    def error(z: np.ndarray) -> np.ndarray:
-        relative = weight * (candidate(z).frequency_response(omega) / response - 1.0)
-        return np.concatenate([relative.real, relative.imag])
+    def error(lag: float, dead: float) -> tuple[Array, Array]:
+        """Return the weighed relative error as 2·n real numbers, and its slopes by ln T and by L, shape (2·n, 2)."""
+        turned = 1j * omega * lag
+        ratio = weight * model.gain_degC_per_pct * np.exp(-1j * omega * dead) / (1.0 + turned) / response
+        parts = np.array([ratio - weight, -ratio * turned / (1.0 + turned), -1j * omega * ratio])
+        real = np.concatenate([parts.real, parts.imag], axis=1)
+        return real[0], real[1:].T
 
     start = model.half_rule()
-    slowest = sum(model.lags_s) + model.dead_time_s
-    solution = least_squares(
-        error, [math.log(start.time_constant_s), start.dead_time_s],
-        bounds=([math.log(1e-3 * slowest), 0.0], [math.log(1e2 * slowest), slowest]), x_scale=[1.0, slowest],
-    )
-    return candidate(solution.x)
+    lag, dead, share = start.time_constant_s, start.dead_time_s, 1.0
+    left, slopes = error(lag, dead)
+    while share > _LEAST:  # Gauss and Newton, less far where that is no gain
+        by = -share * np.linalg.lstsq(slopes, left, rcond=None)[0]
+        further = lag * math.exp(by[0]), max(dead + float(by[1]), 0.0)
+        tried, beyond = error(*further)
+        if tried @ tried < left @ left:
+            (lag, dead), left, slopes, share = further, tried, beyond, 1.0
+        else:
+            share /= 4.0
+    return Fopdt(gain_degC_per_pct=model.gain_degC_per_pct, time_constant_s=lag, dead_time_s=dead,
+                 ambient_degC=model.ambient_degC)

@@ -57,7 +57,7 @@ def metered(  # noqa: PLR0913 - what differs from loop to loop stands in arrays 
         none = np.empty(0)
         record = Record(False, none, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
         given = (program, batch, actuator.switches, np.inf, edges, record, meter)
-        run_with(controller, given, count * scans)
+        run_with(controller, given, 2 * count * scans)  # plain, a measured scan takes as long as two
     ripple = _medians(np.where(high >= low, high - low, np.nan))
     return Measured(
         scenario=scenario, band_degC=band, phases=phases, rows=rows, table=table.reshape(count, -1, COLUMNS),

@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-
-from scipy.special import ndtri
+from statistics import NormalDist
 
 from heatertune.model.hearing import Remark
 from heatertune.model.intervals import RATIO
@@ -35,7 +34,8 @@ def disagreements(logs: Sequence[OneLog]) -> tuple[Disagreement, ...]:
     (Bonferroni). An interval open towards the other value never disagrees.
     """
     pairs = list(combinations(logs, 2))
-    wider = float(ndtri(1.0 - 0.025 / (len(_SHARED) * len(pairs))) / ndtri(0.975))
+    normal = NormalDist()
+    wider = normal.inv_cdf(1.0 - 0.025 / (len(_SHARED) * len(pairs))) / normal.inv_cdf(0.975)
     differing = []
     for name in _SHARED:
         apart, (first, second) = max(((_apart(name, *pair), pair) for pair in pairs), key=lambda ranked: ranked[0])

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import uniform_filter1d
 
 from heatertune.log.values import Log
 from heatertune.model.hearing import Remark
@@ -71,10 +70,18 @@ def _may_be(power: Array) -> bool:
 
 def _bic_of_mean(log: Log, problem: PowerProblem, count: int) -> float:
     """Return the criterion of one lag driven by the power's mean over so many readings around each."""
-    mean = uniform_filter1d(log.power_pct, count, mode="nearest")
+    assert log.power_pct is not None
+    mean = _running_mean(log.power_pct, count)
     before = -0.5 * count * float(np.median(np.diff(log.time_s)))
     driven = replace(
         problem.thinned(_READINGS), least_dead_time_s=before,  # the mean looks ahead by half its length
         readings=replace(problem.readings, edge_s=log.time_s, level_pct=mean).thinned(_READINGS),
     )
     return bic_of(driven, driven.fit())
+
+
+def _running_mean(values: Array, count: int) -> Array:
+    """Return the mean of so many values around each; the first and last go on beyond the ends."""
+    beside = np.pad(values, (count // 2, count - 1 - count // 2), mode="edge")
+    first = np.cumsum(beside[:count])[-1]
+    return np.cumsum(np.concatenate([[first], beside[count:] - beside[:-count]])) / count

@@ -15,7 +15,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
@@ -155,6 +154,8 @@ def _searched(problem: _Problem, *, two_lags: bool, effect: bool = True, own_lag
 
     starts = [np.array([*start, *([_last(start, bounds, own_lag=own_lag)] if effect else [])])
               for start in _starts(bounds, two_lags=two_lags)]
+    from scipy.optimize import least_squares  # noqa: PLC0415 - takes half a second
+
     tried = sorted(starts, key=lambda z: float(np.sum(residuals(z) ** 2)))[:3]
     solutions = [least_squares(residuals, z, bounds=bounds.T, x_scale=np.ptp(bounds, axis=1), max_nfev=60)
                  for z in tried]

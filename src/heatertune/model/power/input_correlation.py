@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
 
 from heatertune.model.judgement import InputCorrelation
 from heatertune.model.power.readings import Readings
@@ -59,7 +58,7 @@ def input_correlation(
         white = _filtered(whitening, errors)
         return np.asarray(white @ inputs.T / np.linalg.norm(white, axis=1)[:, None])
 
-    noise = lfilter([1.0], whitening, np.random.default_rng(seed).normal(size=(_DRAWN, 2 * len(residuals))))
+    noise = _coloured(whitening, np.random.default_rng(seed).normal(size=(_DRAWN, 2 * len(residuals))))
     by_chance = correlations(_projected(noise[:, len(residuals):], sensitivities))
     # a lag that the fit itself has nulled says nothing: what is left there is the arithmetic of the fit
     deviation = np.maximum(np.sqrt(np.mean(by_chance**2, axis=0)), _NULLED / np.sqrt(inputs.shape[1]))
@@ -110,9 +109,20 @@ def _filtered(whitening: Array, rows: Array) -> Array:
     """Return the rows through the filter, without its run-in and without their mean."""
     n = rows.shape[1] - len(whitening) + 1
     white = whitening[-1] * rows[:, :n]
-    for k in range(1, len(whitening)):  # lfilter would convolve row by row
+    for k in range(1, len(whitening)):
         white += whitening[-1 - k] * rows[:, k : k + n]
     return np.asarray(white - white.mean(axis=1, keepdims=True))
+
+
+def _coloured(whitening: Array, rows: Array) -> Array:
+    """Return the rows as the autoregression that whitens makes them from white noise; SciPy's lfilter, bit for bit."""
+    order = len(whitening) - 1
+    columns = np.ascontiguousarray(rows.T)  # all rows take one step together
+    owed = np.zeros((order + 1, rows.shape[0]))
+    for k in range(len(columns)):
+        columns[k] += owed[0]
+        owed[:-1] = owed[1:] - whitening[1:, None] * columns[k]
+    return np.ascontiguousarray(columns.T)
 
 
 def _projected(errors: Array, sensitivities: Array) -> Array:

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtri
 
 from heatertune.model.intervals import RATIO, Interval, holds
 from heatertune.model.judgement import Half, Validation
@@ -28,9 +28,9 @@ __all__ = ["halves_notes", "said_by_halves", "widening", "widening_notes"]
 _TOLD = 1.1  # a smaller factor changes no decision
 _TWICE = 2.0  # two halves alone say about this much less than the whole
 _MOST = 10.0  # a larger one is rounding: the log holds no noise
-_FOUR_OF_FIVE = float(ndtri(0.9) / ndtri(0.975))  # of the reach of a 95 % interval
+_FOUR_OF_FIVE = NormalDist().inv_cdf(0.9) / NormalDist().inv_cdf(0.975)  # of the reach of a 95 % interval
 _KNOWS = 5.0  # a half that knows a number within this factor has a say
-_NORMAL = float(ndtri(0.975))
+_NORMAL = NormalDist().inv_cdf(0.975)
 
 Rows = npt.NDArray[np.bool_]
 

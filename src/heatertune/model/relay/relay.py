@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.heater.exact import advanced, factors, turning_time
@@ -179,6 +178,8 @@ class _Course:
             return 0.0
         for start, end in pairwise(ends):
             if beyond(end) >= 0.0:
+                from scipy.optimize import brentq  # noqa: PLC0415 - takes half a second
+
                 return float(brentq(beyond, start, end, xtol=1e-9))
         return None
 

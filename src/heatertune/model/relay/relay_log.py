@@ -9,8 +9,6 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.integrate import trapezoid
-from scipy.optimize import brentq
 from scipy.special import stdtrit
 
 from heatertune.log.values import Log
@@ -95,7 +93,7 @@ class RelayRecord:
         assert self.log.power_pct is not None
         time, y, u = self.log.time_s[part], self.log.temperature_degC[part], self.log.power_pct[part]
         length = float(time[-1] - time[0])
-        return float(np.diff(time) @ u[:-1]) / length, float(trapezoid(y, time)) / length
+        return float(np.diff(time) @ u[:-1]) / length, float(np.sum(np.diff(time) * (y[1:] + y[:-1]) / 2.0)) / length
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -305,6 +303,8 @@ def _decay_of(logs: Callable[[float], tuple[float, float]], ratio: float) -> flo
     grid = [float(decay) for decay in np.linspace(0.005, 0.995, 100)]
     for low, high in pairwise(grid):
         if surplus(low) * surplus(high) < 0.0:
+            from scipy.optimize import brentq  # noqa: PLC0415 - half a second, for relay logs alone
+
             return float(brentq(surplus, low, high, xtol=1e-12))
     return None
 

@@ -6,6 +6,7 @@ Few responses run as plain Python, which loads no compiler; a search's run as ma
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -23,7 +24,8 @@ Array = npt.NDArray[np.float64]
 Places = Array | list[float]
 
 
-_PLAIN_SAMPLES = 30_000  # take as long as the compiler's start
+_PLAIN_SAMPLES = 300_000  # take as long as the compiler's start
+_PLAIN_SAMPLES_READY = 30_000  # as long as this function's compilation, where the compiler was started for other work
 
 
 def _respond(
@@ -76,7 +78,7 @@ def respond(
     space = (np.zeros(len(plant.poles)), np.zeros(samples), np.zeros(samples))
     steps = (float(setpoint_degC), float(load_pct))
     run: Callable[..., None] = _respond
-    if worth_compiling(samples, "response", _PLAIN_SAMPLES):
+    if worth_compiling(samples, "response", _PLAIN_SAMPLES_READY if "numba" in sys.modules else _PLAIN_SAMPLES):
         compiled(run)((*modes, plant.delay), controller, steps, *space)
         return space[-1]
     plain = [array.tolist() for array in space]

@@ -6,8 +6,6 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from scipy.optimize import brentq
-
 from heatertune.errors import OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.pid.forms import Settings
@@ -19,7 +17,8 @@ __all__ = ["ULTIMATE", "ultimate_cycle"]
 def ultimate_cycle(model: HeaterModel) -> tuple[float, float]:
     """Return Ku [%/°C] and Pu [s]: the P gain at which the loop swings for ever, and the period of that swing.
 
-    The phase ω·L + Σ atan(ω·T) = π has one root below π/L, as it rises with ω.
+    The phase ω·L + Σ atan(ω·T) = π has one root below π/L, as it rises with ω. It bends down, so Newton's method comes
+    to the root from below.
 
     Raises:
         OutOfRange: no dead time: one or two lags alone never reach −180°.
@@ -31,7 +30,11 @@ def ultimate_cycle(model: HeaterModel) -> tuple[float, float]:
     def lacking(angle: float) -> float:
         return angle + sum(math.atan(angle * lag / dead) for lag in model.lags_s) - math.pi
 
-    omega = float(brentq(lacking, 0.0, math.pi, xtol=1e-14, rtol=1e-13)) / dead
+    angle, last = 0.0, -1.0
+    while angle > last:
+        slope = 1.0 + sum(lag * dead / (dead**2 + (angle * lag) ** 2) for lag in model.lags_s)
+        angle, last = angle - lacking(angle) / slope, angle
+    omega = last / dead
     size = math.prod(math.hypot(1.0, omega * lag) for lag in model.lags_s)
     return size / model.gain_degC_per_pct, 2.0 * math.pi / omega
 
