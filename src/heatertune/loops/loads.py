@@ -39,6 +39,8 @@ _COLDEST: Final = 0.02  # of the span: within it a reading is the coldest
 _RISEN: Final = (0.1, 0.2)  # of the span, where a straight line is laid through the rise
 _STILL: Final = 3.0  # rows before that line begins
 _ONE: Final = 0.01  # of the log: two loads that are nearer are one
+_LONGER: Final = (1.2, 1.4, 1.7, 2.0, 2.5, 3.0, 4.0)  # times the dead time, that are tried
+_RULED_OUT: Final = 50.0  # BIC points
 _LAGS: Final = 10
 _DELAYS: Final = 40
 _EVERY: Final = 6  # of them with loads, and the nearest without: where a loop swings its phase tells the dead time
@@ -141,13 +143,16 @@ class Cleared(NamedTuple):
     Attributes:
         log: at fewer rows, see `heatertune.loops.measures.thinned`.
         loads: that are taken out, in order.
-        power_before_pct, ambient_degC: of a loop that was off and cold when its log began; None: it was at work.
+        power_before_pct: power before the log that explains it best; None: not known.
+        ambient_degC: of a loop that was off and cold when its log began; None: not known.
+        most_dead_time_s: with a longer one no heater explains the whole log; None: with any.
     """
 
     log: Log
-    loads: tuple[LoadStep, ...]
-    power_before_pct: float | None
-    ambient_degC: float | None
+    loads: tuple[LoadStep, ...] = ()
+    power_before_pct: float | None = None
+    ambient_degC: float | None = None
+    most_dead_time_s: float | None = None
 
 
 def without_loads(log: Log, pwm_period_s: float | None = None) -> Cleared:
@@ -157,24 +162,25 @@ def without_loads(log: Log, pwm_period_s: float | None = None) -> Cleared:
         log: of a heater in its loop, with power that changes.
         pwm_period_s: of its switch; None: not known.
     """
-    tried = [_tried(log, pwm_period_s, before, rest=rest) for before, rest in _starts(log)]
-    thin, found, rest = min(tried, key=_Tried.worth)
+    tried = [_tried(log, pwm_period_s, before, rest=rest) for before, rest in _starts(log, pwm_period_s)]
+    thin, course, found = min(tried, key=_Tried.worth)
     if not found.sensible:
-        return Cleared(thin, (), None, None)
+        return Cleared(thin)
     since = thin.time_s - thin.time_s[0]
     done = _risen(since, found.instants, found.lag, found.ratio) @ found.linear[len(found.linear) - len(found.instants):]
     loads = sorted(LoadStep(float(log.time_s[0] + at), float(size))
                    for at, size in zip(found.instants, found.sizes, strict=True))
     return Cleared(replace(thin, temperature_degC=thin.temperature_degC - done), tuple(loads),
-                   0.0 if rest else None, float(found.linear[1]) if rest else None)
+                   course.before, float(found.linear[1]) if course.rest else None,
+                   _most_dead_time_s(course, found))
 
 
 class _Tried(NamedTuple):
     """A start, and the heater that goes with it."""
 
     thin: Log
+    course: _Course
     found: _Found
-    rest: bool
 
     def worth(self) -> tuple[bool, float]:
         """Less is better."""
@@ -183,14 +189,25 @@ class _Tried(NamedTuple):
 
 def _tried(log: Log, pwm_period_s: float | None, before: float, *, rest: bool) -> _Tried:
     thin = thinned(log, pwm_period_s, before)
-    return _Tried(thin, _searched(_course(thin, before, pwm_period_s, rest=rest)), rest)
+    course = _course(thin, before, pwm_period_s, rest=rest)
+    return _Tried(thin, course, _searched(course))
+
+
+def _most_dead_time_s(course: _Course, found: _Found) -> float | None:
+    """Return the shortest dead time tried with which one lag, its loads fitted anew, is plainly worse [s]."""
+    best = _refined(course, found.lag, 0.0, found.delay + found.ratio * found.lag, found.instants)
+    for times in _LONGER:
+        held = times * best.delay + course.step
+        if _refined(course, best.lag, 0.0, held, best.instants, held=True).bic > best.bic + _RULED_OUT:
+            return held
+    return None
 
 
 def _worth(found: _Found) -> tuple[bool, float]:
     return not found.sensible, found.bic
 
 
-def _starts(log: Log) -> list[tuple[float, bool]]:
+def _starts(log: Log, pwm_period_s: float | None) -> list[tuple[float, bool]]:
     """Return what the power may have been before the first reading [%], and whether the heater was at rest with that.
 
     A loop that is at its setpoint as its log begins was at work. One that is far below may have been off, and cold:
@@ -199,7 +216,7 @@ def _starts(log: Log) -> list[tuple[float, bool]]:
     assert log.power_pct is not None
     readings, own = log.temperature_degC, float(np.median(np.diff(log.time_s)))
     first, span = float(readings[0]), float(np.ptp(readings))
-    at_work = (float(log.power_pct[0]), False)
+    at_work = (float(log.power_pct[log.time_s < log.time_s[0] + (pwm_period_s or own)].mean()), False)
     if log.setpoint_degC is not None and float(log.setpoint_degC[0]) - first < _BELOW * span:
         return [at_work]
     risen = [float(log.time_s[np.argmax(readings >= first + share * span)] - log.time_s[0]) for share in _RISEN]
@@ -272,8 +289,13 @@ def _added(
     return best, kept
 
 
-def _refined(course: _Course, lag: float, ratio: float, delay: float, instants: Array) -> _Found:
-    """Return what least squares makes of a start: all that is not linear, the instants of the loads included."""
+def _refined(
+    course: _Course, lag: float, ratio: float, delay: float, instants: Array, *, held: bool = False
+) -> _Found:
+    """Return what least squares makes of a start: all that is not linear, the instants of the loads included.
+
+    `held`: the dead time stays.
+    """
     two, length = ratio > 0.0, course.length
 
     def parts(z: Array) -> tuple[float, float, float, Array]:
@@ -285,6 +307,8 @@ def _refined(course: _Course, lag: float, ratio: float, delay: float, instants: 
 
     low = [math.log(0.5 * course.step), 0.0, *([0.005] if two else []), *([_EDGES[0]] * len(instants))]
     high = [math.log(5.0 * length), 0.25, *([0.98] if two else []), *([_EDGES[1]] * len(instants))]
+    if held:
+        low[1], high[1] = delay / length - 1e-6, delay / length + 1e-6
     start = np.clip([math.log(lag), delay / length, *([ratio] if two else []), *(instants / length)],
                     np.array(low) + 1e-9, np.array(high) - 1e-9)
     z = least_squares(left, start, bounds=(low, high), x_scale="jac", diff_step=1e-4, max_nfev=40).x
