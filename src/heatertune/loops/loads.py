@@ -167,7 +167,7 @@ def without_loads(log: Log, pwm_period_s: float | None = None) -> Cleared:
     if not found.sensible:
         return Cleared(thin)
     since = thin.time_s - thin.time_s[0]
-    done = _risen(since, found.instants, found.lag, found.ratio) @ found.linear[len(found.linear) - len(found.instants):]
+    done = _risen(since, found.instants, found.lag, found.ratio) @ (found.sizes * found.linear[0])
     loads = sorted(LoadStep(float(log.time_s[0] + at), float(size))
                    for at, size in zip(found.instants, found.sizes, strict=True))
     return Cleared(replace(thin, temperature_degC=thin.temperature_degC - done), tuple(loads),

@@ -313,7 +313,7 @@ def _decay_of(logs: Callable[[float], tuple[float, float]], ratio: float) -> flo
 
 
 def _mean(values: Array, centre: float, margin: float) -> tuple[float, Interval]:
-    """Return the centre and its 95 % interval from the scatter, widened by what the sampling hides; nan: not all are."""
+    """Return the centre and its 95 % interval from the scatter, widened by what the sampling hides; nan: unknown."""
     n = len(values)
     if not np.isfinite([centre, *values]).all():
         return math.nan, Interval(low=None, high=None)
