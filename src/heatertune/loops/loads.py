@@ -172,7 +172,7 @@ def without_loads(log: Log, pwm_period_s: float | None = None) -> Cleared:
                    for at, size in zip(found.instants, found.sizes, strict=True))
     return Cleared(replace(thin, temperature_degC=thin.temperature_degC - done), tuple(loads),
                    course.before, float(found.linear[1]) if course.rest else None,
-                   _most_dead_time_s(course, found))
+                   _most_dead_time_s(course, found, pwm_period_s or course.step))
 
 
 class _Tried(NamedTuple):
@@ -193,11 +193,14 @@ def _tried(log: Log, pwm_period_s: float | None, before: float, *, rest: bool) -
     return _Tried(thin, course, _searched(course))
 
 
-def _most_dead_time_s(course: _Course, found: _Found) -> float | None:
-    """Return the shortest dead time tried with which one lag, its loads fitted anew, is plainly worse [s]."""
+def _most_dead_time_s(course: _Course, found: _Found, wait_s: float) -> float | None:
+    """Return the shortest dead time tried with which one lag, its loads fitted anew, is plainly worse [s].
+
+    A duty acts when the next PWM period begins, `wait_s` later at most: the log does not tell a dead time finer.
+    """
     best = _refined(course, found.lag, 0.0, found.delay + found.ratio * found.lag, found.instants)
     for times in _LONGER:
-        held = times * best.delay + course.step
+        held = times * best.delay + wait_s
         if _refined(course, best.lag, 0.0, held, best.instants, held=True).bic > best.bic + _RULED_OUT:
             return held
     return None
@@ -318,12 +321,14 @@ def _refined(
 
 
 def _pruned(course: _Course, found: _Found) -> _Found:
-    """Return what was found without the loads that are too small to be one, and of two at one instant without one."""
+    """Return what was found without what is no load: too small, the start's, or the second of two at one instant."""
     while len(found.instants):
         order = np.argsort(found.instants)
         apart = np.diff(found.instants[order])
         smallest = int(np.argmin(np.abs(found.sizes)))
-        if len(apart) and apart.min() < _ONE * course.length:
+        if found.instants.min() < (_EDGES[0] + _ONE) * course.length:
+            smallest = int(np.argmin(found.instants))
+        elif len(apart) and apart.min() < _ONE * course.length:
             smallest = int(order[np.argmin(apart)])
         elif abs(found.sizes[smallest]) >= _LEAST_PCT:
             break
