@@ -12,10 +12,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
 from heatertune.cli.line import LINE
-from heatertune.errors import InputError
 
 if TYPE_CHECKING:
-    from heatertune.live.places import Places
     from heatertune.live.recorder import Recorded
 
 __all__ = ["add_to", "asked_to_end", "live_line"]
@@ -49,11 +47,12 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.live.client.address import address_of  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.live.places import places_given  # noqa: PLC0415
     from heatertune.live.recorder import Recording, record  # noqa: PLC0415
 
     address = address_of(settings.address)
     how = Recording(every_s=settings.every, for_s=settings.for_s, append=settings.append, timeout_s=settings.timeout)
-    places, begun = _places(settings), time.monotonic()
+    places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
     with asked_to_end() as asked:
         def shown(so_far: Recorded) -> None:
             if not settings.quiet:
@@ -77,23 +76,6 @@ def asked_to_end() -> Iterator[list[int]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _places(settings: argparse.Namespace) -> Places | None:
-    from heatertune.live.places import places_in, places_of  # noqa: PLC0415
-
-    if settings.map is not None:
-        return places_in(settings.map)
-    if settings.design is None:
-        return None
-    from heatertune.proof.words_file import words_in  # noqa: PLC0415
-
-    words, _ = words_in(settings.design)
-    places = places_of(words)
-    if places is None:
-        raise InputError(f"{settings.design}: where {words.target} shows its temperature is not known here; say it in "
-                         "a small file: --map FILE.toml")
-    return places
 
 
 def live_line(so_far: Recorded, wall_s: float, hand: str = "") -> str:

@@ -15,14 +15,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.errors import DocumentError
+from heatertune.errors import DocumentError, InputError
 from heatertune.files import read_text
 from heatertune.live.blocks import SERVED, block_for
 from heatertune.live.cells import STRUCTS, Signal
 from heatertune.plc import Words, controller_for
 from heatertune.plc.words import FLOATS
 
-__all__ = ["ROLES", "Counter", "Places", "places_in", "places_of"]
+__all__ = ["ROLES", "Counter", "Places", "places_given", "places_in", "places_of"]
 
 #: what is recorded, in the order of a log's columns
 ROLES: Final = ("temperature", "power", "setpoint")
@@ -103,6 +103,26 @@ def places_in(path: str | Path) -> Places:
         raise DocumentError(f"{path}: block = {block!r}: expected a whole number 1…{_MOST_BYTE}")
     counter = _counter(path, said["counter"]) if "counter" in said else None
     return Places(block=block, signals=signals, counter=counter, told=Path(path).name)
+
+
+def places_given(*, design: str | Path | None = None, map_file: str | Path | None = None) -> Places | None:
+    """Return the places that a file says, or those of the controller whose design lies in a folder; None: no one says.
+
+    Raises:
+        InputError: nobody knows where that controller shows its temperature; as `places_in` and `words_in`.
+    """
+    if map_file is not None:
+        return places_in(map_file)
+    if design is None:
+        return None
+    from heatertune.proof.words_file import words_in  # noqa: PLC0415 - who gives a map needs no proof's code
+
+    words, _ = words_in(design)
+    places = places_of(words)
+    if places is None:
+        raise InputError(f"{design}: where {words.target} shows its temperature is not known here; say it in "
+                         "a small file: --map FILE.toml")
+    return places
 
 
 def _counter(path: str | Path, said: Any) -> Counter:
