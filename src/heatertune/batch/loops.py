@@ -105,7 +105,8 @@ class HealthSettings:
 
 def health(
     logs: str | Path, settings: HealthSettings, *, out: str | Path, workers: Workers,
-    loops: str | Path | Mapping[str, Loop] | None = None, since: str | Path | None = None, resume: bool = False, progress: Progress = silent,
+    loops: str | Path | Mapping[str, Loop] | None = None, since: str | Path | None = None, resume: bool = False,
+    progress: Progress = silent,
 ) -> dict[str, Any]:
     """Examine every loop whose log is there, write the table, and return the document, the worst loop first.
 

@@ -32,7 +32,8 @@ def add_to(commands: Any) -> None:
                          "PLCs, as record takes them, which are only read")
     command.add_argument("--loops", metavar="FILE", help="CSV or TOML: what the logs do not say (file, name, target, "
                          "folder, setpoint_degC, switch, pwm_period_s, low_degC, high_degC, map)")
-    command.add_argument("--for", dest="for_s", type=float, metavar="S", help="record the loops at the addresses so long")
+    command.add_argument("--for", dest="for_s", type=float, metavar="S",
+                         help="record the loops at the addresses so long")
     command.add_argument("--every", type=float, metavar="S", help="least time between two rows of these logs")
     command.add_argument("--since", metavar="last|FILE", help="compare with the last run, or with its Parquet table")
     common.add_proof_options(command, needed=False)
@@ -81,8 +82,8 @@ def _logs(settings: argparse.Namespace, page: Path) -> tuple[str | Path, Any, li
     if len(addresses) < len(settings.logs):
         raise InputError(f"{addresses[0]} is an address: give addresses alone, or logs alone")
     if settings.for_s is None:
-        raise InputError("--for S: how long are the loops to be recorded? A change of the setpoint or a load has to fall "
-                         "into it")
+        raise InputError("--for S: how long are the loops to be recorded? A change of the setpoint or a load has to "
+                         "fall into it")
     if settings.resume:
         raise InputError(f"--resume goes on with logs that are there: give their folder in {page.stem}_logs")
     folder = page.with_name(f"{page.stem}_logs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
