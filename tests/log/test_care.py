@@ -36,6 +36,8 @@ def test_a_clean_log_with_a_jump_that_stays_loses_nothing(tmp_path):
     (["1023.75"], "1 row with an open sensor's reading left out (line 42: 1023.75)."),
     (["1023.75"] * 9, "9 rows with an open sensor's reading left out (line 42: 1023.75, line 43: 1023.75"),
     (["", "nan", "---"], "3 rows without a reading left out (line 42, line 43, line 44)."),
+    (["150"] * 9, "9 rows at one value that the log jumps to, as of an open sensor, left out (line 42: 150, line 43"),
+    (["0"] * 5, "5 rows at one value that the log jumps to, as of an open sensor, left out (line 42: 0, line 43: 0"),
     (["85.0"], "1 row with a spike left out (line 42: 85)."),
     (["12.5", "11.9", "13.0"], "3 rows with a spike left out (line 42: 12.5, line 43: 11.9, line 44: 13)."),
 ])
@@ -64,6 +66,21 @@ def test_four_readings_apart_are_no_spike_but_what_the_heater_did(tmp_path):
     rows = _rows()
     for k in range(4):
         rows[40 + k][1] = "12.5"
+    assert len(_read(tmp_path, rows).time_s) == 120
+
+
+def test_a_sensor_that_is_open_for_long_is_told_by_its_first_line(tmp_path):
+    rows = _rows()
+    for k in range(20):
+        rows[40 + k][1] = "100"
+    with pytest.raises(LogError, match=r"line 42, column temp_C: 20 rows of 120 at one value .*open sensor, the first: '100'"):
+        _read(tmp_path, rows)
+
+
+def test_an_end_of_the_range_that_is_reached_in_steps_is_kept(tmp_path):
+    rows = _rows()
+    for row in rows:
+        row[1] = f"{min(float(row[1]), 55.0):.2f}"
     assert len(_read(tmp_path, rows).time_s) == 120
 
 
@@ -126,7 +143,8 @@ def test_a_sensor_that_starts_or_stops_is_left_out_at_either_end(tmp_path, readi
     log = _read(tmp_path, rows)
     kept = slice(0, -n) if at_end else slice(n, None)
     assert log.temperature_degC.tolist() == clean.temperature_degC[kept].tolist()
-    assert f"{n} row{'s' if n > 1 else ''} at an end of the log, far from all others, left out" in _told(log)
+    what = "at one value that the log jumps to, as of an open sensor," if at_end and n > 4 else "at an end of the log, far from all others,"
+    assert f"{n} row{'s' if n > 1 else ''} {what} left out" in _told(log)
     assert log.taken.left_out == n
 
 

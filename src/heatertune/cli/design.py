@@ -22,7 +22,7 @@ def add_to(commands: Any) -> None:
         description="Fit, tune, round to words, prove, and write every document, the export files and report.html.",
     )
     command.add_argument("log", metavar="LOG", help="a CSV file, or table3 / table4 built in")
-    command.add_argument("--out", required=True, metavar="DIR", help="directory for the results")
+    command.add_argument("-o", "--out", required=True, metavar="DIR", help="directory for the results")
     options.add(command, WordSettings)
     command.add_argument("--force", action="store_true", help="export whatever the verdict")
     common.add_proof_options(command)

@@ -26,6 +26,8 @@ Mask = npt.NDArray[np.bool_]
 _OPEN: Final = (1023.75, 1024.0, 2047.75, 2048.0, -127.0, 3276.7, 3276.8, 6553.5, -999.0, 9999.0)
 _MOST_LOST: Final = 0.1  # share of the rows: a log with more holes is not repaired
 _LONGEST_SPIKE: Final = 3  # readings
+_SHORTEST_STAND: Final = 5
+_FAR_VALUE: Final = "at one value that the log jumps to, as of an open sensor,"
 _SPIKE_SHARE: Final = 0.1  # of the log's span
 _SPIKE_TIMES: Final = 12.0  # the usual departure of a reading from its neighbours
 _EDGE_TIMES: Final = 2.0  # what 90 % of the log's steps stay below: one reading in twenty may be a spike
@@ -95,10 +97,14 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs
     """
     empty = np.isnan(raw)
     is_open = np.isin(raw, _OPEN)
-    lost = empty | is_open
+    kept = np.flatnonzero(~(empty | is_open))
+    stuck = np.zeros_like(empty)
+    stuck[kept[_stuck(raw[kept], time[kept])]] = True
+    lost = empty | is_open | stuck
     if np.count_nonzero(lost) > _MOST_LOST * len(raw):
         row = int(np.flatnonzero(lost)[0])
-        problem = f"{count(int(np.count_nonzero(lost)), 'row')} of {len(raw)} without a reading, the first:"
+        what = _FAR_VALUE if stuck[row] else "without a reading,"
+        problem = f"{count(int(np.count_nonzero(lost)), 'row')} of {len(raw)} {what} the first:"
         raise refused(sheet, columns, "temperature", row, problem, "a log with a reading in nine rows of ten")
     spikes = np.zeros_like(lost)
     kept = np.flatnonzero(~lost)
@@ -106,13 +112,39 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs
     ends = np.zeros_like(lost)
     kept = np.flatnonzero(~(lost | spikes))
     ends[kept[_wild_ends(raw[kept], time[kept])]] = True
-    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"), (spikes, "with a spike"),
-             (ends, "at an end of the log, far from all others,"))
+    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"),
+             (stuck, _FAR_VALUE),
+             (spikes, "with a spike"), (ends, "at an end of the log, far from all others,"))
     for mask, what in kinds:
         if np.any(mask):
             rows = count(int(np.count_nonzero(mask)), "row")
             repairs.append(f"{rows} {what} left out ({_places(sheet, raw, mask)}).")
     return np.asarray(lost | spikes | ends)
+
+
+def _stuck(values: Array, time: Array) -> Mask:
+    """Return which readings stand at the log's highest or lowest, entered and left as it moves nowhere else.
+
+    An input whose sensor is open reads an end of its range. An end that a heater reaches is entered step by step, and
+    cold goods are not left by a jump. A few readings may be the heater's, and so may a jump over a pause.
+    """
+    n = len(values)
+    stuck = np.zeros(n, dtype=np.bool_)
+    if n < 2 * MIN_SAMPLES:
+        return stuck
+    steps, pauses = np.abs(np.diff(values)), np.diff(time)
+    for end in (float(values.max()), float(values.min())):
+        there = values == end
+        edges = np.flatnonzero(np.diff(there))  # entered, left, entered, …
+        others = values[~there]
+        if there[0] or not len(edges) or len(others) < MIN_SAMPLES:
+            continue
+        lengths = np.diff([*edges.tolist(), n - 1])[::2]
+        least = max(_ALONE_TIMES * float(np.delete(steps, edges).max()), _SPIKE_SHARE * float(np.ptp(others)))
+        at_once = np.all(pauses[edges] <= _PAUSE_TIMES * np.median(pauses))
+        if at_once and lengths.min() >= _SHORTEST_STAND and steps[edges].min() > least:
+            stuck |= there
+    return stuck
 
 
 def _spikes(values: Array) -> npt.NDArray[np.intp]:
