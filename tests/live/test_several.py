@@ -15,8 +15,8 @@ from tests.live.test_client import way
 from tests.live.test_recorder import rows_of
 
 from heatertune import InputError
-from heatertune.batch.running import recorded
 from heatertune.cli import main
+from heatertune.live.judged import recorded
 from heatertune.live.places import places_of
 from heatertune.live.recorder import Recording
 from heatertune.live.several import Running, record_all

@@ -68,7 +68,7 @@ def _run(settings: argparse.Namespace) -> int:
 
 def _logs(settings: argparse.Namespace, page: Path) -> tuple[str | Path, Any, list[dict[str, Any]]]:
     """Return where the logs are, what is known of their loops, and which loops have none; running ones are recorded."""
-    from heatertune.batch.running import is_address, recorded  # noqa: PLC0415 - needs no protocol's library where none is read
+    from heatertune.live.judged import is_address, recorded  # noqa: PLC0415 - needs no protocol's library where none is read
     from heatertune.live.recorder import Recording  # noqa: PLC0415
 
     addresses = [text for text in settings.logs if is_address(text)]
