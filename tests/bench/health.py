@@ -1,4 +1,4 @@
-"""Is the cause right, and do the words cure? python -m tests.bench.health [-n 200] [--words 40].
+"""Is the cause right, and do the words cure? python -m tests.bench.health [-n 200] [--words].
 
 Loops of `tests.bench.loops`, whose causes are known, go through `heatertune.batch.loops` as `heatertune health` runs it.
 The words that are proposed are then typed into PID_v1 as `tests.witness.arduino_pid` has it, in front of this bench's own
@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from heatertune.batch import in_processes
-from heatertune.batch.loops import HealthSettings, health
+from heatertune.batch.loops import HealthSettings, health, ranked
 from heatertune.plc import Scaling
 from heatertune.proof.asked import Asked
 from heatertune.settings import ReadSettings
@@ -48,7 +48,7 @@ def examined(loops, folder, *, target=""):
     (folder / "loops.toml").write_text("\n".join(entries), encoding="utf-8")
     asked = Asked(target=target, scaling=Scaling(low_degC=0.0, high_degC=500.0))
     return health(folder / "logs", HealthSettings(asked=asked, read=ReadSettings()), out=folder / "health.parquet",
-                  workers=in_processes(), loops=folder / "loops.toml", progress=lambda done, of: print(
+                  workers=in_processes(1), loops=folder / "loops.toml", progress=lambda done, of: print(
                       f"{done} of {of}", file=sys.stderr, flush=True))
 
 
@@ -119,38 +119,63 @@ def cures(loop, row):
     return was, now, best, now <= NO_WORSE * max(best, loop.step) and now < was
 
 
+class Figures:
+    """What is told of loops so far."""
+
+    def __init__(self, loops, *, words):
+        self.loops, self.words, self.rows, self.counts = loops, words, [], Counter()
+        self.right, self.of = Counter(), Counter()
+
+    def add(self, row):
+        """Count a loop, and tell where it went wrong."""
+        loop = self.loops[row["name"]]
+        hit = row["outcome"] in RIGHT[loop.cause]
+        self.rows.append(row)
+        self.right[loop.cause] += hit
+        self.of[loop.cause] += 1
+        if not hit:
+            print(f"{loop.name}: {loop.cause}, told {row['outcome']}: {row['reason']}")
+        if self.words and loop.cause in ILL:
+            self._try(loop, row)
+
+    def _try(self, loop, row):
+        done = cures(loop, row) if row.get("words") else None
+        passed, cured = row.get("verdict") == "PASS", done is not None and done[-1]
+        self.counts.update({
+            "ill-tuned": 1, "with words": done is not None, "proven PASS": passed, "cured": cured,
+            "cured by PASS": cured and passed, "made worse in spite of PASS": passed and done[1] >= done[0],
+            "no worse than the textbook to begin with": done is not None and done[0] <= done[2]})
+        if not (cured and passed):
+            print(f"{loop.name}: {loop.cause}, {row.get('verdict')} {row.get('why')}, mean error {done}")
+
+    def tell(self):
+        """Print the figures."""
+        worst = [self.loops[row["name"]].cause for row in ranked(self.rows)[:10]]
+        for cause, count in self.of.items():
+            print(f"{cause:15} {self.right[cause]:3} of {count}")
+        print(f"together        {self.right.total():3} of {self.of.total()}; "
+              f"good ones among the worst ten: {worst.count('good')}")
+        if self.words:
+            print(", ".join(f"{count} {what}" for what, count in self.counts.items()))
+        sys.stdout.flush()
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-n", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--words", action="store_true", help="design and try the words of the ill-tuned ones, too")
+    parser.add_argument("--every", type=int, default=20, help="loops between two tellings of the figures")
     settings = parser.parse_args()
-    loops = {loop.name: loop for loop in drawn(settings.n, settings.seed)}
-    with tempfile.TemporaryDirectory() as folder:
-        document = examined(list(loops.values()), folder, target="arduino-pid" if settings.words else "")
-    right, of, cured, tried, proven, false = Counter(), Counter(), 0, 0, 0, 0
-    for row in document["loops"] + document["left_out"]:
-        loop = loops[row["name"]]
-        hit = row["outcome"] in RIGHT[loop.cause]
-        right[loop.cause] += hit
-        of[loop.cause] += 1
-        if not hit:
-            print(f"{loop.name}: {loop.cause}, told {row['outcome']}: {row['reason']}")
-        if settings.words and loop.cause in ILL:
-            tried += 1
-            done = cures(loop, row) if row.get("words") else None
-            cured += done is not None and done[-1]
-            proven += row.get("verdict") == "PASS"
-            false += row.get("verdict") == "PASS" and done[1] >= done[0]
-            if done is None or not done[-1] or row["verdict"] != "PASS":
-                print(f"{loop.name}: {loop.cause}, {row.get('verdict')} {row.get('why')}, mean error {done}")
-    worst = [loops[row["name"]].cause for row in document["loops"][:10]]
-    for cause, count in of.items():
-        print(f"{cause:15} {right[cause]:3} of {count}")
-    print(f"together        {right.total():3} of {of.total()}; good ones among the worst ten: {worst.count('good')}")
-    if settings.words:
-        print(f"words: {tried} ill-tuned, {proven} proven PASS, {cured} cured in this bench's own plant, "
-              f"{false} made worse in spite of PASS")
+    loops = drawn(settings.n, settings.seed)
+    figures = Figures({loop.name: loop for loop in loops}, words=settings.words)
+    for begin in range(0, len(loops), settings.every):
+        with tempfile.TemporaryDirectory() as folder:
+            document = examined(
+                loops[begin:begin + settings.every], folder, target="arduino-pid" if settings.words else "")
+        for row in document["loops"] + document["left_out"]:
+            figures.add(row)
+        figures.tell()
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ from importlib import metadata
 import casadi
 import pytest
 
-from heatertune import cache, health
+from heatertune import cache, doctor
 from heatertune.errors import LogError
 from heatertune.log import tables
 
@@ -30,7 +30,7 @@ def test_a_working_installation_is_well(run):
 
 def test_every_package_of_the_projects_metadata_is_looked_at():
     needed = {line.split(">")[0] for line in metadata.requires("heatertune") if "extra" not in line}
-    assert needed <= set(_by_name(health._packages()))
+    assert needed <= set(_by_name(doctor._packages()))
     assert len(needed) >= 6
 
 
@@ -42,7 +42,7 @@ def test_a_missing_package_is_a_fail_with_its_remedy(run, monkeypatch):
             raise metadata.PackageNotFoundError(name)
         return real(name)
 
-    monkeypatch.setattr(health.metadata, "version", version)
+    monkeypatch.setattr(doctor.metadata, "version", version)
     status, out, err = run("doctor")
     assert status == 1
     assert "pip install --upgrade 'control>=0.10.1'" in out
@@ -53,16 +53,16 @@ def test_a_missing_package_is_a_fail_with_its_remedy(run, monkeypatch):
 @pytest.mark.parametrize(("version", "ok"), [("1.25.9", False), ("1.26", True), ("1.26.0rc1", True), ("2.0", True),
                                              ("1.3", False), ("10.0+local.1", True)])
 def test_an_old_package_is_told_from_a_new_one(monkeypatch, version, ok):
-    monkeypatch.setattr(health.metadata, "version", lambda _: version)
-    assert health._package("numpy", "1.26").ok is ok
+    monkeypatch.setattr(doctor.metadata, "version", lambda _: version)
+    assert doctor._package("numpy", "1.26").ok is ok
 
 
 def test_a_package_that_cannot_be_imported_is_broken(monkeypatch):
     def broken(name):
         raise RuntimeError("compiled for\nanother numpy")
 
-    monkeypatch.setattr(health, "import_module", broken)
-    found = health._package("scipy", "1.11")
+    monkeypatch.setattr(doctor, "import_module", broken)
+    found = doctor._package("scipy", "1.11")
     assert not found.ok
     assert "RuntimeError: compiled for another numpy" in found.found
 
@@ -72,12 +72,12 @@ def test_a_casadi_without_ipopt_is_broken_and_so_is_one_that_errs(monkeypatch):
         raise RuntimeError("Plugin 'ipopt' is not found.")
 
     monkeypatch.setattr(casadi, "nlpsol", without)
-    assert not health._ipopt().ok
-    assert "not found" in health._ipopt().found
+    assert not doctor._ipopt().ok
+    assert "not found" in doctor._ipopt().found
     # one that solves, but wrongly: x = 3 breaks the bound x <= 2
     monkeypatch.setattr(casadi, "nlpsol", lambda *_: lambda **_: {"x": 3.0})
-    assert not health._ipopt().ok
-    assert health._ipopt().needed
+    assert not doctor._ipopt().ok
+    assert doctor._ipopt().needed
 
 
 def test_missing_tables_are_a_fail(monkeypatch):
@@ -85,18 +85,18 @@ def test_missing_tables_are_a_fail(monkeypatch):
         raise LogError("the built-in tables are missing", file="table3.csv")
 
     monkeypatch.setattr(tables, "_folder", missing)
-    found = health._tables()
+    found = doctor._tables()
     assert (found.ok, found.needed) == (False, True)
 
 
 def test_a_cache_that_cannot_be_written_is_told_but_no_fail(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path / "file" / "cache"))
-    found = health._results()
+    found = doctor._results()
     assert (found.ok, found.needed) == (False, False)
-    assert health.document([found])["well"]
+    assert doctor.document([found])["well"]
     monkeypatch.setenv("HEATERTUNE_CACHE", "")
-    assert health._results().found == "switched off"
+    assert doctor._results().found == "switched off"
     assert cache.folder() is None
 
 
@@ -115,29 +115,29 @@ def test_where_no_result_is_kept_machine_code_still_is(monkeypatch, tmp_path):
 def test_the_cache_counts_what_it_keeps(monkeypatch, tmp_path):
     place = tmp_path / "not" / "yet"
     monkeypatch.setenv("HEATERTUNE_CACHE", str(place))
-    assert health._results().ok, "it can be made"
+    assert doctor._results().ok, "it can be made"
     cache.cached("stage", {"a": 1}, lambda: {"b": 2}, dict)
-    assert "1 results, 0.0 MB" in health._results().found
+    assert "1 results, 0.0 MB" in doctor._results().found
 
 
 def test_compiled_code_is_warm_once_something_of_it_is_kept(monkeypatch, tmp_path):
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path))
-    assert "cold" in health._compiled().found
+    assert "cold" in doctor._compiled().found
     for name in ("kernel", "laws"):  # as numba names index and data of a function
         place = tmp_path / f"compiled-{name}" / "temperature_77ed"
         place.mkdir(parents=True)
         (place / f"{name}.simulate-39.py311.nbi").write_bytes(b"")
         (place / f"{name}.simulate-39.py311.1.nbc").write_bytes(bytes(150_000))
-    told = health._compiled()
+    told = doctor._compiled()
     assert told.ok
     assert told.found == f"{tmp_path}; warm, 2 functions, 0.3 MB"
     monkeypatch.setenv("HEATERTUNE_CACHE", "")
-    assert health._compiled().found == "switched off: every process compiles"
+    assert doctor._compiled().found == "switched off: every process compiles"
 
 
 def test_a_missing_extra_is_told_but_no_fail(monkeypatch):
-    monkeypatch.setattr(health, "_installed", lambda name: name != "jupyterlab")
-    found = _by_name(health._extras())
+    monkeypatch.setattr(doctor, "_installed", lambda name: name != "jupyterlab")
+    found = _by_name(doctor._extras())
     assert found["extra notebook"].found == "missing: jupyterlab"
     assert found["extra notebook"].remedy == "pip install 'heatertune[notebook]'"
     assert not found["extra notebook"].needed

@@ -1,9 +1,12 @@
+import json
+
 import numpy as np
 import pytest
 from scipy.signal import lsim, lti
 from tests.conftest import load_csv
 
 from heatertune.log.values import Log
+from heatertune.model.document import from_document, to_document
 from heatertune.model.fit import fit
 from heatertune.model.relay.relay import Relay, oscillation, simulate_relay
 from heatertune.model.relay.relay_log import estimate, find_relay, oscillating_fopdt, with_relay
@@ -199,3 +202,16 @@ def test_a_real_relay_test_is_found(real_logs):
     assert (record.high_pct, record.low_pct) == (99.60784, 0.0)
     assert record.relay.hysteresis_degC == pytest.approx(50.0, rel=0.03)
     assert estimate(record).period_s[0] == pytest.approx(0.5 * (2329.5 - 160.0))  # its switches, read off the file
+
+
+def test_a_coarse_card_that_does_not_see_the_swings_tells_no_ultimate_gain():
+    """A clock of 10 s, a card of 0.1 °C that changes once: the describing function divides by swings of nothing."""
+    time = np.arange(120.0)
+    power, reading = np.where(time % 10.0 < 4.0, 100.0, 0.0), np.full(120, 50.0)
+    reading[56] = 50.1
+    log = Log(name="card", source="", time_s=time, temperature_degC=reading, power_pct=power)
+    assert find_relay(log) is not None
+    told = with_relay(log, FittedModel(model=TRUTH, outcome=Outcome.IDENTIFIED, method=""), ambient_degC=None)
+    assert not told.combinations
+    assert "does not tell the ultimate gain" in told.notes[-1]
+    assert from_document(json.loads(json.dumps(to_document(told)))).model == TRUTH

@@ -11,7 +11,7 @@ from heatertune.studio.wording import for_page
 
 OPTION = re.compile(r"--[a-z]")
 #: folders and modules whose sentences no page of the studio shows
-ELSEWHERE = ("cli", "batch", "bench.py", "health.py", "settings.py", "html.py")
+ELSEWHERE = ("cli", "batch", "bench.py", "doctor.py", "settings.py", "html.py")
 
 
 def sentences():

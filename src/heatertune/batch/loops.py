@@ -104,8 +104,9 @@ class HealthSettings:
 
 
 def health(
-    logs: str | Path, settings: HealthSettings, *, out: str | Path, workers: Workers, loops: str | Path | None = None,
-    since: str | Path | None = None, resume: bool = False, progress: Progress = silent,
+    logs: str | Path, settings: HealthSettings, *, out: str | Path, workers: Workers,
+    loops: str | Path | Mapping[str, Loop] | None = None, since: str | Path | None = None, resume: bool = False,
+    progress: Progress = silent,
 ) -> dict[str, Any]:
     """Examine every loop whose log is there, write the table, and return the document, the worst loop first.
 
@@ -114,7 +115,7 @@ def health(
         settings: what is asked of all loops.
         out: Parquet file.
         workers: where the loops are examined.
-        loops: list of the loops, see `read_list`; None: each log is a loop of its name.
+        loops: list of the loops, see `read_list`, or what it says; None: each log is a loop of its name.
         since: table of an earlier run; each loop is told beside what it was then.
         resume: go on where a run was stopped.
         progress: told how many loops are examined, and how many there are.
@@ -124,8 +125,7 @@ def health(
             `heatertune.batch.engine`.
     """
     folder, names = find_logs(logs)
-    told = {} if loops is None else read_list(loops)
-    beside = Path() if loops is None else Path(loops).parent
+    told, beside = _listed(loops)
     earlier = {} if since is None else {row["name"]: row for row in read_rows(Path(since))}
     cases = [_with_documents(loop, beside, earlier.get(loop.name)) for loop in listed(names, told)]
     batch = Batch(
@@ -143,6 +143,13 @@ def health(
         "gone": sorted(set(earlier) - {row["name"] for row in rows}),
         "compared": since is not None,
     }
+
+
+def _listed(loops: str | Path | Mapping[str, Loop] | None) -> tuple[Mapping[str, Loop], Path]:
+    """Return what is said of the loops, and where the folders that it names lie."""
+    if loops is None or isinstance(loops, Mapping):
+        return loops or {}, Path()
+    return read_list(loops), Path(loops).parent
 
 
 def ranked(rows: Sequence[Row]) -> list[Row]:

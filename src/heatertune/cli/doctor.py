@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from heatertune.cli import printing
 
 if TYPE_CHECKING:
-    from heatertune.health import Finding
+    from heatertune.doctor import Finding
 
 __all__ = ["add_to"]
 
@@ -27,7 +27,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.health import document, examine, works  # noqa: PLC0415 - it loads what it looks at
+    from heatertune.doctor import document, examine, works  # noqa: PLC0415 - it loads what it looks at
     from heatertune.report.layout import table  # noqa: PLC0415
 
     findings = examine()

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from heatertune import options
 from heatertune.cli import batch, common, printing
+from heatertune.cli.line import LINE
+from heatertune.cli.record import asked_to_end
 from heatertune.errors import InputError
 from heatertune.settings import ReadSettings, WordSettings
 
@@ -24,10 +27,14 @@ def add_to(commands: Any) -> None:
         "is from what is possible for its heater. One page, the worst loop first, with proven words where words cure; "
         "a Parquet table beside it. Exit status 0 where the page is written, however ill the loops are.",
     )
-    command.add_argument("logs", metavar="LOGS", help="a folder, a pattern in quotation marks, or a list of paths: one "
-                         "log a loop, with setpoint, temperature and power")
+    command.add_argument("logs", metavar="LOGS", nargs="+", help="a folder, a pattern in quotation marks, or a list of "
+                         "paths: one log a loop, with setpoint, temperature and power; or the addresses of running "
+                         "PLCs, as record takes them, which are only read")
     command.add_argument("--loops", metavar="FILE", help="CSV or TOML: what the logs do not say (file, name, target, "
-                         "folder, setpoint_degC, switch, pwm_period_s, low_degC, high_degC)")
+                         "folder, setpoint_degC, switch, pwm_period_s, low_degC, high_degC, map)")
+    command.add_argument("--for", dest="for_s", type=float, metavar="S",
+                         help="record the loops at the addresses so long")
+    command.add_argument("--every", type=float, metavar="S", help="least time between two rows of these logs")
     command.add_argument("--since", metavar="last|FILE", help="compare with the last run, or with its Parquet table")
     common.add_proof_options(command, needed=False)
     options.add(command, WordSettings, "switch_kind", "as_is")
@@ -48,10 +55,42 @@ def _run(settings: argparse.Namespace) -> int:
         raise InputError(f"--out {page}: expected the name of a page, .html; its table lies beside it")
     table = page.with_suffix(".parquet")
     since = None if settings.since is None else last_table(table if settings.since == "last" else settings.since)
+    asked = HealthSettings(asked=common.asked(settings), read=common.reading(settings))
+    logs, loops, left_out = _logs(settings, page)
     document = health(
-        settings.logs, HealthSettings(asked=common.asked(settings), read=common.reading(settings)), out=table,
-        workers=batch.workers(settings), loops=settings.loops, since=since, resume=settings.resume,
+        logs, asked, out=table, workers=batch.workers(settings), loops=loops, since=since, resume=settings.resume,
         progress=batch.Bar(settings, "loops")) | {"page": str(page)}
+    document["left_out"] += left_out
     write_files(page.parent, {page.name: loops_page(document)})
     printing.output(settings, document, lambda: loops_lines(document))
     return 0
+
+
+def _logs(settings: argparse.Namespace, page: Path) -> tuple[str | Path, Any, list[dict[str, Any]]]:
+    """Return where the logs are, what is known of their loops, and which loops have none; running ones are recorded."""
+    from heatertune.live.judged import is_address, recorded  # noqa: PLC0415 - needs no protocol's library where none is read
+    from heatertune.live.recorder import Recording  # noqa: PLC0415
+
+    addresses = [text for text in settings.logs if is_address(text)]
+    if not addresses:
+        if len(settings.logs) > 1:
+            raise InputError(f"{settings.logs[1]}: give one folder, one pattern in quotation marks or one list; or "
+                             "addresses")
+        if settings.for_s is not None or settings.every is not None:
+            raise InputError("--for and --every go with addresses: these logs are there")
+        return settings.logs[0], settings.loops, []
+    if len(addresses) < len(settings.logs):
+        raise InputError(f"{addresses[0]} is an address: give addresses alone, or logs alone")
+    if settings.for_s is None:
+        raise InputError("--for S: how long are the loops to be recorded? A change of the setpoint or a load has to "
+                         "fall into it")
+    if settings.resume:
+        raise InputError(f"--resume goes on with logs that are there: give their folder in {page.stem}_logs")
+    folder = page.with_name(f"{page.stem}_logs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
+    with asked_to_end() as asked:
+        loops, left_out = recorded(
+            addresses, folder, Recording(for_s=settings.for_s, every_s=settings.every), loops=settings.loops,
+            ended=lambda: bool(asked), shown=lambda rows: None if settings.quiet else LINE.show(
+                lambda: f"{len(addresses)} loops, {rows} rows; Ctrl-C ends it"))
+    LINE.end()
+    return folder, loops, left_out

@@ -47,12 +47,12 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.live.client.address import address_of  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.live.places import places_for  # noqa: PLC0415
+    from heatertune.live.places import places_given  # noqa: PLC0415
     from heatertune.live.recorder import Recording, record  # noqa: PLC0415
 
     address = address_of(settings.address)
     how = Recording(every_s=settings.every, for_s=settings.for_s, append=settings.append, timeout_s=settings.timeout)
-    places, begun = places_for(settings.design, settings.map), time.monotonic()
+    places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
     with asked_to_end() as asked:
         def shown(so_far: Recorded) -> None:
             if not settings.quiet:

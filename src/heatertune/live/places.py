@@ -21,9 +21,8 @@ from heatertune.live.blocks import SERVED, block_for
 from heatertune.live.cells import STRUCTS, Signal
 from heatertune.plc import Words, controller_for
 from heatertune.plc.words import FLOATS
-from heatertune.proof.words_file import words_in
 
-__all__ = ["ROLES", "Counter", "Places", "places_for", "places_in", "places_of"]
+__all__ = ["ROLES", "Counter", "Places", "places_given", "places_in", "places_of"]
 
 #: what is recorded, in the order of a log's columns
 ROLES: Final = ("temperature", "power", "setpoint")
@@ -80,26 +79,6 @@ def places_of(words: Words) -> Places | None:
     return Places(block=block.number, signals=block.signals, told=f"the block of {words.target}")
 
 
-def places_for(design: str | Path | None, file: str | Path | None) -> Places | None:
-    """Return where a PLC shows what, as a file says, else as the block of a design's controller; None: nobody says it.
-
-    Raises:
-        DocumentError: as `places_in`, or the folder holds no words.
-        InputError: heatertune does not know the block of the design's controller.
-        OutOfRange: as `heatertune.proof.words_file.words_in`.
-    """
-    if file is not None:
-        return places_in(file)
-    if design is None:
-        return None
-    words, _ = words_in(design)
-    places = places_of(words)
-    if places is None:
-        raise InputError(f"{design}: where {words.target} shows its temperature is not known here; say it in a small "
-                         "file: --map FILE.toml")
-    return places
-
-
 def places_in(path: str | Path) -> Places:
     """Return what a file says; see this module for its form.
 
@@ -124,6 +103,26 @@ def places_in(path: str | Path) -> Places:
         raise DocumentError(f"{path}: block = {block!r}: expected a whole number 1…{_MOST_BYTE}")
     counter = _counter(path, said["counter"]) if "counter" in said else None
     return Places(block=block, signals=signals, counter=counter, told=Path(path).name)
+
+
+def places_given(*, design: str | Path | None = None, map_file: str | Path | None = None) -> Places | None:
+    """Return the places that a file says, or those of the controller whose design lies in a folder; None: no one says.
+
+    Raises:
+        InputError: nobody knows where that controller shows its temperature; as `places_in` and `words_in`.
+    """
+    if map_file is not None:
+        return places_in(map_file)
+    if design is None:
+        return None
+    from heatertune.proof.words_file import words_in  # noqa: PLC0415 - who gives a map needs no proof's code
+
+    words, _ = words_in(design)
+    places = places_of(words)
+    if places is None:
+        raise InputError(f"{design}: where {words.target} shows its temperature is not known here; say it in "
+                         "a small file: --map FILE.toml")
+    return places
 
 
 def _counter(path: str | Path, said: Any) -> Counter:

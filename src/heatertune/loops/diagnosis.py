@@ -21,7 +21,6 @@ from heatertune.loops.measures import (
     offset_degC,
     swings,
     switchings_per_h,
-    thinned,
 )
 from heatertune.loops.same_day import Day, day, ideal, times_worse
 from heatertune.loops.values import Cause, Found, Loop
@@ -139,9 +138,9 @@ def _heater(log: Log, period_s: float | None) -> tuple[tuple[LoadStep, ...], Fit
         return (), None, "the power was not logged"
     if float(log.power_pct.max() - log.power_pct.min()) < 1.0:
         return (), None, "the power does not change"
-    cleared, loads = without_loads(thinned(log, period_s))
+    cleared, loads, before, ambient, longest = without_loads(log, period_s)
     try:
-        fitted = fit(cleared)
+        fitted = fit(cleared, power_before_pct=before, ambient_degC=ambient, dead_time_at_most_s=longest)
     except InputError as problem:
         return loads, None, str(problem).removeprefix(f"{log.name}: ")
     if fitted.outcome is Outcome.POOR_FIT:

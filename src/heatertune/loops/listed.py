@@ -84,7 +84,8 @@ def _loop(entry: Mapping[str, Any], where: str) -> Loop:
         raise InputError(f"{where}: no file; every loop names its log")
     values: dict[str, Any] = {
         key: _number(value, key, where) if key in _NUMBERS else str(value) for key, value in entry.items()}
-    values.setdefault("name", str(PurePath(str(entry["file"])).with_suffix("")))
+    file = str(entry["file"])
+    values.setdefault("name", file if "://" in file else str(PurePath(file).with_suffix("")))
     try:
         if "target" in values:
             controller_for(values["target"])

@@ -19,9 +19,10 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from heatertune.log.values import Log
+from heatertune.loops.measures import thinned
 from heatertune.model.statistics import ar1_bic
 
-__all__ = ["LoadStep", "without_loads"]
+__all__ = ["Cleared", "LoadStep", "without_loads"]
 
 Array = npt.NDArray[np.float64]
 
@@ -31,8 +32,15 @@ _INSTANTS: Final = 120  # tried for a load
 _EDGES: Final = (0.08, 0.97)  # of the log: what happens before is the start's, and after it nobody sees it answered
 _MOST: Final = 6
 _GAIN: Final = 20.0  # BIC points a load has to be worth: its instant is chosen among many
-_LEAST_PCT: Final = 1.0  # of power: a smaller load is drift or the model's own fault
+_LEAST_PCT: Final = 3.0  # of power: a smaller load is drift, or a switch that is not as fine as its duty
 _LARGEST_PCT: Final = 50.0  # a larger one is no load but another heater
+_BELOW: Final = 0.3  # of the span of readings, under its setpoint: there a loop was not at work before
+_COLDEST: Final = 0.02  # of the span: within it a reading is the coldest
+_RISEN: Final = (0.1, 0.2)  # of the span, where a straight line is laid through the rise
+_STILL: Final = 3.0  # rows before that line begins
+_ONE: Final = 0.01  # of the log: two loads that are nearer are one
+_LONGER: Final = (1.2, 1.4, 1.7, 2.0, 2.5, 3.0, 4.0)  # times the dead time, that are tried
+_RULED_OUT: Final = 50.0  # BIC points
 _LAGS: Final = 10
 _DELAYS: Final = 40
 _EVERY: Final = 6  # of them with loads, and the nearest without: where a loop swings its phase tells the dead time
@@ -59,6 +67,7 @@ class _Course:
         before: power before the first row [%].
         readings: averages of so many rows each [°C], shape (m,).
         middle: of the rows of each [s], shape (m,).
+        rest: whether the temperature had come to rest with that power.
     """
 
     time: Array
@@ -66,6 +75,7 @@ class _Course:
     before: float
     readings: Array
     middle: Array
+    rest: bool = False
 
     @property
     def step(self) -> float:
@@ -92,7 +102,8 @@ class _Course:
 
     def basis(self, lag: float, ratio: float, delay: float, loads: Sequence[float] | Array) -> Array:
         """Return the columns of power, ambient, state at the start and loads, shape (m, …)."""
-        decays = [np.exp(-self.middle / lag)] + ([np.exp(-self.middle / (ratio * lag))] if ratio > 0.0 else [])
+        lags = [] if self.rest else [lag, ratio * lag] if ratio > 0.0 else [lag]
+        decays = [np.exp(-self.middle / each) for each in lags]
         return np.column_stack([
             self.answer(lag, ratio, delay), np.ones(len(self.readings)), *decays,
             _risen(self.middle, np.asarray(loads), lag, ratio)])
@@ -126,33 +137,98 @@ class _Found(NamedTuple):
         return bool(self.linear[0] > 0.0 and np.all(np.abs(self.sizes) <= _LARGEST_PCT))
 
 
-def without_loads(log: Log) -> tuple[Log, tuple[LoadStep, ...]]:
-    """Return a log with power as it would be without the loads, and these; without any it is the log itself.
+class Cleared(NamedTuple):
+    """A log as it would be without the loads.
+
+    Attributes:
+        log: at fewer rows, see `heatertune.loops.measures.thinned`.
+        loads: that are taken out, in order.
+        power_before_pct: power before the log that explains it best; None: not known.
+        ambient_degC: of a loop that was off and cold when its log began; None: not known.
+        most_dead_time_s: with a longer one no heater explains the whole log; None: with any.
+    """
+
+    log: Log
+    loads: tuple[LoadStep, ...] = ()
+    power_before_pct: float | None = None
+    ambient_degC: float | None = None
+    most_dead_time_s: float | None = None
+
+
+def without_loads(log: Log, pwm_period_s: float | None = None) -> Cleared:
+    """Return a log with power as it would be without the loads, and these.
 
     Args:
         log: of a heater in its loop, with power that changes.
+        pwm_period_s: of its switch; None: not known.
     """
-    found = min((_searched(_course(log, before)) for before in _befores(log)), key=_worth)
-    if not found.sensible or not len(found.instants):
-        return log, ()
-    since = log.time_s - log.time_s[0]
-    done = _risen(since, found.instants, found.lag, found.ratio) @ found.linear[-len(found.instants):]
+    tried = [_tried(log, pwm_period_s, before, rest=rest) for before, rest in _starts(log, pwm_period_s)]
+    thin, course, found = min(tried, key=_Tried.worth)
+    if not found.sensible:
+        return Cleared(thin)
+    since = thin.time_s - thin.time_s[0]
+    done = _risen(since, found.instants, found.lag, found.ratio) @ (found.sizes * found.linear[0])
     loads = sorted(LoadStep(float(log.time_s[0] + at), float(size))
                    for at, size in zip(found.instants, found.sizes, strict=True))
-    return replace(log, temperature_degC=log.temperature_degC - done), tuple(loads)
+    return Cleared(replace(thin, temperature_degC=thin.temperature_degC - done), tuple(loads),
+                   course.before, float(found.linear[1]) if course.rest else None,
+                   _most_dead_time_s(course, found, pwm_period_s or course.step))
+
+
+class _Tried(NamedTuple):
+    """A start, and the heater that goes with it."""
+
+    thin: Log
+    course: _Course
+    found: _Found
+
+    def worth(self) -> tuple[bool, float]:
+        """Less is better."""
+        return _worth(self.found)
+
+
+def _tried(log: Log, pwm_period_s: float | None, before: float, *, rest: bool) -> _Tried:
+    thin = thinned(log, pwm_period_s, before)
+    course = _course(thin, before, pwm_period_s, rest=rest)
+    return _Tried(thin, course, _searched(course))
+
+
+def _most_dead_time_s(course: _Course, found: _Found, wait_s: float) -> float | None:
+    """Return the shortest dead time tried with which one lag, its loads fitted anew, is plainly worse [s].
+
+    A duty acts when the next PWM period begins, `wait_s` later at most: the log does not tell a dead time finer.
+    """
+    best = _refined(course, found.lag, 0.0, found.delay + found.ratio * found.lag, found.instants)
+    for times in _LONGER:
+        held = times * best.delay + wait_s
+        if _refined(course, best.lag, 0.0, held, best.instants, held=True).bic > best.bic + _RULED_OUT:
+            return held
+    return None
 
 
 def _worth(found: _Found) -> tuple[bool, float]:
     return not found.sensible, found.bic
 
 
-def _befores(log: Log) -> list[float]:
-    """Return what the power may have been before the first reading: that of the first row, or none [%]."""
+def _starts(log: Log, pwm_period_s: float | None) -> list[tuple[float, bool]]:
+    """Return what the power may have been before the first reading [%], and whether the heater was at rest with that.
+
+    A loop that is at its setpoint as its log begins was at work. One that is far below may have been off, and cold:
+    that is plain where the temperature begins to rise no sooner than a dead time after the power.
+    """
     assert log.power_pct is not None
-    return list(dict.fromkeys((float(log.power_pct[0]), 0.0)))
+    readings, own = log.temperature_degC, float(np.median(np.diff(log.time_s)))
+    first, span = float(readings[0]), float(np.ptp(readings))
+    at_work = (float(log.power_pct[log.time_s < log.time_s[0] + (pwm_period_s or own)].mean()), False)
+    if log.setpoint_degC is not None and float(log.setpoint_degC[0]) - first < _BELOW * span:
+        return [at_work]
+    risen = [float(log.time_s[np.argmax(readings >= first + share * span)] - log.time_s[0]) for share in _RISEN]
+    if first < float(readings.min()) + _COLDEST * span and 2.0 * risen[0] - risen[1] > _STILL * own:
+        return [(0.0, True)]
+    return [at_work, (0.0, False)]
 
 
-def _course(log: Log, before: float) -> _Course:
+def _course(log: Log, before: float, pwm_period_s: float | None, *, rest: bool) -> _Course:
     assert log.power_pct is not None
     since = log.time_s - log.time_s[0]
     step = max(float(np.median(np.diff(since))), float(since[-1]) / _ROWS)
@@ -160,8 +236,9 @@ def _course(log: Log, before: float) -> _Course:
     held = np.concatenate([[0.0], np.cumsum(log.power_pct[:-1] * np.diff(since))])
     energy = np.interp(np.append(time, time[-1] + step), since, held)
     power = np.append(np.diff(energy)[:-1] / step, log.power_pct[-1])
-    each = max(1, len(time) // _READINGS)
-    course = _Course(time, power, before, np.zeros(len(time) // each), np.zeros(0))
+    # averages over less than a PWM period would not be independent
+    each = max(1, len(time) // _READINGS, math.ceil((pwm_period_s or 0.0) / step - 1e-9))
+    course = _Course(time, power, before, np.zeros(len(time) // each), np.zeros(0), rest)
     course.middle, course.readings = course.mean(time), course.mean(np.interp(time, since, log.temperature_degC))
     return course
 
@@ -215,8 +292,13 @@ def _added(
     return best, kept
 
 
-def _refined(course: _Course, lag: float, ratio: float, delay: float, instants: Array) -> _Found:
-    """Return what least squares makes of a start: all that is not linear, the instants of the loads included."""
+def _refined(
+    course: _Course, lag: float, ratio: float, delay: float, instants: Array, *, held: bool = False
+) -> _Found:
+    """Return what least squares makes of a start: all that is not linear, the instants of the loads included.
+
+    `held`: the dead time stays.
+    """
     two, length = ratio > 0.0, course.length
 
     def parts(z: Array) -> tuple[float, float, float, Array]:
@@ -228,6 +310,8 @@ def _refined(course: _Course, lag: float, ratio: float, delay: float, instants: 
 
     low = [math.log(0.5 * course.step), 0.0, *([0.005] if two else []), *([_EDGES[0]] * len(instants))]
     high = [math.log(5.0 * length), 0.25, *([0.98] if two else []), *([_EDGES[1]] * len(instants))]
+    if held:
+        low[1], high[1] = delay / length - 1e-6, delay / length + 1e-6
     start = np.clip([math.log(lag), delay / length, *([ratio] if two else []), *(instants / length)],
                     np.array(low) + 1e-9, np.array(high) - 1e-9)
     z = least_squares(left, start, bounds=(low, high), x_scale="jac", diff_step=1e-4, max_nfev=40).x
@@ -237,10 +321,16 @@ def _refined(course: _Course, lag: float, ratio: float, delay: float, instants: 
 
 
 def _pruned(course: _Course, found: _Found) -> _Found:
-    """Return what was found without the loads that are too small to be one."""
+    """Return what was found without what is no load: too small, the start's, or the second of two at one instant."""
     while len(found.instants):
+        order = np.argsort(found.instants)
+        apart = np.diff(found.instants[order])
         smallest = int(np.argmin(np.abs(found.sizes)))
-        if abs(found.sizes[smallest]) >= _LEAST_PCT:
+        if found.instants.min() < (_EDGES[0] + _ONE) * course.length:
+            smallest = int(np.argmin(found.instants))
+        elif len(apart) and apart.min() < _ONE * course.length:
+            smallest = int(order[np.argmin(apart)])
+        elif abs(found.sizes[smallest]) >= _LEAST_PCT:
             break
         found = _refined(course, found.lag, found.ratio, found.delay, np.delete(found.instants, smallest))
     return found

@@ -225,29 +225,50 @@ def switchings_per_h(log: Log, pwm_period_s: float | None) -> float | None:
     return 2.0 * 3600.0 / pwm_period_s * partly
 
 
-def thinned(log: Log, pwm_period_s: float | None) -> Log:
-    """Return a log with power at fewer rows, each with the mean power up to the next; a short one as it is.
+def thinned(log: Log, pwm_period_s: float | None, before_pct: float | None = None) -> Log:
+    """Return a log with power at fewer rows, readings and power both averaged over whole PWM periods.
 
-    Where the power is the switch itself, a row is a whole PWM period or several: when the switch opened is told to a
-    row of the log, and no better.
+    What a heater makes of its power it makes of the averaged power too, and the ripple that no row of a log can follow
+    is gone from both. Without a PWM period the average is that of a row; a short log is then returned as it is.
 
     Args:
         log: with power.
-        pwm_period_s: as far as it is known; of a log whose power is no switch it is not looked at.
+        pwm_period_s: as far as it is known; None: that of the switch, where the power is one.
+        before_pct: power before the first row [%]; None: that of the first row.
     """
     assert log.power_pct is not None
-    length = float(log.time_s[-1] - log.time_s[0])
-    step, period = length / _OF_FIT, found_period_s(log)
-    if period is not None:
-        period = pwm_period_s or period
-        step = period * math.ceil(step / period)
-    elif step < 2.0 * float(np.median(np.diff(log.time_s))):
+    length, own = float(log.time_s[-1] - log.time_s[0]), float(np.median(np.diff(log.time_s)))
+    step, period = max(length / _OF_FIT, own), pwm_period_s or found_period_s(log)
+    if period is None and step < 2.0 * own:
         return log
+    width = step if period is None else max(period * math.ceil(step / period - 1e-9), own)
     time = log.time_s[0] + step * np.arange(int(length / step + 1e-9) + 1, dtype=np.float64)
-    energy = np.concatenate([[0.0], np.cumsum(log.power_pct[:-1] * np.diff(log.time_s))])
-    power = np.diff(np.interp(time, log.time_s, energy)) / step
-    held = np.searchsorted(log.time_s, time + 1e-9 * step, side="right") - 1
+    edges = np.append(time, time[-1] + step)
+    before = float(log.power_pct[0]) if before_pct is None else before_pct
+    known = np.concatenate([[log.time_s[0] - width], log.time_s])
+    held = np.concatenate([[before], log.power_pct])
+    twice = _integrated_twice(known, held, edges + 0.5 * width) - _integrated_twice(known, held, edges - 0.5 * width)
+    middle = (log.temperature_degC[1:] + log.temperature_degC[:-1]) / 2.0
+    warmth = np.concatenate([log.temperature_degC[:1], middle, log.temperature_degC[-1:]])
+    once = _integrated(known, warmth, time + 0.5 * width) - _integrated(known, warmth, time - 0.5 * width)
+    rows = np.searchsorted(log.time_s, time + 1e-9 * step, side="right") - 1
     return replace(
-        log, time_s=time, temperature_degC=np.interp(time, log.time_s, log.temperature_degC), disturbance=None,
-        power_pct=np.clip(np.append(power, power[-1]), 0.0, 100.0),
-        setpoint_degC=None if log.setpoint_degC is None else log.setpoint_degC[held])
+        log, time_s=time, temperature_degC=once / width, disturbance=None,
+        power_pct=np.clip(np.diff(twice) / (width * step), 0.0, 100.0),
+        setpoint_degC=None if log.setpoint_degC is None else log.setpoint_degC[rows])
+
+
+def _integrated(time: Array, held: Array, at: Array) -> Array:
+    """Return the integral of what is held from each instant to the next, the last for good, shape of `at`."""
+    row = np.clip(np.searchsorted(time, at, side="right") - 1, 0, None)
+    sums = np.concatenate([[0.0], np.cumsum(held[:-1] * np.diff(time))])
+    return np.asarray(sums[row] + held[row] * (at - time[row]))
+
+
+def _integrated_twice(time: Array, held: Array, at: Array) -> Array:
+    """Return the integral of `_integrated`, exactly."""
+    row, gap = np.clip(np.searchsorted(time, at, side="right") - 1, 0, None), np.diff(time)
+    once = np.concatenate([[0.0], np.cumsum(held[:-1] * gap)])
+    sums = np.concatenate([[0.0], np.cumsum(once[:-1] * gap + 0.5 * held[:-1] * gap**2)])
+    since = at - time[row]
+    return np.asarray(sums[row] + once[row] * since + 0.5 * held[row] * since**2)

@@ -38,13 +38,15 @@ class Loop:
 
     Attributes:
         name: of the loop.
-        file: its log, a path below the folder.
+        file: its log, a path below the folder; of a loop that is recorded, the address of its PLC.
         target: the controller.
         folder: what `design` wrote for it: its words, and the heater they were made for.
         setpoint_degC: where the log holds none [°C].
         switch: what switches the heater, one of `heatertune.proof.period.SWITCHES`; None: not known.
         pwm_period_s: of it [s].
         low_degC, high_degC: range of the sensor [°C]; None: that of its words, or as asked for.
+        map: small file that says where the PLC shows temperature and power, where no `folder` does; of a loop that is
+            recorded.
 
     Raises:
         OutOfRange: a period that is not above zero, a setpoint below the absolute zero, half a range or an empty one.
@@ -60,6 +62,7 @@ class Loop:
     pwm_period_s: float | None = None
     low_degC: float | None = None
     high_degC: float | None = None
+    map: str | None = None
 
     def __post_init__(self) -> None:
         if self.pwm_period_s is not None:

@@ -24,8 +24,14 @@ _WIDE = 0.3  # an interval wider than ±30 % of its centre identifies nothing
 
 
 def interval(values: Array, low: float, high: float) -> Interval:
-    """Return the central 95 % of resampled values, shape (n,); an end on a bound of the search is open (None)."""
-    lower, upper = percentile_interval(values[np.isfinite(values)])
+    """Return the central 95 % of resampled values, shape (n,); an end on a bound of the search is open (None).
+
+    Values that are not finite do not count; where none is, both ends are open.
+    """
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return Interval(low=None, high=None)
+    lower, upper = percentile_interval(known)
     margin = 1e-9 * (high - low) if np.isfinite(high - low) else 0.0
     return Interval(
         low=None if lower <= low + margin else lower, high=None if upper >= high - margin else upper

@@ -147,7 +147,7 @@ STORY: Final[dict[str, Part]] = {
                  field="step_share", unit="%", factor=0.01),
     "load": Part(what="a load takes so much of full power for five (T+L), and gives it back",
                  field="load_pct", unit="%"),
-    "open-circuit": Part(what="the heater's circuit is open for two TN and for a night, the PLC running", field="opens"),
+    "open-circuit": Part(what="the heater's circuit is open for two TN and a night, the PLC running", field="opens"),
     "setpoint-change": Part(what="the setpoint falls to the lower end of the setpoints of use, and rises again",
                             field="changes"),
     "mains": Part(what="the mains voltage falls and rises by 10 %", field="mains"),

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.live.client.address import address_of
-from heatertune.live.places import ROLES, places_for
+from heatertune.live.places import ROLES, places_given
 from heatertune.live.recorder import Recorded, Recording, record
 from heatertune.studio.thinned import thinned
 
@@ -72,7 +72,7 @@ class LiveLog:
         """Take what the user typed.
 
         Raises:
-            HeatertuneError: no address, no log, a time that is none; as `heatertune.live.places.places_for`.
+            HeatertuneError: no address, no log, a time that is none; as `heatertune.live.places.places_given`.
         """
         self.address, where = asked.address.strip(), asked.where.strip()
         if not asked.log.strip():
@@ -80,7 +80,8 @@ class LiveLog:
         self.path = Path(asked.log.strip()).expanduser().absolute()
         self._address = address_of(self.address)
         is_design = bool(where) and Path(where).expanduser().is_dir()
-        self._places = places_for(where if is_design else None, where if where and not is_design else None)
+        self._places = places_given(design=where if is_design else None,
+                                    map_file=where if where and not is_design else None)
         self._settings = Recording(every_s=_seconds(asked.every), append=asked.append)
         self.so_far: Recorded | None = None
         self.is_over = False

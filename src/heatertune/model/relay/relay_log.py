@@ -103,7 +103,8 @@ class RelayEstimate:
     Attributes:
         periods: number of whole periods used.
         period_s: ultimate period by the describing function, with its 95 % interval [s].
-        ultimate_gain: gain of a P controller on the limit of stability, by the describing function [%/°C].
+        ultimate_gain: gain of a P controller on the limit of stability, by the describing function [%/°C]; nan where a
+            swing lies within the thresholds.
         oscillation: the FOPDT whose oscillation this is, None where the log does not tell its gain.
         source: how the gain was found, or why it was not.
         output_error: the FOPDT of the output-error fit that starts there, None without a start.
@@ -164,7 +165,9 @@ def estimate(record: RelayRecord, *, ambient_degC: float | None = None) -> Relay
     step = record.high_pct - record.low_pct
 
     def ultimate(swing: Array | float) -> Array:
-        return 4.0 * step / (math.pi * np.sqrt(np.asarray(swing) ** 2 - (2.0 * relay.hysteresis_degC) ** 2))
+        beyond = np.asarray(swing) ** 2 - (2.0 * relay.hysteresis_degC) ** 2
+        with np.errstate(divide="ignore", invalid="ignore"):  # a swing within the thresholds tells no gain
+            return 4.0 * step / (math.pi * np.sqrt(beyond))
 
     on_s, off_s = record.times()
     gain, source = _static_gain(record)
@@ -246,7 +249,7 @@ def with_relay(log: Log, fitted: FittedModel, *, ambient_degC: float | None) -> 
             f"there: {_numbers(test.output_error)}."
         )
     highest, lowest = record.extremes()
-    if record.relay.hysteresis_degC > _WIDE * 0.5 * (highest - lowest):
+    if math.isnan(test.ultimate_gain[0]) or record.relay.hysteresis_degC > _WIDE * 0.5 * (highest - lowest):
         doubt = "The thresholds lie too far apart for the swing: it does not tell the ultimate gain and period."
         return replace(fitted, notes=(*fitted.notes, summary, model, doubt))
     doubt = "On a FOPDT the describing function errs by −19 to +27 %, which its interval does not hold."
@@ -310,8 +313,10 @@ def _decay_of(logs: Callable[[float], tuple[float, float]], ratio: float) -> flo
 
 
 def _mean(values: Array, centre: float, margin: float) -> tuple[float, Interval]:
-    """Return the centre and its 95 % interval from the scatter, widened by what the sampling hides."""
+    """Return the centre and its 95 % interval from the scatter, widened by what the sampling hides; nan: unknown."""
     n = len(values)
+    if not np.isfinite([centre, *values]).all():
+        return math.nan, Interval(low=None, high=None)
     half = float(stdtrit(n - 1, 0.975) * np.std(values, ddof=1) / math.sqrt(n)) + margin
     return centre, Interval(low=centre - half, high=centre + half)
 
