@@ -28,8 +28,7 @@ from heatertune.cache import folder
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["bound", "compiled", "decide", "is_kept", "machine_code", "runs_compiled_as", "worth_a_second",
-           "worth_compiling"]
+__all__ = ["bound", "compiled", "decide", "machine_code", "runs_compiled_as", "worth_a_second", "worth_compiling"]
 
 _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 
@@ -95,7 +94,7 @@ def worth_compiling(
     """
     decided = _decided[0]
     if decided == "kept":
-        return function is not None and is_kept(function)
+        return function is not None and _is_kept(function)
     if decided is not None:
         return decided
     _scans_asked[work] += scans
@@ -103,7 +102,7 @@ def worth_compiling(
     kept = _PLAIN_SCANS_READY if "numba" in sys.modules else _PLAIN_SCANS_KEPT
     if kept < _scans_asked[work] <= most and function is not None and work not in _looked_for:
         _looked_for.add(work)
-        if is_kept(function):
+        if _is_kept(function):
             _scans_asked[work] = most + 1
     return _scans_asked[work] > most
 
@@ -119,7 +118,7 @@ def worth_a_second(scans: int, function: Callable[..., Any], *, most: int, most_
     """
     if _decided[0] is False or scans <= most_kept:
         return False
-    return (scans > most and _decided[0] != "kept") or is_kept(function)
+    return (scans > most and _decided[0] != "kept") or _is_kept(function)
 
 
 @remember
@@ -178,7 +177,7 @@ def _place(function: Callable[..., Any]) -> Path | None:
     return None if base is None or digest is None else base / f"compiled-{digest[:16]}"
 
 
-def is_kept(function: Callable[..., Any]) -> bool:
+def _is_kept(function: Callable[..., Any]) -> bool:
     """Return whether machine code of a function is on disk, of arguments of whatever types."""
     if function not in _found:
         place, name = _place(function), f".{function.__qualname__}-"

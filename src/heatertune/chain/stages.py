@@ -34,8 +34,7 @@ __all__ = [
 
 def fit(
     data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...], settings: FitSettings | None = None, *,
-    thorough: bool = False, companions: bool = False, progress: Told = str, slow: Callable[[], None] | None = None,
-    **changed: Any,
+    thorough: bool = False, companions: bool = False, progress: Told = str, **changed: Any,
 ) -> FittedModel:
     """Identify the heater behind a log; the paper's controller laws run inside the fit where no power was logged.
 
@@ -46,14 +45,13 @@ def fit(
         thorough: carry every controller hypothesis to the end, however far behind it is.
         companions: whether the candidates of other built-in logs of the same heater are added.
         progress: told what begins.
-        slow: called where the fit was not kept and is begun; None: nothing.
         changed: fields of `FitSettings` that are other than in `settings`.
 
     Raises:
         InputError, OutOfRange: as `heatertune.model.fit.fit` and `log_of`.
     """
     asked, log = merged(FitSettings, settings, changed), log_of(data)
-    fitted = _fit_one(log, asked, progress, thorough=thorough, slow=slow)
+    fitted = _fit_one(log, asked, progress, thorough=thorough)
     if not companions:
         return fitted
     others = [_fit_one(read_log(name, errata=True), FitSettings(), progress) for name in log.same_heater]
@@ -117,12 +115,8 @@ def fit_known(
     return _kept("fit-known", inputs, run, progress)
 
 
-def _fit_one(
-    log: Log, given: FitSettings, progress: Told, *, thorough: bool = False, slow: Callable[[], None] | None = None,
-) -> FittedModel:
+def _fit_one(log: Log, given: FitSettings, progress: Told, *, thorough: bool = False) -> FittedModel:
     def run() -> FittedModel:
-        if slow is not None:
-            slow()
         from heatertune.model.fit import fit as fit_log  # noqa: PLC0415 - compiles; what is kept needs no fit
 
         laws = _laws() if log.power_pct is None else ()

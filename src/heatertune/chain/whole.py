@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune import cache
-from heatertune.chain.ahead import compiling
 from heatertune.chain.as_left import as_left_in, beside, files_of
 from heatertune.chain.documents import log_document, read_documents, words_document
 from heatertune.chain.stages import export, fit
@@ -89,9 +88,7 @@ def design(
     controller_for(asked.target)  # an unknown target is refused before the long part
     log = source if isinstance(source, Log) else read_log(source, read, errata=True)
     progress(_told("fit"))
-    with compiling(asked.target) as beside:
-        fitted = fit(log, fitted_with, companions=True, progress=progress, slow=beside.begin)
-        beside.wait()
+    fitted = fit(log, fitted_with, companions=True, progress=progress)
     result = closed(fitted, asked, progress=progress, stage=lambda name: progress(_told(name)))
     proof = result.proof
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}

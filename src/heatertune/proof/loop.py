@@ -10,7 +10,7 @@ from typing import Any, Final, cast
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import bound, compiled, is_kept, worth_compiling
+from heatertune.compiled import bound, compiled, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.plc.controller import Controller
@@ -33,7 +33,7 @@ from heatertune.proof.scenario import (
 from heatertune.proof.trace import Trace
 
 __all__ = [
-    "InLoop", "actuator_of", "check_words", "in_loop", "is_compiled", "noise_of", "plant_row",
+    "InLoop", "actuator_of", "check_words", "in_loop", "noise_of", "plant_row",
     "program_of", "pulses_of", "ring_size", "run_compiled", "run_loop", "run_plainly", "run_with", "scans_of",
     "simulate", "traced",
 ]
@@ -235,11 +235,6 @@ def _run_of(core: Core) -> Callable[..., tuple[int, int]]:
     loop = bound(run, step=core.step, measure=core.measure, restarted=core.restarted,
                  asked_now=bound(asked_now, stored=core.stored))
     return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop, started=core.started))
-
-
-def is_compiled(core: Core) -> bool:
-    """Return whether the kernel's machine code with a controller is kept, or it has none."""
-    return not core.compiles or is_kept(_run_of(core))
 
 
 def run_compiled(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
