@@ -31,7 +31,7 @@ _ADDRESS: Final = re.compile(r" at 0x[0-9a-f]+")
 def executed(path: Path, folder: Path | str) -> Any:
     """Return a notebook as it is after a run in a folder, its results made light."""
     notebook = nbformat.read(path, 4)
-    nbclient.NotebookClient(notebook, timeout=900, kernel_name="python3").execute(cwd=str(folder))
+    nbclient.NotebookClient(notebook, timeout=900, kernel_name="python3", coalesce_streams=True).execute(cwd=str(folder))
     notebook.metadata = nbformat.from_dict({
         "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
         "language_info": {"name": "python"}})

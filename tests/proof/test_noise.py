@@ -42,9 +42,9 @@ def test_so_many_draws_speak_of_95_percent_with_95_percent_confidence():
 
 def test_words_that_pass_with_one_draw_fail_where_another_breaks_a_limit(monkeypatch):
     monkeypatch.setattr(compiled, "_PLAIN_SCANS", 0)  # in the machine code that the proof has anyway
-    proof = prove(WORDS, FITTED, NOISY)
+    proof = prove(WORDS, FITTED, replace(NOISY, tolerance_degC=0.42))
     assert proof.verdict == "FAIL"
-    assert _remarks(proof) == ["noise of 0.2 °C: 2 of 59 draws break a limit on the run nearest to one"]
+    assert _remarks(proof) == ["noise of 0.2 °C: 1 of 59 draws break a limit on the run nearest to one"]
     # draws on their own, measured on their traces and not by the meter that the proof uses
     heater, broken = delayed(HEATER, S5.delay_s), proof.worst.scenario.seed
     assert 0 < broken < DRAWS
