@@ -7,7 +7,7 @@ import pytest
 
 HAND = ("--gain", 0.8, "--time-constant", 480, "--dead-time", 60, "--ambient", 22)
 CONDITIONS = ("--target", "weg", "--setpoint", 40, "--switch", "order=as_printed", "--switch", "edge=output_zero",
-              "--switch", "manual=limited", "--switch", "manual_return=held", "--switch", "filter=implicit",
+              "--switch", "anti_windup=clamp", "--switch", "manual=limited", "--switch", "manual_return=held", "--switch", "filter=implicit",
               # what an open circuit leaves behind is mended by a holdback, which a rate of one's own has not
               "--limit", "reheat-overshoot=90%")
 

@@ -147,7 +147,7 @@ def test_a_window_that_cannot_be_drawn_keeps_no_other_from_the_truth(work, caplo
 
 @pytest.mark.long
 @pytest.mark.parametrize(("target", "button", "price"), [
-    ("weg", "Show the nearest design that passes", "with a boost (full power until 11.6 °C from the setpoint"),
+    ("weg", "Show the nearest design that passes", "with a boost (full power until 8.31 °C from the setpoint"),
     ("on-off", "Allow that much", "s and a tolerance of 5 °C."),
 ])
 def test_a_design_that_fails_offers_the_nearest_that_passes_and_goes_back(work, monkeypatch, target, button, price):

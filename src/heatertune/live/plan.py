@@ -137,7 +137,7 @@ def _events(
 ) -> tuple[list[float], list[int], list[float]]:
     """Return the events of a scenario, sizes drawn, with those of the faults among them."""
     sized = replace(scenario, disturbances=tuple(
-        _sized(event, factor) for event, factor in zip(scenario.disturbances, factors.tolist(), strict=True)))
+        _sized(event, factor) for event, factor in zip(scenario.disturbances, map(float, factors), strict=True)))
     own = zip(*(column[0].tolist() for column in events_of(sized, [row[3]])), strict=True)
     merged = sorted([*own, *heater_events(faults, row[0], row[3])])
     times, kinds, values = (list(column) for column in zip(*merged, strict=True))

@@ -271,7 +271,7 @@ def _after_a_night(
         return []
     hardest = max(results, key=lambda result: max(each.strain for each in result.criteria if each.name == _AFTER))
     again = Runs.of(runs.controller, runs.words, models, night.scenario, runs.actuator, runs.limits,
-                    replace(coverage, only=[(hardest.model, hardest.switches)]), interlock=runs.interlock)
+                    replace(coverage, only=[(hardest.model, hardest.switches)], progress=str), interlock=runs.interlock)
     after = next(each for each in again.judged()[0] if each.name == _AFTER)
     return [] if after.ok else [wound_up(night, after.value)]
 
