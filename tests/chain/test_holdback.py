@@ -1,6 +1,7 @@
 """The holdback of the setpoint ramp: what a controller winds up by while the heater's circuit is open."""
 
 import json
+import re
 from dataclasses import replace
 
 import pytest
@@ -11,7 +12,7 @@ from heatertune.model.mirrored import mirrored as mirrored_fit
 from heatertune.model.values import Fopdt
 from heatertune.plc import Ramp, controller_for
 from heatertune.plc.design import encode, tune
-from heatertune.proof import Story, prove
+from heatertune.proof import Mains, Story, prove
 from heatertune.proof.closing import Asked, closed
 from heatertune.proof.frames import Frame, frames
 from heatertune.proof.setpoint_ramp import prove_ramped
@@ -101,6 +102,19 @@ def test_a_design_is_led_rather_than_made_many_times_dearer():
     plain = closed(HEATER, replace(asked, setpoint_ramp="none"))
     assert plain.proof.verdict == "FAIL"
     assert "reheat_overshoot" in [each.name for each in plain.proof.criteria if not each.ok]
+
+
+@pytest.mark.parametrize(("limit", "unit"), [("40%", "%"), ("9.6degC", "°C")])
+def test_a_holdback_winds_up_the_more_the_longer_the_circuit_is_open(found, limit, unit):
+    # the setpoint is held as far from the reading as ever, and WEG's sum grows with the time: nothing ends it
+    asked = replace(PROVING, limit=(f"reheat-overshoot={limit}",), accept=())
+    proof = prove(found[0].words, HEATER, asked)
+    (finding,) = [each for each in proof.heard.findings if each.name == "winds-up"]
+    assert proof.verdict == "NOT PROVEN"
+    hours, beyond = re.search(rf"After ([\d.]+) h with an open circuit it overshoots by ([\d.]+) {unit};", finding.told).groups()
+    *_, opened, closed_again = (each.time_s for each in proof.scenario.disturbances if isinstance(each, Mains))
+    assert float(hours) == pytest.approx(4.0 * (closed_again - opened) / 3600.0, rel=0.05)
+    assert float(beyond) > float(limit.rstrip("%degC"))
 
 
 def test_a_rate_of_ones_own_has_no_holdback(words):

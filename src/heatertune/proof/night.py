@@ -49,16 +49,16 @@ def night_of(scenario: Scenario) -> Night | None:
     return Night(longer, opened[number], _TIMES * opened[number])
 
 
-def wound_up(night: Night, overshoot_pct: float) -> Finding:
+def wound_up(night: Night, overshoot: str) -> Finding:
     """Return what an overshoot after the longer time means.
 
     Args:
         night: which time.
-        overshoot_pct: above the setpoint [% of its step].
+        overshoot: above the setpoint, with its unit.
     """
     return Finding(name=_NAME, told=(
-        f"After {night.open_s / 3600.0:.2g} h with an open circuit it overshoots by {overshoot_pct:.0f} %; the limit "
-        f"is kept after {night.proven_s / 3600.0:.2g} h."))
+        f"After {night.open_s / 3600.0:.2g} h with an open circuit it overshoots by {overshoot}; the limit is kept "
+        f"after {night.proven_s / 3600.0:.2g} h."))
 
 
 def winds_up(heard: Heard) -> bool:

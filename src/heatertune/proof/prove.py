@@ -25,7 +25,7 @@ from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, digested
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge, of_words
-from heatertune.proof.measured import band_of
+from heatertune.proof.measured import IN_DEGC, band_of
 from heatertune.proof.night import night_of, wound_up
 from heatertune.proof.noise import drawn, nearest
 from heatertune.proof.runs import Runs
@@ -37,7 +37,7 @@ from heatertune.show import Shown
 
 __all__ = ["Proof", "RunResult", "prove_models"]
 
-_AFTER: Final = "reheat_overshoot"
+_AFTER: Final = ("reheat_overshoot", f"reheat_overshoot{IN_DEGC}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -269,11 +269,11 @@ def _after_a_night(
     night = night_of(runs.scenario)
     if night is None:
         return []
-    hardest = max(results, key=lambda result: max(each.strain for each in result.criteria if each.name == _AFTER))
+    hardest = max(results, key=lambda result: max(each.strain for each in result.criteria if each.name in _AFTER))
     again = Runs.of(runs.controller, runs.words, models, night.scenario, runs.actuator, runs.limits,
                     replace(coverage, only=[(hardest.model, hardest.switches)], progress=str), interlock=runs.interlock)
-    after = next(each for each in again.judged()[0] if each.name == _AFTER)
-    return [] if after.ok else [wound_up(night, after.value)]
+    after = max((each for each in again.judged()[0] if each.name in _AFTER), key=lambda each: each.strain)
+    return [] if after.ok else [wound_up(night, f"{after.value:.3g} {after.unit}")]
 
 
 def _with_band(heard: Heard, limits: Limits, resolution_degC: float) -> Heard:
