@@ -48,6 +48,21 @@ def commands() -> str:
     return "\n".join(parts)
 
 
+def plant() -> str:
+    """Return the notebook on the way to the plant as it is stored, without its first heading."""
+    path = SOURCE.parents[1] / "notebooks" / "09_from_file_to_plant.ipynb"
+    parts = []
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        text = "".join(cell["source"])
+        parts.append(text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```")
+        for output in cell.get("outputs", ()):
+            if "text" in output:
+                parts.append(f"```text\n{''.join(output['text']).rstrip()}\n```")
+            elif (picture := output["data"].get("image/png")) is not None:
+                parts.append(f"![what the cell draws](data:image/png;base64,{''.join(picture).strip()})")
+    return "\n\n".join(parts).removeprefix(parts[0].partition("\n")[0])
+
+
 def symbols() -> str:
     """Return the table of symbols."""
     return _table(("symbol", "term [unit]", "meaning", "name in the code"), [
@@ -140,6 +155,7 @@ def modules(room: str) -> list[str]:
 
 GENERATORS: dict[str, Callable[[], str]] = {
     "commands": commands, "symbols": symbols, "words": words, "controllers": controllers, "rooms": rooms,
+    "plant": plant,
 } | {f"service_{name.replace('-', '_')}": partial(service, name) for name in TARGETS
 } | {f"python_{room}": partial(python, room) for room in ROOMS}
 
