@@ -11,7 +11,7 @@ from heatertune.errors import InputError
 
 __all__ = ["add_to"]
 
-_EXAMPLE = "example: heatertune advise table4 --pid pid.json --setpoint 53.3"
+_EXAMPLE = "example: heatertune advise table4 --pid pid.json --target s5-ob251 --setpoint 53.3"
 
 
 def add_to(commands: Any) -> None:
