@@ -31,6 +31,7 @@ from heatertune.proof import (
     story_for,
 )
 from heatertune.proof.course import Loop
+from heatertune.proof.night import night_of
 from heatertune.proof.scenario import delayed, kinds_of, phases_of
 
 #: 100 s of lag and 10 s of dead time; 40 % of the power hold 60 °C
@@ -102,6 +103,17 @@ def test_an_open_circuit_lasts_until_a_boost_nearly_takes_the_heater_back_whatev
         assert 5.0 < 40.0 * (1.0 - math.exp(-opened / heater.time_constant_s)) < 8.0
     assert len(_story(fast, loop=replace(LOOP, again_degC=8.0)).scenario.disturbances) == len(_story(fast).scenario.disturbances) + 2
     assert len(_story(fast, loop=replace(LOOP, again_degC=40.0)).scenario.disturbances) == len(_story(fast).scenario.disturbances)
+
+
+def test_a_night_is_made_of_the_longest_circuit_that_is_closed_again():
+    scenario = _story().scenario
+    opened, closed = scenario.disturbances[5:7]
+    night = night_of(scenario)
+    assert (night.proven_s, night.open_s) == (_up(800.0), 4.0 * _up(800.0))
+    assert night.scenario.disturbances == (*scenario.disturbances[:6], replace(closed, time_s=opened.time_s + 4.0 * _up(800.0)))
+    assert len(night.scenario.rests_s) == len(night.scenario.disturbances) + 1
+    for never in ((opened,), (opened, Load(time_s=opened.time_s + 100.0, power_pct=-5.0))):  # a scenario of somebody's own
+        assert night_of(replace(scenario, disturbances=never, rests_s=())) is None
 
 
 def test_a_ramp_and_a_slow_switch_get_their_time():

@@ -7,6 +7,7 @@ the longer it waits, so no story is long enough: what it does after a longer one
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 from heatertune.model.findings import Finding
@@ -34,10 +35,11 @@ class Night(NamedTuple):
 
 
 def night_of(scenario: Scenario) -> Night | None:
-    """Return the longest open circuit of a story made longer; None: there is none."""
+    """Return the longest open circuit of a story made longer; None: there is none that is closed again."""
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
-    opened = {number: ends[number + 1] - ends[number] for number, event in enumerate(scenario.disturbances)
-              if isinstance(event, Mains) and event.share == 0.0}
+    opened = {number: closed.time_s - event.time_s
+              for number, (event, closed) in enumerate(pairwise(scenario.disturbances))
+              if isinstance(event, Mains) and isinstance(closed, Mains) and event.share == 0.0 < closed.share}
     if not opened:
         return None
     number = max(opened, key=lambda one: opened[one])
