@@ -15,9 +15,10 @@ import shutil
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache as remember
+from functools import partial
 from pathlib import Path
 from threading import Lock
 from types import FunctionType
@@ -28,7 +29,7 @@ from heatertune.cache import folder
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["bound", "compiled", "decide", "machine_code", "runs_compiled_as", "worth_a_second", "worth_compiling"]
+__all__ = ["bound", "compiled", "decide", "is_kept", "machine_code", "made_beside", "runs_compiled_as", "worth_a_second", "worth_compiling"]
 
 _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 
@@ -49,6 +50,9 @@ _decided: Final[list[bool | Literal["kept"] | None]] = [None]
 
 #: functions whose machine code was found on disk
 _found: Final[set[Callable[..., Any]]] = set()
+
+#: functions that another process compiles → what waits for it
+_beside: Final[dict[Callable[..., Any], Callable[[], object]]] = {}
 
 #: functions that no compiler takes → what is compiled in their place
 _TWINS: Final[dict[Any, Any]] = {}
@@ -94,7 +98,7 @@ def worth_compiling(
     """
     decided = _decided[0]
     if decided == "kept":
-        return function is not None and _is_kept(function)
+        return function is not None and is_kept(function)
     if decided is not None:
         return decided
     _scans_asked[work] += scans
@@ -102,7 +106,7 @@ def worth_compiling(
     kept = _PLAIN_SCANS_READY if "numba" in sys.modules else _PLAIN_SCANS_KEPT
     if kept < _scans_asked[work] <= most and function is not None and work not in _looked_for:
         _looked_for.add(work)
-        if _is_kept(function):
+        if is_kept(function):
             _scans_asked[work] = most + 1
     return _scans_asked[work] > most
 
@@ -118,7 +122,7 @@ def worth_a_second(scans: int, function: Callable[..., Any], *, most: int, most_
     """
     if _decided[0] is False or scans <= most_kept:
         return False
-    return (scans > most and _decided[0] != "kept") or _is_kept(function)
+    return (scans > most and _decided[0] != "kept") or is_kept(function)
 
 
 @remember
@@ -148,6 +152,14 @@ def compiled(function: _Plain, *, allocates: bool = False) -> _Plain:
     return cast(_Plain, _door(function, allocates))
 
 
+def made_beside(function: Callable[..., Any], wait: Callable[[], object]) -> None:
+    """Take note that another process compiles a function, so that `wait` is called before this one looks for it on disk.
+
+    Where it is not found then, this process compiles it.
+    """
+    _beside[function] = wait
+
+
 def machine_code(place: Path, of: str = "compiled-*") -> list[Path]:
     """Return the indices of what is kept compiled in a folder of `heatertune.cache`: one file for each function.
 
@@ -158,6 +170,8 @@ def machine_code(place: Path, of: str = "compiled-*") -> list[Path]:
 
 @remember
 def _door(function: Callable[..., Any], allocates: bool) -> Any:
+    if function in _beside:
+        _beside.pop(function)()
     kept = _place(function)
     if kept is None:
         return _machine(function, allocates=allocates)
@@ -177,9 +191,9 @@ def _place(function: Callable[..., Any]) -> Path | None:
     return None if base is None or digest is None else base / f"compiled-{digest[:16]}"
 
 
-def _is_kept(function: Callable[..., Any]) -> bool:
-    """Return whether machine code of a function is on disk, of arguments of whatever types."""
-    if function not in _found:
+def is_kept(function: Callable[..., Any]) -> bool:
+    """Return whether machine code of a function is on disk, of arguments of whatever types, or soon will be."""
+    if function not in _found and function not in _beside:
         place, name = _place(function), f".{function.__qualname__}-"
         if place is None or not any(name in path.name for path in machine_code(place.parent, place.name)):
             return False
@@ -287,7 +301,17 @@ def _machine(function: Callable[..., Any], *, allocates: bool, cache: bool = Fal
     # times faster
     options = {"nogil": True, "cache": cache, "_nrt": allocates, "error_model": "numpy"}
     options |= {"forceinline": called and not allocates, "no_cpython_wrapper": called, "no_cfunc_wrapper": called}
-    return njit(**options)(_copy(plain, inside))
+    machine = njit(**options)(_copy(plain, inside))
+    if called:
+        machine.get_call_template = partial(_of_types_alone, machine.get_call_template)
+    return machine
+
+
+def _of_types_alone(template: Callable[..., Any], args: Sequence[Any], named: Mapping[str, Any]) -> Any:
+    """Choose a called function by the types of its arguments: Numba would compile it anew where one is a constant."""
+    from numba.core.types import unliteral  # noqa: PLC0415
+
+    return template(tuple(map(unliteral, args)), {name: unliteral(value) for name, value in named.items()})
 
 
 def _copy(function: FunctionType, names: Mapping[str, Any]) -> FunctionType:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune import cache
+from heatertune.chain.ahead import compiling
 from heatertune.chain.as_left import as_left_in, beside, files_of
 from heatertune.chain.documents import log_document, read_documents, words_document
 from heatertune.chain.stages import export, fit
@@ -86,17 +87,18 @@ def design(
         HeatertuneError: as the stages; nothing is written then.
     """
     controller_for(asked.target)  # an unknown target is refused before the long part
-    log = source if isinstance(source, Log) else read_log(source, read, errata=True)
-    progress(_told("fit"))
-    fitted = fit(log, fitted_with, companions=True, progress=progress)
-    result = closed(fitted, asked, progress=progress, stage=lambda name: progress(_told(name)))
-    proof = result.proof
-    files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
-    progress(_told("report"))
-    documents = dossier(log, fitted, result.wished, proof, files,
-                        search=search_document(result.choice, fitted, result.notes), recipe=result.recipe)
-    _write(documents, files, out)
-    return ChainResult(log=log, fitted=fitted, closed=result, files=files, documents=documents)
+    with compiling(asked.target):
+        log = source if isinstance(source, Log) else read_log(source, read, errata=True)
+        progress(_told("fit"))
+        fitted = fit(log, fitted_with, companions=True, progress=progress)
+        result = closed(fitted, asked, progress=progress, stage=lambda name: progress(_told(name)))
+        proof = result.proof
+        files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
+        progress(_told("report"))
+        documents = dossier(log, fitted, result.wished, proof, files,
+                            search=search_document(result.choice, fitted, result.notes), recipe=result.recipe)
+        _write(documents, files, out)
+        return ChainResult(log=log, fitted=fitted, closed=result, files=files, documents=documents)
 
 
 def write_report(

@@ -34,7 +34,7 @@ from heatertune.proof.trace import Trace
 
 __all__ = [
     "InLoop", "actuator_of", "check_words", "in_loop", "noise_of", "plant_row",
-    "program_of", "pulses_of", "ring_size", "run_compiled", "run_loop", "run_plainly", "run_with", "scans_of",
+    "program_of", "pulses_of", "ring_size", "run_compiled", "run_loop", "run_of", "run_plainly", "run_with", "scans_of",
     "simulate", "traced",
 ]
 
@@ -226,12 +226,13 @@ def run_with(controller: InLoop, given: tuple[Any, ...], scans: int) -> tuple[in
     core = controller.core
     given = (controller.parameters, core.own(controller.state), controller.sensor, controller.scan_s, *given)
     name = f"{core.step.__module__}.{core.step.__qualname__}"
-    if core.compiles and worth_compiling(scans, name, function=_run_of(core)):
+    if core.compiles and worth_compiling(scans, name, function=run_of(core)):
         return run_compiled(core, given)
     return run_plainly(core, given)
 
 
-def _run_of(core: Core) -> Callable[..., tuple[int, int]]:
+def run_of(core: Core) -> Callable[..., tuple[int, int]]:
+    """Return the kernel with a controller in it, a plain function."""
     loop = bound(run, step=core.step, measure=core.measure, restarted=core.restarted,
                  asked_now=bound(asked_now, stored=core.stored))
     return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop, started=core.started))
@@ -242,7 +243,7 @@ def run_compiled(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
     if core.singles:
         parameters, state, sensor, scan_s, program, *others = given
         given = narrowed(parameters), narrowed(state), sensor, scan_s, narrowed(program), *others
-    return compiled(_run_of(core))(*given)
+    return compiled(run_of(core))(*given)
 
 
 def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
@@ -255,7 +256,7 @@ def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
             return lists[-1][1]
         return type(value)(*map(plain, value)) if isinstance(value, Program | Batch | Record | Meter) else value
 
-    counted = _run_of(core)(*map(plain, given))
+    counted = run_of(core)(*map(plain, given))
     for array, written in lists:
         array[:] = written
     return counted
