@@ -153,7 +153,7 @@ def compiled(function: _Plain, *, allocates: bool = False) -> _Plain:
 
 
 def made_beside(function: Callable[..., Any], wait: Callable[[], object]) -> None:
-    """Take note that another process compiles a function, so that `wait` is called before this one looks for it on disk.
+    """Take note that another process compiles a function: `wait` is called before this one looks for it on disk.
 
     Where it is not found then, this process compiles it.
     """
@@ -309,7 +309,7 @@ def _machine(function: Callable[..., Any], *, allocates: bool, cache: bool = Fal
 
 def _of_types_alone(template: Callable[..., Any], args: Sequence[Any], named: Mapping[str, Any]) -> Any:
     """Choose a called function by the types of its arguments: Numba would compile it anew where one is a constant."""
-    from numba.core.types import unliteral  # noqa: PLC0415
+    from numba.core.types.misc import unliteral  # noqa: PLC0415
 
     return template(tuple(map(unliteral, args)), {name: unliteral(value) for name, value in named.items()})
 

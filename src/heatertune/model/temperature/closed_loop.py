@@ -92,7 +92,7 @@ class Segment:
             laws[:, i] = _exp(own[:, 6 + i]) if constant.logarithmic else own[:, 6 + i]
         events = np.minimum(own[:, 5] / self.interval_s, self.scans).astype(np.int64)
         return np.asarray(
-            simulate_many(self.law.step, plants, laws, setpoints, self.interval_s, self.scans, events)[
+            simulate_many(self.law.step, self.law.form, plants, laws, setpoints, self.interval_s, self.scans, events)[
                 :, self.readings
             ]
         )

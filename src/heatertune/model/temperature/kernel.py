@@ -24,18 +24,19 @@ Whole = npt.NDArray[np.int64]
 PLANT = ("gain", "time_constant", "lag_ratio", "dead_time", "ambient", "start", "inner_start")
 
 
-def _step(constants: Array, memory: Array, error: float, h: float) -> float:
+def _step(form: int, constants: Array, memory: Array, error: float, h: float) -> float:
     """Stand in for a controller's law, see `heatertune.compiled.bound`."""
     raise NotImplementedError
 
 
 def simulate_many(
-    step: Step, plants: Array, laws: Array, setpoints: Array, h: float, n_scans: int, event_scans: Whole
+    step: Step, form: int, plants: Array, laws: Array, setpoints: Array, h: float, n_scans: int, event_scans: Whole
 ) -> Array:
     """Return the temperature before each scan, shape (m, n_scans), for m rows of plants and laws.
 
     Args:
-        step: see `model.temperature.law.ControllerLaw.step`.
+        step: see `model.temperature.law.ControllerLaw`.
+        form: likewise.
         plants: shape (m, 7), see `PLANT`.
         laws: shape (m, q), the law's constants.
         setpoints: shape (m, 2), before the event and from it on.
@@ -45,12 +46,13 @@ def simulate_many(
     """
     out = np.empty((len(plants), n_scans))
     run = compiled(bound(_simulate_many, _step=step))
-    run(plants, laws, setpoints, float(h), event_scans, np.empty(4), np.empty(n_scans), out)
+    run(form, plants, laws, setpoints, float(h), event_scans, np.empty(4), np.empty(n_scans), out)
     return out
 
 
 def _simulate_many(
-    plants: Array, laws: Array, setpoints: Array, h: float, event_scans: Whole, memory: Array, power: Array, out: Array
+    form: int, plants: Array, laws: Array, setpoints: Array, h: float, event_scans: Whole, memory: Array, power: Array,
+    out: Array,
 ) -> None:
     """Fill out, arguments as above; memory (4,) and power (n_scans,) are working space."""
     for i in range(out.shape[0]):
@@ -65,7 +67,7 @@ def _simulate_many(
         for k in range(out.shape[1]):
             out[i, k] = y
             setpoint = setpoints[i, 0] if k < event_scans[i] else setpoints[i, 1]
-            power[k] = _step(laws[i], memory, setpoint - y, h)
+            power[k] = _step(form, laws[i], memory, setpoint - y, h)
             older = power[k - whole - 1] if k > whole else 0.0
             newer = power[k - whole] if k >= whole else 0.0
             y, x = advanced(y, x, ambient + gain * older, begin)

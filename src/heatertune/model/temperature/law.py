@@ -12,8 +12,8 @@ import numpy.typing as npt
 __all__ = ["Constant", "ControllerLaw", "Step"]
 
 Array = npt.NDArray[np.float64]
-#: a law: (its constants, four numbers of memory, error °C, interval s) → power 0…100 %
-Step = Callable[[Array, Array, float, float], float]
+#: laws: (which of them, its constants, four numbers of memory, error °C, interval s) → power 0…100 %
+Step = Callable[[int, Array, Array, float, float], float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,4 +45,11 @@ class ControllerLaw(Protocol):
 
     @property
     def step(self) -> Step:
-        """Plain function of its module, compiled together with the loop around it; memory begins at 0."""
+        """Plain function of its module, compiled together with the loop around it; memory begins at 0.
+
+        Laws that are compared share one, as a loop around each would have to be compiled.
+        """
+
+    @property
+    def form(self) -> int:
+        """Which of the step's laws it is."""

@@ -26,14 +26,19 @@ class Law:
 
     name: str
     constants: tuple[Constant, ...]
-    step: Step
+    form: int
+
+    @property
+    def step(self) -> Step:
+        """All five, see `form`."""
+        return _power
 
 
 def _limited(power: float) -> float:
     return min(100.0, max(0.0, power))
 
 
-def _positional_p(constants: Array, memory: Array, error: float, h: float) -> float:  # noqa: ARG001 - the law's signature
+def _positional_p(constants: Array, error: float) -> float:
     return _limited(constants[0] * error)
 
 
@@ -71,25 +76,37 @@ def _velocity_pi(constants: Array, memory: Array, error: float, h: float) -> flo
     return power
 
 
+def _power(form: int, constants: Array, memory: Array, error: float, h: float) -> float:
+    if form == 0:
+        return _positional_p(constants, error)
+    if form == 1:
+        return _incremental_p(constants, memory, error, h)
+    if form == 2:
+        return _pi_conditional(constants, memory, error, h)
+    if form == 3:
+        return _pi_plain(constants, memory, error, h)
+    return _velocity_pi(constants, memory, error, h)
+
+
 _GAIN = Constant(name="gain_pct_per_degC", low=0.3, high=100.0, logarithmic=True)
 _TN = Constant(name="integral_time_s", low=15.0, high=3000.0, logarithmic=True)
 _FIRST = Constant(name="first_power_pct", low=0.0, high=100.0)
 
 LAWS: Final[tuple[Law, ...]] = (
-    Law(name="positional P", constants=(_GAIN,), step=_positional_p),
+    Law(name="positional P", constants=(_GAIN,), form=0),
     Law(
         name="incremental P",
         constants=(Constant(name="gain_pct_per_degC_s", low=1e-3, high=1.0, logarithmic=True), _FIRST),
-        step=_incremental_p,
+        form=1,
     ),
-    Law(name="PI with anti-windup", constants=(_GAIN, _TN, _FIRST), step=_pi_conditional),
-    Law(name="PI without anti-windup", constants=(_GAIN, _TN, _FIRST), step=_pi_plain),
+    Law(name="PI with anti-windup", constants=(_GAIN, _TN, _FIRST), form=2),
+    Law(name="PI without anti-windup", constants=(_GAIN, _TN, _FIRST), form=3),
     Law(
         name="truncated velocity PI",
         constants=(
             _GAIN, _TN, _FIRST,
             Constant(name="quantum_pct", low=1e-4, high=1.0, logarithmic=True),
         ),
-        step=_velocity_pi,
+        form=4,
     ),
 )
