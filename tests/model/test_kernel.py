@@ -8,7 +8,7 @@ from heatertune.model.temperature.kernel import simulate_many
 from heatertune.plc.s7_200_paper.laws import LAWS
 
 
-def _bang(constants, memory, error, h):
+def _bang(form, constants, memory, error, h):
     return 100.0 if error > 0.0 else 0.0
 
 
@@ -41,7 +41,7 @@ def _integrated(plant, power, h, n):
 def test_the_loop_agrees_with_an_ode_solver(ratio, dead):
     plant = np.array([[0.5, 90.0, ratio, dead, 20.0, 25.0, 30.0]])
     h, n = 2.0, 60
-    ours = simulate_many(_bang, plant, np.zeros((1, 4)), np.array([[40.0, 40.0]]), h, n, np.array([n]))[0]
+    ours = simulate_many(_bang, 0, plant, np.zeros((1, 4)), np.array([[40.0, 40.0]]), h, n, np.array([n]))[0]
     power = np.where(40.0 - ours > 0.0, 100.0, 0.0)
     assert power.min() == 0.0, "the loop has to switch, or half of it is not tested"
     assert ours == pytest.approx(_integrated(plant[0], power, h, n), abs=1e-6)
@@ -51,7 +51,7 @@ def test_the_setpoint_steps_at_its_event():
     law = next(law for law in LAWS if law.name == "positional P")
     plant = np.array([[0.5, 50.0, 0.0, 0.0, 20.0, 20.0, 20.0]])
     out = simulate_many(
-        law.step, plant, np.array([[2.0, 0, 0, 0]]), np.array([[30.0, 40.0]]), 1.0, 1000, np.array([500])
+        law.step, law.form, plant, np.array([[2.0, 0, 0, 0]]), np.array([[30.0, 40.0]]), 1.0, 1000, np.array([500])
     )
     # a P loop rests at ambient + kK/(1 + kK)·(setpoint − ambient) with kK = 1: half way
     assert out[0, 499] == pytest.approx(25.0, abs=1e-3)
@@ -65,4 +65,4 @@ def test_every_law_keeps_the_power_between_nothing_and_full(law):
         constants = np.array([rng.uniform(0.3, 50), rng.uniform(15, 500), rng.uniform(0, 100), rng.uniform(1e-3, 1)])
         memory = np.zeros(4)
         for error in rng.normal(0.0, 20.0, 20):
-            assert 0.0 <= law.step(constants, memory, error, 2.0) <= 100.0
+            assert 0.0 <= law.step(law.form, constants, memory, error, 2.0) <= 100.0

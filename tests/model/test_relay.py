@@ -73,7 +73,7 @@ def test_the_describing_function_meets_its_limits(dead, quotient):
     assert told / truth == pytest.approx(quotient, rel=0.02)
 
 
-def _relay_law(constants, memory, error, h):
+def _relay_law(form, constants, memory, error, h):
     """A relay in the loop of `model.kernel`: constants high, low, hysteresis; memory 1 = low."""
     if memory[0] == 0.0 and error <= -constants[2]:
         memory[0] = 1.0
@@ -90,7 +90,7 @@ def test_a_sampled_relay_is_the_one_of_the_compiled_loop(model, ratio, sample):
     plant = np.array([[0.5, 150.0, ratio, model.dead_time_s, 20.0, 20.0, 20.0]])
     n = int(1500 / sample)
     law = np.array([[80.0, 5.0, 0.5, 0.0]])
-    loop = simulate_many(_relay_law, plant, law, np.full((1, 2), 38.0), sample, n, np.array([n]))[0]
+    loop = simulate_many(_relay_law, 0, plant, law, np.full((1, 2), 38.0), sample, n, np.array([n]))[0]
     schedule = simulate_relay(model, SKEW, 1500.0, sample_time_s=sample)
     assert len(schedule.time_s) > 12
     assert np.all(np.rint(schedule.time_s / sample) * sample == pytest.approx(schedule.time_s))

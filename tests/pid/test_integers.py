@@ -13,7 +13,7 @@ from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.loop.linear import control_margins, loop_transfer_function
 from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
-from heatertune.pid.search.bounds import _norms, bounds_of
+from heatertune.pid.search.bounds import bounds_of, norms
 from heatertune.pid.search.integers import Integers, best_integers
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
@@ -202,7 +202,7 @@ def test_the_sizes_of_the_parts_are_those_of_python_controls_impulse_responses(p
     expected = [float(np.sum(np.abs(np.asarray(control.impulse_response(control.feedback(plant * part, law / part), times).outputs)))) * ta
                 for part in parts]
     heater = bounds_of((HEATER,), ms=1.6, sample_time_s=ta, derivative_filter=past).heaters[0]
-    assert _norms(*heater.modes, gains, past, 800)[1] == pytest.approx(expected, rel=1e-3)
+    assert norms(*heater.modes, gains, past, 800)[:3] == pytest.approx(expected, rel=1e-3)
 
 
 def test_of_a_single_controller_the_bound_is_its_cost():

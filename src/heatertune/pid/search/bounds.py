@@ -26,7 +26,7 @@ from heatertune.model.values import HeaterModel
 from heatertune.pid.loop.robustness import encloses_nothing
 from heatertune.pid.loop.sampled import frequencies, part_responses, sample_plant
 
-__all__ = ["LoopBounds", "bounds_of"]
+__all__ = ["LoopBounds", "bounds_of", "norms"]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -38,9 +38,11 @@ _HORIZON = 10.0  # times the slowest part of the loop
 _MOST_SAMPLES = 20_000
 
 
-def _distances(parts: Complex, corners: Array, least: float) -> int:
-    """Return 1: all corners are nearer than `least` at one frequency; 2: no mixture is zero at any; 0: neither."""
-    values = np.empty(len(corners), dtype=np.complex128)
+def _distances(parts: Complex, corners: Array, least: float, values: Complex) -> int:
+    """Return 1: all corners are nearer than `least` at one frequency; 2: no mixture is zero at any; 0: neither.
+
+    `values` is working space, one for each corner.
+    """
     free = True
     for k in range(parts.shape[1]):
         farthest = 0.0
@@ -60,39 +62,52 @@ def _distances(parts: Complex, corners: Array, least: float) -> int:
 
 
 def _norms(
-    poles: Array, now: Array, before: Array, delay: int, gains: Array, past: float, samples: int
-) -> tuple[float, Array]:
-    """Return Σ|e| after a load step of 1, and Σ|output of each part| after a setpoint impulse, per unit of its gain."""
-    count = len(poles)
-    load, parts = np.zeros(count), np.zeros((3, count))
-    queue_load, queue = np.zeros(delay + 2), np.zeros((3, delay + 2))
-    memory_load, memory = np.zeros(3), np.zeros(3)  # of each: sum, filtered difference, last error
-    total, sizes = 0.0, np.zeros(3)
-    here = 0
+    poles: Array, now: Array, before: Array, delay: int, gains: Array, past: float, samples: int, modes: Array,
+    queues: Array, sizes: Array,
+) -> None:
+    """Fill sizes (4,): Σ|output of each part| after a setpoint impulse, per unit of its gain, and Σ|e| after a load step.
+
+    The step is of 1. modes (4, n) and queues (4, delay + 2), of each of these, are working space; all three are zero.
+    """
+    kept, changing, last = 0.0, 0.0, 0.0  # after the impulse: sum, filtered difference, last error
+    kept_load, changing_load, last_load = 0.0, 0.0, 0.0  # after the step
     for k in range(samples):
-        error = -load.sum()
-        total += abs(error)
-        memory_load[0] += error
-        memory_load[1] = past * memory_load[1] + (1.0 - past) * (error - memory_load[2])
-        memory_load[2] = error
-        here = k % (delay + 2)
-        queue_load[here] = 1.0 + gains[0] * error + gains[1] * memory_load[0] + gains[2] * memory_load[1]
         error = 1.0 if k == 0 else 0.0
-        for part in range(3):
-            y = parts[part].sum()
+        for part in range(4):
+            y = 0.0
+            for i in range(len(poles)):
+                y += modes[part, i]
             sizes[part] += abs(y)
-            error -= gains[part] * y
-        memory[0] += error
-        memory[1] = past * memory[1] + (1.0 - past) * (error - memory[2])
-        memory[2] = error
-        queue[0, here], queue[1, here], queue[2, here] = error, memory[0], memory[1]
-        then, earlier = (k - delay) % (delay + 2), (k - delay - 1) % (delay + 2)
-        for i in range(count):
-            load[i] = poles[i] * load[i] + now[i] * queue_load[then] + before[i] * queue_load[earlier]
+            if part < 3:
+                error -= gains[part] * y
+            else:
+                kept_load -= y
+                changing_load, last_load = past * changing_load + (1.0 - past) * (-y - last_load), -y
+        kept += error
+        changing, last = past * changing + (1.0 - past) * (error - last), error
+        here, then, earlier = k % (delay + 2), (k - delay) % (delay + 2), (k - delay - 1) % (delay + 2)
+        queues[0, here], queues[1, here], queues[2, here] = error, kept, changing
+        queues[3, here] = 1.0 + gains[0] * last_load + gains[1] * kept_load + gains[2] * changing_load
+        for i in range(len(poles)):
             for part in range(3):
-                fed = now[i] * queue[part, then] + before[i] * queue[part, earlier]
-                parts[part, i] = poles[i] * parts[part, i] + fed
-    return total, sizes
+                fed = now[i] * queues[part, then] + before[i] * queues[part, earlier]
+                modes[part, i] = poles[i] * modes[part, i] + fed
+            modes[3, i] = poles[i] * modes[3, i] + now[i] * queues[3, then] + before[i] * queues[3, earlier]
+
+
+def norms(poles: Array, now: Array, before: Array, delay: int, gains: Array, past: float, samples: int) -> Array:
+    """Return Σ|output of each part| after a setpoint impulse, per unit of its gain, and Σ|e| after a load step of 1.
+
+    Args:
+        poles, now, before, delay: of the sampled heater, see `pid.loop.sampled.SampledPlant`.
+        gains: kP, kI, kD.
+        past: weight of its past in the derivative part.
+        samples: length of the answers.
+    """
+    sizes = np.zeros(4)
+    modes, queues = np.zeros((4, len(poles))), np.zeros((4, delay + 2))
+    compiled(_norms)(poles, now, before, delay, gains, past, samples, modes, queues, sizes)
+    return sizes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -129,8 +144,8 @@ class LoopBounds:
         if least >= enough:
             return least
         limited = (*self.heaters, *self.guards)
-        distances = compiled(_distances, allocates=True)
-        verdicts = [int(distances(heater.parts, corners, (1.0 - _BESIDE) / heater.ms)) for heater in limited]
+        distances, values = compiled(_distances), np.empty(len(corners), dtype=np.complex128)
+        verdicts = [int(distances(heater.parts, corners, (1.0 - _BESIDE) / heater.ms, values)) for heater in limited]
         if 1 in verdicts:
             return math.inf
         middle, half = (low + high) / 2.0, (high - low) / 2.0
@@ -139,10 +154,10 @@ class LoopBounds:
             return math.inf
         if not all(stable) or middle[0] <= 0.0:  # the reference tells nothing
             return least
-        costs, norms = [], compiled(_norms, allocates=True)
+        costs = []
         for heater in self.heaters:
-            total, sizes = norms(*heater.modes, middle, self.derivative_filter, self._samples(heater, middle))
-            costs.append(self.sample_time_s * total / (1.0 + float(half @ sizes)))
+            *parts, load = norms(*heater.modes, middle, self.derivative_filter, self._samples(heater, middle))
+            costs.append(self.sample_time_s * float(load) / (1.0 + float(half @ np.array(parts))))
         return max(least, float(np.mean(costs)))
 
     def _samples(self, heater: _Seen, gains: Array) -> int:
