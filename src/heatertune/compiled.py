@@ -29,7 +29,8 @@ from heatertune.cache import folder
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["bound", "compiled", "decide", "is_kept", "machine_code", "made_beside", "runs_compiled_as", "worth_a_second", "worth_compiling"]
+__all__ = ["bound", "compiled", "decide", "is_kept", "machine_code", "made_beside", "runs_compiled_as",
+           "worth_a_second", "worth_compiling"]
 
 _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 

@@ -9,6 +9,7 @@ free cooling.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -92,6 +93,7 @@ def saturated_heat_up(log: Log) -> Stretch | None:
     return _longest(log, 0, int(np.argmax(y)), lambda stretch: stretch.aim_degC[0] > highest)
 
 
+@lru_cache(maxsize=4)  # asked for by notes and by contradictions
 def free_cooling(log: Log, ambient_degC: Bounds) -> Stretch | None:
     """Return the longest stretch after the highest reading that is an exponential aiming at the ambient, far below."""
     y, (low, high) = log.temperature_degC, ambient_degC

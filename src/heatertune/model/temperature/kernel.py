@@ -50,7 +50,7 @@ def simulate_many(
     return out
 
 
-def _simulate_many(
+def _simulate_many(  # noqa: PLR0913 - compiled for the types of each
     form: int, plants: Array, laws: Array, setpoints: Array, h: float, event_scans: Whole, memory: Array, power: Array,
     out: Array,
 ) -> None:

@@ -61,13 +61,13 @@ def _distances(parts: Complex, corners: Array, least: float, values: Complex) ->
     return 2 if free else 0
 
 
-def _norms(
+def _norms(  # noqa: PLR0913 - as it is compiled
     poles: Array, now: Array, before: Array, delay: int, gains: Array, past: float, samples: int, modes: Array,
     queues: Array, sizes: Array,
 ) -> None:
-    """Fill sizes (4,): Σ|output of each part| after a setpoint impulse, per unit of its gain, and Σ|e| after a load step.
+    """Fill sizes (4,) as `norms` returns it.
 
-    The step is of 1. modes (4, n) and queues (4, delay + 2), of each of these, are working space; all three are zero.
+    modes (4, n) and queues (4, delay + 2), one row of each answer, are working space; all three are zero.
     """
     kept, changing, last = 0.0, 0.0, 0.0  # after the impulse: sum, filtered difference, last error
     kept_load, changing_load, last_load = 0.0, 0.0, 0.0  # after the step
@@ -99,7 +99,10 @@ def norms(poles: Array, now: Array, before: Array, delay: int, gains: Array, pas
     """Return Σ|output of each part| after a setpoint impulse, per unit of its gain, and Σ|e| after a load step of 1.
 
     Args:
-        poles, now, before, delay: of the sampled heater, see `pid.loop.sampled.SampledPlant`.
+        poles: of the sampled heater, see `pid.loop.sampled.SampledPlant`, shape (n,).
+        now: likewise.
+        before: likewise.
+        delay: likewise [samples].
         gains: kP, kI, kD.
         past: weight of its past in the derivative part.
         samples: length of the answers.
