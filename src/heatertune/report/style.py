@@ -90,11 +90,13 @@ def to_svg(figure: Figure) -> str:
     import io  # noqa: PLC0415
 
     import matplotlib as mpl  # noqa: PLC0415
+    from matplotlib.backends.backend_svg import FigureCanvasSVG  # noqa: PLC0415
 
     text = io.StringIO()
     _lay_out(figure)
     with mpl.rc_context({"svg.hashsalt": "heatertune", "svg.fonttype": "none", "font.family": "sans-serif"}):
-        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+        # not by `savefig`, which draws a figure that had an engine a second time before
+        FigureCanvasSVG(figure).print_svg(text, metadata={"Date": None, "Creator": None})
     content = text.getvalue()
     return content[content.index("<svg") :]
 
