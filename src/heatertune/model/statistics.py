@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["ar1_bic", "autocorrelation", "block_resamples", "fit_pct", "percentile_interval"]
+__all__ = ["ar1_bic", "autocorrelation", "block_resamples", "fit_pct", "percentile_interval", "student_t"]
 
 Array = npt.NDArray[np.float64]
 
@@ -58,3 +58,10 @@ def percentile_interval(values: Array) -> tuple[float, float]:
     """Return the ends of the central 95 % of the values, shape (n,)."""
     low, high = np.percentile(values, [2.5, 97.5])
     return float(low), float(high)
+
+
+def student_t(freedom: float) -> float:
+    """Return the 97.5 % point of Student's t with so many degrees of freedom, not necessarily whole."""
+    from scipy.special import stdtrit  # noqa: PLC0415 - a tenth of a second, which no log without power needs
+
+    return float(stdtrit(freedom, 0.975))

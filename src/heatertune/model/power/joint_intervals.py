@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import stdtrit
 
 from heatertune.model.intervals import RATIO as PER_LAG
 from heatertune.model.intervals import Interval, envelope, hull, interval
@@ -18,7 +17,7 @@ from heatertune.model.least_squares import Minima, minimise
 from heatertune.model.power.joint import DEAD, FIRST_AMBIENT, LAG, POWER, JointFit, JointProblem
 from heatertune.model.power.projection import AMBIENT, GAIN
 from heatertune.model.power.uncertainty import LEAST_FREEDOM, READINGS, STEPS, colour, crossing
-from heatertune.model.statistics import block_resamples
+from heatertune.model.statistics import block_resamples, student_t
 
 __all__ = ["joint_held_at", "joint_intervals"]
 
@@ -104,7 +103,7 @@ def _linear(
         middle += weight**2 * variance * slope @ rho**lags @ slope.T
         freedom += len(left) * (1.0 - rho) / (1.0 + rho) - np.count_nonzero(own)
     coloured = inverse @ middle @ inverse
-    quantile = float(stdtrit(max(freedom, LEAST_FREEDOM), 0.975))
+    quantile = student_t(max(freedom, LEAST_FREEDOM))
     noise = {}
     for name, measure in measures.items():
         gradient = _gradient(measure, best)[free]

@@ -14,13 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import stdtrit
 
 from heatertune.model.intervals import PERIOD, RATIO, Interval, envelope, hull, interval
 from heatertune.model.power.open_loop import FAR, Fixed, PowerFit, PowerProblem
 from heatertune.model.power.projection import AMBIENT, GAIN
 from heatertune.model.power.ultimate import fits_of_period, periods_of
-from heatertune.model.statistics import autocorrelation, block_resamples
+from heatertune.model.statistics import autocorrelation, block_resamples, student_t
 
 __all__ = [
     "LEAST_FREEDOM", "READINGS", "STEPS", "Noise", "bounds_of", "colour", "crossing", "held_at", "held_squares",
@@ -160,7 +159,7 @@ def noise_of(problem: PowerProblem, fit: PowerFit) -> Noise:
         deviation={name: math.sqrt(variance * spread[name]) for name in weights},
         inflation={name: spread[name] / max(float(w @ white @ w), 1e-300) for name, w in weights.items()},
         variance=variance,
-        quantile=float(stdtrit(max(freedom, LEAST_FREEDOM), 0.975)),
+        quantile=student_t(max(freedom, LEAST_FREEDOM)),
         unseen=_unseen(triangle, weights),
     )
 

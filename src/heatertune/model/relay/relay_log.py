@@ -9,13 +9,13 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import stdtrit
 
 from heatertune.log.values import Log
 from heatertune.model.intervals import Interval
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.readings import Readings
 from heatertune.model.relay.relay import Relay
+from heatertune.model.statistics import student_t
 from heatertune.model.values import FittedModel, Fopdt
 
 __all__ = ["RelayEstimate", "RelayRecord", "estimate", "find_relay", "oscillating_fopdt", "with_relay"]
@@ -317,7 +317,7 @@ def _mean(values: Array, centre: float, margin: float) -> tuple[float, Interval]
     n = len(values)
     if not np.isfinite([centre, *values]).all():
         return math.nan, Interval(low=None, high=None)
-    half = float(stdtrit(n - 1, 0.975) * np.std(values, ddof=1) / math.sqrt(n)) + margin
+    half = float(student_t(n - 1) * np.std(values, ddof=1) / math.sqrt(n)) + margin
     return centre, Interval(low=centre - half, high=centre + half)
 
 
