@@ -16,8 +16,6 @@ __all__ = ["exported"]
 _CALL: Final = "weg_pid_call.st"
 _BLOCK: Final = "weg_pid_block.st"
 _PROJECT: Final = "weg_pid_plcopen.xml"
-_WORDS: Final = ("Kp", "Ki", "Kd", "TauSetPoint", "MinimumOutput", "MaximumOutput", "Type", "Action", "Ts")
-_FORMATS: Final = {field.name: field.format for field in FIELDS}
 _INPUTS: Final = {"EN": "BOOL", "SetPoint": "REAL", "ManualSetPoint": "REAL", "SelectSetPoint": "BOOL",
                   "Feedback": "REAL"}
 
@@ -41,18 +39,18 @@ def _called(text: str, assume: Assumptions) -> ExportedProgram:
 
 def _firmware(assume: Assumptions, due: Callable[[], bool]) -> Firmware:
     """Return WEG's block under the assumptions; `due` tells whether Ts is over, where it keeps Ts itself."""
-    def run_when_due(  # noqa: PLR0913, PLR0917 - as `Run`
+    def run_when_due(
         r: list[Any], w: list[Any], f: list[Any], a: int, b: int, c: int
     ) -> None:
         if not w[b] or due():
             fb_pid(r, w, f, a, b, c)
 
-    return Firmware({**_INPUTS, **{name: _FORMATS[name] for name in _WORDS}, "Output": "REAL"},
+    return Firmware({**_INPUTS, **{field.name: field.format for field in FIELDS}, "Output": "REAL"},
                     run=run_when_due if assume.sampling == BLOCK else fb_pid,
                     keeps=(*COLD, *(int(setting) for setting in assume)))
 
 
-def fb_pid(  # noqa: PLR0913, PLR0917 - as `Run`
+def fb_pid(
     r: Any, w: Any, _f: Any, a: int, b: int, _c: int
 ) -> None:
     """Run WEG's block on the rows: variables in the order of `_firmware`, then its state and the assumptions."""

@@ -164,11 +164,12 @@ def _boosts(b: Block, s: State, x: Inputs) -> bool:
 
 def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
     """Return the block for its words; total for any of them."""
-    given = (float(values[name]) for name in ("Kp", "Ki", "Kd", "TauSetPoint", "MinimumOutput", "MaximumOutput"))
-    return made_of(*given, values["Ts"], values["Type"] != 0, values["Action"] != 0, assume)
+    v = {name: float(value) for name, value in values.items()}  # a REAL may be given as a whole number
+    return made_of(v["Kp"], v["Ki"], v["Kd"], v["TauSetPoint"], v["MinimumOutput"], v["MaximumOutput"], v["Ts"],
+                   v["Type"] != 0.0, v["Action"] != 0.0, assume)
 
 
-def made_of(  # noqa: PLR0913, PLR0917 - the words, as a compiler takes them
+def made_of(  # noqa: PLR0913 - the words, as a compiler takes them
     kp: float, ki: float, kd: float, tau: float, minimum: float, maximum: float, ts_ms: float, parallel: bool,
     reverse: bool, assume: Assumptions,
 ) -> Block:

@@ -79,8 +79,8 @@ class _Memory(NamedTuple):
     def grown(self, other: _Memory) -> tuple[int, int, int]:
         """Add another's rows; return where they begin."""
         begin = self.size
-        for row, more in zip(self, other, strict=True):
-            row += more
+        for mine, more in zip(self, other, strict=True):
+            mine.extend(more)
         return begin
 
     def with_one(self, kind: str, value: Value) -> tuple[int, int, int]:
@@ -215,7 +215,7 @@ def _of_firmware(block: Firmware) -> _Block:
     named = [(name, _row(type_), places[name.upper()][1][_row(type_)]) for name, type_ in block.variables.items()]
     put = {name: (row, place) for name, row, place in named}
 
-    def run(  # noqa: PLR0913, PLR0917 - as `Run`
+    def run(
         r: list[Any], w: list[Any], f: list[Any], a: int, b: int, c: int
     ) -> None:
         rows, first = (r, w), (a, b)
@@ -284,7 +284,8 @@ class _Compiler:
     def _body(self) -> tuple[Run, dict[CodeType, tuple[Unit, list[int]]]]:
         """Return what runs the unit's statements, and the lines of its text."""
         source = "\n".join([f"def run({', '.join((*_ROWS, *_FIRST))}):", *self._all(self._unit.body, " ")])
-        called = {f"run_{type_}": block.run for type_, block in self._known.items() if f"run_{type_}(" in source}
+        called: dict[str, Callable[..., Any]] = {
+            f"run_{type_}": block.run for type_, block in self._known.items() if f"run_{type_}(" in source}
         if self._time_to_real is not None:
             called["time_to_real"] = self._time_to_real
         made = _function(self._unit.name, source, tuple(called.items()))
@@ -399,10 +400,9 @@ def _cut(value: int, bits: int, signed: bool) -> int:
 
 
 def _truncated(value: float) -> int:
-    whole = math.trunc(value)
-    if whole != _cut(whole, *_WHOLE["DINT"]):
+    if not -2147483649.0 < value < 2147483648.0:  # beyond DINT, or no number
         raise OverflowError
-    return whole
+    return math.trunc(value)
 
 
 def _quotient(dividend: int, divisor: int) -> int:

@@ -1,7 +1,7 @@
 """A CPU that runs a STEP 5 listing: the statements that heatertune's own programs use, and no others.
 
-Data words of 16 bits, kept as signed numbers; a comparison asks whether ACCU 2 … ACCU 1 and leaves both as they are (S5-115U manual
-EWA 4NEB 811 6130, chapter 8).
+Data words of 16 bits, kept as signed numbers; a comparison asks whether ACCU 2 … ACCU 1 and leaves both as they are
+(S5-115U manual EWA 4NEB 811 6130, chapter 8).
 """
 
 from __future__ import annotations
@@ -145,7 +145,8 @@ class _Translated(Translation):
             case ("+F" | "-F"), "":
                 return [f"one = {_wrapped(f'two {name[0]} one')}"]
             case ("SLW" | "SRW"), _ if operand.isdigit():
-                return [f"one = {_wrapped(f'(one << {operand})' if name == 'SLW' else f'((one & 65535) >> {operand})')}"]
+                moved = f"(one << {operand})" if name == "SLW" else f"((one & 65535) >> {operand})"
+                return [f"one = {_wrapped(moved)}"]
             case "C", "DB" if rest.isdigit():
                 return [f"dw = data[{int(rest)}]"]
             case ("L" | "T"), _:
