@@ -141,16 +141,15 @@ def test_the_function_of_the_words_saves_those_of_before_once(target):
     kinds = Instruction(tags, fields_of(tags), Assumptions(), LAW).made.variables
     text = load(tags, words, OWN) + 'FUNCTION "HeaterCall" : Void\nBEGIN\nEND_FUNCTION\n'
     program = loaded(text, tags, Firmware(kinds, lambda: lambda _given: {}))
-    place = {name: number for number, name in enumerate(kinds)}
-    active, saved = ([place[tag(name).replace(".", "_")] for name in PARAMETERS] for tag in (tags.active, tags.saved))
+    active, saved = ([f"PID.{tag(name).replace('.', '_')}" for name in PARAMETERS] for tag in (tags.active, tags.saved))
     before = [1.0, 20.0, 0.0, 0.2, 1.0, 1.0, 1.0]  # the block's own defaults
     for at, value in zip(active, before, strict=True):
-        program["PID"][at] = value
+        program[at] = value
     for _ in range(2):  # a second start-up finds the new words, and leaves what was saved
         program["Starts"] = True
         program.scan()
-        assert [program["PID"][at] for at in active] == [words.values[name] for name in PARAMETERS]
-        assert [program["PID"][at] for at in saved] == before
+        assert [program[at] for at in active] == [words.values[name] for name in PARAMETERS]
+        assert [program[at] for at in saved] == before
 
 
 @BOTH

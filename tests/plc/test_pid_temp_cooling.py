@@ -92,16 +92,16 @@ def test_the_function_of_the_words_saves_both_sets_of_before_once():
     kinds = Instruction(TEMP_COOLING, COOLING_FIELDS, CoolingAssumptions(), cooling_exported.args[2]).made.variables
     text = load(TEMP_COOLING, WORDS, OWN) + 'FUNCTION "HeaterCall" : Void\nBEGIN\nEND_FUNCTION\n'
     program = loaded(text, TEMP_COOLING, Firmware(kinds, lambda: lambda _given: {}))
-    place, names = {name: number for number, name in enumerate(kinds)}, TEMP_COOLING.parameters
-    active, saved = ([place[tag(name).replace(".", "_")] for name in names] for tag in (TEMP_COOLING.active, TEMP_COOLING.saved))
+    names = TEMP_COOLING.parameters
+    active, saved = ([f"PID.{tag(name).replace('.', '_')}" for name in names] for tag in (TEMP_COOLING.active, TEMP_COOLING.saved))
     before = [1.0, 20.0, 0.0, 0.2, 1.0, 1.0, 1.0] * 2  # the block's own defaults
     for at, value in zip(active, before, strict=True):
-        program["PID"][at] = value
+        program[at] = value
     for _ in range(2):
         program["Starts"] = True
         program.scan()
-        assert [program["PID"][at] for at in active] == [WORDS.values[name] for name in names]
-        assert [program["PID"][at] for at in saved] == before
+        assert [program[at] for at in active] == [WORDS.values[name] for name in names]
+        assert [program[at] for at in saved] == before
 
 
 @pytest.mark.parametrize("words", [WORDS, TWO_SETS], ids=["factor", "two sets"])

@@ -8,10 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
+import numpy as np
+import numpy.typing as npt
+
 from heatertune.plc.boost import Boost
 from heatertune.plc.ramp import Number
 
-__all__ = ["Called", "Exported", "Loads", "Settings"]
+__all__ = ["Called", "Exported", "Given", "Loads", "Made", "Numbers", "Settings"]
+
+Numbers = npt.NDArray[np.float64]
 
 
 class Called(NamedTuple):
@@ -20,6 +25,23 @@ class Called(NamedTuple):
     setpoint: Number
     output: Number
     power_pct: float
+
+
+class Given(NamedTuple):
+    """What many calls or ticks are given, see `Exported.call`."""
+
+    asked: Numbers
+    counts: npt.NDArray[np.int64]
+    readings_degC: Numbers
+
+
+class Made(NamedTuple):
+    """What they gave, and whether the heater is on after each; None: the program makes no pulses."""
+
+    setpoints: Numbers
+    outputs: Numbers
+    powers_pct: Numbers
+    on: npt.NDArray[np.bool_] | None
 
 
 class Settings(NamedTuple):
@@ -65,6 +87,14 @@ class Exported(Protocol):
         Arguments as for `call`.
         """
 
+    def calls(self, given: Given) -> Made | None:  # noqa: ARG002 - one that can looks at it
+        """Do many times what `call` does, at once; None: one by one it is, and nothing was done."""
+        return None
+
+    def ticks(self, given: Given) -> Made | None:  # noqa: ARG002
+        """Do so what `tick` does."""
+        return None
+
     def interrupt(self) -> tuple[float, bool | None]:
         """Run a tick with a broken sensor, or what stands for one; afterwards the program is as after a start-up.
 
@@ -82,6 +112,21 @@ class Exported(Protocol):
 
     def go_on(self) -> bool:
         """Run the next tick of this period; return whether the heater is on."""
+
+    def periods(
+        self, outputs: Numbers, ticks: int, lengths: npt.NDArray[np.int64]  # noqa: ARG002
+    ) -> tuple[npt.NDArray[np.int64], Numbers] | None:
+        """Do many times what `begin` and `go_on` do, at once; None as for `calls`.
+
+        Args:
+            outputs: that periods begin with.
+            ticks: of a period.
+            lengths: how many ticks of each are run, the first one among them.
+
+        Returns:
+            How many of those ticks the heater was on, and what `counted` gives.
+        """
+        return None
 
     def counted(self) -> float | None:
         """Return how many ticks on the program counted when the period began; None: it counts none beforehand."""

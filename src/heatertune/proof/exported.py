@@ -7,16 +7,18 @@ is left open; so is what a program does after the first `_MOST_CALLS` and `_MOST
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Final, NamedTuple, cast
+from itertools import pairwise
+from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.model.findings import Finding
 from heatertune.plc.controller import Controller, controller_for
-from heatertune.plc.exported import Called, Exported, Settings
+from heatertune.plc.exported import Called, Exported, Given, Made, Numbers, Settings
 from heatertune.plc.open_points import assumed
 from heatertune.plc.pwm import Actuator, on_time, pulse_ends
 from heatertune.plc.ramp import Number
@@ -133,12 +135,32 @@ class _Call(NamedTuple):
     """What a call of the controller saw in the run, and what it gave."""
 
     time_s: float
-    phase: int
     asked: Number
     counts: int
     reading_degC: float
     followed_degC: float
     power_pct: float
+
+
+class _Seen(NamedTuple):
+    """The same of many calls."""
+
+    time_s: Numbers
+    asked: npt.NDArray[Any]
+    counts: npt.NDArray[np.int64]
+    reading_degC: Numbers
+    followed_degC: Numbers
+    power_pct: Numbers
+
+    @property
+    def given(self) -> Given:
+        return Given(self.asked, self.counts, self.reading_degC)
+
+    def some(self, which: slice | npt.NDArray[Any]) -> _Seen:
+        return _Seen(*(cast("Any", each)[which] for each in self))
+
+    def one_by_one(self) -> Iterator[_Call]:
+        return map(_Call, *(each.tolist() for each in self))
 
 
 class _Comparison:
@@ -149,6 +171,8 @@ class _Comparison:
     ) -> None:
         self._words, self._trace, self._text, self._load = words, trace, text, load
         self._loop = in_loop(controller, words, trace.scenario.setpoints_degC, trace.switches)
+        begins = [0.0, *(event.time_s for event in trace.scenario.disturbances)]
+        self._phases = np.searchsorted(begins, trace.time_s[:_MOST_CALLS], "right") - 1
         self._calls = self._seen(controller)
         self._powers: dict[Number, float] = {}  # output asked for → power [%]
         self._not_run: list[str] = []
@@ -157,30 +181,38 @@ class _Comparison:
         departs = self._of_calls() or (None if pulses else self._of_ticks()) or self._of_pulses(pulses)
         return Compared(departs, tuple(self._not_run))
 
-    def _seen(self, controller: Controller) -> list[_Call]:
-        trace, scale = self._trace, self._words.scaling
-        begins = [0.0, *(event.time_s for event in trace.scenario.disturbances)]
-        times, readings = trace.time_s[:_MOST_CALLS], trace.reading_degC[:_MOST_CALLS]
-        phases = (np.searchsorted(begins, times, "right") - 1).tolist()
+    def _seen(self, controller: Controller) -> _Seen:
+        trace, scale, some = self._trace, self._words.scaling, slice(_MOST_CALLS)
+        readings = trace.reading_degC[some]
         counts = np.rint((readings - scale.low_degC) * (controller.sensor(scale).counts / scale.span_degC)).astype(int)
-        asked = [self._loop.asked[phase] for phase in phases]
-        return list(map(_Call, times.tolist(), phases, asked, counts.tolist(), readings.tolist(),
-                        trace.followed_degC.tolist(), trace.power_asked_pct.tolist()))
+        return _Seen(trace.time_s[some], np.array(self._loop.asked)[self._phases], counts, readings,
+                     trace.followed_degC[some], trace.power_asked_pct[some])
 
     def _of_calls(self) -> str | None:
         """Compare setpoint and power at each call."""
-        if len(self._calls) < len(self._trace.time_s):
+        if len(self._phases) < len(self._trace.time_s):
             self._not_run.append(f"what the exported program does after {_MOST_CALLS} calls")
-        supplied, supplies = True, self._trace.scenario.supplied
-        for seen in self._calls:
-            before, supplied = supplied, supplies[seen.phase]
-            if not supplied:
+        supplied = np.array(self._trace.scenario.supplied, dtype=bool)[self._phases]
+        turns = [0, *(np.flatnonzero(np.diff(supplied)) + 1).tolist(), len(supplied)]
+        for begin, end in pairwise(turns):
+            if not supplied[begin]:
                 continue
-            if not before:
+            if begin > 0:
                 self._text.start()
-            made = self._text.call(seen.asked, seen.counts, seen.reading_degC)
-            self._powers[made.output] = made.power_pct
-            if departs := self._other(seen, made):
+            if departs := self._of_some(self._calls.some(slice(begin, end))):
+                return departs
+        return None
+
+    def _of_some(self, calls: _Seen) -> str | None:
+        """Compare calls between which the supply stays."""
+        made = self._text.calls(calls.given)
+        if made is not None:
+            self._powers.update(zip(made.outputs.tolist(), made.powers_pct.tolist(), strict=True))
+            return self._first(calls, made)
+        for seen in calls.one_by_one():
+            called = self._text.call(seen.asked, seen.counts, seen.reading_degC)
+            self._powers[called.output] = called.power_pct
+            if departs := self._other(seen, called):
                 return departs
         return None
 
@@ -190,9 +222,10 @@ class _Comparison:
         per_call = round(ta / text.tick_s) if text.tick_s > 0.0 else 0
         if abs(per_call * text.tick_s - ta) > _OF_A_TICK:
             return f"its clock ticks every {text.tick_s:g} s; proven is TA = {ta:g} s"
-        calls = [seen for seen in self._calls[: _MOST_TICKS // per_call + 1]
-                 if seen.phase == 0 and seen.time_s < trace.cut_s][:-1]  # after the last one something may happen
-        if calls:  # anew, for it may retain what it did
+        begin = self._calls.some(slice(_MOST_TICKS // per_call + 1))
+        still = (self._phases[: len(begin.time_s)] == 0) & (begin.time_s < trace.cut_s)
+        calls = begin.some(np.flatnonzero(still)[:-1])  # after the last one something may happen
+        if len(calls.time_s):  # anew, for it may retain what it did
             text = self._text = self._load() or text
             text.start()
         else:
@@ -205,17 +238,41 @@ class _Comparison:
         departs = self._of_clock(calls, per_call)
         return None if departs is None else f"after a broken sensor: {departs}"
 
-    def _of_clock(self, calls: Sequence[_Call], per_call: int) -> str | None:
-        text, edges, switched = self._text, self._trace.edge_time_s, self._trace.edge_on
-        for seen in calls:
-            for tick in range(per_call):
-                made, on = text.tick(seen.asked, seen.counts, seen.reading_degC)
-                if departs := self._other(seen, made):
-                    return departs
-                edge = int(np.searchsorted(edges, seen.time_s + (tick + 0.5) * text.tick_s)) - 1
-                if on not in (None, edge >= 0 and bool(switched[edge])):
-                    return f"at {seen.time_s + tick * text.tick_s:g} s it switches the heater otherwise than was proven"
+    def _of_clock(self, calls: _Seen, per_call: int) -> str | None:
+        text, trace = self._text, self._trace
+        seen = calls.some(np.repeat(np.arange(len(calls.time_s)), per_call))
+        if not len(seen.time_s):
+            return None
+        ticks = np.tile(np.arange(per_call), len(calls.time_s))
+        edges = np.searchsorted(trace.edge_time_s, seen.time_s + (ticks + 0.5) * text.tick_s) - 1
+        proven = (edges >= 0) & np.array(trace.edge_on, dtype=bool)[edges] if len(trace.edge_on) else edges >= 0
+        at_once = text.ticks(seen.given)
+        if at_once is not None:
+            switches = False if at_once.on is None else at_once.on != proven
+            return self._first(seen, at_once, switches, ticks)
+        for each, tick, wanted in zip(seen.one_by_one(), ticks.tolist(), proven.tolist(), strict=True):
+            made, on = text.tick(each.asked, each.counts, each.reading_degC)
+            if departs := self._other(each, made):
+                return departs
+            if on not in (None, wanted):
+                return self._switched(each.time_s, tick)
         return None
+
+    def _switched(self, time_s: float, tick: int) -> str:
+        return f"at {time_s + tick * self._text.tick_s:g} s it switches the heater otherwise than was proven"
+
+    def _first(
+        self, seen: _Seen, made: Made, switches: npt.NDArray[np.bool_] | bool = False, ticks: Any = None
+    ) -> str | None:
+        """Return what is other first, where all was run at once; `switches`: or where it switches otherwise."""
+        followed = self._loop.zero_degC + self._loop.unit_degC * made.setpoints
+        other = (followed != seen.followed_degC) | (made.powers_pct != seen.power_pct) | switches
+        if not other.any():
+            return None
+        first = int(np.argmax(other))
+        call, = seen.some(slice(first, first + 1)).one_by_one()
+        called = Called(*(each[first].item() for each in (made.setpoints, made.outputs, made.powers_pct)))
+        return self._other(call, called) or self._switched(call.time_s, int(ticks[first]))
 
     def _other(self, seen: _Call, made: Called) -> str | None:
         """Return what the program follows or asks for other than the run at this call."""
@@ -247,23 +304,33 @@ class _Comparison:
             return None
         counts = self._text.counted() is not None
         ticked = _spread(outputs, min(_FULLY if counts else len(outputs), max(1, _MOST_OF_PWM // period)))
-        for output in outputs if counts else sorted(ticked):
-            on_s, _ = on_time(powers[output], 0.0, actuator.numbers)
-            proven = on_s / actuator.resolution_s
-            begins = self._text.begin(output, period)
-            made = [(self._text.counted(), proven)]
-            if output in ticked:
-                on = bool(begins) + sum(self._text.go_on() for _ in range(length - 1))
-                made.append((on, min(proven, length)))
-            for ticks_on, wanted in made:
-                if ticks_on is not None and abs(ticks_on - wanted) > _OF_A_TICK:
-                    return (f"{ticks_on:g} ticks of a period are on at {powers[output]:.6g} %; proven are "
-                            f"{wanted:g}")
+        looked = outputs if counts else sorted(ticked)
+        proven = [on_time(powers[output], 0.0, actuator.numbers)[0] / actuator.resolution_s for output in looked]
+        lengths = [length if output in ticked else 1 for output in looked]
+        for output, wanted, (counted, on) in zip(looked, proven, self._periods(looked, period, lengths), strict=True):
+            made = [(counted, wanted), *([(on, min(wanted, length))] if output in ticked else [])]
+            for ticks_on, right in made:
+                if ticks_on is not None and abs(ticks_on - right) > _OF_A_TICK:
+                    return f"{ticks_on:g} ticks of a period are on at {powers[output]:.6g} %; proven are {right:g}"
         if not counts and len(ticked) < len(outputs):
             self._not_run.append(f"the exported PWM at {len(outputs) - len(ticked)} of {len(outputs)} powers")
         if length < period:
             self._not_run.append(f"the exported PWM after {length} ticks of a period")
         return None
+
+
+    def _periods(
+        self, outputs: Sequence[Number], period: int, lengths: Sequence[int]
+    ) -> Iterator[tuple[float | None, int]]:
+        """Yield what the program counted beforehand, and how many of so many ticks the heater was on."""
+        text, at_once = self._text, self._text.periods(np.array(outputs), period, np.array(lengths))
+        if at_once is not None:
+            yield from zip(at_once[1].tolist(), at_once[0].tolist(), strict=True)
+            return
+        for output, length in zip(outputs, lengths, strict=True):
+            begins = text.begin(output, period)
+            counted = text.counted()
+            yield counted, bool(begins) + sum(text.go_on() for _ in range(length - 1))
 
 
 def _at_ends(powers: Mapping[Number, float], actuator: Actuator) -> dict[Number, float]:

@@ -1,21 +1,25 @@
-"""What CPUs with two accumulators have alike, and how the S5 runs: a statement is a function that gives the next place.
+"""What CPUs with two accumulators have alike: the statements of a block as one Python function of the CPU.
 
-Where a CPU would stop, for an operand that is not there or a block without end, InputError tells statement and line.
+Accumulators and status bits are its local names. What stands between two jumps is a part. The function goes through the
+parts from the first one on and leaves out those before the place where it is, so that a jump forwards only sets this
+place, and one backwards begins anew.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError
 
-__all__ = ["END", "Accumulators", "Line", "Statement", "carry_out", "exchange", "jump", "load", "transfer"]
+__all__ = ["Accumulators", "Line", "Run", "Translation"]
 
-END: Final = -1
+#: runs a block to its end on a CPU
+Run = Callable[[Any], None]
 
-#: statements of a block that is given up as one without end; the programs here run some hundreds
-_MOST: Final = 100_000
+#: jumps backwards of a block that is given up as one without end; the programs here make some hundreds
+_MOST: Final = 10_000
 
 
 class Accumulators:
@@ -39,58 +43,107 @@ class Line(NamedTuple):
         return f"line {self.number}: statement {f'{self.operation} {self.operand}'.strip()!r}"
 
 
-_Cpu = TypeVar("_Cpu", bound=Accumulators)
-Statement = Callable[[_Cpu], int]
+class Translation(ABC):
+    """The function of a block; a CPU's own says what its statements are.
 
-
-def carry_out(cpu: _Cpu, code: Sequence[Statement[_Cpu]], lines: Sequence[Line]) -> None:
-    """Run the statements of a block from the first one to its end.
-
-    Args:
-        cpu: that runs them.
-        code: what each statement does.
-        lines: the same as text.
-
-    Raises:
-        InputError: a statement at which a CPU would stop.
+    Attributes:
+        lines: the statements.
+        labels: label → place of its statement.
+        names: what the function's text names.
+        keep: text that gives the CPU what the function holds.
+        take: text that takes it again.
     """
-    place = 0
-    try:
-        for _ in range(_MOST):
-            place = code[place](cpu)
-            if place == END:
-                return
-    except InputError:
-        raise
-    except (ArithmeticError, LookupError, ValueError, RecursionError):
-        raise InputError(f"{lines[min(place, len(lines) - 1)]}; the CPU stops here") from None
-    raise InputError(f"{lines[place]}; the CPU does not come to the end of this block")
 
+    keep: str
+    take: str
 
-def load(value: Callable[[_Cpu], int], then: int) -> Statement[_Cpu]:
-    """Return what loads a value: ACCU 1 goes to ACCU 2."""
-    def run(cpu: _Cpu) -> int:
-        cpu.one, cpu.two = value(cpu), cpu.one
-        return then
-    return run
+    def __init__(self, lines: Sequence[Line]) -> None:
+        self.lines = lines
+        self.labels = {line.label: at for at, line in enumerate(lines) if line.label}
+        self.names: dict[str, Any] = {"endless": self._endless}
+        self._part_of = self._parts()
+        self._text, self._of = list[str](), list[int]()  # lines of the function, and the statement each is of
 
+    @abstractmethod
+    def ends(self, line: Line) -> str | None:
+        """Return the label that a statement jumps to, "" where it may end the block; None: the next one follows."""
 
-def transfer(put: Callable[[_Cpu, int], None], then: int) -> Statement[_Cpu]:
-    """Return what writes ACCU 1 somewhere."""
-    def run(cpu: _Cpu) -> int:
-        put(cpu, cpu.one)
-        return then
-    return run
+    @abstractmethod
+    def statement(self, at: int, line: Line) -> list[str]:
+        """Return the text of a statement.
 
+        Raises:
+            InputError, LookupError, ValueError: it, or its operand, is not known here.
+        """
 
-def exchange(then: int) -> Statement[Accumulators]:
-    """Return what exchanges the accumulators."""
-    def run(cpu: Accumulators) -> int:
-        cpu.one, cpu.two = cpu.two, cpu.one
-        return then
-    return run
+    def first(self, text: Sequence[str]) -> list[str]:  # noqa: ARG002 - a CPU's own looks at it
+        """Return what stands before the statements, whose text is told."""
+        return []
 
+    def run(self) -> Run:
+        """Return what runs the statements.
 
-def jump(there: int, then: int, goes: Callable[[_Cpu], bool] | None = None) -> Statement[_Cpu]:
-    """Return a jump, where there is a condition one under it."""
-    return (lambda _: there) if goes is None else (lambda cpu: there if goes(cpu) else then)
+        Raises:
+            InputError: a statement that is not known here. So does the function, where a CPU would stop.
+        """
+        exec(compile(self._function(), "<block>", "exec"), self.names)
+        run: Run = self.names["run"]
+
+        def carry_out(cpu: Any) -> None:
+            try:
+                run(cpu)
+            except InputError:
+                raise
+            except (ArithmeticError, LookupError, ValueError, RecursionError) as problem:
+                raise InputError(f"{self._statement_of(problem)}; the CPU stops here") from None
+
+        return carry_out
+
+    def goes(self, at: int, label: str) -> list[str]:
+        """Return the text of a jump to a label."""
+        there = self.labels[label]
+        return [f"at = {self._part_of[there]}", *(["continue"] if there <= at else [])]
+
+    def _parts(self) -> list[int]:
+        """Return the part that each statement is in."""
+        ends = [self.ends(line) for line in self.lines]
+        begins = {0, *(self.labels[label] for label in ends if label in self.labels)}
+        begins |= {at + 1 for at, label in enumerate(ends) if label is not None}
+        parts, part = list[int](), -1
+        for at in range(len(self.lines)):
+            part += at in begins
+            parts.append(part)
+        return parts
+
+    def _function(self) -> str:
+        """Return its text."""
+        for at, line in enumerate(self.lines):
+            if at == 0 or self._part_of[at] != self._part_of[at - 1]:
+                self._add(at, 2, f"if at <= {self._part_of[at]}:")
+            try:
+                self._add(at, 3, *self.statement(at, line))
+            except (InputError, LookupError, ValueError):
+                raise InputError(f"{line}; this is none that is known here") from None
+        self._add(len(self.lines) - 1, 0, f"  {self.keep}", "  return", " raise endless(at)")
+        first = [" at = 0", *(f" {text}" for text in self.first(self._text))]
+        head = ["def run(cpu):", f" {self.take}", *first, f" for _ in range({_MOST}):"]
+        self._of = [0] * len(head) + self._of
+        return "\n".join([*head, *self._text])
+
+    def _add(self, at: int, deep: int, *texts: str) -> None:
+        for text in texts:
+            self._text.append(" " * deep + text)
+            self._of.append(at)
+
+    def _statement_of(self, problem: BaseException) -> Line:
+        """Return the statement at which the function stopped."""
+        trace, code, at = problem.__traceback__, self.names["run"].__code__, 0
+        while trace is not None:
+            if trace.tb_frame.f_code is code:
+                at = self._of[trace.tb_lineno - 1]
+                break
+            trace = trace.tb_next
+        return self.lines[at]
+
+    def _endless(self, part: int) -> InputError:
+        return InputError(f"{self.lines[self._part_of.index(part)]}; the CPU does not come to the end of this block")

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.machine import Firmware, Program, Value
 from heatertune.plc.cpu.iec.text import units
-from heatertune.plc.exported import Called
+from heatertune.plc.exported import Called, Exported
 from heatertune.plc.pid_compact.source import BROKEN_HIGH, CALL, LOAD
 from heatertune.plc.pid_compact.step import COLD, block_of, scaled, scan
 from heatertune.plc.pid_compact.words import Tags
@@ -40,7 +40,7 @@ def _flat(tag: str) -> str:
     return tag.replace(".", "_")
 
 
-class ExportedPid:
+class ExportedPid(Exported):
     """See `heatertune.plc.exported.Exported`."""
 
     def __init__(self, text: str, tags: Tags, instruction: Instruction, cycle_s: float) -> None:

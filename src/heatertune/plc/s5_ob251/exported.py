@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from heatertune.plc.cpu.s5.machine import Cpu
-from heatertune.plc.exported import Called
+from heatertune.plc.exported import Called, Exported
 from heatertune.plc.ramp import Number
 from heatertune.plc.s5_ob251.blocks import DB, FOUR_MA, INPUT, MODE, OUTPUT, START, WORK
 from heatertune.plc.s5_ob251.step import COLD, FULL_SCALE, REG_AUS, Assumptions, call, percent
@@ -24,7 +24,7 @@ _FILE: Final = "program_listing.txt"
 _PLACES: Final = {field.name: int(field.address.removeprefix("DW")) for field in FIELDS}
 
 
-class ExportedS5:
+class ExportedS5(Exported):
     """See `heatertune.plc.exported.Exported`."""
 
     def __init__(self, listing: str, assume: Assumptions) -> None:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
+import numpy.typing as npt
+
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.machine import Program
 from heatertune.plc.cpu.iec.project import project_of
+from heatertune.plc.cpu.iec.tape import KEEP, Tape
 from heatertune.plc.cpu.iec.text import units
-from heatertune.plc.exported import Called
+from heatertune.plc.exported import Called, Exported, Given, Made
 from heatertune.plc.ramp import Number
 
 __all__ = ["ExportedProgram", "check_project"]
@@ -17,7 +21,7 @@ __all__ = ["ExportedProgram", "check_project"]
 _DUE: Final = 1 << 30
 
 
-class ExportedProgram:
+class ExportedProgram(Exported):
     """See `heatertune.plc.exported.Exported`; the program is that of `heatertune.plc.st.program`."""
 
     def __init__(self, program: Program) -> None:
@@ -58,6 +62,30 @@ class ExportedProgram:
         called = Called(program[self._led], power, min(max(power, 0.0), 100.0))
         return called, program["HeaterOutput"] if self._pwm else None
 
+    def calls(self, given: Given) -> Made | None:
+        """Run the program so often, each time when the block is due."""
+        since = np.full(len(given.asked), _DUE)
+        if not self._begun:
+            since[0] = KEEP
+        return self._scans(given, {"HeaterSince": since})
+
+    def ticks(self, given: Given) -> Made | None:
+        """Run so many scans."""
+        return self._scans(given, {})
+
+    def _scans(self, given: Given, wholes: dict[str, npt.NDArray[np.int64]]) -> Made | None:
+        asked = given.asked.copy()
+        same = asked == np.concatenate(([asked[0] if self._asked is None else self._asked], asked[:-1]))
+        asked[same] = np.nan
+        wanted = (self._led, "HeaterPower", *(["HeaterOutput"] if self._pwm else []))
+        got = self._program.scans(Tape(
+            len(asked), {"HeaterSetPoint": asked, "HeaterTemperature": given.readings_degC}, wholes, wanted))
+        if got is None:
+            return None
+        self._asked, self._begun, powers = float(given.asked[-1]), True, got["HeaterPower"]
+        on = got["HeaterOutput"] != 0 if self._pwm else None
+        return Made(got[self._led], powers, np.clip(powers, 0.0, 100.0), on)
+
     def interrupt(self) -> tuple[float, bool | None]:
         """Run a scan without HeaterOn, which has to fall when the sensor breaks."""
         program, self._begun = self._program, False
@@ -82,6 +110,23 @@ class ExportedProgram:
         self._program["HeaterSince"] = -_DUE
         self._program.scan()
         return bool(self._program["HeaterOutput"])
+
+    def periods(
+        self, outputs: npt.NDArray[np.float64], ticks: int, lengths: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]] | None:
+        """Run the scans of many periods in which the block is not due."""
+        begins = np.concatenate(([0], np.cumsum(lengths)[:-1]))
+        scans = int(lengths.sum())
+        power, phase, on_ms = np.full(scans, np.nan), np.full(scans, KEEP), np.full(scans, KEEP)
+        power[begins], phase[begins], on_ms[begins] = outputs, (ticks - 1) * self._tick_ms, -1
+        keeps = {"BlockKeepsTs": np.zeros(scans, dtype=np.int64)} if self._calls_each_scan else {}
+        got = self._program.scans(Tape(
+            scans, {"HeaterPower": power}, keeps | {
+                "HeaterPhase": phase, "HeaterOnMs": on_ms, "HeaterSince": np.full(scans, -_DUE)},
+            ("HeaterOutput", "HeaterOnMs")))
+        if got is None:
+            return None
+        return np.add.reduceat(got["HeaterOutput"], begins), got["HeaterOnMs"][begins] / self._tick_ms
 
     def counted(self) -> float:
         """Return HeaterOnMs in scans."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from operator import itemgetter
 from typing import Any, Final
 
-from heatertune.plc.cpu.iec.machine import Firmware, Program, Value
+from heatertune.plc.cpu.iec.machine import Firmware, Program
 from heatertune.plc.cpu.iec.text import units
 from heatertune.plc.st.exported import ExportedProgram, check_project
-from heatertune.plc.weg.step import BLOCK, COLD, Assumptions, Inputs, block_of, call
+from heatertune.plc.weg.step import BLOCK, COLD, Assumptions, Inputs, State, call, made_of
 from heatertune.plc.weg.words import FIELDS
 
 __all__ = ["exported"]
@@ -17,7 +16,6 @@ __all__ = ["exported"]
 _CALL: Final = "weg_pid_call.st"
 _BLOCK: Final = "weg_pid_block.st"
 _PROJECT: Final = "weg_pid_plcopen.xml"
-_words: Final = itemgetter(*(field.name for field in FIELDS))
 _INPUTS: Final = {"EN": "BOOL", "SetPoint": "REAL", "ManualSetPoint": "REAL", "SelectSetPoint": "BOOL",
                   "Feedback": "REAL"}
 
@@ -41,20 +39,28 @@ def _called(text: str, assume: Assumptions) -> ExportedProgram:
 
 def _firmware(assume: Assumptions, due: Callable[[], bool]) -> Firmware:
     """Return WEG's block under the assumptions; `due` tells whether Ts is over, where it keeps Ts itself."""
-    def make() -> Callable[[Mapping[str, Value]], Mapping[str, Value]]:
-        state, held, block = COLD, tuple[Value, ...](), None
+    def run_when_due(
+        r: list[Any], w: list[Any], f: list[Any], a: int, b: int, c: int
+    ) -> None:
+        if not w[b] or due():
+            fb_pid(r, w, f, a, b, c)
 
-        def run(given: Mapping[str, Any]) -> dict[str, Value]:
-            nonlocal state, held, block
-            if assume.sampling == BLOCK and given["EN"] and not due():
-                return {"Output": state.output}
-            if block is None or _words(given) != held:
-                held, block = _words(given), block_of(given, assume)
-            inputs = Inputs(given["SetPoint"], given["Feedback"], given["ManualSetPoint"], given["SelectSetPoint"],
-                            given["EN"])
-            state = call(block, assume, state, inputs)
-            return {"Output": state.output}
+    return Firmware({**_INPUTS, **{field.name: field.format for field in FIELDS}, "Output": "REAL"},
+                    run=run_when_due if assume.sampling == BLOCK else fb_pid,
+                    keeps=(*COLD, *(int(setting) for setting in assume)))
 
-        return run
 
-    return Firmware({**_INPUTS, **{field.name: field.format for field in FIELDS}, "Output": "REAL"}, make)
+def fb_pid(
+    r: Any, w: Any, _f: Any, a: int, b: int, _c: int
+) -> None:
+    """Run WEG's block on the rows: variables in the order of `_firmware`, then its state and the assumptions."""
+    assume = Assumptions(
+        int(w[b + 8]), w[b + 9] != 0, w[b + 10] != 0, w[b + 11] != 0, w[b + 12] != 0, w[b + 13] != 0, w[b + 14] != 0,
+        int(w[b + 15]))
+    block = made_of(r[a + 3], r[a + 4], r[a + 5], r[a + 6], r[a + 7], r[a + 8], w[b + 4], w[b + 2] != 0, w[b + 3] != 0,
+                    assume)
+    before = State(w[b + 5] != 0, r[a + 10], r[a + 11], r[a + 12], r[a + 13], w[b + 6] != 0, w[b + 7] != 0)
+    after = call(block, assume, before, Inputs(r[a], r[a + 2], r[a + 1], w[b + 1] != 0, w[b] != 0))
+    w[b + 5], w[b + 6], w[b + 7] = after.enabled, after.overflow, after.skips
+    r[a + 10], r[a + 11], r[a + 12], r[a + 13] = after.reference, after.error, after.integral, after.output
+    r[a + 9] = after.output

@@ -21,7 +21,7 @@ from heatertune.plc.open_points import Switch
 from heatertune.plc.single import LARGEST, divided, exponential, single
 
 __all__ = ["BLOCK", "CALLER", "CLAMP", "COLD", "FREEZE", "SKIPPED", "Assumptions", "Block", "Inputs", "State",
-           "block_of", "call", "scan", "step"]
+           "block_of", "call", "made_of", "scan", "step"]
 
 #: what becomes of the integral part while Output is at a limit
 CLAMP: Final = 0
@@ -164,16 +164,25 @@ def _boosts(b: Block, s: State, x: Inputs) -> bool:
 
 def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
     """Return the block for its words; total for any of them."""
-    kp, parallel = float(values["Kp"]), values["Type"] != 0  # a REAL may be given as a whole number
-    ts, tau = divided(values["Ts"], 1000.0), values["TauSetPoint"]
-    ki_ts, kd_by_ts = single(values["Ki"] * ts), divided(values["Kd"], ts)
+    v = {name: float(value) for name, value in values.items()}  # a REAL may be given as a whole number
+    return made_of(v["Kp"], v["Ki"], v["Kd"], v["TauSetPoint"], v["MinimumOutput"], v["MaximumOutput"], v["Ts"],
+                   v["Type"] != 0.0, v["Action"] != 0.0, assume)
+
+
+def made_of(  # noqa: PLR0913 - the words, as a compiler takes them
+    kp: float, ki: float, kd: float, tau: float, minimum: float, maximum: float, ts_ms: float, parallel: bool,
+    reverse: bool, assume: Assumptions,
+) -> Block:
+    """Return the same of the words one by one."""
+    ts = single(divided(ts_ms, 1000.0))
+    ki_ts, kd_by_ts = single(ki * ts), single(divided(kd, ts))
     return Block(
-        kp=kp, minimum=float(values["MinimumOutput"]), maximum=float(values["MaximumOutput"]), parallel=parallel,
-        reverse=values["Action"] != 0,
-        share=_exact_share(ts, tau) if assume.exact_filter else divided(ts, single(tau + ts)),
+        kp=kp, minimum=minimum, maximum=maximum, parallel=parallel, reverse=reverse,
+        share=single(_exact_share(ts, tau) if assume.exact_filter else divided(ts, single(tau + ts))),
         ki_ts=ki_ts, kd_by_ts=kd_by_ts,
-        now=single(single((kp if parallel else 1.0) + ki_ts) + kd_by_ts),
+        now=single(single((kp if parallel else single(1.0)) + ki_ts) + kd_by_ts),
         growth=ki_ts if parallel else single(kp * ki_ts),
+        within=single(math.inf), again=single(math.inf),
     )
 
 

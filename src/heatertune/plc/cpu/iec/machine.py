@@ -1,16 +1,23 @@
-"""A machine that runs structured text: a unit becomes a Python function on the memory of an instance.
+"""A machine that runs structured text: a unit becomes a Python function on the program's memory.
 
 REAL is single precision, rounded once by each operation; whole numbers are computed in 32 bits with a sign and kept in
 those of their variable. Numbers of one kind do not become another by themselves.
+
+REALs stand in one row of the memory, all other numbers in another; so do the text's numbers, each in a cell of its own:
+texts that differ in numbers alone are one function, which a compiler takes as it is.
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from functools import lru_cache
+from types import CodeType, FunctionType
+from typing import Any, Final, NamedTuple, cast
 
 from heatertune.errors import InputError
+from heatertune.plc.cpu.iec.tape import Got, Tape, run_tape
 from heatertune.plc.cpu.iec.text import (
     Assignment,
     Call,
@@ -22,18 +29,20 @@ from heatertune.plc.cpu.iec.text import (
 )
 from heatertune.plc.single import divided, single
 
-__all__ = ["Firmware", "Program", "Value"]
+__all__ = ["Firmware", "Program", "Run", "Value"]
 
 Value = bool | int | float
-#: variables of an instance by their places, instances in it being memories themselves
-_Memory = list[Any]
-_Run = Callable[[_Memory], None]
+#: of a unit: the rows of REALs and of other numbers, instances of firmware, and where its own begin in each
+Run = Callable[[list[Any], list[Any], list[Any], int, int, int], None]
 
 #: whole type → bits, and whether it has a sign
 _WHOLE: Final = {"BYTE": (8, False), "UINT": (16, False), "INT": (16, True), "DINT": (32, True)}
 _KIND: Final = {"REAL": "REAL", "BOOL": "BOOL", "TIME": "TIME", **dict.fromkeys(_WHOLE, "WHOLE")}
 _NOTHING: Final[Mapping[str, Value]] = {"REAL": 0.0, "BOOL": False, "WHOLE": 0, "TIME": 0}
 _COMPARED: Final = {"=": "==", "<>": "!=", "<": "<", ">": ">", "<=": "<=", ">=": ">="}
+_BEYOND: Final = 1000  # lines, more than this file has: who looks there for those of a function finds none
+_ROWS: Final = ("r", "w", "f")
+_FIRST: Final = ("a", "b", "c")
 
 
 class Firmware(NamedTuple):
@@ -42,18 +51,59 @@ class Firmware(NamedTuple):
     Attributes:
         variables: name → type.
         make: makes an instance, cold; called with the values of all variables, it returns those of its outputs.
+        run: in its place, what a call does to the rows: variables are there in their order, then `keeps`.
+        keeps: cold numbers that an instance keeps beside its variables; REALs are floats.
     """
 
     variables: Mapping[str, str]
-    make: Callable[[], Callable[[Mapping[str, Value]], Mapping[str, Value]]]
+    make: Callable[[], Callable[[Mapping[str, Value]], Mapping[str, Value]]] | None = None
+    run: Run | None = None
+    keeps: tuple[Value, ...] = ()
+
+
+#: type of a variable, and how much of each row is before it
+_Place = tuple[str, tuple[int, int, int]]
+
+
+class _Memory(NamedTuple):
+    """Rows of a memory: REALs, other numbers, instances of firmware or what makes them."""
+
+    reals: list[Any]
+    wholes: list[Any]
+    firmware: list[Any]
+
+    @property
+    def size(self) -> tuple[int, int, int]:
+        return len(self.reals), len(self.wholes), len(self.firmware)
+
+    def grown(self, other: _Memory) -> tuple[int, int, int]:
+        """Add another's rows; return where they begin."""
+        begin = self.size
+        for mine, more in zip(self, other, strict=True):
+            mine.extend(more)
+        return begin
+
+    def with_one(self, kind: str, value: Value) -> tuple[int, int, int]:
+        """Add a number; return where it stands, in the row of its kind."""
+        begin = self.size
+        (self.reals if kind == "REAL" else self.wholes).append(value)
+        return begin
 
 
 class _Block(NamedTuple):
-    """What an instance is made of: name → type and place, its memory when cold, and what a call does."""
+    """What an instance is made of.
 
-    places: dict[str, tuple[str, int]]
-    cold: Callable[[], _Memory]
-    run: _Run
+    Attributes:
+        places: name → where it stands.
+        cold: its memory, firmware not yet made.
+        run: what a call does.
+        lines: code of the functions in it → unit, and the line of its text for each of the function's.
+    """
+
+    places: dict[str, _Place]
+    cold: _Memory
+    run: Run
+    lines: dict[CodeType, tuple[Unit, list[int]]]
 
 
 class Program:
@@ -68,19 +118,21 @@ class Program:
         Raises:
             InputError: there is not exactly one program; what is not known here.
         """
-        known = {name.upper(): _of_firmware(block) for name, block in firmware.items()}
+        known = self._known = {name.upper(): _of_firmware(block) for name, block in firmware.items()}
         for unit in (unit for unit in units if unit.kind == "FUNCTION_BLOCK"):
             known[unit.name] = _Compiler(unit, known, time_to_real).block()
         programs = [unit for unit in units if unit.kind == "PROGRAM"]
         if len(programs) != 1:
             raise InputError(f"{len(programs)} programs; expected one")
         self._block = _Compiler(programs[0], known, time_to_real).block()
-        self._named: dict[str, int] = {}  # name as it was asked for → place
+        self._compiles = time_to_real is None and all(_is_plain(block.run) for block in firmware.values())
+        self._named: dict[str, tuple[int, int]] = {}  # name as it was asked for → row and place
         self.start()
 
     def start(self) -> None:
         """Give all variables their initial values."""
-        self._memory = self._block.cold()
+        reals, wholes, firmware = self._block.cold
+        self._memory = _Memory([*reals], [*wholes], [make() for make in firmware])
 
     def scan(self) -> None:
         """Run it once.
@@ -88,65 +140,135 @@ class Program:
         Raises:
             InputError: a statement at which a controller would stop.
         """
-        self._block.run(self._memory)
+        try:
+            self._block.run(*self._memory, 0, 0, 0)
+        except InputError:
+            raise
+        except (ArithmeticError, ValueError) as problem:
+            raise InputError(f"{self._told(problem)}; a controller stops here") from None
+
+    def scans(self, tape: Tape) -> Got | None:
+        """Run it many times, compiled, see `heatertune.plc.cpu.iec.tape.run_tape`."""
+        if not self._compiles:
+            return None
+        places = {name: self._place(name) for name in (*tape.reals, *tape.wholes, *tape.asked)}
+        return run_tape(cast("FunctionType", self._block.run), self._memory.reals, self._memory.wholes, tape, places)
+
+    def _told(self, problem: BaseException) -> str:
+        """Return the line at which it stopped."""
+        told, trace = "", problem.__traceback__
+        while trace is not None:
+            if found := self._block.lines.get(trace.tb_frame.f_code):
+                unit, lines = found
+                told = unit.told(lines[trace.tb_lineno - _BEYOND])
+            trace = trace.tb_next
+        return told
 
     def __contains__(self, name: str) -> bool:
-        return name.upper() in self._block.places
+        """Return whether there is a variable, or one of an instance: `Block.Variable`."""
+        instance, _, inner = name.upper().rpartition(".")
+        return inner in self._places_in(instance)
 
     def __getitem__(self, name: str) -> Any:
-        return self._memory[self._place(name)]
+        row, place = self._place(name)
+        return self._memory[row][place]
 
     def __setitem__(self, name: str, value: Value) -> None:
-        self._memory[self._place(name)] = value
+        row, place = self._place(name)
+        self._memory[row][place] = value
 
-    def _place(self, name: str) -> int:
+    def _places_in(self, instance: str) -> Mapping[str, _Place]:
+        if not instance:
+            return self._block.places
+        type_, _ = self._block.places.get(instance, ("", None))
+        return self._known[type_].places if type_ in self._known else {}
+
+    def _place(self, name: str) -> tuple[int, int]:
         if name not in self._named:
             if name not in self:
                 raise InputError(f"the program has no variable {name}")
-            self._named[name] = self._block.places[name.upper()][1]
+            instance, _, inner = name.upper().rpartition(".")
+            type_, place = self._places_in(instance)[inner]
+            begin = self._block.places[instance][1] if instance else (0, 0, 0)
+            row = _row(type_)
+            self._named[name] = row, begin[row] + place[row]
         return self._named[name]
 
 
+def _row(type_: str) -> int:
+    return 0 if type_ == "REAL" else 1
+
+
+def _is_plain(run: Run | None) -> bool:
+    """Return whether a compiler may take it."""
+    return isinstance(run, FunctionType) and run.__closure__ is None
+
+
 def _of_firmware(block: Firmware) -> _Block:
-    names = list(block.variables)
-    places = {name.upper(): (type_, place) for place, (name, type_) in enumerate(block.variables.items())}
+    cold, places = _Memory([], [], [block.make] if block.make else []), dict[str, _Place]()
+    for name, type_ in block.variables.items():
+        places[name.upper()] = type_, cold.with_one(_KIND[type_], _NOTHING[_KIND[type_]])
+    for value in block.keeps:
+        cold.with_one("REAL" if isinstance(value, float) else "WHOLE", value)
+    if block.run is not None:
+        return _Block(places, cold, block.run, {})
+    named = [(name, _row(type_), places[name.upper()][1][_row(type_)]) for name, type_ in block.variables.items()]
+    put = {name: (row, place) for name, row, place in named}
 
-    def run(memory: _Memory) -> None:
-        outputs = memory[-1](dict(zip(names, memory, strict=False)))
-        for name, value in outputs.items():
-            memory[places[name.upper()][1]] = value
+    def run(
+        r: list[Any], w: list[Any], f: list[Any], a: int, b: int, c: int
+    ) -> None:
+        rows, first = (r, w), (a, b)
+        for name, value in f[c]({name: rows[row][first[row] + place] for name, row, place in named}).items():
+            row, place = put[name]
+            rows[row][first[row] + place] = value
 
-    return _Block(places, lambda: [*(_NOTHING[_KIND[type_]] for type_ in block.variables.values()), block.make()], run)
+    return _Block(places, cold, run, {})
+
+
+@lru_cache(256)
+def _function(name: str, source: str, called: tuple[tuple[str, Callable[..., Any]], ...]) -> FunctionType:
+    """Return the function of a text, which names others; the same for the same ones, so that it is compiled once."""
+    names: dict[str, Any] = {**_FUNCTIONS, **dict(called), "__name__": __name__}
+    exec(compile("\n" * _BEYOND + source, __file__, "exec"), names)
+    made: FunctionType = names["run"]
+    beside = "".join(getattr(other, "__qualname__", "") for _, other in called)
+    # by which what is kept on disk is told from that of another text
+    made.__qualname__ = f"{name}_{hashlib.sha256((source + beside).encode()).hexdigest()[:16]}"
+    return made
 
 
 class _Compiler:
-    """Translates one unit: its statements become a Python function of the instance's memory `m`."""
+    """Translates one unit: its statements become a Python function."""
 
     def __init__(
         self, unit: Unit, known: Mapping[str, _Block], time_to_real: Callable[[int], float] | None
     ) -> None:
         self._unit, self._known, self._time_to_real = unit, known, time_to_real
-        self._places: dict[str, tuple[str, int]] = {}
+        self._cold = _Memory([], [], [])
+        self._places: dict[str, _Place] = {}
         self._constant = {each.name for each in unit.variables if each.section.endswith("CONSTANT")}
         self._line = 0  # of the statement that is translated
         self._lines = [0, 0]  # of the text, for each of the function's from 0 on: there is none, and its head
 
     def block(self) -> _Block:
         """Return the unit translated."""
-        begins = list[Callable[[], Any]]()
-        for place, variable in enumerate(self._unit.variables):
+        for variable in self._unit.variables:
             if variable.name in self._places:
                 raise self._wrong(f"{variable.name} is declared twice")
-            self._places[variable.name] = (variable.type, place)
             if variable.type in self._known and variable.initial is None:
-                begins.append(self._known[variable.type].cold)
-                continue
-            kind = _KIND.get(variable.type)
-            if kind is None:
-                raise self._wrong(f"{variable.name}: {variable.type} is no type that is known here")
-            value = _NOTHING[kind] if variable.initial is None else self._initial(variable.initial, variable.type)
-            begins.append(_always(value))
-        return _Block(self._places, lambda: [begin() for begin in begins], self._body())
+                place = self._cold.grown(self._known[variable.type].cold)
+            else:
+                kind = _KIND.get(variable.type)
+                if kind is None:
+                    raise self._wrong(f"{variable.name}: {variable.type} is no type that is known here")
+                value = _NOTHING[kind] if variable.initial is None else self._initial(variable.initial, variable.type)
+                place = self._cold.with_one(kind, value)
+            self._places[variable.name] = variable.type, place
+        run, lines = self._body()
+        for other in self._known.values():
+            lines |= other.lines
+        return _Block(self._places, self._cold, run, lines)
 
     def _wrong(self, what: str) -> InputError:
         where = self._unit.told(self._line) if self._line else self._unit.name
@@ -159,25 +281,15 @@ class _Compiler:
             return single(given.value)
         return _cut(int(given.value), *_WHOLE[type_]) if type_ in _WHOLE else given.value
 
-    def _body(self) -> _Run:
-        """Return what runs the unit's statements; where a controller would stop, InputError tells the line."""
-        source = ["def body(m):", *self._all(self._unit.body, " ")]
-        blocks = {f"run_{type_}": block.run for type_, block in self._known.items()}
-        names = {**_FUNCTIONS, "time_to_real": self._time_to_real, **blocks}
-        exec(compile("\n".join(source), self._unit.name, "exec"), names)
-        body, unit, lines = names["body"], self._unit, self._lines
-
-        def run(memory: _Memory) -> None:
-            try:
-                body(memory)
-            except InputError:
-                raise
-            except (ArithmeticError, ValueError) as problem:
-                made = problem.__traceback__ and problem.__traceback__.tb_next
-                line = lines[made.tb_lineno if made else 0]
-                raise InputError(f"{unit.told(line)}; a controller stops here") from None
-
-        return run
+    def _body(self) -> tuple[Run, dict[CodeType, tuple[Unit, list[int]]]]:
+        """Return what runs the unit's statements, and the lines of its text."""
+        source = "\n".join([f"def run({', '.join((*_ROWS, *_FIRST))}):", *self._all(self._unit.body, " ")])
+        called: dict[str, Callable[..., Any]] = {
+            f"run_{type_}": block.run for type_, block in self._known.items() if f"run_{type_}(" in source}
+        if self._time_to_real is not None:
+            called["time_to_real"] = self._time_to_real
+        made = _function(self._unit.name, source, tuple(called.items()))
+        return made, {made.__code__: (self._unit, self._lines)}
 
     def _all(self, statements: Iterable[Statement], indent: str) -> Iterator[str]:
         """Return the lines that run statements, at least one."""
@@ -216,7 +328,7 @@ class _Compiler:
         return f"{place} = {self._to(statement.value, type_)}"
 
     def _call(self, statement: Call) -> Iterator[str]:
-        type_, place = self._places.get(statement.instance, ("", 0))
+        type_, place = self._places.get(statement.instance, ("", (0, 0, 0)))
         block = self._known.get(type_)
         if block is None:
             raise self._wrong(f"{statement.instance} is no instance")
@@ -224,21 +336,29 @@ class _Compiler:
             if name not in block.places:
                 raise self._wrong(f"{type_} has no input {name}")
             wanted, there = block.places[name]
-            yield f"m[{place}][{there}] = {self._to(expression, wanted)}"
-        yield f"run_{type_}(m[{place}])"
+            yield f"{self._cell(wanted, place, there)} = {self._to(expression, wanted)}"
+        yield f"run_{type_}({', '.join((*_ROWS, *map(self._index, _FIRST, place)))})"
 
     def _variable(self, name: Name) -> tuple[str, str]:
         """Return the type of a variable, or of an instance's, and where it stands in the memory."""
-        places, there, type_ = self._places, "m", ""
+        places, there, type_ = self._places, list[tuple[int, int, int]](), ""
         for part in name.path:
             if part not in places:
                 raise self._wrong(f"{'.'.join(name.path)} is not declared")
             type_, place = places[part]
-            there = f"{there}[{place}]"
+            there.append(place)
             places = self._known[type_].places if type_ in self._known else {}
         if type_ not in _KIND:
             raise self._wrong(f"{'.'.join(name.path)} is no number")
-        return type_, there
+        return type_, self._cell(type_, *there)
+
+    def _cell(self, type_: str, *places: tuple[int, int, int]) -> str:
+        """Return what names a number in its row."""
+        row = _row(type_)
+        return f"{_ROWS[row]}[{self._index(_FIRST[row], sum(place[row] for place in places))}]"
+
+    def _index(self, first: str, place: int) -> str:
+        return str(place) if self._unit.kind == "PROGRAM" else f"{first} + {place}"
 
     def _to(self, expression: Expression, type_: str) -> str:
         """Return an expression, its value as a variable of a type keeps it."""
@@ -250,7 +370,10 @@ class _Compiler:
     def _value(self, expression: Expression) -> tuple[str, str]:
         """Return the kind of an expression, and it."""
         if isinstance(expression, Literal):
-            return expression.kind, repr(single(expression.value) if expression.kind == "REAL" else expression.value)
+            if expression.kind == "BOOL":
+                return "BOOL", repr(expression.value)
+            value = single(expression.value) if expression.kind == "REAL" else expression.value
+            return expression.kind, self._cell(expression.kind, self._cold.with_one(expression.kind, value))
         if isinstance(expression, Name):
             type_, place = self._variable(expression)
             return _KIND[type_], place
@@ -262,10 +385,6 @@ class _Compiler:
             raise self._wrong(f"{expression.sign} does not go with {' and '.join(kinds)}")
         kind, made = _MADE[(expression.sign, *kinds)]
         return kind, made.format(*(value for _, value in operands))
-
-
-def _always(value: Value) -> Callable[[], Value]:
-    return lambda: value
 
 
 def _fitted(value: str, type_: str) -> str:
@@ -281,14 +400,15 @@ def _cut(value: int, bits: int, signed: bool) -> int:
 
 
 def _truncated(value: float) -> int:
-    whole = math.trunc(value)
-    if whole != _cut(whole, *_WHOLE["DINT"]):
+    if not -2147483649.0 < value < 2147483648.0:  # beyond DINT, or no number
         raise OverflowError
-    return whole
+    return math.trunc(value)
 
 
 def _quotient(dividend: int, divisor: int) -> int:
     """Return it cut towards zero."""
+    if divisor == 0:  # compiled, this would be a number
+        raise ZeroDivisionError
     share = abs(dividend) // abs(divisor)
     return share if (dividend < 0) == (divisor < 0) else -share
 
@@ -297,9 +417,9 @@ def _rest(dividend: int, divisor: int) -> int:
     return dividend - divisor * _quotient(dividend, divisor)
 
 
-#: what a unit's function calls; of a literal beyond all singles `repr` gives "inf"
+#: what a unit's function calls
 _FUNCTIONS: Final[Mapping[str, Any]] = {"single": single, "divided": divided, "truncated": _truncated,
-                                        "quotient": _quotient, "rest": _rest, "inf": math.inf}
+                                        "quotient": _quotient, "rest": _rest}
 #: operation or function and the kinds of its operands → the kind of what it makes, and how
 _MADE: Final[Mapping[tuple[str, ...], tuple[str, str]]] = {
     ("NOT", "BOOL"): ("BOOL", "(not {0})"),

@@ -1,34 +1,22 @@
 """A CPU that runs a STEP 5 listing: the statements that heatertune's own programs use, and no others.
 
-Data words of 16 bits; a comparison asks whether ACCU 2 … ACCU 1 and leaves both as they are (S5-115U manual
-EWA 4NEB 811 6130, chapter 8).
+Data words of 16 bits, kept as signed numbers; a comparison asks whether ACCU 2 … ACCU 1 and leaves both as they are
+(S5-115U manual EWA 4NEB 811 6130, chapter 8).
 """
 
 from __future__ import annotations
 
-import operator
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.statements import (
-    END,
-    Accumulators,
-    Line,
-    Statement,
-    carry_out,
-    exchange,
-    jump,
-    load,
-    transfer,
-)
+from heatertune.plc.cpu.statements import Accumulators, Line, Translation
 
 __all__ = ["Cpu"]
 
 _CONSTANTS: Final = {"KF": 10, "KB": 10, "KH": 16, "KM": 2}
-_COMPARED: Final = {"!=F": operator.eq, "><F": operator.ne, ">F": operator.gt, ">=F": operator.ge, "<F": operator.lt,
-                    "<=F": operator.le}
+_COMPARED: Final = {"!=F": "==", "><F": "!=", ">F": ">", ">=F": ">=", "<F": "<", "<=F": "<="}
 #: integral block of the S5-115U: Z1 times Z2 is Z32 (high word) and Z31 (low word); Z3=0 tells a product of 0
 _MULTIPLIER: Final = "FB 242"
 _PARAMETERS: Final = ("Z1", "Z2", "Z3=0", "Z32", "Z31")
@@ -50,14 +38,13 @@ class Cpu(Accumulators):
             InputError: a line that is no statement known here, a jump to nowhere, a block that is not there.
         """
         super().__init__()
-        self._lines, self.data = _blocks(listing)
+        code, self.data = _blocks(listing)
         self.inputs: dict[str, int] = {}
         self.outputs: dict[str, int] = {}
         self.open: list[int] = []
         self._firmware = firmware
-        known = {*self._lines, *firmware}
-        self._code = {name: [_statement(line, place, block, known) for place, line in enumerate(block)]
-                      for name, block in self._lines.items()}
+        known = {*code, *firmware}
+        self._code = {name: _Translated(block, known, self).run() for name, block in code.items()}
 
     def block(self, number: int, last: int) -> list[int]:
         """Return the words of a data block.
@@ -82,7 +69,7 @@ class Cpu(Accumulators):
             return
         if block not in self._code:
             raise InputError(f"{block}: the listing has no such block")
-        carry_out(self, self._code[block], self._lines[block])
+        self._code[block](self)
         self.open = before
 
 
@@ -110,10 +97,6 @@ def _blocks(listing: str) -> tuple[dict[str, list[Line]], dict[int, list[int]]]:
     return code, data
 
 
-def _labels(block: list[Line]) -> dict[str, int]:
-    return {line.label: place for place, line in enumerate(block) if line.label}
-
-
 def _constant(kind: str, digits: str, where: object) -> int:
     try:
         return _word(int(digits.replace(" ", ""), _CONSTANTS[kind]))
@@ -126,96 +109,76 @@ def _word(number: int) -> int:
     return (number + 0x8000) % 0x10000 - 0x8000
 
 
-def _statement(  # noqa: C901, PLR0911, PLR0912 - one branch for each kind of statement
-    line: Line, place: int, block: list[Line], known: set[str]
-) -> Statement[Cpu]:
-    """Return what a statement does.
+class _Translated(Translation):
+    keep = "cpu.one, cpu.two, cpu.true, cpu.open = one, two, true, dw"
+    take = "one, two, true, dw = cpu.one, cpu.two, cpu.true, cpu.open"
 
-    Raises:
-        InputError: it is not known here.
-    """
-    name, operand, then = line.operation, line.operand, place + 1
-    labels = _labels(block)
-    kind, _, rest = operand.partition(" ")
-    if name in _COMPARED and not operand:
-        return _compare(_COMPARED[name], then)
+    def __init__(self, lines: list[Line], known: set[str], cpu: Cpu) -> None:
+        super().__init__(lines)
+        self._known = known
+        self.names |= {"data": cpu.data, "inputs": cpu.inputs, "outputs": cpu.outputs}
+
+    def ends(self, line: Line) -> str | None:
+        label = line.operand[1:] if line.operation in ("JU", "JC") and line.operand.startswith("=") else None
+        return "" if line.operation in ("BE", "BEC") else label
+
+    def statement(self, at: int, line: Line) -> list[str]:  # noqa: C901, PLR0911, PLR0912 - one branch for each kind
+        name, operand = line.operation, line.operand
+        kind, _, rest = operand.partition(" ")
+        match name, kind:
+            case _, "" if name in _COMPARED:
+                return [f"true = two {_COMPARED[name]} one"]
+            case ("JU" | "JC"), _ if self.ends(line):
+                goes = self.goes(at, operand[1:])
+                return goes if name == "JU" else ["if true:", *(f" {text}" for text in goes)]
+            case "JU", "FB" if operand == _MULTIPLIER:
+                return _product(self.lines[at + 1 : at + 1 + len(_PARAMETERS)])
+            case ("DW" | "F"), _ if line.label in _PARAMETERS:
+                return ["pass"]
+            case "JU", ("FB" | "OB") if operand in self._known:
+                return [self.keep, f"cpu.run({operand!r})", self.take]
+            case ("BE" | "BEC"), "":
+                end = [self.keep, "return"]
+                return end if name == "BE" else ["if true:", *(f" {text}" for text in end)]
+            case "TAK", "":
+                return ["one, two = two, one"]
+            case ("+F" | "-F"), "":
+                return [f"one = {_wrapped(f'two {name[0]} one')}"]
+            case ("SLW" | "SRW"), _ if operand.isdigit():
+                moved = f"(one << {operand})" if name == "SLW" else f"((one & 65535) >> {operand})"
+                return [f"one = {_wrapped(moved)}"]
+            case "C", "DB" if rest.isdigit():
+                return [f"dw = data[{int(rest)}]"]
+            case ("L" | "T"), _:
+                return [_moved(name, kind, rest, line)]
+            case "A", "I":
+                return [f"true = inputs.get({operand!r}, 0) != 0"]
+            case ("TB" | "SU" | "RU"), "D" if re.fullmatch(r"\d+\.(\d|1[0-5])", rest):
+                return [_bit(name, *map(int, rest.split(".")))]
+        raise InputError
+
+
+def _wrapped(value: str) -> str:
+    """Return the text of what 16 bits hold of a number, as a signed one."""
+    return f"({value} + 32768 & 65535) - 32768"
+
+
+def _moved(name: str, kind: str, rest: str, line: Line) -> str:
+    """Return the text of a load, at which ACCU 1 goes to ACCU 2, or of what writes ACCU 1 somewhere."""
     match name, kind:
-        case ("JU" | "JC"), _ if operand[1:] in labels and operand.startswith("="):
-            return jump(labels[operand[1:]], then, _true if name == "JC" else None)
-        case "JU", "FB" if operand == _MULTIPLIER:
-            return _product(block[then : then + len(_PARAMETERS)], then + len(_PARAMETERS))
-        case ("DW" | "F"), _ if line.label in _PARAMETERS:
-            return jump(then, then)
-        case "JU", ("FB" | "OB") if operand in known:
-            return _call(operand, then)
-        case "BE", "":
-            return jump(END, then)
-        case "BEC", "":
-            return jump(END, then, _true)
-        case "TAK", "":
-            return exchange(then)
-        case ("+F" | "-F"), "":
-            return _sum(1 if name == "+F" else -1, then)
-        case ("SLW" | "SRW"), _ if operand.isdigit():
-            return _shift(int(operand), name == "SLW", then)
-        case "C", "DB" if rest.isdigit():
-            return _opened(int(rest), then)
-        case "L", _ if kind in _CONSTANTS:
-            return load(_always(_constant(kind, rest, line)), then)
-        case ("L" | "T"), "DW" if rest.isdigit():
-            return load(_word_of(int(rest)), then) if name == "L" else transfer(_to_word(int(rest)), then)
+        case _, "DW" if rest.isdigit():
+            return f"one, two = dw[{int(rest)}], one" if name == "L" else f"dw[{int(rest)}] = one"
         case "L", "PW":
-            return load(lambda cpu: _word(cpu.inputs.get(operand, 0)), then)
+            return f"one, two = {_wrapped(f'inputs.get({line.operand!r}, 0)')}, one"
         case "T", ("PW" | "PY" | "RS"):
-            return transfer(_to_output(operand, 0xFF if kind == "PY" else -1), then)
-        case "A", "I":
-            return _asked(operand, then)
-        case ("TB" | "SU" | "RU"), "D" if re.fullmatch(r"\d+\.(\d|1[0-5])", rest):
-            number, _, bit = rest.partition(".")
-            return _bit(name, int(number), int(bit), then)
-    raise InputError(f"{line}; this is none that is known here")
+            return f"outputs[{line.operand!r}] = one{' & 255' if kind == 'PY' else ''}"
+        case "L", _:
+            return f"one, two = {_constant(kind, rest, line)}, one"
+    raise InputError
 
 
-def _true(cpu: Cpu) -> bool:
-    return cpu.true
-
-
-def _always(value: int) -> Callable[[Cpu], int]:
-    return lambda _: value
-
-
-def _word_of(number: int) -> Callable[[Cpu], int]:
-    return lambda cpu: cpu.open[number]
-
-
-def _to_word(number: int) -> Callable[[Cpu, int], None]:
-    def put(cpu: Cpu, value: int) -> None:
-        cpu.open[number] = value
-    return put
-
-
-def _to_output(operand: str, mask: int) -> Callable[[Cpu, int], None]:
-    def put(cpu: Cpu, value: int) -> None:
-        cpu.outputs[operand] = value & mask
-    return put
-
-
-def _compare(asks: Callable[[int, int], bool], then: int) -> Statement[Cpu]:
-    def run(cpu: Cpu) -> int:
-        cpu.true = asks(cpu.two, cpu.one)
-        return then
-    return run
-
-
-def _call(block: str, then: int) -> Statement[Cpu]:
-    def run(cpu: Cpu) -> int:
-        cpu.run(block)
-        return then
-    return run
-
-
-def _product(given: list[Line], then: int) -> Statement[Cpu]:
-    """Return what a call of the multiplier does with the parameters behind it.
+def _product(given: Sequence[Line]) -> list[str]:
+    """Return the text of a call of the multiplier with the parameters behind it.
 
     Raises:
         InputError: they are not its own, in their order, each a data word; the bit is not looked at.
@@ -224,53 +187,13 @@ def _product(given: list[Line], then: int) -> Statement[Cpu]:
             line.operation == "DW" and line.operand.isdigit() for line in given if line.label != "Z3=0"):
         raise InputError(f"{_MULTIPLIER}: expected the parameters {', '.join(_PARAMETERS)} behind its call, data words")
     one, two, _, high, low = (int(line.operand) if line.operation == "DW" else 0 for line in given)
-
-    def run(cpu: Cpu) -> int:
-        product = cpu.open[one] * cpu.open[two]
-        cpu.open[high], cpu.open[low] = _word(product >> 16), _word(product)
-        return then
-    return run
+    return [f"product = dw[{one}] * dw[{two}]", f"dw[{high}], dw[{low}] = {_wrapped('(product >> 16)')}, "
+            f"{_wrapped('product')}"]
 
 
-def _sum(sign: int, then: int) -> Statement[Cpu]:
-    def run(cpu: Cpu) -> int:
-        cpu.one = _word(cpu.two + sign * cpu.one)
-        return then
-    return run
-
-
-def _shift(places: int, left: bool, then: int) -> Statement[Cpu]:
-    def run(cpu: Cpu) -> int:
-        cpu.one = _word(cpu.one << places if left else (cpu.one & 0xFFFF) >> places)
-        return then
-    return run
-
-
-def _opened(number: int, then: int) -> Statement[Cpu]:
-    def run(cpu: Cpu) -> int:
-        cpu.open = cpu.data[number]
-        return then
-    return run
-
-
-def _asked(operand: str, then: int) -> Statement[Cpu]:
-    def run(cpu: Cpu) -> int:
-        cpu.true = bool(cpu.inputs.get(operand, 0))
-        return then
-    return run
-
-
-def _bit(name: str, number: int, place: int, then: int) -> Statement[Cpu]:
-    """Return what tests (TB), sets (SU) or clears (RU) a bit of a data word."""
-    mask = 1 << place
-
-    def test(cpu: Cpu) -> int:
-        cpu.true = bool(cpu.open[number] & mask)
-        return then
-
-    def write(cpu: Cpu) -> int:
-        word = cpu.open[number]
-        cpu.open[number] = _word(word | mask if name == "SU" else word & ~mask)
-        return then
-
-    return test if name == "TB" else write
+def _bit(name: str, number: int, place: int) -> str:
+    """Return the text of what tests (TB), sets (SU) or clears (RU) a bit of a data word."""
+    word, mask = f"dw[{number}]", 1 << place
+    if name == "TB":
+        return f"true = {word} & {mask} != 0"
+    return f"{word} = {_wrapped(f'({word} | {mask})' if name == 'SU' else f'({word} & {~mask})')}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Final, cast, final
 
@@ -12,7 +12,7 @@ from heatertune.plc.cpu.s7_300.machine import Cpu, Firmware
 from heatertune.plc.cpu.s7_300.program import DATA, PWM_DATA
 from heatertune.plc.cpu.s7_300.real import clamp
 from heatertune.plc.cpu.s7_300.source import as_real, signed
-from heatertune.plc.exported import Called
+from heatertune.plc.exported import Called, Exported
 from heatertune.plc.pwm import on_time, pulsegen
 from heatertune.plc.ramp import Number
 
@@ -49,7 +49,7 @@ class _Pulsegen:
         self.calls = (self.calls + 1) % round(period / interval)
 
 
-class ExportedS7(ABC):
+class ExportedS7(Exported):
     """See `heatertune.plc.exported.Exported`."""
 
     def __init__(self, source: str, firmware: Mapping[str, Firmware]) -> None:

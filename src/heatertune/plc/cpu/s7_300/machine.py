@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300.source import LAST, Place, constant, numbered, placed, statements
-from heatertune.plc.cpu.s7_300.translation import Called, Run, translated
-from heatertune.plc.cpu.statements import Accumulators, Line
+from heatertune.plc.cpu.s7_300.translation import Called, Translated
+from heatertune.plc.cpu.statements import Accumulators, Line, Run
 
 __all__ = ["Cpu", "Firmware"]
 
@@ -145,8 +145,8 @@ class Cpu(Accumulators):
         return _Block(placed(declared, "", 0) | placed(temporary, own, 0), statements(part[begin + 1 : -1]))
 
     def _translated(self, block: _Block) -> Run:
-        return translated(block.lines, lambda operand: self._place(block, operand),
-                          lambda operand: self._call(block, operand), self.memory)
+        return Translated(block.lines, lambda operand: self._place(block, operand),
+                          lambda operand: self._call(block, operand), self.memory).run()
 
     def _place(self, block: _Block, operand: str) -> Place | None:
         """Return the place of an operand; None: it is a constant."""

@@ -1,8 +1,4 @@
-"""The statements of a block as one Python function of the CPU: accumulators and status bits are its local names.
-
-What stands between two jumps is a part. The function goes through the parts from the first one on and leaves out those
-before the place where it is, so that a jump forwards only sets this place, and one backwards begins anew.
-"""
+"""The statements of the S7-300 as text of a Python function, see `heatertune.plc.cpu.statements`."""
 
 from __future__ import annotations
 
@@ -10,123 +6,56 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300.real import quotient, real
 from heatertune.plc.cpu.s7_300.source import Place, as_real, bits_of, constant, signed
-from heatertune.plc.cpu.statements import Line
+from heatertune.plc.cpu.statements import Line, Translation
 
-__all__ = ["Called", "Run", "translated"]
+__all__ = ["Called", "Translated"]
 
-#: runs a block to its end on a CPU
-Run = Callable[[Any], None]
-#: the same of a CALL; returns whether the next bit is asked for anew
+#: runs the block of a CALL on a CPU; returns whether the next bit is asked for anew
 Called = Callable[[Any], bool]
 
-#: jumps backwards of a block that is given up as one without end; the programs here make some hundreds
-_MOST: Final = 10_000
 _JUMPS: Final = {"JU": None, "JC": "true", "JCN": "not true", "JOS": "os"}
 _COMPARED: Final = {"==": "==", "<>": "!=", ">": ">", ">=": ">=", "<": "<", "<=": "<="}
 #: what the bits of an accumulator mean to a comparison
 _MEANT: Final = {"I": "signed({}, 16)", "D": "signed({}, 32)", "R": "as_real({})"}
 _WHOLE: Final = {"+": "+", "-": "-", "*": "*", "A": "&"}
-_KEEP: Final = "cpu.one, cpu.two, cpu.true, cpu.os = one, two, true, os"
-_TAKE: Final = "one, two, true, os = cpu.one, cpu.two, cpu.true, cpu.os"
 
 
-def translated(
-    lines: Sequence[Line], place_of: Callable[[str], Place | None], called: Callable[[str], Called],
-    memory: Mapping[str, bytearray],
-) -> Run:
-    """Return what runs the statements of a block.
+class Translated(Translation):
+    """A block of the S7-300."""
 
-    Args:
-        lines: the statements.
-        place_of: gives the place of an operand, None for a constant; raises LookupError for what is not there.
-        called: gives what a CALL does, told its operand.
-        memory: the CPU's; what stays in its place.
-
-    Raises:
-        InputError: a statement that is not known here. So does the function, where a CPU would stop.
-    """
-    text = _Writer(lines, place_of, called, memory)
-    exec(compile(text.function(), "<block>", "exec"), text.names)
-    run: Run = text.names["run"]
-
-    def carry_out(cpu: Any) -> None:
-        try:
-            run(cpu)
-        except InputError:
-            raise
-        except (ArithmeticError, LookupError, ValueError, RecursionError) as problem:
-            raise InputError(f"{text.statement_of(problem)}; the CPU stops here") from None
-
-    return carry_out
-
-
-class _Writer:
-    """Writes the function; `names` are what its text names."""
+    keep = "cpu.one, cpu.two, cpu.true, cpu.os = one, two, true, os"
+    take = "one, two, true, os = cpu.one, cpu.two, cpu.true, cpu.os"
 
     def __init__(
         self, lines: Sequence[Line], place_of: Callable[[str], Place | None], called: Callable[[str], Called],
         memory: Mapping[str, bytearray],
     ) -> None:
-        self._lines, self._place_of, self._called, self._memory = lines, place_of, called, memory
-        self._labels = {line.label: at for at, line in enumerate(lines) if line.label}
-        self._part_of = self._parts()
-        self._text, self._of = list[str](), list[int]()  # lines of the function, and the statement each is of
-        self.names: dict[str, Any] = {
-            "real": real, "quotient": quotient, "as_real": as_real, "bits_of": bits_of, "signed": signed,
-            "trunc": math.trunc, "share": _share, "number": int.from_bytes, "endless": self._endless}
+        """Take a block.
 
-    def _parts(self) -> list[int]:
-        """Return the part that each statement is in."""
-        begins = {0, *self._labels.values()}
-        begins |= {at + 1 for at, line in enumerate(self._lines) if line.operation in _JUMPS or line.operation == "BEU"}
-        parts, part = list[int](), -1
-        for at in range(len(self._lines)):
-            part += at in begins
-            parts.append(part)
-        return parts
-
-    def function(self) -> str:
-        """Return the text."""
-        for at, line in enumerate(self._lines):
-            if at == 0 or self._part_of[at] != self._part_of[at - 1]:
-                self._add(at, 2, f"if at <= {self._part_of[at]}:")
-            try:
-                self._add(at, 3, *self._statement(at, line))
-            except (InputError, LookupError, ValueError):
-                raise InputError(f"{line}; this is none that is known here") from None
-        self._add(len(self._lines) - 1, 0, f"  {_KEEP}", "  return", " raise endless(at)")
-        own = [" own = cpu.memory[cpu.instance]"] if any("own[" in text for text in self._text) else []
-        head = ["def run(cpu):", f" {_TAKE}", " first, at = True, 0", *own, f" for _ in range({_MOST}):"]
-        self._of = [0] * len(head) + self._of
-        return "\n".join([*head, *self._text])
-
-    def _add(self, at: int, deep: int, *texts: str) -> None:
-        for text in texts:
-            self._text.append(" " * deep + text)
-            self._of.append(at)
-
-    def statement_of(self, problem: BaseException) -> Line:
-        """Return the statement at which the function stopped."""
-        trace, code, at = problem.__traceback__, self.names["run"].__code__, 0
-        while trace is not None:
-            if trace.tb_frame.f_code is code:
-                at = self._of[trace.tb_lineno - 1]
-                break
-            trace = trace.tb_next
-        return self._lines[at]
-
-    def _endless(self, part: int) -> InputError:
-        return InputError(f"{self._lines[self._part_of.index(part)]}; the CPU does not come to the end of this block")
-
-    def _statement(self, at: int, line: Line) -> list[str]:  # noqa: C901, PLR0911, PLR0912 - one branch for each kind
-        """Return the text of a statement.
-
-        Raises:
-            InputError, LookupError, ValueError: it, or its operand, is not known here.
+        Args:
+            lines: the statements.
+            place_of: gives the place of an operand, None for a constant; raises LookupError for what is not there.
+            called: gives what a CALL does, told its operand.
+            memory: the CPU's; what stays in its place.
         """
+        super().__init__(lines)
+        self._place_of, self._called, self._memory = place_of, called, memory
+        self.names |= {
+            "real": real, "quotient": quotient, "as_real": as_real, "bits_of": bits_of, "signed": signed,
+            "trunc": math.trunc, "share": _share, "number": int.from_bytes}
+
+    def ends(self, line: Line) -> str | None:
+        """See `Translation`."""
+        return line.operand if line.operation in _JUMPS else "" if line.operation == "BEU" else None
+
+    def first(self, text: Sequence[str]) -> list[str]:
+        """See `Translation`."""
+        return ["first = True", *(["own = cpu.memory[cpu.instance]"] if any("own[" in line for line in text) else [])]
+
+    def statement(self, at: int, line: Line) -> list[str]:  # noqa: C901, PLR0911, PLR0912 - one branch for each kind
+        """See `Translation`."""
         name, operand, kind = line.operation, line.operand, line.operation[-1]
         place = self._place_of(operand) if operand else None
         match name:
@@ -144,16 +73,16 @@ class _Writer:
             case "SET" | "CLR":
                 return [f"true, first = {name == 'SET'}, True"]
             case _ if name in _JUMPS:
-                return self._jump(at, name, self._labels[operand])
+                return self._jump(at, name, operand)
             case "BEU":
-                return [_KEEP, "return"]
+                return [self.keep, "return"]
             case "NOP":
                 return ["pass"]
             case "TAK":
                 return ["one, two = two, one"]
             case "CALL":
                 self.names[f"call_{at}"] = self._called(operand)
-                return [_KEEP, f"first = call_{at}(cpu) or first", _TAKE]
+                return [self.keep, f"first = call_{at}(cpu) or first", self.take]
             case "SRD":
                 return [f"one >>= {int(operand)}"]
             case "ITD":
@@ -175,9 +104,8 @@ class _Writer:
         asks, means = _COMPARED[name[:-1]], _MEANT[kind]
         return [f"true, first = {means.format('two')} {asks} {means.format('one')}, False"]
 
-    def _jump(self, at: int, name: str, there: int) -> list[str]:
-        goes = [f"at = {self._part_of[there]}", *(["continue"] if there <= at else [])]
-        asked = _JUMPS[name]
+    def _jump(self, at: int, name: str, label: str) -> list[str]:
+        goes, asked = self.goes(at, label), _JUMPS[name]
         if asked is None:
             return ["first = True", *goes]
         # JC and JCN leave a true result of both
