@@ -10,11 +10,12 @@ import numpy.typing as npt
 
 from heatertune.compiled import bound, compiled, worth_a_second
 from heatertune.plc.core import as_it_is, started_as_it_is
-from heatertune.plc.pwm import INSTANT_S, Actuator
+from heatertune.plc.pwm import Actuator
 from heatertune.plc.single import narrowed
 from heatertune.proof.kernel import Batch
-from heatertune.proof.lanes.parts import PERIODS, ROWS
+from heatertune.proof.lanes.parts import ROWS
 from heatertune.proof.lanes.passes import computed
+from heatertune.proof.lanes.ring import ring_for
 from heatertune.proof.lanes.rows import LANES, fixed, rows_of
 from heatertune.proof.lanes.side_by_side import group, run_in_lanes
 from heatertune.proof.loop import InLoop
@@ -50,13 +51,10 @@ def fitting(
         late_s: see `Clock`.
     """
     calm = late_s.shape[1] == 1 and not late_s.any()
-    alike = all(scenario.supplied) and not any(scenario.leads[2::4]) and actuator.cooling_gain is None
+    alike = not any(scenario.leads[2::4]) and actuator.cooling_gain is None
     if not (calm and alike and _has_rows(controller)):
         return np.zeros(len(rows), dtype=np.bool_)
-    period, scan = actuator.pwm_period_s, controller.scan_s
-    in_step = abs(period / scan - round(period / scan)) < INSTANT_S  # then no period begins between two scans
-    longest = period * (PERIODS - 1) - (0.0 if in_step else scan)
-    return np.asarray((rows[:, 2] == 0.0) & (rows[:, 3] <= longest))
+    return np.asarray(rows[:, 2] == 0.0)
 
 
 def run_side_by_side(controller: InLoop, program: Program, batch: Batch, actuator: Actuator, meter: Meter) -> None:
@@ -72,8 +70,10 @@ def run_side_by_side(controller: InLoop, program: Program, batch: Batch, actuato
     run, end = _made(controller)
     parameters, state = _held(controller, controller.parameters), _held(controller, controller.state)
     run_compiled = compiled(run)
+    restarts = int(np.count_nonzero(np.diff(program.supplied) > 0))
+    ring = ring_for(float(batch.plants[:, 3].max()), controller.scan_s, actuator.pwm_period_s, restarts)
     run_compiled(parameters, state, controller.sensor, controller.scan_s, _held(controller, program), batch,
-                 actuator.switches, np.zeros(end * LANES), meter)
+                 actuator.switches, np.zeros(end * LANES), ring, meter)
 
 
 def _held(controller: InLoop, value: Any) -> Any:
@@ -100,4 +100,5 @@ def _made(controller: InLoop) -> tuple[Callable[..., None], int]:
     law = rows_of((_held(controller, controller.state), asked if core.singles else asked.item()), ROWS)
     scan = bound(computed, step=core.step, measure=core.measure, law_loaded=law.loaded, law_stored=law.stored,
                  fixed=fixed(_held(controller, controller.parameters)), asked_now=bound(asked_now, stored=core.stored))
-    return bound(run_in_lanes, group=bound(group, computed=scan, law_stored=law.stored)), law.end
+    return bound(run_in_lanes, group=bound(group, computed=scan, law_loaded=law.loaded,
+                                           law_stored=law.stored, restarted=core.restarted)), law.end

@@ -10,14 +10,11 @@ from heatertune.proof.meter import Rest, Seen
 from heatertune.proof.plant import Flow, Plant
 
 __all__ = [
-    "NEVER", "NONE", "PERIODS", "ROWS", "Counts", "Extremes", "Line", "Now", "Point", "Stretch", "Under", "felt_at",
-    "flow_of", "left_of", "loaded_counts", "loaded_extremes", "loaded_line", "loaded_point", "loaded_rest",
-    "loaded_seen", "loaded_stretch", "loaded_under", "other", "plant_of", "stored_counts", "stored_extremes",
-    "stored_line", "stored_point", "stored_rest", "stored_seen", "stored_stretch", "stored_under",
+    "NEVER", "ROWS", "Counts", "Extremes", "Line", "Now", "Point", "Stretch", "Under", "flow_of", "left_of",
+    "loaded_counts", "loaded_extremes", "loaded_line", "loaded_point", "loaded_rest", "loaded_seen", "loaded_stretch",
+    "loaded_under", "other", "plant_of", "stored_counts", "stored_extremes", "stored_line", "stored_point",
+    "stored_rest", "stored_seen", "stored_stretch", "stored_under",
 ]
-
-#: PWM periods that may be on their way to the heater
-PERIODS: Final = 4
 
 
 class Line(NamedTuple):
@@ -50,17 +47,16 @@ class Point(NamedTuple):
 
 
 class Under(NamedTuple):
-    """Switch and edges under way.
+    """Switch and the edge felt next, see `heatertune.proof.lanes.ring`.
 
     Attributes:
-        due: instant at which the next edge is felt; infinite: there is none [s].
+        due: instant at which the next edge is felt; infinite: none so far [s].
         edge: instant at which it was made [s].
         last: instant at which the edge that was felt last was made [s].
         power: asked for last [%].
         owed: by the heater [s].
         on: whether the last edge made switches on.
         times: how often was switched on until the end.
-        edges: on and off of the last periods, the last period at the end; infinite: none [s].
         happened: how many events.
     """
 
@@ -71,7 +67,6 @@ class Under(NamedTuple):
     owed: float
     on: bool
     times: float
-    edges: tuple[float, ...]
     happened: int
 
 
@@ -109,11 +104,10 @@ class Now(NamedTuple):
 
 
 NEVER: Final = math.inf
-NONE: Final = (NEVER,) * 2 * PERIODS
 loaded_line, stored_line, _end = rows_of(Line(0.0, 0.0, 0.0, 0.0, 0.0))
 loaded_stretch, stored_stretch, _end = rows_of(Stretch(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _end)
 loaded_point, stored_point, _end = rows_of(Point(0.0, 0.0, False), _end)
-loaded_under, stored_under, _end = rows_of(Under(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0, NONE, 0), _end)
+loaded_under, stored_under, _end = rows_of(Under(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0, 0), _end)
 loaded_seen, stored_seen, _end = rows_of(Seen(0, 0.0, 0.0, 0.0, False, 0.0, 0.0), _end)
 loaded_rest, stored_rest, _end = rows_of(Rest(False, 0.0, 0.0, 0.0, 0.0), _end)
 loaded_extremes, stored_extremes, _end = rows_of(Extremes(0.0, 0.0), _end)
@@ -134,18 +128,6 @@ def flow_of(stretch: Stretch, now: float, y: float) -> Flow:
 def other(heat: float) -> float:
     """Return the power after an edge: edges alternate."""
     return 0.0 if heat > 0.0 else 100.0
-
-
-def felt_at(under: Under, edge: float, dead: float) -> Under:
-    """Return what is under way after an edge that was made at an instant."""
-    e = under.edges
-    following = min(_behind(e[0], edge), _behind(e[1], edge), _behind(e[2], edge), _behind(e[3], edge),
-                    _behind(e[4], edge), _behind(e[5], edge), _behind(e[6], edge), _behind(e[7], edge))
-    return Under(following + dead, following, edge, under.power, under.owed, under.on, under.times, e, under.happened)
-
-
-def _behind(edge: float, last: float) -> float:
-    return edge if edge > last else NEVER
 
 
 def left_of(y: float, target: float, left: float) -> float:
