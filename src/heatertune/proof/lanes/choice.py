@@ -13,6 +13,8 @@ from heatertune.plc.core import as_it_is, started_as_it_is
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.single import narrowed
 from heatertune.proof.kernel import Batch
+from heatertune.proof.lanes import passes as one
+from heatertune.proof.lanes import two_lags as two
 from heatertune.proof.lanes.parts import ROWS
 from heatertune.proof.lanes.passes import computed
 from heatertune.proof.lanes.ring import ring_for
@@ -33,9 +35,16 @@ _MOST_KEPT: Final = 2_000_000
 _MOST_FLAGS: Final = 8  # of which `meter.faults` counts
 
 
-def pays(controller: InLoop, scans: int) -> bool:
-    """Return whether so many scans on one processor are worth the machine code that runs loops side by side."""
-    return _has_rows(controller) and worth_a_second(scans, _made(controller)[0], most=_MOST, most_kept=_MOST_KEPT)
+def pays(controller: InLoop, scans: int, *, two_lags: bool) -> bool:
+    """Return whether so many scans on one processor are worth the machine code that runs loops side by side.
+
+    Args:
+        controller: the words, running.
+        scans: of all loops together.
+        two_lags: whether their heaters have two lags, which is machine code of its own.
+    """
+    return _has_rows(controller) and worth_a_second(
+        scans, _made(controller, two_lags=two_lags)[0], most=_MOST, most_kept=_MOST_KEPT)
 
 
 def fitting(
@@ -52,9 +61,7 @@ def fitting(
     """
     calm = late_s.shape[1] == 1 and not late_s.any()
     alike = not any(scenario.leads[2::4]) and actuator.cooling_gain is None
-    if not (calm and alike and _has_rows(controller)):
-        return np.zeros(len(rows), dtype=np.bool_)
-    return np.asarray(rows[:, 2] == 0.0)
+    return np.full(len(rows), calm and alike and _has_rows(controller))
 
 
 def run_side_by_side(controller: InLoop, program: Program, batch: Batch, actuator: Actuator, meter: Meter) -> None:
@@ -63,11 +70,11 @@ def run_side_by_side(controller: InLoop, program: Program, batch: Batch, actuato
     Args:
         controller: the words, running.
         program: around the controllers.
-        batch: what differs from loop to loop.
+        batch: what differs from loop to loop; either all heaters have one lag, or all have two.
         actuator: the switch.
         meter: what is measured.
     """
-    run, end = _made(controller)
+    run, end = _made(controller, two_lags=bool(batch.plants[0, 2]))
     parameters, state = _held(controller, controller.parameters), _held(controller, controller.state)
     run_compiled = compiled(run)
     restarts = int(np.count_nonzero(np.diff(program.supplied) > 0))
@@ -93,12 +100,12 @@ def _has_rows(controller: InLoop) -> bool:
     return True
 
 
-def _made(controller: InLoop) -> tuple[Callable[..., None], int]:
+def _made(controller: InLoop, *, two_lags: bool) -> tuple[Callable[..., None], int]:
     """Return the loop for a controller, and how many rows it needs."""
     core = controller.core
     asked = _held(controller, np.array(controller.asked))[0]
     law = rows_of((_held(controller, controller.state), asked if core.singles else asked.item()), ROWS)
     scan = bound(computed, step=core.step, measure=core.measure, law_loaded=law.loaded, law_stored=law.stored,
                  fixed=fixed(_held(controller, controller.parameters)), asked_now=bound(asked_now, stored=core.stored))
-    return bound(run_in_lanes, group=bound(group, computed=scan, law_loaded=law.loaded,
+    return bound(run_in_lanes, group=bound(group, computed=scan, quickly=two.quickly if two_lags else one.quickly, law_loaded=law.loaded,
                                            law_stored=law.stored, restarted=core.restarted)), law.end

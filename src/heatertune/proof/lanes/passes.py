@@ -40,8 +40,10 @@ from heatertune.proof.meter import Places, crossing, faults, rested_from, seen_f
 from heatertune.proof.plant import factors
 from heatertune.proof.program import Program, asked_now, moves
 
-__all__ = ["computed", "fixed", "law_loaded", "law_stored", "measure", "quickly", "settled", "step",
-           "switched"]
+__all__ = [
+    "computed", "due_until", "fixed", "law_loaded", "law_stored", "measure", "quickly", "settled", "step",
+    "switched", "switches",
+]
 
 
 def law_loaded(_rows: Places, _lane: int) -> Any:
@@ -77,7 +79,7 @@ def fixed(_parameters: Any) -> Any:
     raise NotImplementedError
 
 
-def quickly(  # noqa: PLR0913 - what is common to 32 loops
+def quickly(
     rows: Places, ring: Ring, window: Window, setpoint: float, band: float, t: float, lasts: bool
 ) -> None:
     """Bring all heaters to a scan before which nothing happens but edges.
@@ -92,19 +94,20 @@ def quickly(  # noqa: PLR0913 - what is common to 32 loops
         lasts: whether the rest of the phase lasts.
     """
     quiet = True
-    due = _due(rows, t)
+    due = due_until(rows, t)
     while due > 0:
         quiet = False
         _along(rows, setpoint, band, _to_edges(rows, setpoint, band, t), lasts)
-        _switches(rows, t)
+        switches(rows, t)
         next_edges(rows, ring, window)
-        due = _due(rows, t)
+        due = due_until(rows, t)
     crossings = _to_scan(rows, setpoint, band, t) if quiet else _on_to_scan(rows, setpoint, band, t)
     _along(rows, setpoint, band, crossings, lasts)
+    settled(rows)
 
 
-def _due(rows: Places, t: float) -> int:
-    """Return to how many heaters an edge comes until an instant."""
+def due_until(rows: Places, t: float) -> int:
+    """Return to how many heaters an edge comes until an instant [s]."""
     due = 0
     for lane in range(LANES):
         due += int(loaded_under(rows, lane).due <= t)
@@ -182,7 +185,7 @@ def _rests(rows: Places, lane: int, setpoint: float) -> None:
     stored_extremes(rows, lane, Extremes(max(extremes.high, error), min(extremes.low, error)))
 
 
-def _switches(rows: Places, t: float) -> None:
+def switches(rows: Places, t: float) -> None:
     """Switch the heaters to which an edge came."""
     for lane in range(LANES):
         line, stretch = loaded_line(rows, lane), loaded_stretch(rows, lane)

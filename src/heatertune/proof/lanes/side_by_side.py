@@ -26,7 +26,7 @@ from heatertune.proof.lanes.parts import (
     loaded_under,
     stored_counts,
 )
-from heatertune.proof.lanes.passes import computed, law_loaded, law_stored, quickly, settled, switched
+from heatertune.proof.lanes.passes import computed, law_loaded, law_stored, quickly, switched
 from heatertune.proof.lanes.ring import Ring, Window, cut_off, next_edges, opened
 from heatertune.proof.lanes.rows import LANES
 from heatertune.proof.lanes.slow import kept, loop_of, meter_of, number_at, slowly, started
@@ -117,7 +117,6 @@ def group(  # noqa: PLR0913 - as `kernel.run`
             cut_off(rows, ring, number, t)
             next_edges(rows, ring, window)
             calls = 0
-        settled(rows)
         t = (k + 1) * scan_s
         while begin < t - INSTANT_S:
             switched(rows, ring, number, pwm, begin, end)

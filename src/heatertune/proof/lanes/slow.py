@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from typing import Any
 
+from heatertune.heater.exact import Factors
 from heatertune.proof.kernel import HEAT, Batch, changed, divided, measured
 from heatertune.proof.lanes.parts import (
     NEVER,
     Counts,
     Extremes,
+    Inner,
     Line,
     Now,
     Point,
+    Second,
     Stretch,
     Under,
     flow_of,
-    left_of,
     loaded_extremes,
+    loaded_inner,
     loaded_line,
     loaded_rest,
+    loaded_second,
     loaded_seen,
     loaded_stretch,
     loaded_under,
@@ -26,9 +30,11 @@ from heatertune.proof.lanes.parts import (
     plant_of,
     stored_counts,
     stored_extremes,
+    stored_inner,
     stored_line,
     stored_point,
     stored_rest,
+    stored_second,
     stored_seen,
     stored_stretch,
     stored_under,
@@ -37,7 +43,7 @@ from heatertune.proof.lanes.ring import Ring, Window, following
 from heatertune.proof.lanes.rows import LANES
 from heatertune.proof.meter import Meter, Places, Rest, in_period
 from heatertune.proof.meter import begin as seen_at
-from heatertune.proof.plant import Flow, Plant, factors, moved
+from heatertune.proof.plant import Plant, factors, moved
 
 __all__ = ["kept", "loop_of", "meter_of", "number_at", "slowly", "started"]
 
@@ -64,8 +70,11 @@ def started(rows: Places, lane: int, row: Places, scan_s: float, meter: Meter, n
         meter: what is measured.
         noise: of the first scan [°C].
     """
-    plant, y = Plant(row[0], row[1], 0.0, row[3], row[4]), row[5]
-    stored_line(rows, lane, Line(plant.gain, plant.first, plant.dead, plant.ambient, factors(scan_s, plant).outer))
+    plant, y = Plant(row[0], row[1], row[2], row[3], row[4]), row[5]
+    whole = factors(scan_s, plant)
+    stored_line(rows, lane, Line(plant.gain, plant.first, plant.dead, plant.ambient, whole.outer))
+    stored_second(rows, lane, Second(plant.second, whole.coupling, whole.inner))
+    stored_inner(rows, lane, Inner(y, y))
     stored_stretch(rows, lane, Stretch(0.0, y, plant.ambient, 0.0, 0.0, 1.0))
     stored_point(rows, lane, Point(0.0, y, False))
     stored_under(rows, lane, Under(NEVER, NEVER, -1.0, 0.0, 0.0, False, 0.0, 0))
@@ -122,7 +131,8 @@ def _lived(  # noqa: PLR0913 - as `slowly`
     """Bring one heater to a scan as `kernel.run` does; return how many events there were so far."""
     line, u, stretch = loaded_line(rows, lane), loaded_under(rows, lane), loaded_stretch(rows, lane)
     edge_s, edge, last = u.due, u.edge, u.last
-    plant, flow = plant_of(line), flow_of(stretch, stretch.now, stretch.y)
+    second = loaded_second(rows, lane)
+    plant, flow = plant_of(line, second.lag), flow_of(stretch, stretch.now, stretch.y, loaded_inner(rows, lane).x)
     seen, rest, happened = loaded_seen(rows, lane), loaded_rest(rows, lane), u.happened
     times, kinds = batch.event_time[i], batch.event_kind[i]
     while min(times[happened], edge_s) <= t:
@@ -137,13 +147,13 @@ def _lived(  # noqa: PLR0913 - as `slowly`
             last, edge = edge, following(ring, window, lane, edge)
             edge_s = edge + line.dead
         happened += not felt
-    left = line.whole if steady else factors(t - flow.now, plant).outer
-    y = left_of(flow.y, flow.target, left)
-    after = Flow(t, y, 0.0, flow.target, flow.heat, flow.load, flow.mains)
+    whole = Factors(line.whole, second.coupling, second.inner)
+    after = moved(flow, t, whole if steady else factors(t - flow.now, plant))
     seen, rest = measured(own, seen, rest, plant, flow, after)
     stored_seen(rows, lane, seen)
     stored_rest(rows, lane, rest)
-    stored_stretch(rows, lane, Stretch(t, y, flow.target, flow.heat, flow.load, flow.mains))
-    stored_point(rows, lane, Point(t, y, False))
+    stored_stretch(rows, lane, Stretch(t, after.y, flow.target, flow.heat, flow.load, flow.mains))
+    stored_point(rows, lane, Point(t, after.y, False))
+    stored_inner(rows, lane, Inner(after.x, after.x))
     stored_under(rows, lane, Under(edge_s, edge, last, u.power, u.owed, u.on, u.times, happened))
     return happened
